@@ -1,0 +1,79 @@
+"""Work and cost of transport, (P11) to (P14), shared by the planar models.
+
+    W^(n) = F . (q^{n+1} - q^n)                (P11) with F_contract, (P13) with F_friction
+    CoT^(n) = W^(n) / dx_COM^(n)               (P12), (P14)
+
+Source: the paper, section IV. Their siblings with the right units are dimensionless: W / (m g d).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def p11_work(force: FloatArray, displacement: FloatArray) -> FloatArray:
+    """Return the work of a force over each step, (P11) and (P13) [J].
+
+    Parameters
+    ----------
+    force, displacement : ndarray, shape (S, K, 2)
+        Force on each node [N] and the displacement of that node over the step [m].
+
+    Returns
+    -------
+    ndarray, shape (S,)
+    """
+    work: FloatArray = np.einsum("skd,skd->s", force, displacement)
+    return work
+
+
+def p12_cost_of_transport(work: FloatArray, com_x: FloatArray, threshold: float = 0.0) -> FloatArray:
+    """Return the cost of transport of each step, (P12) and (P14) [J/m]; zero where the step is too short.
+
+    Parameters
+    ----------
+    work : ndarray, shape (S,)
+        Work of each step [J].
+    com_x : ndarray, shape (S + 1,)
+        Centre of mass along x [m].
+    threshold : float
+        Steps with |dx| <= threshold [m] count as zero (the quotient would be noise).
+    """
+    dx = np.diff(com_x)
+    far = np.abs(dx) > threshold
+    cost = np.zeros_like(work)
+    cost[far] = work[far] / dx[far]
+    return cost
+
+
+def dimensionless_cost_of_transport(work: float, mass: float, gravity: float, distance: float) -> float:
+    """Return W / (m g d), or NaN if the worm made no way forward (d <= 0)."""
+    if distance <= 0.0:
+        return float("nan")
+    return work / (mass * gravity * distance)
+
+
+def path_length(com: FloatArray, time: FloatArray, period: float) -> float:
+    """Return the length of the path of the centre of mass averaged over one period [m].
+
+    A wave rocks the centre of mass; the moving average over a period removes that. Runs shorter than one
+    period have no averaged path: 0.
+
+    Parameters
+    ----------
+    com : ndarray, shape (T, 2)
+        Centre of mass [m].
+    time : ndarray, shape (T,)
+        Evenly spaced times [s].
+    period : float
+        Period of the gait [s].
+    """
+    window = round(period / (time[1] - time[0])) if len(time) > 1 else 0
+    if window < 1 or len(time) <= window:
+        return 0.0
+    total = np.vstack([np.zeros(2), np.cumsum(com, axis=0)])
+    averaged = (total[window:] - total[:-window]) / window
+    return float(np.linalg.norm(np.diff(averaged, axis=0), axis=1).sum())

@@ -1,0 +1,54 @@
+"""How a planar run ended: an enumeration whose value is the sentence to print."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Status(Enum):
+    """Outcome of a run; the value is a sentence for the user."""
+
+    DONE = "the run reached its end"
+    INTERRUPTED = "the run was interrupted; the steps computed so far are kept"
+    NOT_FINITE = "the state became infinite or not a number; the steps before are kept"
+    SINGULAR = "Newton's matrix is singular; the steps before are kept"
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the solver gave up (as opposed to reaching the end, or being interrupted)."""
+        return self not in (Status.DONE, Status.INTERRUPTED)
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Where and how a run ended.
+
+    Attributes
+    ----------
+    status : Status
+    step : int
+        Last step that was tried (the number of finished steps if the run is done).
+    time : float
+        Time at the end of that step [s].
+    residual : float
+        Norm of the free residual of the last Newton iterate tested [N].
+    segment : int
+        Segment with the largest residual, 0 at the tail.
+    """
+
+    status: Status
+    step: int
+    time: float
+    residual: float
+    segment: int
+
+    @property
+    def sentence(self) -> str:
+        """One line: what happened, when, and where."""
+        if not self.status.diverged:
+            return self.status.value
+        return (
+            f"{self.status.value} (step {self.step}, t = {self.time:.4g} s, residual {self.residual:.3g} N, "
+            f"worst in segment {self.segment})"
+        )

@@ -1,0 +1,1 @@
+"""Scene files, the runner, the experiments and the command line `worm3d`."""
