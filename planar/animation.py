@@ -1,0 +1,126 @@
+"""The planar worm drawn frame by frame as linkages, to GIF or, where ffmpeg is found, to MP4."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+
+from planar.metrics import FloatArray
+
+DPI = 100
+
+
+class Movie:
+    """A planar worm ready to be drawn at any instant.
+
+    Parameters
+    ----------
+    time : ndarray, shape (T,)
+        Evenly spaced [s].
+    main, top, bottom : ndarray, shape (T, n + 1, 2), (T, n, 2), (T, n, 2)
+        Corners of the rhombi [m].
+    activation : ndarray, shape (T, n)
+        Colours the segments: white at 0, red at 1, blue at -1.
+    ground : float, optional
+        Height of the ground [m]; not drawn if left out.
+    """
+
+    def __init__(
+        self,
+        time: FloatArray,
+        main: FloatArray,
+        top: FloatArray,
+        bottom: FloatArray,
+        activation: FloatArray,
+        ground: float | None = None,
+    ) -> None:
+        self.time = time
+        # Corners of each rhombus in order: tail, top, head, bottom; shape (T, n, 4, 2).
+        self.corners = np.stack([main[:, :-1], top, main[:, 1:], bottom], axis=2)
+        self.activation = activation
+        self._draw_stage(ground)
+
+    def _draw_stage(self, ground: float | None) -> None:
+        low, high = self.corners.min(axis=(0, 1, 2)), self.corners.max(axis=(0, 1, 2))
+        if ground is not None:
+            low[1] = min(low[1], ground)
+        margin = 0.04 * (high[0] - low[0])
+        span = high - low + 2 * margin
+        scale = 720.0 / span[0]
+        left, bottom, above = 60, 45, 25
+        width, height = 800, 2 * round((bottom + scale * span[1] + above) / 2)  # even, as MP4 wants it
+        self.figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+        FigureCanvasAgg(self.figure)
+        box = (left / width, bottom / height, 720 / width, (height - bottom - above) / height)
+        axes = self.figure.add_axes(box)
+        axes.set_aspect("equal")
+        axes.set_xlim(low[0] - margin, high[0] + margin)
+        axes.set_ylim(low[1] - margin, high[1] + margin)
+        axes.set_xlabel("x [m]")
+        axes.locator_params(axis="y", nbins=4)
+        if ground is not None:
+            axes.axhspan(low[1] - margin, ground, color="0.8", lw=0)
+        self._bodies = PolyCollection(
+            self.corners[0], cmap="bwr", clim=(-1.2, 1.2), edgecolors="0.15", lw=1.5, joinstyle="round"
+        )
+        self._springs = LineCollection(self.corners[0][:, ::2], colors="0.45", lw=1.0, ls="--")
+        self._joints = axes.plot([], [], "o", color="0.1", ms=4)[0]
+        axes.add_collection(self._bodies)
+        axes.add_collection(self._springs)
+        self._title = axes.set_title("", fontsize=9, loc="left")
+
+    def draw(self, frame: int) -> Figure:
+        """Draw one instant and return the figure."""
+        corners = self.corners[frame]
+        self._bodies.set_verts(list(corners))
+        self._bodies.set_array(self.activation[frame])
+        self._springs.set_segments(list(corners[:, ::2]))
+        joints = np.vstack([corners[:, 0], corners[-1:, 2]])
+        self._joints.set_data(joints[:, 0], joints[:, 1])
+        self._title.set_text(f"t = {self.time[frame]:5.2f} s   colour: activation (red contracts)")
+        return self.figure
+
+    def save(self, path: Path, fps: int = 20) -> None:
+        """Write the movie in real time; `.gif` by Pillow, `.mp4` by ffmpeg.
+
+        Raises
+        ------
+        ValueError
+            Another ending than .gif or .mp4.
+        FileNotFoundError
+            MP4 wanted, but no ffmpeg on this machine.
+        """
+        writer = _writer(path, fps)
+        frames = self._frames(fps)
+        with (
+            mpl.rc_context({"animation.frame_format": "rgba"}),
+            writer.saving(self.figure, str(path), dpi=DPI),
+        ):
+            for frame in frames:
+                self.draw(frame)
+                writer.grab_frame()
+
+    def _frames(self, fps: int) -> list[int]:
+        if len(self.time) < 2:
+            return [0]
+        instants = np.arange(self.time[0], self.time[-1] + 0.5 / fps, 1.0 / fps)
+        return [int(np.abs(self.time - t).argmin()) for t in instants]
+
+
+def _writer(path: Path, fps: int) -> AbstractMovieWriter:
+    if path.suffix == ".gif":
+        return PillowWriter(fps=fps)
+    if path.suffix != ".mp4":
+        raise ValueError(f"animation file: got {path.name!r}, the ending must be .gif or .mp4")
+    if shutil.which("ffmpeg") is None:
+        raise FileNotFoundError(
+            "MP4 needs the program ffmpeg, which was not found: install it, or take a name that ends in .gif"
+        )
+    return FFMpegWriter(fps=fps)

@@ -1,0 +1,74 @@
+"""Constants of the published program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Constants of the author's program; the defaults give the paper's results.
+
+    Attributes
+    ----------
+    length : float
+        Rest length of the worm [m].
+    k_spring, k_link : float
+        Stiffness of the horizontal spring and of each of the four links of a rhombus, in (P7) [N].
+    mass, connector_mass : float
+        Mass of the whole worm, and the part of it that the top and bottom connectors share [kg].
+    gravity : float
+        Only in the normal load of the friction, N_i = m_i g [m/s^2].
+    mu_forward, mu_backward : float
+        Friction coefficients of (P10) for motion along +x and -x.
+    velocity_threshold : float
+        eps of (P10) [m/s].
+    contraction_force : float
+        Force on the connectors at activation 1 [N].
+    wavelength : float
+        Of the default travelling wave [m].
+    ground_clearance : float
+        Height of the lowest node at rest above the ground [m].
+    elastic_sign : float
+        s of the module's equations: -1 as the program, +1 as mechanics wants it.
+    rectified : bool
+        Whether the default wave is max(0, sin) (the program) or sin (the paper's text).
+    tolerance : float
+        Newton stops after the update that follows a residual norm below this [N].
+    max_iterations : int
+        Newton stops there in any case, and the step is kept.
+    """
+
+    length: float = 1.0
+    k_spring: float = 13.0
+    k_link: float = 1e4
+    mass: float = 1e-8
+    connector_mass: float = 1e-11
+    gravity: float = 9.8
+    mu_forward: float = 0.03
+    mu_backward: float = 0.20
+    velocity_threshold: float = 1e-6
+    contraction_force: float = 10.0
+    wavelength: float = 1.0
+    ground_clearance: float = 0.02
+    elastic_sign: float = -1.0
+    rectified: bool = True
+    tolerance: float = 1e-6
+    max_iterations: int = 100
+
+    def __post_init__(self) -> None:
+        positive = ("length", "k_spring", "k_link", "mass", "wavelength", "tolerance", "max_iterations")
+        for name in positive:
+            if not (getattr(self, name) > 0 and np.isfinite(getattr(self, name))):
+                raise ValueError(f"{name}: got {getattr(self, name)!r}, must be finite and above 0")
+        if not 0 < self.connector_mass < self.mass:
+            raise ValueError(
+                f"connector_mass: got {self.connector_mass!r} kg, "
+                f"must lie between 0 and mass ({self.mass!r} kg)"
+            )
+        if self.elastic_sign not in (-1.0, 1.0):
+            raise ValueError(
+                f"elastic_sign: got {self.elastic_sign!r}, must be -1 (the program) or +1 (mechanics)"
+            )

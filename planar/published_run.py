@@ -1,0 +1,145 @@
+"""What a run of the published program holds, and the figures of merit that the paper derives from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planar.metrics import FloatArray, p11_work, p12_cost_of_transport
+from planar.net import Net
+from planar.published_parameters import Parameters
+from planar.status import Status, Stop
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run of the program; S finished steps, T = S + 1 instants, n segments.
+
+    Attributes
+    ----------
+    time : ndarray, shape (T,)
+        [s].
+    q : ndarray, shape (T, 3n+1, 2)
+        Node positions x, y [m]; main node i is node 3 i, then its segment's top and bottom connector.
+    start : ndarray, shape (S, 3n+1, 2)
+        Positions from which each step was solved: q before it, with touching nodes snapped to the ground [m].
+    contraction_force, friction_force : ndarray, shape (S, 3n+1, 2)
+        [N].
+    activation : ndarray, shape (S, n)
+        Of each segment at the end of each step.
+    newton_iterations : ndarray, shape (S,)
+        Of predictor and corrector together.
+    residual : ndarray, shape (S,)
+        Norm of the free residual of the last iterate tested [N].
+    stop : Stop
+        How the run ended.
+    net : Net
+        The worm's nodes, springs and masses.
+    """
+
+    n: int
+    dt: float
+    parameters: Parameters
+    time: FloatArray
+    q: FloatArray
+    start: FloatArray
+    contraction_force: FloatArray
+    friction_force: FloatArray
+    activation: FloatArray
+    newton_iterations: NDArray[np.int64]
+    residual: FloatArray
+    stop: Stop
+    net: Net = field(repr=False)
+
+    @property
+    def status(self) -> Status:
+        """How the run ended."""
+        return self.stop.status
+
+    @property
+    def unconverged_steps(self) -> int:
+        """Number of steps that Newton left above its tolerance (the program goes on)."""
+        return int((self.residual >= self.parameters.tolerance).sum())
+
+    @cached_property
+    def reported_com(self) -> FloatArray:
+        """The program's "centre of mass" (T,) [m]: mean of the entries 3 i of (x0, y0, x1, ...), a slip."""
+        flat = self.q.reshape(len(self.q), -1)
+        com: FloatArray = flat[:, 3 * np.arange(self.n + 1)].mean(axis=1)
+        return com
+
+    @cached_property
+    def com(self) -> FloatArray:
+        """Centre of mass of all nodes (T, 2) [m]."""
+        com: FloatArray = self.net.mass @ self.q / self.net.mass.sum()
+        return com
+
+    @cached_property
+    def work_contract(self) -> FloatArray:
+        """Work of the contraction force over each step, signed, (P11), shape (S,) [J]."""
+        return p11_work(self.contraction_force, self.q[1:] - self.start)
+
+    @cached_property
+    def work_friction(self) -> FloatArray:
+        """Work of the friction force over each step, (P13), shape (S,) [J]; negative where it dissipates."""
+        return p11_work(self.friction_force, self.q[1:] - self.start)
+
+    @property
+    def reported_distance(self) -> float:
+        """Distance that the paper's figures show [m]."""
+        return float(self.reported_com[-1] - self.reported_com[0])
+
+    @property
+    def true_displacement(self) -> float:
+        """Mean displacement of the main nodes along x [m]."""
+        return float((self.q[-1] - self.q[0])[self.net.main, 0].mean())
+
+    @property
+    def work(self) -> float:
+        """Total work as the program counts it: the sum of |F . dq| over the steps [J]."""
+        return float(np.abs(self.work_contract).sum())
+
+    @property
+    def total_cot(self) -> float:
+        """Total cost of transport as the program counts it, work / reported distance [J/m]."""
+        return self.work / self.reported_distance if self.reported_distance != 0.0 else float("nan")
+
+    @cached_property
+    def cumulative_cot(self) -> FloatArray:
+        """The plotted curve, shape (S,) [J/m]: the sum of |work / dx| over the steps with |dx| > 1e-6 m."""
+        steps = p12_cost_of_transport(np.abs(self.work_contract), self.reported_com, threshold=1e-6)
+        return np.cumsum(np.abs(steps))
+
+    @cached_property
+    def energy_balance_error(self) -> float:
+        """|Residual of the energy ledger| over the sum of its absolute terms.
+
+        With U = s E, the potential whose force the program really applies, and dq = q - start of each step:
+        F_contract . dq + F_friction . dq + [U(start) - U(q_k)]
+        = change of kinetic energy + change of U + numerical loss, where the numerical loss of implicit
+        Euler, m |du|^2/2 + U(start) - U(q) + gradU(q) . dq, is computed on its own.
+        """
+        if len(self.time) < 2:
+            return 0.0
+        mass, sign, dq = self.net.mass, self.parameters.elastic_sign, self.q[1:] - self.start
+        u = np.concatenate([np.zeros((1, *dq.shape[1:])), dq / self.dt])
+        kinetic = 0.5 * np.einsum("k,tkd->t", mass, u**2)
+        U, U_start = sign * self.net.p7_energy(self.q), sign * self.net.p7_energy(self.start)
+        gradient = np.array([self.net.p7_gradient_and_hessian(q.ravel())[0] for q in self.q[1:]])
+        loss = 0.5 * np.einsum("k,tkd->t", mass, np.diff(u, axis=0) ** 2) + U_start - U[1:]
+        loss += sign * p11_work(gradient.reshape(dq.shape), dq)
+        terms = np.array(
+            [
+                self.work_contract.sum(),
+                self.work_friction.sum(),
+                (U_start - U[:-1]).sum(),
+                -(kinetic[-1] - kinetic[0]),
+                -(U[-1] - U[0]),
+                -loss.sum(),
+            ]
+        )
+        scale = np.abs(terms).sum()
+        return float(abs(terms.sum()) / scale) if scale > 0 else 0.0
