@@ -55,9 +55,7 @@ class Net:
         t = e / length[:, None]
         slope = -self.k * (1.0 - length / self.l0)
         along = t[:, :, None] * t[:, None, :]
-        block = (self.k / self.l0)[:, None, None] * along + (slope / length)[:, None, None] * (
-            np.eye(2) - along
-        )
+        block = (self.k / self.l0)[:, None, None] * along + (slope / length)[:, None, None] * (np.eye(2) - along)
         pull = slope[:, None] * t
         gradient = np.bincount(self._scatter_gradient, np.hstack([-pull, pull]).ravel(), q.size)
         blocks = np.empty((len(self.k), 4, 4))

@@ -69,6 +69,8 @@ def _p2_newton(
         f = mass / dt * ((q - q_k) / dt - u_k) + p.elastic_sign * gradient - force
         J = np.diag(mass) / dt**2 + p.elastic_sign * hessian
         norm = float(np.linalg.norm(f[free]))
+        if not np.isfinite(norm):
+            break  # before the dense solve spreads it over the worm
         q[free] -= np.linalg.solve(J[on_free], f[free])
         if norm < p.tolerance:
             break
@@ -105,6 +107,7 @@ class _Worm:
         self.q = self.net.rest.ravel().copy()
         self.u = np.zeros_like(self.q)
         self.contact = np.zeros(len(self.net.rest), dtype=bool)
+        self.normal_load = self.net.mass[self.net.main] * parameters.gravity
 
     def _contraction_force(self, t: float) -> FloatArray:
         push = self.parameters.contraction_force * self.activation(t)
@@ -115,12 +118,11 @@ class _Worm:
 
     def _p10_friction_force(self) -> FloatArray:
         p, main = self.parameters, self.net.main
-        normal = self.net.mass[main] * p.gravity
         v = self.u[2 * main]
         force = np.zeros_like(self.q)
         force[2 * main] = np.select(
             [v > p.velocity_threshold, v < -p.velocity_threshold],
-            [-p.mu_forward * normal, p.mu_backward * normal],
+            [-p.mu_forward * self.normal_load, p.mu_backward * self.normal_load],
             0.0,
         )
         return force
@@ -138,22 +140,24 @@ class _Worm:
         contact: NDArray[np.bool_] = (self.contact | entering) & ~leaving
         return contact
 
+    def _solve(self, start: FloatArray, force: FloatArray) -> _Solution:
+        return _p2_newton(self.net, self.parameters, start, self.u, force, self.held(), self.dt)
+
     def step(self, t: float) -> _Step:
         """Advance to time t by predictor and corrector."""
-        contract, friction = self._contraction_force(t), self._p10_friction_force()
-        start = self.q
-        solution = _p2_newton(
-            self.net, self.parameters, start, self.u, contract + friction, self.held(), self.dt
-        )
+        start, contract, friction = self.q, self._contraction_force(t), self._p10_friction_force()
+        solution = self._solve(start, contract + friction)
         iterations = solution.iterations
-        contact = self._contact_after(solution)
+        contact, correct = self._contact_after(solution), False
         if (contact != self.contact).any():
-            self.contact = contact
+            self.contact, correct = contact, True
             start = start.copy()
             start[2 * np.flatnonzero(contact) + 1] = self.ground
-            solution = _p2_newton(
-                self.net, self.parameters, start, self.u, contract + friction, self.held(), self.dt
-            )
+        if self.parameters.normal_load == "residual":  # (P9)
+            self.normal_load = np.abs(solution.residual[2 * self.net.main + 1])
+            friction, correct = self._p10_friction_force(), True
+        if correct:
+            solution = self._solve(start, contract + friction)
             iterations += solution.iterations
         self.u = (solution.q - start) / self.dt
         self.q = solution.q
@@ -218,9 +222,7 @@ def simulate(
     p = parameters or Parameters()
     wave = activation or travelling_wave(n, T_wave, p)
     if np.shape(wave(0.0)) != (n,):
-        raise ValueError(
-            f"activation: got shape {np.shape(wave(0.0))}, must be ({n},), one value per segment"
-        )
+        raise ValueError(f"activation: got shape {np.shape(wave(0.0))}, must be ({n},), one value per segment")
     worm = _Worm(n, wave, p, dt)
     done, stop = _advance(worm, steps, observer)
     return _collect(n, dt, worm, done, stop)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -25,6 +26,8 @@ class Parameters:
         Friction coefficients of (P10) for motion along +x and -x.
     velocity_threshold : float
         eps of (P10) [m/s].
+    normal_load : str
+        N_i of (P10): "weight", m_i g (the program), or "residual", the predictor's |r_y,i| (P9, the text).
     contraction_force : float
         Force on the connectors at activation 1 [N].
     wavelength : float
@@ -50,6 +53,7 @@ class Parameters:
     mu_forward: float = 0.03
     mu_backward: float = 0.20
     velocity_threshold: float = 1e-6
+    normal_load: Literal["weight", "residual"] = "weight"
     contraction_force: float = 10.0
     wavelength: float = 1.0
     ground_clearance: float = 0.02
@@ -65,10 +69,9 @@ class Parameters:
                 raise ValueError(f"{name}: got {getattr(self, name)!r}, must be finite and above 0")
         if not 0 < self.connector_mass < self.mass:
             raise ValueError(
-                f"connector_mass: got {self.connector_mass!r} kg, "
-                f"must lie between 0 and mass ({self.mass!r} kg)"
+                f"connector_mass: got {self.connector_mass!r} kg, must lie between 0 and mass ({self.mass!r} kg)"
             )
+        if self.normal_load not in ("weight", "residual"):
+            raise ValueError(f"normal_load: got {self.normal_load!r}, must be 'weight' or 'residual'")
         if self.elastic_sign not in (-1.0, 1.0):
-            raise ValueError(
-                f"elastic_sign: got {self.elastic_sign!r}, must be -1 (the program) or +1 (mechanics)"
-            )
+            raise ValueError(f"elastic_sign: got {self.elastic_sign!r}, must be -1 (the program) or +1 (mechanics)")

@@ -53,8 +53,7 @@ class Command:
         if not isinstance(other, Command):
             return NotImplemented
         return all(
-            np.array_equal(getattr(self, name), getattr(other, name))
-            for name in ("contraction", "hinge", "force")
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in ("contraction", "hinge", "force")
         )
 
     __hash__ = None  # type: ignore[assignment]

@@ -1,0 +1,147 @@
+"""Gaits: directions, variants, and how an activation becomes a command."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from control.gaits import ContractionEngine_segmentdriven, Gait, TravellingWave
+from planar import published
+from planar.published import Parameters
+
+
+@dataclass(frozen=True)
+class Body:
+    segments: int = 6
+    stroke: tuple[float, float] = (-0.1, 0.45)
+
+
+def peak_segment(gait: Gait, t: float, segments: int = 60) -> int:
+    return int(np.argmax(gait.activation(t, segments)))
+
+
+def test_direct_wave_runs_to_the_head_and_retrograde_to_the_tail() -> None:
+    for direction, sign in (("direct", 1), ("retrograde", -1)):
+        wave = TravellingWave(period=2.0, direction=direction)
+        # A quarter of a period later the crest has moved a quarter of a wavelength.
+        moved = peak_segment(wave, 0.75) - peak_segment(wave, 0.5)
+        assert (moved - sign * 7.5) % 60 == pytest.approx(0.0, abs=1.01) or (
+            (moved - sign * 7.5) % 60 == pytest.approx(60.0, abs=1.01)
+        )
+
+
+def test_direct_wave_is_the_papers_formula() -> None:
+    x = (np.arange(6) + 0.5) / 6
+    wave = TravellingWave(period=3.0, wavelength=0.8, direction="direct", rectified=False)
+    assert_allclose(wave.activation(0.7, 6), np.sin(2 * np.pi * (x / 0.8 - 0.7 / 3.0)), atol=1e-14)
+
+
+def test_direct_rectified_wave_drives_the_published_program_to_its_result() -> None:
+    wave = TravellingWave(period=2.0, direction="direct")
+    own = published.travelling_wave(6, 2.0, Parameters())
+    for t in np.linspace(0.0, 4.0, 41):
+        assert_allclose(wave.activation(t, 6), own(t), atol=1e-14)
+
+
+def test_standing_wave_has_fixed_nodes_and_is_the_mean_of_both_travelling_ones() -> None:
+    both = [TravellingWave(direction=d, rectified=False) for d in ("direct", "retrograde")]
+    standing = TravellingWave(direction="standing", rectified=False)
+    for t in np.linspace(0.0, 2.0, 17):
+        mean = (both[0].activation(t, 7) + both[1].activation(t, 7)) / 2
+        assert_allclose(standing.activation(t, 7), mean, atol=1e-14)
+        assert_allclose(standing.activation(t, 7)[3], 0.0, atol=1e-14)
+
+
+@given(
+    t=st.floats(0, 100),
+    segments=st.integers(1, 40),
+    direction=st.sampled_from(["direct", "retrograde", "standing"]),
+)
+def test_rectified_wave_is_the_positive_part_of_the_full_one(t: float, segments: int, direction) -> None:
+    full = TravellingWave(direction=direction, rectified=False).activation(t, segments)
+    rectified = TravellingWave(direction=direction).activation(t, segments)
+    assert_array_equal(rectified, np.maximum(full, 0.0))
+    assert np.abs(full).max() <= 1.0
+
+
+def test_bias_shortens_the_left_chambers_more_and_is_clipped_to_the_stroke() -> None:
+    wave = TravellingWave(amplitude=0.3, bias=0.8)
+    command = wave.bind(Body())(0.4)
+    activation = wave.activation(0.4, 6)
+    assert_allclose(command.contraction[:, 0], np.minimum(0.3 * 1.8 * activation, 0.45))
+    assert_allclose(command.contraction[:, 1], 0.3 * 0.2 * activation)
+    assert command.contraction.max() == 0.45
+    full = TravellingWave(amplitude=0.3, rectified=False).bind(Body())(0.4)
+    assert full.contraction.min() == -0.1
+
+
+def test_hinges_belong_to_their_headward_segment_and_follow_its_contraction() -> None:
+    wave = TravellingWave(hinge=2.0, rectified=False)
+    command = wave.bind(Body())(0.3)
+    assert_allclose(command.hinge, 2.0 * np.maximum(0.0, wave.activation(0.3, 6)[1:]))
+    assert command.hinge.max() > 1.0
+
+
+def test_force_is_applied_to_both_chambers() -> None:
+    command = TravellingWave(amplitude=0.0, force=3.0).bind(Body())(0.4)
+    assert_array_equal(command.contraction, np.zeros((6, 2)))
+    assert_allclose(command.force, 3.0 * TravellingWave().activation(0.4, 6)[:, None] * np.ones(2))
+
+
+def active_segments(engine: ContractionEngine_segmentdriven, t: float) -> list[int]:
+    return np.flatnonzero(engine.activation(t, 4)).tolist()
+
+
+def test_engine_activates_one_segment_after_the_other() -> None:
+    engine = ContractionEngine_segmentdriven(T_wave=2.0, T_contract=0.5, contractType="square")
+    instants = [0.0, 0.49, 0.5, 0.99, 1.0, 1.5, 1.99, 2.0, 2.5]
+    assert [active_segments(engine, t) for t in instants] == [[0], [0], [1], [1], [2], [3], [3], [0], [1]]
+    back = ContractionEngine_segmentdriven(T_contract=0.5, contractType="square", direction="retrograde")
+    assert [active_segments(back, t) for t in (0.0, 0.5, 1.0, 1.5, 2.0)] == [[3], [2], [1], [0], [3]]
+
+
+def test_engine_resets_after_the_contraction_and_overlaps_when_it_is_long() -> None:
+    short = ContractionEngine_segmentdriven(T_wave=2.0, T_contract=0.2, contractType="square")
+    assert active_segments(short, 0.3) == []
+    long = ContractionEngine_segmentdriven(T_wave=2.0, T_contract=0.9, contractType="square")
+    assert active_segments(long, 0.6) == [0, 1]
+    assert active_segments(long, 0.1) == [0], "before the first wave has reached it, no segment is active"
+    assert active_segments(long, 2.1) == [0, 3]
+
+
+def test_engine_signs_alternate() -> None:
+    engine = ContractionEngine_segmentdriven(T_contract=2.0, contractType="square")
+    assert_array_equal(engine.activation(1.9, 4), [1.0, -1.0, 1.0, -1.0])
+    same = ContractionEngine_segmentdriven(T_contract=2.0, contractType="square", alternating=False)
+    assert_array_equal(same.activation(1.9, 4), np.ones(4))
+
+
+def test_pulses() -> None:
+    gaussian = ContractionEngine_segmentdriven(T_contract=0.4, contractType="gaussian")
+    values = [gaussian.activation(t, 4)[0] for t in (0.1, 0.2, 0.3)]
+    assert_allclose(values, [np.exp(-0.5 * (0.25 / 0.15) ** 2), 1.0, values[0]], rtol=1e-6)
+    dirac = ContractionEngine_segmentdriven(contractType="dirac", impulse=0.01)
+    sampled = np.array([dirac.activation(0.01 * k, 4) for k in range(400)])
+    assert_array_equal(np.abs(sampled).sum(axis=0), [2.0, 2.0, 2.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("build", "sentence"),
+    [
+        (lambda: TravellingWave(period=0.0), "period: got 0.0, must be finite and above 0"),
+        (lambda: TravellingWave(direction="sideways"), "direction: got 'sideways', must be one of 'direct'"),
+        (lambda: TravellingWave(bias=1.5), r"bias: got 1.5, must lie in \[-1, 1\]"),
+        (lambda: TravellingWave(amplitude=float("nan")), "amplitude: got nan, must be finite"),
+        (
+            lambda: ContractionEngine_segmentdriven(T_wave=1.0, T_contract=1.5),
+            r"T_contract: got 1.5 s, must be at most T_wave \(1.0 s\)",
+        ),
+        (lambda: ContractionEngine_segmentdriven(contractType="sine"), "contractType: got 'sine'"),
+    ],
+)
+def test_bad_gaits(build, sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        build()

@@ -1,0 +1,74 @@
+"""Figures and the animation of planar runs show what the arrays say."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from PIL import Image
+
+from planar import animation, figures, published
+
+
+def test_centre_of_mass_starts_at_zero_and_names_its_units() -> None:
+    time = np.linspace(0.0, 1.0, 11)
+    figure, axes = figures.centre_of_mass(time, {"a": 3.0 + time, "b": 2.0 * time})
+    assert_allclose(axes.lines[0].get_ydata(), time, atol=1e-12)
+    assert axes.get_xlabel() == "time [s]"
+    assert "[m]" in axes.get_ylabel()
+    assert [t.get_text() for t in axes.get_legend().get_texts()] == ["a", "b"]
+    assert axes.figure is figure
+
+
+def test_cost_is_drawn_in_its_unit() -> None:
+    _, axes = figures.cumulative_cost(np.arange(3.0), {"a": np.array([0.0, 5.0, 9.0])})
+    assert_allclose(axes.lines[0].get_ydata(), [0.0, 5.0, 9.0])
+    assert "[J/m]" in axes.get_ylabel()
+
+
+def test_activation_is_drawn_at_its_segment() -> None:
+    values = np.array([[0.0, 1.0], [2.0, -2.0]])
+    _, axes = figures.activation(np.array([0.0, 1.0]), values, quantity="force", unit="N")
+    assert_allclose(axes.lines[0].get_ydata(), [0.0, 0.45])
+    assert_allclose(axes.lines[1].get_ydata(), [1.225, 0.55])
+    assert "highest force: 2 N" in axes.get_title()
+
+
+@pytest.fixture
+def movie() -> animation.Movie:
+    run = published.simulate(n=3, steps=100)
+    net, activation = run.net, np.vstack([np.zeros(3), run.activation])
+    return animation.Movie(
+        run.time, run.q[:, net.main], run.q[:, net.top], run.q[:, net.bottom], activation, ground=-0.2
+    )
+
+
+def test_movie_plays_in_real_time(movie: animation.Movie, tmp_path: Path) -> None:
+    movie.save(tmp_path / "worm.gif", fps=10)
+    with Image.open(tmp_path / "worm.gif") as picture:
+        assert picture.n_frames == 11
+        assert picture.info["duration"] == 100
+        picture.seek(0)
+        first = np.asarray(picture.convert("RGB"))
+        picture.seek(9)
+        later = np.asarray(picture.convert("RGB"))
+    red = (later[..., 0] > 200) & (later[..., 1] < 150)
+    assert red.sum() > 100, "an active segment is red"
+    assert (first != later).any()
+
+
+def test_drawn_corners_are_those_of_the_run(movie: animation.Movie) -> None:
+    figure = movie.draw(50)
+    bodies = figure.axes[0].collections[-2]
+    for path, corners in zip(bodies.get_paths(), movie.corners[50], strict=True):
+        assert_allclose(path.vertices[:4], corners)
+
+
+def test_other_endings_and_a_missing_ffmpeg_are_named(
+    movie: animation.Movie, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(ValueError, match=r"got 'worm.avi', the ending must be .gif or .mp4"):
+        movie.save(tmp_path / "worm.avi")
+    monkeypatch.setattr(animation.shutil, "which", lambda name: None)
+    with pytest.raises(FileNotFoundError, match="install it, or take a name that ends in"):
+        movie.save(tmp_path / "worm.mp4")
