@@ -1,0 +1,183 @@
+"""Where the paper's text and its author's program differ, and what each difference does to the result.
+
+Each is measured by a run of the six-segment worm at T_wave = 2 s in which that one thing is as the text says,
+wherever the program can be told so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import partial
+
+import numpy as np
+
+from planar import published
+from planar.published import Parameters, Run
+
+REST_AREA = np.sqrt(3.0) / 4.0 / 6.0
+"""Of the six rhombi at rest [m^2]."""
+
+TABLE_I_MASS = 10.0 * REST_AREA
+"""Table I's 10 kg/m^3 times the rest area and a depth of 1 m [kg]."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One difference between text and program, and its effect."""
+
+    what: str
+    text: str
+    program: str
+    effect: str
+
+    def as_dict(self) -> dict[str, str]:
+        """Return the difference with its field names as keys."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class _Entry:
+    what: str
+    text: str
+    program: str
+    effect: Callable[[Run], str]
+
+
+def differences(program_run: Run) -> list[Difference]:
+    """Return the differences with their effects; makes about ten further runs of the program.
+
+    Parameters
+    ----------
+    program_run : Run
+        The published run of six segments at T_wave = 2 s.
+    """
+    return [Difference(e.what, e.text, e.program, e.effect(program_run)) for e in _ENTRIES]
+
+
+def _compared(run: Run, parameters: Parameters, label: str = "as the text has it") -> str:
+    other = published.simulate(parameters=parameters)
+    unconverged = f"; {other.unconverged_steps} steps unconverged" if other.unconverged_steps else ""
+    ending = f"; {other.stop.sentence}" if other.status.diverged else ""
+    return (
+        f"{label}: reported distance {other.reported_distance:.6g} m (program {run.reported_distance:.6g}), "
+        f"true {other.true_displacement:.6g} m ({run.true_displacement:.6g}), "
+        f"work {other.work:.6g} J ({run.work:.6g}){unconverged}{ending}"
+    )
+
+
+def _with(parameters: Parameters, label: str = "as the text has it") -> Callable[[Run], str]:
+    return partial(_compared, parameters=parameters, label=label)
+
+
+def _torsion(run: Run) -> str:
+    main = run.q[:, run.net.main]
+    e = np.diff(main, axis=1)
+    t = e / np.linalg.norm(e, axis=-1, keepdims=True)
+    cross = t[:, :-1, 0] * t[:, 1:, 1] - t[:, :-1, 1] * t[:, 1:, 0]
+    return (
+        f"none: with the main nodes' y held the chain stays straight, |cross| <= {np.abs(cross).max():.1g} "
+        "in the whole run, so that the springs would exert no force whatever their stiffness"
+    )
+
+
+def _inside_out(run: Run) -> str:
+    other = published.simulate(parameters=Parameters(elastic_sign=1.0))
+    height = other.q[:, other.net.top, 1] - other.q[:, other.net.bottom, 1]
+    return (
+        f"{_compared(run, Parameters(elastic_sign=1.0), 'with the right sign')}; "
+        f"the rhombi turn inside out (height down to {height.min():.3f} m)"
+    )
+
+
+def _centre_of_mass(run: Run) -> str:
+    return f"distance {run.reported_distance:.6f} m instead of {run.true_displacement:.6f} m"
+
+
+def _work_sign(run: Run) -> str:
+    return f"work {run.work:.6f} J instead of {run.work_contract.sum():.6f} J: the forces take energy out on balance"
+
+
+def _plotted_cost(run: Run) -> str:
+    return (
+        f"the curve ends at {run.cumulative_cot[-1]:.6g} J/m, total work over total distance is "
+        f"{run.total_cot:.6g} J/m; steps in which the centre of mass hardly moves dominate the sum"
+    )
+
+
+def _snaps(run: Run) -> str:
+    snapped = int((np.abs(run.start - run.q[:-1]).max(axis=(1, 2)) > 0.0).sum())
+    other = published.simulate(parameters=Parameters(ground_clearance=100.0))
+    return (
+        f"{snapped} of {len(run.start)} steps start from a moved configuration; without a ground within reach "
+        f"the reported distance is {other.reported_distance:.6g} m and the work {other.work:.6g} J, so that the snaps "
+        f"make up {1 - other.work / run.work:.0%} of the work"
+    )
+
+
+_ENTRIES = [
+    _Entry(
+        "sign of the elastic force",
+        "M q'' - dE/dq - ... = 0 in (P3); but an elastic force is minus the gradient, so that it should be + dE/dq",
+        "as (P3) is printed: -dE/dq in the residual",
+        _inside_out,
+    ),
+    _Entry(
+        "centre of mass",
+        "centre of mass along x",
+        "mean of every third entry of (x0, y0, x1, y1, ...), which mixes x and y of main nodes and connectors",
+        _centre_of_mass,
+    ),
+    _Entry(
+        "link stiffness",
+        "k_link = 0.12 (Table I)",
+        "1e4 N in (P7) for each of the four links",
+        _with(Parameters(k_link=0.12)),
+    ),
+    _Entry("torsional springs", "k_torsion = 1e4 (Table I), (P6)", "switched off", _torsion),
+    _Entry(
+        "mass",
+        "density 10 kg/m^3 (Table I)",
+        "1e-8 kg in all, 1e-11 kg of it on the connectors",
+        _with(Parameters(mass=TABLE_I_MASS, connector_mass=1e-3 * TABLE_I_MASS)),
+    ),
+    _Entry(
+        "normal loads of the friction",
+        "from the residual of the held y in a predictor, (P9)",
+        "m_i g of each main node, constant, whether or not anything touches the ground",
+        _with(Parameters(normal_load="residual")),
+    ),
+    _Entry("wave", "A = sin(kx - wt)", "max(0, sin(kx - wt))", _with(Parameters(rectified=False))),
+    _Entry("amplitude", "A = sin(kx - wt), no factor", "times 10 N", _with(Parameters(contraction_force=1.0))),
+    _Entry(
+        "Newton's tolerance",
+        "EI/L^2 * 1e-3, without a value of EI",
+        "1e-6 N, tested before the update that follows it",
+        _with(Parameters(tolerance=1e-9), "with 1e-9 N"),
+    ),
+    _Entry(
+        "predictor and corrector",
+        "forward Euler predictor, implicit corrector, friction from the loads of the predictor",
+        "implicit predictor; where contact changes, touching nodes of the start configuration are set on the ground",
+        _snaps,
+    ),
+    _Entry("work", "(P11), F . dq with its sign", "|F . dq| summed over the steps", _work_sign),
+    _Entry(
+        "cumulative cost of transport",
+        "(P12), work over displacement of each step",
+        "sum of |work / dx| over the steps with |dx| > 1e-6 m",
+        _plotted_cost,
+    ),
+    _Entry(
+        "head",
+        "index 0, the wave runs head to tail",
+        "moves away from index 0",
+        lambda run: f"index 0 is the tail: displacement {run.true_displacement:+.6f} m along x",
+    ),
+    _Entry(
+        "static friction",
+        "mu_s = 0.12 (Table I)",
+        "not used; 0.3 mu_k and 2 mu_k with mu_k = 0.10 are",
+        lambda run: "none: nothing reads it",
+    ),
+]
