@@ -13,6 +13,10 @@ class Status(Enum):
     INTERRUPTED = "the run was interrupted; the steps computed so far are kept"
     NOT_FINITE = "the state became infinite or not a number; the steps before are kept"
     SINGULAR = "Newton's matrix is singular; the steps before are kept"
+    NO_CONVERGENCE = "Newton did not converge, not even with a 64th of the time step; the steps before are kept"
+    FLATTENED = "a rhombus was pressed flat (limit point); the steps before are kept"
+    FOLDED = "two neighbouring segments folded by 90 degrees or more; the steps before are kept"
+    BAD_COMMAND = "the gait returned a contraction that is not finite or not below 1; the steps before are kept"
 
     @property
     def diverged(self) -> bool:

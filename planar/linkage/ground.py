@@ -1,0 +1,126 @@
+"""Contact of the apexes with the ground, and set-valued friction with anchors.
+
+Normal contact is a stiff quadratic penalty on the penetration d = max(0, -z), with a damper that never pulls:
+
+    N = (k + c/dt) max(0, d - d*),   d* = (c/dt) d_n / (k + c/dt)                   (G1)
+
+Friction keeps an anchor per touching apex; s is the displacement from it along the ground, positive towards the
+head. With rho(s) = mu_forward s for s > 0 and -mu_backward s for s < 0 its potential is N h(s):
+
+    h = rho^2/(2 r)  while rho <= r,   else rho - r/2,   rho = rho(s - s*)          (G2)
+
+1/r = 1/rho_b + D/dt and s* = (D/dt) r s_n put a damper beside the anchor's spring, both capped together by N mu.
+rho_b, the breakaway displacement times mu, is one number for all contacts, so that all yield together whatever
+their load. After the step the anchor moves until the force is back on the yield surface:
+
+    s_e = s* + (s - s*) min(1, r/rho(s - s*)),   the anchor moves by s - s_e        (G3)
+
+While a contact is stuck the cap is N x static_ratio instead of N, with the same stiffness.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planar.linkage.worm import FloatArray, Linkage
+
+RESTING_PENETRATION = 1e-5
+"""Of the mean load, as a fraction of the segment length."""
+
+BREAKAWAY = 1e-5
+"""Displacement at which the contact with the smallest coefficient yields, as a fraction of the segment length."""
+
+TANGENTIAL_DAMPING_RATIO = 4.0
+"""Of the contact with the smallest coefficient, for the mass that it holds; larger ones are damped more."""
+
+YIELD_TOLERANCE = 1e-9
+"""Relative excess over the yield surface below which an anchor stays, lest rounding makes it creep."""
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """Directional Coulomb friction.
+
+    Attributes
+    ----------
+    forward, backward : float or ndarray, shape (N,)
+        Kinetic coefficient against motion towards the head and towards the tail.
+    static_ratio : float
+        Static over kinetic coefficient, at least 1.
+    """
+
+    forward: ArrayLike = 0.03
+    backward: ArrayLike = 0.20
+    static_ratio: float = 1.2
+
+    def __post_init__(self) -> None:
+        for name in ("forward", "backward"):
+            value = np.array(getattr(self, name), dtype=float)
+            if not (np.isfinite(value).all() and (value >= 0.0).all()):
+                raise ValueError(f"{name}: got {getattr(self, name)!r}, must be finite and at least 0")
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        if not (np.isfinite(self.static_ratio) and self.static_ratio >= 1.0):
+            raise ValueError(f"static_ratio: got {self.static_ratio!r}, must be finite and at least 1")
+
+    def coefficients(self, segments: int) -> tuple[FloatArray, FloatArray]:
+        """Return forward and backward coefficients of each segment, each of shape (N,)."""
+        try:
+            forward, backward = (
+                np.ascontiguousarray(np.broadcast_to(np.asarray(mu), (segments,))) for mu in (self.forward, self.backward)
+            )
+        except ValueError:
+            raise ValueError(
+                f"friction: got shapes {np.shape(self.forward)} and {np.shape(self.backward)}, "
+                f"must be numbers or of shape ({segments},)"
+            ) from None
+        return forward, backward
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Constants of the contact law for one worm on one ground.
+
+    Attributes
+    ----------
+    stiffness, damping : float
+        k [N/m] and c [N s/m] of (G1).
+    mu_forward, mu_backward : ndarray, shape (N,)
+    static_ratio : float
+    yield_gauge : float
+        rho_b of (G2) [m].
+    gauge_damping : float
+        D of (G2) [s/m].
+    """
+
+    stiffness: float
+    damping: float
+    mu_forward: FloatArray
+    mu_backward: FloatArray
+    static_ratio: float
+    yield_gauge: float
+    gauge_damping: float
+
+    @classmethod
+    def of(cls, worm: Linkage, friction: Friction, gravity: float) -> Ground:
+        """Return the constants scaled to a worm's weight (to 9.81 m/s^2 where it has none)."""
+        g = gravity if gravity > 0.0 else 9.81
+        share = worm.total_mass / worm.segments
+        stiffness = share * g / (RESTING_PENETRATION * worm.l0)
+        forward, backward = friction.coefficients(worm.segments)
+        positive = np.concatenate([forward[forward > 0.0], backward[backward > 0.0], [np.inf]])
+        mu = float(positive.min()) if len(positive) > 1 else 1.0
+        yield_gauge = mu * BREAKAWAY * worm.l0
+        return cls(
+            stiffness=stiffness,
+            damping=2.0 * float(np.sqrt(stiffness * share)),
+            mu_forward=forward,
+            mu_backward=backward,
+            static_ratio=friction.static_ratio,
+            yield_gauge=yield_gauge,
+            # The mass held is N/g: critical is D mu^2 = 2 sqrt((mu^2/rho_b) (1/g)) per unit of N.
+            gauge_damping=TANGENTIAL_DAMPING_RATIO * 2.0 / (mu * float(np.sqrt(yield_gauge * g))),
+        )

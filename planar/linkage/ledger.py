@@ -1,0 +1,324 @@
+"""Energy ledger of implicit Euler, every term computed on its own.
+
+Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the first-order motion of a mass point,
+
+    work of the actuators + of external forces + change of the anchors' energy by the loads
+    = change of kinetic, elastic, potential, penetration and anchor energy
+      + friction loss + viscous loss + numerical loss - residual.dq
+
+* Actuators: E(l_n, cmd_{n+1}) - E(l_n, cmd_n), the integral of (dE/dl_cmd) dl_cmd over the change of command.
+* Friction: N rho(motion of the anchor), (P10) as -F.dq for the clamped worm.
+* Viscous: Kelvin-Voigt c (ds)^2/dt, medium (P8), the dampers of the contacts.
+* Numerical: m |dV|^2/2; E_n - E_{n+1} + gradE_{n+1}.dq for every energy; and, since X(q) and the strains s(q) are not
+  linear, force times (J dq - dX) for inertia, contact, friction and dampers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planar.linkage.ground import Ground
+from planar.linkage.shape import R, apexes, cross_products, diagonals, hinge_angles, joint_cosines
+from planar.linkage.worm import FloatArray, Linkage
+
+if TYPE_CHECKING:
+    from planar.linkage.step import State, Step
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """One end of every part: states stacked along the first axis."""
+
+    joints: FloatArray
+    joint_velocity: FloatArray
+    apex_velocity: FloatArray
+    l_cmd: FloatArray
+    slide: FloatArray
+    load: FloatArray
+
+    @classmethod
+    def of(cls, states: Sequence[State]) -> _Side:
+        return cls(**{f.name: np.array([getattr(state, f.name) for state in states]) for f in fields(cls)})
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """All steps of a run, stacked along the first axis of length P."""
+
+    dt: FloatArray
+    start: _Side
+    end: _Side
+    slip: FloatArray
+    joint_force: FloatArray
+    joint_friction: FloatArray
+    cap: FloatArray
+    gradient: FloatArray
+
+    @classmethod
+    def of(cls, steps: Sequence[Step], worm: Linkage) -> Parts:
+        """Stack steps (at least one)."""
+        return cls(
+            dt=np.array([s.dt for s in steps]),
+            start=_Side.of([s.start for s in steps]),
+            end=_Side.of([s.end for s in steps]),
+            slip=np.array([s.slip for s in steps]),
+            joint_force=np.array([s.joint_force for s in steps]),
+            joint_friction=np.array([s.joint_friction for s in steps]),
+            cap=np.array([s.cap for s in steps]),
+            gradient=np.array([s.solution.gradient for s in steps]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Ledger:
+    """Energy of each step, each term of shape (S,) [J].
+
+    Attributes
+    ----------
+    work_contract, work_external, load_change : ndarray
+        What comes in: actuators, external forces, and stored anchor energy changed by the loads.
+    work_contract_p11, work_friction_p13 : ndarray
+        The paper's F.dq of the contraction and of the friction force; not part of the sum.
+    kinetic, elastic, potential, penetration, anchor : ndarray
+        Changes of energy.
+    friction_loss, viscous_loss, numerical_loss : ndarray
+        What is lost; the first two are >= 0 in contact.
+    """
+
+    work_contract: FloatArray
+    work_external: FloatArray
+    load_change: FloatArray
+    kinetic: FloatArray
+    elastic: FloatArray
+    potential: FloatArray
+    penetration: FloatArray
+    anchor: FloatArray
+    friction_loss: FloatArray
+    viscous_loss: FloatArray
+    numerical_loss: FloatArray
+    work_contract_p11: FloatArray
+    work_friction_p13: FloatArray
+
+    @property
+    def residual(self) -> FloatArray:
+        """What comes in less what is stored or lost, shape (S,) [J]: zero up to Newton's residual."""
+        stored = self.kinetic + self.elastic + self.potential + self.penetration + self.anchor
+        lost = self.friction_loss + self.viscous_loss + self.numerical_loss
+        return self.work_contract + self.work_external + self.load_change - stored - lost
+
+    @property
+    def balance_error(self) -> float:
+        """|Residual of the run| over the sum of its absolute terms."""
+        terms = [f.name for f in fields(self) if not f.name.endswith(("_p11", "_p13"))]
+        scale = sum(float(np.abs(getattr(self, name)).sum()) for name in terms)
+        return abs(float(self.residual.sum())) / scale if scale > 0.0 else 0.0
+
+    def summed(self, owner: NDArray[np.int64], steps: int) -> Ledger:
+        """Return the ledger with the parts of each step added up."""
+        return Ledger(**{f.name: np.bincount(owner, getattr(self, f.name), steps) for f in fields(self)})
+
+    @classmethod
+    def of(cls, p: Parts, worm: Linkage, ground: Ground | None, gravity: FloatArray) -> Ledger:
+        """Compute the ledger of all parts at once."""
+        return cls(**_Terms(p, worm, ground, gravity).all())
+
+
+class _Terms:
+    """Helper that holds the kinematics of all parts."""
+
+    def __init__(self, p: Parts, worm: Linkage, ground: Ground | None, gravity: FloatArray) -> None:
+        self.p, self.worm, self.ground, self.gravity = p, worm, ground, gravity
+        a = worm.link_length
+        self.dq = p.end.joints - p.start.joints
+        self.de = np.diff(self.dq, axis=1)
+        self.l_n, _ = diagonals(p.start.joints)
+        self.l, self.t = diagonals(p.end.joints)
+        self.stretch = np.sum(self.t * self.de, axis=-1)  # dl/dq . dq
+        self.x_n, self.x = apexes(p.start.joints, a), apexes(p.end.joints, a)
+        self.dx = self.x - self.x_n
+        self.jdq = self._first_order_apex_motion(a)
+        self.tau = worm.kelvin_voigt_time / p.dt[:, None]
+
+    def _first_order_apex_motion(self, a: FloatArray) -> FloatArray:
+        """J dq of the apexes: dX = dm -+ (dh n + h dn), with dh = -l dl/(4 h) and dn = -t (n.de)/l."""
+        n = self.t @ R.T
+        h = np.sqrt(a**2 - self.l**2 / 4.0)
+        dh = -self.l * self.stretch / (4.0 * h)
+        dn = -self.t * (np.sum(n * self.de, axis=-1) / self.l)[..., None]
+        reach = dh[..., None] * n + h[..., None] * dn
+        middle = 0.5 * (self.dq[:, :-1] + self.dq[:, 1:])
+        return np.stack([middle - reach, middle + reach], axis=-2)
+
+    def all(self) -> dict[str, FloatArray]:
+        """Return every term of the ledger."""
+        kinetic, inertia_loss = self._inertia()
+        elastic = self._elastic()
+        potential, weight_loss = self._weight()
+        contact = self._contact()
+        drag = np.asarray(self.worm.drag / self.worm.segments) * _ends_half(self.worm.segments)
+        external = np.einsum("pjd,pjd->p", self.p.joint_force, self.dq)
+        clamped = np.einsum("pj,pj->p", self.p.joint_friction, self.dq[..., 0])
+        medium = np.einsum("j,pjd->p", drag, self.dq**2) / self.p.dt
+        return {
+            "work_contract": elastic["work"],
+            "work_external": external,
+            "load_change": contact["load_change"],
+            "kinetic": kinetic,
+            "elastic": elastic["change"],
+            "potential": potential,
+            "penetration": contact["penetration"],
+            "anchor": contact["anchor"],
+            "friction_loss": contact["friction"] - clamped,
+            "viscous_loss": elastic["viscous"] + contact["viscous"] + medium,
+            "numerical_loss": inertia_loss + elastic["numerical"] + weight_loss + contact["numerical"],
+            "work_contract_p11": elastic["p11"],
+            "work_friction_p13": contact["p13"] + clamped,
+        }
+
+    def _inertia(self) -> tuple[FloatArray, FloatArray]:
+        change, loss = np.zeros(len(self.p.dt)), np.zeros(len(self.p.dt))
+        moves = (
+            (self.worm.joint_mass, self.p.start.joint_velocity, self.p.end.joint_velocity, self.dq, self.dq),
+            (self.worm.apex_mass, self.p.start.apex_velocity, self.p.end.apex_velocity, self.jdq, self.dx),
+        )
+        for mass, v_n, v, first_order, true in moves:
+            dv = v - v_n
+            per_point = 0.5 * (v**2 - v_n**2).sum(-1), 0.5 * (dv**2).sum(-1)
+            curvature = (dv / _per(self.p.dt, dv) * (first_order - true)).sum(-1)
+            change += _weighted(mass, per_point[0])
+            loss += _weighted(mass, per_point[1] + curvature)
+        return change, loss
+
+    def _weight(self) -> tuple[FloatArray, FloatArray]:
+        """Potential energy -m g.X, and its numerical loss E_n - E_{n+1} + gradE.dq = -m g.(J dq - dX)."""
+        g = self.gravity
+        change = -_weighted(self.worm.joint_mass, self.dq @ g) - _weighted(self.worm.apex_mass, self.dx @ g)
+        return change, -_weighted(self.worm.apex_mass, (self.jdq - self.dx) @ g)
+
+    def _elastic(self) -> dict[str, FloatArray]:
+        worm, p = self.worm, self.p
+        k, l0, a = np.asarray(worm.k_spring), worm.l0, worm.link_length
+        cmd_n, cmd = p.start.l_cmd, p.end.l_cmd
+
+        def spring(length: FloatArray, command: FloatArray) -> FloatArray:
+            return 0.5 * k * l0 * (1.0 - length / command) ** 2
+
+        def tension(command: FloatArray | float) -> FloatArray:
+            return -k * l0 / command * (1.0 - self.l / command)
+
+        work = spring(self.l_n, cmd) - spring(self.l_n, cmd_n)
+        rise = spring(self.l, cmd) - spring(self.l_n, cmd)
+        change, numerical = work + rise, tension(cmd) * self.stretch - rise
+        damper = self.tau * k / l0
+        viscous = damper * (self.l - self.l_n) ** 2
+        numerical = numerical + damper * (self.l - self.l_n) * (self.stretch - (self.l - self.l_n))
+        p11 = -(tension(cmd) - tension(l0)) * self.stretch
+        terms = {"work": work, "change": change, "viscous": viscous, "numerical": numerical, "p11": p11}
+        total = {name: term.sum(axis=1) for name, term in terms.items()}
+
+        k_apex = np.asarray(worm.k_apex)
+        angle0 = hinge_angles(np.full(worm.segments, l0), a)
+        angle_n, angle = hinge_angles(self.l_n, a), hinge_angles(self.l, a)
+        opening = self.stretch / np.sqrt(a**2 - self.l**2 / 4.0)
+        self._add_strain(total, 2.0 * k_apex, angle_n, angle, opening, angle0)  # two hinges
+        cross_n, cross = cross_products(p.start.joints), cross_products(p.end.joints)
+        across = np.sum((self.t @ R.T) * self.de, axis=-1) / self.l
+        turning = joint_cosines(p.end.joints) * (across[:, 1:] - across[:, :-1])
+        self._add_strain(total, np.asarray(worm.k_torsion), cross_n, cross, turning, np.asarray(worm.cross0))
+        return total
+
+    def _add_strain(
+        self,
+        total: dict[str, FloatArray],
+        k: FloatArray,
+        s_n: FloatArray,
+        s: FloatArray,
+        first_order: FloatArray,
+        rest: FloatArray,
+    ) -> None:
+        """Add the energy k/2 (s - rest)^2 and its Kelvin-Voigt damper; `first_order` is ds/dq . dq."""
+        ds = s - s_n
+        rise = 0.5 * k * ((s - rest) ** 2 - (s_n - rest) ** 2)
+        total["change"] += rise.sum(axis=1)
+        total["viscous"] += (k * self.tau * ds**2).sum(axis=1)
+        total["numerical"] += (k * (s - rest) * first_order - rise + k * self.tau * ds * (first_order - ds)).sum(axis=1)
+
+    def _contact(self) -> dict[str, FloatArray]:
+        names = ("penetration", "anchor", "load_change", "friction", "viscous", "numerical", "p13")
+        if self.ground is None:
+            return {name: np.zeros(len(self.p.dt)) for name in names}
+        normal = self._normal(self.ground)
+        friction = self._friction(self.ground)
+        total = {name: np.zeros(len(self.p.dt)) for name in names}
+        for terms in (normal, friction):
+            for name, term in terms.items():
+                total[name] += term.sum(axis=(1, 2))
+        return total
+
+    def _normal(self, ground: Ground) -> dict[str, FloatArray]:
+        depth_n, depth = np.maximum(0.0, -self.x_n[..., 1]), np.maximum(0.0, -self.x[..., 1])
+        dz, load = self.dx[..., 1], self.p.end.load
+        rise = 0.5 * ground.stiffness * (depth**2 - depth_n**2)
+        spring = ground.stiffness * depth
+        return {
+            "penetration": rise,
+            "viscous": -(load - spring) * dz,
+            "numerical": -rise - spring * dz - load * (self.jdq[..., 1] - dz),
+        }
+
+    def _friction(self, ground: Ground) -> dict[str, FloatArray]:
+        p = self.p
+        forward, backward = ground.mu_forward[:, None], ground.mu_backward[:, None]
+
+        def gauge(s: FloatArray) -> FloatArray:
+            return np.where(s > 0.0, forward * s, -backward * s)
+
+        def slope(s: FloatArray) -> FloatArray:
+            return np.where(s > 0.0, forward, -backward)
+
+        dt = p.dt[:, None, None]
+        towards_head = np.where(diagonals(p.start.joints)[1][..., 0] < 0.0, -1.0, 1.0)[..., None]
+        s_n, load_n, load = p.start.slide, p.start.load, p.end.load
+        touching = load > 0.0
+        ds = towards_head * self.dx[..., 0]
+        left = np.where(touching, s_n + ds - p.slip, s_n)  # displacement from the moved anchor
+        r = 1.0 / (1.0 / ground.yield_gauge + ground.gauge_damping / dt)
+        y = left - ground.gauge_damping / dt * r * s_n
+        force = load * np.minimum(gauge(y) / r, p.cap) * slope(y)
+        stored = 0.5 * load * gauge(left) ** 2 / ground.yield_gauge
+        stored_n = 0.5 * load * gauge(s_n) ** 2 / ground.yield_gauge
+        spring = load * gauge(left) / ground.yield_gauge * slope(left)
+        stretch = left - s_n
+        load_change = stored_n - 0.5 * load_n * gauge(s_n) ** 2 / ground.yield_gauge
+        return {
+            "friction": load * p.cap * gauge(p.slip),
+            "anchor": stored - stored_n + load_change,
+            "load_change": load_change,
+            "viscous": (force - spring) * stretch,
+            "numerical": spring * stretch
+            - (stored - stored_n)
+            + force * (towards_head * self.jdq[..., 0] - ds)
+            + (force * p.slip - load * p.cap * gauge(p.slip)),
+            "p13": -force * ds,
+        }
+
+
+def _per(dt: FloatArray, like: FloatArray) -> FloatArray:
+    return dt.reshape(-1, *(1,) * (like.ndim - 1))
+
+
+def _weighted(mass: FloatArray, values: FloatArray) -> FloatArray:
+    """Sum mass-weighted values over all points; shape (P,)."""
+    weighted: FloatArray = (mass * values).reshape(len(values), -1).sum(axis=1)
+    return weighted
+
+
+def _ends_half(segments: int) -> FloatArray:
+    share = np.ones(segments + 1)
+    share[[0, -1]] = 0.5
+    return share

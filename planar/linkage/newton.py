@@ -1,0 +1,172 @@
+"""Newton-Raphson (P1), (P2) with an exact Jacobian and a line search.
+
+Each pass minimises the potential of a step for given normal loads (it always descends), then polishes with the
+loads of the iterate itself, whose Jacobian is exact too but unsymmetric. Where the polish does not converge, the
+loads are updated and the next pass begins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dgbsv, dpbsv
+
+from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Contact, Now, evaluate
+from planar.linkage.worm import FloatArray
+
+MAX_DESCENT = 60
+MAX_POLISH = 12
+MAX_PASSES = 25
+DESCENT_TOLERANCE = 1e-9
+"""Largest coordinate step that ends the descent, as a fraction of the body length."""
+POLISH_TOLERANCE = 1e-12
+"""Largest coordinate step that ends the polish, as a fraction of the body length."""
+STAGNATION = 1e-10
+"""A step below this fraction of the body length that no longer shrinks is rounding, and ends the polish."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Outcome of Newton's method.
+
+    Attributes
+    ----------
+    q : ndarray, shape (2 (N+1),)
+        Last iterate [m].
+    gradient : ndarray, shape (2 (N+1),)
+        Residual there, zero on held coordinates [N].
+    converged : bool
+    iterations : int
+        Evaluations of the Jacobian.
+    """
+
+    q: FloatArray
+    gradient: FloatArray
+    converged: bool
+    iterations: int
+
+
+class Newton:
+    """Solver for the steps of one worm; holds the work arrays."""
+
+    def __init__(self, body: Body, contact: Contact, length: float, held: NDArray[np.bool_]) -> None:
+        self.body, self.contact, self.length = body, contact, length
+        self.held = np.flatnonzero(held)
+        self.gradient = np.zeros(len(held))
+        self.band = np.zeros((ROWS, len(held)))
+        self._is_held = held
+
+    def solve(self, q: FloatArray, now: Now) -> Solution:
+        """Return the state that solves the step, from the guess q; `now.load` is updated on the way."""
+        iterations = 0
+        for relaxation in (1.0, 1.0, 1.0, 1.0) + (0.5,) * (MAX_PASSES - 4):
+            q, used, descended = self._descend(q, now)
+            iterations += used
+            if descended:
+                polished, used, converged = self._polish(q, now)
+                iterations += used
+                if converged:
+                    return Solution(polished, self.gradient.copy(), True, iterations)
+            load = loads(q, self.body, self.contact, now)
+            now.load[:] += relaxation * (load - now.load)
+        self._evaluate(q, now, coupled=True)
+        return Solution(q, self.gradient.copy(), False, iterations)
+
+    def residual(self, q: FloatArray, now: Now) -> FloatArray:
+        """Return the residual with the forces of held coordinates left in, shape (2 (N+1),) [N]."""
+        gradient = np.empty_like(q)
+        evaluate(q, self.body, self.contact, now, True, gradient, NO_BAND)
+        return gradient
+
+    def _evaluate(self, q: FloatArray, now: Now, coupled: bool) -> float:
+        phi = evaluate(q, self.body, self.contact, now, coupled, self.gradient, self.band)
+        if len(self.held):
+            _hold(self.band, self._is_held)
+            self.gradient[self.held] = 0.0
+        return phi
+
+    def _descend(self, q: FloatArray, now: Now) -> tuple[FloatArray, int, bool]:
+        for iteration in range(1, MAX_DESCENT + 1):
+            phi = self._evaluate(q, now, coupled=False)
+            if not np.isfinite(phi):
+                return q, iteration, False
+            direction = _descent_direction(self.band, self.gradient)
+            if direction is None:
+                return q, iteration, False
+            step, q_next = self._search(q, phi, direction, now)
+            if q_next is None:
+                return q, iteration, True  # no descent left above rounding
+            q = q_next
+            if step * np.abs(direction).max() < DESCENT_TOLERANCE * self.length:
+                return q, iteration, True
+        return q, MAX_DESCENT, False
+
+    def _search(
+        self, q: FloatArray, phi: float, direction: FloatArray, now: Now
+    ) -> tuple[float, FloatArray | None]:
+        slope, step, scratch = float(self.gradient @ direction), 1.0, np.empty_like(q)
+        noise = 1e-14 * abs(phi)
+        while step > 1e-10:
+            trial = q + step * direction
+            value = evaluate(trial, self.body, self.contact, now, False, scratch, NO_BAND)
+            if value <= phi + 1e-4 * step * slope + noise:
+                return step, trial
+            step *= 0.5
+        return 0.0, None
+
+    def _polish(self, q: FloatArray, now: Now) -> tuple[FloatArray, int, bool]:
+        size = np.inf
+        for iteration in range(1, MAX_POLISH + 1):
+            if not np.isfinite(self._evaluate(q, now, coupled=True)):
+                return q, iteration, False
+            _, _, step, info = dgbsv(BAND, BAND, self.band, self.gradient)
+            if info != 0 or not np.isfinite(step).all():
+                return q, iteration, False
+            previous, size = size, float(np.abs(step).max())
+            if size > 0.1 * self.length:
+                return q, iteration, False
+            q = q - step
+            if size < POLISH_TOLERANCE * self.length or (previous <= 2.0 * size < 2.0 * STAGNATION * self.length):
+                self._evaluate(q, now, coupled=True)
+                return q, iteration, True
+        return q, MAX_POLISH, False
+
+
+def loads(q: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:
+    """Return the normal loads (G1) at q, shape (N, 2) [N]."""
+    from planar.linkage.shape import apexes
+
+    k, c, dt = contact.stiffness, contact.damping, now.dt
+    if k == 0.0:
+        return np.zeros_like(now.load)
+    stiff = k + c / dt
+    depth = np.maximum(0.0, -apexes(q.reshape(-1, 2), body.a)[..., 1])
+    load: FloatArray = stiff * np.maximum(0.0, depth - c / dt * now.depth_n / stiff)
+    return load
+
+
+def _descent_direction(band: FloatArray, gradient: FloatArray) -> FloatArray | None:
+    """Solve with the Hessian, shifted until it is positive definite; None if it cannot be made so."""
+    upper = band[BAND : 2 * BAND + 1]
+    scale = float(np.abs(upper[BAND]).max())
+    shift = 0.0
+    while shift < 1e6 * scale:
+        shifted = upper.copy()
+        shifted[BAND] += shift
+        _, solution, info = dpbsv(shifted, gradient)
+        if info == 0 and np.isfinite(solution).all():
+            return np.asarray(-solution)
+        shift = max(10.0 * shift, 1e-9 * scale)
+    return None
+
+
+def _hold(band: FloatArray, held: NDArray[np.bool_]) -> None:
+    """Replace the rows and columns of held coordinates by those of the identity."""
+    size = len(held)
+    for offset in range(-BAND, BAND + 1):
+        columns = np.arange(max(0, -offset), min(size, size - offset))
+        dead = held[columns] | held[columns + offset]
+        band[2 * BAND + offset, columns[dead]] = 0.0
+    band[2 * BAND, held] = 1.0

@@ -1,0 +1,158 @@
+"""What a run of the corrected worm holds, and the paper's figures of merit (P11) to (P14) with the right units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planar.linkage.ground import Ground
+from planar.linkage.ledger import Ledger, Parts
+from planar.linkage.shape import apexes, diagonals
+from planar.linkage.step import State, Step
+from planar.linkage.worm import FloatArray, Linkage
+from planar.metrics import dimensionless_cost_of_transport
+from planar.status import Status, Stop
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A run; S finished steps, T = S + 1 instants, N segments.
+
+    Attributes
+    ----------
+    worm : Linkage
+    ground : Ground or None
+        Constants of the contact law; None for the clamped worm.
+    gravity : ndarray, shape (2,)
+        In the axes of the ground [m/s^2].
+    dt : float
+        [s]
+    first : State
+        At t = 0.
+    steps : list of list of Step
+        Each finished step, in parts where it was halved.
+    stop : Stop
+        How the run ended.
+    """
+
+    worm: Linkage
+    ground: Ground | None
+    gravity: FloatArray
+    dt: float
+    first: State
+    steps: list[list[Step]] = field(repr=False)
+    stop: Stop
+
+    @property
+    def status(self) -> Status:
+        """How the run ended."""
+        return self.stop.status
+
+    @cached_property
+    def time(self) -> FloatArray:
+        """Instants, shape (T,) [s]."""
+        return np.arange(len(self.steps) + 1, dtype=float) * self.dt
+
+    @cached_property
+    def _states(self) -> list[State]:
+        return [self.first, *(parts[-1].end for parts in self.steps)]
+
+    @cached_property
+    def joints(self) -> FloatArray:
+        """Joints, shape (T, N+1, 2) [m]."""
+        return np.array([state.joints for state in self._states])
+
+    @cached_property
+    def apexes(self) -> FloatArray:
+        """Apexes [bottom, top] of each segment, shape (T, N, 2, 2) [m]."""
+        return apexes(self.joints, self.worm.link_length)
+
+    @cached_property
+    def length(self) -> FloatArray:
+        """Horizontal diagonal of each segment, shape (T, N) [m]."""
+        return diagonals(self.joints)[0]
+
+    @cached_property
+    def contraction(self) -> FloatArray:
+        """Commanded contraction, shape (T, N)."""
+        return 1.0 - np.array([state.l_cmd for state in self._states]) / self.worm.l0
+
+    @cached_property
+    def com(self) -> FloatArray:
+        """Centre of mass of joints and apexes, shape (T, 2) [m]."""
+        return self._mean(self.joints, self.apexes)
+
+    @cached_property
+    def com_velocity(self) -> FloatArray:
+        """Velocity of the centre of mass, shape (T, 2) [m/s]."""
+        joints = np.array([state.joint_velocity for state in self._states])
+        return self._mean(joints, np.array([state.apex_velocity for state in self._states]))
+
+    def _mean(self, at_joints: FloatArray, at_apexes: FloatArray) -> FloatArray:
+        total = np.einsum("j,tjd->td", self.worm.joint_mass, at_joints)
+        total += np.einsum("ns,tnsd->td", self.worm.apex_mass, at_apexes)
+        return total / self.worm.total_mass
+
+    @cached_property
+    def normal_load(self) -> FloatArray:
+        """Normal load of each apex [bottom, top], shape (T, N, 2) [N]."""
+        return np.array([state.load for state in self._states])
+
+    @cached_property
+    def slip(self) -> FloatArray:
+        """Metres slid by each apex [bottom, top] in each step, >= 0, shape (S, N, 2) [m]."""
+        n = self.worm.segments
+        return np.array([sum(np.abs(part.slip) for part in parts) for parts in self.steps]).reshape(-1, n, 2)
+
+    @cached_property
+    def joint_friction(self) -> FloatArray:
+        """Friction (P10) along x on the joints of the clamped worm, shape (S, N+1) [N]."""
+        return np.array([parts[-1].joint_friction for parts in self.steps]).reshape(-1, self.worm.segments + 1)
+
+    @cached_property
+    def joint_load(self) -> FloatArray:
+        """Normal loads (P9) of the clamped worm, shape (S, N+1) [N]."""
+        return np.array([parts[-1].joint_load for parts in self.steps]).reshape(-1, self.worm.segments + 1)
+
+    @cached_property
+    def newton_iterations(self) -> NDArray[np.int64]:
+        """Jacobians evaluated in each step, shape (S,)."""
+        return np.array([sum(p.solution.iterations for p in parts) for parts in self.steps], dtype=np.int64)
+
+    @cached_property
+    def halved_steps(self) -> int:
+        """Number of steps that had to be taken in parts."""
+        return sum(len(parts) > 1 for parts in self.steps)
+
+    @cached_property
+    def ledger(self) -> Ledger:
+        """Energy of each step, term by term."""
+        flat = [part for parts in self.steps for part in parts]
+        owner = np.repeat(np.arange(len(self.steps)), [len(parts) for parts in self.steps])
+        return Ledger.of(Parts.of(flat, self.worm), self.worm, self.ground, self.gravity).summed(owner, len(self.steps))
+
+    @property
+    def distance(self) -> float:
+        """Displacement of the centre of mass along the ground [m]."""
+        return float(self.com[-1, 0] - self.com[0, 0])
+
+    @property
+    def work_contract(self) -> float:
+        """Net work of the actuators, the integral of (dE/dl_cmd) dl_cmd [J]."""
+        return float(self.ledger.work_contract.sum())
+
+    @property
+    def work_friction(self) -> float:
+        """Energy lost to friction, >= 0 in contact [J]."""
+        return float(self.ledger.friction_loss.sum())
+
+    @property
+    def cost_of_transport(self) -> float:
+        """work_contract / (m g distance); NaN if the worm made no way forward or has no weight."""
+        g = float(np.hypot(*self.gravity))
+        if g == 0.0:
+            return float("nan")
+        return dimensionless_cost_of_transport(self.work_contract, self.worm.total_mass, g, self.distance)

@@ -1,0 +1,54 @@
+"""Shape of the chain from its joints: lengths, apexes, angles; for one instant or many at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planar.linkage.worm import FloatArray
+
+R = np.array([[0.0, -1.0], [1.0, 0.0]])
+"""Turns a vector by 90 degrees to the left."""
+
+
+def diagonals(joints: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return lengths (..., N) [m] and unit tangents (..., N, 2) of the segments of joints (..., N+1, 2)."""
+    e = np.diff(joints, axis=-2)
+    length = np.linalg.norm(e, axis=-1)
+    return length, e / length[..., None]
+
+
+def apexes(joints: FloatArray, a: FloatArray) -> FloatArray:
+    """Return the apexes [bottom, top] of each segment, shape (..., N, 2, 2) [m]: midpoint -+ h n.
+
+    Parameters
+    ----------
+    joints : ndarray, shape (..., N+1, 2)
+        [m].
+    a : ndarray, shape (N,)
+        Link lengths [m].
+    """
+    length, t = diagonals(joints)
+    h = np.sqrt(a**2 - length**2 / 4.0)
+    reach = h[..., None] * (t @ R.T)
+    middle = 0.5 * (joints[..., :-1, :] + joints[..., 1:, :])
+    return np.stack([middle - reach, middle + reach], axis=-2)
+
+
+def cross_products(joints: FloatArray) -> FloatArray:
+    """Return t1 x t2 of successive segments (P6), shape (..., N-1)."""
+    _, t = diagonals(joints)
+    cross: FloatArray = t[..., :-1, 0] * t[..., 1:, 1] - t[..., :-1, 1] * t[..., 1:, 0]
+    return cross
+
+
+def joint_cosines(joints: FloatArray) -> FloatArray:
+    """Return the cosine of the angle between successive segments, shape (..., N-1)."""
+    _, t = diagonals(joints)
+    cosine: FloatArray = np.sum(t[..., :-1, :] * t[..., 1:, :], axis=-1)
+    return cosine
+
+
+def hinge_angles(length: FloatArray, a: FloatArray) -> FloatArray:
+    """Return the angle of the apex hinges, 2 asin(l / 2a), shape as `length` [rad]."""
+    angle: FloatArray = 2.0 * np.arcsin(length / (2.0 * a))
+    return angle

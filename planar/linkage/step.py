@@ -1,0 +1,290 @@
+"""One implicit Euler step of the corrected worm, in contact with the ground or clamped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planar.linkage.element import Body, Contact, Now
+from planar.linkage.ground import YIELD_TOLERANCE, Ground
+from planar.linkage.newton import Newton, Solution, loads
+from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
+from planar.linkage.worm import FloatArray, Linkage
+
+MAX_BREAKAWAYS = 50
+"""Rounds of contacts going from stuck to kinetic within a step; each frees at least one, so it ends anyway."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Everything that a step starts from.
+
+    Attributes
+    ----------
+    joints, joint_velocity : ndarray, shape (N+1, 2)
+        [m], [m/s].
+    apex_velocity : ndarray, shape (N, 2, 2)
+        Of the apexes [bottom, top] [m/s].
+    l_cmd : ndarray, shape (N,)
+        Commanded rest lengths [m].
+    anchor, slide : ndarray, shape (N, 2)
+        x of each apex's anchor, and its displacement from it towards the head [m].
+    stuck : ndarray of bool, shape (N, 2)
+        Whether the static coefficient holds.
+    load : ndarray, shape (N, 2)
+        Normal load of each apex [N].
+    """
+
+    joints: FloatArray
+    joint_velocity: FloatArray
+    apex_velocity: FloatArray
+    l_cmd: FloatArray
+    anchor: FloatArray
+    slide: FloatArray
+    stuck: NDArray[np.bool_]
+    load: FloatArray
+
+    @classmethod
+    def at_rest(cls, joints: FloatArray, worm: Linkage) -> State:
+        """Return the worm at rest and uncommanded, without stored friction."""
+        n = worm.segments
+        positions = apexes(joints, worm.link_length)
+        return cls(
+            joints=joints,
+            joint_velocity=np.zeros((n + 1, 2)),
+            apex_velocity=np.zeros((n, 2, 2)),
+            l_cmd=np.full(n, worm.l0),
+            anchor=positions[..., 0].copy(),
+            slide=np.zeros((n, 2)),
+            stuck=np.ones((n, 2), dtype=bool),
+            load=np.zeros((n, 2)),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One finished step (or part of one, where a step was halved).
+
+    Attributes
+    ----------
+    dt : float
+        [s]
+    start, end : State
+    solution : Solution
+    slip : ndarray, shape (N, 2)
+        Signed motion of the anchors towards the head [m].
+    cap : ndarray, shape (N, 2)
+        Static over kinetic coefficient where stuck, else 1.
+    joint_force : ndarray, shape (N+1, 2)
+        External force on the joints [N].
+    joint_friction : ndarray, shape (N+1,)
+        Friction along x on the joints, (P10), of the clamped worm [N].
+    joint_load : ndarray, shape (N+1,)
+        Normal loads (P9) of the clamped worm [N].
+    """
+
+    dt: float
+    start: State
+    end: State
+    solution: Solution
+    slip: FloatArray
+    cap: FloatArray
+    joint_force: FloatArray
+    joint_friction: FloatArray
+    joint_load: FloatArray
+
+
+class Stepper(Protocol):
+    """Advances a state by one step; the step's solution says whether it converged."""
+
+    def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
+        """Return the step to the commanded lengths `l_cmd` under the joint forces `force`."""
+
+
+def body_of(worm: Linkage) -> Body:
+    """Return the worm's constants as the kernel wants them."""
+    n, a = worm.segments, worm.link_length
+    share = np.full(n + 1, worm.drag / n)
+    share[[0, -1]] /= 2.0
+    return Body(
+        k_spring=np.asarray(worm.k_spring),
+        l0=worm.l0,
+        a=a,
+        k_torsion=np.asarray(worm.k_torsion),
+        cross0=np.asarray(worm.cross0),
+        k_apex=np.asarray(worm.k_apex),
+        angle0=hinge_angles(np.full(n, worm.l0), a),
+        joint_mass=worm.joint_mass,
+        apex_mass=worm.apex_mass,
+        drag=share,
+        kelvin_voigt_time=worm.kelvin_voigt_time,
+    )
+
+
+def contact_of(ground: Ground | None, segments: int) -> Contact:
+    """Return the ground's constants as the kernel wants them; no contact without a ground."""
+    if ground is None:
+        nothing = np.zeros(segments)
+        return Contact(0.0, 0.0, nothing, nothing, 1.0, 0.0)
+    return Contact(
+        ground.stiffness,
+        ground.damping,
+        ground.mu_forward,
+        ground.mu_backward,
+        ground.yield_gauge,
+        ground.gauge_damping,
+    )
+
+
+class _ImplicitEuler:
+    """What both kinds of ground share: (P4) and the packing of a step."""
+
+    def __init__(
+        self, worm: Linkage, gravity: FloatArray, contact: Contact, held: NDArray[np.bool_]
+    ) -> None:
+        self.worm, self.gravity, self.contact = worm, gravity, contact
+        self.body = body_of(worm)
+        self.newton = Newton(self.body, contact, worm.length, held.ravel())
+
+    def _now(self, state: State, l_cmd: FloatArray, force: FloatArray, cap: FloatArray, dt: float) -> Now:
+        positions = apexes(state.joints, self.body.a)
+        length, tangent = diagonals(state.joints)
+        return Now(
+            dt=dt,
+            l_cmd=l_cmd,
+            force=force,
+            gravity=self.gravity,
+            joint_hat=state.joints + dt * state.joint_velocity,
+            apex_hat=positions + dt * state.apex_velocity,
+            joint_n=state.joints,
+            length_n=length,
+            cross_n=cross_products(state.joints),
+            angle_n=hinge_angles(length, self.body.a),
+            depth_n=np.maximum(0.0, -positions[..., 1]),
+            anchor=state.anchor,
+            direction=np.where(tangent[:, 0] < 0.0, -1.0, 1.0),
+            slide_n=state.slide,
+            cap=cap,
+            load=state.load.copy(),
+        )
+
+    def _moved(self, state: State, q: FloatArray, l_cmd: FloatArray, dt: float) -> State:
+        joints = q.reshape(-1, 2)
+        before, after = apexes(state.joints, self.body.a), apexes(joints, self.body.a)
+        return replace(
+            state,
+            joints=joints,
+            joint_velocity=(joints - state.joints) / dt,
+            apex_velocity=(after - before) / dt,
+            l_cmd=l_cmd,
+        )
+
+
+class ContactStepper(_ImplicitEuler):
+    """Apexes touch the ground; friction is set-valued with anchors (`planar.linkage.ground`)."""
+
+    def __init__(
+        self, worm: Linkage, gravity: FloatArray, ground: Ground, held: NDArray[np.bool_]
+    ) -> None:
+        super().__init__(worm, gravity, contact_of(ground, worm.segments), held)
+        self.ground = ground
+
+    def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
+        """Solve with the static limit where stuck; contacts that yield become kinetic, and again."""
+        stuck, guess, iterations = state.stuck.copy(), state.joints.ravel(), 0
+        for _ in range(MAX_BREAKAWAYS):
+            cap = np.where(stuck, self.ground.static_ratio, 1.0)
+            now = self._now(state, l_cmd, force, cap, dt)
+            solution = self.newton.solve(guess, now)
+            iterations += solution.iterations
+            load = loads(solution.q, self.body, self.contact, now)
+            slip, slide = self._return_map(solution.q, now, load)
+            yielding = stuck & (slip != 0.0)
+            if not solution.converged or self.ground.static_ratio == 1.0 or not yielding.any():
+                break
+            stuck, guess = stuck & ~yielding, solution.q
+        touching = load > 0.0
+        moved = self._moved(state, solution.q, l_cmd, dt)
+        x = apexes(moved.joints, self.body.a)[..., 0]
+        end = replace(
+            moved,
+            load=load,
+            anchor=np.where(touching, state.anchor + now.direction[:, None] * slip, x),
+            slide=np.where(touching, slide, 0.0),
+            stuck=~touching | (slip == 0.0),
+        )
+        return Step(
+            dt=dt,
+            start=state,
+            end=end,
+            solution=replace(solution, iterations=iterations),
+            slip=slip,
+            cap=cap,
+            joint_force=force,
+            joint_friction=np.zeros(len(state.joints)),
+            joint_load=np.zeros(len(state.joints)),
+        )
+
+    def _return_map(self, q: FloatArray, now: Now, load: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(G3): return the anchors' signed motion and what is left of the displacement from them."""
+        g, d = self.ground, now.direction[:, None]
+        x = apexes(q.reshape(-1, 2), self.body.a)[..., 0]
+        s = d * (x - now.anchor)
+        r = 1.0 / (1.0 / g.yield_gauge + g.gauge_damping / now.dt)
+        centre = g.gauge_damping / now.dt * r * now.slide_n
+        y = s - centre
+        rho = np.where(y > 0.0, g.mu_forward[:, None], g.mu_backward[:, None]) * np.abs(y)
+        limit = now.cap * r
+        yields = (load > 0.0) & (rho > limit * (1.0 + YIELD_TOLERANCE))
+        left = np.where(yields, centre + y * limit / np.where(yields, rho, 1.0), s)
+        return np.where(yields, s - left, 0.0), left
+
+
+class ClampedStepper(_ImplicitEuler):
+    """The paper's ground: the joints' z are held, (P9) loads from a predictor, (P10) friction in the corrector."""
+
+    def __init__(
+        self, worm: Linkage, gravity: FloatArray, mu: tuple[FloatArray, FloatArray], threshold: float
+    ) -> None:
+        held = np.zeros((worm.segments + 1, 2), dtype=bool)
+        held[:, 1] = True
+        super().__init__(worm, gravity, contact_of(None, worm.segments), held)
+        self.mu, self.threshold = mu, threshold
+
+    def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
+        """Predict without friction, read the loads, and correct with friction."""
+        cap = np.ones_like(state.load)
+        now = self._now(state, l_cmd, force, cap, dt)
+        predicted = self.newton.solve(state.joints.ravel(), now)
+        load = np.abs(self.newton.residual(predicted.q, now)[1::2])  # (P9)
+        velocity = (predicted.q[::2] - state.joints[:, 0]) / dt
+        friction = self.p10_friction(load, velocity)
+        pushed = now._replace(force=force + np.column_stack([friction, np.zeros_like(friction)]))
+        corrected = self.newton.solve(predicted.q, pushed)
+        return Step(
+            dt=dt,
+            start=state,
+            end=self._moved(state, corrected.q, l_cmd, dt),
+            solution=replace(
+                corrected,
+                iterations=predicted.iterations + corrected.iterations,
+                converged=predicted.converged and corrected.converged,
+            ),
+            slip=np.zeros_like(state.load),
+            cap=cap,
+            joint_force=force,
+            joint_friction=friction,
+            joint_load=load,
+        )
+
+    def p10_friction(self, load: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Return the friction (P10) along x on each joint, shape (N+1,) [N]."""
+        forward, backward = self.mu
+        return np.select(
+            [velocity > self.threshold, velocity < -self.threshold],
+            [-forward * load, backward * load],
+            0.0,
+        )

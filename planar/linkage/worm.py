@@ -1,0 +1,195 @@
+"""The corrected planar worm: its parameters, its rest shape, and the weight that would flatten it.
+
+Segment i is a rhombic four-bar linkage with rigid links of length a on the horizontal diagonal l_i; half of its
+vertical diagonal is h_i = sqrt(a^2 - l_i^2/4), so that (2 h)^2 + l^2 = (2 a)^2. An active segment shortens and
+thereby widens.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize_scalar
+
+FloatArray = NDArray[np.float64]
+
+PER_SEGMENT = ("k_spring", "k_apex", "half_height")
+PER_JOINT = ("k_torsion", "cross0")
+
+
+@dataclass(frozen=True, eq=False)
+class Linkage:
+    """A chain of N rhombic linkages in the plane (x, z); frozen, validated, with read-only arrays.
+
+    Attributes
+    ----------
+    segments : int
+        N, at least 1.
+    length : float
+        Rest length of the body [m]; segments are equally long, l0 = length / N.
+    half_height : float or ndarray, shape (N,)
+        Rest half-height h0 of each rhombus [m]; sqrt(3)/4 l0 (the paper's) if left out.
+    density, depth : float
+        Mass = density [kg/m^3] x rest area of the rhombi x depth [m].
+    mass : float
+        Total mass [kg]; density and depth decide if left out.
+    apex_mass_fraction : float
+        Share of the mass on the apexes, equally; the rest is on the joints, shared like rod nodes (the ends
+        half as much). In [0, 1].
+    k_spring : float or ndarray, shape (N,)
+        Stiffness of the horizontal spring in (P7) [N].
+    k_torsion : float or ndarray, shape (N-1,)
+        Stiffness between neighbouring segments in (P6) [J].
+    cross0 : float or ndarray, shape (N-1,)
+        Rest value of the cross product in (P6).
+    k_apex : float or ndarray, shape (N,)
+        Stiffness of each of the two apex hinges of a rhombus, on its angle [N m/rad].
+    kelvin_voigt_time : float
+        Damping of every strain: its coefficient is this time [s] x the stiffness of that strain.
+    drag : float
+        Viscous medium (P8): force over speed of the whole worm [N s/m], shared over the joints like their mass.
+    """
+
+    segments: int = 6
+    length: float = 1.0
+    half_height: ArrayLike | None = None
+    density: float = 10.0
+    depth: float = 0.1
+    mass: float | None = None
+    apex_mass_fraction: float = 0.5
+    k_spring: ArrayLike = 13.0
+    k_torsion: ArrayLike = 1e4
+    cross0: ArrayLike = 0.0
+    k_apex: ArrayLike = 0.12
+    kelvin_voigt_time: float = 0.05
+    drag: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.segments < 1:
+            raise ValueError(f"segments: got {self.segments!r}, must be at least 1")
+        self._require("length", above=0.0)
+        if self.half_height is None:
+            object.__setattr__(self, "half_height", np.sqrt(3.0) / 4.0 * self.l0)
+        for name in PER_SEGMENT:
+            self._fill(name, self.segments)
+        for name in PER_JOINT:
+            self._fill(name, self.segments - 1)
+        if self.mass is None:
+            area = float(self.l0 * np.sum(self.half_height))
+            object.__setattr__(self, "mass", self.density * area * self.depth)
+        for name in ("half_height", "k_spring", "mass", "density", "depth"):
+            self._require(name, above=0.0)
+        for name in ("k_torsion", "k_apex", "kelvin_voigt_time", "drag"):
+            self._require(name, at_least=0.0)
+        self._require("apex_mass_fraction", at_least=0.0, at_most=1.0)
+        self._require("cross0", above=-1.0, below=1.0)
+
+    def _fill(self, name: str, size: int) -> None:
+        value = np.array(getattr(self, name), dtype=float)
+        if value.ndim == 0:
+            value = np.full(size, float(value))
+        if value.shape != (size,):
+            raise ValueError(f"{name}: got shape {value.shape}, must be a number or of shape ({size},)")
+        value.setflags(write=False)
+        object.__setattr__(self, name, value)
+
+    def _require(
+        self,
+        name: str,
+        *,
+        above: float | None = None,
+        at_least: float | None = None,
+        below: float | None = None,
+        at_most: float | None = None,
+    ) -> None:
+        value = np.asarray(getattr(self, name), dtype=float)
+        rules = {
+            "finite": np.isfinite(value),
+            f"above {above}": above is None or value > (above or 0.0),
+            f"at least {at_least}": at_least is None or value >= (at_least or 0.0),
+            f"below {below}": below is None or value < (below or 0.0),
+            f"at most {at_most}": at_most is None or value <= (at_most or 0.0),
+        }
+        for rule, holds in rules.items():
+            if not np.all(holds):
+                raise ValueError(f"{name}: got {getattr(self, name)!r}, must be {rule}")
+
+    @property
+    def l0(self) -> float:
+        """Rest length of a segment [m]."""
+        return self.length / self.segments
+
+    @property
+    def link_length(self) -> FloatArray:
+        """Length a of the links of each segment, shape (N,) [m]."""
+        length: FloatArray = np.sqrt(np.square(self.half_height) + self.l0**2 / 4.0)
+        return length
+
+    @property
+    def total_mass(self) -> float:
+        """Mass of the worm [kg]."""
+        assert self.mass is not None
+        return self.mass
+
+    @property
+    def joint_mass(self) -> FloatArray:
+        """Mass of each joint, shape (N+1,) [kg]."""
+        mass = np.full(self.segments + 1, (1.0 - self.apex_mass_fraction) * self.total_mass / self.segments)
+        mass[[0, -1]] /= 2.0
+        return mass
+
+    @property
+    def apex_mass(self) -> FloatArray:
+        """Mass of each apex [bottom, top], shape (N, 2) [kg]."""
+        return np.full((self.segments, 2), self.apex_mass_fraction * self.total_mass / (2 * self.segments))
+
+    def rest(self) -> FloatArray:
+        """Return the straight rest shape with joint 0 at the origin, shape (N+1, 2) [m]."""
+        x = np.arange(self.segments + 1) * self.l0
+        return np.column_stack([x, np.zeros_like(x)])
+
+    def with_changes(self, **changes: object) -> Linkage:
+        """Return a copy with some parameters changed."""
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        return Linkage(**{**given, **changes})  # type: ignore[arg-type]
+
+    def flattening_weight(self, contraction: float = 0.0) -> FloatArray:
+        """Return the weight on each segment's bottom apex that flattens it (limit point), shape (N,) [N].
+
+        A segment that carries the vertical load w on its apexes (joints at height h, top apex at 2 h) is in
+        equilibrium where dE/dl = w l/(4 h), since dh/dl = -l/(4 h). The greatest w with a solution in
+        l < l < 2 a is the limit point: any more and the rhombus collapses.
+
+        Parameters
+        ----------
+        contraction : float
+            Common contraction of all segments.
+        """
+        shapes = zip(np.asarray(self.k_spring), np.asarray(self.k_apex), self.link_length, strict=True)
+        return np.array([self._limit_point(*shape, contraction) for shape in shapes])
+
+    def _limit_point(self, k: float, k_apex: float, a: float, contraction: float) -> float:
+        l0, l_cmd = self.l0, self.l0 * (1.0 - contraction)
+
+        def weight(length: float) -> float:
+            h = np.sqrt(a**2 - length**2 / 4.0)
+            hinge = 2.0 * k_apex * 2.0 * (np.arcsin(length / (2 * a)) - np.arcsin(l0 / (2 * a))) / h
+            tension = -k * l0 / l_cmd * (1.0 - length / l_cmd) + hinge
+            return float(tension * 4.0 * h / length)
+
+        best = minimize_scalar(lambda x: -weight(x), bounds=(l_cmd, 2 * a * (1 - 1e-12)), method="bounded")
+        return weight(best.x)
+
+    def apex_load(self, gravity: float = 9.81) -> FloatArray:
+        """Return the weight that each rhombus has to hold up if all share it, shape (N,) [N].
+
+        The joints hang on it with once, the top apex with twice their height.
+        """
+        joints = (self.joint_mass[:-1] + self.joint_mass[1:]) / 2.0
+        ends = np.zeros(self.segments)
+        ends[0] += self.joint_mass[0] / 2.0
+        ends[-1] += self.joint_mass[-1] / 2.0
+        load: FloatArray = gravity * (joints + ends + 2.0 * self.apex_mass[:, 1])
+        return load
