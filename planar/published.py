@@ -236,7 +236,7 @@ def _advance(worm: _Worm, steps: int, observer: Observer | None) -> tuple[list[_
                 step = worm.step(k * worm.dt)
         except np.linalg.LinAlgError:
             return done, _stop(worm, Status.SINGULAR, k, np.zeros(worm.q.size))
-        if not (np.isfinite(step.q).all() and np.isfinite(step.solution.residual).all()):
+        if not (np.isfinite(step.q).all() and np.isfinite(step.solution.norm)):
             return done, _stop(worm, Status.NOT_FINITE, k, step.solution.residual)
         done.append(step)
         if observer is not None and not observer(k) and k < steps:

@@ -70,7 +70,8 @@ class Friction:
         """Return forward and backward coefficients of each segment, each of shape (N,)."""
         try:
             forward, backward = (
-                np.ascontiguousarray(np.broadcast_to(np.asarray(mu), (segments,))) for mu in (self.forward, self.backward)
+                np.ascontiguousarray(np.broadcast_to(np.asarray(mu), (segments,)))
+                for mu in (self.forward, self.backward)
             )
         except ValueError:
             raise ValueError(

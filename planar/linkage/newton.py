@@ -103,9 +103,7 @@ class Newton:
                 return q, iteration, True
         return q, MAX_DESCENT, False
 
-    def _search(
-        self, q: FloatArray, phi: float, direction: FloatArray, now: Now
-    ) -> tuple[float, FloatArray | None]:
+    def _search(self, q: FloatArray, phi: float, direction: FloatArray, now: Now) -> tuple[float, FloatArray | None]:
         slope, step, scratch = float(self.gradient @ direction), 1.0, np.empty_like(q)
         noise = 1e-14 * abs(phi)
         while step > 1e-10:

@@ -172,7 +172,9 @@ class _Simulation:
         return Status.DONE
 
     def _collect(self, first: State, done: list[list[Step]], stop: Stop) -> Run:
-        return Run(worm=self.worm, ground=self.ground, gravity=self.weight, dt=self.dt, first=first, steps=done, stop=stop)
+        return Run(
+            worm=self.worm, ground=self.ground, gravity=self.weight, dt=self.dt, first=first, steps=done, stop=stop
+        )
 
 
 def _stop(status: Status, k: int, dt: float, parts: list[Step]) -> Stop:
@@ -182,9 +184,7 @@ def _stop(status: Status, k: int, dt: float, parts: list[Step]) -> Stop:
     return Stop(status, k, k * dt, float(np.linalg.norm(residual)), min(worst, joints - 1))
 
 
-def _validate(
-    worm: Linkage, gait: Gait, duration: float, dt: float, ground: str, start: FloatArray | None
-) -> None:
+def _validate(worm: Linkage, gait: Gait, duration: float, dt: float, ground: str, start: FloatArray | None) -> None:
     for name, value in (("duration", duration), ("dt", dt)):
         if not (np.isfinite(value) and value > 0.0):
             raise ValueError(f"{name}: got {value!r} s, must be finite and above 0")
@@ -206,9 +206,7 @@ def _require_equilibrium(worm: Linkage, gravity: float) -> None:
         )
 
 
-def _start(
-    worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], start: FloatArray | None, settle: bool
-) -> State:
+def _start(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], start: FloatArray | None, settle: bool) -> State:
     joints = worm.rest() + np.array([0.0, float(np.max(worm.half_height))]) if start is None else np.array(start, float)
     state = State.at_rest(joints, worm)
     if not settle or weight[1] == 0.0:

@@ -142,9 +142,7 @@ def contact_of(ground: Ground | None, segments: int) -> Contact:
 class _ImplicitEuler:
     """What both kinds of ground share: (P4) and the packing of a step."""
 
-    def __init__(
-        self, worm: Linkage, gravity: FloatArray, contact: Contact, held: NDArray[np.bool_]
-    ) -> None:
+    def __init__(self, worm: Linkage, gravity: FloatArray, contact: Contact, held: NDArray[np.bool_]) -> None:
         self.worm, self.gravity, self.contact = worm, gravity, contact
         self.body = body_of(worm)
         self.newton = Newton(self.body, contact, worm.length, held.ravel())
@@ -186,9 +184,7 @@ class _ImplicitEuler:
 class ContactStepper(_ImplicitEuler):
     """Apexes touch the ground; friction is set-valued with anchors (`planar.linkage.ground`)."""
 
-    def __init__(
-        self, worm: Linkage, gravity: FloatArray, ground: Ground, held: NDArray[np.bool_]
-    ) -> None:
+    def __init__(self, worm: Linkage, gravity: FloatArray, ground: Ground, held: NDArray[np.bool_]) -> None:
         super().__init__(worm, gravity, contact_of(ground, worm.segments), held)
         self.ground = ground
 
@@ -246,9 +242,7 @@ class ContactStepper(_ImplicitEuler):
 class ClampedStepper(_ImplicitEuler):
     """The paper's ground: the joints' z are held, (P9) loads from a predictor, (P10) friction in the corrector."""
 
-    def __init__(
-        self, worm: Linkage, gravity: FloatArray, mu: tuple[FloatArray, FloatArray], threshold: float
-    ) -> None:
+    def __init__(self, worm: Linkage, gravity: FloatArray, mu: tuple[FloatArray, FloatArray], threshold: float) -> None:
         held = np.zeros((worm.segments + 1, 2), dtype=bool)
         held[:, 1] = True
         super().__init__(worm, gravity, contact_of(None, worm.segments), held)

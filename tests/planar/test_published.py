@@ -190,3 +190,11 @@ def test_path_length_averages_over_a_period() -> None:
     com = np.column_stack([0.3 * time + 0.05 * np.sin(np.pi * time), np.zeros_like(time)])
     assert_allclose(path_length(com, time, 2.0), 0.3 * 8.01, rtol=1e-10)
     assert path_length(com[:100], time[:100], 2.0) == 0.0
+
+
+def test_a_run_that_blows_up_is_not_called_done() -> None:
+    """A heavy worm under the inverted elastic force grows exponentially until it overflows."""
+    run = published.simulate(n=6, dt=0.001, steps=2000, parameters=Parameters(mass=1.0, connector_mass=0.1))
+    assert run.status is Status.NOT_FINITE
+    assert 0 < len(run.time) < 2000
+    assert np.isfinite(run.q).all()

@@ -1,0 +1,91 @@
+"""Figures and animations of a record, as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from scenes import kinds
+from scenes.errors import MissingPartError, SceneError
+from scenes.files import written_whole
+from scenes.kinds.base import Kind
+from scenes.record import Record
+
+
+def kind_of(record: Record) -> Kind[Any]:
+    """Return the model that made a record.
+
+    Raises
+    ------
+    SceneError
+        This version of the program does not know it.
+    """
+    if record.kind not in kinds.names():
+        known = ", ".join(kinds.names())
+        raise SceneError(f"{record.name}: made by the model '{record.kind}', this worm3d knows only {known}")
+    return kinds.get(record.kind)
+
+
+def is_drawable(record: Record) -> bool:
+    """Return whether at least one step was finished."""
+    return record.sizes.get("step", 0) > 0
+
+
+def plot(record: Record, kind: Kind[Any], folder: Path) -> list[Path]:
+    """Write the model's figures as PNG into a folder and return their paths.
+
+    Raises
+    ------
+    SceneError
+        The record has no finished step to draw.
+    DiscError
+        The folder cannot be written.
+    """
+    _require_steps(record)
+    paths = []
+    for stem, draw in kind.figures.items():
+        path = folder / f"{stem}.png"
+        figure, _ = draw(record)
+        with written_whole(path) as part:
+            # Without the version of matplotlib in it the file is the same on every machine.
+            figure.savefig(part, format="png", metadata={"Software": None})
+        paths.append(path)
+    return paths
+
+
+def animate(record: Record, kind: Kind[Any], path: Path, fps: int = 20) -> Path:
+    """Write the animation, GIF or MP4 by the ending of `path`, and return the path.
+
+    Raises
+    ------
+    MissingPartError
+        MP4 needs ffmpeg, which is not there.
+    SceneError
+        Another ending, or no finished step to draw.
+    DiscError
+        The file cannot be written.
+    """
+    _require_steps(record)
+    if path.suffix not in (".gif", ".mp4"):
+        raise SceneError(f"{path}: the name of an animation must end in .gif or .mp4")
+    # The writers choose the format by the ending, so the unfinished file keeps it.
+    with written_whole(path) as part:
+        unfinished = part.with_name(f"{part.name}{path.suffix}")
+        try:
+            kind.animate(record).save(unfinished, fps=fps)
+            unfinished.replace(part)
+        except FileNotFoundError as error:
+            raise _explained(error) from error
+        finally:
+            unfinished.unlink(missing_ok=True)
+    return path
+
+
+def _explained(error: FileNotFoundError) -> Exception:
+    """Return the missing program as our error; a missing folder (with an errno) stays a disc error."""
+    return error if error.errno is not None else MissingPartError(str(error))
+
+
+def _require_steps(record: Record) -> None:
+    if not is_drawable(record):
+        raise SceneError(f"{record.name}: no step was finished, there is nothing to draw")

@@ -1,0 +1,91 @@
+"""What the command line has to know of a model: its schema, how to run it, how to draw its results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Generic, Literal, Protocol, TypeVar
+
+from scenes.checks import Check
+from scenes.record import Record, Variable
+from scenes.sections import Settings
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+S = TypeVar("S", bound=Settings)
+
+Observer = Callable[[int], bool]
+"""Called with the number of finished steps; returning False ends the run there."""
+
+Status = Literal["done", "interrupted", "diverged"]
+
+
+class Movie(Protocol):
+    """An animation ready to be written."""
+
+    def save(self, path: Path, fps: int = 20) -> None:
+        """Write a GIF or MP4; FileNotFoundError if a program for that is missing."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a model hands back; complete up to the last finished step, however the run ended.
+
+    Attributes
+    ----------
+    status, sentence : str
+        How the run ended, in a word and in a sentence (with step, time and place if it diverged).
+    variables : tuple of Variable
+        Per-step solver statistics have the dimension "step".
+    summary : mapping
+        The figures of `summary.json`; None, NaN and infinity need a reason.
+    reasons : mapping
+        Why a figure of the summary has no value.
+    wall_s : float
+        Wall time of the simulation alone [s].
+    """
+
+    status: Status
+    sentence: str
+    variables: tuple[Variable, ...]
+    summary: Mapping[str, float | None]
+    reasons: Mapping[str, str]
+    wall_s: float
+
+
+@dataclass(frozen=True)
+class Kind(Generic[S]):
+    """A model that scenes can choose.
+
+    Attributes
+    ----------
+    name, title : str
+        Value of a scene's `model`, and what it is.
+    schema : type
+        The whole scene.
+    checks : tuple of Check
+        Across keys.
+    run : callable
+        Simulates a scene, calling the observer after each step.
+    figures : mapping
+        File stem -> function drawing it from a record.
+    animate : callable
+        Returns the movie of a record.
+    advice : str
+        What to try when a run diverges.
+    headlines : tuple of (key, label, unit)
+        Figures of the summary, beyond those of every model, that end a run's report.
+    """
+
+    name: str
+    title: str
+    schema: type[S]
+    checks: tuple[Check, ...]
+    run: Callable[[S, Observer], Outcome]
+    figures: Mapping[str, Callable[[Record], tuple[Figure, Axes]]]
+    animate: Callable[[Record], Movie]
+    advice: str
+    headlines: tuple[tuple[str, str, str], ...] = field(default=())

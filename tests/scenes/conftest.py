@@ -1,0 +1,71 @@
+"""Fixtures of the tests of scenes, results and the command line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from scenes.cli import main
+from scenes.loader import load_scene
+from scenes.record import Record
+from scenes.runner import simulate
+
+SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
+
+
+@dataclass(frozen=True)
+class Ended:
+    code: int
+    out: str
+    err: str
+
+    @property
+    def complaints(self) -> list[str]:
+        return self.err.splitlines()
+
+
+Command = Callable[..., Ended]
+
+
+@pytest.fixture
+def worm3d(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Command:
+    """The command line, in this process and in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: object) -> Ended:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return Ended(int(ended.value.code or 0), captured.out, captured.err)
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def script() -> str:
+    """Path of the console script."""
+    return str(Path(sys.executable).parent / "worm3d")
+
+
+@pytest.fixture
+def console(script: str, tmp_path: Path) -> Command:
+    """The console script as its users start it, in an empty folder."""
+
+    def call(*arguments: object, **options: object) -> Ended:
+        command = [script, *map(str, arguments)]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60, **options)  # type: ignore[call-overload]
+        return Ended(done.returncode, done.stdout, done.stderr)
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def record() -> Record:
+    """A short run."""
+    return simulate(load_scene("planar_published", SHORT[1::2]))

@@ -1,0 +1,195 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenes import cli
+from scenes.loader import parse_scene, shipped_scenes
+from scenes.store import save
+
+SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
+
+
+@pytest.fixture
+def result(record, tmp_path: Path) -> Path:
+    save(record, tmp_path / "result.nc")
+    return tmp_path
+
+
+def modules_after(*arguments: str) -> set[str]:
+    code = (
+        "import sys; from scenes.cli import main\n"
+        "try: main(sys.argv[1:])\n"
+        "except SystemExit as end: assert not end.code, end.code\n"
+        "print('MODULES', *sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    return set(done.stdout.splitlines()[-1].split())
+
+
+def test_help_is_quick(console) -> None:
+    def seconds() -> float:
+        start = time.perf_counter()
+        assert console("--help").code == 0
+        return time.perf_counter() - start
+
+    assert min(seconds() for _ in range(3)) < 0.5
+
+
+def test_help_and_check_import_nothing_heavy() -> None:
+    assert not modules_after("--help") & {"numpy", "pydantic", "matplotlib", "h5py"}
+    assert not modules_after("check", "planar_published") & {"matplotlib", "h5py", "scipy"}
+
+
+def test_version(worm3d) -> None:
+    assert worm3d("--version").out == "worm3d 0.1.0\n"
+
+
+def test_list_names_each_scene_and_what_to_see(worm3d) -> None:
+    lines = worm3d("list").out.splitlines()
+    assert [line.split()[0] for line in lines] == list(shipped_scenes())
+    assert all(len(line.split()) > 3 for line in lines)
+
+
+def test_check_of_a_right_scene(worm3d) -> None:
+    ended = worm3d("check", "planar_published")
+    assert (ended.code, ended.out) == (0, "planar_published: the scene is right (model planar_published, 1000 steps)\n")
+
+
+def test_mistakes_are_lines_and_no_traceback(console, tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_text('model = "planar_published"\n[gait]\nlamda_m = 1.0\nperiod_s = "2 s"\n')
+    for command in (("check",), ("run", "--out", "x")):
+        ended = console(*command, "bad.toml", "-o", "worm.segments=0")
+        assert (ended.code, ended.out) == (2, "")
+        assert ended.complaints == [
+            "line 3: gait.lamda_m: unknown key; did you mean 'wavelength_m'?",
+            "line 4: gait.period_s: got '2 s': input should be a valid number [s], 0 < … (default 2.0)",
+            "override worm.segments: got 0: input should be greater than or equal to 1, 1 <= … <= 200 (default 6)",
+        ]
+    assert not (tmp_path / "x").exists()
+
+
+def test_broken_toml_has_a_caret(console, tmp_path: Path) -> None:
+    (tmp_path / "broken.toml").write_text("[run\n")
+    ended = console("check", "broken.toml")
+    assert ended.code == 2
+    assert ended.complaints[1:] == ["    [run", "        ^"]
+
+
+@pytest.mark.parametrize("arguments", [(), ("run",), ("fly",), ("run", "planar_published", "--bogus")])
+def test_usage_errors_are_2(worm3d, arguments: tuple[str, ...]) -> None:
+    ended = worm3d(*arguments)
+    assert ended.code == 2
+    assert "Usage: " in ended.out + ended.err
+
+
+def test_init_writes_a_scene_that_is_right_and_complete(worm3d, tmp_path: Path) -> None:
+    assert worm3d("init", "mine.toml").code == 0
+    assert worm3d("check", "mine.toml").code == 0
+    text = (tmp_path / "mine.toml").read_text()
+    settings = parse_scene(text, "mine").settings
+    plain = parse_scene(f'model = "planar_published"\ntitle = "{settings.title}"\nsays = "{settings.says}"', "plain")
+    assert settings == plain.settings
+    assert "\n# time step [s], 0 < …\ndt_s = 0.01\n" in text
+    assert '; one of "direct", "retrograde", "standing"\ndirection = "direct"\n' in text
+    keys = [line for line in text.splitlines() if " = " in line and not line.startswith("#")]
+    written = [line for line in parse_scene(text, "mine").to_toml().splitlines() if " = " in line]
+    assert sorted(keys) == sorted(written)
+
+
+def test_init_does_not_overwrite(worm3d, tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text("precious")
+    ended = worm3d("init", "mine.toml")
+    assert (ended.code, ended.complaints) == (
+        2,
+        ["mine.toml exists: choose another name, or replace it with --force"],
+    )
+    assert (tmp_path / "mine.toml").read_text() == "precious"
+    assert worm3d("init", "mine.toml", "--force").code == 0
+
+
+def test_init_of_an_unknown_model_and_into_nowhere(worm3d) -> None:
+    ended = worm3d("init", "mine.toml", "--model", "zzz")
+    assert (ended.code, ended.complaints) == (2, ["--model: got 'zzz', must be one of planar_published"])
+    ended = worm3d("init", "none/mine.toml")
+    assert (ended.code, ended.complaints) == (1, ["cannot write none/mine.toml: no such file or directory"])
+
+
+def test_plot_draws_into_the_results_folder_or_another(worm3d, result: Path) -> None:
+    assert worm3d("plot", result).code == 0
+    drawn = {path.name for path in result.glob("*.png")}
+    assert len(drawn) == 3
+    assert worm3d("plot", result / "result.nc", "--out", "other").code == 0
+    assert {path.name for path in (result / "other").iterdir()} == drawn
+
+
+def test_animate(worm3d, result: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert worm3d("animate", result, "--fps", 10).out == f"{result}/animation.gif\n"
+    monkeypatch.setenv("PATH", "")
+    ended = worm3d("animate", result, "--out", "x.mp4")
+    assert ended.code == 4
+    assert len(ended.complaints) == 1
+    assert "ffmpeg" in ended.complaints[0]
+    assert worm3d("animate", result, "--out", "x.avi").code == 2
+
+
+def test_export(worm3d, result: Path, record) -> None:
+    assert worm3d("export", result, "--csv", "x.csv", "--npz", "x.npz").out == "x.csv\nx.npz\n"
+    assert len((result / "x.csv").read_text().splitlines()) == record.sizes["time"] + 1
+    with np.load(result / "x.npz") as arrays:
+        np.testing.assert_array_equal(arrays["com"], record["com"])
+    ended = worm3d("export", result)
+    assert (ended.code, ended.complaints) == (2, ["export: nothing to write; give --csv FILE or --npz FILE"])
+    assert worm3d("export", result, "--csv", "none/x.csv").code == 1
+
+
+@pytest.mark.parametrize("command", ["plot", "animate", "export"])
+def test_results_that_are_none(worm3d, tmp_path: Path, command: str) -> None:
+    (tmp_path / "result.nc").write_text("hello")
+    ended = worm3d(command, tmp_path, *(("--csv", "x.csv") if command == "export" else ()))
+    assert ended.code == 2
+    assert ended.complaints[0].startswith(f"{tmp_path}/result.nc: not a result of worm3d, or cut short: ")
+
+
+def test_a_result_of_a_model_we_do_not_know(worm3d, record, tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    save(replace(record, kind="octopus"), tmp_path / "result.nc")
+    assert worm3d("plot", tmp_path).complaints == [
+        "planar_published: made by the model 'octopus', this worm3d knows only planar_published"
+    ]
+
+
+def test_paper_passes_its_options_on_and_its_exit_code_back(worm3d, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[object] = []
+
+    def study(*options: object) -> int:
+        asked.extend(options)
+        return 3
+
+    monkeypatch.setattr("scenes.paper.run", study)
+    assert worm3d("paper", "--out", "x", "--force", "--quiet").code == 3
+    assert asked == [Path("x"), True, True]
+
+
+def test_info_says_what_is_installed_and_where(worm3d) -> None:
+    lines = worm3d("info").out.splitlines()
+    assert lines[0] == "worm3d 0.1.0"
+    assert f"package scenes at {Path(cli.__file__).parent / '__init__.py'}" in lines
+    assert any("numpy " + np.__version__ in line for line in lines)
+    assert len(lines) < 12
+
+
+def test_ctrl_c_outside_a_run_is_130(worm3d, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("scenes.versions.info_lines", interrupted)
+    ended = worm3d("info")
+    assert ended.code == 130
+    assert "Traceback" not in ended.err

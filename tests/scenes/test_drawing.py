@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from scenes import drawing, kinds
+from scenes.errors import DiscError, MissingPartError, SceneError
+from scenes.loader import load_scene
+from scenes.record import Record
+from scenes.runner import simulate
+
+KIND = kinds.get("planar_published")
+
+
+def test_every_figure_is_a_picture_with_labelled_axes(record: Record, tmp_path: Path) -> None:
+    paths = drawing.plot(record, KIND, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in paths)
+    for path in paths:
+        with Image.open(path) as picture:
+            assert len(picture.convert("RGB").getcolors(100_000) or []) > 20
+    for draw in KIND.figures.values():
+        _, axes = draw(record)
+        assert axes.get_xlabel() == "time [s]"
+        assert axes.get_ylabel()
+
+
+def test_the_animation_moves(record: Record, tmp_path: Path) -> None:
+    path = drawing.animate(record, KIND, tmp_path / "a.gif")
+    with Image.open(path) as movie:
+        assert movie.n_frames == 5  # 0.2 s at 20 frames a second
+        frames = []
+        for n in (0, movie.n_frames - 1):
+            movie.seek(n)
+            frames.append(np.asarray(movie.convert("RGB"), dtype=int))
+    assert np.abs(frames[0] - frames[1]).max() > 100
+    assert [p.name for p in tmp_path.iterdir()] == ["a.gif"]
+
+
+def test_a_thinned_record_is_coloured_by_the_activation_of_its_instants() -> None:
+    overrides = ["run.duration_s=1", "run.record_every=20"]
+    record = simulate(load_scene("planar_published", overrides))
+    movie = KIND.animate(record)
+    assert movie.activation.shape == (6, 6)  # type: ignore[attr-defined]
+    np.testing.assert_array_equal(movie.activation[1:], record["activation"][19::20])  # type: ignore[attr-defined]
+
+
+def test_mp4_needs_ffmpeg(record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(MissingPartError, match=r"MP4 needs the program ffmpeg, .* install it") as caught:
+        drawing.animate(record, KIND, tmp_path / "a.mp4")
+    assert caught.value.exit_code == 4
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["a.avi", "a"])
+def test_other_endings(record: Record, tmp_path: Path, name: str) -> None:
+    with pytest.raises(SceneError, match=r"the name of an animation must end in \.gif or \.mp4"):
+        drawing.animate(record, KIND, tmp_path / name)
+
+
+def test_a_missing_folder_is_a_disc_error(record: Record, tmp_path: Path) -> None:
+    with pytest.raises(DiscError, match=r"^cannot write .*a\.gif: no such file or directory$"):
+        drawing.animate(record, KIND, tmp_path / "none" / "a.gif")

@@ -1,0 +1,228 @@
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from scenes.errors import SceneError
+from scenes.loader import SHIPPED, load_scene, parse_scene, shipped_scenes
+
+EIGHT = """\
+model = "planar_published"
+seed = -1
+
+[run]
+duration_s = "10 s"
+dt_s = 0.5
+
+[worm]
+length_m = true
+segments = 6.5
+connector_mass_kg = 1.0
+
+[gait]
+lamda_m = 1.0
+kind = "traveling_wave"
+
+[frictoin]
+forward = 0.03
+"""
+
+
+def lines_about(text: str, *overrides: str) -> tuple[str, ...]:
+    with pytest.raises(SceneError) as caught:
+        parse_scene(text, "test", overrides)
+    assert caught.value.exit_code == 2
+    return caught.value.lines
+
+
+def test_eight_mistakes_give_eight_lines() -> None:
+    assert lines_about(EIGHT.replace("seed = -1\n", "\n")) == (
+        "line 5: run.duration_s: got '10 s': input should be a valid number [s], 0 < … (default 10.0)",
+        "line 6: run.dt_s: got 0.5 s: must be at most a 10th of gait.period_s (2.0 s), "
+        "or the wave falls between the steps",
+        "line 9: worm.length_m: got true: input should be a valid number [m], 0 < … <= 100 (default 1.0)",
+        "line 10: worm.segments: got 6.5: input should be a valid integer, 1 <= … <= 200 (default 6)",
+        "line 11: worm.connector_mass_kg: got 1.0 kg: must be below worm.mass_kg (1e-08 kg), of which it is a part",
+        "line 14: gait.lamda_m: unknown key; did you mean 'wavelength_m'?",
+        "line 15: gait.kind: got 'traveling_wave': input should be 'travelling_wave' or 'segment_driven'; "
+        "did you mean 'travelling_wave'? (default 'travelling_wave')",
+        "line 17: frictoin: unknown section; did you mean 'friction'?",
+    )
+
+
+def test_the_same_eight_with_an_unknown_model() -> None:
+    text = EIGHT.replace("seed = -1\n", "\n").replace('"planar_published"', '"planar_publised"')
+    first, *others = lines_about(text)
+    assert first == (
+        "line 1: model: got 'planar_publised': must be one of 'planar_published'; "
+        "did you mean 'planar_published'? (the rest is checked as 'planar_published')"
+    )
+    assert len(others) == 8
+
+
+def test_a_missing_model_does_not_hide_the_rest() -> None:
+    assert lines_about("worm = 3\n") == (
+        "line 1: model: missing: must be one of 'planar_published' (the rest is checked as 'planar_published')",
+        "line 1: worm: got 3: must be a section of keys under the header [worm]",
+    )
+
+
+def test_a_misspelt_key_silences_the_checks_of_the_key_it_was_meant_to_be() -> None:
+    text = 'model = "planar_published"\n[run]\ndt_s = 0.4\n[gait]\nperiod = 4.0\n'
+    assert lines_about(text) == ("line 5: gait.period: unknown key; did you mean 'period_s'?",)
+
+
+@pytest.mark.parametrize(
+    ("sections", "line"),
+    [
+        ("[run]\nduration_s = 0.001", "run.dt_s: got 0.01 s: must be at most run.duration_s (0.001 s)"),
+        (
+            "[run]\ndt_s = 1e-12",
+            "run.dt_s: got 1e-12 s: run.duration_s (10.0 s) must take at most 1e+09 steps",
+        ),
+        (
+            "[run]\nrecord_every = 1002",
+            "run.record_every: got 1002 steps: must be at most run.duration_s / run.dt_s, the 1000 steps of the run",
+        ),
+        (
+            '[gait]\nkind = "segment_driven"\ncontract_time_s = 2.5',
+            "gait.contract_time_s: got 2.5 s: must be at most gait.period_s (2.0 s), "
+            "for a segment ends its contraction before its next one",
+        ),
+        (
+            '[gait]\nkind = "segment_driven"\ncontract_time_s = 0.005',
+            "gait.contract_time_s: got 0.005 s: must be at least run.dt_s (0.01 s), or the steps miss the contraction",
+        ),
+        (
+            '[gait]\nkind = "segment_driven"\ndirection = "standing"',
+            "gait.direction: got 'standing': only a travelling_wave can stand; allowed here: 'direct', 'retrograde'",
+        ),
+    ],
+)
+def test_keys_that_do_not_go_together(sections: str, line: str) -> None:
+    found = lines_about(f'model = "planar_published"\n{sections}\n')
+    assert [re.sub(r"line \d: ", "", each) for each in found] == [line]
+
+
+def test_one_slip_in_the_time_step_gives_one_line() -> None:
+    assert len(lines_about('model = "planar_published"\n[run]\ndt_s = 20.0\n')) == 1
+
+
+def test_contraction_time_is_free_when_it_has_no_effect() -> None:
+    parse_scene('model = "planar_published"\n[gait]\ncontract_time_s = 2.5\n', "test")
+
+
+@pytest.mark.parametrize(
+    ("override", "line"),
+    [
+        ("gait.period_s=0", "override gait.period_s: got 0: input should be greater than 0 [s], 0 < … (default 2.0)"),
+        ("gait.period_s=2 s", "override gait.period_s: got '2 s': input should be a valid number [s], 0 < …"),
+        ("gait.perido_s=3", "override gait.perido_s: unknown key; did you mean 'period_s'?"),
+        ("gaits.period_s=3", "override gaits.period_s: gaits: unknown section; did you mean 'gait'?"),
+        ("worm=3", "override worm: got 3: must be a section of keys under the header [worm]"),
+        ("seed.x=3", "override seed.x: seed: got {x = 3}: input should be a valid integer"),
+        ("gait.period_s", "override gait.period_s: must be written as section.key=value"),
+        ("=3", "override : must be written as section.key=value"),
+        (
+            "gait.period_s=0.05",
+            "override gait.period_s: run.dt_s: got 0.01 s: must be at most a 10th of gait.period_s (0.05 s)",
+        ),
+    ],
+)  # fmt: skip
+def test_overrides_are_checked_like_the_file(override: str, line: str) -> None:
+    found = lines_about('model = "planar_published"\n', override)
+    assert len(found) == 1
+    assert found[0].startswith(line)
+
+
+def test_override_below_a_plain_value() -> None:
+    text = 'model = "planar_published"\n[worm]\nlength_m = 1.0\n'
+    assert lines_about(text, "worm.length_m.x=3") == (
+        "override worm.length_m.x: worm.length_m is not a section, it has no keys",
+    )
+
+
+def test_overrides_are_toml_or_bare_words() -> None:
+    overrides = ("gait.direction=retrograde", "gait.rectified=false", "run.duration_s=1", 'title="a = b"', "seed=0x10")
+    settings = load_scene("planar_published", overrides).settings
+    assert settings.gait.direction == "retrograde"  # type: ignore[attr-defined]
+    assert settings.gait.rectified is False  # type: ignore[attr-defined]
+    assert (settings.run.duration_s, settings.title, settings.seed) == (1.0, "a = b", 16)
+
+
+def test_an_override_mends_the_file() -> None:
+    text = 'model = "planar_published"\n[worm]\nsegments = 0\n'
+    assert parse_scene(text, "test", ["worm.segments=4"]).settings.worm.segments == 4  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("text", "first", "source", "column"),
+    [
+        ('a = 1\n[run]\n\tdt_s = = 3\n', "line 3, column 9: broken TOML: invalid value", " dt_s = = 3", 9),
+        ("[run\n", "line 1, column 5: broken TOML: expected ']' at the end of a table declaration", "[run", 5),
+        ("[run]\na = 1\na = 2\n", "line 3, column 6: broken TOML: cannot overwrite a value", "a = 2", 6),
+        ("x = [1,\n\n", "line 1, column 8: broken TOML: invalid value", "x = [1,", 8),
+    ],
+)  # fmt: skip
+def test_broken_toml_shows_the_place(text: str, first: str, source: str, column: int) -> None:
+    assert lines_about(text) == (first, f"    {source}", f"    {' ' * (column - 1)}^")
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        (f"a = {'[' * 5000}", "broken TOML: the brackets are nested too deeply"),
+        (f"a = {'9' * 5000}", "broken TOML: a number has thousands of digits"),
+    ],
+)
+def test_absurd_toml(text: str, line: str) -> None:
+    assert lines_about(text) == (line,)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        ("empty.toml", b" \n", "the file is empty; 'worm3d init FILE' writes a scene to start from"),
+        ("latin.toml", b"title = '\xe9'", "not a text in UTF-8 (byte 10); save it as UTF-8"),
+    ],
+)
+def test_files_that_are_no_scenes(tmp_path: Path, name: str, content: bytes, sentence: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(SceneError, match=re.escape(f"{path}: {sentence}")):
+        load_scene(path)
+
+
+def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
+    path = tmp_path / "notepad.toml"
+    path.write_bytes(b'\xef\xbb\xbfmodel = "planar_published"\r\n')
+    assert load_scene(path).name == "notepad"
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("planar_publised", "unknown scene 'planar_publised'; did you mean 'planar_published'? 'worm3d list' names"),
+        ("zzz", "unknown scene 'zzz'; 'worm3d list' names all scenes"),
+        ("zzz.toml", "zzz.toml: no such file; 'worm3d init zzz.toml' writes a scene to start from"),
+        ("/", "/ is a folder; a scene is a TOML file or one of the names of 'worm3d list'"),
+    ],
+)  # fmt: skip
+def test_scenes_that_are_not_there(name: str, sentence: str) -> None:
+    with pytest.raises(SceneError, match=re.escape(sentence)):
+        load_scene(name)
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_shipped_scenes_are_right_and_say_what_to_see(name: str) -> None:
+    assert load_scene(name).settings.says
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_the_resolved_scene_is_a_scene_and_resolves_to_itself(name: str) -> None:
+    scene = load_scene(SHIPPED / f"{name}.toml", ['title=quo"te \\ \x7f é'])
+    again = parse_scene(scene.to_toml(), name)
+    assert again.settings == scene.settings
+    assert again.to_toml() == scene.to_toml()

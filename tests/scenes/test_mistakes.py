@@ -1,0 +1,112 @@
+"""Lines about single keys, with a schema of our own that has mandatory keys and nested sections."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+import pytest
+
+from scenes.mistakes import Mistake, report, schema_mistakes
+from scenes.schema import Section, quantity, setting
+from scenes.toml_lines import key_lines
+
+
+class Wave(Section):
+    length_m: float = quantity(1.0, unit="m", gt=0, le=100, title="length", aka=("lambda_m",))
+    count: int = quantity(3, ge=1, lt=10, title="number of waves")
+    kind: Literal["sine", "square"] = setting("sine", title="shape")
+    on: bool = setting(True, title="whether it runs")
+
+
+class Body(Section):
+    mass_kg: float = quantity(unit="kg", gt=0, title="mass")
+    name: str = setting(title="name")
+
+
+class Whole(Section):
+    wave: Wave = Wave()
+    body: Body
+
+
+def line_about(path: str, value: Any) -> str:
+    section, key = path.split(".")
+    data = {"body": {"mass_kg": 1.0, "name": "x"}, "wave": {}}
+    data[section] = {**data[section], key: value}
+    mistakes = schema_mistakes(Whole, data)
+    assert len(mistakes) == 1
+    return mistakes[0].text
+
+
+@pytest.mark.parametrize("value", ["1.0 m", "1.0", True, [1.0], {"x": 1}])
+def test_only_numbers_are_numbers(value: Any) -> None:
+    assert line_about("wave.length_m", value).endswith(
+        ": input should be a valid number [m], 0 < … <= 100 (default 1.0)"
+    )
+
+
+def test_what_was_found_is_shown_as_in_the_file() -> None:
+    assert line_about("wave.length_m", "1.0 m").startswith("got '1.0 m': ")
+    assert line_about("wave.length_m", True).startswith("got true: ")
+    assert line_about("wave.length_m", list(range(1000))).startswith("got [0, 1, 2, ")
+    assert len(line_about("wave.length_m", list(range(1000)))) < 150
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_numbers_are_finite(value: float) -> None:
+    assert f"got {value}: input should be a finite number [m]" in line_about("wave.length_m", value)
+
+
+@pytest.mark.parametrize(
+    ("value", "rule"), [(0.0, "greater than 0"), (-1, "greater than 0"), (100.5, "less than or equal to 100")]
+)
+def test_range(value: float, rule: str) -> None:
+    text = line_about("wave.length_m", value)
+    assert text == f"got {value}: input should be {rule} [m], 0 < … <= 100 (default 1.0)"
+
+
+@pytest.mark.parametrize("value", [1.0, True, "1"])
+def test_only_integers_are_integers(value: Any) -> None:
+    assert "input should be a valid integer, 1 <= … < 10 (default 3)" in line_about("wave.count", value)
+
+
+def test_one_is_not_true() -> None:
+    assert line_about("wave.on", 1) == "got 1: input should be a valid boolean (default true)"
+
+
+def test_an_integer_will_do_for_a_number() -> None:
+    assert schema_mistakes(Whole, {"wave": {"length_m": 2}, "body": {"mass_kg": 1, "name": ""}}) == []
+
+
+def test_choices_are_listed() -> None:
+    assert line_about("wave.kind", "sqare") == (
+        "got 'sqare': input should be 'sine' or 'square'; did you mean 'square'? (default 'sine')"
+    )
+    assert line_about("wave.kind", 7) == "got 7: input should be 'sine' or 'square' (default 'sine')"
+
+
+def test_unknown_key_with_and_without_a_guess() -> None:
+    assert line_about("wave.lenght_m", 1.0) == "unknown key; did you mean 'length_m'?"
+    assert line_about("wave.lamda_m", 1.0) == "unknown key; did you mean 'length_m'?"
+    assert line_about("wave.zzz", 1.0) == "unknown key; known here: length_m, count, kind, on"
+
+
+def test_missing_keys_are_named_at_the_header_of_their_section() -> None:
+    text = "[wave]\ncount = 2\n\n[body]\n"
+    mistakes = schema_mistakes(Whole, {"wave": {"count": 2}, "body": {}})
+    assert report(mistakes, key_lines(text), []) == (
+        "line 4: body.mass_kg: missing: mass [kg], 0 < …",
+        "line 4: body.name: missing: name",
+    )
+
+
+def test_a_section_must_be_a_section() -> None:
+    assert [m.text for m in schema_mistakes(Whole, {"wave": 3, "body": {"mass_kg": 1.0, "name": "x"}})] == [
+        "got 3: must be a section of keys under the header [wave]"
+    ]
+
+
+def test_lines_come_in_the_order_of_the_file_and_overrides_last() -> None:
+    text = "a = 1\n\n[b]\nc = 2\n"
+    mistakes = [Mistake(("d",), "3"), Mistake(("b", "c"), "2"), Mistake(("a",), "1")]
+    assert report(mistakes, key_lines(text), [("d",)]) == ("line 1: a: 1", "line 4: b.c: 2", "override d: 3")

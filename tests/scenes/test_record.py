@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenes.record import Record, Variable
+from scenes.summary import Summary
+
+
+def record_of(*variables: Variable, **changes: Any) -> Record:
+    about: dict[str, Any] = {"name": "n", "kind": "k", "scene": "", "status": "done", "sentence": "", "seed": 0}
+    return Record(**about, versions={}, summary=Summary({}), variables=variables, **changes)
+
+
+def test_arrays_are_copies_and_read_only() -> None:
+    source = np.arange(3.0)
+    variable = Variable("x", ("time",), source, "m", "place")
+    source[0] = 7.0
+    assert variable.values[0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        variable.values[0] = 1.0
+
+
+def test_records_are_frozen() -> None:
+    record = record_of()
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        record.status = "other"  # type: ignore[misc]
+    with pytest.raises(TypeError):
+        record.versions["numpy"] = "0"  # type: ignore[index]
+
+
+@pytest.mark.parametrize(
+    ("dims", "values", "sentence"),
+    [
+        (("time",), np.zeros((2, 2)), r"x: got shape \(2, 2\), must have one axis for each of \('time',\)"),
+        (("time",), np.array(["a"]), "x: got values of type <U1, must be integers or floats"),
+        (("time",), np.array([True]), "x: got values of type bool, must be integers or floats"),
+    ],
+)
+def test_a_variable_is_numbers_with_named_axes(dims: tuple[str, ...], values: Any, sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        Variable("x", dims, values, "m", "place")
+
+
+def test_a_dimension_has_one_length() -> None:
+    with pytest.raises(ValueError, match="b: got 3 along 'time', must be 2 as before"):
+        record_of(Variable("a", ("time",), np.zeros(2), "m", ""), Variable("b", ("time",), np.zeros(3), "m", ""))
+
+
+def test_names_are_unique() -> None:
+    twice = Variable("a", (), 1.0, "m", "")
+    with pytest.raises(ValueError, match="variables: a given more than once"):
+        record_of(twice, twice)
+
+
+def test_a_missing_variable_is_told_with_those_there_are() -> None:
+    with pytest.raises(KeyError, match="z: not in this result, which has a, b"):
+        record_of(Variable("a", (), 1.0, "m", ""), Variable("b", (), 1, "1", ""))["z"]
