@@ -16,6 +16,7 @@ class Status(Enum):
     NO_CONVERGENCE = "Newton did not converge, not even with a 64th of the time step; the steps before are kept"
     FLATTENED = "a rhombus was pressed flat (limit point); the steps before are kept"
     FOLDED = "two neighbouring segments folded by 90 degrees or more; the steps before are kept"
+    SUNK = "a joint came down to the ground, where only apexes can stand; the steps before are kept"
     BAD_COMMAND = "the gait returned a contraction that is not finite or not below 1; the steps before are kept"
 
     @property

@@ -1,3 +1,20 @@
+"""The paper's mechanism with the physics right: the oracle for the 3D worm.
+
+A chain of rhombic linkages (`planar.linkage.worm`) with the apexes slaved to the diagonals; q are the joints.
+One step of implicit Euler (P1), (P2), (P4), (P5) makes the residual of this potential zero:
+
+    sum_k m_k/(2 dt^2) |X_k(q) - X_k - dt V_k|^2 - m_k g.X_k        inertia (P4) and weight, joints and apexes
+    + sum_i k l0/2 (1 - l/l_cmd)^2                                  springs (P7), l_cmd = l0 (1 - contraction)
+    + sum_j k_torsion/2 (cross - cross0)^2                          torsion (P6)
+    + sum_i 2 k_apex/2 (angle - angle0)^2                           two apex hinges, angle = 2 asin(l/2a)
+    + sum_s c/(2 dt) (s - s_n)^2                                    Kelvin-Voigt on every strain s, c = tau x stiffness
+    + sum_k drag_k/(2 dt) |p_k - p_k,n|^2                           viscous medium (P8)
+    + contact and friction                                          `planar.linkage.ground`
+
+where the normal loads in the friction are those of the solution itself. The clamped worm of the paper has its joints' z
+held, normal loads by (P9) and friction by (P10) instead.
+"""
+
 from planar.linkage.ground import Friction
 from planar.linkage.run import Run
 from planar.linkage.simulate import LimitPointError, simulate

@@ -91,7 +91,8 @@ class Now(NamedTuple):
 def normal_load(depth: float, depth_n: float, dt: float, k: float, c: float) -> float:
     """(G1): the normal force of one contact [N]."""
     stiff = k + c / dt
-    return stiff * max(0.0, max(0.0, depth) - c / dt * depth_n / stiff)
+    load: float = stiff * max(0.0, max(0.0, depth) - c / dt * depth_n / stiff)
+    return load
 
 
 @numba.njit(cache=True)
@@ -122,162 +123,209 @@ def evaluate(
     band : ndarray, shape (16, 2 (N+1)) or (0, 0)
         Filled [N/m] unless empty.
     """
-    n, dt = len(body.a), now.dt
-    hess = band.shape[0] > 0
     grad[:] = 0.0
     band[:, :] = 0.0
-    phi = 0.0
-    tangent = np.empty((n, 2))
-    length = np.empty(n)
-    block = np.empty((4, 4))
-
-    for i in range(n + 1):  # joints: inertia, weight, medium (P8), external force
-        m, drag = body.joint_mass[i] / dt**2, body.drag[i] / dt
-        for d in range(2):
-            x, away = q[2 * i + d], q[2 * i + d] - now.joint_hat[i, d]
-            moved, push = x - now.joint_n[i, d], body.joint_mass[i] * now.gravity[d] + now.force[i, d]
-            phi += 0.5 * m * away * away + 0.5 * drag * moved * moved - push * x
-            grad[2 * i + d] += m * away + drag * moved - push
-            if hess:
-                band[2 * BAND, 2 * i + d] += m + drag
-
-    for i in range(n):
+    tangent, length = np.empty((len(body.a), 2)), np.empty(len(body.a))
+    for i in range(len(body.a)):
         ex, ez = q[2 * i + 2] - q[2 * i], q[2 * i + 3] - q[2 * i + 1]
-        s, a = ex * ex + ez * ez, body.a[i]
-        if not (1e-8 * a * a < s < 4.0 * a * a * (1.0 - 1e-12)):
+        square = ex * ex + ez * ez
+        if not (1e-8 * body.a[i] ** 2 < square < 4.0 * body.a[i] ** 2 * (1.0 - 1e-12)):
             return np.inf
-        l = np.sqrt(s)
-        tx, tz, h = ex / l, ez / l, np.sqrt(a * a - 0.25 * s)
-        tangent[i, 0], tangent[i, 1], length[i] = tx, tz, l
-
-        # Strains of the segment: spring (P7), apex hinges, and their Kelvin-Voigt dampers.
-        k, l_cmd, tau = body.k_spring[i], now.l_cmd[i], body.kelvin_voigt_time / dt
-        stretch = 1.0 - l / l_cmd
-        damper = tau * k / body.l0
-        rate = l - now.length_n[i]
-        phi += 0.5 * k * body.l0 * stretch**2 + 0.5 * damper * rate**2
-        slope = -k * body.l0 / l_cmd * stretch + damper * rate
-        curve = k * body.l0 / l_cmd**2 + damper
-        angle = 2.0 * np.arcsin(0.5 * l / a)
-        bend, turn = angle - body.angle0[i], tau * (angle - now.angle_n[i])
-        phi += body.k_apex[i] * (bend**2 + turn * (angle - now.angle_n[i]))
-        moment = 2.0 * body.k_apex[i] * (bend + turn)
-        slope += moment / h
-        curve += 2.0 * body.k_apex[i] * (1.0 + tau) / h**2 + moment * l / (4.0 * h**3)
-
-        # Force and stiffness in e: slope t, curve t t^T + slope/l n n^T.
-        gx, gz = slope * tx, slope * tz
-        hxx = curve * tx * tx + slope / l * tz * tz
-        hxz = (curve - slope / l) * tx * tz
-        hzz = curve * tz * tz + slope / l * tx * tx
-
-        # Apexes (K1): inertia, weight, contact, friction.
-        w = h / l
-        w1 = -a * a / (2.0 * s * s * w)
-        w2 = (a * a / (s * s * s) - w1 * w1) / w
-        # D = d(w R e)/de = w R + 2 w' (Re) e^T, with Re = (-ez, ex)
-        dxx, dxz = -2.0 * w1 * ez * ex, -w - 2.0 * w1 * ez * ez
-        dzx, dzz = w + 2.0 * w1 * ex * ex, 2.0 * w1 * ex * ez
-        jac = np.empty((2, 4))
-        block[:, :] = 0.0
-        force = np.zeros(4)
+        length[i] = np.sqrt(square)
+        tangent[i, 0], tangent[i, 1] = ex / length[i], ez / length[i]
+    phi = _joints(q, body, now, grad, band)
+    for i in range(len(body.a)):
+        phi += _segment(i, q, length[i], tangent[i], body, now, grad, band)
         for j in range(2):
-            side = 2.0 * j - 1.0
-            x = 0.5 * (q[2 * i] + q[2 * i + 2]) - side * w * ez
-            z = 0.5 * (q[2 * i + 1] + q[2 * i + 3]) + side * w * ex
-            mass = body.apex_mass[i, j]
-            m = mass / dt**2
-            ax, az = x - now.apex_hat[i, j, 0], z - now.apex_hat[i, j, 1]
-            phi += 0.5 * m * (ax * ax + az * az) - mass * (now.gravity[0] * x + now.gravity[1] * z)
-            fx, fz = m * ax - mass * now.gravity[0], m * az - mass * now.gravity[1]
-            kxx, kxz, kzz = m, 0.0, m
-            if contact.stiffness > 0.0:
-                load = normal_load(-z, now.depth_n[i, j], dt, contact.stiffness, contact.damping)
-                stiff = contact.stiffness + contact.damping / dt
-                if load > 0.0:
-                    phi += 0.5 * load * load / stiff
-                    fz -= load
-                    kzz += stiff
-                pressed = load if coupled else now.load[i, j]
-                if pressed > 0.0:
-                    d = now.direction[i]
-                    y, mu, r = friction_gauge(
-                        d * (x - now.anchor[i, j]),
-                        now.slide_n[i, j],
-                        dt,
-                        contact.mu_forward[i],
-                        contact.mu_backward[i],
-                        contact.yield_gauge,
-                        contact.gauge_damping,
-                    )
-                    rho, cap = mu * abs(y), now.cap[i, j]
-                    if rho <= cap * r:
-                        phi += pressed * rho * rho / (2.0 * r)
-                        per_load = d * mu * mu * y / r
-                        kxx += pressed * mu * mu / r
-                    else:
-                        phi += pressed * cap * (rho - 0.5 * cap * r)
-                        per_load = d * cap * mu * np.sign(y)
-                    fx += pressed * per_load
-                    if coupled and load > 0.0:
-                        kxz -= stiff * per_load
-            jac[0, 0], jac[0, 1], jac[1, 0], jac[1, 1] = 0.5 - side * dxx, -side * dxz, -side * dzx, 0.5 - side * dzz
-            jac[0, 2], jac[0, 3], jac[1, 2], jac[1, 3] = 0.5 + side * dxx, side * dxz, side * dzx, 0.5 + side * dzz
-            for r_ in range(4):
-                force[r_] += jac[0, r_] * fx + jac[1, r_] * fz
-                if hess:
-                    for c_ in range(4):
-                        block[r_, c_] += (
-                            jac[0, r_] * (kxx * jac[0, c_] + kxz * jac[1, c_]) + jac[1, r_] * kzz * jac[1, c_]
-                        )
-            # (K2): R^T f = (fz, -fx), f.Re = fz ex - fx ez
-            across = fz * ex - fx * ez
-            hxx += side * (2.0 * w1 * (2.0 * fz * ex + across) + 4.0 * w2 * across * ex * ex)
-            hxz += side * (2.0 * w1 * (fz * ez - fx * ex) + 4.0 * w2 * across * ex * ez)
-            hzz += side * (2.0 * w1 * (-2.0 * fx * ez + across) + 4.0 * w2 * across * ez * ez)
-        grad[2 * i] += force[0] - gx
-        grad[2 * i + 1] += force[1] - gz
-        grad[2 * i + 2] += force[2] + gx
-        grad[2 * i + 3] += force[3] + gz
-        if hess:
-            for r_ in range(4):
-                for c_ in range(4):
-                    sign = 1.0 if (r_ < 2) == (c_ < 2) else -1.0
-                    own = hxx if r_ % 2 + c_ % 2 == 0 else (hzz if r_ % 2 + c_ % 2 == 2 else hxz)
-                    band[2 * BAND + r_ - c_, 2 * i + c_] += block[r_, c_] + sign * own
-
-    # Torsion between neighbouring segments (P6), on cross = sin(angle_2 - angle_1).
-    lever = np.empty(6)
-    for j in range(1, n):
-        t1x, t1z, t2x, t2z = tangent[j - 1, 0], tangent[j - 1, 1], tangent[j, 0], tangent[j, 1]
-        l1, l2 = length[j - 1], length[j]
-        cross, cosine = t1x * t2z - t1z * t2x, t1x * t2x + t1z * t2z
-        k, tau = body.k_torsion[j - 1], body.kelvin_voigt_time / dt
-        off, rate = cross - body.cross0[j - 1], cross - now.cross_n[j - 1]
-        phi += 0.5 * k * (off * off + tau * rate * rate)
-        moment = k * (off + tau * rate)
-        lever[0], lever[1] = -t1z / l1, t1x / l1
-        lever[4], lever[5] = -t2z / l2, t2x / l2
-        lever[2], lever[3] = -lever[0] - lever[4], -lever[1] - lever[5]
-        base = 2 * (j - 1)
-        for r_ in range(6):
-            grad[base + r_] += moment * cosine * lever[r_]
-        if hess:
-            stiff = k * (1.0 + tau) * cosine * cosine - moment * cross
-            for r_ in range(6):
-                for c_ in range(6):
-                    band[2 * BAND + r_ - c_, base + c_] += stiff * lever[r_] * lever[c_]
-            for e in range(2):  # second derivative of the angles of segments j-1 (minus) and j (plus)
-                tx, tz = (t1x, t1z) if e == 0 else (t2x, t2z)
-                factor = moment * cosine * (1.0 if e == 0 else -1.0) / (l1 * l1 if e == 0 else l2 * l2)
-                # n t^T + t n^T with n = (-tz, tx)
-                sxx, sxz, szz = -2.0 * tx * tz * factor, (tx * tx - tz * tz) * factor, 2.0 * tx * tz * factor
-                for r_ in range(4):
-                    for c_ in range(4):
-                        sign = 1.0 if (r_ < 2) == (c_ < 2) else -1.0
-                        own = sxx if r_ % 2 + c_ % 2 == 0 else (szz if r_ % 2 + c_ % 2 == 2 else sxz)
-                        band[2 * BAND + r_ - c_, base + 2 * e + c_] += sign * own
+            phi += _apex(i, j, q, length[i], body, contact, now, coupled, grad, band)
+    for j in range(1, len(body.a)):
+        phi += _torsion(j, length, tangent, body, now, grad, band)
     return phi
 
 
+@numba.njit(cache=True)
+def _joints(q: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray) -> float:
+    """Inertia (P4), weight, viscous medium (P8) and external force of the joints."""
+    phi = 0.0
+    for i in range(len(body.joint_mass)):
+        mass, drag = body.joint_mass[i] / now.dt**2, body.drag[i] / now.dt
+        for d in range(2):
+            k = 2 * i + d
+            away, moved = q[k] - now.joint_hat[i, d], q[k] - now.joint_n[i, d]
+            push = body.joint_mass[i] * now.gravity[d] + now.force[i, d]
+            phi += 0.5 * mass * away**2 + 0.5 * drag * moved**2 - push * q[k]
+            grad[k] += mass * away + drag * moved - push
+            if band.shape[0] > 0:
+                band[2 * BAND, k] += mass + drag
+    return phi
+
+
+@numba.njit(cache=True)
+def _segment(
+    i: int, q: FloatArray, length: float, t: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray
+) -> float:
+    """Strains of segment i: spring (P7), the two apex hinges, and their Kelvin-Voigt dampers."""
+    k, a, l_cmd, tau = body.k_spring[i], body.a[i], now.l_cmd[i], body.kelvin_voigt_time / now.dt
+    h = np.sqrt(a * a - 0.25 * length * length)
+    stretch, damper, rate = 1.0 - length / l_cmd, tau * k / body.l0, length - now.length_n[i]
+    phi = 0.5 * k * body.l0 * stretch**2 + 0.5 * damper * rate**2
+    slope = -k * body.l0 / l_cmd * stretch + damper * rate
+    curve = k * body.l0 / l_cmd**2 + damper
+
+    angle = 2.0 * np.arcsin(0.5 * length / a)
+    bend, turn = angle - body.angle0[i], angle - now.angle_n[i]
+    phi += body.k_apex[i] * (bend**2 + tau * turn**2)
+    moment = 2.0 * body.k_apex[i] * (bend + tau * turn)
+    slope += moment / h
+    curve += 2.0 * body.k_apex[i] * (1.0 + tau) / h**2 + moment * length / (4.0 * h**3)
+
+    for d in range(2):
+        grad[2 * i + d] -= slope * t[d]
+        grad[2 * i + 2 + d] += slope * t[d]
+    # Hessian in e: curve t t^T + slope/l n n^T, with n = (-t_z, t_x)
+    across = slope / length
+    _add_in_e(
+        band,
+        2 * i,
+        curve * t[0] ** 2 + across * t[1] ** 2,
+        (curve - across) * t[0] * t[1],
+        curve * t[1] ** 2 + across * t[0] ** 2,
+    )
+    return phi
+
+
+@numba.njit(cache=True)
+def _apex(
+    i: int,
+    j: int,
+    q: FloatArray,
+    length: float,
+    body: Body,
+    contact: Contact,
+    now: Now,
+    coupled: bool,
+    grad: FloatArray,
+    band: FloatArray,
+) -> float:
+    """Inertia, weight, contact and friction of apex j (0 bottom, 1 top) of segment i, through (K1) and (K2)."""
+    base, side, a, s = 2 * i, 2.0 * j - 1.0, body.a[i], length * length
+    ex, ez = q[base + 2] - q[base], q[base + 3] - q[base + 1]
+    w = np.sqrt(a * a / s - 0.25)
+    w1 = -a * a / (2.0 * s * s * w)
+    w2 = (a * a / (s * s * s) - w1 * w1) / w
+    x = 0.5 * (q[base] + q[base + 2]) - side * w * ez
+    z = 0.5 * (q[base + 1] + q[base + 3]) + side * w * ex
+    phi, fx, fz, kxx, kxz, kzz = _point(i, j, x, z, body, contact, now, coupled)
+
+    # Rows of dX/d(p_i, p_{i+1}) = (1/2 -+ D), D = d(wRe)/de = w R + 2 w' (Re) e^T, Re = (-ez, ex)
+    dxx, dxz = -2.0 * side * w1 * ez * ex, -side * (w + 2.0 * w1 * ez * ez)
+    dzx, dzz = side * (w + 2.0 * w1 * ex * ex), 2.0 * side * w1 * ex * ez
+    jx = (0.5 - dxx, -dxz, 0.5 + dxx, dxz)
+    jz = (-dzx, 0.5 - dzz, dzx, 0.5 + dzz)
+    for r in range(4):
+        grad[base + r] += jx[r] * fx + jz[r] * fz
+    if band.shape[0] > 0:
+        for r in range(4):
+            for c in range(4):
+                band[2 * BAND + r - c, base + c] += jx[r] * (kxx * jx[c] + kxz * jz[c]) + jz[r] * kzz * jz[c]
+    across = fz * ex - fx * ez  # f.Re; and R^T f = (fz, -fx)
+    _add_in_e(
+        band,
+        base,
+        side * (2.0 * w1 * (2.0 * fz * ex + across) + 4.0 * w2 * across * ex * ex),
+        side * (2.0 * w1 * (fz * ez - fx * ex) + 4.0 * w2 * across * ex * ez),
+        side * (2.0 * w1 * (-2.0 * fx * ez + across) + 4.0 * w2 * across * ez * ez),
+    )
+    return phi
+
+
+@numba.njit(cache=True)
+def _point(
+    i: int, j: int, x: float, z: float, body: Body, contact: Contact, now: Now, coupled: bool
+) -> tuple[float, float, float, float, float, float]:
+    """Return potential, gradient (x, z) and Hessian (xx, xz, zz) of what acts on one apex at (x, z)."""
+    mass, dt = body.apex_mass[i, j], now.dt
+    ax, az = x - now.apex_hat[i, j, 0], z - now.apex_hat[i, j, 1]
+    kxx = kzz = mass / dt**2
+    phi = 0.5 * kxx * (ax * ax + az * az) - mass * (now.gravity[0] * x + now.gravity[1] * z)
+    fx, fz, kxz = kxx * ax - mass * now.gravity[0], kzz * az - mass * now.gravity[1], 0.0
+    if contact.stiffness == 0.0:
+        return phi, fx, fz, kxx, kxz, kzz
+    load = normal_load(-z, now.depth_n[i, j], dt, contact.stiffness, contact.damping)
+    stiff = contact.stiffness + contact.damping / dt
+    if load > 0.0:
+        phi += 0.5 * load * load / stiff
+        fz -= load
+        kzz += stiff
+    pressed = load if coupled else now.load[i, j]
+    if pressed > 0.0:
+        potential, slope, curve = _friction(i, j, x, contact, now)
+        phi += pressed * potential
+        fx += pressed * slope
+        kxx += pressed * curve
+        if coupled:
+            kxz -= stiff * slope  # the load rises with the depth
+    return phi, fx, fz, kxx, kxz, kzz
+
+
+@numba.njit(cache=True)
+def _friction(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[float, float, float]:
+    """(G2) per unit of normal load: potential h, dh/dx and d2h/dx2."""
+    d = now.direction[i]
+    y, mu, r = friction_gauge(
+        d * (x - now.anchor[i, j]),
+        now.slide_n[i, j],
+        now.dt,
+        contact.mu_forward[i],
+        contact.mu_backward[i],
+        contact.yield_gauge,
+        contact.gauge_damping,
+    )
+    rho, cap = mu * abs(y), now.cap[i, j]
+    if rho <= cap * r:
+        return rho * rho / (2.0 * r), d * mu * mu * y / r, mu * mu / r
+    return cap * (rho - 0.5 * cap * r), d * cap * mu * np.sign(y), 0.0
+
+
+@numba.njit(cache=True)
+def _torsion(
+    j: int, length: FloatArray, t: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray
+) -> float:
+    """Torsion (P6) at joint j between segments j-1 and j, and its Kelvin-Voigt damper."""
+    cross = t[j - 1, 0] * t[j, 1] - t[j - 1, 1] * t[j, 0]
+    cosine = t[j - 1, 0] * t[j, 0] + t[j - 1, 1] * t[j, 1]
+    k, tau = body.k_torsion[j - 1], body.kelvin_voigt_time / now.dt
+    off, rate = cross - body.cross0[j - 1], cross - now.cross_n[j - 1]
+    moment, base = k * (off + tau * rate), 2 * (j - 1)
+    ax, az = -t[j - 1, 1] / length[j - 1], t[j - 1, 0] / length[j - 1]  # minus the angle of segment j-1
+    bx, bz = -t[j, 1] / length[j], t[j, 0] / length[j]
+    lever = (ax, az, -ax - bx, -az - bz, bx, bz)
+    for r in range(6):
+        grad[base + r] += moment * cosine * lever[r]
+    if band.shape[0] > 0:
+        stiff = k * (1.0 + tau) * cosine * cosine - moment * cross
+        for r in range(6):
+            for c in range(6):
+                band[2 * BAND + r - c, base + c] += stiff * lever[r] * lever[c]
+    for side in range(2):  # second derivative of the two angles
+        i = j - 1 + side
+        factor = moment * cosine * (1.0 - 2.0 * side) / length[i] ** 2
+        twice = 2.0 * t[i, 0] * t[i, 1] * factor
+        _add_in_e(band, 2 * i, -twice, (t[i, 0] ** 2 - t[i, 1] ** 2) * factor, twice)
+    phi: float = 0.5 * k * (off * off + tau * rate * rate)
+    return phi
+
+
+@numba.njit(cache=True)
+def _add_in_e(band: FloatArray, base: int, xx: float, xz: float, zz: float) -> None:
+    """Add the Hessian of a function of e = p_{i+1} - p_i, whose blocks in (p_i, p_{i+1}) are [H, -H; -H, H]."""
+    if band.shape[0] == 0:
+        return
+    for r in range(4):
+        for c in range(4):
+            own = xx if r % 2 + c % 2 == 0 else (zz if r % 2 + c % 2 == 2 else xz)
+            band[2 * BAND + r - c, base + c] += own if (r < 2) == (c < 2) else -own
+
+
 NO_BAND: Any = np.empty((0, 0))
+"""Stands for a Hessian that is not wanted."""

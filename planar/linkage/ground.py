@@ -23,7 +23,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from planar.linkage.worm import FloatArray, Linkage
 
@@ -33,7 +32,7 @@ RESTING_PENETRATION = 1e-5
 BREAKAWAY = 1e-5
 """Displacement at which the contact with the smallest coefficient yields, as a fraction of the segment length."""
 
-TANGENTIAL_DAMPING_RATIO = 4.0
+TANGENTIAL_DAMPING_RATIO = 40.0
 """Of the contact with the smallest coefficient, for the mass that it holds; larger ones are damped more."""
 
 YIELD_TOLERANCE = 1e-9
@@ -52,8 +51,8 @@ class Friction:
         Static over kinetic coefficient, at least 1.
     """
 
-    forward: ArrayLike = 0.03
-    backward: ArrayLike = 0.20
+    forward: float | FloatArray = 0.03
+    backward: float | FloatArray = 0.20
     static_ratio: float = 1.2
 
     def __post_init__(self) -> None:

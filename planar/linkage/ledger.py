@@ -120,7 +120,7 @@ class Ledger:
 
     def summed(self, owner: NDArray[np.int64], steps: int) -> Ledger:
         """Return the ledger with the parts of each step added up."""
-        return Ledger(**{f.name: np.bincount(owner, getattr(self, f.name), steps) for f in fields(self)})
+        return Ledger(**{f.name: np.bincount(owner, getattr(self, f.name), steps).astype(float) for f in fields(self)})
 
     @classmethod
     def of(cls, p: Parts, worm: Linkage, ground: Ground | None, gravity: FloatArray) -> Ledger:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgbsv, dpbsv
 
 from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Contact, Now, evaluate
+from planar.linkage.shape import apexes
 from planar.linkage.worm import FloatArray
 
 MAX_DESCENT = 60
@@ -61,7 +62,7 @@ class Newton:
     def solve(self, q: FloatArray, now: Now) -> Solution:
         """Return the state that solves the step, from the guess q; `now.load` is updated on the way."""
         iterations = 0
-        for relaxation in (1.0, 1.0, 1.0, 1.0) + (0.5,) * (MAX_PASSES - 4):
+        for relaxation in (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25) + (0.1,) * (MAX_PASSES - 8):
             q, used, descended = self._descend(q, now)
             iterations += used
             if descended:
@@ -134,8 +135,6 @@ class Newton:
 
 def loads(q: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:
     """Return the normal loads (G1) at q, shape (N, 2) [N]."""
-    from planar.linkage.shape import apexes
-
     k, c, dt = contact.stiffness, contact.damping, now.dt
     if k == 0.0:
         return np.zeros_like(now.load)

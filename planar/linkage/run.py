@@ -94,7 +94,8 @@ class Run:
     def _mean(self, at_joints: FloatArray, at_apexes: FloatArray) -> FloatArray:
         total = np.einsum("j,tjd->td", self.worm.joint_mass, at_joints)
         total += np.einsum("ns,tnsd->td", self.worm.apex_mass, at_apexes)
-        return total / self.worm.total_mass
+        mean: FloatArray = total / self.worm.total_mass
+        return mean
 
     @cached_property
     def normal_load(self) -> FloatArray:

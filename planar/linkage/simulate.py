@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from planar.linkage.ground import Friction, Ground
 from planar.linkage.run import Run
-from planar.linkage.shape import apexes, diagonals, joint_cosines
+from planar.linkage.shape import diagonals, joint_cosines
 from planar.linkage.step import ClampedStepper, ContactStepper, State, Step, Stepper
 from planar.linkage.worm import FloatArray, Linkage
 from planar.status import Status, Stop
@@ -24,7 +25,7 @@ Force = Callable[[float], FloatArray]
 HALVINGS = 6
 """A step that does not converge is halved at most so often."""
 
-FLAT = 1e-3
+FLAT = 0.02
 """A rhombus lower than this fraction of its rest height is flattened."""
 
 SETTLING_TIME = 1.0
@@ -133,7 +134,8 @@ class _Simulation:
         self.force = force or (lambda t: np.zeros((worm.segments + 1, 2)))
 
     def run(self, state: State, steps: int, observer: Callable[[int], bool] | None) -> Run:
-        first, done = state, []
+        first = state
+        done: list[list[Step]] = []
         for k in range(1, steps + 1):
             parts, status = self._advance(state, (k - 1) * self.dt, self.dt, HALVINGS)
             if status is not Status.DONE:
@@ -153,7 +155,8 @@ class _Simulation:
         if step.solution.converged:
             return [step], self._guard(step)
         if halvings == 0:
-            return [step], Status.NO_CONVERGENCE
+            broken = self._guard(step)
+            return [step], Status.NO_CONVERGENCE if broken is Status.DONE else broken
         first, status = self._advance(state, t, dt / 2.0, halvings - 1)
         if status is not Status.DONE:
             return first, status
@@ -164,11 +167,13 @@ class _Simulation:
         if not np.isfinite(step.end.joints).all():
             return Status.NOT_FINITE
         length, _ = diagonals(step.end.joints)
-        height = np.sqrt(np.maximum(self.worm.link_length**2 - length**2 / 4.0, 0.0))
-        if (height < FLAT * np.asarray(self.worm.half_height)).any():
+        height = np.sqrt(self.worm.link_length**2 - length**2 / 4.0)
+        if (height < FLAT * self.worm.rest_half_height).any():
             return Status.FLATTENED
         if (joint_cosines(step.end.joints) <= 0.0).any():
             return Status.FOLDED
+        if self.ground is not None and (step.end.joints[:, 1] <= 0.0).any():
+            return Status.SUNK
         return Status.DONE
 
     def _collect(self, first: State, done: list[list[Step]], stop: Stop) -> Run:
@@ -201,13 +206,15 @@ def _require_equilibrium(worm: Linkage, gravity: float) -> None:
     if (load >= limit).any():
         i = int(np.argmax(load / limit))
         raise LimitPointError(
-            f"segment {i} would be pressed flat: it carries {load[i]:.3g} N, its limit point is {limit[i]:.3g} N; "
-            f"make the worm lighter than {worm.total_mass * limit[i] / load[i]:.3g} kg, or k_spring or half_height larger"
+            f"segment {i} would be pressed flat: it carries {load[i]:.3g} N, its limit point is {limit[i]:.3g} N; make "
+            f"the worm lighter than {worm.total_mass * limit[i] / load[i]:.3g} kg, or k_spring or half_height larger"
         )
 
 
 def _start(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], start: FloatArray | None, settle: bool) -> State:
-    joints = worm.rest() + np.array([0.0, float(np.max(worm.half_height))]) if start is None else np.array(start, float)
+    joints = (
+        worm.rest() + np.array([0.0, float(worm.rest_half_height.max())]) if start is None else np.array(start, float)
+    )
     state = State.at_rest(joints, worm)
     if not settle or weight[1] == 0.0:
         return state
@@ -221,7 +228,4 @@ def _start(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], start: Fl
         state = State.at_rest(end.joints, worm)
         if moved < 1e-13 * worm.length:
             break
-    positions = apexes(state.joints, worm.link_length)
-    from dataclasses import replace
-
-    return replace(state, load=load, anchor=positions[..., 0].copy())
+    return replace(state, load=load)

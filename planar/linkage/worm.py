@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 FloatArray = NDArray[np.float64]
@@ -54,15 +54,15 @@ class Linkage:
 
     segments: int = 6
     length: float = 1.0
-    half_height: ArrayLike | None = None
+    half_height: float | FloatArray | None = None
     density: float = 10.0
     depth: float = 0.1
     mass: float | None = None
     apex_mass_fraction: float = 0.5
-    k_spring: ArrayLike = 13.0
-    k_torsion: ArrayLike = 1e4
-    cross0: ArrayLike = 0.0
-    k_apex: ArrayLike = 0.12
+    k_spring: float | FloatArray = 13.0
+    k_torsion: float | FloatArray = 1e4
+    cross0: float | FloatArray = 0.0
+    k_apex: float | FloatArray = 0.12
     kelvin_voigt_time: float = 0.05
     drag: float = 0.0
 
@@ -77,7 +77,7 @@ class Linkage:
         for name in PER_JOINT:
             self._fill(name, self.segments - 1)
         if self.mass is None:
-            area = float(self.l0 * np.sum(self.half_height))
+            area = float(self.l0 * np.sum(self.rest_half_height))
             object.__setattr__(self, "mass", self.density * area * self.depth)
         for name in ("half_height", "k_spring", "mass", "density", "depth"):
             self._require(name, above=0.0)
@@ -122,9 +122,14 @@ class Linkage:
         return self.length / self.segments
 
     @property
+    def rest_half_height(self) -> FloatArray:
+        """Rest half-height h0 of each rhombus, shape (N,) [m]."""
+        return np.asarray(self.half_height, dtype=float)
+
+    @property
     def link_length(self) -> FloatArray:
         """Length a of the links of each segment, shape (N,) [m]."""
-        length: FloatArray = np.sqrt(np.square(self.half_height) + self.l0**2 / 4.0)
+        length: FloatArray = np.sqrt(self.rest_half_height**2 + self.l0**2 / 4.0)
         return length
 
     @property
@@ -153,7 +158,7 @@ class Linkage:
     def with_changes(self, **changes: object) -> Linkage:
         """Return a copy with some parameters changed."""
         given = {f.name: getattr(self, f.name) for f in fields(self)}
-        return Linkage(**{**given, **changes})  # type: ignore[arg-type]
+        return Linkage(**{**given, **changes})
 
     def flattening_weight(self, contraction: float = 0.0) -> FloatArray:
         """Return the weight on each segment's bottom apex that flattens it (limit point), shape (N,) [N].

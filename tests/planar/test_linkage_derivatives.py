@@ -1,0 +1,115 @@
+"""Gradient and Hessian of a step against central differences, and each energy against its closed form."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from planar.linkage import Friction, Linkage
+from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Contact, Now, evaluate
+from planar.linkage.ground import Ground
+from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
+from planar.linkage.step import body_of, contact_of
+
+N, SIZE = 4, 10
+
+
+def contact_of_scale(worm: Linkage, stiffness: float) -> Contact:
+    """Return a ground soft enough for finite differences, every branch of the friction within reach."""
+    ground = contact_of(Ground.of(worm, Friction(0.3, 0.5), 9.81), N)
+    return ground._replace(stiffness=stiffness, damping=5.0, yield_gauge=0.01, gauge_damping=2.0)
+
+
+def some_step(worm: Linkage) -> tuple[np.ndarray, Now]:
+    """Return joints, and a step that does not start at rest, with everything switched on."""
+    rng = np.random.default_rng(1)
+    joints = worm.rest() + 0.01 * rng.standard_normal((N + 1, 2)) + [0.0, 0.07]
+    points = apexes(joints, worm.link_length)
+    length, _ = diagonals(joints)
+    now = Now(
+        dt=0.01,
+        l_cmd=worm.l0 * (1.0 - rng.uniform(0.0, 0.3, N)),
+        force=rng.standard_normal((N + 1, 2)),
+        gravity=np.array([0.3, -9.81]),
+        joint_hat=joints + 0.01 * rng.standard_normal(joints.shape),
+        apex_hat=points + 0.01 * rng.standard_normal(points.shape),
+        joint_n=joints + 0.001,
+        length_n=length + 0.01,
+        cross_n=cross_products(joints) + 0.1,
+        angle_n=hinge_angles(length, worm.link_length) + 0.1,
+        depth_n=np.abs(0.001 * rng.standard_normal((N, 2))),
+        anchor=points[..., 0] + np.array([[0.004], [-0.05], [0.05], [-0.004]]),  # stuck and sliding, both ways
+        direction=np.array([1.0, 1.0, 1.0, -1.0]),
+        slide_n=0.003 * rng.standard_normal((N, 2)),
+        cap=np.tile([1.0, 1.2], (N, 1)),
+        load=np.abs(rng.standard_normal((N, 2))),
+    )
+    return joints.ravel(), now
+
+
+def dense(band: np.ndarray) -> np.ndarray:
+    matrix = np.zeros((SIZE, SIZE))
+    for i in range(SIZE):
+        for j in range(max(0, i - BAND), min(SIZE, i + BAND + 1)):
+            matrix[i, j] = band[2 * BAND + i - j, j]
+    return matrix
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_against_central_differences(uneven_worm: Linkage, coupled: bool) -> None:
+    q, now = some_step(uneven_worm)
+    body, contact = body_of(uneven_worm), contact_of_scale(uneven_worm, 1000.0)
+    gradient, band = np.zeros(SIZE), np.zeros((ROWS, SIZE))
+    evaluate(q, body, contact, now, coupled, gradient, band)
+    matrix, step = dense(band), 1e-7
+    for i, e in enumerate(step * np.eye(SIZE)):
+        above, below = np.zeros(SIZE), np.zeros(SIZE)
+        rise = evaluate(q + e, body, contact, now, coupled, above, NO_BAND)
+        rise -= evaluate(q - e, body, contact, now, coupled, below, NO_BAND)
+        if not coupled:
+            assert_allclose(gradient[i], rise / (2 * step), rtol=1e-6, atol=1e-6)
+        assert_allclose(matrix[:, i], (above - below) / (2 * step), rtol=1e-6, atol=1e-4)
+    asymmetry = np.abs(matrix - matrix.T).max()
+    assert (asymmetry > 1.0) == coupled, "the loads of the friction couple the directions, one way only"
+
+
+def potential(worm: Linkage, q: np.ndarray, now: Now, **changes: object) -> float:
+    body: Body = body_of(worm)._replace(joint_mass=np.zeros(N + 1), apex_mass=np.zeros((N, 2)), drag=np.zeros(N + 1))
+    no_contact = contact_of(None, N)
+    return evaluate(q, body, no_contact, now._replace(**changes), False, np.zeros(SIZE), NO_BAND)
+
+
+def test_energies_are_those_of_the_equations(uneven_worm: Linkage) -> None:
+    """(P7), (P6), apex hinges and Kelvin-Voigt dampers, summed as their formulas stand."""
+    q, now = some_step(uneven_worm)
+    joints, a, dt, tau = q.reshape(-1, 2), uneven_worm.link_length, 0.01, 0.03
+    length, _ = diagonals(joints)
+    angle, rest = hinge_angles(length, a), hinge_angles(np.full(N, 0.2), a)
+    cross = cross_products(joints)
+    k, kt, ka = uneven_worm.k_spring, uneven_worm.k_torsion, uneven_worm.k_apex
+    expected = (k * 0.2 / 2 * (1 - length / now.l_cmd) ** 2).sum()
+    expected += (kt / 2 * (cross - uneven_worm.cross0) ** 2).sum()
+    expected += 2 * (ka / 2 * (angle - rest) ** 2).sum()
+    expected += (tau * k / 0.2 / (2 * dt) * (length - now.length_n) ** 2).sum()
+    expected += (tau * kt / (2 * dt) * (cross - now.cross_n) ** 2).sum()
+    expected += 2 * (tau * ka / (2 * dt) * (angle - now.angle_n) ** 2).sum()
+    assert_allclose(potential(uneven_worm, q, now, force=np.zeros((N + 1, 2))), expected, rtol=1e-12)
+
+
+def test_rhombus_keeps_its_links(uneven_worm: Linkage) -> None:
+    """(2 h)^2 + l^2 = (2 a)^2, and each apex is a link's length from both joints."""
+    q, _ = some_step(uneven_worm)
+    joints, a = q.reshape(-1, 2), uneven_worm.link_length
+    points = apexes(joints, a)
+    for end in (joints[:-1], joints[1:]):
+        for side in (0, 1):
+            assert_allclose(np.linalg.norm(points[:, side] - end, axis=1), a, rtol=1e-13)
+    assert (points[:, 0, 1] < points[:, 1, 1]).all(), "bottom comes first"
+    length, _ = diagonals(joints)
+    height = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
+    assert_allclose(height**2 + length**2, (2 * a) ** 2, rtol=1e-13)
+
+
+def test_out_of_reach_is_infinite(uneven_worm: Linkage) -> None:
+    q, now = some_step(uneven_worm)
+    q[-2] += 1.0
+    assert potential(uneven_worm, q, now) == np.inf

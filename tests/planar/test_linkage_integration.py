@@ -1,0 +1,169 @@
+"""Order of the integrator, the ledger, momentum, and the limit of stiff links."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from planar import linkage
+from planar.linkage import Friction, Linkage
+from planar.linkage.shape import apexes
+from planar.net import Net
+from planar.status import Status
+
+
+def smooth(segments: int, amplitude: float = 0.15, period: float = 0.4):
+    x = (np.arange(segments) + 0.5) / segments
+
+    def gait(t: float) -> np.ndarray:
+        return amplitude * np.sin(2 * np.pi * (x - t / period)) * np.sin(np.pi * t / period) ** 2
+
+    return gait
+
+
+def wave(segments: int, sign: float = 1.0, amplitude: float = 0.2, period: float = 2.0):
+    """Return the rectified wave; sign +1 runs head to tail (retrograde)."""
+    x = (np.arange(segments) + 0.5) / segments
+    return lambda t: amplitude * np.maximum(0.0, np.sin(2 * np.pi * (x + sign * t / period)))
+
+
+def lifted(worm: Linkage) -> np.ndarray:
+    return worm.rest() + np.array([0.0, 1.0])
+
+
+def in_the_air(worm: Linkage, dt: float, duration: float) -> linkage.Run:
+    start = lifted(worm)
+    start[:, 1] += 0.02 * np.sin(np.arange(len(start)))
+    return linkage.simulate(
+        worm, smooth(worm.segments), duration=duration, dt=dt, gravity=0.0, start=start, settle=False
+    )
+
+
+def test_implicit_euler_is_of_first_order(uneven_worm: Linkage) -> None:
+    runs = [in_the_air(uneven_worm, dt, 0.4).joints[-1] for dt in (4e-4, 2e-4, 1e-4, 5e-5)]
+    steps = [np.abs(a - b).max() for a, b in pairwise(runs)]
+    orders = np.log2(np.array(steps[:-1]) / steps[1:])
+    assert_allclose(orders, 1.0, atol=0.15)
+    assert steps[-1] < 1e-4
+
+
+def test_ledger_closes_with_every_term_on_its_own(uneven_worm: Linkage, default_worm: Linkage) -> None:
+    runs = [
+        linkage.simulate(default_worm, wave(6), duration=4.0),
+        linkage.simulate(default_worm, wave(6), duration=4.0, friction=Friction(0.3, 0.5), slope=0.1),
+        linkage.simulate(default_worm, wave(6), duration=4.0, ground="clamped"),
+        linkage.simulate(uneven_worm, wave(4), duration=4.0, external_force=lambda t: np.full((5, 2), 0.01 * t)),
+        in_the_air(uneven_worm, 0.01, 0.4),
+    ]
+    for run in runs:
+        ledger = run.ledger
+        assert run.status is Status.DONE
+        assert ledger.balance_error < 1e-9
+        incoming = np.abs(ledger.work_contract) + np.abs(ledger.numerical_loss) + ledger.viscous_loss
+        assert (np.abs(ledger.residual) <= 1e-9 * incoming.sum()).all(), "each step closes, not only the sum"
+        assert ledger.friction_loss.min() >= -1e-15
+        assert ledger.viscous_loss.min() >= -1e-15
+    assert runs[0].work_friction > 1e-3
+    assert np.abs(runs[1].ledger.potential).sum() > 1e-3
+
+
+def test_numerical_loss_vanishes_with_the_time_step(uneven_worm: Linkage) -> None:
+    losses = [in_the_air(uneven_worm, dt, 0.4).ledger.numerical_loss.sum() for dt in (4e-4, 2e-4, 1e-4)]
+    assert_allclose(np.log2(np.array(losses[:-1]) / losses[1:]), 1.0, atol=0.15)
+
+
+def test_internal_forces_keep_momentum(uneven_worm: Linkage) -> None:
+    run = in_the_air(uneven_worm.with_changes(drag=0.0), 0.01, 1.0)
+    assert np.abs(run.com - run.com[0]).max() < 1e-12
+    assert np.ptp(run.length) > 0.01, "it did move"
+
+
+def test_falls_along_the_discrete_parabola(uneven_worm: Linkage) -> None:
+    """Implicit Euler: z_k = -g dt^2 k (k + 1)/2, whatever the worm does inside."""
+    worm = uneven_worm.with_changes(drag=0.0)
+    run = linkage.simulate(worm, smooth(4), duration=0.2, dt=0.01, start=lifted(worm), settle=False)
+    k = np.arange(21)
+    assert_allclose(run.com[:, 1] - run.com[0, 1], -9.81e-4 * k * (k + 1) / 2, rtol=0, atol=1e-12)
+
+
+def spring_net(worm: Linkage, joints: np.ndarray, k_link: float, dt: float, steps: int) -> np.ndarray:
+    """Integrate the worm as nodes and springs (3N+1 of them), by implicit Euler; return its joints at the end."""
+    net = Net(worm.segments, length=worm.length, k_spring=13.0, k_link=k_link, mass=1.0, connector_mass=0.5)
+    points = apexes(joints, worm.link_length)
+    x = net.rest.copy()
+    x[net.main], x[net.bottom], x[net.top] = joints, points[:, 0], points[:, 1]
+    mass = np.empty(len(x))
+    mass[net.main], mass[net.bottom], mass[net.top] = worm.joint_mass, worm.apex_mass[:, 0], worm.apex_mass[:, 1]
+    M, q, v = np.repeat(mass, 2), x.ravel(), np.zeros(x.size)
+    for _ in range(steps):
+        start, guess = q, q + dt * v
+        for _ in range(60):
+            gradient, hessian = net.p7_gradient_and_hessian(guess)
+            step = np.linalg.solve(np.diag(M) / dt**2 + hessian, M * (guess - start - dt * v) / dt**2 + gradient)
+            guess = guess - step
+            if np.abs(step).max() < 1e-14:
+                break
+        q, v = guess, (guess - start) / dt
+    return q.reshape(-1, 2)[net.main]
+
+
+def test_stiff_links_converge_to_the_linkage_at_first_order() -> None:
+    """A released, stretched and bent chain of springs: the error falls as 1/k_link."""
+    worm = Linkage(segments=3, mass=0.1, k_torsion=0.0, k_apex=0.0, kelvin_voigt_time=0.0)
+    start = lifted(worm) * [0.9, 1.0]
+    start[1, 1] += 0.03
+    run = linkage.simulate(worm, lambda t: np.zeros(3), duration=0.1, dt=0.005, gravity=0.0, start=start, settle=False)
+    moved = np.abs(run.joints[-1] - start).max()
+    errors = [
+        np.abs(spring_net(worm, start, k_link, 0.005, 20) - run.joints[-1]).max() for k_link in (1e4, 1e5, 1e6, 1e7)
+    ]
+    assert moved > 0.01
+    assert_allclose(np.log10(np.array(errors[:-1]) / errors[1:]), 1.0, atol=0.05)
+    assert errors[-1] < 1e-6 * moved * 10
+
+
+def test_viscous_medium_slows_a_pushed_worm(default_worm: Linkage) -> None:
+    """(P8): under a force F on frictionless ground the speed tends to F/drag."""
+    worm = default_worm.with_changes(drag=0.5)
+    share = np.full((7, 1), 1 / 6) * [1.0, 0.0]
+    share[[0, -1]] /= 2
+    run = linkage.simulate(
+        worm, lambda t: np.zeros(6), duration=3.0, friction=Friction(0.0, 0.0), external_force=lambda t: 0.1 * share
+    )
+    assert_allclose(run.com_velocity[-1, 0], 0.1 / 0.5, rtol=1e-3)
+    assert_allclose(run.ledger.work_external.sum(), 0.1 * run.distance, rtol=1e-3)
+
+
+def test_paper_and_ledger_agree_on_friction(default_worm: Linkage) -> None:
+    """(P13) is minus the loss, up to what the anchors store and damp."""
+    run = linkage.simulate(default_worm, wave(6), duration=4.0)
+    assert_allclose(-run.ledger.work_friction_p13.sum(), run.work_friction, rtol=0.02)
+
+
+def test_observer_and_bad_commands_keep_what_was_computed(default_worm: Linkage) -> None:
+    run = linkage.simulate(default_worm, wave(6), duration=1.0, observer=lambda k: k < 10)
+    assert run.status is Status.INTERRUPTED
+    assert run.joints.shape == (11, 7, 2)
+
+    def broken(t: float) -> np.ndarray:
+        return np.full(6, np.nan if t > 0.055 else 0.1)
+
+    run = linkage.simulate(default_worm, broken, duration=1.0)
+    assert run.status is Status.BAD_COMMAND
+    assert run.joints.shape == (6, 7, 2)
+    assert np.isfinite(run.joints).all()
+    assert "step 6, t = 0.06 s" in run.stop.sentence
+
+
+def test_two_runs_are_equal_to_the_bit(default_worm: Linkage) -> None:
+    first, second = (linkage.simulate(default_worm, wave(6), duration=1.0) for _ in range(2))
+    np.testing.assert_array_equal(first.joints, second.joints)
+
+
+@pytest.mark.parametrize("contraction", [-0.6, 0.97])
+def test_impossible_commands_end_with_a_reason(default_worm: Linkage, contraction: float) -> None:
+    run = linkage.simulate(default_worm, lambda t: np.full(6, contraction), duration=1.0)
+    assert np.isfinite(run.joints).all()
+    if contraction < 0.0:
+        assert run.status is Status.FLATTENED
