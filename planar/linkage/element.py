@@ -85,6 +85,8 @@ class Now(NamedTuple):
     """(N, 2) static_ratio where stuck, 1 where kinetic."""
     load: FloatArray
     """(N, 2) normal loads for friction, used where `coupled` is false."""
+    push: FloatArray
+    """(N, 2) constant forces on the apexes along x."""
 
 
 @numba.njit(cache=True)
@@ -168,7 +170,7 @@ def _segment(
     k, a, l_cmd, tau = body.k_spring[i], body.a[i], now.l_cmd[i], body.kelvin_voigt_time / now.dt
     h = np.sqrt(a * a - 0.25 * length * length)
     stretch, damper, rate = 1.0 - length / l_cmd, tau * k / body.l0, length - now.length_n[i]
-    phi = 0.5 * k * body.l0 * stretch**2 + 0.5 * damper * rate**2
+    phi: float = 0.5 * k * body.l0 * stretch**2 + 0.5 * damper * rate**2
     slope = -k * body.l0 / l_cmd * stretch + damper * rate
     curve = k * body.l0 / l_cmd**2 + damper
 
@@ -247,8 +249,9 @@ def _point(
     mass, dt = body.apex_mass[i, j], now.dt
     ax, az = x - now.apex_hat[i, j, 0], z - now.apex_hat[i, j, 1]
     kxx = kzz = mass / dt**2
-    phi = 0.5 * kxx * (ax * ax + az * az) - mass * (now.gravity[0] * x + now.gravity[1] * z)
-    fx, fz, kxz = kxx * ax - mass * now.gravity[0], kzz * az - mass * now.gravity[1], 0.0
+    push_x, push_z = mass * now.gravity[0] + now.push[i, j], mass * now.gravity[1]
+    phi = 0.5 * kxx * (ax * ax + az * az) - push_x * x - push_z * z
+    fx, fz, kxz = kxx * ax - push_x, kzz * az - push_z, 0.0
     if contact.stiffness == 0.0:
         return phi, fx, fz, kxx, kxz, kzz
     load = normal_load(-z, now.depth_n[i, j], dt, contact.stiffness, contact.damping)

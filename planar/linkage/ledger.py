@@ -56,6 +56,7 @@ class Parts:
     slip: FloatArray
     joint_force: FloatArray
     joint_friction: FloatArray
+    apex_friction: FloatArray
     cap: FloatArray
     gradient: FloatArray
 
@@ -69,6 +70,7 @@ class Parts:
             slip=np.array([s.slip for s in steps]),
             joint_force=np.array([s.joint_force for s in steps]),
             joint_friction=np.array([s.joint_friction for s in steps]),
+            apex_friction=np.array([s.apex_friction for s in steps]),
             cap=np.array([s.cap for s in steps]),
             gradient=np.array([s.solution.gradient for s in steps]),
         )
@@ -162,7 +164,9 @@ class _Terms:
         contact = self._contact()
         drag = np.asarray(self.worm.drag / self.worm.segments) * _ends_half(self.worm.segments)
         external = np.einsum("pjd,pjd->p", self.p.joint_force, self.dq)
-        clamped = np.einsum("pj,pj->p", self.p.joint_friction, self.dq[..., 0])
+        threshold = np.einsum("pj,pj->p", self.p.joint_friction, self.dq[..., 0])
+        threshold += np.einsum("pns,pns->p", self.p.apex_friction, self.dx[..., 0])
+        curvature = np.einsum("pns,pns->p", self.p.apex_friction, self.dx[..., 0] - self.jdq[..., 0])
         medium = np.einsum("j,pjd->p", drag, self.dq**2) / self.p.dt
         return {
             "work_contract": elastic["work"],
@@ -173,11 +177,11 @@ class _Terms:
             "potential": potential,
             "penetration": contact["penetration"],
             "anchor": contact["anchor"],
-            "friction_loss": contact["friction"] - clamped,
+            "friction_loss": contact["friction"] - threshold,
             "viscous_loss": elastic["viscous"] + contact["viscous"] + medium,
-            "numerical_loss": inertia_loss + elastic["numerical"] + weight_loss + contact["numerical"],
+            "numerical_loss": inertia_loss + elastic["numerical"] + weight_loss + contact["numerical"] + curvature,
             "work_contract_p11": elastic["p11"],
-            "work_friction_p13": contact["p13"] + clamped,
+            "work_friction_p13": contact["p13"] + threshold,
         }
 
     def _inertia(self) -> tuple[FloatArray, FloatArray]:
@@ -253,7 +257,7 @@ class _Terms:
         if self.ground is None:
             return {name: np.zeros(len(self.p.dt)) for name in names}
         normal = self._normal(self.ground)
-        friction = self._friction(self.ground)
+        friction = self._friction(self.ground) if not self.p.apex_friction.any() else {}
         total = {name: np.zeros(len(self.p.dt)) for name in names}
         for terms in (normal, friction):
             for name, term in terms.items():

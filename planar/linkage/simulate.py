@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from planar.linkage.ground import Friction, Ground
 from planar.linkage.run import Run
 from planar.linkage.shape import diagonals, joint_cosines
-from planar.linkage.step import ClampedStepper, ContactStepper, State, Step, Stepper
+from planar.linkage.step import ClampedStepper, ContactStepper, State, Step, Stepper, ThresholdStepper
 from planar.linkage.worm import FloatArray, Linkage
 from planar.status import Status, Stop
 
@@ -46,6 +46,7 @@ def simulate(
     dt: float = 0.01,
     ground: Literal["contact", "clamped"] = "contact",
     friction: Friction | None = None,
+    friction_law: Literal["anchored", "threshold"] = "anchored",
     gravity: float = 9.81,
     slope: float = 0.0,
     external_force: Force | None = None,
@@ -69,6 +70,8 @@ def simulate(
         the joints is held, loads by (P9), friction by (P10).
     friction : Friction, optional
         Of the ground; `Friction()` if left out. The clamped worm has kinetic coefficients only.
+    friction_law : str
+        In contact: "anchored" is the set-valued law, "threshold" the paper's (P10) on the touching apexes.
     gravity : float
         [m/s^2]
     slope : float
@@ -99,19 +102,23 @@ def simulate(
         Another argument out of range or of the wrong shape.
     """
     friction = friction or Friction()
-    _validate(worm, gait, duration, dt, ground, start)
+    _validate(worm, gait, duration, dt, start)
+    _require_choice("ground", ground, ("contact", "clamped"))
+    _require_choice("friction_law", friction_law, ("anchored", "threshold"))
     weight = gravity * np.array([-np.sin(slope), -np.cos(slope)])
     stepper: Stepper
     if ground == "clamped":
-        mu = Friction(friction.forward, friction.backward).coefficients(1)
-        stepper = ClampedStepper(worm, weight, (mu[0], mu[1]), velocity_threshold)
+        stepper = ClampedStepper(worm, weight, friction.coefficients(1), velocity_threshold)
         state = State.at_rest(worm.rest() if start is None else np.array(start, dtype=float), worm)
         constants = None
     else:
         _require_equilibrium(worm, gravity * np.cos(slope))
         constants = Ground.of(worm, friction, gravity)
         free = np.zeros((worm.segments + 1, 2), dtype=bool) if held is None else np.asarray(held, dtype=bool)
-        stepper = ContactStepper(worm, weight, constants, free)
+        if friction_law == "threshold":
+            stepper = ThresholdStepper(worm, weight, constants, free, velocity_threshold)
+        else:
+            stepper = ContactStepper(worm, weight, constants, free)
         state = _start(worm, weight, free, start, settle)
     return _Simulation(worm, stepper, gait, external_force, dt, weight, constants).run(
         state, max(1, round(duration / dt)), observer
@@ -189,16 +196,19 @@ def _stop(status: Status, k: int, dt: float, parts: list[Step]) -> Stop:
     return Stop(status, k, k * dt, float(np.linalg.norm(residual)), min(worst, joints - 1))
 
 
-def _validate(worm: Linkage, gait: Gait, duration: float, dt: float, ground: str, start: FloatArray | None) -> None:
+def _validate(worm: Linkage, gait: Gait, duration: float, dt: float, start: FloatArray | None) -> None:
     for name, value in (("duration", duration), ("dt", dt)):
         if not (np.isfinite(value) and value > 0.0):
             raise ValueError(f"{name}: got {value!r} s, must be finite and above 0")
-    if ground not in ("contact", "clamped"):
-        raise ValueError(f"ground: got {ground!r}, must be 'contact' or 'clamped'")
     if np.shape(gait(0.0)) != (worm.segments,):
         raise ValueError(f"gait: got shape {np.shape(gait(0.0))}, must be ({worm.segments},), one value per segment")
     if start is not None and np.shape(start) != (worm.segments + 1, 2):
         raise ValueError(f"start: got shape {np.shape(start)}, must be ({worm.segments + 1}, 2): x, z of each joint")
+
+
+def _require_choice(name: str, value: str, allowed: tuple[str, ...]) -> None:
+    if value not in allowed:
+        raise ValueError(f"{name}: got {value!r}, must be one of {', '.join(map(repr, allowed))}")
 
 
 def _require_equilibrium(worm: Linkage, gravity: float) -> None:

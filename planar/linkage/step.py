@@ -82,6 +82,8 @@ class Step:
         External force on the joints [N].
     joint_friction : ndarray, shape (N+1,)
         Friction along x on the joints, (P10), of the clamped worm [N].
+    apex_friction : ndarray, shape (N, 2)
+        Friction along x on the apexes, (P10), of the threshold law [N].
     joint_load : ndarray, shape (N+1,)
         Normal loads (P9) of the clamped worm [N].
     """
@@ -94,6 +96,7 @@ class Step:
     cap: FloatArray
     joint_force: FloatArray
     joint_friction: FloatArray
+    apex_friction: FloatArray
     joint_load: FloatArray
 
 
@@ -167,6 +170,7 @@ class _ImplicitEuler:
             slide_n=state.slide,
             cap=cap,
             load=state.load.copy(),
+            push=np.zeros_like(state.load),
         )
 
     def _moved(self, state: State, q: FloatArray, l_cmd: FloatArray, dt: float) -> State:
@@ -221,6 +225,7 @@ class ContactStepper(_ImplicitEuler):
             cap=cap,
             joint_force=force,
             joint_friction=np.zeros(len(state.joints)),
+            apex_friction=np.zeros_like(load),
             joint_load=np.zeros(len(state.joints)),
         )
 
@@ -255,7 +260,7 @@ class ClampedStepper(_ImplicitEuler):
         predicted = self.newton.solve(state.joints.ravel(), now)
         load = np.abs(self.newton.residual(predicted.q, now)[1::2])  # (P9)
         velocity = (predicted.q[::2] - state.joints[:, 0]) / dt
-        friction = self.p10_friction(load, velocity)
+        friction = p10_friction(load, velocity, self.mu, self.threshold)
         pushed = now._replace(force=force + np.column_stack([friction, np.zeros_like(friction)]))
         corrected = self.newton.solve(predicted.q, pushed)
         return Step(
@@ -271,14 +276,56 @@ class ClampedStepper(_ImplicitEuler):
             cap=cap,
             joint_force=force,
             joint_friction=friction,
+            apex_friction=np.zeros_like(state.load),
             joint_load=load,
         )
 
-    def p10_friction(self, load: FloatArray, velocity: FloatArray) -> FloatArray:
-        """Return the friction (P10) along x on each joint, shape (N+1,) [N]."""
-        forward, backward = self.mu
-        return np.select(
-            [velocity > self.threshold, velocity < -self.threshold],
-            [-forward * load, backward * load],
-            0.0,
+
+class ThresholdStepper(_ImplicitEuler):
+    """Apexes touch the ground, but friction is the paper's (P10): predictor's loads and directions, a threshold."""
+
+    def __init__(
+        self, worm: Linkage, gravity: FloatArray, ground: Ground, held: NDArray[np.bool_], threshold: float
+    ) -> None:
+        contact = contact_of(ground, worm.segments)
+        nothing = np.zeros(worm.segments)
+        super().__init__(worm, gravity, contact._replace(mu_forward=nothing, mu_backward=nothing), held)
+        self.mu = ground.mu_forward[:, None], ground.mu_backward[:, None]
+        self.threshold = threshold
+
+    def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
+        """Predict without friction, read loads and directions, and correct with friction."""
+        cap = np.ones_like(state.load)
+        now = self._now(state, l_cmd, force, cap, dt)
+        predicted = self.newton.solve(state.joints.ravel(), now)
+        before, after = (apexes(q.reshape(-1, 2), self.body.a)[..., 0] for q in (state.joints, predicted.q))
+        velocity = now.direction[:, None] * (after - before) / dt
+        load = loads(predicted.q, self.body, self.contact, now)
+        friction = now.direction[:, None] * p10_friction(load, velocity, self.mu, self.threshold)
+        corrected = self.newton.solve(predicted.q, now._replace(push=friction))
+        end = self._moved(state, corrected.q, l_cmd, dt)
+        slid = apexes(end.joints, self.body.a)[..., 0] - before
+        return Step(
+            dt=dt,
+            start=state,
+            end=replace(end, load=loads(corrected.q, self.body, self.contact, now)),
+            solution=replace(
+                corrected,
+                iterations=predicted.iterations + corrected.iterations,
+                converged=predicted.converged and corrected.converged,
+            ),
+            slip=np.where(friction != 0.0, now.direction[:, None] * slid, 0.0),
+            cap=cap,
+            joint_force=force,
+            joint_friction=np.zeros(len(state.joints)),
+            apex_friction=friction,
+            joint_load=np.zeros(len(state.joints)),
         )
+
+
+def p10_friction(
+    load: FloatArray, velocity: FloatArray, mu: tuple[FloatArray, FloatArray], threshold: float
+) -> FloatArray:
+    """Return the friction (P10) of contacts with the given loads and velocities towards the head [N]."""
+    forward, backward = mu
+    return np.select([velocity > threshold, velocity < -threshold], [-forward * load, backward * load], 0.0)

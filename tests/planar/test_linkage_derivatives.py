@@ -42,6 +42,7 @@ def some_step(worm: Linkage) -> tuple[np.ndarray, Now]:
         slide_n=0.003 * rng.standard_normal((N, 2)),
         cap=np.tile([1.0, 1.2], (N, 1)),
         load=np.abs(rng.standard_normal((N, 2))),
+        push=rng.standard_normal((N, 2)),
     )
     return joints.ravel(), now
 
@@ -92,7 +93,9 @@ def test_energies_are_those_of_the_equations(uneven_worm: Linkage) -> None:
     expected += (tau * k / 0.2 / (2 * dt) * (length - now.length_n) ** 2).sum()
     expected += (tau * kt / (2 * dt) * (cross - now.cross_n) ** 2).sum()
     expected += 2 * (tau * ka / (2 * dt) * (angle - now.angle_n) ** 2).sum()
-    assert_allclose(potential(uneven_worm, q, now, force=np.zeros((N + 1, 2))), expected, rtol=1e-12)
+    assert_allclose(
+        potential(uneven_worm, q, now, force=np.zeros((N + 1, 2)), push=np.zeros((N, 2))), expected, rtol=1e-12
+    )
 
 
 def test_rhombus_keeps_its_links(uneven_worm: Linkage) -> None:
