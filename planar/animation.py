@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import cast
 
 import matplotlib as mpl
 import numpy as np
@@ -48,25 +49,22 @@ class Movie:
         self._draw_stage(ground)
 
     def _draw_stage(self, ground: float | None) -> None:
-        low, high = self.corners.min(axis=(0, 1, 2)), self.corners.max(axis=(0, 1, 2))
-        if ground is not None:
-            low[1] = min(low[1], ground)
-        margin = 0.04 * (high[0] - low[0])
-        span = high - low + 2 * margin
-        scale = 720.0 / span[0]
-        left, bottom, above = 60, 45, 25
-        width, height = 800, 2 * round((bottom + scale * span[1] + above) / 2)  # even, as MP4 wants it
+        low, high = self._view(ground)
+        left, bottom, above, wide = 70, 45, 25, 710
+        height = 2 * round((bottom + wide * (high[1] - low[1]) / (high[0] - low[0]) + above) / 2)  # even, for MP4
+        width = left + wide + 20
         self.figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
         FigureCanvasAgg(self.figure)
-        box = (left / width, bottom / height, 720 / width, (height - bottom - above) / height)
-        axes = self.figure.add_axes(box)
+        box = (left / width, bottom / height, wide / width, (height - bottom - above) / height)
+        self._axes = axes = self.figure.add_axes(box)
         axes.set_aspect("equal")
-        axes.set_xlim(low[0] - margin, high[0] + margin)
-        axes.set_ylim(low[1] - margin, high[1] + margin)
-        axes.set_xlabel("x [m]")
+        axes.set_xlim(low[0], high[0])
+        axes.set_ylim(low[1], high[1])
+        axes.set_xlabel("along the ground [m]")
+        axes.set_ylabel("height [m]")
         axes.locator_params(axis="y", nbins=4)
         if ground is not None:
-            axes.axhspan(low[1] - margin, ground, color="0.8", lw=0)
+            axes.axhspan(low[1], ground, color="0.8", lw=0)
         self._bodies = PolyCollection(
             self.corners[0], cmap="bwr", clim=(-1.2, 1.2), edgecolors="0.15", lw=1.5, joinstyle="round"
         )
@@ -76,15 +74,41 @@ class Movie:
         axes.add_collection(self._springs)
         self._title = axes.set_title("", fontsize=9, loc="left")
 
+    def _view(self, ground: float | None) -> tuple[FloatArray, FloatArray]:
+        """Return the lower left and upper right corner of what is shown at first.
+
+        At most three body lengths wide, and then it follows the worm; at most 0.6 of that high, whatever flies off.
+        """
+        low, high = self.corners.min(axis=(0, 1, 2)), self.corners.max(axis=(0, 1, 2))
+        if ground is not None:
+            low[1] = min(low[1], ground)
+        first = self.corners[0]
+        body = float(np.ptp(first[..., 0]))
+        low[0] = max(low[0], first[..., 0].min() - body)
+        high[0] = min(high[0], low[0] + 3.0 * body)
+        middle, reach = float(first[..., 1].mean()), 0.3 * (high[0] - low[0])
+        low[1], high[1] = max(low[1], middle - reach), min(high[1], middle + reach)
+        margin = 0.04 * (high[0] - low[0])
+        return low - margin, high + margin
+
+    def _follow(self, corners: FloatArray) -> None:
+        """Move the view along the ground where the worm would leave it."""
+        left, right = self._axes.get_xlim()
+        tail, head = float(corners[..., 0].min()), float(corners[..., 0].max())
+        if tail < left or head > right:
+            middle, half = 0.5 * (tail + head), 0.5 * (right - left)
+            self._axes.set_xlim(middle - half, middle + half)
+
     def draw(self, frame: int) -> Figure:
         """Draw one instant and return the figure."""
         corners = self.corners[frame]
+        self._follow(corners)
         self._bodies.set_verts(list(corners))
         self._bodies.set_array(self.activation[frame])
         self._springs.set_segments(list(corners[:, ::2]))
         joints = np.vstack([corners[:, 0], corners[-1:, 2]])
         self._joints.set_data(joints[:, 0], joints[:, 1])
-        self._title.set_text(f"t = {self.time[frame]:5.2f} s   colour: activation (red contracts)")
+        self._title.set_text(f"t = {self.time[frame]:5.2f} s   colour: activation (red contracts, blue lengthens)")
         return self.figure
 
     def save(self, path: Path, fps: int = 20) -> None:
@@ -97,30 +121,30 @@ class Movie:
         FileNotFoundError
             MP4 wanted, but no ffmpeg on this machine.
         """
-        writer = _writer(path, fps)
-        frames = self._frames(fps)
-        with (
-            mpl.rc_context({"animation.frame_format": "rgba"}),
-            writer.saving(self.figure, str(path), dpi=DPI),
-        ):
-            for frame in frames:
+        suffix = path.suffix.lower()
+        # A GIF counts its delays in hundredths of a second.
+        interval = max(round(100 / fps), 2) / 100 if suffix == ".gif" else 1 / fps
+        writer = _writer(path, suffix, interval)
+        with mpl.rc_context({"animation.frame_format": "rgba"}), writer.saving(self.figure, str(path), dpi=DPI):
+            for frame in self._frames(interval):
                 self.draw(frame)
                 writer.grab_frame()
 
-    def _frames(self, fps: int) -> list[int]:
+    def _frames(self, interval: float) -> list[int]:
         if len(self.time) < 2:
             return [0]
-        instants = np.arange(self.time[0], self.time[-1] + 0.5 / fps, 1.0 / fps)
+        instants = np.arange(self.time[0], self.time[-1] + 0.5 * interval, interval)
         return [int(np.abs(self.time - t).argmin()) for t in instants]
 
 
-def _writer(path: Path, fps: int) -> AbstractMovieWriter:
-    if path.suffix == ".gif":
-        return PillowWriter(fps=fps)
-    if path.suffix != ".mp4":
+def _writer(path: Path, suffix: str, interval: float) -> AbstractMovieWriter:
+    if suffix == ".gif":
+        # It rounds the delay down to whole milliseconds.
+        return PillowWriter(fps=cast(int, (1.0 - 1e-9) / interval))
+    if suffix != ".mp4":
         raise ValueError(f"animation file: got {path.name!r}, the ending must be .gif or .mp4")
     if shutil.which("ffmpeg") is None:
         raise FileNotFoundError(
             "MP4 needs the program ffmpeg, which was not found: install it, or take a name that ends in .gif"
         )
-    return FFMpegWriter(fps=fps)
+    return FFMpegWriter(fps=cast(int, 1.0 / interval))

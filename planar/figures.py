@@ -41,6 +41,7 @@ def cumulative_cost(
     curves: Mapping[str, FloatArray],
     title: str = "Cumulative cost of transport",
     axes: Axes | None = None,
+    logarithmic: bool = False,
 ) -> tuple[Figure, Axes]:
     """Draw the cumulative cost of transport over time.
 
@@ -52,10 +53,14 @@ def cumulative_cost(
         Cumulative cost of transport [J/m].
     axes : Axes, optional
         Where to draw; a new figure if left out.
+    logarithmic : bool
+        Whether the curves are decades apart.
     """
     figure, axes = _prepared(axes, title, "cumulative cost of transport [J/m]")
     for label, cost in curves.items():
         axes.plot(time, cost, label=label)
+    if logarithmic:
+        axes.set_yscale("log", nonpositive="mask")
     _legend(axes, len(curves))
     return figure, axes
 
@@ -91,6 +96,109 @@ def activation(
     axes.set_yticks(range(segments))
     axes.set_title(f"{title}\nhighest {quantity}: {peak:.3g} {unit}".rstrip(), fontsize=10)
     return figure, axes
+
+
+def energy_ledger(
+    time: FloatArray,
+    incoming: Mapping[str, FloatArray],
+    stored: Mapping[str, FloatArray],
+    lost: Mapping[str, FloatArray],
+    title: str = "Energy",
+    axes: Axes | None = None,
+) -> tuple[Figure, Axes]:
+    """Draw where the energy comes from and goes to over time: what comes in is what is stored and lost.
+
+    Parameters
+    ----------
+    time : ndarray, shape (S,)
+        End of each step [s].
+    incoming, stored, lost : mapping of label to ndarray, shape (S,)
+        Energy summed over the steps so far [J].
+    axes : Axes, optional
+        Where to draw; a new figure if left out.
+    """
+    figure, axes = _prepared(axes, title, "energy [J]")
+    for style, what, curves in (("-", "in", incoming), ("--", "stored", stored), (":", "lost", lost)):
+        for label, energy in curves.items():
+            axes.plot(time, energy, style, label=f"{what}: {label} ({energy[-1]:.3g} J)")
+    axes.legend(fontsize=7, loc="upper left")
+    return figure, axes
+
+
+def space_time(
+    panels: Mapping[str, tuple[FloatArray, FloatArray]], ylabel: str, title: str = "Space and time"
+) -> tuple[Figure, Axes]:
+    """Draw what happens where and when, as colours over time and place along the worm; one panel for each quantity.
+
+    Parameters
+    ----------
+    panels : mapping of label to (time, values)
+        Name of the quantity with its unit; ndarray, shape (T,) [s]; ndarray, shape (T, n). The colours end at the
+        99.5th percentile, so that a short impact does not hide the rest.
+    ylabel : str
+        What the places are.
+
+    Returns
+    -------
+    figure, axes
+        The axes are those of the last panel.
+    """
+    figure = Figure(figsize=(6.4, 2.6 * len(panels)), layout="constrained", dpi=120)
+    rows = np.ravel(figure.subplots(len(panels), 1, sharex=True))
+    for axes, (label, (time, values)) in zip(rows, panels.items(), strict=True):
+        signed = bool((values < 0.0).any())
+        peak = float(np.percentile(np.abs(values), 99.5)) or 1.0
+        picture = axes.pcolormesh(
+            time,
+            np.arange(values.shape[1]),
+            values.T,
+            shading="nearest",
+            cmap="RdBu_r" if signed else "viridis",
+            vmin=-peak if signed else 0.0,
+            vmax=peak,
+            rasterized=True,
+        )
+        figure.colorbar(picture, ax=axes, label=label, extend="both" if signed else "max")
+        axes.set_yticks(range(values.shape[1]) if values.shape[1] <= 12 else [])
+        axes.set_ylabel(ylabel)
+    rows[0].set_title(title, fontsize=10)
+    rows[-1].set_xlabel("time [s]")
+    return figure, rows[-1]
+
+
+def by_case(
+    parameter: FloatArray, panels: Mapping[str, FloatArray], xlabel: str, title: str = "Cases"
+) -> tuple[Figure, Axes]:
+    """Draw figures of merit over the parameter that was varied; one panel for each figure.
+
+    Parameters
+    ----------
+    parameter : ndarray, shape (C,)
+        Its value in each case.
+    panels : mapping of label to ndarray, shape (C,)
+        Name of the figure with its unit, and its values; where one is not finite, the panel says "none".
+    xlabel : str
+        What was varied.
+
+    Returns
+    -------
+    figure, axes
+        The axes are those of the first panel.
+    """
+    figure = Figure(figsize=(1.0 + 3.9 * len(panels), 3.6), layout="constrained", dpi=120)
+    columns = np.ravel(figure.subplots(1, len(panels)))
+    order = np.argsort(parameter)
+    for axes, (label, values) in zip(columns, panels.items(), strict=True):
+        axes.plot(parameter[order], values[order], "o-")
+        for x in parameter[~np.isfinite(values)]:
+            axes.text(x, 0.03, "none", transform=axes.get_xaxis_transform(), ha="center", fontsize=8, color="0.4")
+        axes.margins(x=0.08, y=0.12)
+        axes.set_xticks(np.unique(parameter) if len(parameter) <= 10 else [*axes.get_xticks()])
+        axes.set_xlabel(xlabel)
+        axes.set_ylabel(label)
+        axes.grid(alpha=0.3)
+    figure.suptitle(title, fontsize=10)
+    return figure, columns[0]
 
 
 def _prepared(axes: Axes | None, title: str, ylabel: str) -> tuple[Figure, Axes]:

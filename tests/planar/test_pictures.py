@@ -57,6 +57,34 @@ def test_movie_plays_in_real_time(movie: animation.Movie, tmp_path: Path) -> Non
     assert (first != later).any()
 
 
+@pytest.mark.parametrize("fps", [7, 20, 30, 45])
+def test_a_gif_lasts_as_long_as_the_run(movie: animation.Movie, tmp_path: Path, fps: int) -> None:
+    movie.save(tmp_path / "worm.gif", fps=fps)
+    with Image.open(tmp_path / "worm.gif") as picture:
+        shown = 0
+        for frame in range(picture.n_frames):
+            picture.seek(frame)
+            shown += picture.info["duration"]
+    assert abs(shown - 1000) <= 2 * 1000 / fps
+
+
+@pytest.mark.parametrize("scale", [1e-10, 1.0, 1e10])
+def test_the_picture_keeps_its_size_and_follows_the_worm(scale: float) -> None:
+    time = np.arange(3.0)
+    moved = np.array([[[0.0, 0.0]], [[20.0, 0.0]], [[-9.0, 5.0]]])
+    main = scale * (np.array([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]]) + moved)
+    top = 0.5 * (main[:, 1:] + main[:, :-1]) + [0.0, 0.1 * scale]
+    bottom = top - [0.0, 0.2 * scale]
+    shown = animation.Movie(time, main, top, bottom, np.zeros((3, 2)), ground=-0.1 * scale)
+    for frame in range(3):
+        figure = shown.draw(frame)
+        left, right = figure.axes[0].get_xlim()
+        assert left <= main[frame, :, 0].min() < main[frame, :, 0].max() <= right
+        width, height = figure.get_size_inches() * figure.dpi
+        assert width == 800
+        assert 100 < height < 600
+
+
 def test_drawn_corners_are_those_of_the_run(movie: animation.Movie) -> None:
     figure = movie.draw(50)
     bodies = figure.axes[0].collections[-2]
