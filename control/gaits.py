@@ -146,20 +146,21 @@ class ContractionEngine_segmentdriven(Gait):  # noqa: N801 - the paper's name
     T_wave : float
         Time after which a segment is activated again [s].
     T_contract : float
-        Duration of one contraction, at most T_wave [s]; above T_wave/N neighbours overlap.
+        Duration of one contraction, at most T_wave [s]. At most T_wave/N, the segments contract one at a time;
+        longer contractions of neighbours overlap.
     contractType : str
         "gaussian" exp(-((phase - 1/2)/0.15)^2 / 2), "square" 1, or "dirac": 1 for `impulse` seconds from the
         activation on, then 0.
     alternating : bool
         Whether the signs alternate (step 4); otherwise all contract.
     direction : str
-        "direct" activates tail to head, "retrograde" head to tail.
+        "direct", the paper's order in our numbering, activates tail to head; "retrograde" head to tail.
     impulse : float
         Duration of the dirac pulse [s]: use the time step, so that it acts in one step.
     """
 
     T_wave: float = 2.0
-    T_contract: float = 0.5
+    T_contract: float = 0.25
     contractType: Pulse = "gaussian"
     alternating: bool = True
     direction: Direction = "direct"

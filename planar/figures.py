@@ -187,18 +187,26 @@ def by_case(
     """
     figure = Figure(figsize=(1.0 + 3.9 * len(panels), 3.6), layout="constrained", dpi=120)
     columns = np.ravel(figure.subplots(1, len(panels)))
-    order = np.argsort(parameter)
     for axes, (label, values) in zip(columns, panels.items(), strict=True):
-        axes.plot(parameter[order], values[order], "o-")
-        for x in parameter[~np.isfinite(values)]:
-            axes.text(x, 0.03, "none", transform=axes.get_xaxis_transform(), ha="center", fontsize=8, color="0.4")
-        axes.margins(x=0.08, y=0.12)
-        axes.set_xticks(np.unique(parameter) if len(parameter) <= 10 else [*axes.get_xticks()])
-        axes.set_xlabel(xlabel)
-        axes.set_ylabel(label)
-        axes.grid(alpha=0.3)
+        case_panel(axes, parameter, values, xlabel, label)
     figure.suptitle(title, fontsize=10)
     return figure, columns[0]
+
+
+def case_panel(axes: Axes, parameter: FloatArray, values: FloatArray, xlabel: str, ylabel: str) -> None:
+    """Draw one figure of merit over the parameter that was varied into given axes; see `by_case`."""
+    order = np.argsort(parameter)
+    axes.plot(parameter[order], values[order], "o-")
+    for x in parameter[~np.isfinite(values)]:
+        axes.text(x, 0.03, "none", transform=axes.get_xaxis_transform(), ha="center", fontsize=8, color="0.4")
+    margin = 0.08 * float(np.ptp(parameter)) or 1.0
+    axes.set_xlim(parameter.min() - margin, parameter.max() + margin)
+    axes.margins(y=0.12)
+    if len(parameter) <= 10:
+        axes.set_xticks(np.unique(parameter))
+    axes.set_xlabel(xlabel)
+    axes.set_ylabel(ylabel)
+    axes.grid(alpha=0.3)
 
 
 def _prepared(axes: Axes | None, title: str, ylabel: str) -> tuple[Figure, Axes]:

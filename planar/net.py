@@ -9,9 +9,26 @@ import numpy as np
 
 from planar.metrics import FloatArray
 
+BAND = 7
+"""Half bandwidth of the Hessian in the flat coordinates (x0, y0, x1, y1, ...)."""
+
 
 class Net:
-    """Nodes, springs and masses of the worm at rest, and the elastic energy of the springs."""
+    """Nodes, springs and masses of the worm at rest, and the elastic energy of the springs.
+
+    Attributes
+    ----------
+    main, top, bottom : ndarray of int, shape (n+1,), (n,), (n,)
+        Numbers of the nodes.
+    rest : ndarray, shape (3n+1, 2)
+        Positions at rest [m].
+    a, b : ndarray of int, shape (5n,)
+        Nodes that each spring joins.
+    k, l0 : ndarray, shape (5n,)
+        Stiffness [N] and rest length [m] of each spring.
+    mass : ndarray, shape (3n+1,)
+        [kg].
+    """
 
     def __init__(
         self, n: int, *, length: float, k_spring: float, k_link: float, mass: float, connector_mass: float
@@ -35,11 +52,13 @@ class Net:
         self.mass = np.empty(3 * n + 1)
         self.mass[self.main] = (mass - connector_mass) / (n + 1)
         self.mass[self.top] = self.mass[self.bottom] = connector_mass / (2 * n)
+        for array in (self.main, self.top, self.bottom, self.rest, self.a, self.b, self.k, self.l0, self.mass):
+            array.setflags(write=False)
 
         size = self.rest.size
         ends = np.column_stack([2 * self.a, 2 * self.a + 1, 2 * self.b, 2 * self.b + 1])
         self._scatter_gradient = ends.ravel()
-        self._scatter_hessian = (ends[:, :, None] * size + ends[:, None, :]).ravel()
+        self._scatter_band = ((BAND + ends[:, :, None] - ends[:, None, :]) * size + ends[:, None, :]).ravel()
 
     def p7_energy(self, x: FloatArray) -> FloatArray:
         """Return the elastic energy (P7) [J] of positions of shape (..., 3n+1, 2)."""
@@ -47,8 +66,21 @@ class Net:
         energy: FloatArray = (0.5 * self.k * self.l0 * (1.0 - length / self.l0) ** 2).sum(axis=-1)
         return energy
 
-    def p7_gradient_and_hessian(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return gradient (D,) and Hessian (D, D) of (P7) at the flat positions q (D,)."""
+    def p7_gradient(self, x: FloatArray) -> FloatArray:
+        """Return the gradient of (P7) [N] at positions of shape (T, 3n+1, 2), in the same shape."""
+        e = x[:, self.b] - x[:, self.a]
+        length = np.linalg.norm(e, axis=-1, keepdims=True)
+        pull = -(self.k * (1.0 - length[..., 0] / self.l0))[..., None] * e / length
+        nodes = np.arange(x.shape[1])[:, None]
+        incidence = (nodes == self.b).astype(float) - (nodes == self.a)
+        return np.asarray(incidence @ pull)
+
+    def p7_gradient_and_band(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return gradient [N] and Hessian [N/m] of (P7) at the flat positions q of shape (D,).
+
+        The gradient has the shape (D,); the Hessian is banded, shape (2 BAND + 1, D): entry (i, j) at
+        [BAND + i - j, j].
+        """
         x = q.reshape(-1, 2)
         e = x[self.b] - x[self.a]
         length = np.sqrt((e * e).sum(axis=1))
@@ -61,5 +93,5 @@ class Net:
         blocks = np.empty((len(self.k), 4, 4))
         blocks[:, :2, :2] = blocks[:, 2:, 2:] = block
         blocks[:, :2, 2:] = blocks[:, 2:, :2] = -block
-        hessian = np.bincount(self._scatter_hessian, blocks.ravel(), q.size**2).reshape(q.size, q.size)
-        return gradient.astype(float), hessian.astype(float)
+        band = np.bincount(self._scatter_band, blocks.ravel(), (2 * BAND + 1) * q.size)
+        return np.asarray(gradient, dtype=float), np.asarray(band, dtype=float).reshape(2 * BAND + 1, q.size)

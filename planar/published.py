@@ -23,23 +23,32 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Integral
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dgbsv
 
 from planar.metrics import FloatArray
-from planar.net import Net
+from planar.net import BAND, Net
 from planar.published_parameters import Parameters
 from planar.published_run import Run
 from planar.status import Status, Stop
 
 __all__ = ["Activation", "Observer", "Parameters", "Run", "simulate", "travelling_wave"]
 
+Number = TypeVar("Number", np.float64, np.int64)
+
 Activation = Callable[[float], FloatArray]
 """Time [s] -> activation of each segment, ndarray of shape (n,); 1 means the full `contraction_force`."""
 
 Observer = Callable[[int], bool]
 """Called with the number of finished steps; returning False ends the run there."""
+
+
+class _BadCommandError(Exception):
+    """The gait returned something that is not an activation."""
 
 
 @dataclass(frozen=True)
@@ -61,20 +70,33 @@ def _p2_newton(
 ) -> _Solution:
     """Newton's iteration (P2) from q_k; the last tested residual is returned, after one more update."""
     mass = np.repeat(net.mass, 2)
-    free = np.flatnonzero(~held)
-    on_free = np.ix_(free, free)
     q = q_k.copy()
     for iteration in range(1, p.max_iterations + 1):  # noqa: B007 - the count is returned
-        gradient, hessian = net.p7_gradient_and_hessian(q)
+        gradient, band = net.p7_gradient_and_band(q)
         f = mass / dt * ((q - q_k) / dt - u_k) + p.elastic_sign * gradient - force
-        J = np.diag(mass) / dt**2 + p.elastic_sign * hessian
-        norm = float(np.linalg.norm(f[free]))
+        J = p.elastic_sign * band
+        J[BAND] += mass / dt**2
+        norm = float(np.linalg.norm(f[~held]))
         if not np.isfinite(norm):
-            break  # before the dense solve spreads it over the worm
-        q[free] -= np.linalg.solve(J[on_free], f[free])
+            break  # before the solve spreads it over the worm
+        q -= _solve_free(J, f, held)
         if norm < p.tolerance:
             break
     return _Solution(q, f, norm, iteration)
+
+
+def _solve_free(J: FloatArray, f: FloatArray, held: NDArray[np.bool_]) -> FloatArray:
+    """Return J^-1 f on the free coordinates, zero on the held ones; LinAlgError if J is singular."""
+    matrix = np.zeros((3 * BAND + 1, len(f)))  # LAPACK's band has room for the fill-in of pivoting on top
+    matrix[BAND:] = np.where(held, 0.0, J)
+    for offset in range(-BAND, BAND + 1):
+        columns = np.arange(max(0, -offset), min(len(f), len(f) - offset))
+        matrix[2 * BAND + offset, columns[held[columns + offset]]] = 0.0
+    matrix[2 * BAND, held] = 1.0
+    _, _, step, info = dgbsv(BAND, BAND, matrix, np.where(held, 0.0, f), overwrite_ab=True)
+    if info > 0:
+        raise np.linalg.LinAlgError("singular matrix")
+    return np.asarray(step)
 
 
 def travelling_wave(n: int, T_wave: float, parameters: Parameters) -> Activation:
@@ -103,14 +125,14 @@ class _Worm:
         self.parameters = parameters
         self.activation = activation
         self.dt = dt
-        self.ground = self.net.rest[:, 1].min() - parameters.ground_clearance
+        self.ground = parameters.ground_height(self.net)
         self.q = self.net.rest.ravel().copy()
         self.u = np.zeros_like(self.q)
         self.contact = np.zeros(len(self.net.rest), dtype=bool)
         self.normal_load = self.net.mass[self.net.main] * parameters.gravity
 
-    def _contraction_force(self, t: float) -> FloatArray:
-        push = self.parameters.contraction_force * self.activation(t)
+    def _contraction_force(self, activation: FloatArray) -> FloatArray:
+        push = self.parameters.contraction_force * activation
         force = np.zeros_like(self.q)
         force[2 * self.net.top + 1] = -push
         force[2 * self.net.bottom + 1] = push
@@ -145,7 +167,10 @@ class _Worm:
 
     def step(self, t: float) -> _Step:
         """Advance to time t by predictor and corrector."""
-        start, contract, friction = self.q, self._contraction_force(t), self._p10_friction_force()
+        activation = np.array(self.activation(t), dtype=float)
+        if activation.shape != self.net.top.shape or not np.isfinite(activation).all():
+            raise _BadCommandError
+        start, contract, friction = self.q, self._contraction_force(activation), self._p10_friction_force()
         solution = self._solve(start, contract + friction)
         iterations = solution.iterations
         contact, correct = self._contact_after(solution), False
@@ -161,13 +186,14 @@ class _Worm:
             iterations += solution.iterations
         self.u = (solution.q - start) / self.dt
         self.q = solution.q
-        return _Step(start, solution.q, contract, friction, solution, iterations)
+        return _Step(start, solution.q, activation, contract, friction, solution, iterations)
 
 
 @dataclass(frozen=True)
 class _Step:
     start: FloatArray
     q: FloatArray
+    activation: FloatArray
     contract: FloatArray
     friction: FloatArray
     solution: _Solution
@@ -213,9 +239,9 @@ def simulate(
     ValueError
         A number out of range, or an activation of the wrong shape.
     """
-    for name, value, least in (("n", n, 1), ("steps", steps, 1)):
-        if value < least:
-            raise ValueError(f"{name}: got {value!r}, must be at least {least}")
+    for name, count in (("n", n), ("steps", steps)):
+        if not isinstance(count, Integral) or isinstance(count, bool) or count < 1:
+            raise ValueError(f"{name}: got {count!r}, must be a whole number of at least 1")
     for name, seconds in (("T_wave", T_wave), ("dt", dt)):
         if not (seconds > 0 and np.isfinite(seconds)):
             raise ValueError(f"{name}: got {seconds!r} s, must be finite and above 0")
@@ -230,18 +256,22 @@ def simulate(
 
 def _advance(worm: _Worm, steps: int, observer: Observer | None) -> tuple[list[_Step], Stop]:
     done: list[_Step] = []
+    residual = np.zeros(worm.q.size)
     for k in range(1, steps + 1):
         try:
             with np.errstate(all="ignore"):  # what overflows here is caught by the test of finiteness
                 step = worm.step(k * worm.dt)
+        except _BadCommandError:
+            return done, _stop(worm, Status.BAD_COMMAND, k, residual)
         except np.linalg.LinAlgError:
-            return done, _stop(worm, Status.SINGULAR, k, np.zeros(worm.q.size))
+            return done, _stop(worm, Status.SINGULAR, k, residual)
         if not (np.isfinite(step.q).all() and np.isfinite(step.solution.norm)):
             return done, _stop(worm, Status.NOT_FINITE, k, step.solution.residual)
         done.append(step)
+        residual = step.solution.residual
         if observer is not None and not observer(k) and k < steps:
-            return done, _stop(worm, Status.INTERRUPTED, k, step.solution.residual)
-    return done, _stop(worm, Status.DONE, steps, done[-1].solution.residual)
+            return done, _stop(worm, Status.INTERRUPTED, k, residual)
+    return done, _stop(worm, Status.DONE, steps, residual)
 
 
 def _stop(worm: _Worm, status: Status, step: int, residual: FloatArray) -> Stop:
@@ -256,22 +286,25 @@ def _collect(n: int, dt: float, worm: _Worm, done: list[_Step], stop: Stop) -> R
     shape = (-1, *worm.net.rest.shape)
 
     def stack(rows: list[FloatArray]) -> FloatArray:
-        array = np.array(rows, dtype=float).reshape(shape)
-        array.setflags(write=False)
-        return array
+        return _frozen(np.array(rows, dtype=float).reshape(shape))
 
     return Run(
         n=n,
         dt=dt,
         parameters=worm.parameters,
-        time=np.arange(len(done) + 1, dtype=float) * dt,
+        time=_frozen(np.arange(len(done) + 1, dtype=float) * dt),
         q=stack([worm.net.rest.ravel(), *(s.q for s in done)]),
         start=stack([s.start for s in done]),
         contraction_force=stack([s.contract for s in done]),
         friction_force=stack([s.friction for s in done]),
-        activation=np.array([worm.activation((k + 1) * dt) for k in range(len(done))]).reshape(-1, n),
-        newton_iterations=np.array([s.iterations for s in done], dtype=np.int64),
-        residual=np.array([s.solution.norm for s in done]),
+        activation=_frozen(np.array([s.activation for s in done]).reshape(-1, n)),
+        newton_iterations=_frozen(np.array([s.iterations for s in done], dtype=np.int64)),
+        residual=_frozen(np.array([s.solution.norm for s in done])),
         stop=stop,
         net=worm.net,
     )
+
+
+def _frozen(array: NDArray[Number]) -> NDArray[Number]:
+    array.setflags(write=False)
+    return array

@@ -7,6 +7,8 @@ from typing import Literal
 
 import numpy as np
 
+from planar.net import Net
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -42,6 +44,11 @@ class Parameters:
         Newton stops after the update that follows a residual norm below this [N].
     max_iterations : int
         Newton stops there in any case, and the step is kept.
+
+    Raises
+    ------
+    ValueError
+        A value that is not finite, or out of its range.
     """
 
     length: float = 1.0
@@ -63,10 +70,12 @@ class Parameters:
     max_iterations: int = 100
 
     def __post_init__(self) -> None:
-        positive = ("length", "k_spring", "k_link", "mass", "wavelength", "tolerance", "max_iterations")
-        for name in positive:
-            if not (getattr(self, name) > 0 and np.isfinite(getattr(self, name))):
-                raise ValueError(f"{name}: got {getattr(self, name)!r}, must be finite and above 0")
+        for name in ("length", "k_spring", "k_link", "mass", "wavelength", "tolerance", "max_iterations"):
+            self._require(name, getattr(self, name) > 0, "finite and above 0")
+        for name in ("gravity", "mu_forward", "mu_backward", "velocity_threshold", "ground_clearance"):
+            self._require(name, getattr(self, name) >= 0, "finite and at least 0")
+        self._require("contraction_force", True, "finite")
+        self._require("max_iterations", self.max_iterations == int(self.max_iterations), "a whole number")
         if not 0 < self.connector_mass < self.mass:
             raise ValueError(
                 f"connector_mass: got {self.connector_mass!r} kg, must lie between 0 and mass ({self.mass!r} kg)"
@@ -75,3 +84,12 @@ class Parameters:
             raise ValueError(f"normal_load: got {self.normal_load!r}, must be 'weight' or 'residual'")
         if self.elastic_sign not in (-1.0, 1.0):
             raise ValueError(f"elastic_sign: got {self.elastic_sign!r}, must be -1 (the program) or +1 (mechanics)")
+
+    def _require(self, name: str, holds: bool, rule: str) -> None:
+        value = getattr(self, name)
+        if not (np.isfinite(value) and holds):
+            raise ValueError(f"{name}: got {value!r}, must be {rule}")
+
+    def ground_height(self, net: Net) -> float:
+        """Return the height of the ground under a worm [m]."""
+        return float(net.rest[:, 1].min()) - self.ground_clearance

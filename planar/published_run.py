@@ -20,6 +20,12 @@ class Run:
 
     Attributes
     ----------
+    n : int
+        Number of segments.
+    dt : float
+        Time step [s].
+    parameters : Parameters
+        The program's constants.
     time : ndarray, shape (T,)
         [s].
     q : ndarray, shape (T, 3n+1, 2)
@@ -77,10 +83,30 @@ class Run:
         com: FloatArray = self.net.mass @ self.q / self.net.mass.sum()
         return com
 
+    @property
+    def ground(self) -> float:
+        """Height of the ground [m]."""
+        return self.parameters.ground_height(self.net)
+
+    @property
+    def inverted_steps(self) -> int:
+        """Number of steps after which some segment is inside out: its top below its bottom, or its head behind."""
+        height = self.q[1:, self.net.top, 1] - self.q[1:, self.net.bottom, 1]
+        length = np.diff(self.q[1:, self.net.main, 0], axis=1)
+        return int(((height <= 0.0) | (length <= 0.0)).any(axis=1).sum())
+
     @cached_property
     def work_contract(self) -> FloatArray:
-        """Work of the contraction force over each step, signed, (P11), shape (S,) [J]."""
+        """Work of the contraction force over each step as the program takes it, with its sign, shape (S,) [J].
+
+        (P11), but with dq counted from `start`, after touching nodes were snapped to the ground.
+        """
         return p11_work(self.contraction_force, self.q[1:] - self.start)
+
+    @cached_property
+    def work_contract_p11(self) -> FloatArray:
+        """Work of the contraction force over each step by (P11), F.(q_{k+1} - q_k), shape (S,) [J]."""
+        return p11_work(self.contraction_force, np.diff(self.q, axis=0))
 
     @cached_property
     def work_friction(self) -> FloatArray:
@@ -128,9 +154,8 @@ class Run:
         u = np.concatenate([np.zeros((1, *dq.shape[1:])), dq / self.dt])
         kinetic = 0.5 * np.einsum("k,tkd->t", mass, u**2)
         U, U_start = sign * self.net.p7_energy(self.q), sign * self.net.p7_energy(self.start)
-        gradient = np.array([self.net.p7_gradient_and_hessian(q.ravel())[0] for q in self.q[1:]])
         loss = 0.5 * np.einsum("k,tkd->t", mass, np.diff(u, axis=0) ** 2) + U_start - U[1:]
-        loss += sign * p11_work(gradient.reshape(dq.shape), dq)
+        loss += sign * p11_work(self.net.p7_gradient(self.q[1:]), dq)
         terms = np.array(
             [
                 self.work_contract.sum(),

@@ -17,7 +17,10 @@ class Status(Enum):
     FLATTENED = "a rhombus was pressed flat (limit point); the steps before are kept"
     FOLDED = "two neighbouring segments folded by 90 degrees or more; the steps before are kept"
     SUNK = "a joint came down to the ground, where only apexes can stand; the steps before are kept"
-    BAD_COMMAND = "the gait returned a contraction that is not finite or not below 1; the steps before are kept"
+    BAD_COMMAND = (
+        "the gait returned something that cannot be applied (one finite value per segment, a contraction below 1); "
+        "the steps before are kept"
+    )
 
     @property
     def diverged(self) -> bool:

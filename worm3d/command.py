@@ -27,7 +27,7 @@ class Command:
     Raises
     ------
     ValueError
-        An array of the wrong shape, or a value that is not finite.
+        An array of the wrong shape, a value that is not finite, or a contraction of 1 or more.
     """
 
     contraction: FloatArray
@@ -36,6 +36,8 @@ class Command:
 
     def __init__(self, contraction: ArrayLike, hinge: ArrayLike = 0.0, force: ArrayLike = 0.0) -> None:
         c = np.array(contraction, dtype=float)
+        if (c >= 1.0).any():
+            raise ValueError(f"contraction: got {c.max()}, must be below 1: a chamber cannot shorten to nothing")
         if c.ndim != 2 or c.shape[0] < 1 or c.shape[1] != 2:
             raise ValueError(
                 f"contraction: got shape {c.shape}, must be (N, 2): a row per segment, columns left and right"

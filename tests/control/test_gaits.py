@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, seed
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -26,7 +26,7 @@ def peak_segment(gait: Gait, t: float, segments: int = 60) -> int:
 def test_direct_wave_runs_to_the_head_and_retrograde_to_the_tail() -> None:
     for direction, sign in (("direct", 1), ("retrograde", -1)):
         wave = TravellingWave(period=2.0, direction=direction)
-        # A quarter of a period later the crest has moved a quarter of a wavelength.
+        # An eighth of a period later the crest has moved an eighth of a wavelength, 7.5 of 60 segments.
         moved = peak_segment(wave, 0.75) - peak_segment(wave, 0.5)
         assert (moved - sign * 7.5) % 60 == pytest.approx(0.0, abs=1.01) or (
             (moved - sign * 7.5) % 60 == pytest.approx(60.0, abs=1.01)
@@ -39,7 +39,7 @@ def test_direct_wave_is_the_papers_formula() -> None:
     assert_allclose(wave.activation(0.7, 6), np.sin(2 * np.pi * (x / 0.8 - 0.7 / 3.0)), atol=1e-14)
 
 
-def test_direct_rectified_wave_drives_the_published_program_to_its_result() -> None:
+def test_direct_rectified_wave_is_the_published_programs_own() -> None:
     wave = TravellingWave(period=2.0, direction="direct")
     own = published.travelling_wave(6, 2.0, Parameters())
     for t in np.linspace(0.0, 4.0, 41):
@@ -55,6 +55,7 @@ def test_standing_wave_has_fixed_nodes_and_is_the_mean_of_both_travelling_ones()
         assert_allclose(standing.activation(t, 7)[3], 0.0, atol=1e-14)
 
 
+@seed(1)
 @given(
     t=st.floats(0, 100),
     segments=st.integers(1, 40),
@@ -86,9 +87,30 @@ def test_hinges_belong_to_their_headward_segment_and_follow_its_contraction() ->
 
 
 def test_force_is_applied_to_both_chambers() -> None:
-    command = TravellingWave(amplitude=0.0, force=3.0).bind(Body())(0.4)
+    command = TravellingWave(amplitude=0.0, force=3.0, bias=0.25).bind(Body())(0.4)
     assert_array_equal(command.contraction, np.zeros((6, 2)))
-    assert_allclose(command.force, 3.0 * TravellingWave().activation(0.4, 6)[:, None] * np.ones(2))
+    assert_allclose(command.force, 3.0 * TravellingWave().activation(0.4, 6)[:, None] * [1.25, 0.75])
+
+
+def test_defaults_are_those_of_the_conventions() -> None:
+    wave = TravellingWave()
+    assert (wave.period, wave.wavelength, wave.amplitude, wave.direction) == (2.0, 1.0, 0.2, "retrograde")
+    assert wave.rectified
+    assert (wave.bias, wave.hinge, wave.force) == (0.0, 0.0, 0.0)
+
+
+def test_the_default_engine_contracts_one_segment_at_a_time() -> None:
+    engine = ContractionEngine_segmentdriven(contractType="square")
+    active = [len(np.flatnonzero(engine.activation(t, 6))) for t in np.arange(0.0, 4.0, 0.01)]
+    assert max(active) == 1
+
+
+def test_activation_instants_are_not_lost_to_rounding() -> None:
+    """Every segment fires once a wave in a sampled run, whatever n and the step."""
+    for n in (3, 5, 7):
+        engine = ContractionEngine_segmentdriven(contractType="dirac", alternating=False, impulse=0.01)
+        sampled = np.array([engine.activation(0.01 * k, n) for k in range(1000)])
+        assert_array_equal(sampled.sum(axis=0), np.full(n, 5.0))
 
 
 def active_segments(engine: ContractionEngine_segmentdriven, t: float) -> list[int]:
@@ -133,7 +155,9 @@ def test_pulses() -> None:
     [
         (lambda: TravellingWave(period=0.0), "period: got 0.0, must be finite and above 0"),
         (lambda: TravellingWave(direction="sideways"), "direction: got 'sideways', must be one of 'direct'"),
+        (lambda: TravellingWave(wavelength=-1.0), "wavelength: got -1.0, must be finite and above 0"),
         (lambda: TravellingWave(bias=1.5), r"bias: got 1.5, must lie in \[-1, 1\]"),
+        (lambda: TravellingWave(bias=-1.5), r"bias: got -1.5, must lie in \[-1, 1\]"),
         (lambda: TravellingWave(amplitude=float("nan")), "amplitude: got nan, must be finite"),
         (
             lambda: ContractionEngine_segmentdriven(T_wave=1.0, T_contract=1.5),

@@ -1,9 +1,12 @@
 """Worms that several tests of the planar linkage use."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from planar import linkage
+from planar.net import BAND, Net
 
 
 @pytest.fixture
@@ -29,3 +32,17 @@ def uneven_worm() -> linkage.Linkage:
         kelvin_voigt_time=0.03,
         drag=0.2,
     )
+
+
+@pytest.fixture
+def dense_hessian() -> Callable[[Net, np.ndarray], np.ndarray]:
+    """Return a function that gives the Hessian of a net as a full matrix."""
+
+    def dense(net: Net, q: np.ndarray) -> np.ndarray:
+        band = net.p7_gradient_and_band(q)[1]
+        rows, columns = np.indices((q.size, q.size))
+        offset = BAND + rows - columns
+        inside = (offset >= 0) & (offset <= 2 * BAND)
+        return np.where(inside, band[np.clip(offset, 0, 2 * BAND), columns], 0.0)
+
+    return dense

@@ -34,6 +34,44 @@ def test_activation_is_drawn_at_its_segment() -> None:
     assert "highest force: 2 N" in axes.get_title()
 
 
+def test_costs_decades_apart_share_a_logarithmic_axis() -> None:
+    _, axes = figures.cumulative_cost(np.arange(3.0), {"a": np.array([0.0, 5.0, 9e3])}, logarithmic=True)
+    assert axes.get_yscale() == "log"
+
+
+def test_energy_tells_what_comes_in_is_stored_and_lost() -> None:
+    time = np.arange(3.0)
+    _, axes = figures.energy_ledger(time, {"work": 2.0 * time}, {"elastic": 0.5 * time}, {"friction": 1.5 * time})
+    assert [line.get_linestyle() for line in axes.lines] == ["-", "--", ":"]
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert labels == ["in: work (4 J)", "stored: elastic (1 J)", "lost: friction (3 J)"]
+    assert axes.get_ylabel() == "energy [J]"
+
+
+def test_space_time_has_the_tail_below_and_a_short_impact_does_not_hide_the_rest() -> None:
+    time = np.arange(1000.0)
+    load = np.tile([1.0, 2.0], (1000, 1))
+    load[500] = 1e6
+    figure, last = figures.space_time({"load [N]": (time, load), "force [N]": (time, -load)}, "segment")
+    (picture,) = figure.axes[0].collections
+    assert_allclose(picture.get_array()[:, 0], [1.0, 2.0])
+    assert picture.get_clim() == (0.0, 2.0)
+    (signed,) = last.collections
+    assert signed.get_clim() == (-2.0, 2.0)
+    assert last.get_xlabel() == "time [s]"
+    assert {axes.get_ylabel() for axes in figure.axes} >= {"segment", "load [N]", "force [N]"}
+
+
+def test_cases_are_drawn_in_order_and_gaps_are_named() -> None:
+    figure, first = figures.by_case(
+        np.array([3.0, 1.0, 2.0]), {"distance [m]": np.array([30.0, 10.0, np.nan])}, "period [s]"
+    )
+    assert_allclose(first.lines[0].get_xdata(), [1.0, 2.0, 3.0])
+    assert_allclose(first.lines[0].get_ydata(), [10.0, np.nan, 30.0])
+    assert [(text.get_text(), text.get_position()[0]) for text in first.texts] == [("none", 2.0)]
+    assert (first.get_xlabel(), first.get_ylabel(), len(figure.axes)) == ("period [s]", "distance [m]", 1)
+
+
 @pytest.fixture
 def movie() -> animation.Movie:
     run = published.simulate(n=3, steps=100)

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from planar import published
 from planar.metrics import dimensionless_cost_of_transport, p12_cost_of_transport, path_length
-from planar.net import Net
+from planar.net import BAND, Net
 from planar.published import Parameters
 from planar.status import Status
 
@@ -37,14 +37,15 @@ def net() -> Net:
     return Net(3, length=1.0, k_spring=13.0, k_link=1e4, mass=1e-8, connector_mass=1e-11)
 
 
-def test_p7_derivatives_against_central_differences(net: Net) -> None:
+def test_p7_derivatives_against_central_differences(net: Net, dense_hessian) -> None:
     q = net.rest.ravel() + 0.02 * np.random.default_rng(0).standard_normal(net.rest.size)
-    gradient, hessian = net.p7_gradient_and_hessian(q)
+    gradient, hessian = net.p7_gradient_and_band(q)[0], dense_hessian(net, q)
+    assert_allclose(net.p7_gradient(q.reshape(1, -1, 2)).ravel(), gradient, rtol=1e-12, atol=1e-9)
     step = 1e-6
     for i in range(q.size):
         e = step * np.eye(q.size)[i]
         slope = (net.p7_energy((q + e).reshape(-1, 2)) - net.p7_energy((q - e).reshape(-1, 2))) / (2 * step)
-        column = (net.p7_gradient_and_hessian(q + e)[0] - net.p7_gradient_and_hessian(q - e)[0]) / (2 * step)
+        column = (net.p7_gradient_and_band(q + e)[0] - net.p7_gradient_and_band(q - e)[0]) / (2 * step)
         assert_allclose(gradient[i], slope, rtol=1e-6, atol=1e-4)
         assert_allclose(hessian[:, i], column, rtol=1e-6, atol=1e-2)
 
@@ -61,7 +62,7 @@ def test_newton_leaves_no_residual_on_the_free_coordinates() -> None:
     run = published.simulate(n=4, steps=50, parameters=Parameters(tolerance=1e-10))
     net, dt = run.net, run.dt
     u = np.concatenate([np.zeros((1, *run.q.shape[1:])), (run.q[1:] - run.start) / dt])
-    gradient = np.array([net.p7_gradient_and_hessian(q.ravel())[0] for q in run.q[1:]]).reshape(run.start.shape)
+    gradient = net.p7_gradient(run.q[1:])
     inertia = net.mass[:, None] / dt * (u[1:] - u[:-1])
     residual = inertia - gradient - run.contraction_force - run.friction_force
     assert np.abs(residual[..., 0]).max() < 1e-9  # x is free everywhere
@@ -135,24 +136,57 @@ def test_observer_stops_the_run_and_keeps_it() -> None:
     assert_array_equal(run.q, published.simulate(n=3, steps=7).q)
 
 
-def test_a_run_that_is_not_finite_stops_and_says_where() -> None:
-    def activation(t: float) -> np.ndarray:
-        return np.array([0.0, 0.0, np.nan if t > 0.045 else 0.1])
-
-    run = published.simulate(n=3, steps=50, activation=activation)
-    assert run.status is Status.NOT_FINITE
+@pytest.mark.parametrize("broken", [np.array([0.0, 0.0, np.nan]), np.zeros(4)])
+def test_a_gait_that_breaks_stops_the_run_and_says_where(broken: np.ndarray) -> None:
+    run = published.simulate(n=3, steps=50, activation=lambda t: np.full(3, 0.1) if t < 0.045 else broken)
+    assert run.status is Status.BAD_COMMAND
     assert run.status.diverged
     assert len(run.time) == 5
     assert np.isfinite(run.q).all()
     assert "step 5, t = 0.05 s" in run.stop.sentence
+
+
+def test_the_gait_is_asked_once_a_step() -> None:
+    """What a gait with a memory returned is what was applied and what is stored."""
+    asked: list[float] = []
+
+    def gait(t: float) -> np.ndarray:
+        asked.append(t)
+        return np.full(2, float(len(asked)))
+
+    run = published.simulate(n=2, steps=3, activation=gait)
+    assert_allclose(asked[-3:], [0.01, 0.02, 0.03])
+    assert_allclose(run.contraction_force[:, run.net.bottom[0], 1], 10.0 * run.activation[:, 0])
+
+
+def test_a_singular_matrix_has_a_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(np.linalg.LinAlgError):
+        published._solve_free(np.zeros((2 * BAND + 1, 20)), np.ones(20), np.zeros(20, dtype=bool))
+    solve, calls = published._solve_free, []
+
+    def singular_in_the_end(J: np.ndarray, f: np.ndarray, held: np.ndarray) -> np.ndarray:
+        calls.append(1)
+        return solve(np.zeros_like(J) if len(calls) > 25 else J, f, held)
+
+    monkeypatch.setattr(published, "_solve_free", singular_in_the_end)
+    run = published.simulate(n=3, steps=50)
+    assert run.status is Status.SINGULAR
+    assert 1 < len(run.time) < 20
+    assert run.stop.residual > 0.0
+
+
+def test_a_fast_overflow_is_named_with_its_segment() -> None:
+    run = published.simulate(n=3, steps=50, activation=lambda t: np.array([0.0, 0.0, 1e200 if t > 0.045 else 0.1]))
+    assert run.status is Status.NOT_FINITE
+    assert np.isfinite(run.q).all()
     assert run.stop.segment == 2
 
 
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ({"n": 0}, "n: got 0, must be at least 1"),
-        ({"steps": 0}, "steps: got 0, must be at least 1"),
+        ({"n": 0}, "n: got 0, must be a whole number of at least 1"),
+        ({"steps": 5.5}, "steps: got 5.5, must be a whole number of at least 1"),
         ({"T_wave": -1.0}, "T_wave: got -1.0 s, must be finite and above 0"),
         ({"dt": float("nan")}, "dt: got nan s, must be finite and above 0"),
         ({"activation": lambda t: np.zeros(5)}, r"activation: got shape \(5,\), must be \(6,\)"),
@@ -169,6 +203,11 @@ def test_bad_arguments(arguments: dict, sentence: str) -> None:
         ({"k_link": 0.0}, "k_link: got 0.0, must be finite and above 0"),
         ({"connector_mass": 1.0}, "connector_mass: got 1.0 kg, must lie between 0 and mass"),
         ({"elastic_sign": 0.5}, "elastic_sign: got 0.5, must be -1"),
+        ({"mu_forward": float("nan")}, "mu_forward: got nan, must be finite and at least 0"),
+        ({"gravity": float("inf")}, "gravity: got inf, must be finite and at least 0"),
+        ({"contraction_force": float("nan")}, "contraction_force: got nan, must be finite"),
+        ({"ground_clearance": -0.1}, "ground_clearance: got -0.1, must be finite and at least 0"),
+        ({"max_iterations": 2.5}, "max_iterations: got 2.5, must be a whole number"),
         ({"normal_load": "none"}, "normal_load: got 'none', must be 'weight' or 'residual'"),
     ],
 )
@@ -180,7 +219,7 @@ def test_bad_parameters(changes: dict, sentence: str) -> None:
 def test_cost_of_transport_of_each_step() -> None:
     com_x = np.array([0.0, 0.5, 0.5, 0.25])
     assert_allclose(p12_cost_of_transport(np.array([1.0, 1.0, 1.0]), com_x), [2.0, 0.0, -4.0])
-    assert_allclose(dimensionless_cost_of_transport(2.0, 0.1, 10.0, 4.0), 0.5)
+    assert_allclose(dimensionless_cost_of_transport(2.0, 0.5, 9.81, 4.0), 2.0 / (0.5 * 9.81 * 4.0))
     assert np.isnan(dimensionless_cost_of_transport(2.0, 0.1, 10.0, -4.0))
 
 
@@ -189,6 +228,7 @@ def test_path_length_averages_over_a_period() -> None:
     time = np.linspace(0.0, 10.0, 1001)
     com = np.column_stack([0.3 * time + 0.05 * np.sin(np.pi * time), np.zeros_like(time)])
     assert_allclose(path_length(com, time, 2.0), 0.3 * 8.01, rtol=1e-10)
+    assert_allclose(path_length(com[:, ::-1], time, 2.0), 0.3 * 8.01, rtol=1e-10)
     assert path_length(com[:100], time[:100], 2.0) == 0.0
 
 
@@ -198,3 +238,72 @@ def test_a_run_that_blows_up_is_not_called_done() -> None:
     assert run.status is Status.NOT_FINITE
     assert 0 < len(run.time) < 2000
     assert np.isfinite(run.q).all()
+
+
+def test_every_parameter_of_the_program_counts() -> None:
+    """A parameter that is ignored leaves the run as it is."""
+    changes = {
+        "length": 1.1,
+        "k_spring": 14.0,
+        "k_link": 9e3,
+        "mass": 2e-8,
+        "connector_mass": 1e-9,
+        "gravity": 5.0,
+        "mu_forward": 0.05,
+        "mu_backward": 0.1,
+        "velocity_threshold": 0.05,
+        "normal_load": "residual",
+        "contraction_force": 9.0,
+        "wavelength": 0.7,
+        "ground_clearance": 0.01,
+        "elastic_sign": 1.0,
+        "rectified": False,
+        "tolerance": 1e-3,
+        "max_iterations": 2,
+    }
+    reference = published.simulate(steps=150)
+    for name, value in changes.items():
+        changed = published.simulate(steps=150, parameters=Parameters(**{name: value}))
+        assert not np.array_equal(changed.q, reference.q), name
+    few = published.simulate(steps=150, parameters=Parameters(max_iterations=2))
+    assert few.newton_iterations.max() <= 4  # predictor and corrector
+    assert few.unconverged_steps > 10
+
+
+def test_residual_loads_are_the_vertical_reactions() -> None:
+    """(P9): with N = |r_y| the friction is far above the weight's, and on nodes that carry nothing it is zero."""
+    run = published.simulate(steps=100, parameters=Parameters(normal_load="residual"))
+    weight = run.net.mass[run.net.main] * 9.8
+    assert np.abs(run.friction_force[:, run.net.main, 0]).max() > 1e3 * weight.max()
+
+
+def test_centre_of_mass_weighs_the_nodes() -> None:
+    run = published.simulate(n=3, steps=20, parameters=Parameters(connector_mass=5e-9))
+    expected = (run.q * run.net.mass[:, None]).sum(axis=1) / run.net.mass.sum()
+    assert_allclose(run.com, expected, rtol=1e-12, atol=1e-15)
+    assert np.abs(run.com - run.q.mean(axis=1)).max() > 1e-5
+
+
+def test_inside_out_segments_are_counted() -> None:
+    assert published.simulate(steps=200).inverted_steps == 0
+    assert published.simulate(steps=200, parameters=Parameters(elastic_sign=1.0)).inverted_steps > 50
+
+
+def test_work_by_p11_counts_the_snaps() -> None:
+    run = published.simulate()
+    assert_allclose(run.work_contract.sum(), -0.899385, atol=2e-6)
+    assert_allclose(run.work_contract_p11.sum(), -1.142440, atol=2e-6)
+
+
+def test_cost_grows_linearly_with_the_segments() -> None:
+    """The solver is banded: the work arrays, which set its cost, are."""
+    small, large = (Net(n, length=1.0, k_spring=1.0, k_link=1.0, mass=1.0, connector_mass=0.1) for n in (10, 100))
+    sizes = [net.p7_gradient_and_band(net.rest.ravel())[1].size for net in (small, large)]
+    assert sizes[1] / sizes[0] == pytest.approx(602 / 62)
+
+
+def test_arrays_of_a_run_are_read_only() -> None:
+    run = published.simulate(n=2, steps=2)
+    for name in ("q", "time", "activation", "residual", "newton_iterations", "start"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(run, name)[0] = 0

@@ -27,6 +27,10 @@ def test_equality_compares_values() -> None:
     assert Command(np.zeros((3, 2))) == Command(np.zeros((3, 2)), hinge=0.0)
     assert Command(np.zeros((3, 2))) != Command(np.zeros((3, 2)), hinge=0.1)
     assert Command(np.zeros((3, 2))) != Command(np.zeros((4, 2)))
+    assert Command(np.zeros((3, 2))) != Command(np.zeros((3, 2)), force=1.0)
+    assert Command(np.zeros((3, 2))) != "command"
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(Command(np.zeros((3, 2))))
 
 
 @pytest.mark.parametrize(
@@ -35,6 +39,8 @@ def test_equality_compares_values() -> None:
         ((np.zeros(6),), r"contraction: got shape \(6,\), must be \(N, 2\)"),
         ((np.zeros((6, 2)), np.zeros(6)), r"hinge: got shape \(6,\), must be \(5,\)"),
         ((np.zeros((6, 2)), 0.0, np.zeros((2, 6))), r"force: got shape \(2, 6\), must be \(6, 2\)"),
+        ((np.zeros((0, 2)),), r"contraction: got shape \(0, 2\), must be \(N, 2\)"),
+        ((np.full((6, 2), 1.0),), "contraction: got 1.0, must be below 1"),
         ((np.full((6, 2), np.nan),), "contraction: got nan, every value must be finite"),
     ],
 )
