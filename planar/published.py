@@ -176,8 +176,9 @@ class _Worm:
         contact, correct = self._contact_after(solution), False
         if (contact != self.contact).any():
             self.contact, correct = contact, True
-            start = start.copy()
-            start[2 * np.flatnonzero(contact) + 1] = self.ground
+            if self.parameters.snap:
+                start = start.copy()
+                start[2 * np.flatnonzero(contact) + 1] = self.ground
         if self.parameters.normal_load == "residual":  # (P9)
             self.normal_load = np.abs(solution.residual[2 * self.net.main + 1])
             friction, correct = self._p10_friction_force(), True

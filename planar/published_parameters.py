@@ -36,6 +36,8 @@ class Parameters:
         Of the default travelling wave [m].
     ground_clearance : float
         Height of the lowest node at rest above the ground [m].
+    snap : bool
+        Whether nodes whose contact changed are set on the ground in the start configuration of the corrector.
     elastic_sign : float
         s of the module's equations: -1 as the program, +1 as mechanics wants it.
     rectified : bool
@@ -64,6 +66,7 @@ class Parameters:
     contraction_force: float = 10.0
     wavelength: float = 1.0
     ground_clearance: float = 0.02
+    snap: bool = True
     elastic_sign: float = -1.0
     rectified: bool = True
     tolerance: float = 1e-6

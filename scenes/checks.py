@@ -40,16 +40,15 @@ class Check:
 def cross_mistakes(
     checks: Iterable[Check], schema: type[Section], data: Mapping[str, Any], found: Iterable[Mistake]
 ) -> Iterator[Mistake]:
-    """Yield what the checks find, at most one mistake for each key, none for keys known to be wrong."""
+    """Yield what the checks find; a check that reads a key already known to be wrong stays silent."""
     untrusted = [mistake.untrusted for mistake in found]
-    complained: set[KeyPath] = set()
     for check in checks:
         paths = [tuple(need.split(".")) for need in check.needs]
-        if paths[0] in complained or any(_touch(path, wrong) for path in paths for wrong in untrusted):
+        if any(_touch(path, wrong) for path in paths for wrong in untrusted):
             continue
         text = check.test(*(_value(schema, data, path) for path in paths))
         if text is not None:
-            complained.add(paths[0])
+            untrusted.append(paths[0])
             yield Mistake(paths[0], text, suspects=tuple(paths[1:]))
 
 

@@ -84,7 +84,7 @@ def check(scene: SceneArgument, o: Overrides = None) -> None:
     from scenes.loader import load_scene
 
     loaded = load_scene(scene, o or ())
-    typer.echo(f"{loaded.name}: the scene is right (model {loaded.kind.name}, {loaded.settings.run.steps} steps)")
+    typer.echo(f"{loaded.name}: the scene is right (model {loaded.kind.name}, {loaded.settings.steps} steps)")
 
 
 @app.command(name="list")

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from scenes.schema import Section, choices, describe, field_at, names, section_type
+from scenes.schema import FORMS, Section, choices, describe, field_at, names, section_type
 from scenes.toml_lines import KeyPath, line_of
 from scenes.toml_text import shown
 
@@ -58,10 +58,10 @@ def did_you_mean(word: str, known: Iterable[tuple[str, str]]) -> str | None:
 
 
 def _translated(schema: type[Section], detail: Any) -> Mistake:
-    path, found = tuple(detail["loc"]), detail["input"]
+    path, found = tuple(part for part in detail["loc"] if part not in FORMS), detail["input"]
     if detail["type"] == "extra_forbidden":
         return _unknown(schema, path, "section" if isinstance(found, dict) else "key")
-    field = field_at(schema, path)
+    field = field_at(schema, tuple(part for part in path if isinstance(part, str)))
     if field is None:
         raise AssertionError(f"pydantic names a key that the schema does not have: {path}")
     if detail["type"] == "missing":
@@ -69,7 +69,7 @@ def _translated(schema: type[Section], detail: Any) -> Mistake:
     if section_type(field):
         return Mistake(path, f"got {shown(found)}: must be a section of keys under the header [{dotted(path)}]")
     advice = _suggestion(str(found), [(str(c), str(c)) for c in choices(field)])
-    message = detail["msg"][0].lower() + detail["msg"][1:]
+    message = (detail["msg"][0].lower() + detail["msg"][1:]).replace("tuple", "list")  # a file has lists
     return Mistake(path, f"got {shown(found)}: {message}{advice}{describe(field)}")
 
 

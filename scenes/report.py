@@ -20,15 +20,24 @@ HEADLINES = (
 
 def ending(record: Record, kind: Kind[Any], folder: Path) -> str:
     """Return the lines that end a run: the figures that matter, and where the files are."""
-    rows = [(label, _figure(record, key, unit)) for key, label, unit in (*HEADLINES, *kind.headlines)]
-    rows.append(("files", str(folder)))
-    width = max(len(label) for label, _ in rows)
-    return "\n".join((f"{record.name}: {_sentence(record)}", *(f"  {label:{width}}  {text}" for label, text in rows)))
+    lines = kind.table(record) if kind.table else _figures(record, kind)
+    return "\n".join(
+        (f"{record.name}: {_sentence(record)}", *(f"  {line}" for line in (*lines, f"{'files':22}{folder}")))
+    )
 
 
-def divergence(record: Record, kind: Kind[Any]) -> str:
-    """Return the one line about a run that diverged: what, when, where, and what to try."""
-    return f"diverged: {record.sentence}; {kind.advice}"
+def failure(record: Record, kind: Kind[Any]) -> str:
+    """Return the one line about a run that failed, at least in part: what, when, where, and what to try."""
+    return f"{record.status}: {record.sentence}; {kind.advice}"
+
+
+def failed(record: Record) -> bool:
+    """Return whether a run failed, at least in part."""
+    return record.status in ("diverged", "incomplete")
+
+
+def _figures(record: Record, kind: Kind[Any]) -> list[str]:
+    return [f"{label:22}{_figure(record, key, unit)}" for key, label, unit in (*HEADLINES, *kind.headlines)]
 
 
 def timing(record: Record) -> dict[str, float]:
@@ -37,8 +46,8 @@ def timing(record: Record) -> dict[str, float]:
 
 
 def _sentence(record: Record) -> str:
-    how = "diverged" if record.status == "diverged" else record.sentence
-    return f"{how} ({record['time'][-1]:g} s simulated, {_speed(record)})"
+    how = record.status if failed(record) else record.sentence
+    return f"{how} ({record.summary['duration_s']:g} s simulated, {_speed(record)})"
 
 
 def _speed(record: Record) -> str:
@@ -47,4 +56,6 @@ def _speed(record: Record) -> str:
 
 def _figure(record: Record, key: str, unit: str) -> str:
     figure = record.summary[key]
-    return f"none: {record.summary.reasons[key]}" if figure is None else f"{figure:.6g} {unit}".rstrip()
+    return (
+        f"{figure:.6g} {unit}".rstrip() if isinstance(figure, float | int) else f"none: {record.summary.reasons[key]}"
+    )

@@ -18,7 +18,7 @@ from scenes.store import FILE_NAME, save
 from scenes.summary import Summary, write_summary
 from scenes.versions import versions
 
-EXIT_CODES = {"done": 0, "diverged": 3, "interrupted": 130}
+EXIT_CODES = {"done": 0, "diverged": 3, "incomplete": 5, "interrupted": 130}
 """What a run ends the program with, by its status."""
 
 
@@ -43,7 +43,7 @@ def run_scene(scene: Scene, out: Path | None = None, *, force: bool = False, qui
     """
     folder = folders.prepared(out, scene.name, force=force)
     with Interruption() as interruption:
-        with progress(scene.name, scene.settings.run.steps, quiet=quiet) as show:
+        with progress(scene.name, scene.settings.steps, quiet=quiet) as show:
 
             def observer(done: int) -> bool:
                 show(done)
@@ -77,8 +77,8 @@ def simulate(scene: Scene, observer: Observer = lambda done: True) -> Record:
 
 
 def _timing(outcome: Outcome) -> tuple[Variable, ...]:
-    simulated = outcome.summary["duration_s"] or 0.0
-    factor = simulated / outcome.wall_s
+    simulated = outcome.summary["duration_s"]
+    factor = (simulated if isinstance(simulated, float) else 0.0) / outcome.wall_s
     return (
         Variable("wall_s", (), outcome.wall_s, "s", "wall time of the simulation"),
         Variable("real_time_factor", (), factor, "1", "simulated time over wall time"),
@@ -94,7 +94,7 @@ def _draw(record: Record, scene: Scene, folder: Path) -> None:
 
 
 def _tell(record: Record, scene: Scene, folder: Path, *, quiet: bool) -> None:
-    if record.status == "diverged":
-        typer.echo(report.divergence(record, scene.kind), err=True)
+    if report.failed(record):
+        typer.echo(report.failure(record, scene.kind), err=True)
     if not quiet:
         typer.echo(report.ending(record, scene.kind, folder))

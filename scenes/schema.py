@@ -3,13 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Strict, Tag
 from pydantic.fields import FieldInfo
 
 from scenes import toml_text
 from scenes.toml_lines import KeyPath
+
+N = TypeVar("N")
+
+FORMS = ("<number>", "<list>")
+"""Tags of the two forms of an `Each`; pydantic puts them into the place of a mistake."""
+
+
+def _form(value: Any) -> str:
+    return FORMS[isinstance(value, list | tuple)]
+
+
+Each = Annotated[
+    Annotated[N, Tag(FORMS[0])] | Annotated[tuple[N, ...], Strict(False), Tag(FORMS[1])], Discriminator(_form)
+]
+"""A number for all, or a list with one for each; `Each[Positive]` checks the range of every one."""
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Cross = Annotated[float, Field(gt=-1, lt=1)]
+
+Numbers = Annotated[tuple[float, ...], Strict(False), Field(min_length=1)]
+"""A list of numbers, at least one."""
 
 
 class Section(BaseModel):
@@ -19,7 +41,7 @@ class Section(BaseModel):
 
 
 def quantity(
-    default: float | None = None,
+    default: float | tuple[float, ...] | None = None,
     *,
     title: str,
     unit: str = "",
@@ -28,12 +50,14 @@ def quantity(
     lt: float | None = None,
     le: float | None = None,
     aka: tuple[str, ...] = (),
+    each: Literal["", "segment", "joint"] = "",
+    left_out: str = "",
 ) -> Any:
-    """Declare a number.
+    """Declare a number, or several.
 
     Parameters
     ----------
-    default : float, optional
+    default : float or tuple of float, optional
         Without one the key must be given.
     title : str
         What it is, in a few words.
@@ -43,9 +67,13 @@ def quantity(
         The range.
     aka : tuple of str
         Other names that people try, for "did you mean".
+    each : str
+        Of what the worm has several, so that the key, an `Each`, takes a list too.
+    left_out : str
+        What holds if the key is left out; it then has no default but None.
     """
-    extra: dict[str, Any] = {"unit": unit, "aka": list(aka)}
-    given = ... if default is None else default
+    extra: dict[str, Any] = {"unit": unit, "aka": list(aka), "number": True, "each": each, "left_out": left_out}
+    given = ... if default is None and not left_out else default
     return Field(given, title=title, gt=gt, ge=ge, lt=lt, le=le, json_schema_extra=extra)
 
 
@@ -84,18 +112,36 @@ def choices(field: FieldInfo) -> tuple[Any, ...]:
 
 def describe(field: FieldInfo, *, with_default: bool = True) -> str:
     """Return what an error line says of a key: ` [m], 0 < … <= 100 (default 1.0)`."""
-    unit, span = _extra(field, "unit"), range_text(field)
+    unit, span, each = (_extra(field, "unit"), range_text(field), _extra(field, "each"))
     text = (f" [{unit}]" if unit else "") + (f", {span}" if span else "")
+    text += f", one for all or a list with one for each {each}" if each else ""
     known = with_default and not field.is_required() and section_type(field) is None
-    return text + (f" (default {toml_text.shown(field.default)})" if known else "")
+    return text + (f" (default {default_text(field)})" if known else "")
+
+
+def default_text(field: FieldInfo) -> str:
+    """Return the default of a key, or what holds if the key is left out."""
+    return _extra(field, "left_out") or toml_text.shown(field.default)
+
+
+def is_number(field: FieldInfo) -> bool:
+    """Return whether a key holds a number (or several)."""
+    return bool(_extra(field, "number"))
 
 
 def range_text(field: FieldInfo) -> str:
     """Return the range of a number, `0 < … <= 100`; empty if it has none."""
-    bounds = {key: getattr(m, key) for m in field.metadata for key in ("gt", "ge", "lt", "le") if hasattr(m, key)}
+    rules = (*field.metadata, *_rules(field.annotation))
+    bounds = {key: getattr(m, key) for m in rules for key in ("gt", "ge", "lt", "le") if hasattr(m, key)}
     low = next((f"{_short(bounds[k])} {sign} " for k, sign in (("gt", "<"), ("ge", "<=")) if k in bounds), "")
     high = next((f" {sign} {_short(bounds[k])}" for k, sign in (("lt", "<"), ("le", "<=")) if k in bounds), "")
     return f"{low}…{high}" if bounds else ""
+
+
+def _rules(annotation: Any) -> Iterator[Any]:
+    """Yield what the items of an annotation have to obey."""
+    for part in get_args(annotation):
+        yield from part.metadata if isinstance(part, FieldInfo) else _rules(part)
 
 
 def _short(number: float) -> str:

@@ -25,7 +25,10 @@ class Run(Section):
 
 
 class Gait(Section):
-    """A pattern of contraction: a travelling wave, or segment after segment (the paper's two schemes)."""
+    """A pattern of contraction: a travelling wave, or segment after segment (the paper's two schemes).
+
+    A model adds how strong it is, and the length of the wave in its unit.
+    """
 
     kind: Literal["travelling_wave", "segment_driven"] = setting(
         "travelling_wave", title="the wave A = sin(kx - wt), or one segment after the other", aka=("type",)
@@ -35,9 +38,6 @@ class Gait(Section):
     )
     direction: Literal["direct", "retrograde", "standing"] = setting(
         "retrograde", title="direct runs tail to head, retrograde head to tail; standing: travelling_wave only"
-    )
-    wavelength_m: float = quantity(
-        1.0, unit="m", gt=0, title="travelling_wave only: length of the wave", aka=("lambda_m", "wave_length_m")
     )
     rectified: bool = setting(True, title="travelling_wave only: whether segments contract, never lengthen")
     contract_time_s: float = quantity(
@@ -56,3 +56,8 @@ class Settings(Section):
     says: str = setting("", title="what to look for, in one line; `worm3d list` prints it")
     seed: int = quantity(0, ge=0, le=LARGEST_SEED, title="seed of everything random")
     run: Run = Run()
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps of all that the scene runs."""
+        return self.run.steps

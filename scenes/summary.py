@@ -12,7 +12,10 @@ from typing import Any
 
 from scenes.files import write_bytes
 
-Figure = float | int | str | None
+Cell = float | int | str | None
+
+Figure = Cell | list[dict[str, Cell]]
+"""A figure of merit, or a table of them: a row for each case of a study."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +24,7 @@ class Summary:
 
     Attributes
     ----------
-    figures : mapping of name to float, int, str or None
+    figures : mapping of name to float, int, str, None, or a list of rows
     reasons : mapping of name to str
         Why a figure has no value.
     """

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from scenes.kinds.base import Kind
-from scenes.schema import Section, choices, describe, section_type
+from scenes.schema import Section, choices, default_text, describe, section_type
 from scenes.toml_text import value
 
 
@@ -31,7 +31,8 @@ def _section(schema: type[Section], prefix: str, given: dict[str, Any]) -> Itera
             allowed = ", ".join(map(value, choices(field)))
             one_of = f"; one of {allowed}" if allowed else ""
             yield f"# {field.title}{describe(field, with_default=False)}{one_of}"
-            yield f"{name} = {value(given.get(name, field.default))}"
+            default = given.get(name, field.default)
+            yield f"# {name} is left out: {default_text(field)}" if default is None else f"{name} = {value(default)}"
 
 
 def _first_sentence(section: type[Section]) -> str:

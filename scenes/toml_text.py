@@ -32,13 +32,14 @@ def shown(item: Any) -> str:
 
 
 def document(settings: BaseModel) -> str:
-    """Return all settings as a TOML text, every default written out."""
+    """Return all settings as a TOML text, every default written out; what has no value (None) is left out."""
     return "\n".join(_lines(settings, "")).strip() + "\n"
 
 
 def _lines(section: BaseModel, prefix: str) -> Iterator[str]:
     inner = {name: item for name, item in section if isinstance(item, BaseModel)}
-    yield from (f"{name} = {value(item)}" for name, item in section if name not in inner)
+    plain = {name: item for name, item in section if name not in inner and item is not None}
+    yield from (f"{name} = {value(item)}" for name, item in plain.items())
     for name, item in inner.items():
         yield from ("", f"[{prefix}{name}]")
         yield from _lines(item, f"{prefix}{name}.")

@@ -125,6 +125,11 @@ class Ledger:
         return Ledger(**{f.name: np.bincount(owner, getattr(self, f.name), steps).astype(float) for f in fields(self)})
 
     @classmethod
+    def empty(cls) -> Ledger:
+        """Return the ledger of a run without a finished step."""
+        return cls(**{f.name: np.zeros(0) for f in fields(cls)})
+
+    @classmethod
     def of(cls, p: Parts, worm: Linkage, ground: Ground | None, gravity: FloatArray) -> Ledger:
         """Compute the ledger of all parts at once."""
         return cls(**_Terms(p, worm, ground, gravity).all())

@@ -132,6 +132,8 @@ class Run:
     def ledger(self) -> Ledger:
         """Energy of each step, term by term."""
         flat = [part for parts in self.steps for part in parts]
+        if not flat:
+            return Ledger.empty()
         owner = np.repeat(np.arange(len(self.steps)), [len(parts) for parts in self.steps])
         return Ledger.of(Parts.of(flat, self.worm), self.worm, self.ground, self.gravity).summed(owner, len(self.steps))
 

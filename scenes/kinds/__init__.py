@@ -8,7 +8,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scenes.kinds.base import Kind
 
-_MODULES = {"planar_published": "scenes.kinds.planar_published"}
+_MODULES = {
+    "planar_published": "scenes.kinds.planar_published",
+    "planar_linkage": "scenes.kinds.planar_linkage",
+    "planar_study": "scenes.kinds.planar_study",
+}
 
 
 def names() -> tuple[str, ...]:

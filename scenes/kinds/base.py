@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Generic, Literal, Protocol, TypeVar
 from scenes.checks import Check
 from scenes.record import Record, Variable
 from scenes.sections import Settings
+from scenes.summary import Figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Picture
 
 S = TypeVar("S", bound=Settings)
 
 Observer = Callable[[int], bool]
 """Called with the number of finished steps; returning False ends the run there."""
 
-Status = Literal["done", "interrupted", "diverged"]
+Status = Literal["done", "interrupted", "diverged", "incomplete"]
+"""Incomplete: some cases of a study came to their end, others did not."""
 
 
 class Movie(Protocol):
@@ -51,7 +53,7 @@ class Outcome:
     status: Status
     sentence: str
     variables: tuple[Variable, ...]
-    summary: Mapping[str, float | None]
+    summary: Mapping[str, Figure]
     reasons: Mapping[str, str]
     wall_s: float
 
@@ -78,6 +80,8 @@ class Kind(Generic[S]):
         What to try when a run diverges.
     headlines : tuple of (key, label, unit)
         Figures of the summary, beyond those of every model, that end a run's report.
+    table : callable, optional
+        Lines that end a run's report instead of figures: the cases of a study.
     """
 
     name: str
@@ -85,7 +89,8 @@ class Kind(Generic[S]):
     schema: type[S]
     checks: tuple[Check, ...]
     run: Callable[[S, Observer], Outcome]
-    figures: Mapping[str, Callable[[Record], tuple[Figure, Axes]]]
+    figures: Mapping[str, Callable[[Record], tuple[Picture, Axes]]]
     animate: Callable[[Record], Movie]
     advice: str
     headlines: tuple[tuple[str, str, str], ...] = field(default=())
+    table: Callable[[Record], list[str]] | None = None

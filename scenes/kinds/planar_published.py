@@ -10,8 +10,8 @@ import numpy as np
 
 from control import gaits
 from planar import published
-from planar.metrics import FloatArray, path_length
-from scenes.kinds.base import Kind, Movie, Observer, Outcome, Status
+from scenes.kinds.base import Kind, Movie, Observer, Outcome
+from scenes.kinds.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
 from scenes.kinds.planar_published_schema import CHECKS, PublishedScene
 from scenes.record import Record, Variable
 
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 MOVIE_S = 30.0
 """Longer runs are animated up to here [s]."""
-
-SHORT_RUN = "the run is shorter than one period of the gait, over which the centre of mass is averaged"
 
 
 def run(scene: PublishedScene, observer: Observer) -> Outcome:
@@ -42,7 +40,7 @@ def run(scene: PublishedScene, observer: Observer) -> Outcome:
     with np.errstate(all="ignore"):
         summary = _summary(scene, result)
         return Outcome(
-            status=_status(result),
+            status=status_word(result.status),
             sentence=result.stop.sentence,
             variables=_variables(scene, result),
             summary=summary,
@@ -92,12 +90,6 @@ def gait_of(scene: PublishedScene) -> gaits.Gait:
     )
 
 
-def _status(result: published.Run) -> Status:
-    if result.status.diverged:
-        return "diverged"
-    return "done" if result.status is result.status.DONE else "interrupted"
-
-
 def _variables(scene: PublishedScene, result: published.Run) -> tuple[Variable, ...]:
     stored = slice(None, None, scene.run.record_every)
     nodes, time, step = result.q[stored], ("time",), ("step",)
@@ -121,19 +113,18 @@ def _variables(scene: PublishedScene, result: published.Run) -> tuple[Variable, 
 
 
 def _summary(scene: PublishedScene, result: published.Run) -> dict[str, float | None]:
-    period, averaged = scene.gait.period_s, len(result.time) > round(scene.gait.period_s / scene.run.dt_s)
-    distance = float(result.com[-1, 0] - result.com[0, 0])
+    travel = Travel.of(result.com, result.time, scene.gait.period_s)
     work = float(result.work_contract.sum())
     weight = scene.worm.mass_kg * scene.friction.gravity_m_s2
     return {
         "duration_s": float(result.time[-1]),
-        "distance_m": distance,
-        "path_length_m": path_length(result.com, result.time, period) if averaged else None,
-        "mean_speed_m_s": _mean_speed(result.com[:, 0], result.time, period) if averaged else None,
+        "distance_m": travel.distance,
+        "path_length_m": travel.path_length,
+        "mean_speed_m_s": travel.mean_speed,
         "heading_change_deg": 0.0,  # a planar worm cannot turn
         "work_contract_J": work,
         "work_friction_J": float(result.work_friction.sum()),
-        "cost_of_transport": work / (weight * distance) if work >= 0 and weight * distance > 0 else None,
+        "cost_of_transport": cost_of_transport(work, weight, travel.distance),
         "energy_balance_error": result.energy_balance_error,
         "newton_iterations_mean": float(result.newton_iterations.mean()) if len(result.residual) else None,
         "reported_distance_m": result.reported_distance,
@@ -144,29 +135,13 @@ def _summary(scene: PublishedScene, result: published.Run) -> dict[str, float | 
     }
 
 
-def _mean_speed(com_x: FloatArray, time: FloatArray, period: float) -> float:
-    """Return the speed of the centre of mass averaged over one period, which removes its rocking [m/s]."""
-    window = round(period / (time[1] - time[0]))
-    first, last = com_x[:window].mean(), com_x[-window:].mean()
-    return float((last - first) / (time[-1] - time[window - 1]))
-
-
 def _reasons(summary: dict[str, float | None]) -> dict[str, str]:
     reasons = dict.fromkeys(summary, "not a finite number: the state overflowed")
     reasons["path_length_m"] = reasons["mean_speed_m_s"] = SHORT_RUN
-    reasons["newton_iterations_mean"] = "no step was finished"
+    reasons["newton_iterations_mean"] = NO_STEP
     reasons["reported_total_cot_J_per_m"] = "the distance as the program takes it is zero"
-    reasons["cost_of_transport"] = _no_cost_because(summary)
+    reasons["cost_of_transport"] = no_cost_because(summary["work_contract_J"], summary["distance_m"])
     return reasons
-
-
-def _no_cost_because(summary: dict[str, float | None]) -> str:
-    work, distance = summary["work_contract_J"], summary["distance_m"]
-    if work is not None and work < 0:
-        return f"the net work of the contraction is negative ({work:.4g} J): the springs drove it, not the reverse"
-    if distance is not None and distance <= 0:
-        return f"the worm made no way forward ({distance:.4g} m)"
-    return "the worm has no weight, or its state overflowed"
 
 
 def _draw_com(record: Record) -> tuple[Figure, Axes]:

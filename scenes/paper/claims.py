@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 
@@ -29,11 +29,11 @@ class Claim:
 
 def claims(runs: Mapping[Key, Run], rows: Sequence[Row]) -> list[Claim]:
     """Return every claim of the paper with its verdict; makes two further runs of the program."""
-    by_segments = [next(r for r in rows if (r.n, r.T_wave_s) == (n, 2.0)) for n in SEGMENTS]
-    by_period = [next(r for r in rows if (r.n, r.T_wave_s) == (6, T)) for T in PERIODS]
+    table_2 = [next(r for r in rows if (r.n, r.T_wave_s) == (n, 2.0)) for n in SEGMENTS]
+    table_3 = [next(r for r in rows if (r.n, r.T_wave_s) == (6, T)) for T in PERIODS]
     return [
-        *_segment_claims(by_segments),
-        *_period_claims(by_period),
+        *_segment_claims(table_2),
+        *_period_claims(table_3),
         _friction_claim(),
         _mechanism_claim(runs[6, 2.0]),
         _wave_claim(runs[6, 2.0]),
@@ -41,7 +41,28 @@ def claims(runs: Mapping[Key, Run], rows: Sequence[Row]) -> list[Claim]:
     ]
 
 
-def _verdict(holds: bool) -> str:
+def by_segments(what: str, values: Sequence[float | None]) -> Claim:
+    """Judge that something rises with the number of segments up to 6 and drops at 7; None for no value."""
+    return Claim(
+        claim=f"{what} rises with the number of segments up to 6 and drops at 7",
+        source="IV.A, Fig. 10 and 11",
+        verdict=verdict(_rises_then_drops(_numbers(values))),
+        evidence="n = " + listed(SEGMENTS, values),
+    )
+
+
+def by_period(what: str, values: Sequence[float | None]) -> Claim:
+    """Judge that a shorter wave period means more of something; None for no value."""
+    return Claim(
+        claim=f"a shorter wave period means {what}",
+        source="IV.B, Fig. 12 and 13",
+        verdict=verdict(_rises(_numbers(values)[::-1])),
+        evidence="T_wave = " + listed([f"{T:g} s" for T in PERIODS], values),
+    )
+
+
+def verdict(holds: bool) -> str:
+    """Return the verdict in words."""
     return "holds" if holds else "does not hold"
 
 
@@ -54,42 +75,31 @@ def _rises(values: Sequence[float]) -> bool:
     return all(a < b for a, b in pairwise(values))
 
 
-def _listed(labels: Sequence[object], values: Sequence[float]) -> str:
-    return ", ".join(f"{label}: {value:.6g}" for label, value in zip(labels, values, strict=True))
+def _numbers(values: Sequence[float | None]) -> list[float]:
+    """Return the values, NaN for none: it neither rises nor drops."""
+    return [float("nan") if value is None else value for value in values]
+
+
+def listed(labels: Sequence[object], values: Sequence[float | None]) -> str:
+    """Return labels and values in one line."""
+    cells = ("none" if value is None else f"{value:.6g}" for value in values)
+    return ", ".join(f"{label}: {cell}" for label, cell in zip(labels, cells, strict=True))
 
 
 def _segment_claims(rows: Sequence[Row]) -> list[Claim]:
-    def judge(what: str, value: Callable[[Row], float]) -> Claim:
-        values = [value(row) for row in rows]
-        return Claim(
-            claim=f"{what} rises with the number of segments up to 6 and drops at 7",
-            source="IV.A, Fig. 10 and 11",
-            verdict=_verdict(_rises_then_drops(values)),
-            evidence="n = " + _listed(SEGMENTS, values),
-        )
-
     return [
-        judge("the reported distance [m]", lambda r: r.reported_distance_m),
-        judge("the true displacement [m]", lambda r: r.true_displacement_m),
-        judge("the cumulative cost of transport [J/m] that is plotted", lambda r: r.cumulative_cot_J_per_m),
-        judge("the work per distance [J/m]", lambda r: r.total_cot_J_per_m),
+        by_segments("the reported distance [m]", [r.reported_distance_m for r in rows]),
+        by_segments("the true displacement [m]", [r.true_displacement_m for r in rows]),
+        by_segments("the cumulative cost of transport [J/m] that is plotted", [r.cumulative_cot_J_per_m for r in rows]),
+        by_segments("the work per distance [J/m]", [r.total_cot_J_per_m for r in rows]),
     ]
 
 
 def _period_claims(rows: Sequence[Row]) -> list[Claim]:
-    def judge(what: str, value: Callable[[Row], float]) -> Claim:
-        values = [value(row) for row in rows]
-        return Claim(
-            claim=f"a shorter wave period means {what}",
-            source="IV.B, Fig. 12 and 13",
-            verdict=_verdict(_rises(values[::-1])),
-            evidence="T_wave = " + _listed([f"{T:g} s" for T in PERIODS], values),
-        )
-
     return [
-        judge("more work in a given time [J]", lambda r: r.work_J),
-        judge("a higher cumulative cost of transport [J/m], as plotted", lambda r: r.cumulative_cot_J_per_m),
-        judge("more work per distance [J/m]", lambda r: r.total_cot_J_per_m),
+        by_period("more work in a given time [J]", [r.work_J for r in rows]),
+        by_period("a higher cumulative cost of transport [J/m], as plotted", [r.cumulative_cot_J_per_m for r in rows]),
+        by_period("more work per distance [J/m]", [r.total_cot_J_per_m for r in rows]),
     ]
 
 
@@ -99,7 +109,7 @@ def _friction_claim() -> Claim:
     return Claim(
         claim="friction propels the worm by anchoring it (rather than momentum transfer inside the body)",
         source="II.A",
-        verdict=_verdict(abs(isotropic) < 0.05 * directional),
+        verdict=verdict(abs(isotropic) < 0.05 * directional),
         evidence=f"true displacement {directional:.4f} m with friction 0.03 forward and 0.20 backward, "
         f"{isotropic:.4f} m with 0.20 both ways: in this program the direction of the friction drives it; "
         "no load anchors, since the normal loads are constant",
@@ -118,7 +128,7 @@ def _mechanism_claim(run: Run) -> Claim:
     return Claim(
         claim="an active segment expands vertically and shortens horizontally",
         source="II.E",
-        verdict="holds only by the inverted sign" if pressed and wider and shorter else _verdict(wider and shorter),
+        verdict="holds only by the inverted sign" if pressed and wider and shorter else verdict(wider and shorter),
         evidence=f"at full activation {length[active].mean():.4f} m long and {height[active].mean():.4f} m high, "
         f"passive {length[passive].mean():.4f} m and {height[passive].mean():.4f} m; the forces press the connectors "
         "together and would do the opposite with the right sign of the elastic force",

@@ -4,24 +4,30 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import typer
 from matplotlib.figure import Figure
 
+from planar import linkage
 from planar.animation import Movie
 from planar.published import Run
 from scenes import folder as folders
 from scenes.files import write_bytes, written_whole
-from scenes.paper import figures, tables
-from scenes.paper.claims import Claim, claims
-from scenes.paper.differences import Difference, differences
-from scenes.paper.report import markdown, terminal_lines
-from scenes.paper.tables import Key, Row
+from scenes.paper import corrected, corrected_figures, figures, tables
+from scenes.paper.claims import claims
+from scenes.paper.corrected_claims import corrected_claims
+from scenes.paper.differences import differences
+from scenes.paper.report import Study, markdown, terminal_lines
+from scenes.paper.tables import Key
 from scenes.progress import busy, progress
 from scenes.versions import versions
+
+K = TypeVar("K")
+R = TypeVar("R")
 
 MOVIE = "animation_6_segments.gif"
 
@@ -44,49 +50,58 @@ def run(out: Path | None, force: bool, quiet: bool) -> int:
         The folder cannot be used, or the disc refused a file.
     """
     folder = folders.prepared(out, "paper", force=force)
-    runs = _simulate(quiet)
-    rows = tables.rows(runs)
+    runs = _simulate("the paper's runs", tables.keys(), tables.simulate, quiet)
+    corrected_runs = _simulate("the corrected worm's runs", corrected.cases(), corrected.run, quiet)
     with busy("judging the claims", quiet=quiet):
-        verdicts = claims(runs, rows)
-    with busy("measuring the differences between text and program", quiet=quiet):
-        deviations = differences(runs[6, 2.0])
-    _write(folder, rows, verdicts, deviations)
+        study = _study(runs, corrected_runs)
+    _write(folder, study)
     with busy("drawing", quiet=quiet):
-        _draw(folder, runs)
+        _draw(folder, runs[6, 2.0], figures.draw(runs))
+        _save_all(folder, corrected_figures.draw(corrected_runs, study.corrected, study.overstatements))
     if not quiet:
-        for line in terminal_lines(rows, verdicts, deviations, shutil.get_terminal_size().columns):
+        for line in terminal_lines(study, shutil.get_terminal_size().columns):
             typer.echo(line)
-        typer.echo(f"Written to {folder}: report.md, paper.json, figures 7 to 13, {MOVIE}")
+        typer.echo(f"Written to {folder}: report.md, paper.json, figures 7 to 13, those of the corrected worm, {MOVIE}")
     return 0
 
 
-def _simulate(quiet: bool) -> dict[Key, Run]:
-    keys = tables.keys()
+def _simulate(title: str, keys: Sequence[K], simulate: Callable[[K], R], quiet: bool) -> dict[K, R]:
     runs = {}
-    with progress("the paper's runs", len(keys), quiet=quiet) as show:
+    with progress(title, len(keys), quiet=quiet) as show:
         for done, key in enumerate(keys, start=1):
-            runs[key] = tables.simulate(key)
+            runs[key] = simulate(key)
             show(done)
     return runs
 
 
-def _write(folder: Path, rows: Sequence[Row], verdicts: Sequence[Claim], deviations: Sequence[Difference]) -> None:
-    content = {
-        "rows": [row.as_dict() for row in rows],
-        "claims": [claim.as_dict() for claim in verdicts],
-        "differences": [difference.as_dict() for difference in deviations],
-        "versions": dict(versions()),
-    }
+def _study(runs: Mapping[Key, Run], corrected_runs: Mapping[corrected.Key, linkage.Run]) -> Study:
+    rows, corrected_rows = tables.rows(runs), corrected.rows(corrected_runs)
+    return Study(
+        rows=rows,
+        claims=claims(runs, rows),
+        differences=differences(runs[6, 2.0]),
+        corrected=corrected_rows,
+        corrected_claims=corrected_claims(corrected_runs, corrected_rows),
+        overstatements=corrected.overstatements(lambda key: corrected_runs[key].distance),
+    )
+
+
+def _write(folder: Path, study: Study) -> None:
+    content = {**study.as_dict(), "versions": dict(versions())}
     write_bytes(folder / "paper.json", (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode())
-    write_bytes(folder / "report.md", markdown(rows, verdicts, deviations).encode())
+    write_bytes(folder / "report.md", markdown(study).encode())
 
 
-def _draw(folder: Path, runs: dict[Key, Run]) -> None:
-    for stem, figure in figures.draw(runs).items():
+def _save_all(folder: Path, drawn: Mapping[str, Figure]) -> None:
+    for stem, figure in drawn.items():
         _save(figure, folder / f"{stem}.png")
+
+
+def _draw(folder: Path, main: Run, drawn: Mapping[str, Figure]) -> None:
+    _save_all(folder, drawn)
     with written_whole(folder / MOVIE) as part:
         unfinished = part.with_name(f"{part.name}.gif")  # the writer goes by the ending
-        _movie(runs[6, 2.0]).save(unfinished)
+        _movie(main).save(unfinished)
         unfinished.replace(part)
 
 

@@ -18,8 +18,11 @@ from planar.published import Parameters, Run
 REST_AREA = np.sqrt(3.0) / 4.0 / 6.0
 """Of the six rhombi at rest [m^2]."""
 
-TABLE_I_MASS = 10.0 * REST_AREA
-"""Table I's 10 kg/m^3 times the rest area and a depth of 1 m [kg]."""
+DENSITY = 10.0
+"""Table I [kg/m^3]."""
+
+BLOW_UP_STEPS = 200
+"""Steps of a run that is known to blow up."""
 
 
 @dataclass(frozen=True)
@@ -55,15 +58,19 @@ def differences(program_run: Run) -> list[Difference]:
     return [Difference(e.what, e.text, e.program, e.effect(program_run)) for e in _ENTRIES]
 
 
-def _compared(run: Run, parameters: Parameters, label: str = "as the text has it") -> str:
-    other = published.simulate(parameters=parameters)
+def _outcome(other: Run, run: Run) -> str:
     unconverged = f"; {other.unconverged_steps} steps unconverged" if other.unconverged_steps else ""
+    inverted = f"; segments inside out in {other.inverted_steps} steps" if other.inverted_steps else ""
     ending = f"; {other.stop.sentence}" if other.status.diverged else ""
     return (
-        f"{label}: reported distance {other.reported_distance:.6g} m (program {run.reported_distance:.6g}), "
+        f"reported distance {other.reported_distance:.6g} m (program {run.reported_distance:.6g}), "
         f"true {other.true_displacement:.6g} m ({run.true_displacement:.6g}), "
-        f"work {other.work:.6g} J ({run.work:.6g}){unconverged}{ending}"
+        f"work {other.work:.6g} J ({run.work:.6g}){unconverged}{inverted}{ending}"
     )
+
+
+def _compared(run: Run, parameters: Parameters, label: str = "as the text has it") -> str:
+    return f"{label}: {_outcome(published.simulate(parameters=parameters), run)}"
 
 
 def _with(parameters: Parameters, label: str = "as the text has it") -> Callable[[Run], str]:
@@ -81,12 +88,17 @@ def _torsion(run: Run) -> str:
     )
 
 
-def _inside_out(run: Run) -> str:
-    other = published.simulate(parameters=Parameters(elastic_sign=1.0))
-    height = other.q[:, other.net.top, 1] - other.q[:, other.net.bottom, 1]
+def _mass(run: Run) -> str:
+    mass = DENSITY * REST_AREA
+    parameters = Parameters(mass=mass, connector_mass=1e-3 * mass)
+    return _compared(run, parameters, f"with {mass:.3g} kg (a depth of 1 m; the shares as in the program)")
+
+
+def _residual_loads(run: Run) -> str:
+    other = published.simulate(steps=BLOW_UP_STEPS, parameters=Parameters(normal_load="residual"))
     return (
-        f"{_compared(run, Parameters(elastic_sign=1.0), 'with the right sign')}; "
-        f"the rhombi turn inside out (height down to {height.min():.3f} m)"
+        f"it blows up: after {other.time[-1]:g} s the true displacement is {other.true_displacement:.3g} m, "
+        f"{other.unconverged_steps} of {BLOW_UP_STEPS} steps unconverged; loads of newtons act on a worm of 1e-8 kg"
     )
 
 
@@ -94,8 +106,11 @@ def _centre_of_mass(run: Run) -> str:
     return f"distance {run.reported_distance:.6f} m instead of {run.true_displacement:.6f} m"
 
 
-def _work_sign(run: Run) -> str:
-    return f"work {run.work:.6f} J instead of {run.work_contract.sum():.6f} J: the forces take energy out on balance"
+def _work(run: Run) -> str:
+    return (
+        f"work {run.work:.6f} J; with its sign, but dq from the snapped start, {run.work_contract.sum():.6f} J; "
+        f"by (P11) as it stands {run.work_contract_p11.sum():.6f} J: the forces take energy out on balance"
+    )
 
 
 def _plotted_cost(run: Run) -> str:
@@ -107,12 +122,27 @@ def _plotted_cost(run: Run) -> str:
 
 def _snaps(run: Run) -> str:
     snapped = int((np.abs(run.start - run.q[:-1]).max(axis=(1, 2)) > 0.0).sum())
-    other = published.simulate(parameters=Parameters(ground_clearance=100.0))
+    without = published.simulate(parameters=Parameters(snap=False))
+    far = published.simulate(parameters=Parameters(ground_clearance=100.0))
     return (
-        f"{snapped} of {len(run.start)} steps start from a moved configuration; without a ground within reach "
-        f"the reported distance is {other.reported_distance:.6g} m and the work {other.work:.6g} J, so that the snaps "
-        f"make up {1 - other.work / run.work:.0%} of the work"
+        f"{snapped} of {len(run.start)} steps start from a moved configuration; without moving it the work is "
+        f"{without.work:.6g} J ({1 - without.work / run.work:.1%} less), reported distance "
+        f"{without.reported_distance:.6g} m; without a ground within reach {far.work:.6g} J and "
+        f"{far.reported_distance:.6g} m"
     )
+
+
+def _friction_nodes(run: Run) -> str:
+    lowest = float(run.q[:, run.net.main, 1].min())
+    return (
+        f"the nodes with friction stay at y = {lowest:g} m, {lowest - run.ground:.3g} m above the ground that the "
+        "connectors touch without any friction"
+    )
+
+
+def _wave_name(run: Run) -> str:
+    peaks = run.activation[: round(2.0 / run.dt)].argmax(axis=0)
+    return f"none but the name: segments peak one after the other, {np.diff(peaks)[0] * run.dt:.2f} s apart"
 
 
 _ENTRIES = [
@@ -120,7 +150,7 @@ _ENTRIES = [
         "sign of the elastic force",
         "M q'' - dE/dq - ... = 0 in (P3); but an elastic force is minus the gradient, so that it should be + dE/dq",
         "as (P3) is printed: -dE/dq in the residual",
-        _inside_out,
+        _with(Parameters(elastic_sign=1.0), "with the right sign"),
     ),
     _Entry(
         "centre of mass",
@@ -130,25 +160,42 @@ _ENTRIES = [
     ),
     _Entry(
         "link stiffness",
-        "k_link = 0.12 (Table I)",
+        "k_link = 0.12 (Table I, where it is called a torsional stiffness)",
         "1e4 N in (P7) for each of the four links",
-        _with(Parameters(k_link=0.12)),
+        _with(Parameters(k_link=0.12), "with 0.12 N in (P7)"),
     ),
     _Entry("torsional springs", "k_torsion = 1e4 (Table I), (P6)", "switched off", _torsion),
+    _Entry("mass", "density 10 kg/m^3 (Table I), no depth", "1e-8 kg in all, 1e-11 kg of it on the connectors", _mass),
     _Entry(
-        "mass",
-        "density 10 kg/m^3 (Table I)",
-        "1e-8 kg in all, 1e-11 kg of it on the connectors",
-        _with(Parameters(mass=TABLE_I_MASS, connector_mass=1e-3 * TABLE_I_MASS)),
+        "where friction acts",
+        "on what touches the ground",
+        "on the main nodes, whose height is held; from their velocity at the start of the step",
+        _friction_nodes,
     ),
     _Entry(
         "normal loads of the friction",
         "from the residual of the held y in a predictor, (P9)",
-        "m_i g of each main node, constant, whether or not anything touches the ground",
-        _with(Parameters(normal_load="residual")),
+        "m_i g of each main node, constant, whether or not anything touches the ground; weight acts nowhere else",
+        _residual_loads,
     ),
-    _Entry("wave", "A = sin(kx - wt)", "max(0, sin(kx - wt))", _with(Parameters(rectified=False))),
-    _Entry("amplitude", "A = sin(kx - wt), no factor", "times 10 N", _with(Parameters(contraction_force=1.0))),
+    _Entry(
+        "wave",
+        "A = sin(kx - wt); section V names non-rectified profiles as future work, so rectified is implied",
+        "max(0, sin(kx - wt))",
+        _with(Parameters(rectified=False), "not rectified"),
+    ),
+    _Entry(
+        "name of the wave",
+        "standing wave (Fig. 9 and III.B), travelling wave (III.C)",
+        "travelling wave",
+        _wave_name,
+    ),
+    _Entry(
+        "amplitude",
+        "A = sin(kx - wt), no factor",
+        "times 10 N, vertically on the connectors",
+        _with(Parameters(contraction_force=1.0), "with 1 N"),
+    ),
     _Entry(
         "Newton's tolerance",
         "EI/L^2 * 1e-3, without a value of EI",
@@ -161,7 +208,7 @@ _ENTRIES = [
         "implicit predictor; where contact changes, touching nodes of the start configuration are set on the ground",
         _snaps,
     ),
-    _Entry("work", "(P11), F . dq with its sign", "|F . dq| summed over the steps", _work_sign),
+    _Entry("work", "(P11), F . (q_{n+1} - q_n)", "|F . dq| summed, dq counted after touching nodes were moved", _work),
     _Entry(
         "cumulative cost of transport",
         "(P12), work over displacement of each step",

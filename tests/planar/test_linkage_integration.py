@@ -158,6 +158,11 @@ def test_observer_and_bad_commands_keep_what_was_computed(default_worm: Linkage)
     assert np.isfinite(run.joints).all()
     assert "step 6, t = 0.06 s" in run.stop.sentence
 
+    run = linkage.simulate(default_worm, lambda t: np.full(6, np.nan), duration=1.0)
+    assert run.joints.shape == (1, 7, 2)
+    assert run.ledger.balance_error == 0.0
+    assert run.work_contract == 0.0
+
 
 def test_two_runs_are_equal_to_the_bit(default_worm: Linkage) -> None:
     first, second = (linkage.simulate(default_worm, wave(6), duration=1.0) for _ in range(2))

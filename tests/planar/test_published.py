@@ -256,6 +256,7 @@ def test_every_parameter_of_the_program_counts() -> None:
         "contraction_force": 9.0,
         "wavelength": 0.7,
         "ground_clearance": 0.01,
+        "snap": False,
         "elastic_sign": 1.0,
         "rectified": False,
         "tolerance": 1e-3,

@@ -43,7 +43,7 @@ def test_help_is_quick(console) -> None:
 
 def test_help_and_check_import_nothing_heavy() -> None:
     assert not modules_after("--help") & {"numpy", "pydantic", "matplotlib", "h5py"}
-    assert not modules_after("check", "planar_published") & {"matplotlib", "h5py", "scipy"}
+    assert not modules_after("check", "planar_published") & {"matplotlib", "h5py", "numba"}
 
 
 def test_version(worm3d) -> None:
@@ -102,6 +102,15 @@ def test_init_writes_a_scene_that_is_right_and_complete(worm3d, tmp_path: Path) 
     assert sorted(keys) == sorted(written)
 
 
+@pytest.mark.parametrize("model", ["planar_published", "planar_linkage", "planar_study"])
+def test_the_template_of_each_model_is_right_and_all_defaults(worm3d, tmp_path: Path, model: str) -> None:
+    assert worm3d("init", "mine.toml", "--model", model).code == 0
+    assert worm3d("check", "mine.toml").code == 0
+    settings = parse_scene((tmp_path / "mine.toml").read_text(), "mine").settings
+    plain = parse_scene(f'model = "{model}"\ntitle = "{settings.title}"\nsays = "{settings.says}"', "plain")
+    assert settings == plain.settings
+
+
 def test_init_does_not_overwrite(worm3d, tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text("precious")
     ended = worm3d("init", "mine.toml")
@@ -115,7 +124,10 @@ def test_init_does_not_overwrite(worm3d, tmp_path: Path) -> None:
 
 def test_init_of_an_unknown_model_and_into_nowhere(worm3d) -> None:
     ended = worm3d("init", "mine.toml", "--model", "zzz")
-    assert (ended.code, ended.complaints) == (2, ["--model: got 'zzz', must be one of planar_published"])
+    assert (ended.code, ended.complaints) == (
+        2,
+        ["--model: got 'zzz', must be one of planar_published, planar_linkage, planar_study"],
+    )
     ended = worm3d("init", "none/mine.toml")
     assert (ended.code, ended.complaints) == (1, ["cannot write none/mine.toml: no such file or directory"])
 
@@ -161,7 +173,8 @@ def test_a_result_of_a_model_we_do_not_know(worm3d, record, tmp_path: Path) -> N
 
     save(replace(record, kind="octopus"), tmp_path / "result.nc")
     assert worm3d("plot", tmp_path).complaints == [
-        "planar_published: made by the model 'octopus', this worm3d knows only planar_published"
+        "planar_published: made by the model 'octopus', this worm3d knows only planar_published, planar_linkage, "
+        "planar_study"
     ]
 
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import pytest
 
 from scenes.mistakes import Mistake, report, schema_mistakes
-from scenes.schema import Section, quantity, setting
+from scenes.schema import Each, Numbers, Positive, Section, quantity, setting
 from scenes.toml_lines import key_lines
 
 
@@ -17,6 +17,9 @@ class Wave(Section):
     count: int = quantity(3, ge=1, lt=10, title="number of waves")
     kind: Literal["sine", "square"] = setting("sine", title="shape")
     on: bool = setting(True, title="whether it runs")
+    stiffness_N: Each[Positive] = quantity(13.0, unit="N", each="segment", title="stiffness")
+    height_m: float | None = quantity(unit="m", gt=0, left_out="half the length", title="height")
+    values: Numbers = quantity((1, 2), title="values")
 
 
 class Body(Section):
@@ -85,10 +88,55 @@ def test_choices_are_listed() -> None:
     assert line_about("wave.kind", 7) == "got 7: input should be 'sine' or 'square' (default 'sine')"
 
 
+@pytest.mark.parametrize("value", [3, 2.5, [1.0], [1, 2, 3]])
+def test_a_number_for_all_or_a_list_with_one_for_each(value: Any) -> None:
+    data = {"wave": {"stiffness_N": value}, "body": {"mass_kg": 1.0, "name": "x"}}
+    kept = Whole.model_validate(data).wave.stiffness_N
+    assert kept == (tuple(value) if isinstance(value, list) else value)
+    assert isinstance(hash(kept), int), "a frozen scene holds nothing that can change"
+
+
+@pytest.mark.parametrize(
+    ("value", "found"),
+    [
+        ("13 N", "got '13 N': input should be a valid number"),
+        (True, "got true: input should be a valid number"),
+        (-1.0, "got -1.0: input should be greater than 0"),
+        ([1.0, 0.0], "got 0.0: input should be greater than 0"),
+        ([True], "got true: input should be a valid number"),
+        ([math.nan], "got nan: input should be a finite number"),
+    ],
+)
+def test_each_number_of_a_list_is_checked(value: Any, found: str) -> None:
+    rest = " [N], 0 < …, one for all or a list with one for each segment (default 13.0)"
+    assert line_about("wave.stiffness_N", value) == found + rest
+
+
+def test_a_wrong_number_in_a_list_is_named_by_its_place() -> None:
+    text = "[wave]\nstiffness_N = [\n  1,\n  -2]\n"
+    found = schema_mistakes(Whole, {"wave": {"stiffness_N": [1, -2]}, "body": {"mass_kg": 1.0, "name": ""}})
+    assert [line.split(": ")[:2] for line in report(found, key_lines(text), [])] == [["line 2", "wave.stiffness_N[1]"]]
+
+
+def test_what_holds_for_a_key_that_is_left_out_is_told() -> None:
+    text = line_about("wave.height_m", 0)
+    assert text == "got 0: input should be greater than 0 [m], 0 < … (default half the length)"
+
+
+@pytest.mark.parametrize(("value", "what"), [([], "at least 1 item"), (3, "a valid list"), (["x"], "a valid number")])
+def test_lists_of_numbers(value: Any, what: str) -> None:
+    data = {"wave": {"values": value}, "body": {"mass_kg": 1.0, "name": ""}}
+    assert what in schema_mistakes(Whole, data)[0].text
+    assert "tuple" not in schema_mistakes(Whole, data)[0].text
+
+
 def test_unknown_key_with_and_without_a_guess() -> None:
     assert line_about("wave.lenght_m", 1.0) == "unknown key; did you mean 'length_m'?"
     assert line_about("wave.lamda_m", 1.0) == "unknown key; did you mean 'length_m'?"
-    assert line_about("wave.zzz", 1.0) == "unknown key; known here: length_m, count, kind, on"
+    assert (
+        line_about("wave.zzz", 1.0)
+        == "unknown key; known here: length_m, count, kind, on, stiffness_N, height_m, values"
+    )
 
 
 def test_missing_keys_are_named_at_the_header_of_their_section() -> None:

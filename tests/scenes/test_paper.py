@@ -8,9 +8,12 @@ from numpy.testing import assert_allclose
 from planar import published
 from planar.published import Parameters
 from scenes.paper import claims, differences, report, tables
+from scenes.paper.corrected import CorrectedRow, Overstatement
 from scenes.paper.tables import Row
 
 ROW = Row(6, 2.0, 0.7, 4.5, 6.2, 1.2, 100.0)
+CORRECTED = CorrectedRow(6, 2.0, "contact", "anchored", -0.1, 0.6, 0.01, None, 8000.0, 0.01, 8.0, 0, "it ended")
+OVERSTATED = Overstatement(2.0, 0.03, 120.0, None)
 
 
 def rows_by_segments(values: list[float]) -> list[Row]:
@@ -57,12 +60,18 @@ def test_report_holds_every_row_claim_and_difference() -> None:
     rows = [replace(ROW, n=n) for n in tables.SEGMENTS] + [replace(ROW, T_wave_s=T) for T in tables.PERIODS if T != 2.0]
     claim = claims.Claim("the claim", "IV.A", "holds", "the evidence")
     difference = differences.Difference("thing", "the text", "the program", "the effect")
-    text = report.markdown(rows, [claim], [difference])
-    assert text.count("| 6 |") == 6  # once in Table II, five times in Table III
+    study = report.Study(rows, [claim], [difference], [CORRECTED], [replace(claim, claim="another")], [OVERSTATED])
+    text = report.markdown(study)
+    assert text.count("| 6 |") == 7  # once in Table II, five times in Table III, once corrected
+    assert "| 6 | 2 | contact | anchored | -0.1000 | 0.6000 | 0.0100 | none | 0.0100 |" in text
+    assert "| 2 | 0.0300 | 120 % | none |" in text
+    assert "* **holds**: another (IV.A). Evidence: the evidence." in text
     assert "* **holds**: the claim (IV.A). Evidence: the evidence." in text
     assert "* **thing**. Text: the text. Program: the program. Effect: the effect." in text
-    lines = list(report.terminal_lines(rows, [claim], [difference], 80))
-    assert max(map(len, lines)) <= 80
+    lines = list(report.terminal_lines(study, 100))
+    assert max(map(len, lines)) <= 100
+    assert "  holds: another" in lines
+    assert any(line.startswith("Threshold friction overstates the distance of six segments by 120 %") for line in lines)
 
 
 def test_tables_hold_the_papers_runs_once_each() -> None:
