@@ -182,8 +182,8 @@ def _wave_claim(run: Run) -> Claim:
         source="III.C",
         verdict=verdict(from_zero == head_is_zero),
         evidence=f"segment 1 peaks {later * run.dt:.2f} s after segment 0: the wave runs "
-        f"{'away from' if from_zero else 'towards'} index 0; the worm moves by {run.true_displacement:+.4f} m, so index 0 "
-        f"is its {'head' if head_is_zero else 'tail'}; with the wave reversed it moves by "
+        f"{'away from' if from_zero else 'towards'} index 0; the worm moves by {run.true_displacement:+.4f} m, so "
+        f"index 0 is its {'head' if head_is_zero else 'tail'}; with the wave reversed it moves by "
         f"{reversed_wave.true_displacement:+.4f} m: the friction, not the wave, decides the direction",
     )
 
