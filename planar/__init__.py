@@ -1,4 +1,4 @@
-"""Planar models of the worm-inspired robot of the paper: `published`, its results number for number.
+"""Planar models of the worm robot of the paper: `published`, its results number for number; `linkage`, put right.
 
 Stands alone: it imports nothing of the other packages, so that it can judge them.
 """
