@@ -1,0 +1,120 @@
+"""Kinematics and elastic energies of the 3D linkage, symbolic, each formula once.
+
+Everything else is generated from here: the simulator's kernels, its derivatives and the controller's model.
+Axes: x forward, y left, z up. Segment i has the end joints p_i, p_{i+1}, the roll g_i and the chamber bend th_i.
+
+Frame (E1): e = p_{i+1} - p_i, l = |e|, t = e/l. The reference director, a unit vector normal to t_ref, is carried to t
+by parallel transport and turned about t by the roll; d points left, u = t x d up:
+
+    P(a -> b) d = d - (d.b)/(1 + a.b) (a + b)
+    d = cos(g) P(t_ref -> t) d_ref + sin(g) t x P(t_ref -> t) d_ref
+
+Chambers (E2) lie at the lateral offsets +b (left) and -b (right): l_L = l - b th, l_R = l + b th; each is a rhombus
+with links a, so that h_c = sqrt(a^2 - l_c^2/4).
+
+Apexes (E3), with m = (p_i + p_{i+1})/2, in the order of the conventions
+[L-below, L-above, L-outward, R-below, R-above, R-outward]:
+
+    below/above of chamber c: m +- b d -+ h_c u (upper sign of b: left),   outward: m +- (b + h_c) d
+
+Springs (E4): half of (P7) per chamber, k/2 l0/2 (1 - l_c/l_cmd)^2; k_apex per segment acts on two hinges, shared
+by the chambers: k_apex/2 (angle_c - angle_0)^2 with angle = 2 asin(l_c/2a).
+
+Joints (E5), between segments with tangents t_1, t_2 and directors d_1, d_2; c = t_1 x t_2; d, u are normalised means:
+
+    pitch strain  c.d + cross0
+    yaw strain    c.u - sin(th_1/2 + th_2/2 + hinge)
+    twist strain  m = angle from the transported director P(t_1 -> t_2) d_1 to d_2, about t_2
+
+each with the energy k/2 strain^2. In the (x, z) plane c.d = -cross of the planar model.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import casadi as ca
+
+SIDES = (1.0, -1.0)
+"""Sign of the lateral offset of the chambers [left, right]."""
+
+
+class Frame(NamedTuple):
+    """A segment's length [m], tangent, lateral director (left) and normal (up), each of shape (3,)."""
+
+    length: ca.SX
+    t: ca.SX
+    d: ca.SX
+    u: ca.SX
+
+
+def transport(a: ca.SX, b: ca.SX, d: ca.SX) -> ca.SX:
+    """Return d carried by parallel transport from the unit vector a, to which it is normal, to b, (E1)."""
+    return d - ca.dot(d, b) / (1.0 + ca.dot(a, b)) * (a + b)
+
+
+def frame(p0: ca.SX, p1: ca.SX, roll: ca.SX, t_ref: ca.SX, d_ref: ca.SX) -> Frame:
+    """Return the material frame of a segment, (E1)."""
+    e = p1 - p0
+    length = ca.sqrt(ca.dot(e, e))
+    t = e / length
+    carried = transport(t_ref, t, d_ref)
+    d = ca.cos(roll) * carried + ca.sin(roll) * ca.cross(t, carried)
+    return Frame(length, t, d, ca.cross(t, d))
+
+
+def chamber_lengths(length: ca.SX, bend: ca.SX, offset: ca.SX) -> list[ca.SX]:
+    """Return the lengths of the chambers [left, right], (E2) [m]."""
+    return [length - side * offset * bend for side in SIDES]
+
+
+def half_height(link: ca.SX, chamber_length: ca.SX) -> ca.SX:
+    """Return the half-height of a chamber's rhombus, (E2) [m]."""
+    return ca.sqrt(link**2 - chamber_length**2 / 4.0)
+
+
+def apexes(p0: ca.SX, p1: ca.SX, f: Frame, chambers: list[ca.SX], link: ca.SX, offset: ca.SX) -> list[ca.SX]:
+    """Return the six apexes of a segment, (E3), each of shape (3,) [m]."""
+    middle = (p0 + p1) / 2.0
+    points = []
+    for side, length in zip(SIDES, chambers, strict=True):
+        h = half_height(link, length)
+        centre = middle + side * offset * f.d
+        points += [centre - h * f.u, centre + h * f.u, middle + side * (offset + h) * f.d]
+    return points
+
+
+def chamber_energy(k: ca.SX, l0: ca.SX, chamber_length: ca.SX, commanded: ca.SX) -> ca.SX:
+    """Return the spring energy of one chamber, (E4) [J]."""
+    return k / 2.0 * l0 / 2.0 * (1.0 - chamber_length / commanded) ** 2
+
+
+def hinge_angle(link: ca.SX, chamber_length: ca.SX) -> ca.SX:
+    """Return the angle of a chamber's apex hinges [rad]."""
+    return 2.0 * ca.asin(chamber_length / (2.0 * link))
+
+
+def joint_strains(first: Frame, second: Frame, bends: ca.SX, hinge: ca.SX, cross0: ca.SX) -> list[ca.SX]:
+    """Return pitch, yaw and twist strain of a joint, (E5).
+
+    Parameters
+    ----------
+    first, second : Frame
+        Of the segments behind and ahead of the joint.
+    bends : SX
+        Sum of their chamber bends, th_1 + th_2 [rad].
+    hinge : SX
+        Commanded hinge angle; positive yaws the headward segment to the left [rad].
+    cross0 : SX
+        Rest value of the planar cross product.
+    """
+    c = ca.cross(first.t, second.t)
+    d, u = _mean(first.d, second.d), _mean(first.u, second.u)
+    carried = transport(first.t, second.t, first.d)
+    twist = ca.atan2(ca.dot(ca.cross(carried, second.d), second.t), ca.dot(carried, second.d))
+    return [ca.dot(c, d) + cross0, ca.dot(c, u) - ca.sin(bends / 2.0 + hinge), twist]
+
+
+def _mean(a: ca.SX, b: ca.SX) -> ca.SX:
+    total = a + b
+    return total / ca.sqrt(ca.dot(total, total))
