@@ -108,6 +108,21 @@ def friction_gauge(
 
 
 @numba.njit(cache=True)
+def apex_gauge(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[float, float, float]:
+    """Return y, mu and r of (G2) for apex j of segment i at x."""
+    gauge: tuple[float, float, float] = friction_gauge(
+        now.direction[i] * (x - now.anchor[i, j]),
+        now.slide_n[i, j],
+        now.dt,
+        contact.mu_forward[i],
+        contact.mu_backward[i],
+        contact.yield_gauge,
+        contact.gauge_damping,
+    )
+    return gauge
+
+
+@numba.njit(cache=True)
 def evaluate(
     q: FloatArray, body: Body, contact: Contact, now: Now, coupled: bool, grad: FloatArray, band: FloatArray
 ) -> float:
@@ -275,15 +290,7 @@ def _point(
 def _friction(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[float, float, float]:
     """(G2) per unit of normal load: potential h, dh/dx and d2h/dx2."""
     d = now.direction[i]
-    y, mu, r = friction_gauge(
-        d * (x - now.anchor[i, j]),
-        now.slide_n[i, j],
-        now.dt,
-        contact.mu_forward[i],
-        contact.mu_backward[i],
-        contact.yield_gauge,
-        contact.gauge_damping,
-    )
+    y, mu, r = apex_gauge(i, j, x, contact, now)
     rho, cap = mu * abs(y), now.cap[i, j]
     if rho <= cap * r:
         return rho * rho / (2.0 * r), d * mu * mu * y / r, mu * mu / r

@@ -14,16 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgbsv, dpbsv
 
-from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Contact, Now, evaluate, friction_gauge
+from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Contact, Now, apex_gauge, evaluate
 from planar.linkage.shape import apexes
 from planar.linkage.worm import FloatArray
 
 MAX_DESCENT = 60
 MAX_SEARCH = 40
+MAX_POLISH = 12
+RELAXATIONS = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25) + (0.1,) * 17
+"""Of the update of the loads after each pass that did not converge."""
 SLOPE_LEFT = 0.9
 """A line search ends where the slope has fallen to this fraction."""
-MAX_POLISH = 12
-MAX_PASSES = 25
 DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends the descent, as a fraction of the body length."""
 POLISH_TOLERANCE = 1e-12
@@ -66,7 +67,7 @@ class Newton:
     def solve(self, q: FloatArray, now: Now) -> Solution:
         """Return the state that solves the step, from the guess q; `now.load` is updated on the way."""
         iterations = 0
-        for relaxation in (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25) + (0.1,) * (MAX_PASSES - 8):
+        for relaxation in RELAXATIONS:
             q, used, descended = self._descend(q, now)
             iterations += used
             if descended:
@@ -177,16 +178,7 @@ def _resting_points(q: FloatArray, direction: FloatArray, body: Body, contact: C
                 square = (bx - ax) ** 2 + (bz - az) ** 2
                 w = np.sqrt(max(body.a[i] ** 2 / square - 0.25, 0.0))
                 x = 0.5 * (ax + bx) - (2.0 * j - 1.0) * w * (bz - az)
-                s = now.direction[i] * (x - now.anchor[i, j])
-                y[end], mu, r = friction_gauge(
-                    s,
-                    now.slide_n[i, j],
-                    now.dt,
-                    contact.mu_forward[i],
-                    contact.mu_backward[i],
-                    contact.yield_gauge,
-                    contact.gauge_damping,
-                )
+                y[end], mu, r = apex_gauge(i, j, x, contact, now)
                 if end == 0:
                     stuck = mu * abs(y[0]) <= now.cap[i, j] * r
             if y[0] * y[1] < 0.0 and not stuck:
