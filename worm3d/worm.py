@@ -1,0 +1,143 @@
+"""The worm's parameters: sizes, masses, stiffnesses and actuators; one value for all segments or one each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Numbers = float | FloatArray
+"""A number, or one for each segment or joint."""
+
+_PER_SEGMENT = ("half_height", "k_spring", "k_apex")
+_PER_JOINT = ("k_torsion", "k_yaw", "k_twist", "cross0")
+_POSITIVE = ("length", "mass", "half_height", "k_spring", "rate_limit")
+_NOT_NEGATIVE = (
+    "chamber_offset",
+    "k_torsion",
+    "k_yaw",
+    "k_twist",
+    "k_apex",
+    "kelvin_voigt_time",
+    "drag",
+    "actuator_lag",
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Worm:
+    """A chain of N rhombic linkages with left and right chambers; frozen, validated, with read-only arrays.
+
+    The defaults are the default worm of the project.
+
+    Attributes
+    ----------
+    segments : int
+        N, at least 1; segment and joint 0 are the tail.
+    length : float
+        Rest length of the body [m]; segments are equally long, l0 = length / N.
+    mass : float
+        Total mass [kg].
+    joint_mass_fraction : float
+        Share of the mass on the joints, like rod nodes (the ends half as much); the rest is on the apexes, equally.
+    chamber_offset : float
+        b, lateral distance of the chambers from the centre line [m].
+    half_height : float or ndarray, shape (N,)
+        Rest half-height h0 of each chamber's rhombus [m]; the links follow, a^2 = h0^2 + l0^2/4.
+    k_spring : float or ndarray, shape (N,)
+        Stiffness of a segment's springs, both chambers together [N].
+    k_torsion, k_yaw, k_twist : float or ndarray, shape (N-1,)
+        Stiffness of the joints in pitch, yaw and twist [J].
+    cross0 : float or ndarray, shape (N-1,)
+        Rest value of the cross product of successive tangents in the (x, z) plane; positive bends the head up.
+    k_apex : float or ndarray, shape (N,)
+        Stiffness of the apex hinges of a segment, both chambers together, on their angle [N m/rad].
+    kelvin_voigt_time : float
+        Damping of every strain: its coefficient is this time [s] x the stiffness of that strain.
+    drag : float
+        Viscous medium: force over speed of the whole worm [N s/m], shared over the joints like their mass.
+    actuator_lag : float
+        Time constant of the chambers' first-order response to a command [s].
+    stroke : tuple of float
+        Least and greatest contraction of a chamber, below 1.
+    rate_limit : float
+        Greatest speed of contraction of a chamber [1/s].
+
+    Raises
+    ------
+    ValueError
+        A value that is not finite or out of range, or an array of the wrong shape.
+    """
+
+    segments: int = 6
+    length: float = 1.0
+    mass: float = 0.1
+    joint_mass_fraction: float = 0.5
+    chamber_offset: float = 0.03
+    half_height: Numbers = 0.05
+    k_spring: Numbers = 13.0
+    k_torsion: Numbers = 10.0
+    k_yaw: Numbers = 0.5
+    k_twist: Numbers = 0.5
+    cross0: Numbers = 0.0
+    k_apex: Numbers = 0.0
+    kelvin_voigt_time: float = 0.05
+    drag: float = 0.0
+    actuator_lag: float = 0.1
+    stroke: tuple[float, float] = (-0.1, 0.45)
+    rate_limit: float = float("inf")
+
+    def __post_init__(self) -> None:
+        if isinstance(self.segments, bool) or self.segments != int(self.segments) or self.segments < 1:
+            raise ValueError(f"segments: got {self.segments!r}, must be a whole number of at least 1")
+        for names, size in ((_PER_SEGMENT, self.segments), (_PER_JOINT, self.segments - 1)):
+            for name in names:
+                self._fill(name, size)
+        for name in _POSITIVE:
+            self._require(name, np.asarray(getattr(self, name)) > 0.0, "above 0")
+        for name in _NOT_NEGATIVE:
+            self._require(name, np.asarray(getattr(self, name)) >= 0.0, "at least 0")
+        self._require("joint_mass_fraction", 0.0 <= self.joint_mass_fraction <= 1.0, "in [0, 1]")
+        self._require("cross0", np.abs(self.cross0) < 1.0, "between -1 and 1")
+        least, greatest = self.stroke
+        self._require("stroke", least <= 0.0 <= greatest < 1.0, "(c_min, c_max) with c_min <= 0 <= c_max < 1")
+
+    def _fill(self, name: str, size: int) -> None:
+        value = np.array(getattr(self, name), dtype=float)
+        if value.ndim == 0:
+            value = np.full(size, float(value))
+        if value.shape != (size,):
+            raise ValueError(f"{name}: got shape {value.shape}, must be a number or of shape ({size},)")
+        value.setflags(write=False)
+        object.__setattr__(self, name, value)
+
+    def _require(self, name: str, holds: bool | NDArray[np.bool_], rule: str) -> None:
+        value = np.asarray(getattr(self, name), dtype=float)
+        finite = np.isfinite(value) | ((name == "rate_limit") & (value == np.inf))
+        if not (np.all(finite) and np.all(holds)):
+            raise ValueError(f"{name}: got {getattr(self, name)!r}, must be finite and {rule}")
+
+    @property
+    def l0(self) -> float:
+        """Rest length of a segment [m]."""
+        return self.length / self.segments
+
+    @property
+    def link_length(self) -> FloatArray:
+        """Length a of the links of each segment, shape (N,) [m]."""
+        length: FloatArray = np.sqrt(np.asarray(self.half_height) ** 2 + self.l0**2 / 4.0)
+        return length
+
+    @property
+    def joint_mass(self) -> FloatArray:
+        """Mass of each joint, shape (N+1,) [kg]."""
+        mass = np.full(self.segments + 1, self.joint_mass_fraction * self.mass / self.segments)
+        mass[[0, -1]] /= 2.0
+        return mass
+
+    @property
+    def apex_mass(self) -> FloatArray:
+        """Mass of each apex in the order of the conventions, shape (N, 6) [kg]."""
+        return np.full((self.segments, 6), (1.0 - self.joint_mass_fraction) * self.mass / (6 * self.segments))
