@@ -14,12 +14,13 @@ class Status(Enum):
     NOT_FINITE = "the state became infinite or not a number; the steps before are kept"
     SINGULAR = "Newton's matrix is singular; the steps before are kept"
     NO_CONVERGENCE = "Newton did not converge, not even with a 64th of the time step; the steps before are kept"
+    UNSETTLED = "the worm does not come to rest on the ground before the run: too soft or too heavy for its joints"
     FLATTENED = "a rhombus was pressed flat (limit point); the steps before are kept"
     FOLDED = "two neighbouring segments folded by 90 degrees or more; the steps before are kept"
     SUNK = "a joint came down to the ground, where only apexes can stand; the steps before are kept"
     BAD_COMMAND = (
-        "the gait returned something that cannot be applied (one finite value per segment, a contraction below 1); "
-        "the steps before are kept"
+        "the gait (or the external force) returned something that cannot be applied: it takes one finite value per "
+        "segment, contractions below 1; the steps before are kept"
     )
 
     @property

@@ -1,193 +1,31 @@
-"""The command line `worm3d`; everything heavy is imported by the command that needs it."""
+"""Entry point of the command line `worm3d`: what goes wrong becomes a sentence and an exit code.
+
+Imports nothing slow before it listens for Ctrl-C.
+"""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib import metadata
-from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from scenes.errors import SceneError
 
-app = typer.Typer(
-    name="worm3d",
-    help="Simulate and control worm-inspired robots: start with 'worm3d run planar_published'.",
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A name of 'worm3d list', or a TOML file.")]
-ResultArgument = Annotated[Path, typer.Argument(metavar="RESULT", help="Folder of a run, or its result.nc.")]
-Overrides = Annotated[
-    list[str] | None, typer.Option("-o", metavar="KEY=VALUE", help="Override, e.g. gait.period_s=3; repeatable.")
-]
-Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")]
+INTERRUPTED = 130
+"""What a command ends with that was stopped by Ctrl-C."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: the entry point of the console script."""
-    from scenes.guard import require_own_packages
-
     try:
+        from scenes.guard import require_own_packages
+
         require_own_packages()
+        from scenes.commands import app
+
         app(args=arguments)
     except SceneError as error:
         for line in error.lines:
-            typer.echo(line, err=True)
+            print(line, file=sys.stderr)  # noqa: T201 - typer may not be there
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        typer.echo("stopped", err=True)
-        sys.exit(130)
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(f"worm3d {metadata.version('worm3d')}")
-        raise typer.Exit
-
-
-@app.callback()
-def _common(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
-    ] = False,
-) -> None:
-    """Options of the program itself."""
-
-
-@app.command()
-def run(scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
-    """Run a scene.
-
-    Writes result.nc, summary.json, figures and an animation. Ctrl-C keeps what was computed.
-    """
-    from scenes.loader import load_scene
-    from scenes.runner import run_scene
-
-    raise typer.Exit(run_scene(load_scene(scene, o or ()), out, force=force, quiet=quiet))
-
-
-@app.command()
-def check(scene: SceneArgument, o: Overrides = None) -> None:
-    """Check a scene without running it.
-
-    All mistakes are listed at once, a line each.
-    """
-    from scenes.loader import load_scene
-
-    loaded = load_scene(scene, o or ())
-    typer.echo(f"{loaded.name}: the scene is right (model {loaded.kind.name}, {loaded.settings.steps} steps)")
-
-
-@app.command(name="list")
-def list_scenes() -> None:
-    """Name the scenes that come with the program, a line each."""
-    from scenes.loader import says, shipped_scenes
-
-    for name, path in shipped_scenes().items():
-        typer.echo(f"{name}  {says(path)}")
-
-
-@app.command()
-def init(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="TOML file to write.")],
-    model: Annotated[str, typer.Option(help="Model of the scene.")] = "planar_published",
-    force: Force = False,
-) -> None:
-    """Write a commented scene to start from.
-
-    Every key is there at its default, with its meaning, unit and range.
-    """
-    from scenes import kinds
-    from scenes.files import write_bytes
-    from scenes.template import template
-
-    if model not in kinds.names():
-        raise SceneError(f"--model: got '{model}', must be one of {', '.join(kinds.names())}")
-    if file.exists() and not force:
-        raise SceneError(f"{file} exists: choose another name, or replace it with --force")
-    write_bytes(file, template(kinds.get(model)).encode())
-    typer.echo(f"wrote {file}; 'worm3d run {file}' runs it")
-
-
-@app.command()
-def plot(result: ResultArgument, out: Out = None) -> None:
-    """Draw the figures of a result, into its folder or another."""
-    from scenes import drawing
-    from scenes.folder import made
-    from scenes.store import load
-
-    record = load(result)
-    folder = made(out or _home(result))
-    for path in drawing.plot(record, drawing.kind_of(record), folder):
-        typer.echo(str(path))
-
-
-@app.command()
-def animate(
-    result: ResultArgument,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="File ending in .gif or .mp4 (needs ffmpeg).")
-    ] = None,
-    fps: Annotated[int, typer.Option(min=1, max=50, help="Frames per second.")] = 20,
-) -> None:
-    """Draw the animation of a result, in real time."""
-    from scenes import drawing
-    from scenes.folder import ANIMATION
-    from scenes.store import load
-
-    record = load(result)
-    path = out or _home(result) / ANIMATION
-    typer.echo(str(drawing.animate(record, drawing.kind_of(record), path, fps=fps)))
-
-
-@app.command()
-def export(
-    result: ResultArgument,
-    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="What is known at each instant, a row each.")] = None,
-    npz: Annotated[Path | None, typer.Option(metavar="FILE", help="All variables, for numpy.load.")] = None,
-) -> None:
-    """Write a result for other programs."""
-    from scenes.export import export_csv, export_npz
-    from scenes.store import load
-
-    if csv is None and npz is None:
-        raise SceneError("export: nothing to write; give --csv FILE or --npz FILE")
-    record = load(result)
-    for path, write in ((csv, export_csv), (npz, export_npz)):
-        if path is not None:
-            write(record, path)
-            typer.echo(str(path))
-
-
-@app.command()
-def paper(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
-    """Reproduce the paper's tables and figures.
-
-    With the verdict on each of its claims, and the differences between its text and its program.
-    """
-    from scenes import paper as study
-
-    raise typer.Exit(study.run(out, force, quiet))
-
-
-@app.command()
-def info() -> None:
-    """Print versions, the platform and where the packages come from."""
-    from scenes.versions import info_lines
-
-    for line in info_lines():
-        typer.echo(line)
-
-
-def _home(result: Path) -> Path:
-    """Return the folder that a result is in."""
-    return result if result.is_dir() else result.parent
+    except KeyboardInterrupt:  # during the imports; while a command runs, typer ends with the same code
+        sys.exit(INTERRUPTED)

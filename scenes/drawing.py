@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scenes import kinds
 from scenes.errors import MissingPartError, SceneError
 from scenes.files import written_whole
-from scenes.kinds.base import Kind
+from scenes.kinds.base import Kind, Movie
+from scenes.limits import MOVIE_S
 from scenes.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Picture
 
 
 def kind_of(record: Record) -> Kind[Any]:
@@ -46,9 +50,7 @@ def plot(record: Record, kind: Kind[Any], folder: Path) -> list[Path]:
     for stem, draw in kind.figures.items():
         path = folder / f"{stem}.png"
         figure, _ = draw(record)
-        with written_whole(path) as part:
-            # Without the version of matplotlib in it the file is the same on every machine.
-            figure.savefig(part, format="png", metadata={"Software": None})
+        save_figure(figure, path)
         paths.append(path)
     return paths
 
@@ -66,19 +68,47 @@ def animate(record: Record, kind: Kind[Any], path: Path, fps: int = 20) -> Path:
         The file cannot be written.
     """
     _require_steps(record)
-    if path.suffix not in (".gif", ".mp4"):
+    if path.suffix.lower() not in (".gif", ".mp4"):
         raise SceneError(f"{path}: the name of an animation must end in .gif or .mp4")
+    save_movie(kind.animate(record), path, fps)
+    return path
+
+
+def cut_short(record: Record) -> str | None:
+    """Return the line that says so if the animation does not show the whole run."""
+    simulated = float(record["time"][-1])
+    if not is_drawable(record) or simulated <= MOVIE_S * (1.0 + 1e-9):
+        return None
+    return f"the animation shows the first {MOVIE_S:g} s of {simulated:g} s"
+
+
+def save_figure(figure: Picture, path: Path) -> None:
+    """Write a figure as PNG, whole or not at all."""
+    with written_whole(path) as part:
+        # Without the version of matplotlib in it the file is the same on every machine.
+        figure.savefig(part, format="png", metadata={"Software": None})
+
+
+def save_movie(movie: Movie, path: Path, fps: int = 20) -> None:
+    """Write a movie by the ending of `path`, whole or not at all.
+
+    Raises
+    ------
+    MissingPartError
+        MP4 needs ffmpeg, which is not there.
+    DiscError
+        The file cannot be written.
+    """
     # The writers choose the format by the ending, so the unfinished file keeps it.
     with written_whole(path) as part:
         unfinished = part.with_name(f"{part.name}{path.suffix}")
         try:
-            kind.animate(record).save(unfinished, fps=fps)
+            movie.save(unfinished, fps=fps)
             unfinished.replace(part)
         except FileNotFoundError as error:
             raise _explained(error) from error
         finally:
             unfinished.unlink(missing_ok=True)
-    return path
 
 
 def _explained(error: FileNotFoundError) -> Exception:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
+from scenes import kinds
 from scenes.errors import DiscError, SceneError
-from scenes.kinds.base import Kind
 from scenes.store import FILE_NAME
 
 SUMMARY = "summary.json"
@@ -55,13 +55,41 @@ def made(folder: Path) -> Path:
         raise DiscError.writing(folder, error) from error
 
 
-def clear(folder: Path, kind: Kind[Any]) -> None:
-    """Remove what an earlier run wrote; files that are not ours stay."""
-    for name in (FILE_NAME, SUMMARY, ANIMATION, *(f"{stem}.png" for stem in kind.figures)):
+def clear_pictures(folder: Path) -> None:
+    """Remove the summary and pictures of an earlier run, of whatever model; files that are not ours stay.
+
+    Raises
+    ------
+    DiscError
+        A file cannot be removed.
+    """
+    found = {path.name for path in folder.glob("*.png")}
+    # Only where there are pictures: it imports every model.
+    stems = {stem for name in kinds.names() for stem in kinds.get(name).figures} if found else set()
+    for name in (SUMMARY, ANIMATION, *sorted(found & {f"{stem}.png" for stem in stems})):
         try:
             (folder / name).unlink(missing_ok=True)
         except OSError as error:
             raise DiscError.writing(folder / name, error) from error
+
+
+def require_free(targets: Sequence[Path], result: Path, *, force: bool) -> None:
+    """Check that files may be written, before anything is computed.
+
+    Raises
+    ------
+    SceneError
+        Two of them are one file, one is the result itself, or one exists and `force` is not set.
+    """
+    source = (result / FILE_NAME if result.is_dir() else result).resolve()
+    real = [target.resolve() for target in targets]
+    for target, place in zip(targets, real, strict=True):
+        if place == source:
+            raise SceneError(f"{target} is the result itself: choose another name")
+        if real.count(place) > 1:
+            raise SceneError(f"{target} is named twice: choose two names")
+        if target.exists() and not force:
+            raise SceneError(f"{target} exists: choose another name, or replace it with --force")
 
 
 def _fresh(scene_name: str) -> Path:

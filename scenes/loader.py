@@ -62,7 +62,7 @@ def parse_scene(text: str, name: str, overrides: Iterable[str] = ()) -> Scene:
     kind, model_mistakes = _kind_of(data)
     data = _with_every_section(kind, {**data, "model": kind.name})
     mistakes += model_mistakes + schema_mistakes(kind.schema, data)
-    mistakes += cross_mistakes(kind.checks, kind.schema, data, mistakes)
+    mistakes += cross_mistakes(kind.checks, kind.schema, data, mistakes, overridden)
     if mistakes:
         raise SceneError(*report(mistakes, key_lines(text), overridden))
     return Scene(name, kind, kind.schema.model_validate(data))

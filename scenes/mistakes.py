@@ -68,7 +68,9 @@ def _translated(schema: type[Section], detail: Any) -> Mistake:
         return Mistake(path, f"missing: {field.title}{describe(field)}")
     if section_type(field):
         return Mistake(path, f"got {shown(found)}: must be a section of keys under the header [{dotted(path)}]")
-    advice = _suggestion(str(found), [(str(c), str(c)) for c in choices(field)])
+    advice = (
+        _suggestion(found, [(c, c) for c in choices(field) if isinstance(c, str)]) if isinstance(found, str) else ""
+    )
     message = (detail["msg"][0].lower() + detail["msg"][1:]).replace("tuple", "list")  # a file has lists
     return Mistake(path, f"got {shown(found)}: {message}{advice}{describe(field)}")
 

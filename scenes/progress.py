@@ -10,17 +10,22 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 
 @contextmanager
-def progress(title: str, steps: int, *, quiet: bool) -> Iterator[Callable[[int], None]]:
-    """Give a function to call with the number of finished steps; everything goes to standard error."""
+def progress(title: str, total: int, *, quiet: bool, what: str = "step") -> Iterator[Callable[[int], None]]:
+    """Give a function to call with the number of finished steps, or whatever; all goes to standard error."""
     console = Console(stderr=True, quiet=quiet)
     if quiet or not console.is_terminal:
-        console.print(f"{title}: {steps} steps", highlight=False, soft_wrap=True)
+        console.print(f"{title}: {counted(total, what)}", highlight=False, soft_wrap=True)
         yield lambda done: None
         return
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as bar:
-        task = bar.add_task(title, total=steps)
+        task = bar.add_task(title, total=total)
         yield lambda done: bar.update(task, completed=done)
+
+
+def counted(number: int, what: str) -> str:
+    """Return `1 step`, `2 steps`."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def busy(what: str, *, quiet: bool) -> AbstractContextManager[object]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -109,6 +110,11 @@ class Record:
             if variable.name == name:
                 return variable
         raise KeyError(f"{name}: not in this result, which has {', '.join(v.name for v in self.variables)}")
+
+    @cached_property
+    def title(self) -> str:
+        """Title of the scene for people, its name if it has none."""
+        return str(tomllib.loads(self.scene).get("title") or self.name)
 
     @cached_property
     def sizes(self) -> dict[str, int]:

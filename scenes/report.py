@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from scenes.kinds.base import Kind
+from scenes.progress import counted
 from scenes.record import Record
 
 HEADLINES = (
@@ -17,12 +18,19 @@ HEADLINES = (
     ("energy_balance_error", "energy balance error", ""),
 )
 
+DOUBTS = {
+    "unconverged_steps": "Newton's iteration left {} above its tolerance: try a smaller run.dt_s",
+    "inverted_steps": "a segment is inside out after {}: these are shapes that no worm has",
+}
+"""Counts in the summary that must be 0, and what to say if one is not."""
+
 
 def ending(record: Record, kind: Kind[Any], folder: Path) -> str:
     """Return the lines that end a run: the figures that matter, and where the files are."""
     lines = kind.table(record) if kind.table else _figures(record, kind)
+    titled = () if record.title == record.name else (f"{'title':22}{record.title}",)
     return "\n".join(
-        (f"{record.name}: {_sentence(record)}", *(f"  {line}" for line in (*lines, f"{'files':22}{folder}")))
+        (f"{record.name}: {_sentence(record)}", *(f"  {line}" for line in (*lines, *titled, f"{'files':22}{folder}")))
     )
 
 
@@ -34,6 +42,12 @@ def failure(record: Record, kind: Kind[Any]) -> str:
 def failed(record: Record) -> bool:
     """Return whether a run failed, at least in part."""
     return record.status in ("diverged", "incomplete")
+
+
+def warnings(record: Record) -> list[str]:
+    """Return what makes the figures of a run doubtful though it reached its end."""
+    found = ((record.summary.figures.get(name), text) for name, text in DOUBTS.items())
+    return [f"{text.format(counted(number, 'step'))}" for number, text in found if isinstance(number, int) and number]
 
 
 def _figures(record: Record, kind: Kind[Any]) -> list[str]:

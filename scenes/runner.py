@@ -8,7 +8,7 @@ import typer
 
 from scenes import folder as folders
 from scenes import report
-from scenes.drawing import animate, is_drawable, plot
+from scenes.drawing import animate, cut_short, is_drawable, plot
 from scenes.interrupt import Interruption
 from scenes.kinds.base import Observer, Outcome
 from scenes.loader import Scene
@@ -42,21 +42,39 @@ def run_scene(scene: Scene, out: Path | None = None, *, force: bool = False, qui
         The folder cannot be used, or the disc refused a file.
     """
     folder = folders.prepared(out, scene.name, force=force)
-    with Interruption() as interruption:
-        with progress(scene.name, scene.settings.steps, quiet=quiet) as show:
-
-            def observer(done: int) -> bool:
-                show(done)
-                return not interruption.requested
-
-            record = simulate(scene, observer)
-        folders.clear(folder, scene.kind)
-        save(record, folder / FILE_NAME)
-        write_summary(record.summary, report.timing(record), folder / folders.SUMMARY)
-    with busy("drawing", quiet=quiet):
-        _draw(record, scene, folder)
+    kept = "nothing of this run was kept"
+    try:
+        record = _simulate_patiently(scene, quiet=quiet)
+        with Interruption() as late:
+            _keep(record, folder)
+        kept = f"{folder / FILE_NAME} is safe, 'worm3d plot {folder}' draws it"
+        if late.requested:
+            raise KeyboardInterrupt
+        with busy("drawing", quiet=quiet):
+            _draw(record, scene, folder)
+    except KeyboardInterrupt:
+        typer.echo(f"{scene.name}: stopped by Ctrl-C; {kept}", err=True)
+        return EXIT_CODES["interrupted"]
     _tell(record, scene, folder, quiet=quiet)
     return EXIT_CODES[record.status]
+
+
+def _simulate_patiently(scene: Scene, *, quiet: bool) -> Record:
+    """Simulate until the end or the first Ctrl-C; the second one is a KeyboardInterrupt."""
+    with Interruption() as interruption, progress(scene.name, scene.settings.steps, quiet=quiet) as show:
+
+        def observer(done: int) -> bool:
+            show(done)
+            return not interruption.requested
+
+        return simulate(scene, observer)
+
+
+def _keep(record: Record, folder: Path) -> None:
+    """Write the result and only then remove what an earlier run left."""
+    save(record, folder / FILE_NAME)
+    folders.clear_pictures(folder)
+    write_summary(record.summary, report.timing(record), folder / folders.SUMMARY)
 
 
 def simulate(scene: Scene, observer: Observer = lambda done: True) -> Record:
@@ -96,5 +114,9 @@ def _draw(record: Record, scene: Scene, folder: Path) -> None:
 def _tell(record: Record, scene: Scene, folder: Path, *, quiet: bool) -> None:
     if report.failed(record):
         typer.echo(report.failure(record, scene.kind), err=True)
+    for warning in report.warnings(record):
+        typer.echo(f"warning: {warning}", err=True)
     if not quiet:
         typer.echo(report.ending(record, scene.kind, folder))
+        if (line := cut_short(record)) and record.status != "interrupted":
+            typer.echo(f"  {line}")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Strict, Tag
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Strict, Tag
 from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError
 
 from scenes import toml_text
 from scenes.toml_lines import KeyPath
@@ -30,6 +31,16 @@ Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 Cross = Annotated[float, Field(gt=-1, lt=1)]
 
+
+def _is_int(value: Any) -> Any:
+    if isinstance(value, str) or (type(value) is int):
+        return value
+    raise PydanticCustomError("literal_error", "input should be -1 or 1")
+
+
+Sign = Annotated[Literal[-1, 1], BeforeValidator(_is_int)]
+"""-1 or 1; to Python `true` and 1.0 are equal to 1, to a scene they are not."""
+
 Numbers = Annotated[tuple[float, ...], Strict(False), Field(min_length=1)]
 """A list of numbers, at least one."""
 
@@ -52,6 +63,7 @@ def quantity(
     aka: tuple[str, ...] = (),
     each: Literal["", "segment", "joint"] = "",
     left_out: str = "",
+    only: str = "",
 ) -> Any:
     """Declare a number, or several.
 
@@ -71,16 +83,19 @@ def quantity(
         Of what the worm has several, so that the key, an `Each`, takes a list too.
     left_out : str
         What holds if the key is left out; it then has no default but None.
+    only : str
+        The kind of gait that the key is for; empty for all.
     """
     extra: dict[str, Any] = {"unit": unit, "aka": list(aka), "number": True, "each": each, "left_out": left_out}
+    extra["only"] = only
     given = ... if default is None and not left_out else default
     return Field(given, title=title, gt=gt, ge=ge, lt=lt, le=le, json_schema_extra=extra)
 
 
-def setting(default: str | int | bool | None = None, *, title: str, aka: tuple[str, ...] = ()) -> Any:
-    """Declare a choice, a switch or a text; without a default it must be given."""
+def setting(default: str | int | bool | None = None, *, title: str, aka: tuple[str, ...] = (), only: str = "") -> Any:
+    """Declare a choice, a switch or a text; without a default it must be given. See `quantity`."""
     given = ... if default is None else default
-    return Field(given, title=title, json_schema_extra={"aka": list(aka)})
+    return Field(given, title=title, json_schema_extra={"aka": list(aka), "only": only})
 
 
 def section_type(field: FieldInfo) -> type[Section] | None:
@@ -122,6 +137,11 @@ def describe(field: FieldInfo, *, with_default: bool = True) -> str:
 def default_text(field: FieldInfo) -> str:
     """Return the default of a key, or what holds if the key is left out."""
     return _extra(field, "left_out") or toml_text.shown(field.default)
+
+
+def only_for(field: FieldInfo) -> str:
+    """Return the kind of gait that a key is for; empty for all."""
+    return _extra(field, "only") or ""
 
 
 def is_number(field: FieldInfo) -> bool:

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from typing import Literal
 
+from control import gaits
 from scenes.schema import Section, quantity, setting
 
 LARGEST_SEED = 2**63 - 1
+
+WAVE, SEGMENTS = "travelling_wave", "segment_driven"
+
+_SEGMENTS = gaits.ContractionEngine_segmentdriven()
 
 
 class Run(Section):
@@ -16,7 +21,9 @@ class Run(Section):
         10.0, unit="s", gt=0, title="simulated time, rounded to whole steps", aka=("time_s", "t_end_s")
     )
     dt_s: float = quantity(0.01, unit="s", gt=0, title="time step", aka=("step_s", "time_step_s"))
-    record_every: int = quantity(1, ge=1, title="store the state after every so many steps", aka=("every",))
+    record_every: int = quantity(
+        1, ge=1, title="store the state after every so many steps, a divisor of their number", aka=("every",)
+    )
 
     @property
     def steps(self) -> int:
@@ -39,12 +46,21 @@ class Gait(Section):
     direction: Literal["direct", "retrograde", "standing"] = setting(
         "retrograde", title="direct runs tail to head, retrograde head to tail; standing: travelling_wave only"
     )
-    rectified: bool = setting(True, title="travelling_wave only: whether segments contract, never lengthen")
+    rectified: bool = setting(True, only=WAVE, title="travelling_wave only: whether segments contract, never lengthen")
     contract_time_s: float = quantity(
-        0.5, unit="s", gt=0, title="segment_driven only: T_contract, duration of a contraction"
+        _SEGMENTS.T_contract,
+        unit="s",
+        gt=0,
+        only=SEGMENTS,
+        title="segment_driven only: T_contract, duration of a contraction",
     )
     pulse: Literal["gaussian", "square", "dirac"] = setting(
-        "gaussian", title="segment_driven only: shape of a contraction (dirac: one time step)"
+        _SEGMENTS.contractType,
+        only=SEGMENTS,
+        title="segment_driven only: shape of a contraction (dirac: one time step)",
+    )
+    alternating: bool = setting(
+        _SEGMENTS.alternating, only=SEGMENTS, title="segment_driven only: whether odd segments lengthen instead"
     )
 
 

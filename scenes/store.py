@@ -14,7 +14,7 @@ from typing import Any
 import h5netcdf
 import numpy as np
 
-from scenes.errors import SceneError
+from scenes.errors import DiscError, SceneError
 from scenes.files import write_bytes
 from scenes.record import Record, Variable
 from scenes.summary import Summary
@@ -51,7 +51,9 @@ def load(path: Path) -> Record:
     Raises
     ------
     SceneError
-        No such file, not one of ours, or cut short.
+        No such file, not one of ours, cut short or corrupted.
+    DiscError
+        The file may not be read.
     """
     file_path = path / FILE_NAME if path.is_dir() else path
     if not file_path.is_file():
@@ -63,7 +65,11 @@ def load(path: Path) -> Record:
             if file.attrs.get("format") != FORMAT:
                 raise SceneError(f"{file_path}: not a result of worm3d (its attribute 'format' is not '{FORMAT}')")
             return _record(file)
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
+    except PermissionError as error:
+        raise DiscError(f"cannot read {file_path}: {(error.strerror or str(error)).lower()}") from error
+    except SceneError:
+        raise
+    except Exception as error:  # a few wrong bytes come out of the HDF5 libraries as almost anything
         raise SceneError(f"{file_path}: not a result of worm3d, or cut short: {_first_line(error)}") from error
 
 

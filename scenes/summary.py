@@ -62,5 +62,14 @@ def write_summary(summary: Summary, timing: Mapping[str, float], path: Path) -> 
     write_bytes(path, (json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode())
 
 
+def without_nan(content: Any) -> Any:
+    """Return content for JSON, with None in place of each number that is not finite."""
+    if isinstance(content, Mapping):
+        return {key: without_nan(item) for key, item in content.items()}
+    if isinstance(content, list | tuple):
+        return [without_nan(item) for item in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
 def _has_value(figure: Figure) -> bool:
     return figure is not None and not (isinstance(figure, float) and not math.isfinite(figure))

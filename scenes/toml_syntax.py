@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import tomllib
 from typing import Any
@@ -9,6 +10,9 @@ from typing import Any
 from scenes.errors import SceneError
 
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+
+_KEYS = re.compile(r"""\((?:'[^']*'|"[^"]*")(?:, (?:'[^']*'|"[^"]*"))*,?\)""")
+"""A path as the messages show it: a tuple of Python."""
 
 
 def parse(text: str) -> dict[str, Any]:
@@ -37,10 +41,14 @@ def _picture(text: str, message: str) -> tuple[str, str, str]:
     else:
         line = max(n for n, content in enumerate(lines, 1) if content.strip())
         column = len(lines[line - 1]) + 1
-    what = _PLACE.sub("", message)
+    what = _KEYS.sub(lambda keys: f"'{_dotted(keys[0])}'", _PLACE.sub("", message))
     source = lines[line - 1].replace("\t", " ")
     return (
         f"line {line}, column {column}: broken TOML: {what[:1].lower()}{what[1:]}",
         f"    {source}",
         f"    {' ' * (column - 1)}^",
     )
+
+
+def _dotted(keys: str) -> str:
+    return ".".join(map(str, ast.literal_eval(keys)))

@@ -17,7 +17,8 @@ held, normal loads by (P9) and friction by (P10) instead.
 
 from planar.linkage.ground import Friction
 from planar.linkage.run import Run
-from planar.linkage.simulate import LimitPointError, simulate
+from planar.linkage.simulate import simulate
+from planar.linkage.start import LimitPointError
 from planar.linkage.worm import Linkage
 
 __all__ = ["Friction", "LimitPointError", "Linkage", "Run", "simulate"]

@@ -32,8 +32,20 @@ RESTING_PENETRATION = 1e-5
 BREAKAWAY = 1e-5
 """Displacement at which the contact with the smallest coefficient yields, as a fraction of the segment length."""
 
+SMALLEST_COEFFICIENT = 0.01
+"""Coefficients below this fraction of the largest do not set the breakaway displacement: the others would become so
+stiff that rounding shows. Theirs is larger in proportion."""
+
 TANGENTIAL_DAMPING_RATIO = 40.0
-"""Of the contact with the smallest coefficient, for the mass that it holds; larger ones are damped more."""
+"""Of the contact with the smallest coefficient, for the mass that it holds; larger ones are damped more.
+
+The damper shares the cap with the spring, so its only effects are micrometres and milliseconds: too little (1) and a
+suddenly applied load overshoots and breaks loose early; the more, the sooner the contact carries its full load, as a
+rigid one does at once. The distance that a worm crawls does not depend on it.
+"""
+
+FREE_MOTION = 1e-3
+"""In a direction without friction an anchor follows beyond this fraction of rho_b [m]."""
 
 YIELD_TOLERANCE = 1e-9
 """Relative excess over the yield surface below which an anchor stays, lest rounding makes it creep."""
@@ -111,8 +123,9 @@ class Ground:
         share = worm.total_mass / worm.segments
         stiffness = share * g / (RESTING_PENETRATION * worm.l0)
         forward, backward = friction.coefficients(worm.segments)
-        positive = np.concatenate([forward[forward > 0.0], backward[backward > 0.0], [np.inf]])
-        mu = float(positive.min()) if len(positive) > 1 else 1.0
+        both = np.concatenate([forward, backward])
+        largest = float(both.max())
+        mu = max(float(both[both > 0.0].min()), SMALLEST_COEFFICIENT * largest) if largest > 0.0 else 1.0
         yield_gauge = mu * BREAKAWAY * worm.l0
         return cls(
             stiffness=stiffness,

@@ -130,16 +130,16 @@ class Ledger:
         return cls(**{f.name: np.zeros(0) for f in fields(cls)})
 
     @classmethod
-    def of(cls, p: Parts, worm: Linkage, ground: Ground | None, gravity: FloatArray) -> Ledger:
-        """Compute the ledger of all parts at once."""
-        return cls(**_Terms(p, worm, ground, gravity).all())
+    def of(cls, p: Parts, worm: Linkage, ground: Ground | None, gravity: FloatArray, *, anchored: bool) -> Ledger:
+        """Compute the ledger of all parts at once; `anchored` says whether friction has anchors."""
+        return cls(**_Terms(p, worm, ground, gravity, anchored).all())
 
 
 class _Terms:
     """Helper that holds the kinematics of all parts."""
 
-    def __init__(self, p: Parts, worm: Linkage, ground: Ground | None, gravity: FloatArray) -> None:
-        self.p, self.worm, self.ground, self.gravity = p, worm, ground, gravity
+    def __init__(self, p: Parts, worm: Linkage, ground: Ground | None, gravity: FloatArray, anchored: bool) -> None:
+        self.p, self.worm, self.ground, self.gravity, self.anchored = p, worm, ground, gravity, anchored
         a = worm.link_length
         self.dq = p.end.joints - p.start.joints
         self.de = np.diff(self.dq, axis=1)
@@ -222,7 +222,7 @@ class _Terms:
 
         work = spring(self.l_n, cmd) - spring(self.l_n, cmd_n)
         rise = spring(self.l, cmd) - spring(self.l_n, cmd)
-        change, numerical = work + rise, tension(cmd) * self.stretch - rise
+        change, numerical = spring(self.l, cmd) - spring(self.l_n, cmd_n), tension(cmd) * self.stretch - rise
         damper = self.tau * k / l0
         viscous = damper * (self.l - self.l_n) ** 2
         numerical = numerical + damper * (self.l - self.l_n) * (self.stretch - (self.l - self.l_n))
@@ -262,7 +262,7 @@ class _Terms:
         if self.ground is None:
             return {name: np.zeros(len(self.p.dt)) for name in names}
         normal = self._normal(self.ground)
-        friction = self._friction(self.ground) if not self.p.apex_friction.any() else {}
+        friction = self._friction(self.ground) if self.anchored else {}
         total = {name: np.zeros(len(self.p.dt)) for name in names}
         for terms in (normal, friction):
             for name, term in terms.items():

@@ -26,6 +26,8 @@ class Run:
     worm : Linkage
     ground : Ground or None
         Constants of the contact law; None for the clamped worm.
+    law : str
+        "anchored", "threshold" or "clamped".
     gravity : ndarray, shape (2,)
         In the axes of the ground [m/s^2].
     dt : float
@@ -40,6 +42,7 @@ class Run:
 
     worm: Linkage
     ground: Ground | None
+    law: str
     gravity: FloatArray
     dt: float
     first: State
@@ -135,12 +138,16 @@ class Run:
         if not flat:
             return Ledger.empty()
         owner = np.repeat(np.arange(len(self.steps)), [len(parts) for parts in self.steps])
-        return Ledger.of(Parts.of(flat, self.worm), self.worm, self.ground, self.gravity).summed(owner, len(self.steps))
+        ledger = Ledger.of(
+            Parts.of(flat, self.worm), self.worm, self.ground, self.gravity, anchored=self.law == "anchored"
+        )
+        return ledger.summed(owner, len(self.steps))
 
     @property
     def distance(self) -> float:
-        """Displacement of the centre of mass along the ground [m]."""
-        return float(self.com[-1, 0] - self.com[0, 0])
+        """Displacement of the centre of mass along the ground, positive towards the initial heading [m]."""
+        heading = 1.0 if self.first.joints[-1, 0] >= self.first.joints[0, 0] else -1.0
+        return heading * float(self.com[-1, 0] - self.com[0, 0])
 
     @property
     def work_contract(self) -> float:
@@ -154,8 +161,16 @@ class Run:
 
     @property
     def cost_of_transport(self) -> float:
-        """work_contract / (m g distance); NaN if the worm made no way forward or has no weight."""
+        """Dimensionless (P12), work_contract / (m g distance); NaN without way forward or weight."""
+        return self._per_weight_and_distance(self.work_contract)
+
+    @property
+    def friction_cost_of_transport(self) -> float:
+        """Dimensionless (P14), work_friction / (m g distance); NaN without way forward or weight."""
+        return self._per_weight_and_distance(self.work_friction)
+
+    def _per_weight_and_distance(self, work: float) -> float:
         g = float(np.hypot(*self.gravity))
         if g == 0.0:
             return float("nan")
-        return dimensionless_cost_of_transport(self.work_contract, self.worm.total_mass, g, self.distance)
+        return dimensionless_cost_of_transport(work, self.worm.total_mass, g, self.distance)

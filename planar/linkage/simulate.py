@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +10,16 @@ from numpy.typing import NDArray
 
 from planar.linkage.ground import Friction, Ground
 from planar.linkage.run import Run
-from planar.linkage.shape import diagonals, joint_cosines
+from planar.linkage.start import (
+    require_choice,
+    require_equilibrium,
+    require_numbers,
+    require_shape,
+    settled,
+    shape_checked,
+    shape_status,
+    start_joints,
+)
 from planar.linkage.step import ClampedStepper, ContactStepper, State, Step, Stepper, ThresholdStepper
 from planar.linkage.worm import FloatArray, Linkage
 from planar.status import Status, Stop
@@ -24,18 +32,6 @@ Force = Callable[[float], FloatArray]
 
 HALVINGS = 6
 """A step that does not converge is halved at most so often."""
-
-FLAT = 0.02
-"""A rhombus lower than this fraction of its rest height is flattened."""
-
-SETTLING_TIME = 1.0
-"""Pseudo time step of settling [s]."""
-
-MAX_SETTLING = 200
-
-
-class LimitPointError(ValueError):
-    """The worm's weight would flatten its rhombi: there is no equilibrium to start from."""
 
 
 def simulate(
@@ -96,33 +92,43 @@ def simulate(
 
     Raises
     ------
-    LimitPointError
+    planar.linkage.LimitPointError
         The weight would flatten the rhombi (in contact).
     ValueError
         Another argument out of range or of the wrong shape.
     """
-    friction = friction or Friction()
-    _validate(worm, gait, duration, dt, start)
-    _require_choice("ground", ground, ("contact", "clamped"))
-    _require_choice("friction_law", friction_law, ("anchored", "threshold"))
+    n, friction = worm.segments, friction or Friction()
+    require_numbers(duration, dt, gravity, slope, velocity_threshold)
+    require_choice("ground", ground, ("contact", "clamped"))
+    require_choice("friction_law", friction_law, ("anchored", "threshold"))
+    require_shape("gait", gait(0.0), (n,), "one value per segment")
+    push = external_force or (lambda t: np.zeros((n + 1, 2)))
+    require_shape("external_force", push(0.0), (n + 1, 2), "x, z of the force on each joint")
     weight = gravity * np.array([-np.sin(slope), -np.cos(slope)])
+    joints = start_joints(worm, start, on_ground=ground == "contact")
+    state, status = State.at_rest(joints, worm), Status.DONE
+    constants: Ground | None = None
     stepper: Stepper
     if ground == "clamped":
-        stepper = ClampedStepper(worm, weight, friction.coefficients(1), velocity_threshold)
-        state = State.at_rest(worm.rest() if start is None else np.array(start, dtype=float), worm)
-        constants = None
+        if held is not None or friction_law != "anchored":
+            raise ValueError("held and friction_law are for ground='contact'; the clamped worm has its own")
+        stepper = ClampedStepper(worm, weight, friction.coefficients(n), velocity_threshold)
     else:
-        _require_equilibrium(worm, gravity * np.cos(slope))
+        require_equilibrium(worm, -weight[1])
         constants = Ground.of(worm, friction, gravity)
-        free = np.zeros((worm.segments + 1, 2), dtype=bool) if held is None else np.asarray(held, dtype=bool)
+        fixed = np.zeros((n + 1, 2), dtype=bool) if held is None else np.array(held, dtype=bool)
+        require_shape("held", fixed, (n + 1, 2), "x, z of each joint")
         if friction_law == "threshold":
-            stepper = ThresholdStepper(worm, weight, constants, free, velocity_threshold)
+            stepper = ThresholdStepper(worm, weight, constants, fixed, velocity_threshold)
         else:
-            stepper = ContactStepper(worm, weight, constants, free)
-        state = _start(worm, weight, free, start, settle)
-    return _Simulation(worm, stepper, gait, external_force, dt, weight, constants).run(
-        state, max(1, round(duration / dt)), observer
-    )
+            stepper = ContactStepper(worm, weight, constants, fixed)
+        if settle and weight[1] != 0.0:
+            state, status = settled(worm, weight, fixed, joints)
+    law = "clamped" if ground == "clamped" else friction_law
+    simulation = _Simulation(worm, stepper, gait, push, dt, weight, constants, law)
+    if status is not Status.DONE:
+        return simulation.collect(state, [], Stop(status, 0, 0.0, 0.0, 0))
+    return simulation.run(state, max(1, round(duration / dt)), observer)
 
 
 class _Simulation:
@@ -131,34 +137,37 @@ class _Simulation:
         worm: Linkage,
         stepper: Stepper,
         gait: Gait,
-        force: Force | None,
+        force: Force,
         dt: float,
         weight: FloatArray,
         ground: Ground | None,
+        law: str,
     ) -> None:
-        self.worm, self.stepper, self.gait, self.dt = worm, stepper, gait, dt
-        self.weight, self.ground = weight, ground
-        self.force = force or (lambda t: np.zeros((worm.segments + 1, 2)))
+        self.worm, self.stepper, self.dt = worm, stepper, dt
+        self.weight, self.ground, self.law = weight, ground, law
+        self.gait = shape_checked(gait, (worm.segments,))
+        self.force = shape_checked(force, (worm.segments + 1, 2))
 
     def run(self, state: State, steps: int, observer: Callable[[int], bool] | None) -> Run:
+        """Return the run from a state."""
         first = state
         done: list[list[Step]] = []
         for k in range(1, steps + 1):
             parts, status = self._advance(state, (k - 1) * self.dt, self.dt, HALVINGS)
             if status is not Status.DONE:
-                return self._collect(first, done, _stop(status, k, self.dt, parts))
+                return self.collect(first, done, _stop(status, k, self.dt, parts))
             done.append(parts)
             state = parts[-1].end
             if observer is not None and not observer(k) and k < steps:
-                return self._collect(first, done, _stop(Status.INTERRUPTED, k, self.dt, parts))
-        return self._collect(first, done, _stop(Status.DONE, steps, self.dt, done[-1]))
+                return self.collect(first, done, _stop(Status.INTERRUPTED, k, self.dt, parts))
+        return self.collect(first, done, _stop(Status.DONE, steps, self.dt, done[-1]))
 
     def _advance(self, state: State, t: float, dt: float, halvings: int) -> tuple[list[Step], Status]:
         """Return the step from t to t + dt, in halves if it must be, and how it went."""
-        contraction = np.asarray(self.gait(t + dt), dtype=float)
-        if not (np.isfinite(contraction).all() and (contraction < 1.0).all()):
+        contraction, force = self.gait(t + dt), self.force(t + dt)
+        if contraction is None or force is None or (contraction >= 1.0).any():
             return [], Status.BAD_COMMAND
-        step = self.stepper.step(state, self.worm.l0 * (1.0 - contraction), self.force(t + dt), dt)
+        step = self.stepper.step(state, self.worm.l0 * (1.0 - contraction), force, dt)
         if step.solution.converged:
             return [step], self._guard(step)
         if halvings == 0:
@@ -171,21 +180,19 @@ class _Simulation:
         return first + second, status
 
     def _guard(self, step: Step) -> Status:
-        if not np.isfinite(step.end.joints).all():
-            return Status.NOT_FINITE
-        length, _ = diagonals(step.end.joints)
-        height = np.sqrt(self.worm.link_length**2 - length**2 / 4.0)
-        if (height < FLAT * self.worm.rest_half_height).any():
-            return Status.FLATTENED
-        if (joint_cosines(step.end.joints) <= 0.0).any():
-            return Status.FOLDED
-        if self.ground is not None and (step.end.joints[:, 1] <= 0.0).any():
-            return Status.SUNK
-        return Status.DONE
+        return shape_status(self.worm, step.end.joints, on_ground=self.ground is not None)
 
-    def _collect(self, first: State, done: list[list[Step]], stop: Stop) -> Run:
+    def collect(self, first: State, done: list[list[Step]], stop: Stop) -> Run:
+        """Return the run as far as it got."""
         return Run(
-            worm=self.worm, ground=self.ground, gravity=self.weight, dt=self.dt, first=first, steps=done, stop=stop
+            worm=self.worm,
+            ground=self.ground,
+            law=self.law,
+            gravity=self.weight,
+            dt=self.dt,
+            first=first,
+            steps=done,
+            stop=stop,
         )
 
 
@@ -194,48 +201,3 @@ def _stop(status: Status, k: int, dt: float, parts: list[Step]) -> Stop:
     worst = int(np.argmax(np.nan_to_num(np.abs(residual), nan=np.inf))) // 2
     joints = max(len(residual) // 2 - 1, 1)
     return Stop(status, k, k * dt, float(np.linalg.norm(residual)), min(worst, joints - 1))
-
-
-def _validate(worm: Linkage, gait: Gait, duration: float, dt: float, start: FloatArray | None) -> None:
-    for name, value in (("duration", duration), ("dt", dt)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name}: got {value!r} s, must be finite and above 0")
-    if np.shape(gait(0.0)) != (worm.segments,):
-        raise ValueError(f"gait: got shape {np.shape(gait(0.0))}, must be ({worm.segments},), one value per segment")
-    if start is not None and np.shape(start) != (worm.segments + 1, 2):
-        raise ValueError(f"start: got shape {np.shape(start)}, must be ({worm.segments + 1}, 2): x, z of each joint")
-
-
-def _require_choice(name: str, value: str, allowed: tuple[str, ...]) -> None:
-    if value not in allowed:
-        raise ValueError(f"{name}: got {value!r}, must be one of {', '.join(map(repr, allowed))}")
-
-
-def _require_equilibrium(worm: Linkage, gravity: float) -> None:
-    load, limit = worm.apex_load(gravity), worm.flattening_weight()
-    if (load >= limit).any():
-        i = int(np.argmax(load / limit))
-        raise LimitPointError(
-            f"segment {i} would be pressed flat: it carries {load[i]:.3g} N, its limit point is {limit[i]:.3g} N; make "
-            f"the worm lighter than {worm.total_mass * limit[i] / load[i]:.3g} kg, or k_spring or half_height larger"
-        )
-
-
-def _start(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], start: FloatArray | None, settle: bool) -> State:
-    joints = (
-        worm.rest() + np.array([0.0, float(worm.rest_half_height.max())]) if start is None else np.array(start, float)
-    )
-    state = State.at_rest(joints, worm)
-    if not settle or weight[1] == 0.0:
-        return state
-    frictionless = Ground.of(worm, Friction(0.0, 0.0), float(np.hypot(*weight)))
-    stepper = ContactStepper(worm, np.array([0.0, weight[1]]), frictionless, held)
-    nothing = np.zeros((worm.segments + 1, 2))
-    for _ in range(MAX_SETTLING):
-        end = stepper.step(state, state.l_cmd, nothing, SETTLING_TIME).end
-        moved = np.abs(end.joints - state.joints).max()
-        load = end.load
-        state = State.at_rest(end.joints, worm)
-        if moved < 1e-13 * worm.length:
-            break
-    return replace(state, load=load)

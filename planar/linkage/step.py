@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planar.linkage.element import Body, Contact, Now
-from planar.linkage.ground import YIELD_TOLERANCE, Ground
+from planar.linkage.ground import FREE_MOTION, YIELD_TOLERANCE, Ground
 from planar.linkage.newton import Newton, Solution, loads
 from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
 from planar.linkage.worm import FloatArray, Linkage
@@ -237,11 +237,12 @@ class ContactStepper(_ImplicitEuler):
         r = 1.0 / (1.0 / g.yield_gauge + g.gauge_damping / now.dt)
         centre = g.gauge_damping / now.dt * r * now.slide_n
         y = s - centre
-        rho = np.where(y > 0.0, g.mu_forward[:, None], g.mu_backward[:, None]) * np.abs(y)
-        limit = now.cap * r
+        mu = np.where(y > 0.0, g.mu_forward[:, None], g.mu_backward[:, None])
+        rho, limit = mu * np.abs(y), now.cap * r
         yields = (load > 0.0) & (rho > limit * (1.0 + YIELD_TOLERANCE))
-        left = np.where(yields, centre + y * limit / np.where(yields, rho, 1.0), s)
-        return np.where(yields, s - left, 0.0), left
+        free = (load > 0.0) & (mu == 0.0) & (np.abs(y) > FREE_MOTION * g.yield_gauge)
+        left = np.where(yields, centre + y * limit / np.where(yields, rho, 1.0), np.where(free, centre, s))
+        return np.where(yields | free, s - left, 0.0), left
 
 
 class ClampedStepper(_ImplicitEuler):
@@ -251,7 +252,8 @@ class ClampedStepper(_ImplicitEuler):
         held = np.zeros((worm.segments + 1, 2), dtype=bool)
         held[:, 1] = True
         super().__init__(worm, gravity, contact_of(None, worm.segments), held)
-        self.mu, self.threshold = mu, threshold
+        self.mu = _at_joints(mu[0]), _at_joints(mu[1])
+        self.threshold = threshold
 
     def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
         """Predict without friction, read the loads, and correct with friction."""
@@ -259,8 +261,9 @@ class ClampedStepper(_ImplicitEuler):
         now = self._now(state, l_cmd, force, cap, dt)
         predicted = self.newton.solve(state.joints.ravel(), now)
         load = np.abs(self.newton.residual(predicted.q, now)[1::2])  # (P9)
-        velocity = (predicted.q[::2] - state.joints[:, 0]) / dt
-        friction = p10_friction(load, velocity, self.mu, self.threshold)
+        to_head = 1.0 if state.joints[-1, 0] >= state.joints[0, 0] else -1.0
+        velocity = to_head * (predicted.q[::2] - state.joints[:, 0]) / dt
+        friction = to_head * p10_friction(load, velocity, self.mu, self.threshold)
         pushed = now._replace(force=force + np.column_stack([friction, np.zeros_like(friction)]))
         corrected = self.newton.solve(predicted.q, pushed)
         return Step(
@@ -321,6 +324,11 @@ class ThresholdStepper(_ImplicitEuler):
             apex_friction=friction,
             joint_load=np.zeros(len(state.joints)),
         )
+
+
+def _at_joints(per_segment: FloatArray) -> FloatArray:
+    """Return what the joints have of the segments' values: the mean of both sides, shape (N+1,)."""
+    return 0.5 * (np.append(per_segment[:1], per_segment) + np.append(per_segment, per_segment[-1:]))
 
 
 def p10_friction(

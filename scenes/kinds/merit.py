@@ -53,10 +53,10 @@ def cost_of_transport(work: float, weight: float, distance: float) -> float | No
     return work / (weight * distance) if work >= 0.0 and weight * distance > 0.0 else None
 
 
-def no_cost_because(work: float | None, distance: float | None) -> str:
-    """Return why there is no cost of transport."""
+def no_cost_because(work: float | None, distance: float | None, supplier: str) -> str:
+    """Return why there is no cost of transport; `supplier` says where the energy of negative net work is from."""
     if work is not None and work < 0:
-        return f"the net work of the contraction is negative ({work:.4g} J): the springs drove it, not the reverse"
+        return f"the net work of the contraction is negative ({work:.4g} J): {supplier}"
     if distance is not None and distance <= 0:
         return f"the worm made no way forward ({distance:.4g} m)"
     return "the worm has no weight, or its state overflowed"

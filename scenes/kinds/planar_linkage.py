@@ -14,14 +14,12 @@ from scenes.kinds.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no
 from scenes.kinds.planar_linkage_build import simulate
 from scenes.kinds.planar_linkage_checks import CHECKS
 from scenes.kinds.planar_linkage_schema import LinkageScene, LinkageSettings
+from scenes.limits import MOVIE_S
 from scenes.record import Record, Variable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-MOVIE_S = 30.0
-"""Longer runs are animated up to here [s]."""
 
 SHORTEST_STEP = 1e-6
 """Steps that move the centre of mass no further are left out of the cumulative cost of transport [m]."""
@@ -110,7 +108,9 @@ def reasons(summary: dict[str, float | None]) -> dict[str, str]:
     return {
         **dict.fromkeys(("path_length_m", "mean_speed_m_s", "speed_BL_per_period"), SHORT_RUN),
         **dict.fromkeys(("newton_iterations_mean", "cumulative_cot_J_per_m"), NO_STEP),
-        "cost_of_transport": no_cost_because(summary["work_contract_J"], summary["distance_m"]),
+        "cost_of_transport": no_cost_because(
+            summary["work_contract_J"], summary["distance_m"], "the worm gave its actuators more than they gave it"
+        ),
     }
 
 
@@ -179,7 +179,7 @@ def draw_com(record: Record) -> tuple[Figure, Axes]:
     from planar import figures
 
     curves = {"centre of mass": record["com"][:, 0]}
-    return figures.centre_of_mass(record["time"], curves, title=f"{record.name}: centre of mass")
+    return figures.centre_of_mass(record["time"], curves, title=f"{record.title}: centre of mass")
 
 
 def _draw_cost(record: Record) -> tuple[Figure, Axes]:
@@ -189,7 +189,7 @@ def _draw_cost(record: Record) -> tuple[Figure, Axes]:
         "contraction, (P12)": record["cumulative_cot_contract"],
         "friction, (P14)": record["cumulative_cot_friction"],
     }
-    title = f"{record.name}: cumulative cost of transport, sum of |work / dx|"
+    title = f"{record.title}: cumulative cost of transport, sum of |work / dx|"
     return figures.cumulative_cost(record["step_time"], curves, title=title, logarithmic=True)
 
 
@@ -199,7 +199,7 @@ def _draw_energy(record: Record) -> tuple[Figure, Axes]:
     def summed(names: dict[str, str]) -> dict[str, FloatArray]:
         return {name.replace("_", " "): np.cumsum(record[name]) for name in names if np.any(record[name])}
 
-    title = f"{record.name}: energy, summed over the steps"
+    title = f"{record.title}: energy, summed over the steps"
     return figures.energy_ledger(record["step_time"], summed(INCOMING), summed(STORED), summed(LOST), title=title)
 
 
@@ -212,20 +212,20 @@ def _draw_loads(record: Record) -> tuple[Figure, Axes]:
             "normal load (P9) [N]": (step_time, record["joint_load"]),
             "friction (P10) [N]": (step_time, record["joint_friction"]),
         }
-        return figures.space_time(panels, "joint (0 = tail)", title=f"{record.name}: loads and friction of the joints")
+        return figures.space_time(panels, "joint (0 = tail)", title=f"{record.title}: loads and friction of the joints")
     dt = np.diff(step_time, prepend=0.0)[:, None]
     panels = {
         "normal load [N]": (record["time"], record["normal_load"].sum(axis=2)),
         "slip [mm/s]": (step_time, 1e3 * record["slip"].sum(axis=2) / dt),
     }
-    return figures.space_time(panels, "segment (0 = tail)", title=f"{record.name}: loads and slip of the apexes")
+    return figures.space_time(panels, "segment (0 = tail)", title=f"{record.title}: loads and slip of the apexes")
 
 
 def draw_contraction(record: Record) -> tuple[Figure, Axes]:
     """Draw what each segment was told to do."""
     from planar import figures
 
-    title = f"{record.name}: commanded contraction"
+    title = f"{record.title}: commanded contraction"
     return figures.activation(record["time"], record["contraction"], title=title, quantity="contraction")
 
 

@@ -76,11 +76,12 @@ def _pattern(gait: LinkageGait, dt: float) -> gaits.Gait:
         T_wave=gait.period_s,
         T_contract=gait.contract_time_s,
         contractType=gait.pulse,
+        alternating=gait.alternating,
         direction="retrograde" if gait.direction == "retrograde" else "direct",
         impulse=dt,
     )
 
 
-def lengthens(kind: str, rectified: bool) -> bool:
+def lengthens(kind: str, rectified: bool, alternating: bool) -> bool:
     """Return whether a gait makes segments longer too: the full wave, and pulses of alternating signs."""
-    return kind == "segment_driven" or not rectified
+    return alternating if kind == "segment_driven" else not rectified

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from planar import linkage
-from scenes.checks import GAIT_CHECKS, RUN_CHECKS, Check
+from scenes.checks import GAIT_CHECKS, RUN_CHECKS, Check, Found, kind_checks, memory_check
 from scenes.kinds.planar_linkage_build import KEYS, lengthens, simulate, worm_of
-from scenes.kinds.planar_linkage_schema import LinkageScene
+from scenes.kinds.planar_linkage_schema import LinkageGait, LinkageScene
+from scenes.toml_text import shown
 
 PER_SEGMENT = ("half_height_m", "spring_N", "apex_hinge_N_m_rad")
 PER_JOINT = ("torsion_J", "cross0")
@@ -33,19 +34,30 @@ def _wrong_number(values: Any, wanted: int, meaning: str) -> str | None:
 
 
 def _links_reach(
-    amplitude: float, kind: str, rectified: bool, segments: int, length_m: float, half_height_m: Any
-) -> str | None:
+    amplitude: float,
+    half_height_m: Any,
+    length_m: float,
+    segments: int,
+    kind: str,
+    rectified: bool,
+    alternating: bool,
+) -> Found:
     try:
         worm = linkage.Linkage(segments=segments, length=length_m, half_height=half_height_m)
     except ValueError:
         return None  # `_can_start` tells
     longest, reach = worm.l0 * (1.0 + amplitude), 2.0 * float(np.min(worm.link_length))
-    if longest < reach or not lengthens(kind, rectified):
+    if longest < reach or not lengthens(kind, rectified, alternating):
         return None
-    return (
-        f"got {amplitude}: lengthens a segment to {longest:.4g} m, but its links end at {reach:.4g} m; "
-        f"must be below {reach / worm.l0 - 1.0:.4g} unless the gait only contracts"
-    )
+    limit = f"must be below {reach / worm.l0 - 1.0:.4g} unless the gait only contracts"
+    too_long = f"lengthens a segment to {longest:.4g} m, but its links end at {reach:.4g} m"
+    whose = f"gait.amplitude ({amplitude}) {too_long}; it {limit}"
+    return {
+        "gait.amplitude": f"got {amplitude}: {too_long}; {limit}",
+        "worm.half_height_m": f"got {shown(half_height_m)}: {whose}",
+        "gait.rectified": f"got {shown(rectified)}: {whose}",
+        "gait.kind": f"got {shown(kind)}: {whose}",
+    }
 
 
 def _can_start(
@@ -81,13 +93,18 @@ def in_keys(sentence: str) -> str:
     return sentence
 
 
+def bytes_per_step(segments: int) -> float:
+    """Return the memory that a step takes until the run is a record, as measured [byte]."""
+    return 2000.0 + 1200.0 * segments
+
+
 LIST_CHECKS = (
     *(Check((f"worm.{key}", "worm.segments"), _as_many_as_segments) for key in PER_SEGMENT),
     *(Check((f"worm.{key}", "worm.segments"), _as_many_as_joints) for key in PER_JOINT),
 )
 REACH_NEEDS = (
-    *("gait.amplitude", "gait.kind", "gait.rectified"),
-    *("worm.segments", "worm.length_m", "worm.half_height_m"),
+    *("gait.amplitude", "worm.half_height_m", "worm.length_m", "worm.segments"),
+    *("gait.kind", "gait.rectified", "gait.alternating"),
 )
 
 RULES = (
@@ -95,8 +112,13 @@ RULES = (
     *GAIT_CHECKS,
     *LIST_CHECKS,
     Check(REACH_NEEDS, _links_reach),
+    *kind_checks(LinkageGait),
 )
 """What makes no sense on paper."""
 
-CHECKS = (*RULES, Check(("worm.mass_kg", "worm", "friction", "ground", "gait"), _can_start))
+CHECKS = (
+    *RULES,
+    memory_check(bytes_per_step),
+    Check(("worm.mass_kg", "worm", "friction", "ground", "gait"), _can_start),
+)
 """And what the model refuses, such as a worm that its weight would flatten."""

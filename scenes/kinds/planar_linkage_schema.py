@@ -9,7 +9,7 @@ from typing import Any, Literal
 from control import gaits
 from planar import linkage
 from scenes.schema import Cross, Each, NonNegative, Positive, Section, quantity, setting
-from scenes.sections import Gait, Settings
+from scenes.sections import WAVE, Gait, Settings
 
 _WORM: dict[str, Any] = {field.name: field.default for field in fields(linkage.Linkage)}
 _FRICTION: dict[str, Any] = {field.name: field.default for field in fields(linkage.Friction)}
@@ -98,6 +98,7 @@ class LinkageGait(Gait):
         _WAVE.wavelength,
         unit="body lengths",
         gt=0,
+        only=WAVE,
         title="travelling_wave only: length of the wave",
         aka=("wavelength_m", "lambda", "wave_length"),
     )

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Literal
 
 from planar.published import Parameters
-from scenes.checks import GAIT_CHECKS, RUN_CHECKS, Check
-from scenes.schema import Section, quantity, setting
-from scenes.sections import Gait, Settings
+from scenes.checks import GAIT_CHECKS, RUN_CHECKS, Check, Found, kind_checks, memory_check
+from scenes.schema import Section, Sign, quantity, setting
+from scenes.sections import WAVE, Gait, Settings
 
 PROGRAM = Parameters()
 
@@ -50,11 +50,12 @@ class PublishedGait(Gait):
         PROGRAM.wavelength,
         unit="m",
         gt=0,
+        only=WAVE,
         title="travelling_wave only: length of the wave",
         aka=("lambda_m", "wave_length_m"),
     )
     rectified: bool = setting(
-        PROGRAM.rectified, title="travelling_wave only: whether segments contract, never lengthen"
+        PROGRAM.rectified, only=WAVE, title="travelling_wave only: whether segments contract, never lengthen"
     )
     force_N: float = quantity(
         PROGRAM.contraction_force, unit="N", ge=0, title="force on a connector at activation 1", aka=("amplitude_N",)
@@ -76,7 +77,7 @@ class Solver(Section):
     max_iterations: int = quantity(
         PROGRAM.max_iterations, ge=1, le=10_000, title="the step is kept after so many, converged or not"
     )
-    elastic_sign: Literal[-1, 1] = setting(
+    elastic_sign: Sign = setting(
         int(PROGRAM.elastic_sign), title="sign of the elastic force: -1 as the program, 1 as mechanics wants it"
     )
 
@@ -92,14 +93,26 @@ class PublishedScene(Settings):
     solver: Solver = Solver()
 
 
-def _connectors_lighter_than_worm(connector_mass_kg: float, mass_kg: float) -> str | None:
+def _connectors_lighter_than_worm(connector_mass_kg: float, mass_kg: float) -> Found:
     if connector_mass_kg < mass_kg:
         return None
-    return f"got {connector_mass_kg} kg: must be below worm.mass_kg ({mass_kg} kg), of which it is a part"
+    return {
+        "worm.connector_mass_kg": f"got {connector_mass_kg} kg: must be below worm.mass_kg ({mass_kg} kg), "
+        "of which it is a part",
+        "worm.mass_kg": f"got {mass_kg} kg: must be above worm.connector_mass_kg ({connector_mass_kg} kg), "
+        "which is a part of it",
+    }
+
+
+def _bytes_per_step(segments: int) -> float:
+    """Return the memory that a step takes until the run is a record, as measured [byte]."""
+    return 1000.0 + 12.0 * (3 * segments + 1) * 2 * 8
 
 
 CHECKS = (
     *RUN_CHECKS,
     *GAIT_CHECKS,
+    *kind_checks(PublishedGait),
+    memory_check(_bytes_per_step),
     Check(("worm.connector_mass_kg", "worm.mass_kg"), _connectors_lighter_than_worm),
 )

@@ -227,14 +227,14 @@ def _curves_by_case(record: Record, name: str) -> dict[str, FloatArray]:
 def _draw_com(record: Record) -> tuple[Figure, Axes]:
     from planar import figures
 
-    title = f"{record.name}: centre of mass by case"
+    title = f"{record.title}: centre of mass by case"
     return figures.centre_of_mass(record["time"], _curves_by_case(record, "com_x"), title=title)
 
 
 def _draw_cumulative_cost(record: Record) -> tuple[Figure, Axes]:
     from planar import figures
 
-    title = f"{record.name}: cumulative cost of transport by case, sum of |work / dx|"
+    title = f"{record.title}: cumulative cost of transport by case, sum of |work / dx|"
     return figures.cumulative_cost(record["step_time"], _curves_by_case(record, "cumulative_cost"), title=title)
 
 
@@ -254,7 +254,7 @@ def _draw_distance(record: Record) -> tuple[Figure, Axes]:
 def _panels(record: Record, panels: dict[str, FloatArray], what: str) -> tuple[Figure, Axes]:
     from planar import figures
 
-    return figures.by_case(record["value"], panels, _vary(record), title=f"{record.name}: {what} by case")
+    return figures.by_case(record["value"], panels, _vary(record), title=f"{record.title}: {what} by case")
 
 
 COLUMNS = {

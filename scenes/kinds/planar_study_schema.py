@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
-from scenes.checks import RUN_CHECKS, Check, cross_mistakes
-from scenes.kinds.planar_linkage_checks import RULES
+from scenes.checks import RUN_CHECKS, Check, Found, cross_mistakes, too_much_memory
+from scenes.kinds.planar_linkage_checks import RULES, bytes_per_step
 from scenes.kinds.planar_linkage_schema import LinkageScene, LinkageSettings
 from scenes.mistakes import dotted, schema_mistakes
 from scenes.schema import Numbers, Section, field_at, is_number, quantity, setting
@@ -68,8 +68,16 @@ def _case_mistakes(sections: Mapping[str, Any], vary: str, value: float) -> Iter
         yield f"with {vary} = {value:g}: {dotted(mistake.path)}: {mistake.text}"
 
 
+def _fits_into_memory(dt_s: float, duration_s: float, values: tuple[float, ...], vary: str, segments: int) -> Found:
+    numbers = [int(value) for value in values] if vary == "worm.segments" else [segments] * len(values)
+    steps = duration_s / dt_s
+    needed = sum(steps * bytes_per_step(number) for number in numbers)
+    return too_much_memory(needed, steps * len(numbers), max(numbers))
+
+
 CHECKS = (
     *RUN_CHECKS,
+    Check(("run.dt_s", "run.duration_s", "study.values", "study.vary", "worm.segments"), _fits_into_memory),
     Check(("study.vary",), _is_a_number),
     Check(("study.values", "study.vary", "run", *VARIABLE), _cases_are_right),
 )

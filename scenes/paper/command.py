@@ -16,7 +16,8 @@ from planar import linkage
 from planar.animation import Movie
 from planar.published import Run
 from scenes import folder as folders
-from scenes.files import write_bytes, written_whole
+from scenes.drawing import save_figure, save_movie
+from scenes.files import write_bytes
 from scenes.paper import corrected, corrected_figures, figures, tables
 from scenes.paper.claims import claims
 from scenes.paper.corrected_claims import corrected_claims
@@ -24,6 +25,7 @@ from scenes.paper.differences import differences
 from scenes.paper.report import Study, markdown, terminal_lines
 from scenes.paper.tables import Key
 from scenes.progress import busy, progress
+from scenes.summary import without_nan
 from scenes.versions import versions
 
 K = TypeVar("K")
@@ -54,10 +56,11 @@ def run(out: Path | None, force: bool, quiet: bool) -> int:
     corrected_runs = _simulate("the corrected worm's runs", corrected.cases(), corrected.run, quiet)
     with busy("judging the claims", quiet=quiet):
         study = _study(runs, corrected_runs)
-    _write(folder, study)
     with busy("drawing", quiet=quiet):
-        _draw(folder, runs[6, 2.0], figures.draw(runs))
-        _save_all(folder, corrected_figures.draw(corrected_runs, study.corrected, study.overstatements))
+        drawn = figures.draw(runs)
+        drawn |= corrected_figures.draw(corrected_runs, study.corrected, study.overstatements)
+        _write(folder, study, list(drawn))
+        _draw(folder, runs[6, 2.0], drawn)
     if not quiet:
         for line in terminal_lines(study, shutil.get_terminal_size().columns):
             typer.echo(line)
@@ -67,7 +70,7 @@ def run(out: Path | None, force: bool, quiet: bool) -> int:
 
 def _simulate(title: str, keys: Sequence[K], simulate: Callable[[K], R], quiet: bool) -> dict[K, R]:
     runs = {}
-    with progress(title, len(keys), quiet=quiet) as show:
+    with progress(title, len(keys), quiet=quiet, what="run") as show:
         for done, key in enumerate(keys, start=1):
             runs[key] = simulate(key)
             show(done)
@@ -86,32 +89,20 @@ def _study(runs: Mapping[Key, Run], corrected_runs: Mapping[corrected.Key, linka
     )
 
 
-def _write(folder: Path, study: Study) -> None:
+def _write(folder: Path, study: Study, figure_stems: Sequence[str]) -> None:
     content = {**study.as_dict(), "versions": dict(versions())}
-    write_bytes(folder / "paper.json", (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode())
-    write_bytes(folder / "report.md", markdown(study).encode())
-
-
-def _save_all(folder: Path, drawn: Mapping[str, Figure]) -> None:
-    for stem, figure in drawn.items():
-        _save(figure, folder / f"{stem}.png")
+    text = json.dumps(without_nan(content), indent=2, ensure_ascii=False, allow_nan=False)
+    write_bytes(folder / "paper.json", f"{text}\n".encode())
+    write_bytes(folder / "report.md", markdown(study, [*(f"{stem}.png" for stem in figure_stems), MOVIE]).encode())
 
 
 def _draw(folder: Path, main: Run, drawn: Mapping[str, Figure]) -> None:
-    _save_all(folder, drawn)
-    with written_whole(folder / MOVIE) as part:
-        unfinished = part.with_name(f"{part.name}.gif")  # the writer goes by the ending
-        _movie(main).save(unfinished)
-        unfinished.replace(part)
-
-
-def _save(figure: Figure, path: Path) -> None:
-    with written_whole(path) as part:
-        figure.savefig(part, format="png", metadata={"Software": None})
+    for stem, figure in drawn.items():
+        save_figure(figure, folder / f"{stem}.png")
+    save_movie(_movie(main), folder / MOVIE)
 
 
 def _movie(run: Run) -> Movie:
-    net, p = run.net, run.parameters
+    net = run.net
     activation = np.vstack([run.activation[:1], run.activation])
-    ground = float(net.rest[:, 1].min()) - p.ground_clearance
-    return Movie(run.time, run.q[:, net.main], run.q[:, net.top], run.q[:, net.bottom], activation, ground)
+    return Movie(run.time, run.q[:, net.main], run.q[:, net.top], run.q[:, net.bottom], activation, run.ground)

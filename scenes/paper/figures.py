@@ -11,11 +11,22 @@ from control import gaits
 from control.gaits import ContractionEngine_segmentdriven as SegmentDriven
 from planar import figures
 from planar.metrics import FloatArray
-from planar.published import Run
+from planar.published import Parameters, Run
 from scenes.paper.tables import PERIODS, SEGMENTS, Key
 
-FORCE = 10.0
+FORCE = Parameters().contraction_force
 """Of a segment at activation 1 [N]."""
+
+SHOWN = 6
+"""Segments in figures 7 to 9."""
+
+ENGINE = SegmentDriven()
+
+T_CONTRACT = ENGINE.T_wave / SHOWN
+"""Duration of a contraction in figures 7 and 8: one segment at a time [s]."""
+
+OUR_CHOICE = f"T_contract = {T_CONTRACT:.3g} s (one segment at a time)"
+"""The paper does not say which it drew."""
 
 
 def draw(runs: Mapping[Key, Run]) -> dict[str, Figure]:
@@ -35,14 +46,14 @@ def draw(runs: Mapping[Key, Run]) -> dict[str, Figure]:
 
 def _sampled(activation: Callable[[float, int], FloatArray], duration: float) -> tuple[FloatArray, FloatArray]:
     time = np.arange(0.0, duration, 0.01)
-    return time, np.array([activation(t, 6) for t in time])
+    return time, np.array([activation(t, SHOWN) for t in time])
 
 
 def _segment_activation() -> Figure:
-    engine = SegmentDriven(contractType="square", alternating=False)
+    engine = SegmentDriven(contractType="square", alternating=False, T_contract=T_CONTRACT)
     figure, _ = figures.activation(
         *_sampled(engine.activation, 10.0),
-        "Fig. 7: segment-based activation, T_wave = 2 s, T_contract = 0.5 s",
+        f"Fig. 7: segment-based activation, T_wave = {ENGINE.T_wave:g} s\nour choice: {OUR_CHOICE}",
     )
     return figure
 
@@ -51,8 +62,11 @@ def _segment_force() -> Figure:
     figure = Figure(figsize=(10.0, 4.0), layout="constrained", dpi=120)
     pulses: tuple[gaits.Pulse, ...] = ("gaussian", "square", "dirac")
     for axes, pulse in zip(figure.subplots(1, 3, sharey=True), pulses, strict=True):
-        time, activation = _sampled(SegmentDriven(contractType=pulse).activation, 4.0)
+        time, activation = _sampled(SegmentDriven(contractType=pulse, T_contract=T_CONTRACT).activation, 4.0)
         figures.activation(time, FORCE * activation, f"Fig. 8: {pulse} pulse", "contraction force", "N", axes)
+    figure.suptitle(
+        f"our choice: {OUR_CHOICE}, gaussian's sigma = {gaits.GAUSSIAN_WIDTH:g} T_contract, {FORCE:g} N", fontsize=10
+    )
     return figure
 
 

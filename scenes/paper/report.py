@@ -14,6 +14,7 @@ from scenes.paper.tables import PERIODS, SEGMENTS, Row
 
 HEADER = ("n", "T_wave [s]", "distance [m]", "work [J]", "total CoT [J/m]", "true displacement [m]")
 
+COMPARED = ("n", "distance [m]", "work [J]", "total CoT [J/m]", "true displacement [m]")
 
 CORRECTED = ("n", "T_wave [s]", "ground", "friction", "distance [m]", "work [J]", "friction loss [J]", "CoT", "BL/wave")
 
@@ -42,9 +43,41 @@ class Study:
         return {field.name: [each.as_dict() for each in getattr(self, field.name)] for field in fields(self)}
 
 
-def markdown(study: Study) -> str:
-    """Return the whole report."""
-    return "\n".join((*_published_lines(study), *_corrected_lines(study))) + "\n"
+PRINTED = {
+    3: (0.176235, 1.062124, 6.0267, 0.332435),
+    4: (0.529555, 2.017679, 3.8101, 0.852656),
+    5: (0.556600, 1.876227, 3.3709, 1.078139),
+    6: (0.739210, 4.547915, 6.1524, 1.250650),
+    7: (0.534746, 2.023594, 3.7842, 1.021245),
+}
+"""What the author's program prints for T_wave = 2 s, by segments: distance, work, total CoT, true displacement."""
+
+
+def markdown(study: Study, pictures: Sequence[str] = ()) -> str:
+    """Return the whole report; `pictures` are the files beside it, which it shows."""
+    parts = (*_published_lines(study), *_corrected_lines(study), *_picture_lines(pictures))
+    return "\n".join(parts) + "\n"
+
+
+def _picture_lines(pictures: Sequence[str]) -> Iterator[str]:
+    if pictures:
+        yield from ("", "## Figures")
+    for name in pictures:
+        yield from ("", f"![{name.rpartition('.')[0].replace('_', ' ')}]({name})")
+
+
+def _printed_lines(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the table of the program's printed values beside ours, with the difference."""
+    yield from ("", "## What the program prints at T_wave = 2 s, ours, and ours less the printed", "")
+    yield from _markdown_table(COMPARED, [tuple(_compared_cells(row)) for row in rows if row.n in PRINTED])
+    yield from ("", "The program prints six decimals, the total CoT to four.")
+
+
+def _compared_cells(row: Row) -> Iterator[str]:
+    ours = (row.reported_distance_m, row.work_J, row.total_cot_J_per_m, row.true_displacement_m)
+    yield f"{row.n}"
+    for digits, printed, own in zip((6, 6, 4, 6), PRINTED[row.n], ours, strict=True):
+        yield f"{printed:.{digits}f} / {own:.{digits}f} ({own - printed:+.1e})"
 
 
 def _published_lines(study: Study) -> Iterator[str]:
@@ -55,6 +88,7 @@ def _published_lines(study: Study) -> Iterator[str]:
     yield "are a regression target, not physics."
     for title, part in _tables(study.rows):
         yield from ("", f"## {title}", "", *_markdown_table(HEADER, map(_cells, part)))
+    yield from _printed_lines([r for r in study.rows if r.T_wave_s == 2.0])
     yield from ("", "## The paper's claims", "", *_judged(study.claims))
     yield from ("", "## Where text and program differ", "")
     for d in study.differences:

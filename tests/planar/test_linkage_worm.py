@@ -80,8 +80,31 @@ def test_flattened_by_a_load_during_the_run(default_worm: Linkage) -> None:
 def test_folded_and_sunk_are_named(default_worm: Linkage) -> None:
     soft = default_worm.with_changes(k_torsion=1e-3)
     run = linkage.simulate(soft, still(6), duration=5.0)
+    assert run.status is Status.UNSETTLED
+    assert run.joints.shape == (1, 7, 2)
+    tilt = np.eye(6)[0]
+    run = linkage.simulate(soft, lambda t: 0.2 * min(1.0, t) * tilt, duration=5.0, settle=False)
     assert run.status in (Status.FOLDED, Status.SUNK)
     assert run.stop.sentence.startswith(run.status.value)
+    assert np.isfinite(run.joints).all()
+
+
+def test_a_soft_segment_is_carried_by_its_stiff_neighbours(default_worm: Linkage) -> None:
+    """Its share of the weight is above its limit point, but stiff joints put it on the others: no refusal."""
+    k = np.full(6, 13.0)
+    k[2] = 1.5
+    run = linkage.simulate(default_worm.with_changes(k_spring=k, k_torsion=1e4), still(6), duration=1.0)
+    assert run.status is Status.DONE
+    assert (default_worm.with_changes(k_spring=k).flattening_weight() < default_worm.apex_load())[2]
+
+
+def test_lengthening_lowers_the_limit_point(default_worm: Linkage) -> None:
+    """At -0.1 the limit of 0.564 kg falls to 0.114 kg; a worm between the two is flattened, with its name."""
+    per_mass = default_worm.apex_load() / default_worm.total_mass
+    assert_allclose(default_worm.flattening_weight(-0.1) / per_mass, 0.114, atol=1e-3)
+    run = linkage.simulate(default_worm.with_changes(mass=0.25), lambda t: np.full(6, -0.1 * min(1.0, t)), duration=2.0)
+    assert run.status in (Status.FLATTENED, Status.SUNK)
+    assert run.stop.time > 0.3
 
 
 @pytest.mark.parametrize(
@@ -92,6 +115,13 @@ def test_folded_and_sunk_are_named(default_worm: Linkage) -> None:
         ({"ground": "ice"}, "ground: got 'ice', must be one of 'contact', 'clamped'"),
         ({"friction_law": "none"}, "friction_law: got 'none', must be one of 'anchored', 'threshold'"),
         ({"start": np.zeros((6, 2))}, r"start: got shape \(6, 2\), must be \(7, 2\)"),
+        ({"start": np.zeros((7, 2))}, "start: segment 0 is 0 m long, must lie between 0 and 0.1944 m"),
+        ({"start": Linkage().rest()}, r"start: an apex lies 0.05 m inside the ground z = 0; lift the worm"),
+        ({"held": np.zeros((6, 2), dtype=bool)}, r"held: got shape \(6, 2\), must be \(7, 2\)"),
+        ({"external_force": lambda t: np.zeros((6, 2))}, r"external_force: got shape \(6, 2\), must be \(7, 2\)"),
+        ({"gravity": float("nan")}, "gravity: got nan, must be finite and at least 0"),
+        ({"slope": 2.0}, "slope: got 2.0 rad, must lie between"),
+        ({"ground": "clamped", "friction_law": "threshold"}, "held and friction_law are for ground='contact'"),
         ({"friction": Friction(np.ones(5), 0.2)}, r"friction: got shapes \(5,\) and \(\), must be .* \(6,\)"),
     ],
 )

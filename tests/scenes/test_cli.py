@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from scenes import cli
 from scenes.loader import parse_scene, shipped_scenes
@@ -148,6 +149,54 @@ def test_animate(worm3d, result: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(ended.complaints) == 1
     assert "ffmpeg" in ended.complaints[0]
     assert worm3d("animate", result, "--out", "x.avi").code == 2
+    assert worm3d("animate", result).complaints == [
+        f"{result}/animation.gif exists: choose another name, or replace it with --force"
+    ]
+    assert worm3d("animate", result, "--force").code == 0
+
+
+def test_frames_per_second_and_capital_endings(worm3d, result: Path) -> None:
+    frames = {}
+    for fps in (5, 20):
+        assert worm3d("animate", result, "--fps", fps, "--out", f"{fps}.GIF").code == 0
+        with Image.open(result / f"{fps}.GIF") as movie:
+            frames[fps] = movie.n_frames
+    assert frames == {5: 2, 20: 5}  # 0.2 s, both ends
+
+
+def test_an_export_spares_the_result_and_its_other_half(worm3d, result: Path) -> None:
+    before = (result / "result.nc").read_bytes()
+    ended = worm3d("export", result, "--npz", "result.nc", "--force")
+    assert (ended.code, ended.complaints) == (2, ["result.nc is the result itself: choose another name"])
+    (result / "run.gif").write_bytes(before)
+    assert worm3d("animate", "run.gif", "--out", "run.gif", "--force").code == 2
+    assert (result / "run.gif").read_bytes() == (result / "result.nc").read_bytes() == before
+    ended = worm3d("export", result, "--npz", "same", "--csv", "./same", "--force")
+    assert (ended.code, ended.complaints) == (2, ["same is named twice: choose two names"])
+    assert not (result / "same").exists()
+
+
+@pytest.mark.parametrize("command", ["run", "plot", "animate", "paper"])
+def test_an_empty_name_is_not_this_folder(worm3d, result: Path, command: str) -> None:
+    argument = {"run": ("planar_published",), "paper": ()}.get(command, (result,))
+    before = {path.name for path in result.iterdir()}
+    ended = worm3d(command, *argument, "--out", "")
+    assert ended.code == 2
+    assert "got an empty name: must name a file or folder" in ended.err
+    assert {path.name for path in result.iterdir()} == before
+
+
+def test_ctrl_c_while_starting_is_130_and_no_traceback(tmp_path: Path) -> None:
+    code = (
+        "import sys\n"
+        "class Slow:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'typer': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Slow())\n"
+        "from scenes.cli import main; main(['list'])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 
 def test_export(worm3d, result: Path, record) -> None:
@@ -155,6 +204,12 @@ def test_export(worm3d, result: Path, record) -> None:
     assert len((result / "x.csv").read_text().splitlines()) == record.sizes["time"] + 1
     with np.load(result / "x.npz") as arrays:
         np.testing.assert_array_equal(arrays["com"], record["com"])
+    ended = worm3d("export", result, "--csv", "x.csv")
+    assert (ended.code, ended.complaints) == (
+        2,
+        ["x.csv exists: choose another name, or replace it with --force"],
+    )
+    assert worm3d("export", result, "--csv", "x.csv", "--force").code == 0
     ended = worm3d("export", result)
     assert (ended.code, ended.complaints) == (2, ["export: nothing to write; give --csv FILE or --npz FILE"])
     assert worm3d("export", result, "--csv", "none/x.csv").code == 1

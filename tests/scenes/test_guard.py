@@ -49,8 +49,13 @@ def test_a_merged_package_is_named(tmp_path: Path) -> None:
 def test_a_missing_package_is_named(tmp_path: Path) -> None:
     for name in ("scenes", "control", "worm3d"):
         shutil.copytree(HOME / name, tmp_path / name)
-    code = "import sys; sys.path.remove(sys.argv[1]); from scenes.cli import main; main(['--version'])"
-    done = python_in(tmp_path, code, str(HOME))
+    # However ours is installed (a finder, a path): it must not be found beside the copies.
+    code = (
+        "import importlib.util as u; found = u.find_spec\n"
+        "u.find_spec = lambda name, *a: None if name == 'planar' else found(name, *a)\n"
+        "from scenes.cli import main; main(['--version'])"
+    )
+    done = python_in(tmp_path, code)
     assert done.returncode == 2
     assert "the import name 'planar' leads to nothing" in done.stderr
 

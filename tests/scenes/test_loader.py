@@ -78,14 +78,55 @@ def test_a_misspelt_key_silences_the_checks_of_the_key_it_was_meant_to_be() -> N
 @pytest.mark.parametrize(
     ("sections", "line"),
     [
-        ("[run]\nduration_s = 0.001", "run.dt_s: got 0.01 s: must be at most run.duration_s (0.001 s)"),
+        ("[run]\nduration_s = 0.001", "run.duration_s: got 0.001 s: must be at least run.dt_s (0.01 s)"),
         (
             "[run]\ndt_s = 1e-12",
-            "run.dt_s: got 1e-12 s: run.duration_s (10.0 s) must take at most 1e+09 steps",
+            "run.dt_s: got 1e+13 steps of 6 segments, about 4.65e+07 GB of memory: must be at most 4 GB; use a "
+            "shorter run.duration_s, a longer run.dt_s or fewer worm.segments",
+        ),
+        (
+            "[run]\nrecord_every = 7",
+            "run.record_every: got 7: must divide the 1000 steps of the run (run.duration_s / run.dt_s), or its last "
+            "state is not stored; 5 does",
+        ),
+        (
+            "[run]\nduration_s = 9.99\n[gait]\nrectified = true\n[worm]\nsegments = 6\n[solver]\nelastic_sign = true",
+            "solver.elastic_sign: got true: input should be -1 or 1 (default -1)",
+        ),
+        ("[solver]\nelastic_sign = 1.0", "solver.elastic_sign: got 1.0: input should be -1 or 1 (default -1)"),
+        ('[solver]\nelastic_sign = "1"', "solver.elastic_sign: got '1': input should be -1 or 1 (default -1)"),
+        (
+            "[gait]\nperiod_s = 0.05",
+            "gait.period_s: got 0.05 s: must be at least 10 times run.dt_s (0.01 s), "
+            "or the wave falls between the steps",
+        ),
+        (
+            '[gait]\nkind = "segment_driven"\nperiod_s = 0.2',
+            "gait.period_s: got 0.2 s: must be at least gait.contract_time_s (0.25 s), "
+            "for a segment ends its contraction before its next one",
+        ),
+        (
+            "[worm]\nmass_kg = 1e-12",
+            "worm.mass_kg: got 1e-12 kg: must be above worm.connector_mass_kg (1e-11 kg), which is a part of it",
+        ),
+        (
+            "[gait]\ncontract_time_s = 0.3",
+            "gait.contract_time_s: only for gait.kind = 'segment_driven', which this scene is not ('travelling_wave'): "
+            "leave it out (default 0.25), or change gait.kind",
+        ),
+        (
+            "[gait]\nalternating = false",
+            "gait.alternating: only for gait.kind = 'segment_driven', which this scene is not ('travelling_wave'): "
+            "leave it out (default true), or change gait.kind",
+        ),
+        (
+            '[gait]\nkind = "segment_driven"\nwavelength_m = 0.5',
+            "gait.wavelength_m: only for gait.kind = 'travelling_wave', which this scene is not ('segment_driven'): "
+            "leave it out (default 1.0), or change gait.kind",
         ),
         (
             "[run]\nrecord_every = 1002",
-            "run.record_every: got 1002 steps: must be at most run.duration_s / run.dt_s, the 1000 steps of the run",
+            "run.record_every: got 1002: must be at most run.duration_s / run.dt_s, the 1000 steps of the run",
         ),
         (
             '[gait]\nkind = "segment_driven"\ncontract_time_s = 2.5',
@@ -111,8 +152,45 @@ def test_one_slip_in_the_time_step_gives_one_line() -> None:
     assert len(lines_about('model = "planar_published"\n[run]\ndt_s = 20.0\n')) == 1
 
 
-def test_contraction_time_is_free_when_it_has_no_effect() -> None:
-    parse_scene('model = "planar_published"\n[gait]\ncontract_time_s = 2.5\n', "test")
+def test_independent_mistakes_on_one_key_give_a_line_each() -> None:
+    """Another step mends neither without the other's limit: each has a key of its own that was written."""
+    text = 'model = "planar_published"\n[run]\ndt_s = 0.5\nduration_s = 0.1\n[gait]\nperiod_s = 0.01\n'
+    assert [line.split(": must")[0] for line in lines_about(text)] == ["line 3: run.dt_s: got 0.5 s"] * 2
+    assert "run.duration_s (0.1 s)" in "".join(lines_about(text))
+    assert "gait.period_s (0.01 s)" in "".join(lines_about(text))
+
+
+def test_a_check_fails_at_its_limit_and_not_by_rounding() -> None:
+    def scene(dt: float) -> str:
+        return f'model = "planar_published"\n[run]\ndt_s = {dt!r}\nduration_s = 0.7\n[gait]\nperiod_s = 0.7\n'
+
+    assert 0.07 * 10 > 0.7
+    parse_scene(scene(0.07), "test")
+    assert len(lines_about(scene(0.0701))) == 1
+    one_step = f'model = "planar_published"\n[run]\ndt_s = {3 * 0.1!r}\nduration_s = 0.3\n[gait]\nperiod_s = 4.0\n'
+    assert 3 * 0.1 > 0.3
+    parse_scene(one_step, "test")
+
+
+@pytest.mark.parametrize("model", ["planar_published", "planar_linkage", "planar_study"])
+def test_scenes_that_do_not_fit_into_memory_are_refused(model: str) -> None:
+    (line,) = lines_about(f'model = "{model}"\n[run]\nduration_s = 200000\n')
+    assert line.startswith("line 3: run.duration_s: got ")
+    assert line.endswith(
+        " GB of memory: must be at most 4 GB; use a shorter run.duration_s, a longer run.dt_s or fewer worm.segments"
+    )
+    parse_scene(f'model = "{model}"\n[run]\nduration_s = 500\n', "test")
+
+
+def test_a_key_of_the_other_kind_at_its_default_does_nothing_and_passes() -> None:
+    """Templates and resolved scenes hold every key."""
+    parse_scene('model = "planar_published"\n[gait]\ncontract_time_s = 0.25\n', "test")
+
+
+@pytest.mark.parametrize("key", ["run", "a.b"])
+def test_a_section_written_twice_is_named_as_it_is_written(key: str) -> None:
+    assert lines_about(f"[{key}]\n[{key}]\n")[0].startswith("line 2, ")
+    assert f"cannot declare '{key}' twice" in lines_about(f"[{key}]\n[{key}]\n")[0]
 
 
 @pytest.mark.parametrize(
@@ -128,7 +206,7 @@ def test_contraction_time_is_free_when_it_has_no_effect() -> None:
         ("=3", "override : must be written as section.key=value"),
         (
             "gait.period_s=0.05",
-            "override gait.period_s: run.dt_s: got 0.01 s: must be at most a 10th of gait.period_s (0.05 s)",
+            "override gait.period_s: got 0.05 s: must be at least 10 times run.dt_s (0.01 s), or the wave falls",
         ),
     ],
 )  # fmt: skip

@@ -85,10 +85,11 @@ def test_a_study_ends_with_its_table(worm3d, tmp_path: Path) -> None:
     ended = worm3d("run", "planar_segments", *options(*BRIEF), "--out", "x")
     assert ended.code == 0
     assert ended.err == "planar_segments: 200 steps\n"
-    first, header, *rows, files = ended.out.splitlines()
+    first, header, *rows, title, files = ended.out.splitlines()
     assert first.startswith("planar_segments: 5 of 5 cases reached their end (2 s simulated, ")
     assert header.split("  ")[1:3] == ["worm.segments", "distance [m]"]
     assert [row.split()[0] for row in rows] == ["3", "4", "5", "6", "7"]
+    assert title.split(maxsplit=1) == ["title", "Distance and cost of transport by number of segments"]
     assert files.split() == ["files", "x"]
     drawn = {path.name for path in (tmp_path / "x").iterdir()}
     assert {"result.nc", "summary.json", "animation.gif", "centre_of_mass_by_case.png"} < drawn

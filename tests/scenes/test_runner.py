@@ -8,15 +8,18 @@ import resource
 import signal
 import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from numpy.testing import assert_allclose
 
-from scenes import kinds
+from scenes import kinds, report, runner
+from scenes.errors import DiscError
 from scenes.interrupt import Interruption
 from scenes.report import ending
 from scenes.store import load
+from scenes.summary import Summary
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 # The only segment pushes with an absurd force from t = T/2 on.
@@ -122,10 +125,10 @@ def test_a_run_that_diverges_at_once_has_nothing_to_draw(worm3d, tmp_path: Path)
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_keeps_what_it_has(script: str, tmp_path: Path, number: signal.Signals) -> None:
-    command = [script, "run", "planar_published", "-o", "run.duration_s=100000", "--out", "x"]
+    command = [script, "run", "planar_published", "-o", "run.duration_s=8000", "--out", "x"]
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
-        assert process.stderr.readline() == "planar_published: 10000000 steps\n"
+        assert process.stderr.readline() == "planar_published: 800000 steps\n"
         time.sleep(0.5)
         process.send_signal(number)
         try:
@@ -160,3 +163,107 @@ def test_a_figure_without_a_value_ends_with_its_reason(record) -> None:
     reason = record.summary.reasons["cost_of_transport"]
     lines = ending(record, kinds.get("planar_published"), Path("x")).splitlines()
     assert f"  cost of transport     none: {reason}" in lines
+
+
+def test_a_full_disc_leaves_the_old_results_as_they_were(worm3d, tmp_path: Path, monkeypatch) -> None:
+    assert worm3d("run", "planar_published", *SHORT, "--out", "x", "--quiet").code == 0
+    before = {path.name: path.read_bytes() for path in (tmp_path / "x").iterdir()}
+
+    def full(*_: object) -> None:
+        raise DiscError("cannot write x/result.nc: no space left on device")
+
+    monkeypatch.setattr(runner, "save", full)
+    assert worm3d("run", "planar_published", *SHORT, "--out", "x", "--force", "--quiet").code == 1
+    assert {path.name: path.read_bytes() for path in (tmp_path / "x").iterdir()} == before
+
+
+def test_pictures_of_an_earlier_run_of_any_model_go_and_files_of_others_stay(worm3d, tmp_path: Path) -> None:
+    folder = tmp_path / "x"
+    folder.mkdir()
+    for name in ("energy_ledger.png", "centre_of_mass_by_case.png", "animation.gif", "photo.png"):
+        (folder / name).write_text("old")
+    stops = ("-o", "gait.force_N=1e100")  # diverges at once: draws nothing
+    assert worm3d("run", "planar_published", *stops, "--out", "x", "--force", "--quiet").code == 3
+    assert names(folder) == {"result.nc", "summary.json", "photo.png"}
+
+
+@pytest.mark.parametrize("stage", ["plot", "animate", "write_summary"])
+def test_ctrl_c_after_the_simulation_says_where_the_result_is(worm3d, tmp_path: Path, monkeypatch, stage: str) -> None:
+    real = getattr(runner, stage)
+
+    def impatient(*arguments: object) -> object:
+        os.kill(os.getpid(), signal.SIGINT)
+        return real(*arguments)
+
+    monkeypatch.setattr(runner, stage, impatient)
+    ended = worm3d("run", "planar_published", *SHORT, "--out", "x")
+    assert ended.code == 130
+    assert ended.complaints[-1] == (
+        "planar_published: stopped by Ctrl-C; x/result.nc is safe, 'worm3d plot x' draws it"
+    )
+    assert load(tmp_path / "x").status == "done"
+    assert (tmp_path / "x" / "summary.json").is_file()
+
+
+def test_a_second_ctrl_c_while_simulating_says_that_nothing_was_kept(worm3d, tmp_path: Path, monkeypatch) -> None:
+    def impatient(*_: object) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(runner, "simulate", impatient)
+    ended = worm3d("run", "planar_published", *SHORT, "--out", "x")
+    assert ended.code == 130
+    assert ended.complaints[-1] == "planar_published: stopped by Ctrl-C; nothing of this run was kept"
+    assert names(tmp_path / "x") == set()
+
+
+def test_ctrl_c_is_heard_even_where_it_was_ignored_at_the_start() -> None:
+    """A background job starts with SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with Interruption() as interruption:
+            os.kill(os.getpid(), signal.SIGINT)
+            assert interruption.requested
+            with pytest.raises(KeyboardInterrupt):
+                os.kill(os.getpid(), signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_steps_that_newton_gave_up_on_are_told(worm3d, tmp_path: Path) -> None:
+    hasty = ("-o", "solver.max_iterations=1", "-o", "solver.tolerance_N=1e-12")
+    ended = worm3d("run", "planar_published", *SHORT, *hasty, "--out", "x", "--quiet")
+    assert "warning: Newton's iteration left 20 steps above its tolerance: try a smaller run.dt_s" in ended.complaints
+    assert json.loads((tmp_path / "x" / "summary.json").read_text())["unconverged_steps"] == 20
+
+
+def test_segments_that_are_inside_out_are_told(record) -> None:
+    summary = Summary({**record.summary.figures, "inverted_steps": 1}, record.summary.reasons)
+    assert report.warnings(record) == []
+    assert report.warnings(replace(record, summary=summary)) == [
+        "a segment is inside out after 1 step: these are shapes that no worm has"
+    ]
+
+
+def test_an_animation_that_stops_early_says_so(worm3d, monkeypatch) -> None:
+    for module in ("scenes.drawing", "scenes.kinds.planar_published"):
+        monkeypatch.setattr(f"{module}.MOVIE_S", 0.1)
+    ended = worm3d("run", "planar_published", *SHORT, "--out", "x")
+    assert ended.out.splitlines()[-1] == "  the animation shows the first 0.1 s of 0.2 s"
+    ended = worm3d("animate", "x", "--force")
+    assert ended.out.splitlines()[-1] == "the animation shows the first 0.1 s of 0.2 s"
+    assert "30 s" in worm3d("animate", "--help").out
+
+
+def test_one_step_is_not_one_steps(worm3d) -> None:
+    one = ("-o", "run.duration_s=0.01")
+    assert worm3d("run", "planar_published", *one, "--out", "x").err.splitlines()[0] == "planar_published: 1 step"
+    assert worm3d("check", "planar_published", *one).out.endswith(", 1 step)\n")
+
+
+def test_the_title_and_the_seed_of_the_scene_are_kept(worm3d, tmp_path: Path) -> None:
+    ended = worm3d("run", "planar_published", *SHORT, "-o", "seed=17", "--out", "x")
+    assert "  title                 The paper's worm" in ended.out.splitlines()
+    record = load(tmp_path / "x")
+    assert (record.seed, record.title) == (17, "The paper's worm")
+    assert replace(record, scene="").title == "planar_published"

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 import xarray
 from numpy.testing import assert_array_equal
 
+from scenes import store
 from scenes.errors import DiscError, SceneError
 from scenes.loader import load_scene
 from scenes.record import Record, Variable
@@ -112,3 +114,38 @@ def test_a_full_disc_leaves_the_old_file(record: Record, tmp_path: Path, monkeyp
     with pytest.raises(DiscError, match=r"^cannot write .*result\.nc: no space left on device$"):
         save(record, path)
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("result.nc", "old")]
+
+
+def test_corrupted_bytes_are_one_clear_sentence(record: Record, tmp_path: Path, monkeypatch) -> None:
+    path = tmp_path / "result.nc"
+    save(record, path)
+
+    def broken(*_: object) -> None:
+        raise AttributeError("'NoneType' object has no attribute 'name'")
+
+    monkeypatch.setattr(store, "_record", broken)
+    with pytest.raises(SceneError, match=r"result\.nc: not a result of worm3d, or cut short: 'NoneType'") as caught:
+        load(path)
+    assert len(caught.value.lines) == 1
+
+
+def test_a_name_that_was_overwritten_in_the_file(record: Record, tmp_path: Path) -> None:
+    path = tmp_path / "result.nc"
+    save(record, path)
+    whole = path.read_bytes()
+    for word in (b"summary", b"long_name", b"timing", b"versions", b"_Netcdf4Dimid"):
+        assert word in whole
+        path.write_bytes(whole.replace(word, b"x" * len(word)))
+        with contextlib.suppress(SceneError):
+            load(path)
+
+
+def test_a_file_that_may_not_be_read_is_a_disc_error(record: Record, tmp_path: Path, monkeypatch) -> None:
+    save(record, tmp_path / "result.nc")
+
+    def locked(*_: object) -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr(h5netcdf, "File", locked)
+    with pytest.raises(DiscError, match=r"^cannot read .*result\.nc: permission denied$"):
+        load(tmp_path)

@@ -1,0 +1,139 @@
+"""What has to hold before a run, and the worm's equilibrium on its ground."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planar.linkage.ground import RESTING_PENETRATION, Friction, Ground
+from planar.linkage.shape import apexes, joint_cosines
+from planar.linkage.step import ContactStepper, State
+from planar.linkage.worm import FloatArray, Linkage
+from planar.status import Status
+
+FLAT = 0.02
+"""A rhombus lower than this fraction of its rest height is flattened."""
+
+SETTLING_TIME = 1.0
+"""Pseudo time step of settling [s]."""
+
+MAX_SETTLING = 200
+
+OVERLAP = 10.0 * RESTING_PENETRATION
+"""A start with an apex deeper in the ground than this fraction of the segment length is refused."""
+
+
+class LimitPointError(ValueError):
+    """The worm's weight would flatten its rhombi: there is no equilibrium to start from."""
+
+
+def require_numbers(duration: float, dt: float, gravity: float, slope: float, threshold: float) -> None:
+    """Raise ValueError where a number is out of range."""
+    for name, value in (("duration", duration), ("dt", dt)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name}: got {value!r} s, must be finite and above 0")
+    for name, value in (("gravity", gravity), ("velocity_threshold", threshold)):
+        if not (np.isfinite(value) and value >= 0.0):
+            raise ValueError(f"{name}: got {value!r}, must be finite and at least 0")
+    if not abs(slope) < np.pi / 2:
+        raise ValueError(f"slope: got {slope!r} rad, must lie between -pi/2 and pi/2")
+
+
+def require_shape(name: str, got: object, shape: tuple[int, ...], meaning: str) -> None:
+    """Raise ValueError where an array, or what a callable returns, has another shape."""
+    found = np.array(got).shape
+    if found != shape:
+        raise ValueError(f"{name}: got shape {found}, must be {shape}: {meaning}")
+
+
+def require_choice(name: str, value: str, allowed: tuple[str, ...]) -> None:
+    """Raise ValueError where a word is not one of those allowed."""
+    if value not in allowed:
+        raise ValueError(f"{name}: got {value!r}, must be one of {', '.join(map(repr, allowed))}")
+
+
+def require_equilibrium(worm: Linkage, gravity: float) -> None:
+    """Raise LimitPointError where the rhombi cannot carry the weight, however they share it.
+
+    This is the uncommanded worm; lengthening lowers the limit (`Linkage.flattening_weight`), and a wave may put
+    the weight on few segments: what happens then ends the run with its own reason.
+    """
+    load, limit = worm.apex_load(gravity), worm.flattening_weight()
+    if load.sum() >= limit.sum():
+        i, lightest = int(np.argmax(load / limit)), worm.total_mass * limit.sum() / load.sum()
+        raise LimitPointError(
+            f"segment {i} would be pressed flat: it carries {load[i]:.3g} N, its limit point is {limit[i]:.3g} N; make "
+            f"the worm lighter than {lightest:.3g} kg, or k_spring or half_height larger"
+        )
+
+
+def shape_status(worm: Linkage, joints: FloatArray, on_ground: bool) -> Status:
+    """Return DONE for a shape that the model stands for, else what became of it."""
+    if not np.isfinite(joints).all():
+        return Status.NOT_FINITE
+    length = np.linalg.norm(np.diff(joints, axis=0), axis=1)
+    height = np.sqrt(np.maximum(worm.link_length**2 - length**2 / 4.0, 0.0))
+    if (height < FLAT * worm.rest_half_height).any():
+        return Status.FLATTENED
+    if (joint_cosines(joints) <= 0.0).any():
+        return Status.FOLDED
+    if on_ground and (joints[:, 1] <= 0.0).any():
+        return Status.SUNK
+    return Status.DONE
+
+
+def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> FloatArray:
+    """Return the joints at the start, shape (N+1, 2) [m]; ValueError for an impossible or overlapping shape."""
+    if start is None:
+        height = float(worm.rest_half_height.max()) if on_ground else 0.0
+        raised: FloatArray = worm.rest() + np.array([0.0, height])
+        return raised
+    joints: FloatArray = np.array(start, dtype=float)
+    require_shape("start", joints, (worm.segments + 1, 2), "x, z of each joint")
+    length = np.linalg.norm(np.diff(joints, axis=0), axis=1)
+    wrong = ~((length > 0.0) & (length < 2.0 * worm.link_length))
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise ValueError(
+            f"start: segment {i} is {length[i]:.4g} m long, must lie between 0 and {2 * worm.link_length[i]:.4g} m, "
+            "twice its links"
+        )
+    lowest = float(apexes(joints, worm.link_length)[..., 1].min())
+    if on_ground and lowest < -OVERLAP * worm.l0:
+        raise ValueError(f"start: an apex lies {-lowest:.3g} m inside the ground z = 0; lift the worm")
+    return joints
+
+
+def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: FloatArray) -> tuple[State, Status]:
+    """Return the worm at rest under the weight normal to the ground, and DONE or why it does not come to rest."""
+    state, load = State.at_rest(joints, worm), np.zeros((worm.segments, 2))
+    stepper = ContactStepper(
+        worm, np.array([0.0, weight[1]]), Ground.of(worm, Friction(0.0, 0.0), float(np.hypot(*weight))), held
+    )
+    for _ in range(MAX_SETTLING):
+        step = stepper.step(state, state.l_cmd, np.zeros((worm.segments + 1, 2)), SETTLING_TIME)
+        status = shape_status(worm, step.end.joints, on_ground=True)
+        if status is not Status.DONE:
+            return state, status
+        if not step.solution.converged:
+            return state, Status.UNSETTLED
+        moved, load = np.abs(step.end.joints - state.joints).max(), step.end.load
+        state = State.at_rest(step.end.joints, worm)
+        if moved < 1e-13 * worm.length:
+            break
+    return replace(state, load=load), Status.DONE
+
+
+def shape_checked(
+    function: Callable[[float], FloatArray], shape: tuple[int, ...]
+) -> Callable[[float], FloatArray | None]:
+    """Return a callable that gives what `function` returns, or None where that has another shape or is not finite."""
+
+    def checked(t: float) -> FloatArray | None:
+        value = np.array(function(t), dtype=float)
+        return value if value.shape == shape and np.isfinite(value).all() else None
+
+    return checked
