@@ -130,7 +130,7 @@ def test_all_cases_failing_is_3(worm3d, tmp_path: Path) -> None:
 
 
 def test_a_study_that_fails_half_way_everywhere_can_be_drawn(worm3d, tmp_path: Path) -> None:
-    study = options("study.vary=gait.amplitude", "study.values=[0.95, 0.9]")
+    study = options("study.vary=gait.amplitude", "study.values=[0.99, 0.97]")
     assert worm3d("run", "planar_periods", *study, "--out", "x", "--quiet").code == 3
     assert (tmp_path / "x" / "animation.gif").is_file()
 
