@@ -69,7 +69,7 @@ def _p2_newton(
     dt: float,
 ) -> _Solution:
     """Newton's iteration (P2) from q_k; the last tested residual is returned, after one more update."""
-    mass = np.repeat(net.mass, 2)
+    mass, free = np.repeat(net.mass, 2), _free_band(held)
     q = q_k.copy()
     for iteration in range(1, p.max_iterations + 1):  # noqa: B007 - the count is returned
         gradient, band = net.p7_gradient_and_band(q)
@@ -79,19 +79,26 @@ def _p2_newton(
         norm = float(np.linalg.norm(f[~held]))
         if not np.isfinite(norm):
             break  # before the solve spreads it over the worm
-        q -= _solve_free(J, f, held)
+        q -= _solve_free(J, f, held, free)
         if norm < p.tolerance:
             break
     return _Solution(q, f, norm, iteration)
 
 
-def _solve_free(J: FloatArray, f: FloatArray, held: NDArray[np.bool_]) -> FloatArray:
+def _free_band(held: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which entries of a band matrix join two free coordinates, shape (2 BAND + 1, D)."""
+    size = len(held)
+    free = np.zeros((2 * BAND + 1, size), dtype=bool)
+    for offset in range(-BAND, BAND + 1):
+        columns = np.arange(max(0, -offset), min(size, size - offset))
+        free[BAND + offset, columns] = ~(held[columns] | held[columns + offset])
+    return free
+
+
+def _solve_free(J: FloatArray, f: FloatArray, held: NDArray[np.bool_], free: NDArray[np.bool_]) -> FloatArray:
     """Return J^-1 f on the free coordinates, zero on the held ones; LinAlgError if J is singular."""
     matrix = np.zeros((3 * BAND + 1, len(f)))  # LAPACK's band has room for the fill-in of pivoting on top
-    matrix[BAND:] = np.where(held, 0.0, J)
-    for offset in range(-BAND, BAND + 1):
-        columns = np.arange(max(0, -offset), min(len(f), len(f) - offset))
-        matrix[2 * BAND + offset, columns[held[columns + offset]]] = 0.0
+    matrix[BAND:] = np.where(free, J, 0.0)
     matrix[2 * BAND, held] = 1.0
     _, _, step, info = dgbsv(BAND, BAND, matrix, np.where(held, 0.0, f), overwrite_ab=True)
     if info > 0:

@@ -160,13 +160,14 @@ def test_the_gait_is_asked_once_a_step() -> None:
 
 
 def test_a_singular_matrix_has_a_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    held = np.zeros(20, dtype=bool)
     with pytest.raises(np.linalg.LinAlgError):
-        published._solve_free(np.zeros((2 * BAND + 1, 20)), np.ones(20), np.zeros(20, dtype=bool))
+        published._solve_free(np.zeros((2 * BAND + 1, 20)), np.ones(20), held, published._free_band(held))
     solve, calls = published._solve_free, []
 
-    def singular_in_the_end(J: np.ndarray, f: np.ndarray, held: np.ndarray) -> np.ndarray:
+    def singular_in_the_end(J: np.ndarray, *arguments: np.ndarray) -> np.ndarray:
         calls.append(1)
-        return solve(np.zeros_like(J) if len(calls) > 25 else J, f, held)
+        return solve(np.zeros_like(J) if len(calls) > 25 else J, *arguments)
 
     monkeypatch.setattr(published, "_solve_free", singular_in_the_end)
     run = published.simulate(n=3, steps=50)
