@@ -12,8 +12,8 @@ R = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 def diagonals(joints: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return lengths (..., N) [m] and unit tangents (..., N, 2) of the segments of joints (..., N+1, 2)."""
-    e = np.diff(joints, axis=-2)
-    length = np.linalg.norm(e, axis=-1)
+    e = joints[..., 1:, :] - joints[..., :-1, :]
+    length = np.sqrt(e[..., 0] ** 2 + e[..., 1] ** 2)
     return length, e / length[..., None]
 
 
@@ -27,11 +27,15 @@ def apexes(joints: FloatArray, a: FloatArray) -> FloatArray:
     a : ndarray, shape (N,)
         Link lengths [m].
     """
-    length, t = diagonals(joints)
-    h = np.sqrt(a**2 - length**2 / 4.0)
-    reach = h[..., None] * (t @ R.T)
-    middle = 0.5 * (joints[..., :-1, :] + joints[..., 1:, :])
-    return np.stack([middle - reach, middle + reach], axis=-2)
+    tail, head = joints[..., :-1, :], joints[..., 1:, :]
+    e = head - tail
+    w = np.sqrt(a**2 / (e[..., 0] ** 2 + e[..., 1] ** 2) - 0.25)  # h/l, as in (K1)
+    middle = 0.5 * (tail + head)
+    points = np.empty((*e.shape[:-1], 2, 2))
+    for j, reach in enumerate((-w, w)):
+        points[..., j, 0] = middle[..., 0] - reach * e[..., 1]
+        points[..., j, 1] = middle[..., 1] + reach * e[..., 0]
+    return points
 
 
 def cross_products(joints: FloatArray) -> FloatArray:

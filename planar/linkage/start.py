@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planar.linkage.ground import RESTING_PENETRATION, Friction, Ground
-from planar.linkage.shape import apexes, joint_cosines
+from planar.linkage.shape import apexes, diagonals, joint_cosines
 from planar.linkage.step import ContactStepper, State
 from planar.linkage.worm import FloatArray, Linkage
 from planar.status import Status
@@ -74,7 +74,7 @@ def shape_status(worm: Linkage, joints: FloatArray, on_ground: bool) -> Status:
     """Return DONE for a shape that the model stands for, else what became of it."""
     if not np.isfinite(joints).all():
         return Status.NOT_FINITE
-    length = np.linalg.norm(np.diff(joints, axis=0), axis=1)
+    length, _ = diagonals(joints)
     height = np.sqrt(np.maximum(worm.link_length**2 - length**2 / 4.0, 0.0))
     if (height < FLAT * worm.rest_half_height).any():
         return Status.FLATTENED
