@@ -1,8 +1,8 @@
 """The corrected planar worm: its parameters, its rest shape, and the weight that would flatten it.
 
-Segment i is a rhombic four-bar linkage with rigid links of length a on the horizontal diagonal l_i; half of its
-vertical diagonal is h_i = sqrt(a^2 - l_i^2/4), so that (2 h)^2 + l^2 = (2 a)^2. An active segment shortens and
-thereby widens.
+Segment i is a rhombic four-bar linkage with rigid links of length a (their axial stiffness k_link is infinite) on the
+horizontal diagonal l_i; half of its vertical diagonal is h_i = sqrt(a^2 - l_i^2/4), so that (2 h)^2 + l^2 = (2 a)^2.
+An active segment shortens and thereby widens.
 """
 
 from __future__ import annotations

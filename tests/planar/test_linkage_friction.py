@@ -233,6 +233,27 @@ def test_dragging_costs_exactly_the_forward_coefficient(default_worm: Linkage) -
     assert_allclose(run.ledger.friction_loss[late].sum() / (0.981 * distance), 0.03, rtol=1e-6)
 
 
+@pytest.mark.parametrize("slope", [0.1, -0.05])
+def test_dragging_uphill_costs_the_floor(default_worm: Linkage, slope: float) -> None:
+    """Friction and weight together: (mu_f cos + sin) m g d, nothing slipping back."""
+    pull = np.zeros((7, 2))
+    pull[-1, 0] = 0.2
+    run = linkage.simulate(
+        default_worm,
+        still(6),
+        duration=4.0,
+        slope=slope,
+        friction=Friction(0.03, 0.2, 1.0),
+        external_force=lambda t: pull,
+    )
+    late = slice(300, None)
+    distance = run.com[-1, 0] - run.com[300, 0]
+    assert (run.slip[late].sum(axis=(1, 2)) > 0.0).all()
+    assert np.diff(run.apexes[late, :, 0, 0], axis=0).min() > 0.0, "nothing slips back"
+    spent = run.ledger.friction_loss[late].sum() + run.ledger.potential[late].sum()
+    assert_allclose(spent / (0.981 * distance), 0.03 * np.cos(slope) + np.sin(slope), rtol=1e-5)
+
+
 def crawl(mu_forward: float, mu_backward: float, cycles: int, steps: int) -> tuple[np.ndarray, float]:
     """Crawl with N = 7 contacts of equal, constant load whose distances are prescribed.
 
