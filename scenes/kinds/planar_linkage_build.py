@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from control import gaits
 from planar import linkage
 from planar.linkage.simulate import Gait
 from scenes.kinds.base import Observer
-from scenes.kinds.planar_linkage_schema import LinkageGait, LinkageSettings, Worm
+from scenes.kinds.planar_linkage_schema import LinkageSettings, Worm
+from scenes.pattern import pattern
 
 KEYS = {
     "segments": "segments",
@@ -58,28 +58,9 @@ def worm_of(worm: Worm) -> linkage.Linkage:
 
 def gait_of(scene: LinkageSettings) -> Gait:
     """Return the gait as the worm wants it: time [s] -> contraction of each segment, shape (N,)."""
-    pattern, segments = _pattern(scene.gait, scene.run.dt_s), scene.worm.segments
-    return lambda t: pattern.amplitude * pattern.activation(t, segments)
-
-
-def _pattern(gait: LinkageGait, dt: float) -> gaits.Gait:
-    if gait.kind == "travelling_wave":
-        return gaits.TravellingWave(
-            amplitude=gait.amplitude,
-            period=gait.period_s,
-            wavelength=gait.wavelength,
-            direction=gait.direction,
-            rectified=gait.rectified,
-        )
-    return gaits.ContractionEngine_segmentdriven(
-        amplitude=gait.amplitude,
-        T_wave=gait.period_s,
-        T_contract=gait.contract_time_s,
-        contractType=gait.pulse,
-        alternating=gait.alternating,
-        direction="retrograde" if gait.direction == "retrograde" else "direct",
-        impulse=dt,
-    )
+    gait, segments = scene.gait, scene.worm.segments
+    wave = pattern(gait, scene.run.dt_s, wavelength=gait.wavelength, amplitude=gait.amplitude)
+    return lambda t: wave.amplitude * wave.activation(t, segments)
 
 
 def lengthens(kind: str, rectified: bool, alternating: bool) -> bool:

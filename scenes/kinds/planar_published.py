@@ -14,6 +14,7 @@ from scenes.kinds.base import Kind, Movie, Observer, Outcome
 from scenes.kinds.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
 from scenes.kinds.planar_published_schema import CHECKS, PublishedScene
 from scenes.limits import MOVIE_S
+from scenes.pattern import pattern
 from scenes.record import Record, Variable
 
 if TYPE_CHECKING:
@@ -71,22 +72,7 @@ def parameters_of(scene: PublishedScene) -> published.Parameters:
 
 def gait_of(scene: PublishedScene) -> gaits.Gait:
     """Return the gait that the scene describes."""
-    gait = scene.gait
-    if gait.kind == "travelling_wave":
-        return gaits.TravellingWave(
-            period=gait.period_s,
-            wavelength=gait.wavelength_m / scene.worm.length_m,
-            direction=gait.direction,
-            rectified=gait.rectified,
-        )
-    return gaits.ContractionEngine_segmentdriven(
-        T_wave=gait.period_s,
-        T_contract=gait.contract_time_s,
-        contractType=gait.pulse,
-        alternating=gait.alternating,
-        direction="retrograde" if gait.direction == "retrograde" else "direct",
-        impulse=scene.run.dt_s,
-    )
+    return pattern(scene.gait, scene.run.dt_s, wavelength=scene.gait.wavelength_m / scene.worm.length_m)
 
 
 def _variables(scene: PublishedScene, result: published.Run) -> tuple[Variable, ...]:

@@ -1,0 +1,38 @@
+"""The gait that a scene's section describes."""
+
+from __future__ import annotations
+
+from control import gaits
+from scenes.sections import Gait
+
+
+def pattern(gait: Gait, dt: float, *, wavelength: float, amplitude: float = 1.0) -> gaits.Gait:
+    """Return the gait of a section.
+
+    Parameters
+    ----------
+    gait : Gait
+    dt : float
+        Time step, which a dirac pulse lasts [s].
+    wavelength : float
+        Of a travelling wave [body lengths].
+    amplitude : float
+        Contraction at activation 1.
+    """
+    if gait.kind == "travelling_wave":
+        return gaits.TravellingWave(
+            amplitude=amplitude,
+            period=gait.period_s,
+            wavelength=wavelength,
+            direction=gait.direction,
+            rectified=gait.rectified,
+        )
+    return gaits.ContractionEngine_segmentdriven(
+        amplitude=amplitude,
+        T_wave=gait.period_s,
+        T_contract=gait.contract_time_s,
+        contractType=gait.pulse,
+        alternating=gait.alternating,
+        direction="retrograde" if gait.direction == "retrograde" else "direct",
+        impulse=dt,
+    )
