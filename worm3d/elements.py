@@ -17,6 +17,12 @@ Apexes (E3), with m = (p_i + p_{i+1})/2, in the order of the conventions
 
     below/above of chamber c: m +- b d -+ h_c u (upper sign of b: left),   outward: m +- (b + h_c) d
 
+End faces (E6) are discs of radius R across the ends of the worm; the place nearest to a wall with the normal n is
+
+    p - R w/sqrt(w.w + FACING^2),   w = n - (n.t) t
+
+(the disc's centre where it faces the wall). Inner joints touch the world with R = 0: the joint itself.
+
 Springs (E4): half of (P7) per chamber, k/2 l0/2 (1 - l_c/l_cmd)^2; k_apex per segment acts on two hinges, shared
 by the chambers: k_apex/2 (angle_c - angle_0)^2 with angle = 2 asin(l_c/2a).
 
@@ -38,6 +44,9 @@ import casadi as ca
 SIDES = (1.0, -1.0)
 """Sign of the lateral offset of the chambers [left, right]."""
 
+FACING = 1e-3
+"""Sine of the angle between face and wall below which contact moves from the rim to the centre."""
+
 
 class Frame(NamedTuple):
     """A segment's length [m], tangent, lateral director (left) and normal (up), each of shape (3,)."""
@@ -53,9 +62,8 @@ def transport(a: ca.SX, b: ca.SX, d: ca.SX) -> ca.SX:
     return d - ca.dot(d, b) / (1.0 + ca.dot(a, b)) * (a + b)
 
 
-def frame(p0: ca.SX, p1: ca.SX, roll: ca.SX, t_ref: ca.SX, d_ref: ca.SX) -> Frame:
-    """Return the material frame of a segment, (E1)."""
-    e = p1 - p0
+def frame(e: ca.SX, roll: ca.SX, t_ref: ca.SX, d_ref: ca.SX) -> Frame:
+    """Return the material frame of a segment with e = p_{i+1} - p_i, (E1)."""
     length = ca.sqrt(ca.dot(e, e))
     t = e / length
     carried = transport(t_ref, t, d_ref)
@@ -73,15 +81,20 @@ def half_height(link: ca.SX, chamber_length: ca.SX) -> ca.SX:
     return ca.sqrt(link**2 - chamber_length**2 / 4.0)
 
 
-def apexes(p0: ca.SX, p1: ca.SX, f: Frame, chambers: list[ca.SX], link: ca.SX, offset: ca.SX) -> list[ca.SX]:
-    """Return the six apexes of a segment, (E3), each of shape (3,) [m]."""
-    middle = (p0 + p1) / 2.0
+def apexes(middle: ca.SX, f: Frame, chambers: list[ca.SX], link: ca.SX, offset: ca.SX) -> list[ca.SX]:
+    """Return the six apexes of a segment, (E3), each of shape (3,) [m]; `middle` is (p_i + p_{i+1})/2."""
     points = []
     for side, length in zip(SIDES, chambers, strict=True):
         h = half_height(link, length)
         centre = middle + side * offset * f.d
         points += [centre - h * f.u, centre + h * f.u, middle + side * (offset + h) * f.d]
     return points
+
+
+def face_point(p: ca.SX, t: ca.SX, radius: ca.SX, normal: ca.SX) -> ca.SX:
+    """Return the place of an end face that is nearest to a wall with the given normal, (E6), shape (3,) [m]."""
+    w = normal - ca.dot(normal, t) * t
+    return p - radius * w / ca.sqrt(ca.dot(w, w) + FACING**2)
 
 
 def chamber_energy(k: ca.SX, l0: ca.SX, chamber_length: ca.SX, commanded: ca.SX) -> ca.SX:
@@ -108,11 +121,22 @@ def joint_strains(first: Frame, second: Frame, bends: ca.SX, hinge: ca.SX, cross
     cross0 : SX
         Rest value of the planar cross product.
     """
+    pitch, across, twist = joint_angles(first, second)
+    return [pitch + cross0, yaw_strain(across, bends, hinge), twist]
+
+
+def joint_angles(first: Frame, second: Frame) -> list[ca.SX]:
+    """Return c.d, c.u and the twist m of a joint, (E5)."""
     c = ca.cross(first.t, second.t)
     d, u = _mean(first.d, second.d), _mean(first.u, second.u)
     carried = transport(first.t, second.t, first.d)
     twist = ca.atan2(ca.dot(ca.cross(carried, second.d), second.t), ca.dot(carried, second.d))
-    return [ca.dot(c, d) + cross0, ca.dot(c, u) - ca.sin(bends / 2.0 + hinge), twist]
+    return [ca.dot(c, d), ca.dot(c, u), twist]
+
+
+def yaw_strain(across: ca.SX, bends: ca.SX, hinge: ca.SX) -> ca.SX:
+    """Return the yaw strain of (E5) from across = c.u, the sum of the bends and the hinge angle."""
+    return across - ca.sin(bends / 2.0 + hinge)
 
 
 def _mean(a: ca.SX, b: ca.SX) -> ca.SX:

@@ -64,6 +64,12 @@ class Worm:
         Least and greatest contraction of a chamber, below 1.
     rate_limit : float
         Greatest speed of contraction of a chamber [1/s].
+    outward_apexes : bool
+        Whether the outward apexes exist: have mass and touch the world.
+    end_faces : bool
+        Whether the end faces (discs of the end segments' rest height) and, as points, the inner joints touch the world.
+    flat : bool
+        Whether the worm stays in its plane: y, roll and bend are held (`Worm.planar`).
 
     Raises
     ------
@@ -88,6 +94,68 @@ class Worm:
     actuator_lag: float = 0.1
     stroke: tuple[float, float] = (-0.1, 0.45)
     rate_limit: float = float("inf")
+    outward_apexes: bool = True
+    end_faces: bool = True
+    flat: bool = False
+
+    @classmethod
+    def planar(
+        cls,
+        *,
+        segments: int = 6,
+        length: float = 1.0,
+        half_height: Numbers | None = None,
+        density: float = 10.0,
+        depth: float = 0.1,
+        mass: float | None = None,
+        apex_mass_fraction: float = 0.5,
+        k_spring: Numbers = 13.0,
+        k_torsion: Numbers = 1e4,
+        cross0: Numbers = 0.0,
+        k_apex: Numbers = 0.12,
+        kelvin_voigt_time: float = 0.05,
+        drag: float = 0.0,
+    ) -> Worm:
+        """Return the planar special case, with the parameters of `planar.linkage.Linkage`.
+
+        Left and right chambers coincide (b = 0) and share mass, stiffness and contact; the worm stays in the plane
+        y = const. without roll and bend; outward apexes, end faces and actuator lag do not exist.
+
+        Parameters
+        ----------
+        half_height : float or ndarray, shape (N,), optional
+            sqrt(3)/4 l0 (the paper's) if left out [m].
+        density, depth : float
+            Mass = density [kg/m^3] x rest area of the rhombi x depth [m], unless `mass` is given.
+        apex_mass_fraction : float
+            Share of the mass on the apexes.
+        k_apex : float or ndarray, shape (N,)
+            Stiffness of each of the two apex hinges of a rhombus [N m/rad].
+        """
+        l0 = length / segments
+        h0 = np.sqrt(3.0) / 4.0 * l0 if half_height is None else half_height
+        area = float(l0 * np.sum(np.broadcast_to(h0, (segments,))))
+        return cls(
+            segments=segments,
+            length=length,
+            mass=density * area * depth if mass is None else mass,
+            joint_mass_fraction=1.0 - apex_mass_fraction,
+            chamber_offset=0.0,
+            half_height=h0,
+            k_spring=k_spring,
+            k_torsion=k_torsion,
+            k_yaw=0.0,
+            k_twist=0.0,
+            cross0=cross0,
+            k_apex=k_apex,
+            kelvin_voigt_time=kelvin_voigt_time,
+            drag=drag,
+            actuator_lag=0.0,
+            stroke=(-100.0, 0.999),
+            outward_apexes=False,
+            end_faces=False,
+            flat=True,
+        )
 
     def __post_init__(self) -> None:
         if isinstance(self.segments, bool) or self.segments != int(self.segments) or self.segments < 1:
@@ -103,6 +171,8 @@ class Worm:
         self._require("cross0", np.abs(self.cross0) < 1.0, "between -1 and 1")
         least, greatest = self.stroke
         self._require("stroke", least <= 0.0 <= greatest < 1.0, "(c_min, c_max) with c_min <= 0 <= c_max < 1")
+        if self.flat and self.chamber_offset != 0.0:
+            raise ValueError(f"chamber_offset: got {self.chamber_offset!r}, must be 0 in a worm that is flat")
 
     def _fill(self, name: str, size: int) -> None:
         value = np.array(getattr(self, name), dtype=float)
@@ -140,4 +210,7 @@ class Worm:
     @property
     def apex_mass(self) -> FloatArray:
         """Mass of each apex in the order of the conventions, shape (N, 6) [kg]."""
-        return np.full((self.segments, 6), (1.0 - self.joint_mass_fraction) * self.mass / (6 * self.segments))
+        share = np.array([1.0, 1.0, float(self.outward_apexes)] * 2)
+        return np.tile(
+            (1.0 - self.joint_mass_fraction) * self.mass / self.segments * share / share.sum(), (self.segments, 1)
+        )

@@ -1,0 +1,70 @@
+"""Banded solvers against dense ones."""
+
+import numpy as np
+import pytest
+
+from worm3d.banded import WIDTH, B, cholesky_solve, lu_solve
+
+SIZES = [1, 2, 8, 12, 13, 33, 100]
+
+
+def banded(dense):
+    band = np.zeros((len(dense), WIDTH))
+    for i, row in enumerate(dense):
+        for j in range(max(0, i - B), min(len(dense), i + B + 1)):
+            band[i, B + j - i] = row[j]
+    return band
+
+
+def random_band(n, seed):
+    rng = np.random.default_rng(seed)
+    distance = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    return np.where(distance <= B, rng.normal(size=(n, n)), 0.0), rng.normal(size=n)
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_cholesky_solves_a_definite_system(n):
+    A, b = random_band(n, n)
+    A = 0.5 * (A + A.T) + 2.0 * (B + 1) * np.eye(n)
+    x = b.copy()
+    assert cholesky_solve(banded(A), x)
+    np.testing.assert_allclose(x, np.linalg.solve(A, b), rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_cholesky_uses_the_upper_triangle_only(n):
+    A, b = random_band(n, n)
+    A = 0.5 * (A + A.T) + 2.0 * (B + 1) * np.eye(n)
+    x = b.copy()
+    assert cholesky_solve(banded(np.triu(A)), x)
+    np.testing.assert_allclose(A @ x, b, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("bad", [-1.0, 0.0, np.nan])
+def test_cholesky_refuses_what_is_not_definite(bad):
+    A = np.eye(20)
+    A[7, 7] = bad
+    assert not cholesky_solve(banded(A), np.ones(20))
+
+
+def test_cholesky_refuses_an_indefinite_matrix_with_a_positive_diagonal():
+    A = np.eye(20)
+    A[3, 5] = A[5, 3] = 1.1
+    assert not cholesky_solve(banded(A), np.ones(20))
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_lu_solves_a_system_that_needs_pivoting(n):
+    A, b = random_band(n, n)
+    if n > 1:
+        np.fill_diagonal(A, 0.0)
+    x = b.copy()
+    assert lu_solve(banded(A), x)
+    np.testing.assert_allclose(A @ x, b, rtol=1e-8, atol=1e-9)
+
+
+@pytest.mark.parametrize("bad", [0.0, np.nan])
+def test_lu_refuses_a_singular_matrix(bad):
+    A = np.eye(20)
+    A[7, 7] = bad
+    assert not lu_solve(banded(A), np.ones(20))

@@ -1,0 +1,77 @@
+"""Numba's compiler with a cache of its own: functions are kept under a digest of the package's whole source.
+
+Numba itself keeps a function until its own file changes, even if one that it calls has changed since: after an update
+it would go on with the old one. Here any change begins a new folder. Where nothing can be written nothing is kept.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+
+from worm3d.codegen.cache import default_folder
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+KEPT = 4
+"""Folders of older versions beyond this number are removed."""
+
+
+def njit(function: F) -> F:
+    """Compile a function by Numba, without Python objects, and keep the result on disk."""
+    folder = _folder()
+    if folder is None:
+        return cast(F, numba.njit(function))
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
+    try:
+        return cast(F, numba.njit(cache=True)(function))
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def cfunc(signature: str, function: Callable[..., Any]) -> Any:
+    """Compile a function as a C function with an `address`, and keep the result on disk."""
+    folder = _folder()
+    if folder is None:
+        return numba.cfunc(signature)(function)
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
+    try:
+        return numba.cfunc(signature, cache=True)(function)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+@functools.cache
+def _folder() -> Path | None:
+    """Return the folder for this version of the package, or None if there is no writeable place."""
+    base = default_folder()
+    if base is None:
+        return None
+    folder = base.parent / "compiled" / _digest()
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        probe = folder / ".writeable"
+        probe.touch()
+        _prune(folder.parent)
+    except OSError:
+        return None
+    return folder
+
+
+def _digest() -> str:
+    root = Path(__file__).parent
+    sources = sorted(path for path in root.rglob("*.py") if "viewer" not in path.parts)
+    parts = [numba.__version__.encode(), str(root).encode(), *(path.read_bytes() for path in sources)]
+    return hashlib.sha256(b"\0".join(parts)).hexdigest()[:24]
+
+
+def _prune(parent: Path) -> None:
+    folders = sorted((path for path in parent.iterdir() if path.is_dir()), key=lambda path: path.stat().st_mtime)
+    for old in folders[:-KEPT]:
+        shutil.rmtree(old, ignore_errors=True)

@@ -1,0 +1,88 @@
+"""Contact and friction of one point with a world, symbolic, each formula once.
+
+A world gives the signed distance g(X) of a point (negative inside), its gradient n and its curvature H.
+
+Normal load (C1): a stiff quadratic penalty with a damper that never pulls; d = max(0, -g), d_n that at t_n:
+
+    N = (k + c/dt) max(0, -g - d*),   d* = (c/dt) d_n/(k + c/dt)
+
+Gauge (C2): y = (y_x, y_l) is a displacement along the segment and to its left, in the tangent plane at the start of
+the step; mu_x = mu_forward for y_x > 0 (towards the head), else mu_backward:
+
+    rho(y) = sqrt((mu_x y_x)^2 + (mu_l y_l)^2)
+
+Friction (C3), set-valued with anchors: s is the displacement from the anchor and y = s - s*; the potential is N h(y):
+
+    h = rho^2/(2 r)  while rho <= cap r,   else cap (rho - cap r/2)
+    1/r = 1/rho_b + D/dt,   s* = (D/dt) r s_n
+
+rho_b, the breakaway displacement times mu, is one number, so that all contacts yield together whatever their load; D
+puts a damper beside the anchor's spring, both capped together. cap is 1, and static_ratio while a contact is stuck.
+
+Return (C4): after the step the anchor moves until the force is back on the yield surface: what is left of s is
+s* + y min(1, cap r/rho(y)), and the anchor moves by the rest. Where mu = 0 it follows freely.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import casadi as ca
+
+YIELD_TOLERANCE = 1e-9
+"""Relative excess over the yield surface below which an anchor stays, lest rounding makes it creep."""
+
+FREE_MOTION = 1e-3
+"""In a direction without friction an anchor follows beyond this fraction of rho_b [m]."""
+
+
+class Coefficients(NamedTuple):
+    """Kinetic coefficients of one contact against motion towards the head, towards the tail and sideways."""
+
+    forward: ca.SX
+    backward: ca.SX
+    lateral: ca.SX
+
+
+class Law(NamedTuple):
+    """What (C3) needs in a step: r, cap, and the displacement s* of the potential's centre, shape (2,)."""
+
+    r: ca.SX
+    cap: ca.SX
+    centre: ca.SX
+
+
+def pressing(distance: ca.SX, centre: ca.SX) -> ca.SX:
+    """Return max(0, -g - d*) of (C1) [m]; times k + c/dt it is the normal load."""
+    return ca.fmax(0.0, -distance - centre)
+
+
+def directional(y: ca.SX, mu: Coefficients) -> ca.SX:
+    """Return (mu_x, mu_l) of (C2) for a displacement, shape (2,)."""
+    return ca.vertcat(ca.if_else(y[0] > 0.0, mu.forward, mu.backward), mu.lateral)
+
+
+def gauge_squared(y: ca.SX, mu: Coefficients) -> ca.SX:
+    """Return rho(y)^2 of (C2) [m^2]; unlike rho it is smooth at 0."""
+    return ca.sumsqr(directional(y, mu) * y)
+
+
+def friction_potential(y: ca.SX, mu: Coefficients, law: Law) -> ca.SX:
+    """Return h(y) of (C3): the potential per unit of normal load [m]."""
+    square = gauge_squared(y, mu)
+    rho, limit = ca.sqrt(square), law.cap * law.r
+    return ca.if_else(square <= limit**2, square / (2.0 * law.r), law.cap * (rho - 0.5 * limit))
+
+
+def left_after_return(y: ca.SX, mu: Coefficients, law: Law, yield_gauge: ca.SX) -> ca.SX:
+    """Return what (C4) leaves of y, shape (2,) [m]; `yield_gauge` is rho_b."""
+    rho, limit = ca.sqrt(gauge_squared(y, mu)), law.cap * law.r
+    yields = rho > limit * (1.0 + YIELD_TOLERANCE)
+    kept = ca.if_else(yields, limit / rho, 1.0) * y
+    free = ca.logic_and(directional(y, mu) == 0.0, ca.fabs(y) > FREE_MOTION * yield_gauge)
+    return ca.if_else(free, 0.0, kept)
+
+
+def anchor_energy(s: ca.SX, mu: Coefficients, yield_gauge: ca.SX) -> ca.SX:
+    """Return the energy of the anchor's spring per unit of normal load [m]."""
+    return gauge_squared(s, mu) / (2.0 * yield_gauge)

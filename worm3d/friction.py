@@ -1,0 +1,127 @@
+"""Coefficients of friction, and the contact law's constants scaled to a worm; the law is in `worm3d.contact`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.worm import Worm
+
+FloatArray = NDArray[np.float64]
+Numbers = float | FloatArray
+
+RESTING_PENETRATION = 1e-5
+"""Of the mean load, as a fraction of the segment length."""
+
+BREAKAWAY = 1e-5
+"""Displacement at which the contact with the smallest coefficient yields, as a fraction of the segment length."""
+
+SMALLEST_COEFFICIENT = 0.01
+"""Coefficients below this fraction of the largest do not set the breakaway displacement: the others would become so
+stiff that rounding shows. Theirs is larger in proportion."""
+
+TANGENTIAL_DAMPING_RATIO = 40.0
+"""Of the contact with the smallest coefficient, for the mass that it holds; larger ones are damped more.
+
+The damper shares the cap with the spring, so its only effects are micrometres and milliseconds: too little (1) and a
+suddenly applied load overshoots and breaks loose early; the more, the sooner the contact carries its full load, as a
+rigid one does at once. The distance that a worm crawls does not depend on it.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """Directional Coulomb friction.
+
+    Attributes
+    ----------
+    forward, backward, lateral : float or ndarray, shape (N,)
+        Kinetic coefficient against motion towards the head, towards the tail and sideways.
+    static_ratio : float
+        Static over kinetic coefficient, at least 1.
+
+    Raises
+    ------
+    ValueError
+        A value that is not finite or out of range.
+    """
+
+    forward: Numbers = 0.03
+    backward: Numbers = 0.20
+    lateral: Numbers = 0.20
+    static_ratio: float = 1.2
+
+    def __post_init__(self) -> None:
+        for name in ("forward", "backward", "lateral"):
+            value = np.array(getattr(self, name), dtype=float)
+            if not (np.isfinite(value).all() and (value >= 0.0).all()):
+                raise ValueError(f"{name}: got {getattr(self, name)!r}, must be finite and at least 0")
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        if not (np.isfinite(self.static_ratio) and self.static_ratio >= 1.0):
+            raise ValueError(f"static_ratio: got {self.static_ratio!r}, must be finite and at least 1")
+
+    def coefficients(self, segments: int) -> FloatArray:
+        """Return forward, backward and lateral coefficients of each segment, shape (3, N).
+
+        Raises
+        ------
+        ValueError
+            An array that has not one value per segment.
+        """
+        rows = []
+        for name in ("forward", "backward", "lateral"):
+            value = np.asarray(getattr(self, name))
+            if value.shape not in ((), (segments,)):
+                raise ValueError(f"{name}: got shape {value.shape}, must be a number or of shape ({segments},)")
+            rows.append(np.broadcast_to(value, (segments,)))
+        return np.array(rows)
+
+
+@dataclass(frozen=True)
+class ContactConstants:
+    """Constants of the contact law for one worm and one friction.
+
+    Attributes
+    ----------
+    stiffness, damping : float
+        k [N/m] and c [N s/m] of one contact point, (C1).
+    yield_gauge : float
+        rho_b of (C3) [m].
+    gauge_damping : float
+        D of (C3) [s/m].
+    """
+
+    stiffness: float
+    damping: float
+    yield_gauge: float
+    gauge_damping: float
+
+    @classmethod
+    def of(cls, worm: Worm, friction: Friction, gravity: float) -> ContactConstants:
+        """Return the constants scaled to a worm's weight (to 9.81 m/s^2 where it has none).
+
+        Left and right apexes below a segment share its load, so that one of them has half of its stiffness.
+        """
+        g = gravity if gravity > 0.0 else 9.81
+        share = worm.mass / (2 * worm.segments)
+        stiffness = share * g / (RESTING_PENETRATION * worm.l0)
+        mu = _reference(friction.coefficients(worm.segments)[: 2 if worm.flat else 3])
+        yield_gauge = mu * BREAKAWAY * worm.l0
+        return cls(
+            stiffness=stiffness,
+            damping=2.0 * float(np.sqrt(stiffness * share)),
+            yield_gauge=yield_gauge,
+            # The mass held is N/g: critical is D mu^2 = 2 sqrt((mu^2/rho_b) (1/g)) per unit of N.
+            gauge_damping=TANGENTIAL_DAMPING_RATIO * 2.0 / (mu * float(np.sqrt(yield_gauge * g))),
+        )
+
+
+def _reference(coefficients: FloatArray) -> float:
+    """Return the coefficient that sets the breakaway displacement."""
+    largest = float(coefficients.max())
+    if largest == 0.0:
+        return 1.0
+    return max(float(coefficients[coefficients > 0.0].min()), SMALLEST_COEFFICIENT * largest)

@@ -1,0 +1,127 @@
+"""Kernels of a joint: pitch, yaw and twist between two segments, their springs, dampers and hinge.
+
+Coordinates: [p_{j-1} (3), g_{j-1}, th_{j-1}, p_j (3), g_j, th_j, p_{j+1} (3)] of the segments behind and ahead.
+The dampers act on the strains at the hinge angle of the step, as those of the chambers act at a given command.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import casadi as ca
+
+from worm3d import elements
+from worm3d.kernels import losses
+from worm3d.kernels.layout import Layout
+
+COORDINATES = 13
+
+LAYOUT = Layout(
+    {
+        "q": COORDINATES,
+        "dq": COORDINATES,
+        "t_ref": 6,  # of the segment behind, then of the one ahead
+        "d_ref": 6,
+        "k": 3,  # pitch, yaw, twist
+        "cross0": 1,
+        "tau": 1,
+        "span": 1,
+        "dt": 1,
+        "hinge": 1,  # at t_{n+1}
+        "hinge_n": 1,
+        "weights": 2,  # of s_n and s_{n-1} in the damper's s_hat
+        "angles_n": 4,  # c.d, c.u, twist and sum of bends at t_n
+        "angles_m": 4,  # and at t_{n-1}
+    }
+)
+
+
+_REDUCED = ca.SX.sym("z", 9)
+"""Edges behind and ahead (3 each), rolls behind and ahead, sum of the bends: all that the strains depend on."""
+
+
+def _reduced() -> ca.SX:
+    """Return `_REDUCED` as the linear function of the coordinates that it is."""
+    q = LAYOUT.symbols["q"]
+    return ca.vertcat(q[5:8] - q[0:3], q[10:13] - q[5:8], q[3], q[8], q[4] + q[9])
+
+
+@cache
+def _angles_of_reduced() -> ca.SX:
+    z = _REDUCED
+    frames = [elements.frame(z[3 * k : 3 * k + 3], z[6 + k], *_reference(k)) for k in range(2)]
+    return ca.vertcat(*elements.joint_angles(*frames), z[8])
+
+
+def _reference(k: int) -> tuple[ca.SX, ca.SX]:
+    rows = slice(3 * k, 3 * k + 3)
+    return LAYOUT.symbols["t_ref"][rows], LAYOUT.symbols["d_ref"][rows]
+
+
+@cache
+def _angles() -> ca.SX:
+    """c.d, c.u, twist and the sum of the bends, shape (4,)."""
+    return ca.substitute(_angles_of_reduced(), _REDUCED, _reduced())
+
+
+def _strains(angles: ca.SX, hinge: ca.SX) -> list[ca.SX]:
+    pitch, across, twist, bends = ca.vertsplit(angles)
+    return [pitch + LAYOUT.symbols["cross0"], elements.yaw_strain(across, bends, hinge), twist]
+
+
+def _hats() -> list[ca.SX]:
+    s = LAYOUT.symbols
+    n, m = _strains(s["angles_n"], s["hinge"]), _strains(s["angles_m"], s["hinge"])
+    return [s["weights"][0] * a + s["weights"][1] * b for a, b in zip(n, m, strict=True)]
+
+
+@cache
+def _potential() -> tuple[ca.SX, ca.SX, ca.SX]:
+    s = LAYOUT.symbols
+    phi = ca.SX(0.0)
+    for i, (strain, hat) in enumerate(zip(_strains(_angles_of_reduced(), s["hinge"]), _hats(), strict=True)):
+        phi += s["k"][i] / 2.0 * (strain**2 + s["tau"] / s["span"] * (strain - hat) ** 2)
+    curve, slope = ca.hessian(phi, _REDUCED)
+    L = ca.jacobian(_reduced(), s["q"])
+    at = ca.substitute([phi, L.T @ slope, L.T @ curve @ L], [_REDUCED], [_reduced()])
+    return at[0], at[1], at[2]
+
+
+def gradient() -> ca.Function:
+    """Return potential and gradient (13)."""
+    phi, slope, _ = _potential()
+    return LAYOUT.function("joint_gradient", {"phi": phi, "gradient": slope})
+
+
+def hessian() -> ca.Function:
+    """Return potential, gradient (13) and the lower triangle of the Hessian, column by column (91)."""
+    phi, slope, curve = _potential()
+    lower = [curve[c:, c] for c in range(COORDINATES)]
+    return LAYOUT.function("joint_hessian", {"phi": phi, "gradient": slope, "hessian": lower})
+
+
+def angles() -> ca.Function:
+    """Return c.d, c.u, twist and the sum of the bends (4)."""
+    return LAYOUT.function("joint_angles", {"angles": _angles()})
+
+
+LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss")
+
+
+def ledger() -> ca.Function:
+    """Return the joint's terms of the energy ledger, in the order of `LEDGER_TERMS`."""
+    s = LAYOUT.symbols
+    terms = ca.SX.zeros(len(LEDGER_TERMS))
+    now, before = (_strains(s["angles_n"], s[name]) for name in ("hinge", "hinge_n"))
+    strains = _strains(_angles(), s["hinge"])
+    for i, (strain, hat) in enumerate(zip(strains, _hats(), strict=True)):
+        first = ca.jtimes(strain, s["q"], s["dq"])
+
+        def energy(at: ca.SX, k: ca.SX = s["k"][i]) -> ca.SX:
+            return k / 2.0 * at**2
+
+        work = energy(now[i]) - energy(before[i])
+        change, numerical = losses.spring(energy, strain, now[i], first)
+        lost, off = losses.damper(s["tau"] * s["k"][i], strain - hat, s["span"], s["dt"], first)
+        terms += ca.vertcat(work, work + change, lost, numerical + off)
+    return LAYOUT.function("joint_ledger", {"terms": terms})

@@ -1,0 +1,41 @@
+"""Rows of kernel arrays by name: the inputs of a CasADi function, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+
+
+class Layout:
+    """Named inputs of a family of functions, and the rows in which they stand.
+
+    Parameters
+    ----------
+    sizes : mapping of str to int
+        Number of rows of each input, in order.
+    """
+
+    def __init__(self, sizes: Mapping[str, int]) -> None:
+        self.sizes = dict(sizes)
+        self.symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of all inputs together."""
+        return sum(self.sizes.values())
+
+    def first(self, name: str) -> int:
+        """Return the first row of an input."""
+        names = list(self.sizes)
+        return sum(self.sizes[each] for each in names[: names.index(name)])
+
+    def firsts(self, *names: str) -> tuple[int, ...]:
+        """Return the first rows of some inputs."""
+        return tuple(self.first(name) for name in names)
+
+    def function(self, name: str, outputs: Mapping[str, ca.SX | Sequence[ca.SX]]) -> ca.Function:
+        """Return the function of all inputs with the named outputs, dense columns; lists are stacked."""
+        stacked = {key: ca.vertcat(*value) if isinstance(value, list) else value for key, value in outputs.items()}
+        dense = [ca.densify(ca.vec(value)) for value in stacked.values()]
+        return ca.Function(name, list(self.symbols.values()), dense, list(self.sizes), [f"to_{key}" for key in stacked])

@@ -1,0 +1,40 @@
+"""What a spring and a damper on a strain s contribute to the energy ledger of a step, symbolic.
+
+The residual of a step times dq meets every strain as force times (ds/dq) dq, the first-order change of s, here `first`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+
+
+def slope(energy: Callable[[ca.SX], ca.SX], at: ca.SX) -> ca.SX:
+    """Return dE/ds at a strain."""
+    s = ca.SX.sym("s")
+    return ca.substitute(ca.gradient(energy(s), s), s, at)
+
+
+def spring(energy: Callable[[ca.SX], ca.SX], s: ca.SX, s_n: ca.SX, first: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return the change of energy from s_n to s, and the numerical loss dE/ds `first` - change [J]."""
+    change = energy(s) - energy(s_n)
+    return change, slope(energy, s) * first - change
+
+
+def damper(c: ca.SX, moved: ca.SX, span: ca.SX, dt: ca.SX, first: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return the viscous loss c rate^2 dt and the numerical loss of a damper [J].
+
+    Parameters
+    ----------
+    c : SX
+        Damping: force over rate of strain.
+    moved, span : SX
+        s - s_hat and beta dt: the integrator's rate is their quotient.
+    dt : SX
+        Time step [s].
+    first : SX
+        First-order change of the strain.
+    """
+    rate = moved / span
+    return c * rate**2 * dt, c * rate * (first - rate * dt)

@@ -1,0 +1,181 @@
+"""Kernels of a contact point: inertia, weight, normal contact and friction, and what follows after a step.
+
+The world has been evaluated already: distance g, its gradient n and curvature H at X are inputs.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import casadi as ca
+
+from worm3d import contact
+from worm3d.kernels.layout import Layout
+
+LAYOUT = Layout(
+    {
+        "x": 3,
+        "distance": 1,
+        "normal": 3,
+        "curvature": 6,  # xx, xy, xz, yy, yz, zz of the distance's Hessian
+        "grip": 1,  # the world's multiplier of friction at X
+        "x_hat": 3,
+        "inertia": 1,  # m/(beta dt)^2 [N/m]
+        "weight": 3,  # m g [N]
+        "stiffness": 1,  # k [N/m], 0 without contact
+        "damping": 1,  # c [N s/m]
+        "dt": 1,
+        "depth_n": 1,
+        "tangent": 6,  # along and to the left, frozen at the start of the step
+        "anchor": 3,
+        "slide_n": 2,  # displacement from the anchor at the start of the step, in these tangents
+        "mu": 3,  # forward, backward, lateral
+        "hold": 1,  # the multiplier at the start of the step
+        "yield_gauge": 1,  # rho_b [m]
+        "gauge_damping": 1,  # D [s/m]
+        "cap": 1,
+        "load": 1,  # normal load for friction while it is not coupled
+        "coupled": 1,  # 1: friction takes the normal load of X itself
+        "load_n": 1,
+        "motion": 3,  # X - X_n
+        "first": 3,  # (dX/dq) dq
+        "distance_n": 1,
+        "stored_n": 1,  # energy of the anchor at the end of the last step [J]
+    }
+)
+
+
+class _Contact(NamedTuple):
+    stiff: ca.SX
+    """k + c/dt [N/m]."""
+    pressed: ca.SX
+    """Penetration that carries load [m]."""
+    load: ca.SX
+    mu: contact.Coefficients
+    law: contact.Law
+    slide: ca.SX
+    """Displacement from the anchor, shape (2,)."""
+
+
+@cache
+def _contact() -> _Contact:
+    s = LAYOUT.symbols
+    stiff = s["stiffness"] + s["damping"] / s["dt"]
+    centre = ca.if_else(stiff > 0.0, s["damping"] / s["dt"] * s["depth_n"] / stiff, 0.0)
+    pressed = contact.pressing(s["distance"], centre)
+    viscous = s["gauge_damping"] / s["dt"]
+    r = 1.0 / (1.0 / s["yield_gauge"] + viscous)
+    law = contact.Law(r, s["cap"], viscous * r * s["slide_n"])
+    away = s["x"] - s["anchor"]
+    slide = ca.vertcat(*[ca.dot(t, away) for t in _tangents()])
+    return _Contact(stiff, pressed, stiff * pressed, contact.Coefficients(*ca.vertsplit(s["mu"])), law, slide)
+
+
+def _tangents() -> tuple[ca.SX, ca.SX]:
+    return LAYOUT.symbols["tangent"][0:3], LAYOUT.symbols["tangent"][3:6]
+
+
+def _curvature() -> ca.SX:
+    xx, xy, xz, yy, yz, zz = ca.vertsplit(LAYOUT.symbols["curvature"])
+    return ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+
+
+def force() -> ca.Function:
+    """Return the gradient f (3) of a point's potential, its Hessian K (9, row by row), the potential and the load.
+
+    With `coupled` f is the true residual and K its unsymmetric derivative; the potential then means nothing.
+    """
+    s, c = LAYOUT.symbols, _contact()
+    away, T = s["x"] - s["x_hat"], ca.horzcat(*_tangents())
+    y = ca.SX.sym("y", 2)
+    potential = contact.friction_potential(y, c.mu, c.law)
+    curve, slope = ca.hessian(potential, y)
+    h, h_y, h_yy = (ca.substitute(each, y, c.slide - c.law.centre) for each in (potential, slope, curve))
+    grip = s["hold"] * ca.if_else(s["coupled"] != 0.0, c.load, s["load"])
+    f = s["inertia"] * away - s["weight"] - c.load * s["normal"] + grip * (T @ h_y)
+    rising = ca.if_else(c.pressed > 0.0, c.stiff, 0.0)
+    K = s["inertia"] * ca.SX.eye(3) + rising * s["normal"] @ s["normal"].T - c.load * _curvature()
+    K += grip * (T @ h_yy @ T.T) - s["coupled"] * s["hold"] * rising * (T @ h_y) @ s["normal"].T
+    phi = s["inertia"] / 2.0 * ca.sumsqr(away) - ca.dot(s["weight"], s["x"]) + c.load * c.pressed / 2.0 + grip * h
+    return LAYOUT.function("point_force", {"f": f, "K": ca.vec(K.T), "phi": phi, "load": c.load})
+
+
+def yielding() -> ca.Function:
+    """Return the slip of the anchor (2), signed along the tangents, and |y| and motion data for the line search.
+
+    Rows: slip (2), y = s - s* (2), whether it slides (rho > cap r).
+    """
+    c = _contact()
+    y = c.slide - c.law.centre
+    slides = contact.gauge_squared(y, c.mu) > (c.law.cap * c.law.r) ** 2
+    return LAYOUT.function("point_yielding", {"slip": _slip(), "y": y, "slides": slides})
+
+
+@cache
+def _slip() -> ca.SX:
+    """Motion of the anchor (C4), shape (2,): zero where nothing touches, all of s where the place has no grip."""
+    s, c = LAYOUT.symbols, _contact()
+    y = c.slide - c.law.centre
+    slip = y - contact.left_after_return(y, c.mu, c.law, s["yield_gauge"])
+    return ca.if_else(c.load > 0.0, ca.if_else(s["hold"] > 0.0, slip, c.slide), ca.SX.zeros(2))
+
+
+LEDGER_TERMS = (
+    "load_change",
+    "penetration",
+    "anchor",
+    "friction_loss",
+    "viscous_loss",
+    "numerical_loss",
+    "work_friction_p13",
+)
+
+
+def after() -> ca.Function:
+    """Return slip (2), the anchor's stored energy and the point's terms of the ledger, in the order of `LEDGER_TERMS`."""
+    s, slip = LAYOUT.symbols, _slip()
+    stored, friction = _friction_ledger(slip)
+    terms = friction + _normal_ledger()
+    return LAYOUT.function("point_after", {"slip": slip, "stored": stored, "terms": terms})
+
+
+def _normal_ledger() -> ca.SX:
+    """Penetration, viscous and numerical loss of the normal contact, for the whole list of terms."""
+    s, c = LAYOUT.symbols, _contact()
+    depth = ca.fmax(0.0, -s["distance"])
+    closing = s["distance"] - s["distance_n"]
+    rise = s["stiffness"] / 2.0 * (depth**2 - s["depth_n"] ** 2)
+    spring = s["stiffness"] * depth
+    viscous = -(c.load - spring) * closing
+    numerical = -rise - spring * closing - c.load * (ca.dot(s["normal"], s["first"]) - closing)
+    return ca.vertcat(0.0, rise, 0.0, 0.0, viscous, numerical, 0.0)
+
+
+def _friction_ledger(slip: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return the anchor's energy at the end of the step, and friction's terms."""
+    s, c = LAYOUT.symbols, _contact()
+    touching = c.load > 0.0
+    load, s_n = s["hold"] * c.load, s["slide_n"]
+    moved, first = (ca.vertcat(*[ca.dot(t, s[name]) for t in _tangents()]) for name in ("motion", "first"))
+    left = s_n + ca.if_else(touching, moved - slip, ca.SX.zeros(2))
+    y = ca.SX.sym("y", 2)
+
+    def of(expression: ca.SX, at: ca.SX) -> ca.SX:
+        return ca.substitute(expression, y, at)
+
+    energy = contact.anchor_energy(y, c.mu, s["yield_gauge"])
+    stored, stored_n = load * of(energy, left), load * of(energy, s_n)
+    spring = load * of(ca.gradient(energy, y), left)
+    slope = ca.gradient(contact.friction_potential(y, c.mu, c.law), y)
+    force = load * of(slope, left - c.law.centre)
+    loss = load * s["cap"] * ca.sqrt(contact.gauge_squared(slip, c.mu))
+    load_change = stored_n - s["stored_n"]
+    stretch = left - s_n
+    numerical = ca.dot(spring, stretch) - (stored - stored_n) + ca.dot(force, first - moved)
+    numerical += ca.dot(force, slip) - loss
+    viscous = ca.dot(force - spring, stretch)
+    terms = ca.vertcat(
+        load_change, 0.0, stored - stored_n + load_change, loss, viscous, numerical, -ca.dot(force, moved)
+    )
+    return stored, terms

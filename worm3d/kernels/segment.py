@@ -1,0 +1,188 @@
+"""Kernels of a segment: from its 8 coordinates to its 8 contact points and chambers, and back with the forces.
+
+Coordinates: [p_i (3), roll g, bend th, p_{i+1} (3)]; the roll counts from the director at the start of the step.
+Points: the six apexes in the order of the conventions, tail face, head face; their coordinates stand axis by axis,
+row 8 axis + point, so that the rows of an axis are consecutive points for the kernels of `worm3d.kernels.point`.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import casadi as ca
+
+from worm3d import elements
+from worm3d.kernels import losses
+from worm3d.kernels.layout import Layout
+
+POINTS = 8
+"""Contact points of a segment: six apexes and two faces."""
+COORDINATES = 8
+
+LAYOUT = Layout(
+    {
+        "q": COORDINATES,
+        "dq": COORDINATES,  # motion of q in the step
+        "t_ref": 3,
+        "d_ref": 3,
+        "link": 1,
+        "offset": 1,
+        "radius": 2,  # of the faces at p_i and p_{i+1}
+        "normal": 6,  # of the world at the faces, one after the other
+        "k": 1,
+        "k_apex": 1,
+        "l0": 1,
+        "tau": 1,  # Kelvin-Voigt time [s]
+        "span": 1,  # beta dt [s]
+        "dt": 1,
+        "commanded": 2,  # rest length of each chamber at t_{n+1}
+        "force": 2,  # chamber forces at t_{n+1}
+        "length_hat": 2,  # of the damper: s_n, or (4 s_n - s_{n-1})/3
+        "angle_hat": 2,
+        "commanded_n": 2,
+        "length_n": 2,
+        "angle_n": 2,
+        "f": 3 * POINTS,  # gradient of the potential in the points
+        "K": 9 * POINTS,  # its Hessian, row 8 (3 r + c) + point
+    }
+)
+
+
+_REDUCED = ca.SX.sym("z", COORDINATES)
+"""Midpoint (3), edge p_{i+1} - p_i (3), roll, bend: in these the derivatives are shortest."""
+
+
+def _reduced() -> ca.SX:
+    """Return `_REDUCED` as the linear function of the coordinates that it is."""
+    q = LAYOUT.symbols["q"]
+    return ca.vertcat((q[0:3] + q[5:8]) / 2.0, q[5:8] - q[0:3], q[3], q[4])
+
+
+class _Shape(NamedTuple):
+    frame: elements.Frame
+    lengths: ca.SX
+    angles: ca.SX
+    points: ca.SX
+    """Shape (24,)."""
+
+
+@cache
+def _shape_of_reduced() -> _Shape:
+    s, z = LAYOUT.symbols, _REDUCED
+    middle, edge, link, offset = z[0:3], z[3:6], s["link"], s["offset"]
+    f = elements.frame(edge, z[6], s["t_ref"], s["d_ref"])
+    chambers = elements.chamber_lengths(f.length, z[7], offset)
+    points = elements.apexes(middle, f, chambers, link, offset)
+    for k, p in enumerate((middle - edge / 2.0, middle + edge / 2.0)):
+        points.append(elements.face_point(p, f.t, s["radius"][k], s["normal"][3 * k : 3 * k + 3]))
+    angles = [elements.hinge_angle(link, length) for length in chambers]
+    return _Shape(f, ca.vertcat(*chambers), ca.vertcat(*angles), ca.vec(ca.horzcat(*points).T))
+
+
+@cache
+def _shape() -> _Shape:
+    x = _shape_of_reduced()
+    parts = [*x.frame, x.lengths, x.angles, x.points]
+    *frame, lengths, angles, points = ca.substitute(parts, [_REDUCED], [_reduced()])
+    return _Shape(elements.Frame(*frame), lengths, angles, points)
+
+
+def shape() -> ca.Function:
+    """Return chamber lengths (2), tangent (3), director (3), and points (24)."""
+    x = _shape()
+    return LAYOUT.function("segment_shape", {"rest": [x.lengths, x.frame.t, x.frame.d], "points": x.points})
+
+
+def motion() -> ca.Function:
+    """Return the first-order motion of the points (24) under dq."""
+    s = LAYOUT.symbols
+    return LAYOUT.function("segment_motion", {"points": ca.jtimes(_shape().points, s["q"], s["dq"])})
+
+
+@cache
+def _potential() -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Potential of the springs and dampers, and gradient and Hessian of everything that moves with the segment."""
+    s, x = LAYOUT.symbols, _shape_of_reduced()
+    phi = ca.SX(0.0)
+    for c in range(2):
+        stretch, turn = x.lengths[c] - s["length_hat"][c], x.angles[c] - s["angle_hat"][c]
+        phi += _chamber(x.lengths[c], s["commanded"][c]) + s["force"][c] * x.lengths[c] + _hinge(x.angles[c])
+        phi += (_chamber_damping() * stretch**2 + _hinge_damping() * turn**2) / (2.0 * s["span"])
+    curve, slope = ca.hessian(phi + ca.dot(s["f"], x.points), _REDUCED)
+    jacobian = ca.jacobian(x.points, _REDUCED)
+    curve += jacobian.T @ _point_hessian() @ jacobian
+    L = ca.jacobian(_reduced(), s["q"])
+    at = ca.substitute([phi, L.T @ slope, L.T @ curve @ L], [_REDUCED], [_reduced()])
+    return at[0], at[1], at[2]
+
+
+def _chamber(length: ca.SX, commanded: ca.SX) -> ca.SX:
+    return elements.chamber_energy(LAYOUT.symbols["k"], LAYOUT.symbols["l0"], length, commanded)
+
+
+def _hinge(angle: ca.SX) -> ca.SX:
+    s = LAYOUT.symbols
+    return s["k_apex"] / 2.0 * (angle - elements.hinge_angle(s["link"], s["l0"])) ** 2
+
+
+def _chamber_damping() -> ca.SX:
+    """Time times stiffness of one chamber [N s/m]."""
+    return LAYOUT.symbols["tau"] * LAYOUT.symbols["k"] / (2.0 * LAYOUT.symbols["l0"])
+
+
+def _hinge_damping() -> ca.SX:
+    return LAYOUT.symbols["tau"] * LAYOUT.symbols["k_apex"]
+
+
+def _point_hessian() -> ca.SX:
+    """Put the 3 x 3 Hessians of the points into one of shape (24, 24)."""
+    K = LAYOUT.symbols["K"]
+    blocks = [[K[POINTS * (3 * r + c) : POINTS * (3 * r + c + 1)] for c in range(3)] for r in range(3)]
+    return ca.vertcat(*[ca.horzcat(*[ca.diag(block) for block in row]) for row in blocks])
+
+
+def gradient() -> ca.Function:
+    """Return the potential of springs and dampers, and the gradient (8) of it and of the points' potential."""
+    phi, slope, _ = _potential()
+    return LAYOUT.function("segment_gradient", {"phi": phi, "gradient": slope})
+
+
+def hessian() -> ca.Function:
+    """Return potential and gradient as `gradient` does, and the Hessian (64), column by column."""
+    phi, slope, curve = _potential()
+    return LAYOUT.function("segment_hessian", {"phi": phi, "gradient": slope, "hessian": curve})
+
+
+LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss", "work_contract_p11")
+
+
+def ledger() -> ca.Function:
+    """Return the segment's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its hinge angles (2)."""
+    terms = sum(_chamber_ledger(c) for c in range(2))
+    return LAYOUT.function("segment_ledger", {"terms": terms, "angles": _shape().angles})
+
+
+def _chamber_ledger(c: int) -> ca.SX:
+    s, x = LAYOUT.symbols, _shape()
+    length, length_n, now, force = x.lengths[c], s["length_n"][c], s["commanded"][c], s["force"][c]
+    stretch, opening = (ca.jtimes(each, s["q"], s["dq"]) for each in (length, x.angles[c]))
+
+    def chamber(at: ca.SX) -> ca.SX:
+        return _chamber(at, now)
+
+    work = chamber(length_n) - _chamber(length_n, s["commanded_n"][c])  # integral of (dE/dl_cmd) dl_cmd
+    change, numerical = losses.spring(chamber, length, length_n, stretch)
+    hinge_change, hinge_numerical = losses.spring(_hinge, x.angles[c], s["angle_n"][c], opening)
+    span, dt = s["span"], s["dt"]
+    lost, off = losses.damper(_chamber_damping(), length - s["length_hat"][c], span, dt, stretch)
+    hinge_lost, hinge_off = losses.damper(_hinge_damping(), x.angles[c] - s["angle_hat"][c], span, dt, opening)
+    pulled = length - length_n
+    passive = losses.slope(lambda at: _chamber(at, s["l0"]), length)
+    return ca.vertcat(
+        work - force * pulled,
+        work + change + hinge_change,
+        lost + hinge_lost,
+        numerical + hinge_numerical + off + hinge_off + force * (stretch - pulled),
+        -(losses.slope(chamber, length) + force - passive) * stretch,
+    )

@@ -1,0 +1,302 @@
+"""A worm on its world, ready to be stepped: the compiled kernels, and the arrays of `worm3d.solver` filled for them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.codegen import Kernel, compile_kernel, evaluate
+from worm3d.compiled import cfunc
+from worm3d.friction import ContactConstants, Friction
+from worm3d.kernels import joint, point, segment
+from worm3d.solver import arrays
+from worm3d.solver.arrays import ARRAYS, BLOCK, POINTS, REMEMBERED, allocate_core
+from worm3d.solver.block import named
+from worm3d.solver.entry import SIGNATURE
+from worm3d.solver.evaluate import evaluate_entry
+from worm3d.solver.newton import solve_entry
+from worm3d.solver.step import step_entry
+from worm3d.state import State
+from worm3d.worlds import ClampedGround, World
+from worm3d.worlds.plane import Plane
+from worm3d.worm import Worm
+
+FloatArray = NDArray[np.float64]
+
+FLAT = 0.02
+"""A chamber lower than this fraction of its rest height is flattened."""
+
+DEEPEST = 0.1
+"""A joint deeper in the world than this fraction of the segment length is sunk (0 where joints do not touch it)."""
+
+_ROWS_REMEMBERED = (
+    (segment.LAYOUT, "segment_in", ("t_ref", "d_ref", "normal", "commanded_n")),
+    (point.LAYOUT, "point_in", ("anchor", "load_n")),
+    (joint.LAYOUT, "joint_in", ("hinge_n",)),
+)
+
+
+@cache
+def kernels() -> dict[str, Kernel]:
+    """Return the compiled kernels by name."""
+    return {
+        "segment_shape": compile_kernel(segment.shape()),
+        "segment_motion": compile_kernel(segment.motion()),
+        "segment_gradient": compile_kernel(segment.gradient()),
+        "segment_hessian": compile_kernel(segment.hessian()),
+        "segment_ledger": compile_kernel(segment.ledger()),
+        "joint_gradient": compile_kernel(joint.gradient()),
+        "joint_hessian": compile_kernel(joint.hessian()),
+        "joint_angles": compile_kernel(joint.angles()),
+        "joint_ledger": compile_kernel(joint.ledger()),
+        "point_force": compile_kernel(point.force()),
+        "point_yielding": compile_kernel(point.yielding()),
+        "point_after": compile_kernel(point.after()),
+    }
+
+
+@cache
+def entries() -> dict[str, Any]:
+    """Return the compiled entries of the solver by name."""
+    functions = {"evaluate": evaluate_entry, "solve": solve_entry, "step": step_entry}
+    return {name: cfunc(SIGNATURE, function) for name, function in functions.items()}
+
+
+class Plant:
+    """The arrays of one worm on one world, and what fills and reads them.
+
+    Parameters
+    ----------
+    worm : Worm
+    world : World or None
+        None: nothing to touch.
+    friction : Friction
+    gravity : ndarray, shape (3,)
+        [m/s^2]
+    held : ndarray of bool, shape (5 (N+1),)
+    """
+
+    def __init__(
+        self, worm: Worm, world: World | None, friction: Friction, gravity: FloatArray, held: NDArray[np.bool_]
+    ) -> None:
+        self.worm, self.world, self.friction, self.gravity = worm, world, friction, gravity
+        self.n, made = worm.segments, kernels()
+        width = max(kernel.width for kernel in made.values())
+        lanes, joint_lanes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1)))
+        self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
+        parameters = self.world_kernel.parameters
+        addresses = {"world": self.world_kernel.address, **{name: kernel.address for name, kernel in made.items()}}
+        addresses |= {name: entry.address for name, entry in entries().items()}
+        table = np.array([addresses[name] for name in arrays.KERNELS], dtype=np.int64)
+        self.core = allocate_core(self.n, lanes, joint_lanes, 3 + len(parameters), table)
+        self.arrays = named(self.core.block, ARRAYS)
+        self.arrays["world_in"][3:] = parameters[:, None]
+        self.arrays["held"][0] = held
+        self._fill_numbers()
+        self._fill_segments()
+        self._fill_joints()
+        self._fill_points()
+
+    @property
+    def clamped(self) -> bool:
+        """Whether the ground is the paper's."""
+        return isinstance(self.world, ClampedGround)
+
+    def _fill_numbers(self) -> None:
+        worm, n = self.worm, self.n
+        numbers = {
+            "l0": worm.l0,
+            "deepest": DEEPEST * worm.l0 if worm.end_faces else 0.0 if self.world is not None else np.inf,
+            "static_ratio": self.friction.static_ratio,
+            "lag": worm.actuator_lag,
+            "rate_limit": worm.rate_limit,
+            "least": worm.stroke[0],
+            "greatest": worm.stroke[1],
+            "length": worm.length,
+            "lever": 0.5 * worm.l0,
+            "clamped": float(self.clamped),
+            "threshold": self.world.velocity_threshold if isinstance(self.world, ClampedGround) else 0.0,
+            **dict(zip(("gravity_x", "gravity_y", "gravity_z"), self.gravity, strict=True)),
+        }
+        self.arrays["numbers"][0] = [numbers[name] for name in arrays.NUMBERS]
+        drag = np.full(n + 1, worm.drag / n)
+        drag[[0, -1]] /= 2.0
+        mu = self.friction.coefficients(n)
+        self.arrays["point_mass"][:6, :n] = worm.apex_mass.T
+        self.arrays["joint_mass"][0], self.arrays["drag"][0] = worm.joint_mass, drag
+        self.arrays["joint_mu"][:] = 0.5 * (np.column_stack([mu[:, :1], mu]) + np.column_stack([mu, mu[:, -1:]]))
+        self.arrays["longest"][0] = 2.0 * np.sqrt(worm.link_length**2 - (FLAT * np.asarray(worm.half_height)) ** 2)
+        self.arrays["stuck"][:] = 1.0
+
+    def _segment_row(self, name: str) -> FloatArray:
+        """Return rows of the segment array, for the segments alone: (size, N)."""
+        first, size = segment.LAYOUT.first(name), segment.LAYOUT.sizes[name]
+        return self.arrays["segment_in"][first : first + size, : self.n]
+
+    def _joint_row(self, name: str) -> FloatArray:
+        """Return rows of the joint array: (size, N-1)."""
+        first, size = joint.LAYOUT.first(name), joint.LAYOUT.sizes[name]
+        return self.arrays["joint_in"][first : first + size, : self.n - 1]
+
+    def _point_row(self, name: str) -> FloatArray:
+        """Return rows of the point array: (size, 8, S)."""
+        first, size = point.LAYOUT.first(name), point.LAYOUT.sizes[name]
+        return self.arrays["point_in"][first : first + size].reshape(size, POINTS, -1)
+
+    def _fill_segments(self) -> None:
+        worm, h0 = self.worm, np.asarray(self.worm.half_height)
+        rows = {
+            "link": worm.link_length,
+            "offset": worm.chamber_offset,
+            "k": worm.k_spring,
+            "k_apex": worm.k_apex,
+            "l0": worm.l0,
+            "tau": worm.kelvin_voigt_time,
+            "commanded": worm.l0,
+            "commanded_n": worm.l0,
+        }
+        for name, value in rows.items():
+            self._segment_row(name)[:] = value
+        if worm.end_faces:
+            self._segment_row("radius")[0, 0], self._segment_row("radius")[1, -1] = h0[0], h0[-1]
+
+    def _fill_joints(self) -> None:
+        worm = self.worm
+        self._joint_row("k")[:] = [worm.k_torsion, worm.k_yaw, worm.k_twist]
+        self._joint_row("tau")[:], self._joint_row("cross0")[:] = worm.kelvin_voigt_time, worm.cross0
+
+    def _fill_points(self) -> None:
+        constants = ContactConstants.of(self.worm, self.friction, float(np.linalg.norm(self.gravity)))
+        touching = np.zeros((POINTS, self.n))
+        if self.world is not None and not self.clamped:
+            touching[:6] = 1.0
+            touching[[2, 5]] *= self.worm.outward_apexes
+            touching[6] = touching[7, -1] = float(self.worm.end_faces)
+        self._point_row("stiffness")[0, :, : self.n] = constants.stiffness * touching
+        self._point_row("damping")[0, :, : self.n] = constants.damping * touching
+        self._point_row("yield_gauge")[:] = constants.yield_gauge
+        self._point_row("gauge_damping")[:] = constants.gauge_damping
+        self._point_row("mu")[:, :, : self.n] = self.friction.coefficients(self.n)[:, None, :]
+        self._point_row("weight")[:] = self.arrays["point_mass"] * self.gravity[:, None, None]
+        self._point_row("tangent")[[0, 4]] = 1.0
+        self._point_row("dt")[:] = self._point_row("cap")[:] = 1.0
+
+    def _remembered(self) -> dict[str, FloatArray]:
+        """Views of all that the next step depends on, by name."""
+        views = {name: self.arrays[name] for name in REMEMBERED}
+        for layout, array, names in _ROWS_REMEMBERED:
+            for name in names:
+                views[name] = self.arrays[array][layout.first(name) : layout.first(name) + layout.sizes[name]]
+        return views
+
+    def memory(self) -> dict[str, FloatArray]:
+        """Return copies of all that the next step depends on, by name."""
+        return {name: array.copy() for name, array in self._remembered().items()}
+
+    def remember(self, memory: Mapping[str, FloatArray]) -> None:
+        """Take over what `memory` has returned.
+
+        Raises
+        ------
+        ValueError
+            If it is that of another worm, or of a computer with other vectors.
+        """
+        for name, view in self._remembered().items():
+            value = memory.get(name)
+            if value is None or value.shape != view.shape:
+                got = "nothing" if value is None else f"shape {value.shape}"
+                raise ValueError(
+                    f"state.memory: got {got} for {name!r}, must be of shape {view.shape}: it belongs to another worm or "
+                    "kind of computer; drop it with state.with_changes() to start afresh from the pose"
+                )
+            view[...] = value
+
+    def set_pose(self, state: State) -> None:
+        """Put the worm there, moving as the state says, uncommanded and without stored friction."""
+        n, x = self.n, self.arrays["x"].reshape(-1, BLOCK)
+        x[:, :3], x[:n, 3], x[:n, 4] = state.joints, 0.0, state.bend
+        edges = np.diff(state.joints, axis=0)
+        tangents = edges / np.linalg.norm(edges, axis=1)[:, None]
+        across = state.directors - np.sum(state.directors * tangents, axis=1)[:, None] * tangents
+        self._segment_row("t_ref")[:] = tangents.T
+        self._segment_row("d_ref")[:] = (across / np.linalg.norm(across, axis=1)[:, None]).T
+        normal = self._segment_row("normal")
+        normal[:] = np.tile([0.0, 0.0, 1.0], 2)[:, None]
+        for _ in range(3):  # the faces' places depend on the world's normal there
+            self._place()
+            seen = self._point_row("normal")
+            normal[:3], normal[3:] = seen[:, 6, :n], seen[:, 7, :n]
+        self._begin_histories(state)
+
+    def _place(self) -> None:
+        """Evaluate points, angles and distances at x."""
+        n, x = self.n, self.arrays["x"][0]
+        for rows, count in ((self._segment_row("q"), n), (self._joint_row("q"), n - 1)):
+            for r, row in enumerate(rows):
+                row[:] = x[r : r + BLOCK * count : BLOCK]
+        for name in ("t_ref", "d_ref"):
+            of_segments = self._segment_row(name)
+            self._joint_row(name)[:] = np.concatenate([of_segments[:, :-1], of_segments[:, 1:]])
+        segment_in, world_in = self.arrays["segment_in"], self.arrays["world_in"]
+        self._run("segment_shape", segment_in, self.arrays["rest"], n)
+        world_in[:3] = self.arrays["point_in"][:3]
+        self._run("world", world_in, self.arrays["world_out"], world_in.shape[1])
+
+    def _run(self, name: str, inputs: FloatArray, outputs: FloatArray, count: int) -> None:
+        evaluate(self.core.kernels[arrays.KERNELS.index(name)], inputs, outputs, count)
+
+    def _begin_histories(self, state: State) -> None:
+        n, a = self.n, self.arrays
+        a["joints"][:], a["joint_velocity"][:] = (
+            np.tile(state.joints.T, (2, 1)),
+            np.tile(state.joint_velocity.T, (2, 1)),
+        )
+        rate = np.zeros((n + 1, BLOCK))
+        rate[:, :3], rate[:n, 3], rate[:n, 4] = state.joint_velocity, state.roll_rate, state.bend_rate
+        for r, row in enumerate(self._segment_row("dq")):
+            row[:] = rate.ravel()[r : r + BLOCK * n : BLOCK]
+        terms = len(segment.LEDGER_TERMS)
+        self._run("segment_motion", a["segment_in"], a["first"], n)
+        self._run("segment_ledger", a["segment_in"], a["segment_out"][: terms + 2], n)
+        self._run("joint_angles", a["joint_in"], a["joint_out"][:4], n - 1)
+        a["points"][:] = np.tile(a["point_in"][:3], (2, 1))
+        a["point_velocity"][:] = np.tile(self._point_row("first").reshape(3, -1), (2, 1))
+        a["lengths"][:], a["hinges"][:] = (
+            np.tile(a["rest"][:2], (2, 1)),
+            np.tile(a["segment_out"][terms : terms + 2], (2, 1)),
+        )
+        a["joint_angles"][:] = np.tile(a["joint_out"][:4], (2, 1))
+        a["asked"][:], a["given"][:] = 0.0, 0.0
+        self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = self.worm.l0
+        self._joint_row("hinge")[:] = self._joint_row("hinge_n")[:] = 0.0
+        self._point_row("anchor")[:] = self._point_row("x")
+        self._point_row("load_n")[:] = 0.0
+        a["stuck"][:], a["stored"][:], a["joint_load"][:] = 1.0, 0.0, 0.0
+
+    def stop(self) -> None:
+        """Bring the worm to rest where it is, keeping its loads, with the anchors where it touches."""
+        load = self._point_row("load_n").copy()
+        self.set_pose(self.state(0.0).with_changes(joint_velocity=0.0))
+        self._point_row("load_n")[:] = load
+
+    def state(self, time: float) -> State:
+        """Return the state, with memory."""
+        n = self.n
+        return State(
+            joints=self.arrays["joints"][:3].T,
+            directors=self._segment_row("d_ref").T,
+            bend=self.arrays["x"].reshape(-1, BLOCK)[:n, 4],
+            joint_velocity=self.arrays["joint_velocity"][:3].T,
+            time=time,
+            memory=self.memory(),
+        )
+
+    def depth(self) -> FloatArray:
+        """Return how deep each contact point that may touch lies in the world, shape (8, N) [m]."""
+        active = self._point_row("stiffness")[0, :, : self.n] > 0.0
+        depth: FloatArray = np.where(active, np.maximum(0.0, -self._point_row("distance")[0, :, : self.n]), 0.0)
+        return depth

@@ -1,0 +1,146 @@
+"""Many steps at once, compiled: actuators, steps, guards, records."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.compiled import njit
+from worm3d.kernels import joint, point, segment
+from worm3d.solver import arrays as a
+from worm3d.solver.arrays import BLOCK, Core
+from worm3d.solver.block import matrix, vector
+from worm3d.solver.evaluate import LENGTHS, TANGENT
+from worm3d.solver.records import Records, record
+from worm3d.solver.step import step
+
+FloatArray = NDArray[np.float64]
+
+OK, NO_CONVERGENCE, NOT_FINITE, FLATTENED, FOLDED, SUNK = range(6)
+"""How a chunk of steps ended."""
+
+_COMMANDED, _FORCE = segment.LAYOUT.firsts("commanded", "force")
+_HINGE = joint.LAYOUT.first("hinge")
+_DISTANCE = point.LAYOUT.first("distance")
+
+
+@njit
+def advance(
+    core: Core,
+    records: Records,
+    commands: FloatArray,
+    external: FloatArray,
+    first: int,
+    every: int,
+    dt: float,
+    bdf2: bool,
+    remembers: bool,
+) -> tuple[int, int]:
+    """Take a step for every row of commands; return how many were finished and how the chunk ended.
+
+    Parameters
+    ----------
+    records : Records
+        A row is filled after every `every`-th step.
+    commands : ndarray, shape (K, 5 N)
+        Asked of the actuators at the end of each step, as the array "asked".
+    external : ndarray, shape (K, 3, N+1) or (0, 3, N+1)
+        Forces on the joints at the end of each step [N].
+    first : int
+        Number of steps before the chunk.
+    every : int
+        0 records nothing, not even counters: the steps are parts of one.
+    dt : float
+        [s]
+    bdf2 : bool
+        Whether the integrator is BDF2.
+    remembers : bool
+        Whether the past holds two instants dt apart.
+    """
+    asked, given = vector(core.block, a.ASKED), vector(core.block, a.GIVEN)
+    for k in range(len(commands)):
+        asked_n, given_n = asked.copy(), given.copy()
+        actuate(core, commands[k], dt)
+        if len(external) > 0:
+            matrix(core.block, a.EXTERNAL)[:] = external[k]
+        if every > 0:
+            core.counters[:] = 0
+        if not step(core, dt, bdf2 and (remembers or k > 0)):
+            asked[:], given[:] = asked_n, given_n
+            return k, NO_CONVERGENCE
+        broken = guard(core)
+        if broken != OK:
+            return k, broken
+        if every > 0:
+            done = first + k + 1
+            records.counters[done - 1] = core.counters
+            if done % every == 0:
+                record(core, records, done // every)
+    return len(commands), OK
+
+
+@njit
+def actuate(core: Core, command: FloatArray, dt: float) -> None:
+    """First-order lag, exact for a command that changes linearly over the step; stroke and rate limits."""
+    numbers, n = vector(core.block, a.NUMBERS_), core.n
+    asked, given = vector(core.block, a.ASKED), vector(core.block, a.GIVEN)
+    lag, most = numbers[a.LAG], numbers[a.RATE_LIMIT] * dt
+    decay = np.exp(-dt / lag) if lag > 0.0 else 0.0
+    for k in range(5 * n):
+        target, contracts = command[k], k < 2 * n
+        if contracts:
+            target = min(max(target, numbers[a.LEAST]), numbers[a.GREATEST])
+        new = target
+        if lag > 0.0:
+            ramp = lag * (target - asked[k]) / dt
+            new = target - ramp + (given[k] - asked[k] + ramp) * decay
+        if contracts:
+            new = min(max(new, given[k] - most), given[k] + most)
+        asked[k], given[k] = target, new
+    rows, joints = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.JOINT_IN)
+    for i in range(n):
+        for side in range(2):
+            rows[_COMMANDED + side, i] = numbers[a.L0] * (1.0 - given[2 * i + side])
+            rows[_FORCE + side, i] = given[2 * n + 2 * i + side]
+    for i in range(n - 1):
+        joints[_HINGE, i] = given[4 * n + i + 1]
+
+
+@njit
+def guard(core: Core) -> int:
+    """Return OK for a shape that the model stands for, else what became of it."""
+    rest, longest, n = matrix(core.block, a.REST), vector(core.block, a.LONGEST), core.n
+    numbers = vector(core.block, a.NUMBERS_)
+    if not np.isfinite(vector(core.block, a.X).sum()):
+        return NOT_FINITE
+    for i in range(n):
+        if max(rest[LENGTHS, i], rest[LENGTHS + 1, i]) > longest[i]:
+            return FLATTENED
+    angles, joints = matrix(core.block, a.JOINT_ANGLES_PAST), matrix(core.block, a.JOINT_IN)
+    for i in range(n - 1):
+        cosine = 0.0
+        for d in range(3):
+            cosine += rest[TANGENT + d, i] * rest[TANGENT + d, i + 1]
+        if cosine <= 0.0 or abs(0.5 * angles[3, i] + joints[_HINGE, i]) >= 0.5 * np.pi:
+            return FOLDED
+    distance, lanes = matrix(core.block, a.POINT_IN)[_DISTANCE], rest.shape[1]
+    if numbers[a.CLAMPED] == 0.0:
+        for i in range(n):
+            if distance[6 * lanes + i] <= -numbers[a.DEEPEST]:
+                return SUNK
+        if distance[7 * lanes + n - 1] <= -numbers[a.DEEPEST]:
+            return SUNK
+    return OK
+
+
+@njit
+def worst_residual(core: Core) -> tuple[float, int]:
+    """Return the norm of the last residual [N] and the joint with its largest entry."""
+    gradient, held = vector(core.block, a.GRADIENT), vector(core.block, a.HELD)
+    total, worst, most = 0.0, 0, -1.0
+    for k in range(len(gradient)):
+        if held[k] == 0.0:
+            total += gradient[k] ** 2
+            if not abs(gradient[k]) <= most:
+                worst, most = k, abs(gradient[k])
+    return np.sqrt(total), worst // BLOCK

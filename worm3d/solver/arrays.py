@@ -1,0 +1,343 @@
+"""Everything that a step reads and writes, in the layout of the kernels.
+
+Lanes are segments (S of them, a multiple of the vector width); the eight contact points of segment i are the lanes
+S slot + i of point arrays. Some arrays share memory, so that one kernel writes where the next one reads:
+
+    segment_shape -> REST | points      points are rows "x" of the point array
+    segment_motion -> points            are its rows "first"
+    world -> distance ... grip          are its rows 3 to 13
+    point_force -> f, K | phi, load     f and K are the last rows of the segment array
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.banded import WIDTH
+from worm3d.kernels import joint, point, segment
+from worm3d.solver.block import Block, allocate
+
+FloatArray = NDArray[np.float64]
+
+POINTS = segment.POINTS
+BLOCK = 5
+"""Coordinates of a joint's block: p (3), roll and bend of the segment ahead of it."""
+WORLD_ROWS = 11
+"""Outputs of a world: distance, gradient (3), curvature (6), grip."""
+
+TERMS = (
+    "work_contract",
+    "work_external",
+    "load_change",
+    "kinetic",
+    "elastic",
+    "potential",
+    "penetration",
+    "anchor",
+    "friction_loss",
+    "viscous_loss",
+    "numerical_loss",
+    "work_contract_positive",
+    "work_contract_p11",
+    "work_friction_p13",
+)
+"""Of the energy ledger, in the order of the records."""
+
+KERNELS = (
+    "world",
+    "segment_shape",
+    "segment_motion",
+    "segment_gradient",
+    "segment_hessian",
+    "segment_ledger",
+    "joint_gradient",
+    "joint_hessian",
+    "joint_angles",
+    "joint_ledger",
+    "point_force",
+    "point_yielding",
+    "point_after",
+    "evaluate",  # entries, `worm3d.solver.entry`
+    "solve",
+    "step",
+)
+"""Compiled functions, in the order of `Core.kernels`."""
+(
+    WORLD,
+    SEGMENT_SHAPE,
+    SEGMENT_MOTION,
+    SEGMENT_GRADIENT,
+    SEGMENT_HESSIAN,
+    SEGMENT_LEDGER,
+    JOINT_GRADIENT,
+    JOINT_HESSIAN,
+    JOINT_ANGLES,
+    JOINT_LEDGER,
+    POINT_FORCE,
+    POINT_YIELDING,
+    POINT_AFTER,
+    EVALUATE,
+    SOLVE,
+    STEP,
+) = range(len(KERNELS))
+
+NUMBERS = (
+    "l0",  # [m]
+    "deepest",  # greatest penetration of a joint [m]; deeper it counts as sunk
+    "static_ratio",
+    "lag",  # [s]
+    "rate_limit",  # [1/s]
+    "least",  # of the stroke
+    "greatest",
+    "length",  # of the body, the unit of Newton's tolerances [m]
+    "lever",  # metres per radian in Newton's tolerances
+    "clamped",  # 1: the ground is the paper's, (P9) and (P10)
+    "threshold",  # eps of (P10) [m/s]
+    "gravity_x",  # [m/s^2]
+    "gravity_y",
+    "gravity_z",
+)
+"""What one number says of a worm and its world."""
+(
+    L0,
+    DEEPEST,
+    STATIC_RATIO,
+    LAG,
+    RATE_LIMIT,
+    LEAST,
+    GREATEST,
+    LENGTH,
+    LEVER,
+    CLAMPED,
+    THRESHOLD,
+    GRAVITY,
+    _,
+    _,
+) = range(len(NUMBERS))
+
+ARRAYS = (
+    "numbers",
+    "x",  # coordinates; rolls count from the start of the step
+    "x_n",  # x at the start of the step
+    "held",  # 1 where a coordinate is held
+    "gradient",
+    "direction",
+    "trial",
+    "best",
+    "band",
+    "factor",
+    "segment_in",  # inputs of the segment's kernels
+    "point_out",  # f (3), K (9), potential, load; begins inside segment_in
+    "segment_out",
+    "rest",  # chamber lengths (2), tangent (3), director (3), points (24)
+    "point_in",  # inputs of the point's kernels; begins inside rest
+    "point_rows",  # the same memory with the lanes of segments, row 8 r + slot
+    "world_in",
+    "world_out",  # inside point_in
+    "first",  # inside point_in, with the lanes of segments
+    "yielding_out",  # slip (2), y (2), whether it slides
+    "after_out",  # slip (2), stored energy, terms of the ledger
+    "joint_in",
+    "joint_out",
+    "kinks",
+    "y_start",
+    "point_mass",  # (8, S) [kg]
+    "longest",  # length of a chamber at which its rhombus counts as flattened [m]
+    "joint_mass",  # [kg]
+    "drag",  # [N s/m]
+    "joint_mu",  # forward, backward, lateral, for the clamped worm
+    "joint_hat",
+    "joint_drag_hat",
+    "joint_inertia",  # m/(beta dt)^2
+    "joint_drag",  # drag/(beta dt)
+    "external",  # force on the joints [N]
+    "joint_friction",  # (P10) on the joints of the clamped worm [N]
+    "joint_load",  # (P9) [N]
+    "stuck",  # 1 where the static coefficient holds
+    "stuck_n",
+    "stored",  # energy of the anchors at the end of the last step [J]
+    "asked",  # of the actuators: contraction (2 N), force (2 N), hinge (N, the first unused)
+    "given",  # by them, after lag and limits
+    "joints",  # rows 3 k + axis at t_n (k = 0) and t_{n-1} (k = 1) [m]; likewise the following
+    "joint_velocity",
+    "points",
+    "point_velocity",
+    "lengths",  # of the chambers [m]
+    "hinges",  # angles of the apex hinges [rad]
+    "joint_angles",  # c.d, c.u, twist, sum of the bends
+    "terms",  # energy ledger since the last record [J]
+    "slid",  # slip since the last record [m]
+)
+"""Arrays of a core, in the order of its block."""
+(
+    NUMBERS_,
+    X,
+    X_N,
+    HELD,
+    GRADIENT,
+    DIRECTION,
+    TRIAL,
+    BEST,
+    BAND,
+    FACTOR,
+    SEGMENT_IN,
+    POINT_OUT,
+    SEGMENT_OUT,
+    REST,
+    POINT_IN,
+    POINT_ROWS,
+    WORLD_IN,
+    WORLD_OUT,
+    FIRST,
+    YIELDING_OUT,
+    AFTER_OUT,
+    JOINT_IN,
+    JOINT_OUT,
+    KINKS,
+    Y_START,
+    POINT_MASS,
+    LONGEST,
+    JOINT_MASS,
+    DRAG,
+    JOINT_MU,
+    JOINT_HAT,
+    JOINT_DRAG_HAT,
+    JOINT_INERTIA,
+    JOINT_DRAG,
+    EXTERNAL,
+    JOINT_FRICTION,
+    JOINT_LOAD,
+    STUCK,
+    STUCK_N,
+    STORED,
+    ASKED,
+    GIVEN,
+    JOINTS,
+    JOINT_VELOCITY,
+    POINTS_PAST,
+    POINT_VELOCITY,
+    LENGTHS,
+    HINGES,
+    JOINT_ANGLES_PAST,
+    TERMS_,
+    SLID,
+) = range(len(ARRAYS))
+
+REMEMBERED = (
+    "x",
+    "stuck",
+    "stored",
+    "asked",
+    "given",
+    "joints",
+    "joint_velocity",
+    "points",
+    "point_velocity",
+    "lengths",
+    "hinges",
+    "joint_angles",
+    "joint_load",
+)
+"""Arrays on which the next step depends; beside them the rows of the kernels' inputs in `worm3d.plant`."""
+
+
+class Core(NamedTuple):
+    """What compiled code receives."""
+
+    n: int
+    """Segments."""
+    kernels: NDArray[np.int64]
+    """Addresses of `KERNELS`."""
+    block: Block
+    """Of `ARRAYS`."""
+    counters: NDArray[np.int64]
+    """(3,) evaluations of the Hessian, of the gradient alone, and rounds of contacts that broke away."""
+    handle: NDArray[np.int64]
+    """(9,) where all of this stands, for `worm3d.solver.entry`."""
+
+
+def allocate_core(n: int, lanes: int, joint_lanes: int, world_rows: int, kernels: NDArray[np.int64]) -> Core:
+    """Return a core of zeros.
+
+    Parameters
+    ----------
+    n : int
+        Segments.
+    lanes, joint_lanes : int
+        Lanes for n segments and for n - 1 joints.
+    world_rows : int
+        Inputs of the world's kernel: x (3) and its parameters.
+    kernels : ndarray of int, shape (16,)
+        Addresses.
+    """
+    shapes = _shapes(n, lanes, joint_lanes, world_rows)
+    block = allocate([shapes[name] for name in ARRAYS])
+    table = block.table
+    rest, segment_in = table[REST, 0], table[SEGMENT_IN, 0]
+    points = rest + POINTS * lanes  # behind lengths, tangents and directors
+    table[POINT_IN, 0] = table[POINT_ROWS, 0] = points
+    table[WORLD_OUT, 0] = points + 3 * POINTS * lanes
+    table[FIRST, 0] = points + point.LAYOUT.first("first") * POINTS * lanes
+    table[POINT_OUT, 0] = segment_in + segment.LAYOUT.first("f") * lanes
+    counters = np.zeros(3, dtype=np.int64)
+    return Core(n, kernels, block, counters, _handle(n, kernels, block, counters))
+
+
+def _handle(n: int, kernels: NDArray[np.int64], block: Block, counters: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return where the parts of a core stand."""
+    memory, table = block
+    return np.array(
+        [
+            n,
+            memory.ctypes.data,
+            memory.size,
+            table.ctypes.data,
+            len(table),
+            kernels.ctypes.data,
+            len(kernels),
+            counters.ctypes.data,
+            len(counters),
+        ],
+        dtype=np.int64,
+    )
+
+
+def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, tuple[int, int]]:
+    """Return the shape of each array; those inside another one only say how it is seen, the other has their room."""
+    size, p = BLOCK * (n + 1), POINTS * lanes
+    return {
+        "numbers": (1, len(NUMBERS)),
+        **dict.fromkeys(("x", "x_n", "held", "gradient", "direction", "trial", "best"), (1, size)),
+        "band": (size, WIDTH),
+        "factor": (size, WIDTH),
+        "segment_in": (segment.LAYOUT.rows, lanes),
+        "point_out": (14, p),  # what comes behind segment_in stands where it was allocated
+        "segment_out": (73, lanes),
+        "rest": (8 + 3 * POINTS, lanes),
+        "point_in": (point.LAYOUT.rows, p),
+        "point_rows": (point.LAYOUT.rows * POINTS, lanes),
+        "world_in": (world_rows, p),
+        "world_out": (WORLD_ROWS, p),
+        "first": (3 * POINTS, lanes),
+        "yielding_out": (5, p),
+        "after_out": (3 + len(point.LEDGER_TERMS), p),
+        "joint_in": (joint.LAYOUT.rows, joint_lanes),
+        "joint_out": (105, joint_lanes),
+        "kinks": (1, p),
+        "y_start": (3, p),
+        "point_mass": (POINTS, lanes),
+        "longest": (1, n),
+        **dict.fromkeys(("joint_mass", "drag", "joint_inertia", "joint_drag", "joint_load"), (1, n + 1)),
+        **dict.fromkeys(("joint_mu", "joint_hat", "joint_drag_hat", "external", "joint_friction"), (3, n + 1)),
+        **dict.fromkeys(("stuck", "stuck_n", "stored"), (1, p)),
+        **dict.fromkeys(("asked", "given"), (1, 5 * n)),
+        **dict.fromkeys(("joints", "joint_velocity"), (6, n + 1)),
+        **dict.fromkeys(("points", "point_velocity"), (6, p)),
+        **dict.fromkeys(("lengths", "hinges"), (4, lanes)),
+        "joint_angles": (8, joint_lanes),
+        "terms": (1, len(TERMS)),
+        "slid": (POINTS, n),
+    }

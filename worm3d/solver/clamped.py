@@ -1,0 +1,56 @@
+"""The paper's ground: predictor without friction, loads (P9) of the held heights, corrector with friction (P10)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from worm3d.compiled import njit
+from worm3d.kernels import segment
+from worm3d.solver import arrays as a
+from worm3d.solver.arrays import BLOCK, Core
+from worm3d.solver.block import matrix, vector
+from worm3d.solver.evaluate import evaluate
+from worm3d.solver.newton import solve
+
+_T_REF = segment.LAYOUT.first("t_ref")
+
+
+@njit
+def solve_clamped(core: Core, dt: float) -> bool:
+    """Solve a step of the clamped worm; return whether Newton converged both times."""
+    x, load = vector(core.block, a.X), vector(core.block, a.JOINT_LOAD)
+    friction, past = matrix(core.block, a.JOINT_FRICTION), matrix(core.block, a.JOINTS)
+    friction[:, :] = 0.0
+    if not solve(core):
+        return False
+    evaluate(core, a.X, True, False)  # leaves the forces of held coordinates in the gradient
+    gradient = vector(core.block, a.GRADIENT)
+    for j in range(core.n + 1):
+        load[j] = abs(gradient[BLOCK * j + 2])
+    for j in range(core.n + 1):
+        vx, vy = (x[BLOCK * j] - past[0, j]) / dt, (x[BLOCK * j + 1] - past[1, j]) / dt
+        tx, ty = _heading(core, j)
+        along, across = _p10(core, j, vx * tx + vy * ty, vy * tx - vx * ty, load[j])
+        friction[0, j], friction[1, j] = along * tx - across * ty, along * ty + across * tx
+    return solve(core)
+
+
+@njit
+def _heading(core: Core, j: int) -> tuple[float, float]:
+    """Return the horizontal direction towards the head at joint j at the start of the step."""
+    rows = matrix(core.block, a.SEGMENT_IN)
+    behind, ahead = max(j - 1, 0), min(j, core.n - 1)
+    tx, ty = rows[_T_REF, behind] + rows[_T_REF, ahead], rows[_T_REF + 1, behind] + rows[_T_REF + 1, ahead]
+    size = np.sqrt(tx * tx + ty * ty)
+    return (tx / size, ty / size) if size > 0.0 else (1.0, 0.0)
+
+
+@njit
+def _p10(core: Core, j: int, along: float, across: float, load: float) -> tuple[float, float]:
+    """Return the friction (P10) along and across for a velocity: N mu against it, on the ellipse of the gauge."""
+    mu, threshold = matrix(core.block, a.JOINT_MU), vector(core.block, a.NUMBERS_)[a.THRESHOLD]
+    mu_x, mu_l = mu[0 if along > 0.0 else 1, j], mu[2, j]
+    gauge = np.sqrt((mu_x * along) ** 2 + (mu_l * across) ** 2)
+    if not (np.sqrt(along * along + across * across) > threshold and gauge > 0.0):
+        return 0.0, 0.0
+    return -load * mu_x * mu_x * along / gauge, -load * mu_l * mu_l * across / gauge

@@ -1,0 +1,179 @@
+"""Potential, gradient and Hessian of a step at a trial state, put together from the kernels' outputs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.banded import B
+from worm3d.codegen import evaluate as run
+from worm3d.compiled import njit
+from worm3d.kernels import joint, point, segment
+from worm3d.solver import arrays as a
+from worm3d.solver.arrays import BLOCK, POINTS, Core
+from worm3d.solver.block import matrix, vector
+from worm3d.solver.entry import call, opened
+
+FloatArray = NDArray[np.float64]
+
+_Q, _LINK, _T_REF = segment.LAYOUT.firsts("q", "link", "t_ref")
+_JOINT_Q = joint.LAYOUT.first("q")
+_COUPLED = point.LAYOUT.first("coupled")
+_OWN = segment.COORDINATES
+_BOTH = joint.COORDINATES
+_NEAR = 1e-4
+"""A chamber shorter than this fraction of its links is out of reach."""
+LENGTHS, TANGENT, DIRECTOR = 0, 2, 5
+"""Rows of "rest"."""
+PHI, LOAD = 12, 13
+"""Rows of "point_out"."""
+
+
+@njit
+def place(core: Core, x: FloatArray) -> bool:
+    """Compute points and distances at x; return whether the linkages can take that shape."""
+    segment_in, rest = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.REST)
+    for r in range(_OWN):
+        for i in range(core.n):
+            segment_in[_Q + r, i] = x[BLOCK * i + r]
+    run(core.kernels[a.SEGMENT_SHAPE], segment_in, rest, core.n)
+    for i in range(core.n):
+        link, turned = segment_in[_LINK, i], 0.0
+        for d in range(3):
+            turned += rest[TANGENT + d, i] * segment_in[_T_REF + d, i]
+        for c in range(2):
+            length = rest[LENGTHS + c, i]
+            if not (_NEAR * link < length < 2.0 * link * (1.0 - 1e-12)):
+                return False
+        if not turned > -0.9:
+            return False
+    world_in = matrix(core.block, a.WORLD_IN)
+    world_in[:3] = matrix(core.block, a.POINT_IN)[:3]
+    run(core.kernels[a.WORLD], world_in, matrix(core.block, a.WORLD_OUT), world_in.shape[1])
+    return True
+
+
+@njit
+def evaluate(core: Core, which: int, coupled: bool, with_hessian: bool) -> float:
+    """Return the potential of a step (infinite where a linkage cannot reach), fill gradient and perhaps band.
+
+    With `coupled` friction takes the normal loads of x itself: the gradient is then the true residual, the band its
+    unsymmetric Jacobian, and the return value means nothing. Held coordinates have their forces in the gradient.
+
+    Parameters
+    ----------
+    which : int
+        Array with the coordinates, X or TRIAL.
+    """
+    value: float = call(core.kernels[a.EVALUATE], core.handle.ctypes.data, 0.0, which, 2 * coupled + with_hessian)
+    return value
+
+
+def evaluate_entry(handle: int, _value: float, which: int, flags: int) -> float:
+    """`evaluate` as an entry."""
+    core = opened(handle)
+    return _evaluate(core, vector(core.block, which), flags >= 2, flags % 2 == 1)
+
+
+@njit
+def _evaluate(core: Core, x: FloatArray, coupled: bool, with_hessian: bool) -> float:
+    n, kernels = core.n, core.kernels
+    core.counters[0 if with_hessian else 1] += 1
+    if not place(core, x):
+        return np.inf
+    point_in, point_out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
+    point_in[_COUPLED, :] = 1.0 if coupled else 0.0
+    run(kernels[a.POINT_FORCE], point_in, point_out, point_in.shape[1])
+    segment_in, joint_in = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.JOINT_IN)
+    segment_out, joint_out = matrix(core.block, a.SEGMENT_OUT), matrix(core.block, a.JOINT_OUT)
+    for r in range(_BOTH):
+        for i in range(n - 1):
+            joint_in[_JOINT_Q + r, i] = x[BLOCK * i + r]
+    if with_hessian:
+        run(kernels[a.SEGMENT_HESSIAN], segment_in, segment_out, n)
+        run(kernels[a.JOINT_HESSIAN], joint_in, joint_out, n - 1)
+        _add_hessians(core)
+    else:
+        run(kernels[a.SEGMENT_GRADIENT], segment_in, segment_out[: 1 + _OWN], n)
+        run(kernels[a.JOINT_GRADIENT], joint_in, joint_out[: 1 + _BOTH], n - 1)
+    phi = _joints(core, x) + _add_gradients(core)
+    lanes = segment_in.shape[1]
+    for s in range(POINTS):
+        for i in range(n):
+            phi += point_out[PHI, s * lanes + i]
+    return phi
+
+
+@njit
+def _joints(core: Core, x: FloatArray) -> float:
+    """Inertia (P4), weight, viscous medium (P8) and forces of the joints."""
+    gradient, numbers = vector(core.block, a.GRADIENT), vector(core.block, a.NUMBERS_)
+    inertia, drag = vector(core.block, a.JOINT_INERTIA), vector(core.block, a.JOINT_DRAG)
+    hat, drag_hat = matrix(core.block, a.JOINT_HAT), matrix(core.block, a.JOINT_DRAG_HAT)
+    mass, external = vector(core.block, a.JOINT_MASS), matrix(core.block, a.EXTERNAL)
+    friction = matrix(core.block, a.JOINT_FRICTION)
+    phi = 0.0
+    for j in range(core.n + 1):
+        for d in range(BLOCK):
+            gradient[BLOCK * j + d] = 0.0
+        for d in range(3):
+            k = BLOCK * j + d
+            away, moved = x[k] - hat[d, j], x[k] - drag_hat[d, j]
+            push = mass[j] * numbers[a.GRAVITY + d] + external[d, j] + friction[d, j]
+            phi += 0.5 * inertia[j] * away * away + 0.5 * drag[j] * moved * moved - push * x[k]
+            gradient[k] = inertia[j] * away + drag[j] * moved - push
+    return phi
+
+
+@njit
+def _add_gradients(core: Core) -> float:
+    gradient, phi = vector(core.block, a.GRADIENT), 0.0
+    segment_out, joint_out = matrix(core.block, a.SEGMENT_OUT), matrix(core.block, a.JOINT_OUT)
+    for i in range(core.n):
+        phi += segment_out[0, i]
+        for r in range(_OWN):
+            gradient[BLOCK * i + r] += segment_out[1 + r, i]
+    for i in range(core.n - 1):
+        phi += joint_out[0, i]
+        for r in range(_BOTH):
+            gradient[BLOCK * i + r] += joint_out[1 + r, i]
+    return phi
+
+
+@njit
+def _add_hessians(core: Core) -> None:
+    band = matrix(core.block, a.BAND)
+    segment_out, joint_out = matrix(core.block, a.SEGMENT_OUT), matrix(core.block, a.JOINT_OUT)
+    inertia, drag = vector(core.block, a.JOINT_INERTIA), vector(core.block, a.JOINT_DRAG)
+    band[:, :] = 0.0
+    for j in range(core.n + 1):
+        for d in range(3):
+            band[BLOCK * j + d, B] = inertia[j] + drag[j]
+    for i in range(core.n):
+        for c in range(_OWN):
+            for r in range(_OWN):
+                band[BLOCK * i + r, B + c - r] += segment_out[1 + _OWN + _OWN * c + r, i]
+    for i in range(core.n - 1):
+        row = 1 + _BOTH
+        for c in range(_BOTH):
+            band[BLOCK * i + c, B] += joint_out[row, i]
+            for r in range(c + 1, _BOTH):
+                value = joint_out[row + r - c, i]
+                band[BLOCK * i + r, B + c - r] += value
+                band[BLOCK * i + c, B + r - c] += value
+            row += _BOTH - c
+
+
+@njit
+def hold(core: Core) -> None:
+    """Replace rows and columns of held coordinates by those of the identity, and their gradient by zero."""
+    held, gradient = vector(core.block, a.HELD), vector(core.block, a.GRADIENT)
+    band = matrix(core.block, a.BAND)
+    size = len(held)
+    for k in range(size):
+        if held[k] != 0.0:
+            gradient[k] = 0.0
+            band[k, :] = 0.0
+            for m in range(max(0, k - B), min(size, k + B + 1)):
+                band[m, B + k - m] = 0.0
+            band[k, B] = 1.0

@@ -1,0 +1,222 @@
+"""Newton-Raphson (P1), (P2) with exact derivatives and a line search, compiled.
+
+Each pass minimises the potential of a step for given normal loads (it always descends), then polishes with the loads of
+the iterate itself, whose Jacobian is exact too but unsymmetric. Where the polish does not converge, the loads are
+updated and the next pass begins.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.banded import B, cholesky_solve, lu_solve
+from worm3d.codegen import evaluate as run
+from worm3d.compiled import njit
+from worm3d.kernels import point
+from worm3d.solver import arrays as a
+from worm3d.solver.arrays import BLOCK, POINTS, Core
+from worm3d.solver.block import matrix, vector
+from worm3d.solver.entry import call, opened
+from worm3d.solver.evaluate import LOAD, evaluate, hold
+
+FloatArray = NDArray[np.float64]
+
+MAX_DESCENT = 60
+MAX_SEARCH = 40
+MAX_POLISH = 12
+RELAXATIONS = np.array([1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25] + 17 * [0.1])
+"""Of the update of the loads after each pass that did not converge."""
+SLOPE_LEFT = 0.9
+"""A line search ends where the slope has fallen to this fraction."""
+DESCENT_TOLERANCE = 1e-9
+"""Largest coordinate step that ends the descent, as a fraction of the body length."""
+POLISH_TOLERANCE = 1e-12
+"""Largest coordinate step that ends the polish, as a fraction of the body length."""
+STAGNATION = 1e-10
+"""A step below this fraction of the body length that no longer shrinks is rounding, and ends the polish."""
+
+_LOAD, _MU = point.LAYOUT.firsts("load", "mu")
+_Y, _SLIDES = 2, 4
+"""Rows of "yielding_out"."""
+
+
+@njit
+def solve(core: Core) -> bool:
+    """Move x to the state that solves the step; return whether Newton converged.
+
+    On success the kernels' outputs are those of the solution, with its own loads.
+    """
+    return bool(call(core.kernels[a.SOLVE], core.handle.ctypes.data, 0.0, 0, 0) != 0.0)
+
+
+def solve_entry(handle: int, _value: float, _a: int, _b: int) -> float:
+    """`solve` as an entry."""
+    return 1.0 if _solve(opened(handle)) else 0.0
+
+
+@njit
+def _solve(core: Core) -> bool:
+    x, best, point_in = vector(core.block, a.X), vector(core.block, a.BEST), matrix(core.block, a.POINT_IN)
+    for relaxation in RELAXATIONS:
+        if _descend(core):
+            best[:] = x
+            if _polish(core):
+                return True
+            x[:] = best
+        if not evaluate(core, a.X, False, False) < np.inf:
+            return False
+        point_in[_LOAD] += relaxation * (matrix(core.block, a.POINT_OUT)[LOAD] - point_in[_LOAD])
+    return False
+
+
+@njit
+def _size(core: Core, step: FloatArray) -> float:
+    """Return the largest entry of a step, rolls and bends turned into metres."""
+    largest, lever = 0.0, vector(core.block, a.NUMBERS_)[a.LEVER]
+    for k in range(len(step)):
+        value = abs(step[k]) * (lever if k % BLOCK > 2 else 1.0)
+        if not value <= largest:  # a NaN too
+            largest = value
+    return largest
+
+
+@njit
+def _descend(core: Core) -> bool:
+    x, direction = vector(core.block, a.X), vector(core.block, a.DIRECTION)
+    tolerance = DESCENT_TOLERANCE * vector(core.block, a.NUMBERS_)[a.LENGTH]
+    for _ in range(MAX_DESCENT):
+        phi = evaluate(core, a.X, False, True)
+        if not np.isfinite(phi):
+            return False
+        hold(core)
+        if not _descent_direction(core):
+            return False
+        if not _search(core, phi):
+            return True  # no descent left above rounding
+        x[:] = vector(core.block, a.BEST)
+        if _size(core, direction) < tolerance:
+            return True
+    return False
+
+
+@njit
+def _descent_direction(core: Core) -> bool:
+    """Solve with the Hessian, shifted until it is positive definite."""
+    direction, gradient = vector(core.block, a.DIRECTION), vector(core.block, a.GRADIENT)
+    band, factor = matrix(core.block, a.BAND), matrix(core.block, a.FACTOR)
+    square = vector(core.block, a.NUMBERS_)[a.LEVER] ** 2
+    scale, shift = 0.0, 0.0
+    for k in range(len(direction)):
+        if k % BLOCK < 3:
+            scale = max(scale, abs(band[k, B]))
+    while shift < 1e6 * scale:
+        factor[:, :] = band
+        if shift > 0.0:
+            for k in range(len(direction)):
+                factor[k, B] += shift * (square if k % BLOCK > 2 else 1.0)
+        direction[:] = -gradient
+        if cholesky_solve(factor, direction) and np.isfinite(direction.sum()):
+            return True
+        shift = max(10.0 * shift, 1e-9 * scale)
+    return False
+
+
+@njit
+def _search(core: Core, phi: float) -> bool:
+    """Put into "best" a point further down the direction; False if there is none above rounding.
+
+    Friction's slope jumps within the tiny displacement in which a contact sticks; halving alone takes ages to find
+    that place: where contacts come to rest on the way is tried first.
+    """
+    x, gradient = vector(core.block, a.X), vector(core.block, a.GRADIENT)
+    direction, trial = vector(core.block, a.DIRECTION), vector(core.block, a.TRIAL)
+    slope = np.dot(gradient, direction)
+    low, high, step, found, kinks = 0.0, 1.0, 1.0, False, -1
+    for _ in range(MAX_SEARCH):
+        trial[:] = x + step * direction
+        value = evaluate(core, a.TRIAL, False, False)
+        rise = np.dot(gradient, direction) if np.isfinite(value) else np.inf
+        if value <= phi + 1e-4 * step * slope + 1e-14 * abs(phi):
+            vector(core.block, a.BEST)[:] = trial
+            found = True
+            if rise <= SLOPE_LEFT * abs(slope):
+                return True
+        if rise > 0.0:
+            high = step
+        else:
+            low = step
+        if kinks < 0:
+            kinks = _resting_points(core)
+        step = _between(vector(core.block, a.KINKS)[:kinks], low, high)
+    return found
+
+
+@njit
+def _between(kinks: FloatArray, low: float, high: float) -> float:
+    """Return the middle one of the kinks between two steps, or half-way."""
+    first, last = np.searchsorted(kinks, low, "right"), np.searchsorted(kinks, high, "left")
+    if last > first:
+        return float(kinks[(first + last) // 2])
+    return 0.5 * (low + high)
+
+
+@njit
+def _resting_points(core: Core) -> int:
+    """Find the step lengths in (0, 1), sorted, at which sliding contacts come closest to rest, to first order."""
+    x, trial = vector(core.block, a.X), vector(core.block, a.TRIAL)
+    point_in, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
+    start, kinks = matrix(core.block, a.Y_START), vector(core.block, a.KINKS)
+    if not _slides(core, a.X):
+        return 0
+    start[:] = out[_Y:]
+    trial[:] = x + vector(core.block, a.DIRECTION)
+    if not _slides(core, a.TRIAL):
+        return 0
+    lanes, found = point_in.shape[1] // POINTS, 0
+    for s in range(POINTS):
+        for k in range(s * lanes, s * lanes + core.n):
+            if not (point_in[_LOAD, k] > 0.0 and start[2, k] > 0.0):
+                continue
+            y_x, y_l = start[0, k], start[1, k]
+            d_x, d_l = out[_Y, k] - y_x, out[_Y + 1, k] - y_l
+            along, across = point_in[_MU if y_x > 0.0 else _MU + 1, k] ** 2, point_in[_MU + 2, k] ** 2
+            curve = along * d_x * d_x + across * d_l * d_l
+            closest = -(along * y_x * d_x + across * y_l * d_l) / curve if curve > 0.0 else 0.0
+            if 0.0 < closest < 1.0:
+                kinks[found] = closest
+                found += 1
+    kinks[:found].sort()
+    return found
+
+
+@njit
+def _slides(core: Core, which: int) -> bool:
+    """Run the kernel that says which contacts slide at x."""
+    if not evaluate(core, which, False, False) < np.inf:
+        return False
+    point_in = matrix(core.block, a.POINT_IN)
+    run(core.kernels[a.POINT_YIELDING], point_in, matrix(core.block, a.YIELDING_OUT), point_in.shape[1])
+    return True
+
+
+@njit
+def _polish(core: Core) -> bool:
+    x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
+    band, factor = matrix(core.block, a.BAND), matrix(core.block, a.FACTOR)
+    size, length = np.inf, vector(core.block, a.NUMBERS_)[a.LENGTH]
+    for _ in range(MAX_POLISH):
+        if not np.isfinite(evaluate(core, a.X, True, True)):
+            return False
+        hold(core)
+        factor[:, :] = band
+        step[:] = vector(core.block, a.GRADIENT)
+        if not lu_solve(factor, step):
+            return False
+        previous, size = size, _size(core, step)
+        if not size <= 0.1 * length:
+            return False
+        x -= step
+        if size < POLISH_TOLERANCE * length or previous <= 2.0 * size < 2.0 * STAGNATION * length:
+            return bool(np.isfinite(evaluate(core, a.X, True, False)))
+    return False

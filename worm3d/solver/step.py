@@ -1,0 +1,271 @@
+"""One time step, compiled: implicit Euler or BDF2, contacts that break away, and the histories."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.codegen import evaluate as run
+from worm3d.compiled import njit
+from worm3d.kernels import joint, point, segment
+from worm3d.solver import arrays as a
+from worm3d.solver import ledger
+from worm3d.solver.arrays import BLOCK, POINTS, Core
+from worm3d.solver.block import matrix, vector
+from worm3d.solver.clamped import solve_clamped
+from worm3d.solver.entry import call, opened
+from worm3d.solver.evaluate import DIRECTOR, LENGTHS, LOAD, TANGENT, place
+from worm3d.solver.newton import solve
+
+FloatArray = NDArray[np.float64]
+
+MAX_BREAKAWAYS = 50
+"""Rounds of contacts going from stuck to kinetic within a step; each frees at least one, so it ends anyway."""
+ALONG_NORMAL = 1e-6
+"""Sine of the angle between segment and normal below which friction's tangent is the segment's upward normal."""
+
+_T_REF, _D_REF, _NORMAL = segment.LAYOUT.firsts("t_ref", "d_ref", "normal")
+_SPAN, _DT, _COMMANDED, _COMMANDED_N = segment.LAYOUT.firsts("span", "dt", "commanded", "commanded_n")
+_L_HAT, _A_HAT, _L_N, _A_N = segment.LAYOUT.firsts("length_hat", "angle_hat", "length_n", "angle_n")
+_JOINT_T, _JOINT_D, _J_SPAN, _J_DT = joint.LAYOUT.firsts("t_ref", "d_ref", "span", "dt")
+_HINGE, _HINGE_N, _WEIGHTS, _ANGLES_N = joint.LAYOUT.firsts("hinge", "hinge_n", "weights", "angles_n")
+_DISTANCE, _POINT_NORMAL, _GRIP, _X_HAT = point.LAYOUT.firsts("distance", "normal", "grip", "x_hat")
+_INERTIA, _P_DT, _DEPTH_N = point.LAYOUT.firsts("inertia", "dt", "depth_n")
+_TANGENTS, _ANCHOR, _SLIDE_N, _HOLD, _CAP = point.LAYOUT.firsts("tangent", "anchor", "slide_n", "hold", "cap")
+_LOAD, _LOAD_N, _DISTANCE_N, _STORED_N = point.LAYOUT.firsts("load", "load_n", "distance_n", "stored_n")
+_TERMS_OF_SEGMENT = len(segment.LEDGER_TERMS)
+
+
+@njit
+def step(core: Core, dt: float, bdf2: bool) -> bool:
+    """Advance the worm by one step to the given commands; return whether Newton converged.
+
+    A step that does not converge leaves the worm as it was. The energy ledger is added to "terms", the way that each
+    contact has slid to "slid".
+
+    Parameters
+    ----------
+    dt : float
+        [s]
+    bdf2 : bool
+        Whether to take BDF2: the past holds two instants dt apart.
+    """
+    return bool(call(core.kernels[a.STEP], core.handle.ctypes.data, dt, bdf2, 0) != 0.0)
+
+
+def step_entry(handle: int, dt: float, bdf2: int, _b: int) -> float:
+    """`step` as an entry."""
+    return 1.0 if _step(opened(handle), dt, bdf2 != 0) else 0.0
+
+
+@njit
+def _step(core: Core, dt: float, bdf2: bool) -> bool:
+    span = dt * 2.0 / 3.0 if bdf2 else dt
+    begin(core, dt, span)
+    clamped = vector(core.block, a.NUMBERS_)[a.CLAMPED] != 0.0
+    if not (solve_clamped(core, dt) if clamped else _solve_contact(core)):
+        vector(core.block, a.X)[:] = vector(core.block, a.X_N)
+        vector(core.block, a.STUCK)[:] = vector(core.block, a.STUCK_N)
+        return False
+    ledger.prepare(core)
+    ledger.add(core, dt, span, vector(core.block, a.TERMS_))
+    _commit(core, dt, span)
+    return True
+
+
+@njit
+def weights(dt: float, span: float) -> tuple[float, float]:
+    """Return the weights of t_n and t_{n-1} in the integrator's backward difference."""
+    return (4.0 / 3.0, -1.0 / 3.0) if span != dt else (1.0, 0.0)
+
+
+@njit
+def begin(core: Core, dt: float, span: float) -> None:
+    """Fill everything that is known at the start of a step."""
+    x = vector(core.block, a.X)
+    for j in range(core.n + 1):
+        x[BLOCK * j + 3] = 0.0
+    vector(core.block, a.X_N)[:] = x
+    vector(core.block, a.STUCK_N)[:] = vector(core.block, a.STUCK)
+    _begin_joints(core, dt, span)
+    _begin_strains(core, dt, span)
+    _begin_points(core, dt, span)
+    place(core, x)
+    _begin_contacts(core)
+
+
+@njit
+def _begin_joints(core: Core, dt: float, span: float) -> None:
+    w0, w1 = weights(dt, span)
+    past, velocity = matrix(core.block, a.JOINTS), matrix(core.block, a.JOINT_VELOCITY)
+    drag_hat = matrix(core.block, a.JOINT_DRAG_HAT)
+    drag_hat[:] = w0 * past[:3] + w1 * past[3:]
+    matrix(core.block, a.JOINT_HAT)[:] = drag_hat + span * (w0 * velocity[:3] + w1 * velocity[3:])
+    vector(core.block, a.JOINT_INERTIA)[:] = vector(core.block, a.JOINT_MASS) / span**2
+    vector(core.block, a.JOINT_DRAG)[:] = vector(core.block, a.DRAG) / span
+
+
+@njit
+def _begin_strains(core: Core, dt: float, span: float) -> None:
+    w0, w1 = weights(dt, span)
+    rows, joints = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.JOINT_IN)
+    lengths, hinges = matrix(core.block, a.LENGTHS), matrix(core.block, a.HINGES)
+    rows[_SPAN, :], rows[_DT, :] = span, dt
+    rows[_L_HAT : _L_HAT + 2] = w0 * lengths[:2] + w1 * lengths[2:]
+    rows[_A_HAT : _A_HAT + 2] = w0 * hinges[:2] + w1 * hinges[2:]
+    rows[_L_N : _L_N + 2], rows[_A_N : _A_N + 2] = lengths[:2], hinges[:2]
+    joints[_J_SPAN, :], joints[_J_DT, :], joints[_WEIGHTS, :], joints[_WEIGHTS + 1, :] = span, dt, w0, w1
+    joints[_ANGLES_N : _ANGLES_N + 8] = matrix(core.block, a.JOINT_ANGLES_PAST)
+    m = core.n - 1
+    for k in range(2):
+        joints[_JOINT_T + 3 * k : _JOINT_T + 3 * k + 3, :m] = rows[_T_REF : _T_REF + 3, k : m + k]
+        joints[_JOINT_D + 3 * k : _JOINT_D + 3 * k + 3, :m] = rows[_D_REF : _D_REF + 3, k : m + k]
+
+
+@njit
+def _begin_points(core: Core, dt: float, span: float) -> None:
+    w0, w1 = weights(dt, span)
+    points, velocity = matrix(core.block, a.POINTS_PAST), matrix(core.block, a.POINT_VELOCITY)
+    rows, mass = matrix(core.block, a.POINT_IN), vector(core.block, a.POINT_MASS)
+    rows[_X_HAT : _X_HAT + 3] = w0 * points[:3] + w1 * points[3:] + span * (w0 * velocity[:3] + w1 * velocity[3:])
+    rows[_INERTIA], rows[_P_DT, :] = mass / span**2, dt
+
+
+@njit
+def _begin_contacts(core: Core) -> None:
+    """Freeze the tangents and what else friction remembers of the start of the step."""
+    rows, faces = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN)
+    lanes = faces.shape[1]
+    for s in range(POINTS):
+        for i in range(core.n):
+            k = s * lanes + i
+            _freeze_tangents(core, i, k)
+            for b in range(2):
+                along = 0.0
+                for d in range(3):
+                    along += rows[_TANGENTS + 3 * b + d, k] * (rows[d, k] - rows[_ANCHOR + d, k])
+                rows[_SLIDE_N + b, k] = along
+    rows[_HOLD], rows[_DISTANCE_N] = rows[_GRIP], rows[_DISTANCE]
+    rows[_DEPTH_N] = np.maximum(0.0, -rows[_DISTANCE])
+    rows[_LOAD], rows[_STORED_N] = rows[_LOAD_N], vector(core.block, a.STORED)
+    for face in range(2):
+        first = (6 + face) * lanes
+        for d in range(3):
+            faces[_NORMAL + 3 * face + d] = rows[_POINT_NORMAL + d, first : first + lanes]
+
+
+@njit
+def _freeze_tangents(core: Core, i: int, k: int) -> None:
+    """Tangents of contact k of segment i: along the segment, projected, and normal x along (to the left)."""
+    p, r = matrix(core.block, a.POINT_IN), matrix(core.block, a.REST)
+    nx, ny, nz = p[_POINT_NORMAL, k], p[_POINT_NORMAL + 1, k], p[_POINT_NORMAL + 2, k]
+    tx, ty, tz = r[TANGENT, i], r[TANGENT + 1, i], r[TANGENT + 2, i]
+    dot = tx * nx + ty * ny + tz * nz
+    ax, ay, az = tx - dot * nx, ty - dot * ny, tz - dot * nz
+    size = np.sqrt(ax * ax + ay * ay + az * az)
+    if size < ALONG_NORMAL:
+        dx, dy, dz = r[DIRECTOR, i], r[DIRECTOR + 1, i], r[DIRECTOR + 2, i]
+        ax, ay, az = ty * dz - tz * dy, tz * dx - tx * dz, tx * dy - ty * dx  # u = t x d
+        dot = ax * nx + ay * ny + az * nz
+        ax, ay, az = ax - dot * nx, ay - dot * ny, az - dot * nz
+        size = np.sqrt(ax * ax + ay * ay + az * az)
+    ax, ay, az = ax / size, ay / size, az / size
+    p[_TANGENTS, k], p[_TANGENTS + 1, k], p[_TANGENTS + 2, k] = ax, ay, az
+    p[_TANGENTS + 3, k] = ny * az - nz * ay
+    p[_TANGENTS + 4, k] = nz * ax - nx * az
+    p[_TANGENTS + 5, k] = nx * ay - ny * ax
+
+
+@njit
+def _solve_contact(core: Core) -> bool:
+    """Solve with the static limit where stuck; contacts that yield become kinetic, and again."""
+    rows, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
+    stuck, ratio = vector(core.block, a.STUCK), vector(core.block, a.NUMBERS_)[a.STATIC_RATIO]
+    lanes = rows.shape[1] // POINTS
+    for _ in range(MAX_BREAKAWAYS):
+        rows[_CAP] = np.where(stuck > 0.0, ratio, 1.0)
+        if not solve(core):
+            return False
+        if ratio == 1.0:
+            return True
+        run(core.kernels[a.POINT_YIELDING], rows, out, rows.shape[1])
+        yielding = False
+        for s in range(POINTS):
+            for k in range(s * lanes, s * lanes + core.n):
+                if stuck[k] > 0.0 and (out[0, k] != 0.0 or out[1, k] != 0.0):
+                    stuck[k] = 0.0
+                    yielding = True
+        if not yielding:
+            return True
+        core.counters[2] += 1
+    return True
+
+
+@njit
+def _commit(core: Core, dt: float, span: float) -> None:
+    """Shift the histories, move the anchors, carry the directors along."""
+    x, w0_w1 = vector(core.block, a.X), weights(dt, span)
+    joints, joint_velocity = matrix(core.block, a.JOINTS), matrix(core.block, a.JOINT_VELOCITY)
+    for j in range(core.n + 1):
+        for d in range(3):
+            _shift(joints[d::3, j], joint_velocity[d::3, j], x[BLOCK * j + d], w0_w1, span)
+    points, point_velocity = matrix(core.block, a.POINTS_PAST), matrix(core.block, a.POINT_VELOCITY)
+    new = matrix(core.block, a.POINT_IN)
+    for d in range(3):
+        for k in range(points.shape[1]):
+            _shift(points[d::3, k], point_velocity[d::3, k], new[d, k], w0_w1, span)
+    joint_in, joint_out = matrix(core.block, a.JOINT_IN), matrix(core.block, a.JOINT_OUT)
+    run(core.kernels[a.JOINT_ANGLES], joint_in, joint_out[:4], core.n - 1)
+    _remember(matrix(core.block, a.LENGTHS), matrix(core.block, a.REST)[LENGTHS : LENGTHS + 2])
+    out = matrix(core.block, a.SEGMENT_OUT)
+    _remember(matrix(core.block, a.HINGES), out[_TERMS_OF_SEGMENT : _TERMS_OF_SEGMENT + 2])
+    _remember(matrix(core.block, a.JOINT_ANGLES_PAST), joint_out[:4])
+    _move_anchors(core)
+    _carry_directors(core)
+    rows = matrix(core.block, a.SEGMENT_IN)
+    rows[_COMMANDED_N : _COMMANDED_N + 2] = rows[_COMMANDED : _COMMANDED + 2]
+    joint_in[_HINGE_N] = joint_in[_HINGE]
+
+
+@njit
+def _shift(x: FloatArray, v: FloatArray, new: float, w: tuple[float, float], span: float) -> None:
+    velocity = (new - w[0] * x[0] - w[1] * x[1]) / span
+    x[1], x[0], v[1], v[0] = x[0], new, v[0], velocity
+
+
+@njit
+def _remember(past: FloatArray, new: FloatArray) -> None:
+    past[len(new) :] = past[: len(new)]
+    past[: len(new)] = new
+
+
+@njit
+def _move_anchors(core: Core) -> None:
+    p, after = matrix(core.block, a.POINT_IN), matrix(core.block, a.AFTER_OUT)
+    loads, stuck = matrix(core.block, a.POINT_OUT)[LOAD], vector(core.block, a.STUCK)
+    stored, lanes = vector(core.block, a.STORED), p.shape[1] // POINTS
+    slid = matrix(core.block, a.SLID)
+    for s in range(POINTS):
+        for i in range(core.n):
+            k = s * lanes + i
+            along, across, touches = after[0, k], after[1, k], loads[k] > 0.0
+            for d in range(3):
+                if touches:
+                    p[_ANCHOR + d, k] += along * p[_TANGENTS + d, k] + across * p[_TANGENTS + 3 + d, k]
+                else:
+                    p[_ANCHOR + d, k] = p[d, k]
+            slid[s, i] += np.sqrt(along * along + across * across)
+            stored[k] = after[2, k] if touches else 0.0
+            stuck[k] = 1.0 if not touches or (along == 0.0 and across == 0.0) else 0.0
+            p[_LOAD_N, k] = loads[k]
+
+
+@njit
+def _carry_directors(core: Core) -> None:
+    """Make tangents and directors of the end of the step those that the next one starts from, orthonormal again."""
+    rest, rows = matrix(core.block, a.REST), matrix(core.block, a.SEGMENT_IN)
+    for i in range(core.n):
+        t, d = rest[TANGENT : TANGENT + 3, i], rest[DIRECTOR : DIRECTOR + 3, i]
+        across = d - (t * d).sum() * t
+        rows[_T_REF : _T_REF + 3, i] = t
+        rows[_D_REF : _D_REF + 3, i] = across / np.sqrt((across * across).sum())

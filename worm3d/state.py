@@ -1,0 +1,171 @@
+"""The state that a run starts from or ends with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from worm3d.worlds.base import World
+from worm3d.worm import Worm
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class State:
+    """Pose and motion of a worm of N segments; frozen, with read-only arrays.
+
+    Attributes
+    ----------
+    joints : ndarray, shape (N+1, 3)
+        Joints, tail first [m].
+    directors : ndarray, shape (N, 3)
+        Unit vectors to the left of each segment, normal to it.
+    bend : ndarray, shape (N,)
+        Chamber bend th of each segment: its left chamber is b th shorter than the segment [rad].
+    joint_velocity : ndarray, shape (N+1, 3)
+        [m/s]
+    roll_rate, bend_rate : ndarray, shape (N,)
+        [rad/s]
+    time : float
+        [s]
+    memory : mapping of str to ndarray
+        What the integrator, the contacts and the actuators remember; empty in a state made by hand. With it, a run
+        goes on bit for bit as if it had never been stopped.
+
+    Raises
+    ------
+    ValueError
+        An array of the wrong shape, a value that is not finite, or directors that are not unit vectors across.
+    """
+
+    joints: FloatArray
+    directors: FloatArray
+    bend: FloatArray
+    joint_velocity: FloatArray
+    roll_rate: FloatArray
+    bend_rate: FloatArray
+    time: float
+    memory: Mapping[str, NDArray[Any]] = field(repr=False)
+
+    def __init__(
+        self,
+        *,
+        joints: ArrayLike,
+        directors: ArrayLike | None = None,
+        bend: ArrayLike = 0.0,
+        joint_velocity: ArrayLike = 0.0,
+        roll_rate: ArrayLike = 0.0,
+        bend_rate: ArrayLike = 0.0,
+        time: float = 0.0,
+        memory: Mapping[str, NDArray[Any]] | None = None,
+    ) -> None:
+        points = np.array(joints, dtype=float)
+        if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3:
+            raise ValueError(f"joints: got shape {points.shape}, must be (N+1, 3): x, y, z of each joint, tail first")
+        n = len(points) - 1
+        self._set("joints", points, (n + 1, 3))
+        self._set("bend", bend, (n,))
+        self._set("joint_velocity", joint_velocity, (n + 1, 3))
+        self._set("roll_rate", roll_rate, (n,))
+        self._set("bend_rate", bend_rate, (n,))
+        self._set("directors", level_directors(self.joints) if directors is None else directors, (n, 3))
+        self._check_directors()
+        if not np.isfinite(time):
+            raise ValueError(f"time: got {time!r} s, must be finite")
+        object.__setattr__(self, "time", float(time))
+        object.__setattr__(self, "memory", dict(memory or {}))
+
+    def _set(self, name: str, value: ArrayLike, shape: tuple[int, ...]) -> None:
+        array = np.array(value, dtype=float)
+        if array.ndim == 0:
+            array = np.full(shape, float(array))
+        if array.shape != shape:
+            raise ValueError(f"{name}: got shape {array.shape}, must be {shape} (or a number)")
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name}: got {array[~np.isfinite(array)][0]}, every value must be finite")
+        array.setflags(write=False)
+        object.__setattr__(self, name, array)
+
+    def _check_directors(self) -> None:
+        edges = np.diff(self.joints, axis=0)
+        length = np.linalg.norm(edges, axis=1)
+        if not (length > 0.0).all():
+            raise ValueError(f"joints: segment {int(np.argmin(length))} has no length")
+        along = np.abs(np.sum(self.directors * edges, axis=1)) / length
+        off = np.maximum(along, np.abs(np.linalg.norm(self.directors, axis=1) - 1.0))
+        if off.max() > 1e-6:
+            raise ValueError(
+                f"directors: that of segment {int(np.argmax(off))} is off by {off.max():.3g}, must be a unit vector "
+                "normal to the segment"
+            )
+
+    @property
+    def segments(self) -> int:
+        """Number of segments N."""
+        return len(self.bend)
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything has a velocity."""
+        return any(bool(np.any(getattr(self, name))) for name in ("joint_velocity", "roll_rate", "bend_rate"))
+
+    @classmethod
+    def straight(
+        cls, worm: Worm, world: World | None = None, position: ArrayLike = (0.0, 0.0), azimuth: float = 0.0
+    ) -> State:
+        """Return a straight worm at rest on its world; at height 0 without one.
+
+        Parameters
+        ----------
+        worm : Worm
+        world : World, optional
+        position : array_like, shape (2,) or (3,)
+            Where the tail is, seen from above; a third entry lifts the worm so far off the surface [m].
+        azimuth : float
+            Heading, from x towards y [rad].
+
+        Raises
+        ------
+        ValueError
+            A position or azimuth that is not finite or of another shape.
+        """
+        at = np.array(position, dtype=float)
+        if at.shape not in ((2,), (3,)) or not np.isfinite([*at, azimuth]).all():
+            raise ValueError(
+                f"position, azimuth: got {position!r} m, {azimuth!r} rad, must be finite: x, y (and a lift)"
+            )
+        along = worm.l0 * np.arange(worm.segments + 1.0)
+        lift = float(at[2]) if len(at) == 3 else 0.0
+        if world is None:
+            tangent = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+            joints = np.append(at[:2], lift) + along[:, None] * tangent
+            left = np.array([-tangent[1], tangent[0], 0.0])
+        else:
+            clearance = float(np.max(worm.half_height)) + lift
+            joints, left = world.placed(along, clearance, at[:2], azimuth)
+        return cls(joints=joints, directors=np.tile(left, (worm.segments, 1)))
+
+    def with_changes(self, **changes: Any) -> State:
+        """Return a copy with some fields changed, without memory unless it is given."""
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        return State(**{**given, "memory": None, **changes})
+
+
+def level_directors(joints: FloatArray) -> FloatArray:
+    """Return directors that point to the left and are level, shape (N, 3); along y where a segment is vertical."""
+    edges = np.diff(joints, axis=0)
+    left = np.column_stack([-edges[:, 1], edges[:, 0], np.zeros(len(edges))])
+    size = np.linalg.norm(left, axis=1)
+    vertical = size < 1e-9 * np.linalg.norm(edges, axis=1)
+    left[vertical] = [0.0, 1.0, 0.0]
+    size[vertical] = 1.0
+    tangent = edges / np.maximum(np.linalg.norm(edges, axis=1), 1e-300)[:, None]
+    left = left / size[:, None]
+    left -= np.sum(left * tangent, axis=1)[:, None] * tangent
+    unit: FloatArray = left / np.linalg.norm(left, axis=1)[:, None]
+    return unit

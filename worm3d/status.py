@@ -1,0 +1,62 @@
+"""How a run of the 3D worm ended: an enumeration whose value is the sentence to print."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Status(Enum):
+    """Outcome of a run; the value is a sentence for the user."""
+
+    DONE = "the run reached its end"
+    INTERRUPTED = "the run was interrupted; the steps computed so far are kept"
+    NOT_FINITE = "the state became infinite or not a number; the steps before are kept"
+    NO_CONVERGENCE = "Newton did not converge, not even with a 64th of the time step; the steps before are kept"
+    UNSETTLED = "the worm does not come to rest on its world before the run: too soft or too heavy for its joints"
+    FLATTENED = "a chamber was pressed flat (limit point); the steps before are kept"
+    FOLDED = "two neighbouring segments folded, or were bent, by 90 degrees or more; the steps before are kept"
+    SUNK = "a joint was pressed deep into the world; the steps before are kept"
+    BAD_COMMAND = (
+        "the actuation (or the external force) returned something that cannot be applied: a Command for as many "
+        "segments as the worm has, finite forces of shape (N+1, 3); the steps before are kept"
+    )
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the run was given up (as opposed to reaching the end, or being interrupted)."""
+        return self not in (Status.DONE, Status.INTERRUPTED)
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Where and how a run ended.
+
+    Attributes
+    ----------
+    status : Status
+    step : int
+        Last step that was tried (the number of finished steps if the run is done).
+    time : float
+        Time at the end of that step [s].
+    residual : float
+        Norm of the residual of the last Newton iterate [N].
+    segment : int
+        Segment with the largest residual, 0 at the tail.
+    """
+
+    status: Status
+    step: int
+    time: float
+    residual: float = 0.0
+    segment: int = 0
+
+    @property
+    def sentence(self) -> str:
+        """One line: what happened, when, and where."""
+        if not self.status.diverged:
+            return self.status.value
+        where = f"step {self.step}, t = {self.time:.4g} s"
+        if self.status is Status.NO_CONVERGENCE:
+            where += f", residual {self.residual:.3g} N, worst in segment {self.segment}"
+        return f"{self.status.value} ({where})"

@@ -1,0 +1,122 @@
+"""An inclined plane through the origin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.codegen import Kernel, compile_kernel
+from worm3d.worlds.base import WorldKernel
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A rectangle of the plane with another friction.
+
+    Attributes
+    ----------
+    grip : float
+        Multiplier of the friction coefficients, at least 0.
+    along, across : tuple of float
+        From where to where: along the steepest ascent, and to the left of it, from the origin [m].
+    """
+
+    grip: float
+    along: tuple[float, float] = (-np.inf, np.inf)
+    across: tuple[float, float] = (-np.inf, np.inf)
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.grip) and self.grip >= 0.0):
+            raise ValueError(f"grip: got {self.grip!r}, must be finite and at least 0")
+        for name in ("along", "across"):
+            low, high = getattr(self, name)
+            if not low < high:
+                raise ValueError(f"{name}: got {(low, high)!r}, must be (from, to) with from < to")
+
+
+@dataclass(frozen=True)
+class Plane:
+    """An inclined plane through the origin; gravity stays -z.
+
+    Attributes
+    ----------
+    slope : float
+        Angle with the horizontal, less than pi/2 [rad].
+    heading : float
+        Azimuth of the steepest ascent [rad].
+    patches : tuple of Patch
+        Places with another friction; where they overlap, the last one counts.
+    """
+
+    slope: float = 0.0
+    heading: float = 0.0
+    patches: tuple[Patch, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not abs(self.slope) < np.pi / 2:
+            raise ValueError(f"slope: got {self.slope!r} rad, must lie between -pi/2 and pi/2")
+        if not np.isfinite(self.heading):
+            raise ValueError(f"heading: got {self.heading!r} rad, must be finite")
+
+    @property
+    def axes(self) -> FloatArray:
+        """Rows: steepest ascent, to the left of it, and outward normal, shape (3, 3)."""
+        up, turn = (np.array([np.cos(a), np.sin(a)]) for a in (self.slope, self.heading))
+        ascent = np.array([up[0] * turn[0], up[0] * turn[1], up[1]])
+        left = np.array([-turn[1], turn[0], 0.0])
+        return np.array([ascent, left, np.cross(ascent, left)])
+
+    def kernel(self) -> WorldKernel:
+        """Return the compiled world."""
+        largest = np.finfo(float).max  # stands for infinity
+        rectangles = [np.clip([*p.along, *p.across], -largest, largest) for p in self.patches]
+        patches = [np.append(rectangle, p.grip) for rectangle, p in zip(rectangles, self.patches, strict=True)]
+        kernel = _kernel(len(self.patches))
+        return WorldKernel(kernel.address, np.concatenate([self.axes.ravel(), *patches]), kernel)
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
+        return np.asarray(points) @ self.axes[2]
+
+    def pressing(self, gravity: FloatArray) -> FloatArray:
+        """Return the part of gravity normal to the plane, shape (3,) [m/s^2]."""
+        normal = self.axes[2]
+        return float(gravity @ normal) * normal
+
+    def placed(
+        self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return joints of a straight worm on the plane, and its director to the left; see `World.placed`."""
+        normal, horizontal = self.axes[2], np.array([np.cos(azimuth), np.sin(azimuth)])
+
+        def above(xy: FloatArray) -> FloatArray:
+            return np.append(xy, -float(xy @ normal[:2]) / normal[2])
+
+        tangent = above(horizontal)
+        tangent /= np.linalg.norm(tangent)
+        joints = above(position) + along[:, None] * tangent + clearance * normal
+        return joints, np.cross(normal, tangent)
+
+
+@cache
+def _kernel(patches: int) -> Kernel:
+    x, axes = ca.SX.sym("x", 3), ca.SX.sym("axes", 9)
+    areas = ca.SX.sym("areas", 5 * patches)
+    u, v, n = axes[0:3], axes[3:6], axes[6:9]
+    grip = ca.SX(1.0)
+    for k in range(patches):
+        a = areas[5 * k : 5 * k + 5]
+        inside = _between(ca.dot(u, x), a[0], a[1]) * _between(ca.dot(v, x), a[2], a[3])
+        grip = ca.if_else(inside, a[4], grip)
+    rows = ca.vertcat(ca.dot(n, x), n, ca.SX.zeros(6), grip)
+    return compile_kernel(ca.Function("plane", [x, axes, areas], [ca.densify(rows)]))
+
+
+def _between(value: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
+    return ca.logic_and(value >= low, value < high)
