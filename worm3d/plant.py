@@ -78,12 +78,21 @@ class Plant:
     gravity : ndarray, shape (3,)
         [m/s^2]
     held : ndarray of bool, shape (5 (N+1),)
+    scale : ndarray, shape (3,), optional
+        Gravity to which the contact's stiffness is scaled; `gravity` if left out [m/s^2].
     """
 
     def __init__(
-        self, worm: Worm, world: World | None, friction: Friction, gravity: FloatArray, held: NDArray[np.bool_]
+        self,
+        worm: Worm,
+        world: World | None,
+        friction: Friction,
+        gravity: FloatArray,
+        held: NDArray[np.bool_],
+        scale: FloatArray | None = None,
     ) -> None:
         self.worm, self.world, self.friction, self.gravity = worm, world, friction, gravity
+        self._weight = float(np.linalg.norm(gravity if scale is None else scale))
         self.n, made = worm.segments, kernels()
         width = max(kernel.width for kernel in made.values())
         lanes, joint_lanes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1)))
@@ -170,7 +179,7 @@ class Plant:
         self._joint_row("tau")[:], self._joint_row("cross0")[:] = worm.kelvin_voigt_time, worm.cross0
 
     def _fill_points(self) -> None:
-        constants = ContactConstants.of(self.worm, self.friction, float(np.linalg.norm(self.gravity)))
+        constants = ContactConstants.of(self.worm, self.friction, self._weight)
         touching = np.zeros((POINTS, self.n))
         if self.world is not None and not self.clamped:
             touching[:6] = 1.0
@@ -279,9 +288,13 @@ class Plant:
 
     def stop(self) -> None:
         """Bring the worm to rest where it is, keeping its loads, with the anchors where it touches."""
-        load = self._point_row("load_n").copy()
+        load = self.loads().copy()
         self.set_pose(self.state(0.0).with_changes(joint_velocity=0.0))
-        self._point_row("load_n")[:] = load
+        self.loads()[:] = load
+
+    def loads(self) -> FloatArray:
+        """Return the normal load of each contact point at the end of the last step, not a copy, shape (8, N) [N]."""
+        return self._point_row("load_n")[0, :, : self.n]
 
     def state(self, time: float) -> State:
         """Return the state, with memory."""

@@ -43,6 +43,8 @@ class Stop:
         Norm of the residual of the last Newton iterate [N].
     segment : int
         Segment with the largest residual, 0 at the tail.
+    reason : str
+        What was wrong with a command or force.
     """
 
     status: Status
@@ -50,6 +52,7 @@ class Stop:
     time: float
     residual: float = 0.0
     segment: int = 0
+    reason: str = ""
 
     @property
     def sentence(self) -> str:
@@ -59,4 +62,4 @@ class Stop:
         where = f"step {self.step}, t = {self.time:.4g} s"
         if self.status is Status.NO_CONVERGENCE:
             where += f", residual {self.residual:.3g} N, worst in segment {self.segment}"
-        return f"{self.status.value} ({where})"
+        return f"{self.status.value} ({where})" + (f": {self.reason}" if self.reason else "")

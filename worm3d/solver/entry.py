@@ -10,11 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 import numba
-import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
 from worm3d.compiled import njit
 from worm3d.solver.arrays import Core
@@ -35,7 +33,9 @@ def _type_call(_context: Any, address: Any, handle: Any, value: Any, a: Any, b: 
 def _pointer_type(to: Any) -> Any:
     def type_pointer(_context: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-            return builder.inttoptr(args[0], cgutils.voidptr_t if to is None else context.get_value_type(to).as_pointer())
+            return builder.inttoptr(
+                args[0], cgutils.voidptr_t if to is None else context.get_value_type(to).as_pointer()
+            )
 
         return types.CPointer(to)(types.int64), generate
 

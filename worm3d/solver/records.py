@@ -113,6 +113,14 @@ def _segments(core: Core, records: Records, row: int) -> None:
 
 
 @njit
+def mass_centre(core: Core) -> tuple[FloatArray, FloatArray]:
+    """Return linear and angular momentum, shape (6,), and the centre of mass, shape (3,)."""
+    momentum, com = np.zeros(6), np.zeros(3)
+    _momenta(core, momentum, com)
+    return momentum, com
+
+
+@njit
 def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
     """Momentum, angular momentum and centre of mass of all mass points."""
     momentum[:], com[:] = 0.0, 0.0

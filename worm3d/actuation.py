@@ -1,0 +1,109 @@
+"""What drives a worm: gaits, plain functions of time, and controllers, all as one thing that gives commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.command import Command
+from worm3d.observation import Observation
+from worm3d.worm import Worm
+
+FloatArray = NDArray[np.float64]
+
+
+@runtime_checkable
+class Gait(Protocol):
+    """A pattern that becomes a function of time once it knows the worm."""
+
+    def bind(self, worm: Worm) -> Callable[[float], Command]:
+        """Return the commands over time [s]."""
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """Decides at every step from a measurement."""
+
+    def reset(self) -> None:
+        """Forget everything; a run begins."""
+
+    def step(self, t: float, measurement: Any) -> Command:
+        """Return the command from time t [s] on."""
+
+
+Actuation = Gait | Controller | Callable[[float], Command]
+"""Whatever `simulate` takes as actuation."""
+
+Sensor = Callable[[Observation], Any]
+"""Makes a measurement of an observation."""
+
+
+class BadCommandError(ValueError):
+    """The actuation returned something that cannot be applied."""
+
+
+class Driver:
+    """Commands of an actuation, as rows for the compiled steps.
+
+    Parameters
+    ----------
+    actuation : Actuation or None
+        None: the worm is left alone.
+    worm : Worm
+    sensor : Sensor or None
+        For controllers; None: they see the observation itself.
+
+    Raises
+    ------
+    ValueError
+        If it is none of these things, or has a sensor without being a controller.
+    """
+
+    def __init__(self, actuation: Actuation | None, worm: Worm, sensor: Sensor | None) -> None:
+        self.n, self._sensor = worm.segments, sensor
+        self.controller: Controller | None = None
+        self._at: Callable[[float], Command] = lambda t: Command(np.zeros((worm.segments, 2)))
+        if isinstance(actuation, Gait):
+            self._at = actuation.bind(worm)
+        elif isinstance(actuation, Controller):
+            self.controller = actuation
+            actuation.reset()
+            getattr(sensor, "reset", lambda: None)()
+        elif callable(actuation):
+            self._at = actuation
+        elif actuation is not None:
+            raise ValueError(
+                f"actuation: got {type(actuation).__name__}, must be a gait (with bind), a controller (with reset and "
+                "step), or a function of time"
+            )
+        if sensor is not None and self.controller is None:
+            raise ValueError("sensor: only a controller takes measurements; the actuation has no reset and step")
+
+    def at(self, t: float) -> FloatArray:
+        """Return the command at time t as a row, shape (5 N,)."""
+        return self.row(self._at(t))
+
+    def decide(self, observation: Observation) -> FloatArray:
+        """Return what the controller commands now, as a row."""
+        assert self.controller is not None
+        seen = observation if self._sensor is None else self._sensor(observation)
+        return self.row(self.controller.step(observation.time, seen))
+
+    def row(self, command: Command) -> FloatArray:
+        """Return a command as a row: contraction, force, and hinge angles behind one unused entry.
+
+        Raises
+        ------
+        BadCommandError
+            If it is no command, or one for another worm.
+        """
+        if not isinstance(command, Command):
+            raise BadCommandError(f"actuation: returned a {type(command).__name__}, must return a worm3d.Command")
+        if command.segments != self.n:
+            raise BadCommandError(
+                f"actuation: returned a command for {command.segments} segments, the worm has {self.n}"
+            )
+        return np.concatenate([command.contraction.ravel(), command.force.ravel(), [0.0], command.hinge])

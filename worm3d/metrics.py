@@ -1,0 +1,139 @@
+"""Figures of merit of a run; the words are those of the conventions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.worlds import World
+
+if TYPE_CHECKING:
+    from worm3d.result import Result
+
+FloatArray = NDArray[np.float64]
+
+UPRIGHT = 1e-3
+"""A chord of which the horizontal part is below this fraction of it has no heading."""
+
+SHORT_RUN = "the run is shorter than one period of the gait, over which the centre of mass is averaged"
+NO_PERIOD = "the actuation has no period over which the centre of mass could be averaged"
+
+
+def heading(joints: FloatArray) -> FloatArray:
+    """Return the azimuth of the tail-to-head chord of joints (T, N+1, 3), unwrapped, NaN where vertical, shape (T,)."""
+    chord = joints[:, -1] - joints[:, 0]
+    azimuth = np.arctan2(chord[:, 1], chord[:, 0])
+    upright = np.hypot(chord[:, 0], chord[:, 1]) < UPRIGHT * np.linalg.norm(chord, axis=1)
+    seen = ~upright
+    azimuth[seen] = np.unwrap(azimuth[seen])
+    azimuth[upright] = np.nan
+    return azimuth
+
+
+def forward(joints: FloatArray, world: World | None) -> FloatArray | None:
+    """Return the unit vector of the heading of joints (N+1, 3) within the world's tangent plane, or None if vertical."""
+    chord = joints[-1] - joints[0]
+    azimuth = heading(joints[None])[0]
+    if np.isnan(azimuth):
+        return None
+    along = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    if world is not None:
+        normal = _normal(world, joints.mean(axis=0), float(np.linalg.norm(chord)))
+        along[2] = -float(along[:2] @ normal[:2]) / normal[2] if abs(normal[2]) > UPRIGHT else 0.0
+    return along / float(np.linalg.norm(along))
+
+
+def _normal(world: World, at: FloatArray, length: float) -> FloatArray:
+    """Return the gradient of the world's distance by central differences over a small part of the body."""
+    h = 1e-6 * length
+    ends = np.array([at + side * h * axis for axis in np.eye(3) for side in (1.0, -1.0)])
+    d = world.distance(ends)
+    gradient: FloatArray = (d[::2] - d[1::2]) / (2.0 * h)
+    return gradient
+
+
+def distance(com: FloatArray, joints: FloatArray, world: World | None) -> float:
+    """Return (com(T) - com(0)) . heading at the start [m]; NaN for a vertical body."""
+    along = forward(joints, world)
+    return float("nan") if along is None else float((com[-1] - com[0]) @ along)
+
+
+def averaged(com: FloatArray, window: int) -> FloatArray:
+    """Return the mean of the centre of mass over `window` samples, shape (T - window + 1, 3) [m]."""
+    total = np.cumsum(np.vstack([np.zeros((1, com.shape[1])), com]), axis=0)
+    mean: FloatArray = (total[window:] - total[:-window]) / window
+    return mean
+
+
+def _window(result: Result) -> int | None:
+    if result.period is None or len(result.time) < 2:
+        return None
+    window = round(result.period / float(result.time[1] - result.time[0]))
+    return window if 1 <= window < len(result.time) else None
+
+
+def summary(result: Result) -> dict[str, float | str | None]:
+    """Return the figures of merit of a run."""
+    energy, way, window = result.energy, result.distance, _window(result)
+    work, weight = float(energy.work_contract.sum()), result.worm.mass * float(np.linalg.norm(result.gravity))
+    path = speed = None
+    if window is not None:
+        mean = averaged(result.com, window)
+        path = float(np.linalg.norm(np.diff(mean, axis=0), axis=1).sum())
+        along = forward(result.joints[0], result.world)
+        elapsed = float(result.time[-1] - result.time[window - 1])
+        speed = None if along is None else float((mean[-1] - mean[0]) @ along) / elapsed
+    turned = np.rad2deg(result.heading[-1] - result.heading[0])
+    steps = len(result.newton_iterations)
+    simulated = float(result.time[-1] - result.time[0])
+    return {
+        "status": result.status.name.lower(),
+        "duration_s": simulated,
+        "distance_m": _known(way),
+        "path_length_m": path,
+        "mean_speed_m_s": speed,
+        "heading_change_deg": _known(float(turned)),
+        "work_contract_J": work,
+        "work_friction_J": float(energy.friction_loss.sum()),
+        "cost_of_transport": work / (weight * way) if work >= 0.0 and weight * way > 0.0 else None,
+        "energy_balance_error": energy.balance_error,
+        "newton_iterations_mean": float(result.newton_iterations.mean()) if steps else None,
+        "real_time_factor": steps * result.dt / result.wall_s if steps and result.wall_s > 0.0 else None,
+        "work_contract_positive_J": float(energy.work_contract_positive.sum()),
+        "work_contract_p11_J": float(energy.work_contract_p11.sum()),
+        "work_friction_p13_J": float(energy.work_friction_p13.sum()),
+        "halved_steps": float(result.halved_steps),
+    }
+
+
+def _known(value: float) -> float | None:
+    return None if np.isnan(value) else value
+
+
+def reasons(result: Result) -> dict[str, str]:
+    """Return why figures of the summary have no value."""
+    figures, found = summary(result), {}
+    why = {
+        "distance_m": "the body is vertical at the start: it has no heading",
+        "path_length_m": NO_PERIOD if result.period is None else SHORT_RUN,
+        "mean_speed_m_s": NO_PERIOD if result.period is None else SHORT_RUN,
+        "heading_change_deg": "the body is vertical: it has no heading",
+        "cost_of_transport": _no_cost(result),
+        "newton_iterations_mean": "no step was finished",
+        "real_time_factor": "no step was finished",
+    }
+    for name, value in figures.items():
+        if value is None:
+            found[name] = why[name]
+    return found
+
+
+def _no_cost(result: Result) -> str:
+    work, way = float(result.energy.work_contract.sum()), result.distance
+    if work < 0.0:
+        return f"the net work of the contraction is negative ({work:.4g} J): the worm gave its actuators more than they gave"
+    if way <= 0.0:
+        return f"the worm made no way forward ({way:.4g} m)"
+    return "the worm has no weight, or no heading at the start"

@@ -1,0 +1,205 @@
+"""What a run gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d import metrics
+from worm3d.solver.arrays import TERMS
+from worm3d.state import State
+from worm3d.status import Status, Stop
+from worm3d.worlds import World
+from worm3d.worm import Worm
+
+FloatArray = NDArray[np.float64]
+
+INCOMING = ("work_contract", "work_external", "load_change")
+STORED = ("kinetic", "elastic", "potential", "penetration", "anchor")
+LOST = ("friction_loss", "viscous_loss", "numerical_loss")
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """Energy ledger, each term of shape (T,): of the steps since the row before, 0 at the start [J].
+
+    Attributes
+    ----------
+    work_contract, work_external, load_change : ndarray
+        What comes in: actuators, external forces, anchor energy changed by loads and turning tangents.
+    kinetic, elastic, potential, penetration, anchor : ndarray
+        Changes of energy.
+    friction_loss, viscous_loss, numerical_loss : ndarray
+        What is lost.
+    work_contract_positive : ndarray
+        Sum of the positive work of the actuators, step by step.
+    work_contract_p11, work_friction_p13 : ndarray
+        The paper's F.dq of the contraction and of the friction force; not part of the sum.
+    """
+
+    work_contract: FloatArray
+    work_external: FloatArray
+    load_change: FloatArray
+    kinetic: FloatArray
+    elastic: FloatArray
+    potential: FloatArray
+    penetration: FloatArray
+    anchor: FloatArray
+    friction_loss: FloatArray
+    viscous_loss: FloatArray
+    numerical_loss: FloatArray
+    work_contract_positive: FloatArray
+    work_contract_p11: FloatArray
+    work_friction_p13: FloatArray
+
+    @classmethod
+    def of(cls, rows: FloatArray) -> Energy:
+        """Return the ledger of records, shape (T, 14)."""
+        return cls(**dict(zip(TERMS, rows.T, strict=True)))
+
+    def _sum(self, names: tuple[str, ...]) -> FloatArray:
+        total: FloatArray = np.sum([getattr(self, name) for name in names], axis=0)
+        return total
+
+    @property
+    def residual(self) -> FloatArray:
+        """What comes in less what is stored or lost, shape (T,) [J]: zero up to Newton's residual."""
+        return self._sum(INCOMING) - self._sum(STORED) - self._sum(LOST)
+
+    @property
+    def balance_error(self) -> float:
+        """|Residual of the run| over the sum of its absolute terms."""
+        scale = sum(float(np.abs(getattr(self, name)).sum()) for name in (*INCOMING, *STORED, *LOST))
+        return abs(float(self.residual.sum())) / scale if scale > 0.0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A run; T recorded instants, S finished steps, N segments; complete up to the last finished step.
+
+    Attributes
+    ----------
+    worm, world
+        What was simulated.
+    gravity : ndarray, shape (3,)
+        [m/s^2]
+    dt : float
+        Time step [s].
+    period : float or None
+        Of the gait, over which speeds are averaged [s].
+    time : ndarray, shape (T,)
+        [s]
+    joints, joint_velocity : ndarray, shape (T, N+1, 3)
+        [m], [m/s]
+    points : ndarray, shape (T, N, 8, 3)
+        Six apexes, tail and head face (inner joints) of each segment [m].
+    directors : ndarray, shape (T, N, 3)
+        To the left of each segment.
+    bend : ndarray, shape (T, N)
+        [rad]
+    chamber_length : ndarray, shape (T, N, 2)
+        [left, right] [m]
+    command, contraction : ndarray, shape (T, N, 2)
+        Contraction asked for (clipped to the stroke), and given by the actuators.
+    hinge : ndarray, shape (T, N-1)
+        Given by the actuators [rad].
+    force : ndarray, shape (T, N, 2)
+        Chamber forces given by the actuators [N].
+    com, momentum, angular_momentum : ndarray, shape (T, 3)
+        [m], [kg m/s], about the origin [kg m^2/s].
+    normal_load, slip : ndarray, shape (T, N, 6)
+        Load of each apex [N]; metres slid since the row before [m].
+    joint_load, joint_slip : ndarray, shape (T, N+1)
+        Likewise of end faces and inner joints (of all joints, (P9), for the clamped worm).
+    anchors : ndarray, shape (T, N, 8, 3)
+        Where the contacts stick [m].
+    energy : Energy
+    newton_iterations, gradient_evaluations, breakaways : ndarray, shape (S,)
+        Hessians and further gradients evaluated in each step; rounds of contacts breaking away.
+    halved_steps : int
+        Steps that had to be taken in parts.
+    state : State
+        At the end, with memory: a run from it goes on bit for bit.
+    stop : Stop
+    wall_s : float
+        Wall time of the steps [s].
+    """
+
+    worm: Worm
+    world: World | None
+    gravity: FloatArray
+    dt: float
+    period: float | None
+    time: FloatArray
+    joints: FloatArray
+    joint_velocity: FloatArray
+    points: FloatArray
+    directors: FloatArray
+    bend: FloatArray
+    chamber_length: FloatArray
+    command: FloatArray
+    contraction: FloatArray
+    hinge: FloatArray
+    force: FloatArray
+    com: FloatArray
+    momentum: FloatArray
+    angular_momentum: FloatArray
+    normal_load: FloatArray
+    slip: FloatArray
+    joint_load: FloatArray
+    joint_slip: FloatArray
+    anchors: FloatArray
+    energy: Energy
+    newton_iterations: NDArray[np.int64]
+    gradient_evaluations: NDArray[np.int64]
+    breakaways: NDArray[np.int64]
+    halved_steps: int
+    state: State = field(repr=False)
+    stop: Stop
+    wall_s: float
+
+    @property
+    def status(self) -> Status:
+        """How the run ended."""
+        return self.stop.status
+
+    @property
+    def apexes(self) -> FloatArray:
+        """Apexes in the order of the conventions, shape (T, N, 6, 3) [m]."""
+        return self.points[:, :, :6]
+
+    @property
+    def end_load(self) -> FloatArray:
+        """Load of the end faces [tail, head], shape (T, 2) [N]."""
+        return self.joint_load[:, [0, -1]]
+
+    @property
+    def com_velocity(self) -> FloatArray:
+        """Velocity of the centre of mass, shape (T, 3) [m/s]."""
+        return self.momentum / self.worm.mass
+
+    @cached_property
+    def heading(self) -> FloatArray:
+        """Azimuth of the tail-to-head chord, unwrapped, shape (T,) [rad]; NaN where the body is vertical."""
+        return metrics.heading(self.joints)
+
+    @cached_property
+    def chamber_strain(self) -> FloatArray:
+        """Length over rest length less 1, shape (T, N, 2)."""
+        return self.chamber_length / self.worm.l0 - 1.0
+
+    @property
+    def distance(self) -> float:
+        """Displacement of the centre of mass along the initial heading, within the surface's tangent plane [m]."""
+        return metrics.distance(self.com, self.joints[0], self.world)
+
+    def summary(self) -> dict[str, float | str | None]:
+        """Return the figures of merit of the run; None where one has no value (`reasons`)."""
+        return metrics.summary(self)
+
+    def reasons(self) -> dict[str, str]:
+        """Return why figures of the summary have no value."""
+        return metrics.reasons(self)

@@ -1,0 +1,378 @@
+"""Run the 3D worm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from worm3d.actuation import Actuation, Driver, Sensor
+from worm3d.friction import Friction
+from worm3d.held import Held, held_mask
+from worm3d.metrics import heading
+from worm3d.observation import Observation
+from worm3d.plant import Plant
+from worm3d.result import Energy, Result
+from worm3d.solver.advance import NO_CONVERGENCE, OK, advance, worst_residual
+from worm3d.solver.arrays import POINTS
+from worm3d.solver.block import named
+from worm3d.solver.records import NAMES, allocate_records, mass_centre, record
+from worm3d.start import GUARDED, require_clear, require_equilibrium, require_shape, settle, settles
+from worm3d.state import State
+from worm3d.status import Status, Stop
+from worm3d.worlds import ClampedGround, World
+from worm3d.worm import Worm
+
+FloatArray = NDArray[np.float64]
+Integrator = Literal["bdf2", "implicit_euler"]
+Force = Callable[[float], ArrayLike]
+"""Time [s] -> force on each joint, shape (N+1, 3) [N]."""
+
+HALVINGS = 6
+"""A step that does not converge is halved at most so often."""
+
+CHUNK = 50
+"""Steps between two looks at the outside world, where nothing depends on the state."""
+
+_HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
+
+
+def simulate(
+    worm: Worm,
+    world: World | None,
+    ground: Friction | None = None,
+    actuation: Actuation | None = None,
+    duration: float = 10.0,
+    dt: float = 0.01,
+    integrator: Integrator = "bdf2",
+    gravity: ArrayLike = (0.0, 0.0, -9.81),
+    external_force: Force | None = None,
+    state: State | None = None,
+    held: Held | ArrayLike | None = None,
+    sensor: Sensor | None = None,
+    record_every: int = 1,
+    *,
+    settle_first: bool = True,
+    observer: Callable[[int], bool] | None = None,
+) -> Result:
+    """Simulate a worm.
+
+    Parameters
+    ----------
+    worm : Worm
+    world : World or None
+        What it crawls on or in; None: nothing, as in free flight.
+    ground : Friction, optional
+        Coefficients of friction; `Friction()` if left out.
+    actuation : gait, controller, or function of time, optional
+        Gives the commands (`worm3d.actuation`); left alone if None.
+    duration, dt : float
+        Simulated time and time step [s].
+    integrator : str
+        "bdf2" (second order) or "implicit_euler" (the paper's).
+    gravity : array_like, shape (3,)
+        [m/s^2]
+    external_force : callable, optional
+        Time [s] -> forces on the joints, shape (N+1, 3) [N].
+    state : State, optional
+        Where the run starts; a straight worm along x on the world if left out. The final `Result.state` of a run
+        goes on with it, bit for bit.
+    held : Held or array_like of bool, shape (N+1, 3), optional
+        Coordinates (of the joints) that stay fixed.
+    sensor : callable, optional
+        Makes of an `Observation` the measurement that a controller gets; None: the observation.
+    record_every : int
+        Steps between two rows of the result.
+    settle_first : bool
+        Whether a worm that starts at rest is first brought to equilibrium on its world, under the weight that presses
+        it there. A state with memory never is.
+    observer : callable, optional
+        Called with the number of finished steps, every so many; returning False ends the run there.
+
+    Returns
+    -------
+    Result
+        With all finished steps, however the run ended: see `Result.stop`.
+
+    Raises
+    ------
+    worm3d.LimitPointError
+        The weight would flatten the chambers.
+    ValueError
+        Another argument out of range or of the wrong shape.
+    """
+    weight = _vector(gravity)
+    steps = _steps(duration, dt, record_every, integrator)
+    friction = ground if ground is not None else Friction()
+    clamped = isinstance(world, ClampedGround)
+    mask = held_mask(held, worm.segments, flat=worm.flat, clamped=clamped)
+    if worm.chamber_offset == 0.0 and not mask.reshape(-1, 5)[:, 4].all():
+        raise ValueError("chamber_offset: got 0 with bends that are free; hold them (held.bend) or give it a width")
+    start = State.straight(worm, world) if state is None else state
+    require_shape(worm, start)
+    if settles(world, weight):
+        assert world is not None
+        require_equilibrium(worm, float(np.linalg.norm(world.pressing(weight))))
+    plant = Plant(worm, world, friction, weight, mask)
+    status = _begin(plant, start, settle_first)
+    driver = Driver(actuation, worm, sensor)
+    run = _Run(plant, driver, external_force, dt, integrator == "bdf2", record_every, steps, start)
+    if status is Status.DONE:
+        status = run.go(observer)
+    return run.result(status, getattr(actuation, "period", getattr(actuation, "T_wave", None)))
+
+
+def _begin(plant: Plant, start: State, settle_first: bool) -> Status:
+    """Put the worm into its initial state."""
+    plant.set_pose(start)
+    if start.memory:
+        plant.remember(start.memory)
+        return Status.DONE
+    require_clear(plant)
+    if settle_first and not start.moves and settles(plant.world, plant.gravity):
+        assert plant.world is not None
+        held = plant.arrays["held"][0] != 0.0
+        rested, status = settle(plant.worm, plant.world, plant.gravity, held, start)
+        if status is not Status.DONE:
+            return status
+        plant.set_pose(rested)
+        plant.loads()[:] = rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n]
+    return Status.DONE
+
+
+class _Run:
+    """A run in progress."""
+
+    def __init__(
+        self,
+        plant: Plant,
+        driver: Driver,
+        external_force: Force | None,
+        dt: float,
+        bdf2: bool,
+        every: int,
+        steps: int,
+        start: State,
+    ) -> None:
+        self.plant, self.driver, self.external_force = plant, driver, external_force
+        self.dt, self.bdf2, self.every, self.steps = dt, bdf2, every, steps
+        self.n, self.core = plant.n, plant.core
+        self.records = allocate_records(self.n, steps // every + 1, steps)
+        self.done, self.halved, self.wall = 0, 0, 0.0
+        self.complaint, self.residual = "", (0.0, 0)
+        self.first = round(start.time / dt)
+        self.offset = start.time - self.first * dt
+        if abs(self.offset) < 1e-9 * dt:
+            self.offset = 0.0  # a resumed run has the very times of one that went on
+        self.remembers = bool(start.memory) and bool(start.memory.get("remembers", np.zeros(1))[0] == dt)
+        if not start.memory:
+            self._ask_at_start()
+        record(self.core, self.records, 0)
+        self._forces(self.time(0))  # wrong shapes show before the first step
+
+    def time(self, k: float) -> float:
+        """Return the time after k steps [s]."""
+        return (self.first + k) * self.dt + self.offset
+
+    def _ask_at_start(self) -> None:
+        """Take the command at the start as that from which the actuators' ramp begins."""
+        if self.driver.controller is None:
+            row = self.driver.at(self.time(0))
+            stroke = self.plant.worm.stroke
+            row[: 2 * self.n] = np.clip(row[: 2 * self.n], *stroke)
+            self.plant.arrays["asked"][0] = row
+
+    def _forces(self, t: float) -> FloatArray:
+        if self.external_force is None:
+            return np.zeros((0, self.n + 1))
+        force = np.array(self.external_force(t), dtype=float)
+        if force.shape != (self.n + 1, 3) or not np.isfinite(force).all():
+            raise ValueError(
+                f"external_force: got shape {force.shape}, must be finite and ({self.n + 1}, 3): x, y, z on each joint"
+            )
+        return force.T
+
+    def go(self, observer: Callable[[int], bool] | None) -> Status:
+        """Take all steps; return how the run ended."""
+        while self.done < self.steps:
+            status = self._chunk()
+            if status is not Status.DONE:
+                return status
+            if observer is not None and not observer(self.done) and self.done < self.steps:
+                return Status.INTERRUPTED
+        return Status.DONE
+
+    def _chunk(self) -> Status:
+        """Ask for commands and forces and take the steps."""
+        controlled = self.driver.controller is not None
+        count = 1 if controlled else min(CHUNK, self.steps - self.done)
+        commands: list[FloatArray] = []
+        forces: list[FloatArray] = []
+        try:
+            for k in range(count):
+                forces.append(self._forces(self.time(self.done + k + 1)))
+                commands.append(self._command(self.time(self.done + k + 1)))
+        except ValueError as error:
+            self.complaint = str(error)
+        status = self._advance(np.array(commands).reshape(-1, 5 * self.n), forces[: len(commands)])
+        return Status.BAD_COMMAND if status is Status.DONE and self.complaint else status
+
+    def _command(self, t: float) -> FloatArray:
+        """Return the command for a step that ends at t."""
+        if self.driver.controller is not None:
+            return self.driver.decide(self._observation())
+        return self.driver.at(t)
+
+    def _advance(self, commands: FloatArray, forces: list[FloatArray]) -> Status:
+        """Take a step for each command."""
+        table = np.array(forces) if self.external_force is not None else np.zeros((0, 3, self.n + 1))
+        taken = 0
+        while taken < len(commands):
+            began = perf_counter()
+            done, end = advance(
+                self.core,
+                self.records,
+                commands[taken:],
+                table[taken:],
+                self.done,
+                self.every,
+                self.dt,
+                self.bdf2,
+                self.remembers,
+            )
+            self.wall += perf_counter() - began
+            taken, self.done = taken + done, self.done + done
+            self.remembers = self.remembers or done > 0
+            if end == OK:
+                continue
+            status = self._halve(commands[taken]) if end == NO_CONVERGENCE else GUARDED[end]
+            if status is not Status.DONE:
+                return status
+            taken += 1
+        return Status.DONE
+
+    def _halve(self, command: FloatArray) -> Status:
+        """Take one step in parts, by implicit Euler; the past is then that of one whole step."""
+        arrays = self.plant.arrays
+        past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in _HISTORIES}
+        status = self._part(command, self.done, 0.5, HALVINGS - 1)
+        if status is Status.DONE:
+            status = self._part(command, self.done + 0.5, 0.5, HALVINGS - 1)
+        if status is not Status.DONE:
+            return status
+        for name, rows in past.items():
+            arrays[name][len(rows) :] = rows
+        self.done, self.halved, self.remembers = self.done + 1, self.halved + 1, True
+        self.records.counters[self.done - 1] = self.core.counters
+        if self.done % self.every == 0:
+            record(self.core, self.records, self.done // self.every)
+        return Status.DONE
+
+    def _part(self, held: FloatArray, begin: float, share: float, halvings: int) -> Status:
+        """Take a part of a step; `begin` and `share` count in steps, `held` is the command of a controller."""
+        t = self.time(begin + share)
+        command = held if self.driver.controller is not None else self.driver.at(t)
+        force = self._forces(t)[None] if self.external_force is not None else np.zeros((0, 3, self.n + 1))
+        _, end = advance(self.core, self.records, command[None], force, 0, 0, share * self.dt, False, False)
+        if end != NO_CONVERGENCE:
+            return GUARDED[end]
+        if halvings == 0:
+            self.residual = worst_residual(self.core)
+            return Status.NO_CONVERGENCE
+        status = self._part(held, begin, share / 2.0, halvings - 1)
+        if status is Status.DONE:
+            status = self._part(held, begin + share / 2.0, share / 2.0, halvings - 1)
+        return status
+
+    def _observation(self) -> Observation:
+        """Return what there is to see now."""
+        arrays, n, worm = self.plant.arrays, self.n, self.plant.worm
+        momentum, com = mass_centre(self.core)
+        joints = arrays["joints"][:3].T.copy()
+        return Observation(
+            time=self.time(self.done),
+            chamber_strain=arrays["lengths"][:2, :n].T / worm.l0 - 1.0,
+            com=com,
+            com_velocity=momentum[:3] / worm.mass,
+            heading=float(heading(joints[None])[0]),
+            joints=joints,
+            contraction=arrays["given"][0, : 2 * n].reshape(n, 2).copy(),
+            normal_load=self.plant.loads()[:6].T.copy(),
+        )
+
+    def result(self, status: Status, period: float | None) -> Result:
+        """Return the run as far as it got."""
+        rows = self.done // self.every + 1
+        n, raw = self.n, {name: array[:rows] for name, array in named(self.records.block, NAMES).items()}
+        load, slip = raw["load"].reshape(rows, n, POINTS), raw["slip"].reshape(rows, n, POINTS)
+        clamped = self.plant.clamped
+        counters = self.records.counters[: self.done]
+        given, asked = raw["given"], raw["asked"]
+        state = self.plant.state(self.time(self.done))
+        state.memory["remembers"] = np.array([self.dt if self.remembers else 0.0])
+        return Result(
+            worm=self.plant.worm,
+            world=self.plant.world,
+            gravity=self.plant.gravity,
+            dt=self.dt,
+            period=period,
+            time=np.array([self.time(k * self.every) for k in range(rows)]),
+            joints=raw["joints"].reshape(rows, n + 1, 3),
+            joint_velocity=raw["joint_velocity"].reshape(rows, n + 1, 3),
+            points=raw["points"].reshape(rows, n, POINTS, 3),
+            directors=raw["directors"].reshape(rows, n, 3),
+            bend=raw["bend"],
+            chamber_length=raw["chamber_length"].reshape(rows, n, 2),
+            command=asked[:, : 2 * n].reshape(rows, n, 2),
+            contraction=given[:, : 2 * n].reshape(rows, n, 2),
+            hinge=given[:, 4 * n + 1 :],
+            force=given[:, 2 * n : 4 * n].reshape(rows, n, 2),
+            com=raw["com"],
+            momentum=raw["momentum"][:, :3],
+            angular_momentum=raw["momentum"][:, 3:],
+            normal_load=load[:, :, :6],
+            slip=slip[:, :, :6],
+            joint_load=raw["joint_load"] if clamped else _of_joints(load),
+            joint_slip=_of_joints(slip),
+            anchors=raw["anchors"].reshape(rows, n, POINTS, 3),
+            energy=Energy.of(raw["energy"]),
+            newton_iterations=counters[:, 0],
+            gradient_evaluations=counters[:, 1],
+            breakaways=counters[:, 2],
+            halved_steps=self.halved,
+            state=state,
+            stop=self._stop(status),
+            wall_s=self.wall,
+        )
+
+    def _stop(self, status: Status) -> Stop:
+        tried = self.done if not status.diverged else self.done + 1
+        size, worst = self.residual
+        return Stop(status, tried, self.time(tried), size, min(worst, self.n - 1), self.complaint)
+
+
+def _of_joints(of_points: FloatArray) -> FloatArray:
+    """Return what the faces of each segment have as one value a joint, shape (T, N+1)."""
+    return np.column_stack([of_points[:, :, 6], of_points[:, -1, 7]])
+
+
+def _vector(gravity: ArrayLike) -> FloatArray:
+    vector = np.array(gravity, dtype=float)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueError(f"gravity: got {gravity!r}, must be finite, x, y and z [m/s^2]")
+    return vector
+
+
+def _steps(duration: float, dt: float, every: int, integrator: str) -> int:
+    """Check the numbers of a run and return its number of steps."""
+    for name, value in (("duration", duration), ("dt", dt)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name}: got {value!r} s, must be finite and above 0")
+    if isinstance(every, bool) or every != int(every) or every < 1:
+        raise ValueError(f"record_every: got {every!r}, must be a whole number of at least 1")
+    if integrator not in ("bdf2", "implicit_euler"):
+        raise ValueError(f"integrator: got {integrator!r}, must be 'bdf2' or 'implicit_euler'")
+    return max(1, round(duration / dt))

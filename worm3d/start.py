@@ -1,0 +1,155 @@
+"""What has to hold before a run, and the worm's equilibrium on its world."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from worm3d import elements
+from worm3d.friction import RESTING_PENETRATION, Friction
+from worm3d.plant import Plant
+from worm3d.solver.advance import OK, advance
+from worm3d.solver.records import allocate_records
+from worm3d.state import State
+from worm3d.status import Status
+from worm3d.worlds import ClampedGround, World
+from worm3d.worm import Worm
+
+FloatArray = NDArray[np.float64]
+
+SETTLING_TIME = 1.0
+"""Pseudo time step of settling [s]."""
+
+MAX_SETTLING = 200
+
+SETTLED = 1e-13
+"""Motion of the joints in such a step, as a fraction of the body length, at which the worm rests."""
+
+OVERLAP = 10.0 * RESTING_PENETRATION
+"""A start with a contact point deeper in the world than this fraction of the segment length is refused."""
+
+GUARDED = (
+    Status.DONE,
+    Status.NO_CONVERGENCE,
+    Status.NOT_FINITE,
+    Status.FLATTENED,
+    Status.FOLDED,
+    Status.SUNK,
+)
+"""Status of each way in which `worm3d.solver.advance` ends."""
+
+
+class LimitPointError(ValueError):
+    """The worm's weight would flatten its chambers: there is no equilibrium to start from."""
+
+
+def flattening_weight(worm: Worm, contraction: float = 0.0) -> FloatArray:
+    """Return the weight that flattens each segment (limit point), shape (N,) [N].
+
+    A segment whose joints, at height h above its lower apexes, carry the vertical load w is in equilibrium where
+    dE/dl = w dh/dl (E of both chambers). The greatest w with a solution is the limit point: any more and the chamber
+    collapses.
+
+    Parameters
+    ----------
+    contraction : float
+        Common contraction of all chambers.
+    """
+    shapes = zip(np.asarray(worm.k_spring), np.asarray(worm.k_apex), worm.link_length, strict=True)
+    return np.array([_limit_point(k, k_apex, a, worm.l0, contraction) for k, k_apex, a in shapes])
+
+
+def _limit_point(k: float, k_apex: float, a: float, l0: float, contraction: float) -> float:
+    length = ca.SX.sym("length")
+    commanded = l0 * (1.0 - contraction)
+    rest = elements.hinge_angle(ca.SX(a), ca.SX(l0))
+    energy = elements.chamber_energy(ca.SX(k), ca.SX(l0), length, ca.SX(commanded))
+    energy += k_apex / 2.0 * (elements.hinge_angle(ca.SX(a), length) - rest) ** 2
+    height = elements.half_height(ca.SX(a), length)
+    weight = ca.Function("weight", [length], [-2.0 * ca.gradient(energy, length) / ca.gradient(height, length)])
+    found = minimize_scalar(lambda x: -float(weight(x)), bounds=(commanded, 2.0 * a * (1.0 - 1e-9)), method="bounded")
+    return float(weight(found.x))
+
+
+def carried_weight(worm: Worm, gravity: float) -> FloatArray:
+    """Return the weight that each segment has to hold up if all stand on their lower apexes, shape (N,) [N].
+
+    The joints and the outward apexes hang on it with once, the upper apexes with twice the half-height.
+    """
+    mass = worm.joint_mass
+    joints = (mass[:-1] + mass[1:]) / 2.0
+    joints[0] += mass[0] / 2.0
+    joints[-1] += mass[-1] / 2.0
+    apexes = worm.apex_mass
+    load: FloatArray = gravity * (joints + 2.0 * apexes[:, [1, 4]].sum(axis=1) + apexes[:, [2, 5]].sum(axis=1))
+    return load
+
+
+def require_equilibrium(worm: Worm, gravity: float) -> None:
+    """Raise LimitPointError where the chambers cannot carry the weight, however they share it.
+
+    This is the uncommanded worm; lengthening lowers the limit (`flattening_weight`), and a wave may put the weight on
+    few segments: what happens then ends the run with its own reason.
+    """
+    load, limit = carried_weight(worm, gravity), flattening_weight(worm)
+    if load.sum() >= limit.sum():
+        i, lightest = int(np.argmax(load / limit)), worm.mass * limit.sum() / load.sum()
+        raise LimitPointError(
+            f"segment {i} would be pressed flat: it carries {load[i]:.3g} N, its limit point is {limit[i]:.3g} N; make "
+            f"the worm lighter than {lightest:.3g} kg, or k_spring or half_height larger"
+        )
+
+
+def require_shape(worm: Worm, state: State) -> None:
+    """Raise ValueError where a state does not fit the worm."""
+    if state.segments != worm.segments:
+        raise ValueError(f"state: got {state.segments} segments, the worm has {worm.segments}")
+    length = np.linalg.norm(np.diff(state.joints, axis=0), axis=1)
+    chambers = length[:, None] + worm.chamber_offset * np.abs(state.bend)[:, None] * [-1.0, 1.0]
+    wrong = ~((chambers > 0.0) & (chambers < 2.0 * worm.link_length[:, None])).all(axis=1)
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise ValueError(
+            f"state: the chambers of segment {i} are {chambers[i].min():.4g} and {chambers[i].max():.4g} m long, must "
+            f"lie between 0 and {2 * worm.link_length[i]:.4g} m, twice the links"
+        )
+
+
+def require_clear(plant: Plant) -> None:
+    """Raise ValueError where a contact point of the worm at the start lies in the world."""
+    depth = plant.depth()
+    if depth.max() > OVERLAP * plant.worm.l0:
+        segment = int(np.argmax(depth.max(axis=0)))
+        raise ValueError(f"state: segment {segment} lies {depth.max():.3g} m inside the world; lift or move the worm")
+
+
+def settle(
+    worm: Worm, world: World, gravity: FloatArray, held: NDArray[np.bool_], state: State
+) -> tuple[State, Status]:
+    """Return the worm at rest under the part of gravity that presses it to the world, and DONE or why it does not rest.
+
+    Steps of implicit Euler with a second each and no friction, stopped after each; the state has loads and no anchors
+    yet (anchors are where the worm touches).
+    """
+    pressing = world.pressing(gravity)
+    plant = Plant(worm, world, Friction(0.0, 0.0, 0.0, 1.0), pressing, held, scale=gravity)
+    plant.set_pose(state)
+    records = allocate_records(worm.segments, 1, 0)
+    command, none = np.zeros((1, 5 * worm.segments)), np.zeros((0, 3, worm.segments + 1))
+    for _ in range(MAX_SETTLING):
+        before = plant.arrays["joints"][:3].copy()
+        done, end = advance(plant.core, records, command, none, 0, 0, SETTLING_TIME, False, False)
+        if end != OK or done != 1:
+            return state, Status.UNSETTLED if GUARDED[end] is Status.NO_CONVERGENCE else GUARDED[end]
+        moved = np.abs(plant.arrays["joints"][:3] - before).max()
+        plant.stop()
+        if moved < SETTLED * worm.length:
+            break
+    return plant.state(state.time), Status.DONE
+
+
+def settles(world: World | None, gravity: FloatArray) -> bool:
+    """Return whether a worm can be settled: there is a world, not the clamped one, and a weight towards it."""
+    return world is not None and not isinstance(world, ClampedGround) and bool(np.any(world.pressing(gravity)))
