@@ -27,10 +27,10 @@ def njit(function: F) -> F:
     """Compile a function by Numba, without Python objects, and keep the result on disk."""
     folder = _folder()
     if folder is None:
-        return cast(F, numba.njit(function))
+        return cast(F, numba.njit(error_model="numpy")(function))
     before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
     try:
-        return cast(F, numba.njit(cache=True)(function))
+        return cast(F, numba.njit(cache=True, error_model="numpy")(function))
     finally:
         numba.config.CACHE_DIR = before
 

@@ -14,8 +14,7 @@ from worm3d.compiled import cfunc
 from worm3d.friction import ContactConstants, Friction
 from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays
-from worm3d.solver.arrays import ARRAYS, BLOCK, POINTS, REMEMBERED, allocate_core
-from worm3d.solver.block import named
+from worm3d.solver.arrays import BLOCK, POINTS, REMEMBERED, CoreMemory
 from worm3d.solver.entry import SIGNATURE
 from worm3d.solver.evaluate import evaluate_entry
 from worm3d.solver.newton import solve_entry
@@ -101,8 +100,8 @@ class Plant:
         addresses = {"world": self.world_kernel.address, **{name: kernel.address for name, kernel in made.items()}}
         addresses |= {name: entry.address for name, entry in entries().items()}
         table = np.array([addresses[name] for name in arrays.KERNELS], dtype=np.int64)
-        self.core = allocate_core(self.n, lanes, joint_lanes, 3 + len(parameters), table)
-        self.arrays = named(self.core.block, ARRAYS)
+        self.memory_of_core = CoreMemory(self.n, lanes, joint_lanes, 3 + len(parameters), table)
+        self.core, self.arrays = self.memory_of_core.core, self.memory_of_core.arrays
         self.arrays["world_in"][3:] = parameters[:, None]
         self.arrays["held"][0] = held
         self._fill_numbers()
@@ -256,7 +255,7 @@ class Plant:
         self._run("world", world_in, self.arrays["world_out"], world_in.shape[1])
 
     def _run(self, name: str, inputs: FloatArray, outputs: FloatArray, count: int) -> None:
-        evaluate(self.core.kernels[arrays.KERNELS.index(name)], inputs, outputs, count)
+        evaluate(self.memory_of_core.kernels[arrays.KERNELS.index(name)], inputs, outputs, count)
 
     def _begin_histories(self, state: State) -> None:
         n, a = self.n, self.arrays

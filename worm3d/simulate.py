@@ -17,9 +17,8 @@ from worm3d.observation import Observation
 from worm3d.plant import Plant
 from worm3d.result import Energy, Result
 from worm3d.solver.advance import NO_CONVERGENCE, OK, advance, worst_residual
-from worm3d.solver.arrays import POINTS
-from worm3d.solver.block import named
-from worm3d.solver.records import NAMES, allocate_records, mass_centre, record
+from worm3d.solver.arrays import COUNTERS, POINTS
+from worm3d.solver.records import mass_centre, record, record_memory
 from worm3d.start import GUARDED, require_clear, require_equilibrium, require_shape, settle, settles
 from worm3d.state import State
 from worm3d.status import Status, Stop
@@ -160,7 +159,8 @@ class _Run:
         self.plant, self.driver, self.external_force = plant, driver, external_force
         self.dt, self.bdf2, self.every, self.steps = dt, bdf2, every, steps
         self.n, self.core = plant.n, plant.core
-        self.records = allocate_records(self.n, steps // every + 1, steps)
+        self.records = record_memory(self.n, steps // every + 1)
+        self.counters = np.zeros((steps, COUNTERS), dtype=np.int64)
         self.done, self.halved, self.wall = 0, 0, 0.0
         self.complaint, self.residual = "", (0.0, 0)
         self.first = round(start.time / dt)
@@ -170,7 +170,7 @@ class _Run:
         self.remembers = bool(start.memory) and bool(start.memory.get("remembers", np.zeros(1))[0] == dt)
         if not start.memory:
             self._ask_at_start()
-        record(self.core, self.records, 0)
+        record(self.core, self.records.block, 0)
         self._forces(self.time(0))  # wrong shapes show before the first step
 
     def time(self, k: float) -> float:
@@ -234,7 +234,8 @@ class _Run:
             began = perf_counter()
             done, end = advance(
                 self.core,
-                self.records,
+                self.records.block,
+                self.counters,
                 commands[taken:],
                 table[taken:],
                 self.done,
@@ -266,9 +267,9 @@ class _Run:
         for name, rows in past.items():
             arrays[name][len(rows) :] = rows
         self.done, self.halved, self.remembers = self.done + 1, self.halved + 1, True
-        self.records.counters[self.done - 1] = self.core.counters
+        self.counters[self.done - 1] = self.plant.memory_of_core.counters
         if self.done % self.every == 0:
-            record(self.core, self.records, self.done // self.every)
+            record(self.core, self.records.block, self.done // self.every)
         return Status.DONE
 
     def _part(self, held: FloatArray, begin: float, share: float, halvings: int) -> Status:
@@ -276,7 +277,9 @@ class _Run:
         t = self.time(begin + share)
         command = held if self.driver.controller is not None else self.driver.at(t)
         force = self._forces(t)[None] if self.external_force is not None else np.zeros((0, 3, self.n + 1))
-        _, end = advance(self.core, self.records, command[None], force, 0, 0, share * self.dt, False, False)
+        _, end = advance(
+            self.core, self.records.block, self.counters, command[None], force, 0, 0, share * self.dt, False, False
+        )
         if end != NO_CONVERGENCE:
             return GUARDED[end]
         if halvings == 0:
@@ -306,10 +309,10 @@ class _Run:
     def result(self, status: Status, period: float | None) -> Result:
         """Return the run as far as it got."""
         rows = self.done // self.every + 1
-        n, raw = self.n, {name: array[:rows] for name, array in named(self.records.block, NAMES).items()}
+        n, raw = self.n, {name: array[:rows] for name, array in self.records.arrays().items()}
         load, slip = raw["load"].reshape(rows, n, POINTS), raw["slip"].reshape(rows, n, POINTS)
         clamped = self.plant.clamped
-        counters = self.records.counters[: self.done]
+        counters = self.counters[: self.done]
         given, asked = raw["given"], raw["asked"]
         state = self.plant.state(self.time(self.done))
         state.memory["remembers"] = np.array([self.dt if self.remembers else 0.0])

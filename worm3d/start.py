@@ -11,7 +11,7 @@ from worm3d import elements
 from worm3d.friction import RESTING_PENETRATION, Friction
 from worm3d.plant import Plant
 from worm3d.solver.advance import OK, advance
-from worm3d.solver.records import allocate_records
+from worm3d.solver.records import record_memory
 from worm3d.state import State
 from worm3d.status import Status
 from worm3d.worlds import ClampedGround, World
@@ -136,11 +136,11 @@ def settle(
     pressing = world.pressing(gravity)
     plant = Plant(worm, world, Friction(0.0, 0.0, 0.0, 1.0), pressing, held, scale=gravity)
     plant.set_pose(state)
-    records = allocate_records(worm.segments, 1, 0)
+    records, counters = record_memory(worm.segments, 1), np.zeros((0, 3), dtype=np.int64)
     command, none = np.zeros((1, 5 * worm.segments)), np.zeros((0, 3, worm.segments + 1))
     for _ in range(MAX_SETTLING):
         before = plant.arrays["joints"][:3].copy()
-        done, end = advance(plant.core, records, command, none, 0, 0, SETTLING_TIME, False, False)
+        done, end = advance(plant.core, records.block, counters, command, none, 0, 0, SETTLING_TIME, False, False)
         if end != OK or done != 1:
             return state, Status.UNSETTLED if GUARDED[end] is Status.NO_CONVERGENCE else GUARDED[end]
         moved = np.abs(plant.arrays["joints"][:3] - before).max()

@@ -9,9 +9,10 @@ from worm3d.compiled import njit
 from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, Core
-from worm3d.solver.block import matrix, vector
+from worm3d.solver.block import Block, copy, integers, matrix, total, vector
+from worm3d.solver.entry import reset
 from worm3d.solver.evaluate import LENGTHS, TANGENT
-from worm3d.solver.records import Records, record
+from worm3d.solver.records import record
 from worm3d.solver.step import step
 
 FloatArray = NDArray[np.float64]
@@ -27,7 +28,8 @@ _DISTANCE = point.LAYOUT.first("distance")
 @njit
 def advance(
     core: Core,
-    records: Records,
+    records: Block,
+    counters: NDArray[np.int64],
     commands: FloatArray,
     external: FloatArray,
     first: int,
@@ -40,8 +42,10 @@ def advance(
 
     Parameters
     ----------
-    records : Records
-        A row is filled after every `every`-th step.
+    records : Block
+        Of `worm3d.solver.records`; a row is filled after every `every`-th step.
+    counters : ndarray of int, shape (S, 3)
+        A row is filled after every step.
     commands : ndarray, shape (K, 5 N)
         Asked of the actuators at the end of each step, as the array "asked".
     external : ndarray, shape (K, 3, N+1) or (0, 3, N+1)
@@ -62,18 +66,20 @@ def advance(
         asked_n, given_n = asked.copy(), given.copy()
         actuate(core, commands[k], dt)
         if len(external) > 0:
-            matrix(core.block, a.EXTERNAL)[:] = external[k]
+            copy(vector(core.block, a.EXTERNAL), external[k].ravel())
         if every > 0:
-            core.counters[:] = 0
+            reset(core)
         if not step(core, dt, bdf2 and (remembers or k > 0)):
-            asked[:], given[:] = asked_n, given_n
+            copy(asked, asked_n)
+            copy(given, given_n)
             return k, NO_CONVERGENCE
         broken = guard(core)
         if broken != OK:
             return k, broken
         if every > 0:
             done = first + k + 1
-            records.counters[done - 1] = core.counters
+            for c in range(a.COUNTERS):
+                counters[done - 1, c] = integers(core.counters, a.COUNTERS)[c]
             if done % every == 0:
                 record(core, records, done // every)
     return len(commands), OK
@@ -111,7 +117,7 @@ def guard(core: Core) -> int:
     """Return OK for a shape that the model stands for, else what became of it."""
     rest, longest, n = matrix(core.block, a.REST), vector(core.block, a.LONGEST), core.n
     numbers = vector(core.block, a.NUMBERS_)
-    if not np.isfinite(vector(core.block, a.X).sum()):
+    if not np.isfinite(total(vector(core.block, a.X))):
         return NOT_FINITE
     for i in range(n):
         if max(rest[LENGTHS, i], rest[LENGTHS + 1, i]) > longest[i]:

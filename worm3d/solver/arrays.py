@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from worm3d.banded import WIDTH
 from worm3d.kernels import joint, point, segment
-from worm3d.solver.block import Block, allocate
+from worm3d.solver.block import Block, Memory
 
 FloatArray = NDArray[np.float64]
 
@@ -244,23 +244,26 @@ REMEMBERED = (
 """Arrays on which the next step depends; beside them the rows of the kernels' inputs in `worm3d.plant`."""
 
 
+HANDLE = 5
+"""Numbers in the handle of a core: n and the addresses of memory, table, kernels and counters."""
+COUNTERS = 3
+"""Evaluations of the Hessian, of the gradient alone, and rounds of contacts that broke away."""
+
+
 class Core(NamedTuple):
-    """What compiled code receives."""
+    """What compiled code receives: the number of segments, and where everything stands."""
 
     n: int
-    """Segments."""
-    kernels: NDArray[np.int64]
+    kernels: int
     """Addresses of `KERNELS`."""
     block: Block
     """Of `ARRAYS`."""
-    counters: NDArray[np.int64]
-    """(3,) evaluations of the Hessian, of the gradient alone, and rounds of contacts that broke away."""
-    handle: NDArray[np.int64]
-    """(9,) where all of this stands, for `worm3d.solver.entry`."""
+    counters: int
+    handle: int
 
 
-def allocate_core(n: int, lanes: int, joint_lanes: int, world_rows: int, kernels: NDArray[np.int64]) -> Core:
-    """Return a core of zeros.
+class CoreMemory:
+    """Owner of a core: zero arrays for n segments.
 
     Parameters
     ----------
@@ -273,36 +276,21 @@ def allocate_core(n: int, lanes: int, joint_lanes: int, world_rows: int, kernels
     kernels : ndarray of int, shape (16,)
         Addresses.
     """
-    shapes = _shapes(n, lanes, joint_lanes, world_rows)
-    block = allocate([shapes[name] for name in ARRAYS])
-    table = block.table
-    rest, segment_in = table[REST, 0], table[SEGMENT_IN, 0]
-    points = rest + POINTS * lanes  # behind lengths, tangents and directors
-    table[POINT_IN, 0] = table[POINT_ROWS, 0] = points
-    table[WORLD_OUT, 0] = points + 3 * POINTS * lanes
-    table[FIRST, 0] = points + point.LAYOUT.first("first") * POINTS * lanes
-    table[POINT_OUT, 0] = segment_in + segment.LAYOUT.first("f") * lanes
-    counters = np.zeros(3, dtype=np.int64)
-    return Core(n, kernels, block, counters, _handle(n, kernels, block, counters))
 
-
-def _handle(n: int, kernels: NDArray[np.int64], block: Block, counters: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return where the parts of a core stand."""
-    memory, table = block
-    return np.array(
-        [
-            n,
-            memory.ctypes.data,
-            memory.size,
-            table.ctypes.data,
-            len(table),
-            kernels.ctypes.data,
-            len(kernels),
-            counters.ctypes.data,
-            len(counters),
-        ],
-        dtype=np.int64,
-    )
+    def __init__(self, n: int, lanes: int, joint_lanes: int, world_rows: int, kernels: NDArray[np.int64]) -> None:
+        shapes = _shapes(n, lanes, joint_lanes, world_rows)
+        self._memory = Memory(ARRAYS, [shapes[name] for name in ARRAYS])
+        table = self._memory.table
+        points = table[REST, 0] + POINTS * lanes  # behind lengths, tangents and directors
+        table[POINT_IN, 0] = table[POINT_ROWS, 0] = points
+        table[WORLD_OUT, 0] = points + 3 * POINTS * lanes
+        table[FIRST, 0] = points + point.LAYOUT.first("first") * POINTS * lanes
+        table[POINT_OUT, 0] = table[SEGMENT_IN, 0] + segment.LAYOUT.first("f") * lanes
+        block, self.counters, self.kernels = self._memory.block, np.zeros(COUNTERS, dtype=np.int64), kernels
+        at = (*block, kernels.ctypes.data, self.counters.ctypes.data)
+        self._handle = np.array([n, *at], dtype=np.int64)
+        self.core = Core(n, kernels.ctypes.data, block, self.counters.ctypes.data, self._handle.ctypes.data)
+        self.arrays = self._memory.arrays()
 
 
 def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, tuple[int, int]]:

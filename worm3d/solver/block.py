@@ -1,16 +1,19 @@
 """Many named arrays in one block of memory, for compiled code: what a function receives stays small.
 
-Numba passes every array as seven numbers; a hundred arrays make its compile time minutes. A block is one vector of
-numbers and a table that says where each array stands; inside compiled code `matrix(block, NAME)` is the array itself,
-and `named(block, NAMES)` gives them to Python.
+Numba passes every array as seven numbers and counts its references; a hundred arrays make its compile time minutes.
+Compiled code gets a block as two addresses, of the numbers and of a table that says where each array stands:
+`matrix(block, NAME)` is the array itself. Python gets the same arrays by name from `Memory`, which owns them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
+import numba
 import numpy as np
+from numba.core import types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from worm3d.compiled import njit
@@ -22,42 +25,122 @@ LINE = 8
 
 
 class Block(NamedTuple):
-    """Arrays in one piece of memory."""
+    """Where a block of arrays stands, for compiled code."""
 
-    memory: FloatArray
-    table: NDArray[np.int64]
-    """(arrays, 3): where it begins, rows, columns."""
+    memory: int
+    """Address of its numbers."""
+    table: int
+    """Address of (begin, rows, columns) of each array."""
+
+
+class Memory:
+    """A block of zero arrays, each on a cache line.
+
+    Parameters
+    ----------
+    names : sequence of str
+    shapes : sequence of tuple of int
+        Rows and columns of each array.
+    """
+
+    def __init__(self, names: Sequence[str], shapes: Sequence[tuple[int, int]]) -> None:
+        self._names = tuple(names)
+        self.table = np.zeros((len(shapes), 3), dtype=np.int64)
+        start = 0
+        for k, (rows, columns) in enumerate(shapes):
+            self.table[k] = start, rows, columns
+            start += -(-rows * columns // LINE) * LINE
+        raw = np.zeros(start + LINE)
+        first = -raw.ctypes.data % (8 * LINE) // 8
+        self._numbers = raw[first : first + start]
+
+    @property
+    def block(self) -> Block:
+        """For compiled code, as long as this object lives."""
+        return Block(self._numbers.ctypes.data, self.table.ctypes.data)
+
+    def arrays(self) -> dict[str, FloatArray]:
+        """Return the arrays by name, not copies."""
+        views = {}
+        for name, (start, rows, columns) in zip(self._names, self.table, strict=True):
+            views[name] = self._numbers[start : start + rows * columns].reshape(rows, columns)
+        return views
+
+
+def _pointer_type(to: Any) -> Any:
+    def type_pointer(_context: Any, _address: Any) -> Any:
+        def generate(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            return builder.inttoptr(args[0], context.get_value_type(to).as_pointer())
+
+        return types.CPointer(to)(types.int64), generate
+
+    return type_pointer
+
+
+_numbers_at: Any = intrinsic(_pointer_type(types.float64))
+_integers_at: Any = intrinsic(_pointer_type(types.int64))
+
+
+@njit
+def integers(address: int, count: int) -> NDArray[np.int64]:
+    """Return the whole numbers that stand at an address, not a copy."""
+    found: NDArray[np.int64] = numba.carray(_integers_at(address), (count,))
+    return found
 
 
 @njit
 def matrix(block: Block, k: int) -> FloatArray:
     """Return array k, shape (rows, columns), not a copy."""
-    start, rows, columns = block.table[k]
-    return block.memory[start : start + rows * columns].reshape(rows, columns)
+    place = integers(block.table + 24 * k, 3)
+    found: FloatArray = numba.carray(_numbers_at(block.memory + 8 * place[0]), (place[1], place[2]))
+    return found
 
 
 @njit
 def vector(block: Block, k: int) -> FloatArray:
     """Return array k, all rows one after the other, not a copy."""
-    start, rows, columns = block.table[k]
-    return block.memory[start : start + rows * columns]
+    place = integers(block.table + 24 * k, 3)
+    found: FloatArray = numba.carray(_numbers_at(block.memory + 8 * place[0]), (place[1] * place[2],))
+    return found
 
 
-def allocate(shapes: Sequence[tuple[int, int]]) -> Block:
-    """Return a block of zero arrays of the given shapes, each on a cache line."""
-    table = np.zeros((len(shapes), 3), dtype=np.int64)
-    start = 0
-    for k, (rows, columns) in enumerate(shapes):
-        table[k] = start, rows, columns
-        start += -(-rows * columns // LINE) * LINE
-    raw = np.zeros(start + LINE)
-    first = -raw.ctypes.data % (8 * LINE) // 8
-    return Block(raw[first : first + start], table)
+@njit
+def rows(block: Block, k: int, first: int, count: int) -> FloatArray:
+    """Return some rows of array k, one after the other, not a copy, shape (count * columns,)."""
+    place = integers(block.table + 24 * k, 3)
+    start = block.memory + 8 * (place[0] + first * place[2])
+    found: FloatArray = numba.carray(_numbers_at(start), (count * place[2],))
+    return found
 
 
-def named(block: Block, names: Sequence[str]) -> Mapping[str, FloatArray]:
-    """Return the arrays of a block by name, not copies."""
-    views = {}
-    for name, (start, rows, columns) in zip(names, block.table, strict=True):
-        views[name] = block.memory[start : start + rows * columns].reshape(rows, columns)
-    return views
+# Loops rather than array expressions, each of which would take Numba a third of a second to compile.
+
+
+@njit
+def fill(to: FloatArray, value: float) -> None:
+    """Set all entries of a vector."""
+    for k in range(len(to)):
+        to[k] = value
+
+
+@njit
+def copy(to: FloatArray, source: FloatArray) -> None:
+    """Copy a vector."""
+    for k in range(len(to)):
+        to[k] = source[k]
+
+
+@njit
+def combine(to: FloatArray, u: float, x: FloatArray, v: float, y: FloatArray) -> None:
+    """Set a vector to u x + v y; it may be one of them."""
+    for k in range(len(to)):
+        to[k] = u * x[k] + v * y[k]
+
+
+@njit
+def total(x: FloatArray) -> float:
+    """Return the sum of a vector."""
+    value = 0.0
+    for k in range(len(x)):
+        value += x[k]
+    return value

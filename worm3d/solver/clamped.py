@@ -8,7 +8,7 @@ from worm3d.compiled import njit
 from worm3d.kernels import segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, Core
-from worm3d.solver.block import matrix, vector
+from worm3d.solver.block import fill, matrix, vector
 from worm3d.solver.evaluate import evaluate
 from worm3d.solver.newton import solve
 
@@ -20,7 +20,7 @@ def solve_clamped(core: Core, dt: float) -> bool:
     """Solve a step of the clamped worm; return whether Newton converged both times."""
     x, load = vector(core.block, a.X), vector(core.block, a.JOINT_LOAD)
     friction, past = matrix(core.block, a.JOINT_FRICTION), matrix(core.block, a.JOINTS)
-    friction[:, :] = 0.0
+    fill(vector(core.block, a.JOINT_FRICTION), 0.0)
     if not solve(core):
         return False
     evaluate(core, a.X, True, False)  # leaves the forces of held coordinates in the gradient

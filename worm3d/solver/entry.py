@@ -2,26 +2,25 @@
 
 Numba optimises everything that a function calls once more with that function; in a deep tree compile time becomes
 minutes. An entry is a C function `double f(int64 handle, double value, int64 a, int64 b)`; its handle is the address of
-`Core.handle`, from which `opened` makes the core again.
+the numbers of a `Core`.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-import numba
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import types
 from numba.extending import intrinsic
 
 from worm3d.compiled import njit
-from worm3d.solver.arrays import Core
-from worm3d.solver.block import Block
+from worm3d.solver.arrays import COUNTERS, HANDLE, Core
+from worm3d.solver.block import Block, integers
 
 SIGNATURE = "float64(int64, float64, int64, int64)"
 
 
-def _type_call(_context: Any, address: Any, handle: Any, value: Any, a: Any, b: Any) -> Any:
+def _type_call(_context: Any, _address: Any, _handle: Any, _value: Any, _a: Any, _b: Any) -> Any:
     def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         integer, number = ir.IntType(64), ir.DoubleType()
         kind = ir.FunctionType(number, [integer, number, integer, integer])
@@ -30,30 +29,31 @@ def _type_call(_context: Any, address: Any, handle: Any, value: Any, a: Any, b: 
     return types.float64(types.int64, types.int64, types.float64, types.int64, types.int64), generate
 
 
-def _pointer_type(to: Any) -> Any:
-    def type_pointer(_context: Any, address: Any) -> Any:
-        def generate(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-            return builder.inttoptr(
-                args[0], cgutils.voidptr_t if to is None else context.get_value_type(to).as_pointer()
-            )
-
-        return types.CPointer(to)(types.int64), generate
-
-    return type_pointer
-
-
 call: Any = intrinsic(_type_call)
 """Call the entry at an address: (address, handle, value, a, b) -> float."""
-_numbers_at: Any = intrinsic(_pointer_type(types.float64))
-_integers_at: Any = intrinsic(_pointer_type(types.int64))
 
 
 @njit
-def opened(address: int) -> Core:
-    """Return the core whose handle stands at an address."""
-    handle = numba.carray(_integers_at(address), (9,))
-    memory = numba.carray(_numbers_at(handle[1]), (handle[2],))
-    table = numba.carray(_integers_at(handle[3]), (handle[4], 3))
-    kernels = numba.carray(_integers_at(handle[5]), (handle[6],))
-    counters = numba.carray(_integers_at(handle[7]), (handle[8],))
-    return Core(handle[0], kernels, Block(memory, table), counters, handle)
+def opened(handle: int) -> Core:
+    """Return the core that a handle stands for."""
+    n, memory, table, kernels, counters = integers(handle, HANDLE)
+    return Core(n, kernels, Block(memory, table), counters, handle)
+
+
+@njit
+def kernel(core: Core, k: int) -> int:
+    """Return the address of a kernel or entry, one of `worm3d.solver.arrays.KERNELS`."""
+    return int(integers(core.kernels, k + 1)[k])
+
+
+@njit
+def reset(core: Core) -> None:
+    """Set all counters to zero."""
+    for k in range(COUNTERS):
+        integers(core.counters, COUNTERS)[k] = 0
+
+
+@njit
+def count(core: Core, k: int) -> None:
+    """Add one to a counter."""
+    integers(core.counters, k + 1)[k] += 1

@@ -11,8 +11,8 @@ from worm3d.compiled import njit
 from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import matrix, vector
-from worm3d.solver.entry import call, opened
+from worm3d.solver.block import copy, fill, matrix, rows, vector
+from worm3d.solver.entry import call, count, kernel, opened
 
 FloatArray = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def place(core: Core, x: FloatArray) -> bool:
     for r in range(_OWN):
         for i in range(core.n):
             segment_in[_Q + r, i] = x[BLOCK * i + r]
-    run(core.kernels[a.SEGMENT_SHAPE], segment_in, rest, core.n)
+    run(kernel(core, a.SEGMENT_SHAPE), segment_in, rest, core.n)
     for i in range(core.n):
         link, turned = segment_in[_LINK, i], 0.0
         for d in range(3):
@@ -48,8 +48,8 @@ def place(core: Core, x: FloatArray) -> bool:
         if not turned > -0.9:
             return False
     world_in = matrix(core.block, a.WORLD_IN)
-    world_in[:3] = matrix(core.block, a.POINT_IN)[:3]
-    run(core.kernels[a.WORLD], world_in, matrix(core.block, a.WORLD_OUT), world_in.shape[1])
+    copy(rows(core.block, a.WORLD_IN, 0, 3), rows(core.block, a.POINT_IN, 0, 3))
+    run(kernel(core, a.WORLD), world_in, matrix(core.block, a.WORLD_OUT), world_in.shape[1])
     return True
 
 
@@ -65,7 +65,7 @@ def evaluate(core: Core, which: int, coupled: bool, with_hessian: bool) -> float
     which : int
         Array with the coordinates, X or TRIAL.
     """
-    value: float = call(core.kernels[a.EVALUATE], core.handle.ctypes.data, 0.0, which, 2 * coupled + with_hessian)
+    value: float = call(kernel(core, a.EVALUATE), core.handle, 0.0, which, 2 * coupled + with_hessian)
     return value
 
 
@@ -77,25 +77,25 @@ def evaluate_entry(handle: int, _value: float, which: int, flags: int) -> float:
 
 @njit
 def _evaluate(core: Core, x: FloatArray, coupled: bool, with_hessian: bool) -> float:
-    n, kernels = core.n, core.kernels
-    core.counters[0 if with_hessian else 1] += 1
+    n = core.n
+    count(core, 0 if with_hessian else 1)
     if not place(core, x):
         return np.inf
     point_in, point_out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
-    point_in[_COUPLED, :] = 1.0 if coupled else 0.0
-    run(kernels[a.POINT_FORCE], point_in, point_out, point_in.shape[1])
+    fill(rows(core.block, a.POINT_IN, _COUPLED, 1), 1.0 if coupled else 0.0)
+    run(kernel(core, a.POINT_FORCE), point_in, point_out, point_in.shape[1])
     segment_in, joint_in = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.JOINT_IN)
     segment_out, joint_out = matrix(core.block, a.SEGMENT_OUT), matrix(core.block, a.JOINT_OUT)
     for r in range(_BOTH):
         for i in range(n - 1):
             joint_in[_JOINT_Q + r, i] = x[BLOCK * i + r]
     if with_hessian:
-        run(kernels[a.SEGMENT_HESSIAN], segment_in, segment_out, n)
-        run(kernels[a.JOINT_HESSIAN], joint_in, joint_out, n - 1)
+        run(kernel(core, a.SEGMENT_HESSIAN), segment_in, segment_out, n)
+        run(kernel(core, a.JOINT_HESSIAN), joint_in, joint_out, n - 1)
         _add_hessians(core)
     else:
-        run(kernels[a.SEGMENT_GRADIENT], segment_in, segment_out[: 1 + _OWN], n)
-        run(kernels[a.JOINT_GRADIENT], joint_in, joint_out[: 1 + _BOTH], n - 1)
+        run(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], n)
+        run(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + _BOTH], n - 1)
     phi = _joints(core, x) + _add_gradients(core)
     lanes = segment_in.shape[1]
     for s in range(POINTS):
@@ -145,7 +145,7 @@ def _add_hessians(core: Core) -> None:
     band = matrix(core.block, a.BAND)
     segment_out, joint_out = matrix(core.block, a.SEGMENT_OUT), matrix(core.block, a.JOINT_OUT)
     inertia, drag = vector(core.block, a.JOINT_INERTIA), vector(core.block, a.JOINT_DRAG)
-    band[:, :] = 0.0
+    fill(vector(core.block, a.BAND), 0.0)
     for j in range(core.n + 1):
         for d in range(3):
             band[BLOCK * j + d, B] = inertia[j] + drag[j]
@@ -173,7 +173,7 @@ def hold(core: Core) -> None:
     for k in range(size):
         if held[k] != 0.0:
             gradient[k] = 0.0
-            band[k, :] = 0.0
+            fill(band[k], 0.0)
             for m in range(max(0, k - B), min(size, k + B + 1)):
                 band[m, B + k - m] = 0.0
             band[k, B] = 1.0

@@ -27,7 +27,8 @@ from worm3d.compiled import njit
 from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, TERMS, Core
-from worm3d.solver.block import matrix, vector
+from worm3d.solver.block import combine, matrix, rows, total, vector
+from worm3d.solver.entry import kernel
 
 FloatArray = NDArray[np.float64]
 
@@ -61,19 +62,20 @@ _MOTION, _FIRST = point.LAYOUT.firsts("motion", "first")
 @njit
 def prepare(core: Core) -> None:
     """Fill the motion of the step, to first order in the points, and run the points' ledger."""
-    n, kernels = core.n, core.kernels
+    n = core.n
     x, x_n = vector(core.block, a.X), vector(core.block, a.X_N)
     segment_in, joint_in = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.JOINT_IN)
-    point_in, points = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINTS_PAST)
+    point_in = matrix(core.block, a.POINT_IN)
     for i in range(n):
         for r in range(segment.COORDINATES):
             segment_in[_DQ + r, i] = x[BLOCK * i + r] - x_n[BLOCK * i + r]
     for i in range(n - 1):
         for r in range(joint.COORDINATES):
             joint_in[_JOINT_DQ + r, i] = x[BLOCK * i + r] - x_n[BLOCK * i + r]
-    run(kernels[a.SEGMENT_MOTION], segment_in, matrix(core.block, a.FIRST), n)
-    point_in[_MOTION : _MOTION + 3] = point_in[:3] - points[:3]
-    run(kernels[a.POINT_AFTER], point_in, matrix(core.block, a.AFTER_OUT), point_in.shape[1])
+    run(kernel(core, a.SEGMENT_MOTION), segment_in, matrix(core.block, a.FIRST), n)
+    new, old = rows(core.block, a.POINT_IN, 0, 3), rows(core.block, a.POINTS_PAST, 0, 3)
+    combine(rows(core.block, a.POINT_IN, _MOTION, 3), 1.0, new, -1.0, old)
+    run(kernel(core, a.POINT_AFTER), point_in, matrix(core.block, a.AFTER_OUT), point_in.shape[1])
 
 
 @njit
@@ -87,20 +89,20 @@ def add(core: Core, dt: float, span: float, terms: FloatArray) -> None:
     dt, span : float
         Time step, and beta dt [s].
     """
-    n, kernels, worked = core.n, core.kernels, terms[WORK_CONTRACT]
+    n, worked = core.n, terms[WORK_CONTRACT]
     segment_in, joint_in = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.JOINT_IN)
     segment_out = matrix(core.block, a.SEGMENT_OUT)[: len(_OF_SEGMENT) + 2]
     joint_out = matrix(core.block, a.JOINT_OUT)[: len(_OF_JOINT)]
-    run(kernels[a.SEGMENT_LEDGER], segment_in, segment_out, n)
-    run(kernels[a.JOINT_LEDGER], joint_in, joint_out, n - 1)
+    run(kernel(core, a.SEGMENT_LEDGER), segment_in, segment_out, n)
+    run(kernel(core, a.JOINT_LEDGER), joint_in, joint_out, n - 1)
     for k in range(len(_OF_SEGMENT)):
-        terms[_OF_SEGMENT[k]] += segment_out[k, :n].sum()
+        terms[_OF_SEGMENT[k]] += total(segment_out[k, :n])
     for k in range(len(_OF_JOINT)):
-        terms[_OF_JOINT[k]] += joint_out[k, : n - 1].sum()
+        terms[_OF_JOINT[k]] += total(joint_out[k, : n - 1])
     after, lanes = matrix(core.block, a.AFTER_OUT), segment_in.shape[1]
     for k in range(len(_OF_POINT)):
         for s in range(POINTS):
-            terms[_OF_POINT[k]] += after[_FIRST_TERM + k, s * lanes : s * lanes + n].sum()
+            terms[_OF_POINT[k]] += total(after[_FIRST_TERM + k, s * lanes : s * lanes + n])
     _joints(core, dt, span, terms)
     _points(core, dt, span, terms)
     terms[WORK_POSITIVE] += max(0.0, terms[WORK_CONTRACT] - worked)

@@ -16,8 +16,8 @@ from worm3d.compiled import njit
 from worm3d.kernels import point
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import matrix, vector
-from worm3d.solver.entry import call, opened
+from worm3d.solver.block import combine, copy, matrix, rows, total, vector
+from worm3d.solver.entry import call, kernel, opened
 from worm3d.solver.evaluate import LOAD, evaluate, hold
 
 FloatArray = NDArray[np.float64]
@@ -47,7 +47,7 @@ def solve(core: Core) -> bool:
 
     On success the kernels' outputs are those of the solution, with its own loads.
     """
-    return bool(call(core.kernels[a.SOLVE], core.handle.ctypes.data, 0.0, 0, 0) != 0.0)
+    return bool(call(kernel(core, a.SOLVE), core.handle, 0.0, 0, 0) != 0.0)
 
 
 def solve_entry(handle: int, _value: float, _a: int, _b: int) -> float:
@@ -57,16 +57,17 @@ def solve_entry(handle: int, _value: float, _a: int, _b: int) -> float:
 
 @njit
 def _solve(core: Core) -> bool:
-    x, best, point_in = vector(core.block, a.X), vector(core.block, a.BEST), matrix(core.block, a.POINT_IN)
+    x, best = vector(core.block, a.X), vector(core.block, a.BEST)
+    load, own = rows(core.block, a.POINT_IN, _LOAD, 1), rows(core.block, a.POINT_OUT, LOAD, 1)
     for relaxation in RELAXATIONS:
         if _descend(core):
-            best[:] = x
+            copy(best, x)
             if _polish(core):
                 return True
-            x[:] = best
+            copy(x, best)
         if not evaluate(core, a.X, False, False) < np.inf:
             return False
-        point_in[_LOAD] += relaxation * (matrix(core.block, a.POINT_OUT)[LOAD] - point_in[_LOAD])
+        combine(load, 1.0 - relaxation, load, relaxation, own)
     return False
 
 
@@ -94,7 +95,7 @@ def _descend(core: Core) -> bool:
             return False
         if not _search(core, phi):
             return True  # no descent left above rounding
-        x[:] = vector(core.block, a.BEST)
+        copy(x, vector(core.block, a.BEST))
         if _size(core, direction) < tolerance:
             return True
     return False
@@ -111,12 +112,12 @@ def _descent_direction(core: Core) -> bool:
         if k % BLOCK < 3:
             scale = max(scale, abs(band[k, B]))
     while shift < 1e6 * scale:
-        factor[:, :] = band
+        copy(vector(core.block, a.FACTOR), vector(core.block, a.BAND))
         if shift > 0.0:
             for k in range(len(direction)):
                 factor[k, B] += shift * (square if k % BLOCK > 2 else 1.0)
-        direction[:] = -gradient
-        if cholesky_solve(factor, direction) and np.isfinite(direction.sum()):
+        combine(direction, -1.0, gradient, 0.0, gradient)
+        if cholesky_solve(factor, direction) and np.isfinite(total(direction)):
             return True
         shift = max(10.0 * shift, 1e-9 * scale)
     return False
@@ -134,11 +135,11 @@ def _search(core: Core, phi: float) -> bool:
     slope = np.dot(gradient, direction)
     low, high, step, found, kinks = 0.0, 1.0, 1.0, False, -1
     for _ in range(MAX_SEARCH):
-        trial[:] = x + step * direction
+        combine(trial, 1.0, x, step, direction)
         value = evaluate(core, a.TRIAL, False, False)
         rise = np.dot(gradient, direction) if np.isfinite(value) else np.inf
         if value <= phi + 1e-4 * step * slope + 1e-14 * abs(phi):
-            vector(core.block, a.BEST)[:] = trial
+            copy(vector(core.block, a.BEST), trial)
             found = True
             if rise <= SLOPE_LEFT * abs(slope):
                 return True
@@ -155,10 +156,27 @@ def _search(core: Core, phi: float) -> bool:
 @njit
 def _between(kinks: FloatArray, low: float, high: float) -> float:
     """Return the middle one of the kinks between two steps, or half-way."""
-    first, last = np.searchsorted(kinks, low, "right"), np.searchsorted(kinks, high, "left")
-    if last > first:
-        return float(kinks[(first + last) // 2])
+    inside, middle = 0, 0
+    for kink in kinks:
+        if low < kink < high:
+            inside += 1
+    for kink in kinks:  # sorted
+        if low < kink < high:
+            if middle == inside // 2:
+                return float(kink)
+            middle += 1
     return 0.5 * (low + high)
+
+
+@njit
+def _sort(values: FloatArray) -> None:
+    """Sort a few values in place; Numba's own sort takes seconds to compile."""
+    for i in range(1, len(values)):
+        value, k = values[i], i
+        while k > 0 and values[k - 1] > value:
+            values[k] = values[k - 1]
+            k -= 1
+        values[k] = value
 
 
 @njit
@@ -169,8 +187,8 @@ def _resting_points(core: Core) -> int:
     start, kinks = matrix(core.block, a.Y_START), vector(core.block, a.KINKS)
     if not _slides(core, a.X):
         return 0
-    start[:] = out[_Y:]
-    trial[:] = x + vector(core.block, a.DIRECTION)
+    copy(vector(core.block, a.Y_START), rows(core.block, a.YIELDING_OUT, _Y, 3))
+    combine(trial, 1.0, x, 1.0, vector(core.block, a.DIRECTION))
     if not _slides(core, a.TRIAL):
         return 0
     lanes, found = point_in.shape[1] // POINTS, 0
@@ -186,7 +204,7 @@ def _resting_points(core: Core) -> int:
             if 0.0 < closest < 1.0:
                 kinks[found] = closest
                 found += 1
-    kinks[:found].sort()
+    _sort(kinks[:found])
     return found
 
 
@@ -196,27 +214,27 @@ def _slides(core: Core, which: int) -> bool:
     if not evaluate(core, which, False, False) < np.inf:
         return False
     point_in = matrix(core.block, a.POINT_IN)
-    run(core.kernels[a.POINT_YIELDING], point_in, matrix(core.block, a.YIELDING_OUT), point_in.shape[1])
+    run(kernel(core, a.POINT_YIELDING), point_in, matrix(core.block, a.YIELDING_OUT), point_in.shape[1])
     return True
 
 
 @njit
 def _polish(core: Core) -> bool:
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
-    band, factor = matrix(core.block, a.BAND), matrix(core.block, a.FACTOR)
+    factor = matrix(core.block, a.FACTOR)
     size, length = np.inf, vector(core.block, a.NUMBERS_)[a.LENGTH]
     for _ in range(MAX_POLISH):
         if not np.isfinite(evaluate(core, a.X, True, True)):
             return False
         hold(core)
-        factor[:, :] = band
-        step[:] = vector(core.block, a.GRADIENT)
+        copy(vector(core.block, a.FACTOR), vector(core.block, a.BAND))
+        copy(step, vector(core.block, a.GRADIENT))
         if not lu_solve(factor, step):
             return False
         previous, size = size, _size(core, step)
         if not size <= 0.1 * length:
             return False
-        x -= step
+        combine(x, 1.0, x, -1.0, step)
         if size < POLISH_TOLERANCE * length or previous <= 2.0 * size < 2.0 * STAGNATION * length:
             return bool(np.isfinite(evaluate(core, a.X, True, False)))
     return False

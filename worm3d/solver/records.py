@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +9,7 @@ from worm3d.compiled import njit
 from worm3d.kernels import point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, TERMS, Core
-from worm3d.solver.block import Block, allocate, matrix, vector
+from worm3d.solver.block import Block, Memory, copy, fill, matrix, vector
 
 FloatArray = NDArray[np.float64]
 
@@ -55,50 +53,41 @@ _D_REF = segment.LAYOUT.first("d_ref")
 _LOAD_N, _ANCHOR = point.LAYOUT.firsts("load_n", "anchor")
 
 
-class Records(NamedTuple):
-    """Rows of instants, and counters of steps."""
-
-    block: Block
-    """Of `NAMES`."""
-    counters: NDArray[np.int64]
-    """(S, 3) of every step, as `Core.counters`."""
-
-
-def allocate_records(n: int, rows: int, steps: int) -> Records:
-    """Return records for n segments, `rows` instants and `steps` steps."""
+def record_memory(n: int, rows: int) -> Memory:
+    """Return records for n segments and `rows` instants."""
     joints, points = 3 * (n + 1), 3 * POINTS * n
     widths = (joints, joints, points, 3 * n, n, 2 * n, 5 * n, 5 * n, 8 * n, points, n + 1, 8 * n, 6, 3, len(TERMS))
-    block = allocate([(rows, width) for width in widths])
-    return Records(block, np.zeros((steps, 3), dtype=np.int64))
+    return Memory(NAMES, [(rows, width) for width in widths])
 
 
 @njit
-def record(core: Core, records: Records, row: int) -> None:
+def record(core: Core, records: Block, row: int) -> None:
     """Write one row, and start to gather for the next."""
-    block, n = records.block, core.n
+    block, n = records, core.n
     _segments(core, records, row)
     velocity, joints = matrix(core.block, a.JOINT_VELOCITY), matrix(core.block, a.JOINTS)
     for j in range(n + 1):
         for d in range(3):
             matrix(block, JOINTS)[row, 3 * j + d] = joints[d, j]
             matrix(block, JOINT_VELOCITY)[row, 3 * j + d] = velocity[d, j]
-    matrix(block, JOINT_LOAD)[row] = vector(core.block, a.JOINT_LOAD)
-    matrix(block, ASKED)[row], matrix(block, GIVEN)[row] = vector(core.block, a.ASKED), vector(core.block, a.GIVEN)
+    copy(matrix(block, JOINT_LOAD)[row], vector(core.block, a.JOINT_LOAD))
+    copy(matrix(block, ASKED)[row], vector(core.block, a.ASKED))
+    copy(matrix(block, GIVEN)[row], vector(core.block, a.GIVEN))
     _momenta(core, matrix(block, MOMENTUM)[row], matrix(block, COM)[row])
-    matrix(block, ENERGY)[row] = vector(core.block, a.TERMS_)
-    vector(core.block, a.TERMS_)[:] = 0.0
-    vector(core.block, a.SLID)[:] = 0.0
+    copy(matrix(block, ENERGY)[row], vector(core.block, a.TERMS_))
+    fill(vector(core.block, a.TERMS_), 0.0)
+    fill(vector(core.block, a.SLID), 0.0)
 
 
 @njit
-def _segments(core: Core, records: Records, row: int) -> None:
+def _segments(core: Core, records: Block, row: int) -> None:
     x, lengths = vector(core.block, a.X), matrix(core.block, a.LENGTHS)
     rows, p = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.POINT_IN)
     past, lanes = matrix(core.block, a.POINTS_PAST), rows.shape[1]
-    points, anchors = matrix(records.block, POINTS_)[row], matrix(records.block, ANCHORS)[row]
-    directors, chamber = matrix(records.block, DIRECTORS)[row], matrix(records.block, CHAMBER_LENGTH)[row]
-    load, slip = matrix(records.block, LOAD)[row], matrix(records.block, SLIP)[row]
-    bend, slid = matrix(records.block, BEND)[row], matrix(core.block, a.SLID)
+    points, anchors = matrix(records, POINTS_)[row], matrix(records, ANCHORS)[row]
+    directors, chamber = matrix(records, DIRECTORS)[row], matrix(records, CHAMBER_LENGTH)[row]
+    load, slip = matrix(records, LOAD)[row], matrix(records, SLIP)[row]
+    bend, slid = matrix(records, BEND)[row], matrix(core.block, a.SLID)
     for i in range(core.n):
         bend[i] = x[BLOCK * i + 4]
         for side in range(2):
@@ -123,7 +112,8 @@ def mass_centre(core: Core) -> tuple[FloatArray, FloatArray]:
 @njit
 def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
     """Momentum, angular momentum and centre of mass of all mass points."""
-    momentum[:], com[:] = 0.0, 0.0
+    fill(momentum, 0.0)
+    fill(com, 0.0)
     total, mass = 0.0, vector(core.block, a.JOINT_MASS)
     x, v = matrix(core.block, a.JOINTS), matrix(core.block, a.JOINT_VELOCITY)
     for j in range(core.n + 1):
@@ -138,7 +128,8 @@ def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
             k = s * masses.shape[1] + i
             if masses[s, i] > 0.0:
                 total += _add_mass_point(masses[s, i], x[:3, k], v[:3, k], momentum, com)
-    com /= total
+    for d in range(3):
+        com[d] /= total
 
 
 @njit

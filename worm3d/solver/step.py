@@ -11,9 +11,9 @@ from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver import ledger
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import matrix, vector
+from worm3d.solver.block import combine, copy, fill, matrix, rows, vector
 from worm3d.solver.clamped import solve_clamped
-from worm3d.solver.entry import call, opened
+from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import DIRECTOR, LENGTHS, LOAD, TANGENT, place
 from worm3d.solver.newton import solve
 
@@ -50,7 +50,7 @@ def step(core: Core, dt: float, bdf2: bool) -> bool:
     bdf2 : bool
         Whether to take BDF2: the past holds two instants dt apart.
     """
-    return bool(call(core.kernels[a.STEP], core.handle.ctypes.data, dt, bdf2, 0) != 0.0)
+    return bool(call(kernel(core, a.STEP), core.handle, dt, bdf2, 0) != 0.0)
 
 
 def step_entry(handle: int, dt: float, bdf2: int, _b: int) -> float:
@@ -64,8 +64,8 @@ def _step(core: Core, dt: float, bdf2: bool) -> bool:
     begin(core, dt, span)
     clamped = vector(core.block, a.NUMBERS_)[a.CLAMPED] != 0.0
     if not (solve_clamped(core, dt) if clamped else _solve_contact(core)):
-        vector(core.block, a.X)[:] = vector(core.block, a.X_N)
-        vector(core.block, a.STUCK)[:] = vector(core.block, a.STUCK_N)
+        copy(vector(core.block, a.X), vector(core.block, a.X_N))
+        copy(vector(core.block, a.STUCK), vector(core.block, a.STUCK_N))
         return False
     ledger.prepare(core)
     ledger.add(core, dt, span, vector(core.block, a.TERMS_))
@@ -85,8 +85,8 @@ def begin(core: Core, dt: float, span: float) -> None:
     x = vector(core.block, a.X)
     for j in range(core.n + 1):
         x[BLOCK * j + 3] = 0.0
-    vector(core.block, a.X_N)[:] = x
-    vector(core.block, a.STUCK_N)[:] = vector(core.block, a.STUCK)
+    copy(vector(core.block, a.X_N), x)
+    copy(vector(core.block, a.STUCK_N), vector(core.block, a.STUCK))
     _begin_joints(core, dt, span)
     _begin_strains(core, dt, span)
     _begin_points(core, dt, span)
@@ -96,45 +96,50 @@ def begin(core: Core, dt: float, span: float) -> None:
 
 @njit
 def _begin_joints(core: Core, dt: float, span: float) -> None:
-    w0, w1 = weights(dt, span)
-    past, velocity = matrix(core.block, a.JOINTS), matrix(core.block, a.JOINT_VELOCITY)
-    drag_hat = matrix(core.block, a.JOINT_DRAG_HAT)
-    drag_hat[:] = w0 * past[:3] + w1 * past[3:]
-    matrix(core.block, a.JOINT_HAT)[:] = drag_hat + span * (w0 * velocity[:3] + w1 * velocity[3:])
-    vector(core.block, a.JOINT_INERTIA)[:] = vector(core.block, a.JOINT_MASS) / span**2
-    vector(core.block, a.JOINT_DRAG)[:] = vector(core.block, a.DRAG) / span
+    block, (w0, w1) = core.block, weights(dt, span)
+    drag_hat, hat = vector(block, a.JOINT_DRAG_HAT), vector(block, a.JOINT_HAT)
+    combine(drag_hat, w0, rows(block, a.JOINTS, 0, 3), w1, rows(block, a.JOINTS, 3, 3))
+    combine(hat, w0, rows(block, a.JOINT_VELOCITY, 0, 3), w1, rows(block, a.JOINT_VELOCITY, 3, 3))
+    combine(hat, 1.0, drag_hat, span, hat)
+    mass, drag = vector(block, a.JOINT_MASS), vector(block, a.DRAG)
+    combine(vector(block, a.JOINT_INERTIA), 1.0 / span**2, mass, 0.0, mass)
+    combine(vector(block, a.JOINT_DRAG), 1.0 / span, drag, 0.0, drag)
 
 
 @njit
 def _begin_strains(core: Core, dt: float, span: float) -> None:
-    w0, w1 = weights(dt, span)
-    rows, joints = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.JOINT_IN)
-    lengths, hinges = matrix(core.block, a.LENGTHS), matrix(core.block, a.HINGES)
-    rows[_SPAN, :], rows[_DT, :] = span, dt
-    rows[_L_HAT : _L_HAT + 2] = w0 * lengths[:2] + w1 * lengths[2:]
-    rows[_A_HAT : _A_HAT + 2] = w0 * hinges[:2] + w1 * hinges[2:]
-    rows[_L_N : _L_N + 2], rows[_A_N : _A_N + 2] = lengths[:2], hinges[:2]
-    joints[_J_SPAN, :], joints[_J_DT, :], joints[_WEIGHTS, :], joints[_WEIGHTS + 1, :] = span, dt, w0, w1
-    joints[_ANGLES_N : _ANGLES_N + 8] = matrix(core.block, a.JOINT_ANGLES_PAST)
-    m = core.n - 1
+    block, (w0, w1) = core.block, weights(dt, span)
+    fill(rows(block, a.SEGMENT_IN, _SPAN, 1), span)
+    fill(rows(block, a.SEGMENT_IN, _DT, 1), dt)
+    for past, hat, old in ((a.LENGTHS, _L_HAT, _L_N), (a.HINGES, _A_HAT, _A_N)):
+        combine(rows(block, a.SEGMENT_IN, hat, 2), w0, rows(block, past, 0, 2), w1, rows(block, past, 2, 2))
+        copy(rows(block, a.SEGMENT_IN, old, 2), rows(block, past, 0, 2))
+    for row, value in ((_J_SPAN, span), (_J_DT, dt), (_WEIGHTS, w0), (_WEIGHTS + 1, w1)):
+        fill(rows(block, a.JOINT_IN, row, 1), value)
+    copy(rows(block, a.JOINT_IN, _ANGLES_N, 8), vector(block, a.JOINT_ANGLES_PAST))
+    segments, joints = matrix(block, a.SEGMENT_IN), matrix(block, a.JOINT_IN)
     for k in range(2):
-        joints[_JOINT_T + 3 * k : _JOINT_T + 3 * k + 3, :m] = rows[_T_REF : _T_REF + 3, k : m + k]
-        joints[_JOINT_D + 3 * k : _JOINT_D + 3 * k + 3, :m] = rows[_D_REF : _D_REF + 3, k : m + k]
+        for d in range(3):
+            for i in range(core.n - 1):
+                joints[_JOINT_T + 3 * k + d, i] = segments[_T_REF + d, i + k]
+                joints[_JOINT_D + 3 * k + d, i] = segments[_D_REF + d, i + k]
 
 
 @njit
 def _begin_points(core: Core, dt: float, span: float) -> None:
-    w0, w1 = weights(dt, span)
-    points, velocity = matrix(core.block, a.POINTS_PAST), matrix(core.block, a.POINT_VELOCITY)
-    rows, mass = matrix(core.block, a.POINT_IN), vector(core.block, a.POINT_MASS)
-    rows[_X_HAT : _X_HAT + 3] = w0 * points[:3] + w1 * points[3:] + span * (w0 * velocity[:3] + w1 * velocity[3:])
-    rows[_INERTIA], rows[_P_DT, :] = mass / span**2, dt
+    block, (w0, w1) = core.block, weights(dt, span)
+    hat, mass = rows(block, a.POINT_IN, _X_HAT, 3), vector(block, a.POINT_MASS)
+    combine(hat, w0, rows(block, a.POINT_VELOCITY, 0, 3), w1, rows(block, a.POINT_VELOCITY, 3, 3))
+    combine(hat, w0, rows(block, a.POINTS_PAST, 0, 3), span, hat)
+    combine(hat, 1.0, hat, w1, rows(block, a.POINTS_PAST, 3, 3))
+    combine(rows(block, a.POINT_IN, _INERTIA, 1), 1.0 / span**2, mass, 0.0, mass)
+    fill(rows(block, a.POINT_IN, _P_DT, 1), dt)
 
 
 @njit
 def _begin_contacts(core: Core) -> None:
     """Freeze the tangents and what else friction remembers of the start of the step."""
-    rows, faces = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN)
+    p, faces = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN)
     lanes = faces.shape[1]
     for s in range(POINTS):
         for i in range(core.n):
@@ -143,15 +148,17 @@ def _begin_contacts(core: Core) -> None:
             for b in range(2):
                 along = 0.0
                 for d in range(3):
-                    along += rows[_TANGENTS + 3 * b + d, k] * (rows[d, k] - rows[_ANCHOR + d, k])
-                rows[_SLIDE_N + b, k] = along
-    rows[_HOLD], rows[_DISTANCE_N] = rows[_GRIP], rows[_DISTANCE]
-    rows[_DEPTH_N] = np.maximum(0.0, -rows[_DISTANCE])
-    rows[_LOAD], rows[_STORED_N] = rows[_LOAD_N], vector(core.block, a.STORED)
+                    along += p[_TANGENTS + 3 * b + d, k] * (p[d, k] - p[_ANCHOR + d, k])
+                p[_SLIDE_N + b, k] = along
+    for new, old in ((_HOLD, _GRIP), (_DISTANCE_N, _DISTANCE), (_LOAD, _LOAD_N)):
+        copy(p[new], p[old])
+    copy(p[_STORED_N], vector(core.block, a.STORED))
+    for k in range(p.shape[1]):
+        p[_DEPTH_N, k] = max(0.0, -p[_DISTANCE, k])
     for face in range(2):
         first = (6 + face) * lanes
         for d in range(3):
-            faces[_NORMAL + 3 * face + d] = rows[_POINT_NORMAL + d, first : first + lanes]
+            copy(faces[_NORMAL + 3 * face + d], p[_POINT_NORMAL + d, first : first + lanes])
 
 
 @njit
@@ -179,16 +186,17 @@ def _freeze_tangents(core: Core, i: int, k: int) -> None:
 @njit
 def _solve_contact(core: Core) -> bool:
     """Solve with the static limit where stuck; contacts that yield become kinetic, and again."""
-    rows, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
+    p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     stuck, ratio = vector(core.block, a.STUCK), vector(core.block, a.NUMBERS_)[a.STATIC_RATIO]
-    lanes = rows.shape[1] // POINTS
+    lanes = p.shape[1] // POINTS
     for _ in range(MAX_BREAKAWAYS):
-        rows[_CAP] = np.where(stuck > 0.0, ratio, 1.0)
+        for k in range(p.shape[1]):
+            p[_CAP, k] = ratio if stuck[k] > 0.0 else 1.0
         if not solve(core):
             return False
         if ratio == 1.0:
             return True
-        run(core.kernels[a.POINT_YIELDING], rows, out, rows.shape[1])
+        run(kernel(core, a.POINT_YIELDING), p, out, p.shape[1])
         yielding = False
         for s in range(POINTS):
             for k in range(s * lanes, s * lanes + core.n):
@@ -197,7 +205,7 @@ def _solve_contact(core: Core) -> bool:
                     yielding = True
         if not yielding:
             return True
-        core.counters[2] += 1
+        count(core, 2)
     return True
 
 
@@ -208,35 +216,34 @@ def _commit(core: Core, dt: float, span: float) -> None:
     joints, joint_velocity = matrix(core.block, a.JOINTS), matrix(core.block, a.JOINT_VELOCITY)
     for j in range(core.n + 1):
         for d in range(3):
-            _shift(joints[d::3, j], joint_velocity[d::3, j], x[BLOCK * j + d], w0_w1, span)
+            _shift(joints, joint_velocity, d, j, x[BLOCK * j + d], w0_w1, span)
     points, point_velocity = matrix(core.block, a.POINTS_PAST), matrix(core.block, a.POINT_VELOCITY)
     new = matrix(core.block, a.POINT_IN)
     for d in range(3):
         for k in range(points.shape[1]):
-            _shift(points[d::3, k], point_velocity[d::3, k], new[d, k], w0_w1, span)
+            _shift(points, point_velocity, d, k, new[d, k], w0_w1, span)
     joint_in, joint_out = matrix(core.block, a.JOINT_IN), matrix(core.block, a.JOINT_OUT)
-    run(core.kernels[a.JOINT_ANGLES], joint_in, joint_out[:4], core.n - 1)
-    _remember(matrix(core.block, a.LENGTHS), matrix(core.block, a.REST)[LENGTHS : LENGTHS + 2])
-    out = matrix(core.block, a.SEGMENT_OUT)
-    _remember(matrix(core.block, a.HINGES), out[_TERMS_OF_SEGMENT : _TERMS_OF_SEGMENT + 2])
-    _remember(matrix(core.block, a.JOINT_ANGLES_PAST), joint_out[:4])
+    run(kernel(core, a.JOINT_ANGLES), joint_in, joint_out[:4], core.n - 1)
+    _remember(core, a.LENGTHS, rows(core.block, a.REST, LENGTHS, 2))
+    _remember(core, a.HINGES, rows(core.block, a.SEGMENT_OUT, _TERMS_OF_SEGMENT, 2))
+    _remember(core, a.JOINT_ANGLES_PAST, rows(core.block, a.JOINT_OUT, 0, 4))
     _move_anchors(core)
     _carry_directors(core)
-    rows = matrix(core.block, a.SEGMENT_IN)
-    rows[_COMMANDED_N : _COMMANDED_N + 2] = rows[_COMMANDED : _COMMANDED + 2]
-    joint_in[_HINGE_N] = joint_in[_HINGE]
+    copy(rows(core.block, a.SEGMENT_IN, _COMMANDED_N, 2), rows(core.block, a.SEGMENT_IN, _COMMANDED, 2))
+    copy(joint_in[_HINGE_N], joint_in[_HINGE])
 
 
 @njit
-def _shift(x: FloatArray, v: FloatArray, new: float, w: tuple[float, float], span: float) -> None:
-    velocity = (new - w[0] * x[0] - w[1] * x[1]) / span
-    x[1], x[0], v[1], v[0] = x[0], new, v[0], velocity
+def _shift(x: FloatArray, v: FloatArray, d: int, k: int, new: float, w: tuple[float, float], span: float) -> None:
+    velocity = (new - w[0] * x[d, k] - w[1] * x[3 + d, k]) / span
+    x[3 + d, k], x[d, k], v[3 + d, k], v[d, k] = x[d, k], new, v[d, k], velocity
 
 
 @njit
-def _remember(past: FloatArray, new: FloatArray) -> None:
-    past[len(new) :] = past[: len(new)]
-    past[: len(new)] = new
+def _remember(core: Core, k: int, new: FloatArray) -> None:
+    past, size = vector(core.block, k), len(new)
+    copy(past[size:], past[:size])
+    copy(past[:size], new)
 
 
 @njit
@@ -263,9 +270,14 @@ def _move_anchors(core: Core) -> None:
 @njit
 def _carry_directors(core: Core) -> None:
     """Make tangents and directors of the end of the step those that the next one starts from, orthonormal again."""
-    rest, rows = matrix(core.block, a.REST), matrix(core.block, a.SEGMENT_IN)
+    rest, segments = matrix(core.block, a.REST), matrix(core.block, a.SEGMENT_IN)
     for i in range(core.n):
-        t, d = rest[TANGENT : TANGENT + 3, i], rest[DIRECTOR : DIRECTOR + 3, i]
-        across = d - (t * d).sum() * t
-        rows[_T_REF : _T_REF + 3, i] = t
-        rows[_D_REF : _D_REF + 3, i] = across / np.sqrt((across * across).sum())
+        along, square = 0.0, 0.0
+        for d in range(3):
+            along += rest[TANGENT + d, i] * rest[DIRECTOR + d, i]
+        for d in range(3):
+            segments[_T_REF + d, i] = rest[TANGENT + d, i]
+            segments[_D_REF + d, i] = rest[DIRECTOR + d, i] - along * rest[TANGENT + d, i]
+            square += segments[_D_REF + d, i] ** 2
+        for d in range(3):
+            segments[_D_REF + d, i] /= np.sqrt(square)
