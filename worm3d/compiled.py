@@ -1,4 +1,4 @@
-"""Numba's compiler with a cache of its own: functions are kept under a digest of the package's whole source.
+"""Numba's compiler with a cache of its own: functions are kept under a digest of all sources they are made of.
 
 Numba itself keeps a function until its own file changes, even if one that it calls has changed since: after an update
 it would go on with the old one. Here any change begins a new folder. Where nothing can be written nothing is kept.
@@ -18,6 +18,9 @@ import numba
 from worm3d.codegen.cache import default_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+COMPILED = ("banded.py", "codegen", "compiled.py", "kernels", "solver", "worlds")
+"""What compiled functions are made of: modules that define them, and the layouts that they have as constants."""
 
 KEPT = 4
 """Folders of older versions beyond this number are removed."""
@@ -66,8 +69,9 @@ def _folder() -> Path | None:
 
 def _digest() -> str:
     root = Path(__file__).parent
-    sources = sorted(path for path in root.rglob("*.py") if "viewer" not in path.parts)
-    parts = [numba.__version__.encode(), str(root).encode(), *(path.read_bytes() for path in sources)]
+    sources = [root / name for name in COMPILED if name.endswith(".py")]
+    sources += [path for name in COMPILED for path in (root / name).rglob("*.py")]
+    parts = [numba.__version__.encode(), str(root).encode(), *(path.read_bytes() for path in sorted(sources))]
     return hashlib.sha256(b"\0".join(parts)).hexdigest()[:24]
 
 

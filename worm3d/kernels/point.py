@@ -134,7 +134,7 @@ LEDGER_TERMS = (
 
 def after() -> ca.Function:
     """Return slip (2), the anchor's stored energy and the point's terms of the ledger, in the order of `LEDGER_TERMS`."""
-    s, slip = LAYOUT.symbols, _slip()
+    slip = _slip()
     stored, friction = _friction_ledger(slip)
     terms = friction + _normal_ledger()
     return LAYOUT.function("point_after", {"slip": slip, "stored": stored, "terms": terms})
