@@ -53,8 +53,8 @@ class Law(NamedTuple):
 
 
 def pressing(distance: ca.SX, centre: ca.SX) -> ca.SX:
-    """Return max(0, -g - d*) of (C1) [m]; times k + c/dt it is the normal load."""
-    return ca.fmax(0.0, -distance - centre)
+    """Return -g - d* of (C1) [m]; its positive part times k + c/dt is the normal load."""
+    return -distance - centre
 
 
 def directional(y: ca.SX, mu: Coefficients) -> ca.SX:
@@ -67,11 +67,12 @@ def gauge_squared(y: ca.SX, mu: Coefficients) -> ca.SX:
     return ca.sumsqr(directional(y, mu) * y)
 
 
-def friction_potential(y: ca.SX, mu: Coefficients, law: Law) -> ca.SX:
-    """Return h(y) of (C3): the potential per unit of normal load [m]."""
+def friction_potential(y: ca.SX, mu: Coefficients, law: Law, sticks: ca.SX | float = 0.0) -> ca.SX:
+    """Return h(y) of (C3): the potential per unit of normal load [m]; without a limit where `sticks` is not zero."""
     square = gauge_squared(y, mu)
     rho, limit = ca.sqrt(square), law.cap * law.r
-    return ca.if_else(square <= limit**2, square / (2.0 * law.r), law.cap * (rho - 0.5 * limit))
+    elastic = ca.logic_or(square <= limit**2, sticks)
+    return ca.if_else(elastic, square / (2.0 * law.r), law.cap * (rho - 0.5 * limit))
 
 
 def left_after_return(y: ca.SX, mu: Coefficients, law: Law, yield_gauge: ca.SX) -> ca.SX:

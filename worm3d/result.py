@@ -156,6 +156,7 @@ class Result:
     newton_iterations: NDArray[np.int64]
     gradient_evaluations: NDArray[np.int64]
     breakaways: NDArray[np.int64]
+    fallbacks: NDArray[np.int64]
     halved_steps: int
     state: State = field(repr=False)
     stop: Stop

@@ -345,6 +345,7 @@ class _Run:
             newton_iterations=counters[:, 0],
             gradient_evaluations=counters[:, 1],
             breakaways=counters[:, 2],
+            fallbacks=counters[:, 3],
             halved_steps=self.halved,
             state=state,
             stop=self._stop(status),

@@ -36,6 +36,7 @@ LAYOUT = Layout(
         "gauge_damping": 1,  # D [s/m]
         "cap": 1,
         "load": 1,  # normal load for friction while it is not coupled
+        "regime": 1,  # FREE, or what the contact is taken for, whatever X says
         "coupled": 1,  # 1: friction takes the normal load of X itself
         "load_n": 1,
         "motion": 3,  # X - X_n
@@ -46,11 +47,17 @@ LAYOUT = Layout(
 )
 
 
+FREE, OPEN, SLIDING, STICKING = 0.0, 1.0, 2.0, 3.0
+"""Regimes: the law decides; no contact; contact, loaded even where apart; and stuck, even beyond the yield surface."""
+
+
 class _Contact(NamedTuple):
     stiff: ca.SX
     """k + c/dt [N/m]."""
     pressed: ca.SX
     """Penetration that carries load [m]."""
+    touching: ca.SX
+    """Penetration, negative where nothing touches [m]."""
     load: ca.SX
     mu: contact.Coefficients
     law: contact.Law
@@ -63,13 +70,14 @@ def _contact() -> _Contact:
     s = LAYOUT.symbols
     stiff = s["stiffness"] + s["damping"] / s["dt"]
     centre = ca.if_else(stiff > 0.0, s["damping"] / s["dt"] * s["depth_n"] / stiff, 0.0)
-    pressed = contact.pressing(s["distance"], centre)
+    touching = contact.pressing(s["distance"], centre)
+    pressed = ca.if_else(s["regime"] >= SLIDING, touching, ca.if_else(s["regime"] == OPEN, 0.0, ca.fmax(0.0, touching)))
     viscous = s["gauge_damping"] / s["dt"]
     r = 1.0 / (1.0 / s["yield_gauge"] + viscous)
     law = contact.Law(r, s["cap"], viscous * r * s["slide_n"])
     away = s["x"] - s["anchor"]
     slide = ca.vertcat(*[ca.dot(t, away) for t in _tangents()])
-    return _Contact(stiff, pressed, stiff * pressed, contact.Coefficients(*ca.vertsplit(s["mu"])), law, slide)
+    return _Contact(stiff, pressed, touching, stiff * pressed, contact.Coefficients(*ca.vertsplit(s["mu"])), law, slide)
 
 
 def _tangents() -> tuple[ca.SX, ca.SX]:
@@ -89,12 +97,12 @@ def force() -> ca.Function:
     s, c = LAYOUT.symbols, _contact()
     away, T = s["x"] - s["x_hat"], ca.horzcat(*_tangents())
     y = ca.SX.sym("y", 2)
-    potential = contact.friction_potential(y, c.mu, c.law)
+    potential = contact.friction_potential(y, c.mu, c.law, s["regime"] == STICKING)
     curve, slope = ca.hessian(potential, y)
     h, h_y, h_yy = (ca.substitute(each, y, c.slide - c.law.centre) for each in (potential, slope, curve))
     grip = s["hold"] * ca.if_else(s["coupled"] != 0.0, c.load, s["load"])
     f = s["inertia"] * away - s["weight"] - c.load * s["normal"] + grip * (T @ h_y)
-    rising = ca.if_else(c.pressed > 0.0, c.stiff, 0.0)
+    rising = ca.if_else(ca.logic_or(c.pressed > 0.0, s["regime"] >= SLIDING), c.stiff, 0.0)
     K = s["inertia"] * ca.SX.eye(3) + rising * s["normal"] @ s["normal"].T - c.load * _curvature()
     K += grip * (T @ h_yy @ T.T) - s["coupled"] * s["hold"] * rising * (T @ h_y) @ s["normal"].T
     phi = s["inertia"] / 2.0 * ca.sumsqr(away) - ca.dot(s["weight"], s["x"]) + c.load * c.pressed / 2.0 + grip * h
@@ -102,14 +110,15 @@ def force() -> ca.Function:
 
 
 def yielding() -> ca.Function:
-    """Return the slip of the anchor (2), signed along the tangents, and |y| and motion data for the line search.
+    """Return the slip of the anchor (2) along the tangents, y = s - s* (2), whether it slides, and its penetration.
 
-    Rows: slip (2), y = s - s* (2), whether it slides (rho > cap r).
+    The penetration -g - d* is negative where nothing touches.
     """
     c = _contact()
     y = c.slide - c.law.centre
-    slides = contact.gauge_squared(y, c.mu) > (c.law.cap * c.law.r) ** 2
-    return LAYOUT.function("point_yielding", {"slip": _slip(), "y": y, "slides": slides})
+    limit = c.law.cap * c.law.r * (1.0 + contact.YIELD_TOLERANCE)
+    slides = contact.gauge_squared(y, c.mu) > limit**2
+    return LAYOUT.function("point_yielding", {"slip": _slip(), "y": y, "slides": slides, "touching": c.touching})
 
 
 @cache

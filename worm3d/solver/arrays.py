@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.banded import WIDTH
+from worm3d.banded import WIDTH, B
 from worm3d.kernels import joint, point, segment
 from worm3d.solver.block import Block, Memory
 
@@ -127,6 +127,8 @@ ARRAYS = (
     "direction",
     "trial",
     "best",
+    "last",  # change of x in the last step
+    "pivots",
     "band",
     "factor",
     "segment_in",  # inputs of the segment's kernels
@@ -181,6 +183,8 @@ ARRAYS = (
     DIRECTION,
     TRIAL,
     BEST,
+    LAST,
+    PIVOTS,
     BAND,
     FACTOR,
     SEGMENT_IN,
@@ -228,6 +232,7 @@ ARRAYS = (
 
 REMEMBERED = (
     "x",
+    "last",
     "stuck",
     "stored",
     "asked",
@@ -246,8 +251,8 @@ REMEMBERED = (
 
 HANDLE = 5
 """Numbers in the handle of a core: n and the addresses of memory, table, kernels and counters."""
-COUNTERS = 3
-"""Evaluations of the Hessian, of the gradient alone, and rounds of contacts that broke away."""
+COUNTERS = 4
+"""Evaluations of the Hessian, of the gradient alone, rounds of contacts that broke away, and falls back to descent."""
 
 
 class Core(NamedTuple):
@@ -298,9 +303,9 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
     size, p = BLOCK * (n + 1), POINTS * lanes
     return {
         "numbers": (1, len(NUMBERS)),
-        **dict.fromkeys(("x", "x_n", "held", "gradient", "direction", "trial", "best"), (1, size)),
-        "band": (size, WIDTH),
-        "factor": (size, WIDTH),
+        **dict.fromkeys(("x", "x_n", "held", "gradient", "direction", "trial", "best", "last", "pivots"), (1, size)),
+        "band": (size + B, WIDTH),
+        "factor": (size + B, WIDTH),
         "segment_in": (segment.LAYOUT.rows, lanes),
         "point_out": (14, p),  # what comes behind segment_in stands where it was allocated
         "segment_out": (73, lanes),
@@ -310,7 +315,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
         "world_in": (world_rows, p),
         "world_out": (WORLD_ROWS, p),
         "first": (3 * POINTS, lanes),
-        "yielding_out": (5, p),
+        "yielding_out": (6, p),
         "after_out": (3 + len(point.LEDGER_TERMS), p),
         "joint_in": (joint.LAYOUT.rows, joint_lanes),
         "joint_out": (105, joint_lanes),

@@ -165,14 +165,16 @@ def _add_hessians(core: Core) -> None:
 
 
 @njit
-def hold(core: Core) -> None:
-    """Replace rows and columns of held coordinates by those of the identity, and their gradient by zero."""
+def hold(core: Core, in_band: bool) -> None:
+    """Set the gradient of held coordinates to zero, and their rows and columns in the band to those of the identity."""
     held, gradient = vector(core.block, a.HELD), vector(core.block, a.GRADIENT)
     band = matrix(core.block, a.BAND)
     size = len(held)
     for k in range(size):
         if held[k] != 0.0:
             gradient[k] = 0.0
+            if not in_band:
+                continue
             fill(band[k], 0.0)
             for m in range(max(0, k - B), min(size, k + B + 1)):
                 band[m, B + k - m] = 0.0

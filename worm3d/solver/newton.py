@@ -10,34 +10,42 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.banded import B, cholesky_solve, lu_solve
+from worm3d.banded import B, cholesky_solve, lu_factor, lu_solve
 from worm3d.codegen import evaluate as run
 from worm3d.compiled import njit
 from worm3d.kernels import point
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import combine, copy, matrix, rows, total, vector
-from worm3d.solver.entry import call, kernel, opened
+from worm3d.solver.block import combine, copy, fill, matrix, rows, total, vector
+from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import LOAD, evaluate, hold
 
 FloatArray = NDArray[np.float64]
 
 MAX_DESCENT = 60
 MAX_SEARCH = 40
-MAX_POLISH = 12
+MAX_FOLLOW = 40
 RELAXATIONS = np.array([1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25] + 17 * [0.1])
 """Of the update of the loads after each pass that did not converge."""
 SLOPE_LEFT = 0.9
 """A line search ends where the slope has fallen to this fraction."""
 DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends the descent, as a fraction of the body length."""
-POLISH_TOLERANCE = 1e-12
-"""Largest coordinate step that ends the polish, as a fraction of the body length."""
-STAGNATION = 1e-10
-"""A step below this fraction of the body length that no longer shrinks is rounding, and ends the polish."""
+MAX_CHANGES = 12
+"""Iterations in which contacts change their regime before Newton gives up."""
+SETTLED = 1e-6
+"""Coordinate step, as a fraction of the body length, below which it is asked which contacts touch."""
+AT_REST = 1e-8
+"""And below which it is asked which contacts stick."""
+CONTRACTION = 0.1
+"""A Jacobian is kept while steps shrink to this fraction."""
+FOLLOWED = 1e-14
+"""Coordinate step, as a fraction of the body length, at which Newton has converged."""
+STAGNATION = 1e-11
+"""A step below this fraction of the body length that no longer shrinks is rounding: converged too."""
 
-_LOAD, _MU = point.LAYOUT.firsts("load", "mu")
-_Y, _SLIDES = 2, 4
+_LOAD, _LOAD_N, _MU, _REGIME, _STIFFNESS = point.LAYOUT.firsts("load", "load_n", "mu", "regime", "stiffness")
+_Y, _SLIDES, _PRESS = 2, 4, 5
 """Rows of "yielding_out"."""
 
 
@@ -57,18 +65,129 @@ def solve_entry(handle: int, _value: float, _a: int, _b: int) -> float:
 
 @njit
 def _solve(core: Core) -> bool:
+    regime = rows(core.block, a.POINT_IN, _REGIME, 1)
+    _last_regimes(core)
+    found = _follow(core)
+    fill(regime, point.FREE)
+    if found:
+        return True
+    count(core, 3)
     x, best = vector(core.block, a.X), vector(core.block, a.BEST)
     load, own = rows(core.block, a.POINT_IN, _LOAD, 1), rows(core.block, a.POINT_OUT, LOAD, 1)
+    copy(x, vector(core.block, a.X_N))
     for relaxation in RELAXATIONS:
         if _descend(core):
             copy(best, x)
-            if _polish(core):
+            evaluate(core, a.X, True, False)
+            _own_regimes(core)
+            found = _follow(core)
+            fill(regime, point.FREE)
+            if found:
                 return True
             copy(x, best)
         if not evaluate(core, a.X, False, False) < np.inf:
             return False
         combine(load, 1.0 - relaxation, load, relaxation, own)
     return False
+
+
+@njit
+def _follow(core: Core) -> bool:
+    """Newton with the loads of the iterate itself, whose Jacobian is exact but unsymmetric; it is kept while it serves.
+
+    Every contact keeps its regime until the iterates have come to rest: contacts stick within nanometres, and by the
+    law alone the iterates would jump to and fro over that. Then the law is asked, and what it denies is changed.
+    There is no potential to descend: it gives up where regimes go on changing or it does not come closer.
+    """
+    x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
+    factor, pivots = matrix(core.block, a.FACTOR), vector(core.block, a.PIVOTS)
+    length = vector(core.block, a.NUMBERS_)[a.LENGTH]
+    size, renew, changes = np.inf, True, 0
+    for k in range(MAX_FOLLOW):
+        if not np.isfinite(evaluate(core, a.X, True, renew)):
+            return False
+        hold(core, renew)
+        copy(step, vector(core.block, a.GRADIENT))
+        if renew:
+            copy(vector(core.block, a.FACTOR), vector(core.block, a.BAND))
+            if not lu_factor(factor, pivots):
+                return False
+        lu_solve(factor, pivots, step)
+        previous, size = size, _size(core, step)
+        if not size <= 0.1 * length:
+            return False
+        changed = _change_regimes(core, k > 0, size < SETTLED * length, size < AT_REST * length)
+        if changed:
+            changes += 1
+            if changes > MAX_CHANGES:
+                return False
+        elif size < FOLLOWED * length or (size < STAGNATION * length and size > 0.5 * previous):
+            return True
+        renew = changed or (size > CONTRACTION * previous and not size < STAGNATION * length)
+        if not changed:
+            combine(x, 1.0, x, -1.0, step)
+    return False
+
+
+@njit
+def _last_regimes(core: Core) -> None:
+    """Take every contact for what it was in the last step."""
+    p, stuck = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK)
+    for k in range(p.shape[1]):
+        touched = p[_LOAD_N, k] > 0.0
+        p[_REGIME, k] = (point.STICKING if stuck[k] > 0.0 else point.SLIDING) if touched else point.OPEN
+
+
+@njit
+def _own_regimes(core: Core) -> None:
+    """Take every contact for what the law says at the last evaluation."""
+    _look(core)
+    p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
+    for k in range(p.shape[1]):
+        p[_REGIME, k] = (point.SLIDING if out[_SLIDES, k] > 0.0 else point.STICKING) if out[_PRESS, k] > 0.0 else point.OPEN
+
+
+@njit
+def _look(core: Core) -> None:
+    p = matrix(core.block, a.POINT_IN)
+    run(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
+
+
+@njit
+def _change_regimes(core: Core, moved: bool, settled: bool, at_rest: bool) -> bool:
+    """Change the regimes that the law denies; return whether there was one.
+
+    Contacts that slid one way and now the other come to stick at once; the other changes wait until the iterate has
+    settled under the present regimes.
+
+    Parameters
+    ----------
+    moved : bool
+        Whether "y_start" holds the displacements of the iterate before.
+    settled, at_rest : bool
+        Whether to ask which contacts touch, and which stick.
+    """
+    _look(core)
+    p, out, past = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT), matrix(core.block, a.Y_START)
+    lanes, changed = p.shape[1] // POINTS, False
+    for s in range(POINTS):
+        for k in range(s * lanes, s * lanes + core.n):
+            regime, new = p[_REGIME, k], p[_REGIME, k]
+            if p[_STIFFNESS, k] == 0.0:
+                continue
+            if regime == point.SLIDING and moved:
+                along, across = p[_MU if past[0, k] > 0.0 else _MU + 1, k], p[_MU + 2, k]
+                if along**2 * past[0, k] * out[_Y, k] + across**2 * past[1, k] * out[_Y + 1, k] < 0.0:
+                    new = point.STICKING
+            if settled and not out[_PRESS, k] > 0.0:
+                new = point.OPEN
+            elif settled and regime == point.OPEN or at_rest and regime == point.STICKING:
+                new = point.SLIDING if out[_SLIDES, k] > 0.0 else point.STICKING
+            past[0, k], past[1, k] = out[_Y, k], out[_Y + 1, k]
+            if new != regime:
+                p[_REGIME, k] = new
+                changed = True
+    return changed
 
 
 @njit
@@ -90,7 +209,7 @@ def _descend(core: Core) -> bool:
         phi = evaluate(core, a.X, False, True)
         if not np.isfinite(phi):
             return False
-        hold(core)
+        hold(core, True)
         if not _descent_direction(core):
             return False
         if not _search(core, phi):
@@ -216,25 +335,3 @@ def _slides(core: Core, which: int) -> bool:
     point_in = matrix(core.block, a.POINT_IN)
     run(kernel(core, a.POINT_YIELDING), point_in, matrix(core.block, a.YIELDING_OUT), point_in.shape[1])
     return True
-
-
-@njit
-def _polish(core: Core) -> bool:
-    x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
-    factor = matrix(core.block, a.FACTOR)
-    size, length = np.inf, vector(core.block, a.NUMBERS_)[a.LENGTH]
-    for _ in range(MAX_POLISH):
-        if not np.isfinite(evaluate(core, a.X, True, True)):
-            return False
-        hold(core)
-        copy(vector(core.block, a.FACTOR), vector(core.block, a.BAND))
-        copy(step, vector(core.block, a.GRADIENT))
-        if not lu_solve(factor, step):
-            return False
-        previous, size = size, _size(core, step)
-        if not size <= 0.1 * length:
-            return False
-        combine(x, 1.0, x, -1.0, step)
-        if size < POLISH_TOLERANCE * length or previous <= 2.0 * size < 2.0 * STAGNATION * length:
-            return bool(np.isfinite(evaluate(core, a.X, True, False)))
-    return False

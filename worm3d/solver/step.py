@@ -66,6 +66,7 @@ def _step(core: Core, dt: float, bdf2: bool) -> bool:
     if not (solve_clamped(core, dt) if clamped else _solve_contact(core)):
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         copy(vector(core.block, a.STUCK), vector(core.block, a.STUCK_N))
+        fill(vector(core.block, a.LAST), 0.0)
         return False
     ledger.prepare(core)
     ledger.add(core, dt, span, vector(core.block, a.TERMS_))
@@ -92,6 +93,7 @@ def begin(core: Core, dt: float, span: float) -> None:
     _begin_points(core, dt, span)
     place(core, x)
     _begin_contacts(core)
+    combine(x, 1.0, x, 1.0, vector(core.block, a.LAST))
 
 
 @njit
@@ -229,6 +231,7 @@ def _commit(core: Core, dt: float, span: float) -> None:
     _remember(core, a.JOINT_ANGLES_PAST, rows(core.block, a.JOINT_OUT, 0, 4))
     _move_anchors(core)
     _carry_directors(core)
+    combine(vector(core.block, a.LAST), 1.0, x, -1.0, vector(core.block, a.X_N))
     copy(rows(core.block, a.SEGMENT_IN, _COMMANDED_N, 2), rows(core.block, a.SEGMENT_IN, _COMMANDED, 2))
     copy(joint_in[_HINGE_N], joint_in[_HINGE])
 
