@@ -1,0 +1,155 @@
+"""Linkages, chambers and skin are drawn where the joints and apexes say."""
+
+from collections.abc import Callable
+
+import numpy as np
+import trimesh
+from numpy.testing import assert_allclose
+from numpy.typing import NDArray
+
+from worm3d.viewer import Frames, pieces, rotation, shapes
+from worm3d.viewer.body import Body
+from worm3d.viewer.camera import inside
+from worm3d.viewer.piece import HIDDEN
+from worm3d.viewer.pieces import Scales
+from worm3d.viewer.skin import skin
+from worm3d.viewer.tube import tube
+
+LINK = np.sqrt(0.05**2 + (1.0 / 12.0) ** 2)
+
+
+def test_links_are_rigid_and_meet_the_apexes(make_crawl: Callable[..., Frames]) -> None:
+    frames = make_crawl()
+    bars = Body.of(frames).links(frames)
+    assert len(bars.names) == 12 * 6 + 7
+    assert len(set(bars.names)) == len(bars.names)
+    links = [k for k, name in enumerate(bars.names) if "joint" not in name]
+    assert_allclose(np.linalg.norm(bars.end - bars.start, axis=2)[:, links], LINK, rtol=1e-12)
+    where = bars.names.index("03-R-above-head")
+    assert_allclose(bars.end[:, where], frames.apexes[:, 3, 4])
+    rods = [k for k, name in enumerate(bars.names) if "joint" in name]
+    assert_allclose(0.5 * (bars.start + bars.end)[:, rods], frames.joints, atol=1e-12)
+    assert_allclose(bars.length[rods], 2 * 0.03)
+
+
+def test_lengths_of_the_chambers_follow_from_their_heights(make_crawl: Callable[..., Frames]) -> None:
+    frames = make_crawl(duration=2.0)
+    length = Body.of(frames).length
+    assert_allclose(length, (1.0 + frames.chamber_strain) / 6.0, rtol=1e-12)
+    assert (length[..., 0] < length[..., 1]).all(), "a worm that turns left is shorter on the left"
+
+
+def test_a_planar_worm_has_no_crossbars(make_crawl: Callable[..., Frames]) -> None:
+    frames = make_crawl(duration=1.0, turn=0.0, offset=0.0, segments=3)
+    assert len(Body.of(frames).links(frames).names) == 36
+
+
+def test_quaternions_are_the_rotations_they_come_from() -> None:
+    rng = np.random.default_rng(5)
+    q = rng.normal(size=(200, 4))
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    half_turns = np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 0], [0, 0, 0, 1.0], [0.6, 0.8, 0, 0]])
+    q = np.concatenate([q, half_turns])
+    again = rotation.quaternions(rotation.matrices(q))
+    assert_allclose(again * np.sign(np.sum(again * q, axis=1, keepdims=True)), q, atol=1e-12)
+    turned = rotation.matrices(np.array([0.0, 0.0, np.sin(0.25 * np.pi), np.cos(0.25 * np.pi)]))
+    assert_allclose(turned @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-12)
+
+
+def test_bars_and_arrows_point_along_their_direction() -> None:
+    rng = np.random.default_rng(6)
+    direction = np.concatenate([rng.normal(size=(50, 3)), np.eye(3), -np.eye(3)])
+    turn = rotation.matrices(rotation.y_onto(direction, rotation.any_normal(direction)))
+    unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    assert_allclose(turn[..., 1], unit, atol=1e-12)
+    assert_allclose(np.linalg.det(turn), 1.0)
+
+
+def test_pieces_lie_where_the_body_is(make_crawl: Callable[..., Frames]) -> None:
+    frames = make_crawl(duration=1.0)
+    parts = {part.path: part for part in pieces.worm(frames, Scales.of(frames))}
+    bar = parts["links/02-L-below-tail"]
+    end = bar.matrix(10) @ [0.0, 0.5 * LINK, 0.0, 1.0]
+    assert_allclose(end[:3], frames.apexes[10, 2, 0], atol=1e-12)
+    ball = parts["chambers/02-R"]
+    matrix = ball.matrix(10)
+    along = matrix[:3, 1] / np.linalg.norm(matrix[:3, 1])
+    tangent = frames.joints[10, 3] - frames.joints[10, 2]
+    assert_allclose(along, tangent / np.linalg.norm(tangent), atol=1e-12)
+    assert_allclose(matrix[:3, 3], frames.apexes[10, 2, 3:5].mean(axis=0), atol=1e-12)
+    red, _, blue = ball.colour_at(10)
+    assert red > blue, "a shorter chamber is red"
+
+
+def test_arrows_have_the_length_of_their_force(make_crawl: Callable[..., Frames]) -> None:
+    force = np.zeros((26, 6, 6, 3))
+    force[:, 1, 3] = [0.0, 0.0, 0.05]
+    force[:, 2, 0] = [0.1, 0.0, 0.0]
+    force[3:, 2, 0] = 0.0
+    frames = make_crawl(duration=1.0, contact_force=force, anchored=None)
+    scales = Scales.of(frames)
+    assert scales.force == 0.1
+    arrows = {part.path: part for part in pieces.contact(frames, scales)}
+    assert list(arrows) == ["forces/009", "forces/012"], "what never pushes has no arrow"
+    tip = arrows["forces/012"].matrix(0) @ [0.0, 1.0, 0.0, 1.0]
+    assert_allclose(tip[:3] - frames.apexes[0, 2, 0], [0.2 * frames.body_length, 0.0, 0.0], atol=1e-12)
+    lower = arrows["forces/009"].matrix(0) @ [0.0, 1.0, 0.0, 1.0]
+    assert_allclose(lower[:3] - frames.apexes[0, 1, 3], [0.0, 0.0, 0.1 * frames.body_length], atol=1e-12)
+    assert arrows["forces/012"].scale is not None
+    assert (arrows["forces/012"].scale[3:] == HIDDEN).all()
+
+
+def test_the_trail_counts_what_it_has_passed(make_crawl: Callable[..., Frames]) -> None:
+    com = np.zeros((26, 3))
+    com[10:, 0] = 0.1
+    com[20:, 0] = 0.3
+    kept, passed = pieces.trail_rings(com, 1.0)
+    assert kept == [0, 10, 20]
+    assert passed[9:21] == [1, *[2] * 10, 3]
+    at_rest = make_crawl(duration=1.0, com=np.zeros((26, 3)))
+    assert not pieces.way(at_rest), "no trail without motion"
+
+
+def test_meshes_are_closed_and_seen_from_outside(make_crawl: Callable[..., Frames]) -> None:
+    line = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
+    cover = skin(make_crawl(duration=1.0))
+    solids = [shapes.ball(), shapes.capsule(1.0, 0.1), shapes.arrow(), tube(line, 0.1), cover.mesh]
+    for mesh in solids:
+        solid = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        assert solid.is_watertight
+        assert solid.volume > 0.0
+    assert_allclose(trimesh.Trimesh(*shapes.ball(rings=60, sides=80)).volume, 4.0 / 3.0 * np.pi, rtol=0.01)
+
+
+def test_the_skin_encloses_the_chambers_and_moves_with_them(make_crawl: Callable[..., Frames]) -> None:
+    frames = make_crawl(duration=2.0)
+    cover = skin(frames, fps=10.0)
+    assert len(cover.shapes) == 21
+    assert_allclose(np.linalg.norm(cover.normals, axis=2), 1.0)
+    last = cover.shapes[-1][cover.mesh.faces]
+    chambers = frames.apexes[-1].reshape(6, 2, 3, 3)[:, :, :2].mean(axis=2).reshape(-1, 3)
+    assert_allclose(windings(last, chambers), 1.0, atol=1e-9)
+    assert_allclose(windings(last, chambers + np.array([0.0, 0.0, 0.3])), 0.0, atol=1e-9)
+
+
+def windings(triangles: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how often a closed surface goes around each point, by solid angles."""
+    a, b, c = np.moveaxis(triangles[None] - points[:, None, None], 2, 0)
+    sizes = [np.linalg.norm(x, axis=2) for x in (a, b, c)]
+    volume = np.sum(a * np.cross(b, c), axis=2)
+    below = sizes[0] * sizes[1] * sizes[2]
+    for (x, y), size in zip(((a, b), (b, c), (c, a)), (sizes[2], sizes[0], sizes[1]), strict=True):
+        below = below + np.sum(x * y, axis=2) * size
+    return np.asarray(2.0 * np.arctan2(volume, below).sum(axis=1) / (4.0 * np.pi))
+
+
+def test_the_camera_inside_the_pipe_stays_on_its_centre_line(make_crawl: Callable[..., Frames]) -> None:
+    s = np.linspace(-0.5, 1.2, 100)
+    line = np.stack([s, 0.0 * s, 0.09 + 0.0 * s], axis=1)
+    frames = make_crawl(duration=2.0, turn=0.0, path=line)
+    eye, look = inside(frames)
+    assert_allclose(look, frames.joints[:, -1])
+    assert_allclose(eye[:, 0] - look[:, 0], 0.4 * frames.body_length, atol=1e-9, err_msg="at the path's end")
+    assert_allclose(eye[:, 1], 0.0, atol=1e-9)
+    bent = make_crawl(duration=2.0, turn=0.0, path=line + np.array([0.0, 5.0, 0.0]))
+    assert_allclose(inside(bent)[0], eye, atol=1e-9, err_msg="a path far away is not that of a pipe")

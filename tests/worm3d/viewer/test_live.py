@@ -1,0 +1,141 @@
+"""The live view: closed properly, never hanging, on this machine only; and the notebook."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from html import unescape
+from pathlib import Path
+
+import pytest
+
+from worm3d.viewer import Frames, notebook
+from worm3d.viewer.connection import Server
+from worm3d.viewer.live import LiveView
+
+
+def show(view: LiveView, frames: Frames, index: int) -> None:
+    assert frames.contact_force is not None
+    assert frames.anchored is not None
+    view.show(
+        frames.joints[index],
+        frames.apexes[index],
+        frames.directors[index],
+        frames.chamber_strain[index],
+        contact_force=frames.contact_force[index],
+        anchored=frames.anchored[index],
+    )
+
+
+def listens(url: str) -> bool:
+    host, port = url.split("/")[2].split(":")
+    with socket.socket() as probe:
+        return probe.connect_ex((host, int(port))) == 0
+
+
+def test_it_shows_the_worm_and_leaves_nothing_behind(short: Frames) -> None:
+    with LiveView(short.world) as view:
+        url = view.url
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/static/", url)
+        with urllib.request.urlopen(url, timeout=5) as answer:
+            assert b"MeshCat" in answer.read()
+        for index in range(5):
+            show(view, short, index)
+        view.show(short.joints[0], short.apexes[0], short.directors[0], short.chamber_strain[0])
+    assert not listens(url)
+    view.close()
+    with pytest.raises(ConnectionError, match="the live view is closed: open a new one"):
+        show(view, short, 0)
+
+
+def test_it_listens_on_this_machine_only(short: Frames) -> None:
+    with LiveView() as view:
+        outside = _own_address()
+        if outside is None:
+            pytest.skip("this machine has no other address than 127.0.0.1")
+        assert listens(view.url)
+        assert not listens(view.url.replace("127.0.0.1", outside))
+
+
+def _own_address() -> str | None:
+    """Return an address of this machine that others can see; nothing is sent."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))
+        except OSError:
+            return None
+        address = str(probe.getsockname()[0])
+    return None if address.startswith("127.") else address
+
+
+def test_a_dead_address_does_not_hang() -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{probe.getsockname()[1]}"
+    start = time.monotonic()
+    with pytest.raises(ConnectionError, match=rf"no meshcat server answers at {address}: check the address"):
+        LiveView(address=address, timeout=0.5)
+    assert time.monotonic() - start < 5.0
+    with pytest.raises(ConnectionError, match="got the address 'here', must be like"):
+        LiveView(address="here")
+
+
+def test_a_server_that_dies_is_told(short: Frames) -> None:
+    with LiveView() as view:
+        show(view, short, 0)
+        assert view._server is not None
+        view._server._process.kill()
+        view._server._process.wait()
+        with pytest.raises(ConnectionError, match="server has stopped: open a new view"):
+            show(view, short, 1)
+
+
+def test_a_second_view_may_use_the_same_server(short: Frames) -> None:
+    server = Server(timeout=20.0)
+    try:
+        with LiveView(address=server.address) as view:
+            show(view, short, 0)
+            url = view.url
+        assert listens(url), "who did not start the server does not stop it"
+    finally:
+        server.stop()
+
+
+def test_the_server_does_not_survive_its_parent(tmp_path: Path) -> None:
+    script = "import time; from worm3d.viewer.live import LiveView; print(LiveView().url, flush=True); time.sleep(60)"
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        url = parent.stdout.readline().strip()
+        assert listens(url)
+        os.kill(parent.pid, signal.SIGKILL)
+        parent.wait()
+    deadline = time.monotonic() + 10.0
+    while listens(url) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not listens(url)
+
+
+def test_the_notebook_shows_the_page_without_a_server(short: Frames) -> None:
+    view = notebook.show(short, height=300)
+    cell = view._repr_html_()
+    source = re.search(r'srcdoc="([^"]*)"', cell)
+    assert source is not None
+    assert unescape(source[1]) == view.page
+    assert "height: 300px" in cell
+    assert len(repr(view)) < 100
+
+
+@pytest.mark.parametrize("module", ["", ".notebook", ".html", ".frames", ".pieces"])
+def test_imports_are_cheap(module: str) -> None:
+    heavy = "meshcat IPython matplotlib trimesh scipy zmq tornado PIL"
+    script = (
+        "import sys, worm3d; before = set(sys.modules)\n"
+        f"import worm3d.viewer{module}; new = set(sys.modules) - before; "
+        f"print([name for name in {heavy!r}.split() if name in new])"
+    )
+    done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,164 @@
+"""Figures, movies and meshes without a browser."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from matplotlib import pyplot as plt
+from numpy.testing import assert_allclose
+from PIL import Image
+
+from worm3d.viewer import Frames, meshes, movie, pictures, pipe
+from worm3d.viewer.projection import Projection
+
+SIDE = Projection(np.array([1.0, 0, 0]), np.array([0, 0, 1.0]), np.array([0, -1.0, 0]))
+
+
+def reddish(picture: np.ndarray) -> int:
+    red, green, blue = np.moveaxis(picture.astype(int), -1, 0)
+    return int(((red > 170) & (red - green > 60) & (red - blue > 60)).sum())
+
+
+def test_a_png_shows_the_worm_from_both_sides(short: Frames, tmp_path: Path) -> None:
+    figure, (side, top) = pictures.write_png(short, tmp_path / "worm.png", 10)
+    assert side.figure is top.figure is figure
+    assert (side.get_ylabel(), top.get_xlabel(), top.get_ylabel()) == (
+        "z [m]",
+        "along the first heading [m]",
+        "to its left [m]",
+    )
+    assert side.get_title(loc="left").startswith("t = 1.00 s   speed 0.0")
+    assert not plt.get_fignums(), "nothing is left open, nothing is shown"
+    with Image.open(tmp_path / "worm.png") as image:
+        seen = np.asarray(image.convert("RGB"))
+    half = len(seen) // 3
+    assert reddish(seen[:half]) > 1000
+    assert reddish(seen[half:]) > 1000
+
+
+def test_a_worm_along_x_has_plain_axes(make_crawl: Callable[..., Frames]) -> None:
+    worm = make_crawl(duration=1.0, turn=0.0)
+    _, (side, top) = pictures.figure(worm, 5)
+    assert (top.get_xlabel(), top.get_ylabel()) == ("x [m]", "y [m]")
+    assert_allclose(side.get_xlim(), top.get_xlim())
+    low, high = side.get_xlim()
+    assert low < worm.apexes[..., 0].min() < worm.apexes[..., 0].max() < high
+
+
+def test_one_scale_in_both_views(short: Frames) -> None:
+    figure, both = pictures.figure(short)
+    figure.canvas.draw()
+    scales = []
+    for axes in both:
+        box = axes.get_window_extent()
+        scales += [box.width / np.ptp(axes.get_xlim()), box.height / np.ptp(axes.get_ylim())]
+    assert_allclose(scales, scales[0], rtol=1e-3)
+
+
+def test_a_long_way_is_followed(make_crawl: Callable[..., Frames]) -> None:
+    worm = make_crawl(duration=80.0, fps=2.0, heading=2.0)
+    stage = pictures.Stage(worm)
+    axes = worm.axes
+    for index in (0, 57, 160):
+        stage.draw(index)
+        seen = worm.apexes[index].reshape(-1, 3) @ axes.T
+        for view, row in zip(stage.axes, (2, 1), strict=True):
+            for limits, along in ((view.get_xlim(), seen[:, 0]), (view.get_ylim(), seen[:, row])):
+                assert limits[0] < along.min() < along.max() < limits[1]
+
+
+def test_outlines_of_ellipsoids_and_bars() -> None:
+    axes = np.diag([3.0, 5.0, 2.0])[None]
+    outline = SIDE.ellipsoids(np.array([[1.0, 2.0, 3.0]]), axes)[0] - [1.0, 3.0]
+    assert_allclose((outline[:, 0] / 3.0) ** 2 + (outline[:, 1] / 2.0) ** 2, 1.0)
+    (bar,) = SIDE.bars(np.array([[0.0, 0, 0]]), np.array([[1.0, 9.0, 0]]), 0.1)
+    assert_allclose(bar, [[0, -0.1], [1, -0.1], [1, 0.1], [0, 0.1]], atol=1e-12)
+    (arrow,) = SIDE.arrows(np.array([[0.0, 0, 0]]), np.array([[0.0, 0, 2.0]]), 0.1)
+    assert_allclose(arrow[3], [0.0, 2.0])
+
+
+def test_the_world_is_cut_where_the_worm_is() -> None:
+    line = np.array([[-1.0, 0.0, 0.5], [0.0, 0.0, 0.5], [1.0, 0.0, 0.5]])
+    wall = pipe(line, 0.2, sides=64)
+    cut = SIDE.cut(wall.vertices, wall.faces, np.array([0.0, 0.0, 0.5]))
+    assert_allclose(np.abs(cut[..., 1] - 0.5), 0.2, rtol=2e-3)
+    assert_allclose([cut[..., 0].min(), cut[..., 0].max()], [-1.0, 1.0])
+    assert not len(SIDE.cut(wall.vertices, wall.faces, np.array([0.0, 1.0, 0.5])))
+
+
+def test_a_frame_that_does_not_exist_is_named(short: Frames, tmp_path: Path) -> None:
+    with pytest.raises(IndexError, match=r"frame: got 21, must be in \[0, 20\]"):
+        pictures.figure(short, 21)
+    with pytest.raises(IndexError, match=r"frame: got 21, must be in \[0, 20\]"):
+        meshes.worm_mesh(short, 21)
+    with pytest.raises(ValueError, match=r"picture file: got 'worm.jpeg', the ending must be .png"):
+        pictures.write_png(short, tmp_path / "worm.jpeg")
+    with pytest.raises(ValueError, match=r"mesh file: got 'worm.obj', the ending must be .glb"):
+        meshes.export_glb(short, 0, tmp_path / "worm.obj")
+
+
+def test_a_gif_plays_in_real_time_and_the_worm_moves(short: Frames, tmp_path: Path) -> None:
+    figure, axes = movie.write_movie(short, tmp_path / "worm.gif", fps=5)
+    assert axes[0].figure is figure
+    with Image.open(tmp_path / "worm.gif") as picture:
+        assert picture.n_frames == 11
+        assert picture.info["duration"] == 200
+        frames = []
+        for index in (0, 5):
+            picture.seek(index)
+            frames.append(np.asarray(picture.convert("RGB")))
+    assert min(reddish(frame) for frame in frames) > 1000
+    changed = (np.abs(frames[0].astype(int) - frames[1]).max(axis=2) > 40).mean()
+    assert 0.005 < changed < 0.3
+
+
+def test_a_movie_frame_is_what_the_figure_shows(short: Frames) -> None:
+    stage = pictures.Stage(short)
+    *_, drawn = movie.pictures(stage, [0, 3, 12])
+    figure, _ = pictures.figure(short, 12)
+    figure.canvas.draw()
+    wanted = np.asarray(figure.canvas.buffer_rgba())[..., :3]
+    # Only what lies on top of axes' edges is drawn in another order.
+    assert (np.abs(drawn.astype(int) - wanted).max(axis=2) > 40).mean() < 1e-3
+
+
+def test_other_endings_and_a_missing_ffmpeg_are_named(
+    short: Frames, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(ValueError, match=r"movie file: got 'worm.avi', the ending must be .gif or .mp4"):
+        movie.write_movie(short, tmp_path / "worm.avi")
+    with pytest.raises(ValueError, match=r"fps: got 0, must be a finite number above 0"):
+        movie.write_movie(short, tmp_path / "worm.gif", fps=0)
+    monkeypatch.setattr(movie.shutil, "which", lambda _: None)
+    with pytest.raises(FileNotFoundError, match="install it, or take a name that ends in"):
+        movie.write_movie(short, tmp_path / "worm.mp4")
+
+
+@pytest.mark.skipif(movie.shutil.which("ffmpeg") is None, reason="no ffmpeg on this machine")
+def test_an_mp4_is_written_where_ffmpeg_is_found(short: Frames, tmp_path: Path) -> None:
+    movie.write_movie(short, tmp_path / "worm.mp4", fps=10)
+    assert (tmp_path / "worm.mp4").read_bytes()[4:8] == b"ftyp"
+    with pytest.raises(OSError, match=r"ffmpeg could not write .*nowhere"):
+        movie.write_movie(short, tmp_path / "nowhere" / "worm.mp4")
+
+
+def test_the_worm_as_one_mesh(short: Frames) -> None:
+    mesh = meshes.worm_mesh(short, 4)
+    assert mesh.is_watertight
+    corners = np.concatenate([short.apexes[4].reshape(-1, 3), short.joints[4]])
+    assert_allclose(mesh.bounds, [corners.min(axis=0), corners.max(axis=0)], atol=0.03)
+    colours = np.unique(mesh.visual.vertex_colors, axis=0)
+    assert len(colours) == 13, "one of the links, one for each chamber"
+    assert [len(part.faces) for part in meshes.world_meshes(short)] == [len(part.faces) for part in short.world]
+
+
+def test_a_glb_has_y_up_and_names(short: Frames, tmp_path: Path) -> None:
+    meshes.export_glb(short, 20, tmp_path / "worm.glb")
+    scene = trimesh.load_scene(tmp_path / "worm.glb")
+    names = set(scene.graph.nodes_geometry)
+    assert {"links/00-L-below-tail", "chambers/05-R", "trail/com", "path/reference", "world/00-ground"} <= names
+    chamber = trimesh.transform_points(np.zeros((1, 3)), scene.graph["chambers/02-L"][0])[0]
+    x, y, z = short.apexes[20, 2, :2].mean(axis=0)
+    assert_allclose(chamber, [x, z, -y], atol=1e-6)

@@ -1,0 +1,144 @@
+"""meshcat's commands without its server: the same bytes every time, in the right order, small and quick."""
+
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import umsgpack
+from numpy.testing import assert_allclose
+
+from worm3d.viewer import Frames, write_html
+from worm3d.viewer import html as page
+from worm3d.viewer.pieces import LAYERS, Scales, contact, way, world, worm
+from worm3d.viewer.skin import skin
+
+HERE = Path(__file__).parent
+
+
+def commands(frames: Frames, *more: Any) -> list[dict[str, Any]]:
+    scales = Scales.of(frames)
+    parts = [*worm(frames, scales), *contact(frames, scales), *way(frames), *world(frames.world), *more]
+    return [umsgpack.unpackb(message) for message in page.commands(frames, parts)]
+
+
+def floats(packed: Any, width: int) -> np.ndarray[Any, np.dtype[np.float32]]:
+    return np.frombuffer(packed.data, dtype="<f4").reshape(-1, width)
+
+
+def test_objects_come_first_then_poses_and_the_animation_at_the_end(short: Frames) -> None:
+    sent = commands(short, skin(short))
+    assert [command["type"] for command in sent].count("set_animation") == 1
+    assert sent[-1]["type"] == "set_animation"
+    assert sent[-1]["options"]["play"] is False
+    objects = {command["path"] for command in sent if command["type"] == "set_object"}
+    moved = {clip["path"].removesuffix("/<object>") for clip in sent[-1]["animations"]}
+    assert moved <= objects
+    assert {path.split("/")[2] for path in objects if path.startswith("/meshcat/")} == set(LAYERS)
+
+
+def test_the_pose_of_the_first_frame_is_set_or_the_file_opens_on_giants(short: Frames) -> None:
+    sent = commands(short)
+    poses = {command["path"]: command["matrix"] for command in sent if command["type"] == "set_transform"}
+    scaled = [
+        clip for clip in sent[-1]["animations"] if any(track["name"] == ".scale" for track in clip["clip"]["tracks"])
+    ]
+    assert len(scaled) > 12
+    for clip in scaled:
+        matrix = np.reshape(poses[clip["path"]], (4, 4)).T
+        assert np.linalg.norm(matrix[:3, :3], axis=0).max() < 0.5
+        position = next(track for track in clip["clip"]["tracks"] if track["name"] == ".position")
+        assert_allclose(floats(position["values"], 3)[0], matrix[:3, 3], atol=1e-6)
+
+
+def test_tracks_say_what_the_frames_say(short: Frames) -> None:
+    clips = {clip["path"]: clip["clip"] for clip in commands(short)[-1]["animations"]}
+    ball = {track["name"]: track for track in clips["/meshcat/chambers/04-L"]["tracks"]}
+    assert_allclose(floats(ball[".position"]["times"], 1)[:, 0], short.time, atol=1e-6)
+    assert_allclose(floats(ball[".position"]["values"], 3), short.apexes[:, 4, :2].mean(axis=1), atol=1e-6)
+    (tint,) = clips["/meshcat/chambers/04-L/<object>"]["tracks"]
+    assert (tint["name"], tint["type"]) == (".material.color", "color")
+    assert len(floats(tint["values"], 3)) == len(short)
+    dot = {track["name"]: track for track in clips["/meshcat/anchors/000"]["tracks"]}
+    assert dot[".scale"]["interpolation"] == 2300, "an apex sticks or it does not"
+
+
+def test_the_skin_has_a_shape_for_every_influence(short: Frames) -> None:
+    cover = skin(short, fps=5.0)
+    sent = commands(short, cover)
+    (sent_skin,) = (command for command in sent if command["path"] == "/meshcat/skin/skin" and "object" in command)
+    targets = sent_skin["object"]["geometries"][0]["data"]["morphAttributes"]
+    assert len(targets["position"]) == len(targets["normal"]) == 11
+    (clip,) = (one["clip"] for one in sent[-1]["animations"] if one["path"] == "/meshcat/skin/skin/<object>")
+    times = {round(float(t), 6) for track in clip["tracks"] for t in floats(track["times"], 1)[:, 0]}
+    assert sorted(times) == pytest.approx(list(cover.shape_time))
+    shares = sum(
+        np.interp(0.77, floats(t["times"], 1)[:, 0], floats(t["values"], 1)[:, 0], 0.0, 0.0) for t in clip["tracks"]
+    )
+    assert shares == pytest.approx(1.0)
+
+
+def test_the_same_frames_give_the_same_bytes(short: Frames, tmp_path: Path) -> None:
+    write_html(short, tmp_path / "a.html", skin=True)
+    write_html(short, tmp_path / "b.html", skin=True)
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+@pytest.mark.parametrize("seed", ["1", "2"])
+def test_another_process_gives_the_same_bytes(make_crawl: Callable[..., Frames], tmp_path: Path, seed: str) -> None:
+    script = f"""
+import importlib.util
+spec = importlib.util.spec_from_file_location("synthetic", {str(HERE / "conftest.py")!r})
+synthetic = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(synthetic)
+from worm3d.viewer import write_html
+write_html(synthetic.crawl(duration=1.0), {str(tmp_path / "there.html")!r})
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, env={"PYTHONHASHSEED": seed})
+    write_html(make_crawl(duration=1.0), tmp_path / "here.html")
+    assert (tmp_path / "there.html").read_bytes() == (tmp_path / "here.html").read_bytes()
+
+
+def test_no_port_and_no_process(short: Frames, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("a picture needs no server")
+
+    monkeypatch.setattr(socket, "socket", refuse)
+    monkeypatch.setattr(subprocess, "Popen", refuse)
+    write_html(short, tmp_path / "viewer.html")
+
+
+def test_ten_seconds_are_small_and_quickly_written(make_crawl: Callable[..., Frames], tmp_path: Path) -> None:
+    frames = make_crawl(duration=10.0, fps=100.0)
+    write_html(frames.take([0]), tmp_path / "warm.html")
+    start = time.process_time()
+    write_html(frames, tmp_path / "viewer.html", fps=25.0)
+    assert time.process_time() - start < 2.0
+    assert (tmp_path / "viewer.html").stat().st_size < 4e6
+    write_html(frames, tmp_path / "skin.html", fps=25.0, skin=True)
+    assert (tmp_path / "skin.html").stat().st_size < 6e6
+
+
+def test_names_and_titles_cannot_break_the_page(make_crawl: Callable[..., Frames]) -> None:
+    wall = ("</script>/a{{script}}", np.eye(3), np.array([[0, 1, 2]]), (1.0, 0.0, 0.0), 1.0)
+    text = page.html(make_crawl(duration=1.0, world=[wall]), title="<b>{{meshcat}}</b>")
+    assert text.count("</script>") == 4
+    assert "&lt;b&gt;{{meshcat}}&lt;/b&gt;" in text
+
+
+def test_the_page_loads_nothing(make_crawl: Callable[..., Frames]) -> None:
+    text = page.html(make_crawl(duration=1.0))
+    own = text.split("<script>")[0] + text.split("</script>")[-1]
+    for word in ("http:", "https:", "src=", "@import", "url("):
+        assert word not in own
+    assert "fetch(" not in text.rsplit("<script>", 1)[1]
+
+
+def test_a_missing_folder_is_named(make_crawl: Callable[..., Frames], tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        write_html(make_crawl(duration=1.0), tmp_path / "nowhere" / "viewer.html")

@@ -1,0 +1,10 @@
+"""Pictures of the worm from plain arrays: a page for the browser, figures, movies, meshes. Knows no simulator.
+
+Heavy libraries are imported where they are used: take `pictures`, `movie`, `meshes`, `live` and `notebook` as modules.
+"""
+
+from worm3d.viewer.frames import Frames
+from worm3d.viewer.html import write_html
+from worm3d.viewer.world import WorldMesh, heightfield, pipe, plane
+
+__all__ = ["Frames", "WorldMesh", "heightfield", "pipe", "plane", "write_html"]

@@ -1,0 +1,43 @@
+"""One colour for one meaning, in the browser, in figures and in exported meshes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from worm3d.viewer.arrays import FloatArray
+from worm3d.viewer.world import Colour
+
+SHORTER: Colour = (0.78, 0.12, 0.16)
+REST: Colour = (0.96, 0.80, 0.69)
+LONGER: Colour = (0.14, 0.36, 0.78)
+
+LINK: Colour = (0.27, 0.29, 0.34)
+SKIN: Colour = (0.89, 0.58, 0.53)
+FORCE: Colour = (0.95, 0.55, 0.05)
+ANCHOR: Colour = (0.05, 0.62, 0.30)
+TRAIL: Colour = (0.50, 0.22, 0.66)
+PATH: Colour = (0.10, 0.12, 0.15)
+HORIZON: Colour = (0.85, 0.10, 0.62)
+
+
+def strain_limit(strain: FloatArray) -> float:
+    """Return the strain at full colour: the largest that occurs, at least 0.05."""
+    return max(float(np.abs(strain).max(initial=0.0)), 0.05)
+
+
+def strain_colour(strain: FloatArray, limit: float) -> FloatArray:
+    """Return red, green, blue, shape (..., 3): red is shorter, blue is longer, skin-coloured is at rest."""
+    share = np.clip(np.asarray(strain) / limit, -1.0, 1.0)[..., None]
+    end = np.where(share < 0.0, np.array(SHORTER), np.array(LONGER))
+    return np.asarray(np.array(REST) + np.abs(share) * (end - np.array(REST)))
+
+
+def as_hex(colour: Colour) -> str:
+    """Return "#rrggbb"."""
+    return f"#{as_number(colour):06x}"
+
+
+def as_number(colour: Colour) -> int:
+    """Return 0xrrggbb."""
+    red, green, blue = (round(255 * part) for part in colour)
+    return (red << 16) + (green << 8) + blue

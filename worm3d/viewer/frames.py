@@ -1,0 +1,233 @@
+"""What is shown: the worm at T instants, and what surrounds it, as plain arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.viewer.arrays import FloatArray, Shape, check_shape, frozen
+from worm3d.viewer.world import WorldMesh
+
+_PER_FRAME: dict[str, Shape] = {
+    "time": ("T",),
+    "directors": ("T", "N", 3),
+    "joints": ("T", "N+1", 3),
+    "apexes": ("T", "N", 6, 3),
+    "chamber_strain": ("T", "N", 2),
+    "contact_force": ("T", "N", 6, 3),
+    "com": ("T", 3),
+    "horizon": ("T", "H", 3),
+}
+_SIDE = np.array([1.0, -1.0])
+"""+1 for left, -1 for right."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Frames:
+    """The worm at T instants; frozen, validated, with read-only arrays. N segments, joint 0 is the tail.
+
+    Attributes
+    ----------
+    time : ndarray, shape (T,)
+        Increasing [s].
+    joints : ndarray, shape (T, N+1, 3)
+        [m].
+    apexes : ndarray, shape (T, N, 6, 3)
+        In the order L-below, L-above, L-outward, R-below, R-above, R-outward [m].
+    directors : ndarray, shape (T, N, 3)
+        Unit directors d of the segments, normal to them, to the left.
+    chamber_strain : ndarray, shape (T, N, 2)
+        Left and right chamber: (length - rest length) / rest length, negative is shorter; it gives the colour.
+    contact_force : ndarray, shape (T, N, 6, 3), optional
+        Forces of the world on the apexes [N].
+    anchored : ndarray of bool, shape (T, N, 6), optional
+        Which apexes stick.
+    com : ndarray, shape (T, 3), optional
+        Centre of mass [m]; gives the trail and the speed.
+    period : float, optional
+        Commanded period [s]: the speed shown is an average over it, since a wave rocks the centre of mass.
+    path : ndarray, shape (P, 3), optional
+        Reference path or centre line of the pipe [m].
+    horizon : ndarray, shape (T, H, 3), optional
+        Points the controller expects to pass [m].
+    world : tuple of WorldMesh
+        Plain tuples (name, vertices, faces, colour, opacity) are taken too.
+
+    Raises
+    ------
+    ValueError
+        An array of the wrong shape, a value that is not finite, directors or apexes that cannot belong to the joints.
+    """
+
+    time: FloatArray
+    joints: FloatArray
+    apexes: FloatArray
+    directors: FloatArray
+    chamber_strain: FloatArray
+    contact_force: FloatArray | None = None
+    anchored: NDArray[np.bool_] | None = None
+    com: FloatArray | None = None
+    period: float | None = None
+    path: FloatArray | None = None
+    horizon: FloatArray | None = None
+    world: tuple[WorldMesh, ...] = ()
+
+    def __post_init__(self) -> None:
+        sizes: dict[str, int] = {}
+        for name, shape in _PER_FRAME.items():
+            if getattr(self, name) is not None:
+                self._set(name, frozen(name, getattr(self, name), shape, sizes))
+        if min(sizes["T"], sizes["N"]) < 1:
+            raise ValueError(f"frames: got {sizes['T']} frames of {sizes['N']} segments, must be at least 1 of each")
+        self._set_anchored(sizes)
+        self._set_path()
+        self._set("world", tuple(_as_mesh(mesh) for mesh in self.world))
+        self._check_time()
+        self._check_frame()
+        self._check_apexes()
+
+    def _set(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+    def _set_anchored(self, sizes: dict[str, int]) -> None:
+        if self.anchored is None:
+            return
+        anchored = np.array(self.anchored)
+        check_shape("anchored", anchored.shape, ("T", "N", 6), sizes)
+        if anchored.dtype != np.bool_:
+            raise ValueError(f"anchored: got {anchored.dtype}, must be bool: which apexes stick")
+        anchored.setflags(write=False)
+        self._set("anchored", anchored)
+
+    def _set_path(self) -> None:
+        if self.path is None:
+            return
+        path = frozen("path", self.path, ("P", 3), {})
+        if len(path) < 2:
+            raise ValueError(f"path: got {len(path)} points, must be at least 2")
+        self._set("path", path)
+
+    def _check_time(self) -> None:
+        if (np.diff(self.time) <= 0.0).any():
+            k = int(np.argmax(np.diff(self.time) <= 0.0))
+            raise ValueError(f"time: got {self.time[k]:g} s and then {self.time[k + 1]:g} s, must increase")
+        if self.period is not None and not (np.isfinite(self.period) and self.period > 0.0):
+            raise ValueError(f"period: got {self.period!r}, must be finite and above 0 [s]")
+
+    def _check_frame(self) -> None:
+        edges = np.diff(self.joints, axis=1)
+        length = np.linalg.norm(edges, axis=2)
+        if (length <= 0.0).any():
+            raise ValueError(f"joints: segment {_where(length <= 0.0)} has no length")
+        size = np.linalg.norm(self.directors, axis=2)
+        if (np.abs(size - 1.0) > 1e-3).any():
+            raise ValueError(f"directors: segment {_where(np.abs(size - 1.0) > 1e-3)}: must be unit vectors")
+        slant = np.abs(np.einsum("tni,tni->tn", edges, self.directors)) / length
+        if (slant > 1e-2).any():
+            raise ValueError(f"directors: segment {_where(slant > 1e-2)}: must be normal to the segment (joints)")
+
+    def _check_apexes(self) -> None:
+        """Check the order: above is above, left is left, outward is outward."""
+        below, above, outward = (self.apexes[:, :, k::3] for k in range(3))
+        edges = np.diff(self.joints, axis=1)
+        up = np.cross(edges, self.directors)[:, :, None]
+        left = self.directors[:, :, None] * _SIDE[:, None]
+        centre, middle = 0.5 * (below + above), 0.5 * (self.joints[:, 1:] + self.joints[:, :-1])
+        slack = 1e-6 * np.linalg.norm(edges, axis=2)[:, :, None]
+        offsets = {
+            "below and above": np.einsum("tnci,tnci->tnc", above - below, up / np.linalg.norm(up, axis=3)[..., None]),
+            "left and right": np.einsum("tnci,tnci->tnc", centre - middle[:, :, None], left),
+            "inward and outward": np.einsum("tnci,tnci->tnc", outward - centre, left),
+        }
+        for what, offset in offsets.items():
+            wrong = (offset < -slack).any(axis=2)
+            if wrong.any():
+                raise ValueError(
+                    f"apexes: segment {_where(wrong)}: {what} are exchanged; the order must be L-below, L-above, "
+                    "L-outward, R-below, R-above, R-outward, with `directors` to the left"
+                )
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def segments(self) -> int:
+        """N."""
+        return int(self.directors.shape[1])
+
+    @property
+    def body_length(self) -> float:
+        """Length along the joints in the first frame [m]."""
+        return float(np.linalg.norm(np.diff(self.joints[0], axis=0), axis=1).sum())
+
+    @property
+    def centre(self) -> FloatArray:
+        """Centre of mass, or of the joints where it is not known, shape (T, 3) [m]."""
+        return self.joints.mean(axis=1) if self.com is None else self.com
+
+    @property
+    def heading(self) -> FloatArray:
+        """Horizontal unit direction of the first frame's chord from tail to head, shape (3,); +x if it is vertical."""
+        chord = self.joints[0, -1] - self.joints[0, 0]
+        flat = np.array([chord[0], chord[1], 0.0])
+        size = float(np.linalg.norm(flat))
+        return flat / size if size > 0.05 * float(np.linalg.norm(chord)) else np.array([1.0, 0.0, 0.0])
+
+    @property
+    def axes(self) -> FloatArray:
+        """Unit vectors along the heading, to its left, and up (z), as rows, shape (3, 3)."""
+        ahead = self.heading
+        return np.array([ahead, [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
+
+    @property
+    def extent(self) -> tuple[FloatArray, FloatArray]:
+        """Least and greatest coordinates of the worm in all frames along `axes`, each of shape (3,) [m]."""
+        points = np.concatenate([self.joints.reshape(-1, 3), self.apexes.reshape(-1, 3)]) @ self.axes.T
+        return points.min(axis=0), points.max(axis=0)
+
+    @property
+    def speed(self) -> FloatArray | None:
+        """Speed of the centre of mass, averaged over `period` (the frames at hand near the ends), shape (T,) [m/s]."""
+        if self.com is None or len(self) < 2:
+            return None
+        half = 0.5 * max(self.period or 0.0, 2.0 * float(np.diff(self.time).max()))
+        before, after = np.maximum(self.time - half, self.time[0]), np.minimum(self.time + half, self.time[-1])
+        moved = [np.interp(after, self.time, x) - np.interp(before, self.time, x) for x in self.com.T]
+        return np.asarray(np.linalg.norm(moved, axis=0) / (after - before))
+
+    def take(self, indices: Sequence[int]) -> Frames:
+        """Return some of the frames, in the order of `indices`, which must increase."""
+        rows = np.asarray(indices, dtype=int)
+        names = [f.name for f in fields(self) if f.name in _PER_FRAME or f.name == "anchored"]
+        return replace(self, **{name: getattr(self, name)[rows] for name in names if getattr(self, name) is not None})
+
+    def at_rate(self, fps: float) -> Frames:
+        """Return at most `fps` frames a second, evenly spaced as far as the frames at hand allow."""
+        return self.take(instants(self.time, fps)) if len(self) > 1 else self
+
+
+def instants(time: FloatArray, fps: float) -> list[int]:
+    """Return the indices nearest to 0, 1/fps, 2/fps, … s after the first, each once; the last always."""
+    if not (np.isfinite(fps) and fps > 0.0):
+        raise ValueError(f"fps: got {fps!r}, must be a finite number above 0 of frames a second")
+    wanted = np.arange(time[0], time[-1], 1.0 / fps)
+    right = np.clip(np.searchsorted(time, wanted), 1, max(len(time) - 1, 1))
+    nearest = right - (wanted - time[right - 1] < time[right] - wanted)
+    return sorted({*(int(k) for k in nearest), 0, len(time) - 1})
+
+
+def _as_mesh(mesh: WorldMesh | Iterable[object]) -> WorldMesh:
+    if isinstance(mesh, WorldMesh):
+        return mesh
+    parts = tuple(mesh)
+    if len(parts) != 5:
+        raise ValueError(f"world: got a mesh of {len(parts)} parts, must be (name, vertices, faces, colour, opacity)")
+    return WorldMesh(*parts)  # type: ignore[arg-type]  # checked by its constructor
+
+
+def _where(wrong: NDArray[np.bool_]) -> str:
+    frame, segment = np.argwhere(wrong)[0]
+    return f"{segment} in frame {frame}"

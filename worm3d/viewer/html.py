@@ -1,0 +1,172 @@
+"""One file that plays the run in any browser, without a network: meshcat's scene and a page around it."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from worm3d.viewer import camera, colours, pieces
+from worm3d.viewer.frames import Frames
+from worm3d.viewer.piece import Piece
+from worm3d.viewer.pieces import ARROW, LAYERS, TRAIL_SIDES, Scales
+from worm3d.viewer.skin import skin as make_skin
+
+_SWATCHES = {
+    "links": colours.LINK,
+    "chambers": colours.REST,
+    "skin": colours.SKIN,
+    "forces": colours.FORCE,
+    "anchors": colours.ANCHOR,
+    "trail": colours.TRAIL,
+    "path": colours.PATH,
+    "horizon": colours.HORIZON,
+}
+
+
+def write_html(
+    frames: Frames,
+    path: str | Path,
+    *,
+    fps: float = 25.0,
+    skin: bool = False,
+    play: bool = False,
+    title: str = "worm3d",
+) -> None:
+    """Write the run as one HTML file that needs nothing else; the same frames give the same bytes.
+
+    An address may say what is seen first:
+    `viewer.html#t=2.5&camera=top&hide=links,world&show=skin&world=0.3&play=1`; cameras are side, top, follow and
+    inside, layers those of `LAYERS`, `world` is its opacity (0.5 as given).
+
+    Parameters
+    ----------
+    frames : Frames
+    path : str or Path
+        Replaced if it exists.
+    fps : float
+        Frames a second that are taken of the run; between them things move on straight lines.
+    skin : bool
+        Whether a smooth skin is drawn over the chambers.
+    play : bool
+        Whether it plays when it is opened.
+    title : str
+        Shown on the page.
+    """
+    Path(path).write_text(html(frames, fps=fps, skin=skin, play=play, title=title), encoding="utf-8", newline="\n")
+
+
+def html(frames: Frames, *, fps: float = 25.0, skin: bool = False, play: bool = False, title: str = "worm3d") -> str:
+    """Return what `write_html` writes."""
+    shown = frames.at_rate(fps)
+    scales = Scales.of(shown)
+    parts = [
+        *pieces.worm(shown, scales),
+        *pieces.contact(shown, scales),
+        *pieces.way(shown),
+        *pieces.world(shown.world),
+    ]
+    if skin:
+        parts.append(make_skin(shown))
+    return _page(
+        title=escape(title),
+        style=_resource("viewer.css"),
+        meshcat=_meshcat_script(),
+        scene=json.dumps(_scene(shown, parts, scales, play), separators=(",", ":"), allow_nan=False).replace(
+            "<", "\\u003c"
+        ),
+        commands="\n".join(base64.b64encode(message).decode("ascii") for message in commands(shown, parts)),
+        script=_resource("viewer.js"),
+    )
+
+
+def commands(frames: Frames, parts: list[Piece]) -> list[bytes]:
+    """Return meshcat's packed commands: the stage, every piece in its first pose, and then how all of them move."""
+    from worm3d.viewer import recorder
+
+    window = recorder.Recorder()
+    recorder.stage(window)
+    for part in parts:
+        recorder.place(window, part)
+    recorder.animate(window, parts, frames.time - frames.time[0], play=False)
+    return window.messages
+
+
+def _page(**parts: str) -> str:
+    """Fill the template in one pass, so that a part may contain what looks like the name of another."""
+    return re.sub(r"\{\{(\w+)\}\}", lambda name: parts[name[1]], _resource("viewer.html"))
+
+
+def _resource(name: str) -> str:
+    return files("worm3d.viewer").joinpath("page", name).read_text(encoding="utf-8")
+
+
+def _meshcat_script() -> str:
+    from worm3d.viewer import recorder
+
+    return recorder.script()
+
+
+def _scene(frames: Frames, parts: list[Piece], scales: Scales, play: bool) -> dict[str, Any]:
+    """Return what the page knows besides meshcat's commands."""
+    eye, look = camera.inside(frames)
+    low, high = frames.extent
+    speed = frames.speed
+    return {
+        "time": _floats(frames.time - frames.time[0]),
+        "start": float(frames.time[0]),
+        "centre": _floats(frames.centre),
+        "eye": _floats(eye),
+        "look": _floats(look),
+        "speed": None if speed is None else _floats(speed),
+        "heading": frames.heading.tolist(),
+        "size": _size(frames),
+        "low": low.tolist(),
+        "high": high.tolist(),
+        "layers": _layers(parts),
+        "trail": _trail(frames, parts),
+        "legend": _legend(frames, scales),
+        "play": play,
+    }
+
+
+def _size(frames: Frames) -> float:
+    """Return how large the worm is in the first frame, corner to corner [m]."""
+    low, high = frames.take([0]).extent
+    return float(np.linalg.norm(high - low))
+
+
+def _layers(parts: list[Piece]) -> list[dict[str, Any]]:
+    present = {part.layer for part in parts}
+    world = next((part.colour for part in parts if part.layer == "world"), (1.0, 1.0, 1.0))
+    return [
+        {"name": name, "label": label, "colour": colours.as_hex(_SWATCHES.get(name, world)), "visible": True}
+        for name, label in LAYERS.items()
+        if name in present
+    ]
+
+
+def _trail(frames: Frames, parts: list[Piece]) -> dict[str, Any] | None:
+    if frames.com is None or not any(part.layer == "trail" for part in parts):
+        return None
+    return {"rings": pieces.trail_rings(frames.com, frames.body_length)[1], "faces": 2 * TRAIL_SIDES}
+
+
+def _legend(frames: Frames, scales: Scales) -> dict[str, Any]:
+    return {
+        "strain": scales.strain,
+        "colours": [colours.as_hex(colour) for colour in (colours.SHORTER, colours.REST, colours.LONGER)],
+        "force": None if frames.contact_force is None else scales.force,
+        "arrow": ARROW * frames.body_length,
+    }
+
+
+def _floats(values: ArrayLike) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")

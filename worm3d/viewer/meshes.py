@@ -1,0 +1,90 @@
+"""The worm and its world at one instant as trimesh meshes, and as a GLB file for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import trimesh
+from trimesh.visual.color import ColorVisuals
+from trimesh.visual.material import PBRMaterial
+from trimesh.visual.texture import TextureVisuals
+
+from worm3d.viewer import pieces
+from worm3d.viewer.frames import Frames
+from worm3d.viewer.piece import HIDDEN, Piece
+from worm3d.viewer.pieces import Scales
+
+# glTF has y up.
+_Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+def worm_mesh(frames: Frames, index: int = 0) -> trimesh.Trimesh:
+    """Return links and chambers in frame `index` as one mesh with coloured vertices [m]."""
+    shown, scales = _one(frames, index)
+    parts = []
+    for piece in pieces.worm(shown, scales):
+        part = trimesh.Trimesh(piece.mesh.vertices, piece.mesh.faces, process=False)
+        part.apply_transform(piece.matrix(0))
+        colour = [*(round(255 * share) for share in piece.colour_at(0)), 255]
+        part.visual = ColorVisuals(
+            part, vertex_colors=np.tile(np.array(colour, dtype=np.uint8), (len(part.vertices), 1))
+        )
+        parts.append(part)
+    return cast(trimesh.Trimesh, trimesh.util.concatenate(parts))
+
+
+def world_meshes(frames: Frames) -> list[trimesh.Trimesh]:
+    """Return the meshes of the world [m]."""
+    return [trimesh.Trimesh(mesh.vertices, mesh.faces, process=False) for mesh in frames.world]
+
+
+def scene(frames: Frames, index: int = 0) -> trimesh.Scene:
+    """Return everything that is seen in frame `index`, each piece under its own name, z up [m]."""
+    shown, scales = _one(frames, index)
+    still = [*pieces.worm(shown, scales), *pieces.contact(shown, scales), *pieces.world(frames.world)]
+    until = frames.take(range(index % len(frames) + 1))
+    result = trimesh.Scene()
+    for piece, frame in [*((piece, 0) for piece in still), *((piece, -1) for piece in pieces.way(until))]:
+        if piece.scale is None or float(piece.scale[frame].max()) > HIDDEN:
+            where = piece.matrix(frame)
+            result.add_geometry(_coloured(piece), node_name=piece.path, geom_name=piece.path, transform=where)
+    return result
+
+
+def export_glb(frames: Frames, index: int, path: str | Path) -> None:
+    """Write what is seen in frame `index` as a binary glTF file, with y up, as that format wants it.
+
+    Raises
+    ------
+    ValueError
+        Another ending than .glb.
+    IndexError
+        No such frame.
+    """
+    if Path(path).suffix.lower() != ".glb":
+        raise ValueError(f"mesh file: got {Path(path).name!r}, the ending must be .glb")
+    shown = scene(frames, index)
+    shown.apply_transform(_Y_UP)  # type: ignore[no-untyped-call]
+    Path(path).write_bytes(shown.export(file_type="glb"))  # type: ignore[no-untyped-call]
+
+
+def _one(frames: Frames, index: int) -> tuple[Frames, Scales]:
+    """Return one frame, with the scales of all."""
+    if not -len(frames) <= index < len(frames):
+        raise IndexError(f"frame: got {index}, must be in [0, {len(frames) - 1}]")
+    return frames.take([index]), Scales.of(frames)
+
+
+def _coloured(piece: Piece) -> trimesh.Trimesh:
+    mesh = trimesh.Trimesh(piece.mesh.vertices, piece.mesh.faces, process=False)
+    material = PBRMaterial(  # type: ignore[no-untyped-call]
+        baseColorFactor=[*piece.colour_at(0), piece.opacity],
+        alphaMode="BLEND" if piece.opacity < 1.0 else "OPAQUE",
+        metallicFactor=0.0,
+        roughnessFactor=0.8,
+        doubleSided=True,
+    )
+    mesh.visual = TextureVisuals(material=material)  # type: ignore[no-untyped-call]
+    return mesh

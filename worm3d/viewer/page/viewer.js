@@ -1,0 +1,332 @@
+"use strict";
+// The page around meshcat's scene: playback, cameras, layers. Positions are [x, y, z] with z up, in metres, as in the
+// simulator; three.js has y up. Everything works on a file opened without a network.
+(function () {
+  const scene = JSON.parse(document.getElementById("scene").textContent);
+  const element = (id) => document.getElementById(id);
+
+  function trouble(sentence) {
+    element("trouble").textContent = sentence;
+    element("trouble").hidden = false;
+    document.documentElement.dataset.state = "failed";
+  }
+
+  window.addEventListener("error", (event) => trouble("The viewer stopped: " + event.message));
+
+  function bytes(text) {
+    const raw = atob(text);
+    const result = new Uint8Array(raw.length);
+    for (let i = 0; i < raw.length; i++) result[i] = raw.charCodeAt(i);
+    return result;
+  }
+
+  const floats = (text) => new Float32Array(bytes(text).buffer);
+  const time = floats(scene.time);
+  const centre = floats(scene.centre);
+  const eye = floats(scene.eye);
+  const look = floats(scene.look);
+  const speed = scene.speed && floats(scene.speed);
+  const duration = time[time.length - 1];
+
+  // ---------------------------------------------------------------- the scene
+  let viewer;
+  try {
+    viewer = new MeshCat.Viewer(element("meshcat-pane"));
+  } catch (error) {
+    trouble("This page needs WebGL, which this browser does not offer: switch on hardware acceleration, or take another browser.");
+    return;
+  }
+  // In order and at once: the animation must find the objects it moves.
+  for (const message of element("commands").textContent.split("\n")) {
+    if (message) viewer.handle_command_bytearray(bytes(message));
+  }
+  const animator = viewer.animator;
+  animator.pause();
+  // Only actions that play have an effect; the time is set by hand below.
+  for (const action of animator.actions) action.play();
+  window.viewer = viewer;
+
+  function layer(name) {
+    return viewer.scene_tree.find(["meshcat", name]).object;
+  }
+
+  // ---------------------------------------------------------------- vectors
+  const three = (v) => new MeshCat.THREE.Vector3(v[0], v[2], -v[1]);
+  const plus = (a, b, factor) => a.map((x, i) => x + factor * b[i]);
+  const up = [0, 0, 1];
+  const ahead = scene.heading;
+  const left = [-ahead[1], ahead[0], 0];
+
+  /** Index k and share s in [0, 1] with now = time[k] + s (time[k + 1] - time[k]). */
+  function between(now) {
+    let low = 0, high = time.length - 1;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (time[middle] <= now) low = middle; else high = middle;
+    }
+    const step = time[high] - time[low];
+    return [low, high, step > 0 ? Math.min(Math.max((now - time[low]) / step, 0), 1) : 0];
+  }
+
+  function at(values, now) {
+    const [k, next, share] = between(now);
+    return [0, 1, 2].map((i) => (1 - share) * values[3 * k + i] + share * values[3 * next + i]);
+  }
+
+  // ---------------------------------------------------------------- cameras
+  const size = scene.size;
+  let preset = "", follows = null;
+
+  /** Pixels that the panel covers on the left, and the bar below. */
+  function covered() {
+    const panel = element("panel").getBoundingClientRect(), bar = element("bar");
+    return [element("panel").open && window.innerWidth > 1.8 * panel.right ? panel.right : 0, bar.hidden ? 0 : 60];
+  }
+
+  /** Put the middle of the picture into the middle of what is not covered. */
+  function centre_view() {
+    const [panel, bar] = covered(), wide = window.innerWidth, high = window.innerHeight;
+    viewer.camera.setViewOffset(wide, high, -panel / 2, bar / 2, wide, high);
+    viewer.set_dirty();
+  }
+
+  function aim(from, to) {
+    viewer.camera.position.copy(three(from));
+    viewer.controls.target.copy(three(to));
+    viewer.controls.update();
+    viewer.set_dirty();
+  }
+
+  /** Where to look, and how wide and high: the whole run, or two bodies that follow the worm. */
+  function window_of(vertical) {
+    const spread = scene.low.map((x, i) => scene.high[i] - x); // ahead, left, up
+    const long = spread[0], high = spread[vertical];
+    const whole = Math.max(long, high) <= 3.2 * size;
+    const middle = [ahead, left, up].reduce(
+      (sum, axis, i) => plus(sum, axis, 0.5 * (scene.low[i] + scene.high[i])), [0, 0, 0]);
+    return {
+      to: whole ? middle : at(centre, now),
+      width: (whole ? long : 2.2 * size) + 0.3 * size,
+      height: (whole ? high : 1.2 * size) + 0.4 * size,
+      moves: !whole,
+    };
+  }
+
+  function flat(from, vertical, slant) {
+    const view = window_of(vertical);
+    // The panel and the bar take some of the window.
+    const free = Math.max((window.innerWidth - covered()[0]) / window.innerHeight, 0.3);
+    const distance = Math.max(view.width / free, view.height / 0.8) / (2 * Math.tan(viewer.camera.fov * Math.PI / 360));
+    aim(plus(plus(view.to, from, distance), slant, 1e-3 * distance), view.to);
+    follows = view.moves ? at(centre, now) : null;
+  }
+
+  const cameras = {
+    side: () => flat(left.map((x) => -x), 2, [0, 0, 0]),
+    top: () => flat(up, 1, left.map((x) => -x)),
+    follow: () => {
+      const to = at(centre, now);
+      const far = size * Math.max(1, 1.3 * window.innerHeight / (window.innerWidth - covered()[0]));
+      aim(plus(plus(plus(to, ahead, -0.75 * far), left, -1.35 * far), up, 0.85 * far), to);
+      follows = to;
+    },
+    inside: () => { follows = null; },
+  };
+  const titles = {
+    side: "from the right of the worm", top: "from above, head to the right",
+    follow: "from behind, moving along with the worm", inside: "inside the pipe, from ahead of the worm",
+  };
+
+  function choose(name) {
+    preset = name;
+    cameras[name]();
+    clear_sight();
+    if (name === "inside") aim(at(eye, now), at(look, now));
+    for (const button of element("cameras").querySelectorAll("button")) {
+      button.setAttribute("aria-pressed", String(button.value === name));
+    }
+  }
+
+  /** The camera inside stands on the path, which would fill the picture. */
+  function clear_sight() {
+    const box = element("layers").querySelector('input[value="path"]');
+    if (box) layer("path").visible = box.checked && preset !== "inside";
+  }
+
+  function carry() {
+    if (preset === "inside") {
+      aim(at(eye, now), at(look, now));
+    } else if (follows) {
+      const to = at(centre, now);
+      const moved = three(plus(to, follows, -1));
+      viewer.camera.position.add(moved);
+      viewer.controls.target.add(moved);
+      follows = to;
+    }
+  }
+
+  function make_cameras() {
+    viewer.camera.fov = 35;
+    viewer.camera.near = 0.005 * size;
+    viewer.camera.far = 100 * size + 2 * Math.hypot(...scene.low.map((x, i) => scene.high[i] - x));
+    for (const name of Object.keys(cameras)) {
+      const button = document.createElement("button");
+      Object.assign(button, { type: "button", value: name, textContent: name, title: titles[name] });
+      button.addEventListener("click", () => choose(name));
+      element("cameras").append(button);
+    }
+    window.addEventListener("resize", centre_view);
+    element("panel").addEventListener("toggle", centre_view);
+    viewer.controls.addEventListener("start", () => {
+      if (preset === "inside") preset = "";
+      clear_sight();
+    });
+  }
+
+  // ---------------------------------------------------------------- layers
+  function show_layer(name, visible) {
+    const box = element("layers").querySelector(`input[value="${name}"]`);
+    if (!box) return;
+    box.checked = visible;
+    layer(name).visible = visible;
+    clear_sight();
+    viewer.set_dirty();
+  }
+
+  function make_layers() {
+    for (const { name, label, colour, visible } of scene.layers) {
+      const row = document.createElement("label");
+      const box = document.createElement("input");
+      const swatch = document.createElement("span");
+      Object.assign(box, { type: "checkbox", value: name });
+      swatch.className = "swatch";
+      swatch.style.background = colour;
+      box.addEventListener("change", () => show_layer(name, box.checked));
+      row.append(box, swatch, label);
+      element("layers").append(row);
+      show_layer(name, visible);
+    }
+    element("tree").addEventListener("change", (event) => document.body.classList.toggle("tree", event.target.checked));
+  }
+
+  /** 0 is invisible, 0.5 as made, 1 opaque. */
+  function world_opacity(share) {
+    element("opacity").querySelector("input").value = share;
+    layer("world").traverse((part) => {
+      if (!part.material) return;
+      if (part.userData.opacity === undefined) part.userData.opacity = part.material.opacity;
+      const made = part.userData.opacity;
+      const opacity = share <= 0.5 ? 2 * share * made : made + (1 - made) * (2 * share - 1);
+      Object.assign(part.material, { opacity, transparent: opacity < 1, depthWrite: opacity >= 1 });
+    });
+    viewer.set_dirty();
+  }
+
+  function make_opacity() {
+    if (scene.layers.some((one) => one.name === "world")) {
+      element("opacity").querySelector("input").addEventListener("input", (event) => world_opacity(Number(event.target.value)));
+    } else {
+      element("opacity").remove();
+    }
+  }
+
+  function make_legend() {
+    const { strain, colours, force, arrow } = scene.legend;
+    element("ramp").style.background = `linear-gradient(to right, ${colours.join(", ")})`;
+    const ends = element("strain").querySelectorAll(".ends span");
+    ends[0].textContent = `\u2212${Math.round(100 * strain)} %`;
+    ends[2].textContent = `+${Math.round(100 * strain)} %`;
+    if (force === null) element("forces").remove();
+    else element("forces").textContent = `arrow of ${rounded(arrow)} m: ${rounded(force)} N`;
+  }
+
+  const rounded = (value) => String(Number(value.toPrecision(3)));
+
+  // ---------------------------------------------------------------- playback
+  let now = 0, playing = false, rate = 1, last = null;
+
+  function show(instant) {
+    now = Math.min(Math.max(instant, 0), duration);
+    animator.seek(now);
+    const [k, next, share] = between(now);
+    if (scene.trail) {
+      const rings = scene.trail.rings[share > 0.999 ? next : k];
+      viewer.scene_tree.find(["meshcat", "trail", "com", "<object>"]).object.geometry.setDrawRange(
+        0, Math.max(rings - 1, 0) * scene.trail.faces * 3);
+    }
+    carry();
+    element("time").value = now;
+    element("now").textContent = `${now.toFixed(2)} / ${duration.toFixed(2)} s`;
+    element("clock").textContent = `t = ${(scene.start + now).toFixed(2)} s`;
+    if (speed) {
+      const value = (1 - share) * speed[k] + share * speed[next];
+      element("speed").textContent = `speed ${value.toPrecision(3)} m/s`;
+    }
+    document.documentElement.dataset.time = now.toFixed(3);
+    viewer.set_dirty();
+  }
+
+  function play(on) {
+    if (on && now >= duration) show(0);
+    playing = on && duration > 0;
+    last = null;
+    element("play").textContent = playing ? "\u275A\u275A" : "\u25B6";
+    element("play").setAttribute("aria-label", playing ? "Pause" : "Play");
+  }
+
+  function tick(stamp) {
+    requestAnimationFrame(tick);
+    if (animator.playing) { // started in meshcat's own controls
+      if (Math.abs(animator.time - now) > 1e-6) show(animator.time);
+    } else if (playing) {
+      const passed = last === null ? 0 : Math.min((stamp - last) / 1000, 0.25);
+      last = stamp;
+      const target = now + rate * passed;
+      if (target < duration) show(target);
+      else if (element("loop").checked) show(target - duration);
+      else { show(duration); play(false); }
+    }
+  }
+
+  function make_bar() {
+    element("time").max = duration || 1;
+    element("time").addEventListener("input", (event) => { play(false); show(Number(event.target.value)); });
+    element("play").addEventListener("click", () => play(!playing));
+    element("rate").addEventListener("change", (event) => { rate = Number(event.target.value); });
+    const step = duration / Math.max(time.length - 1, 1);
+    window.addEventListener("keydown", (event) => {
+      if (/^(INPUT|SELECT|BUTTON|TEXTAREA)$/.test(event.target.tagName)) return;
+      const does = { " ": () => play(!playing), ArrowRight: () => show(now + step), ArrowLeft: () => show(now - step) };
+      if (does[event.key]) { event.preventDefault(); does[event.key](); }
+    });
+    if (duration === 0) element("bar").hidden = true;
+  }
+
+  /** `viewer.html#t=2.5&camera=top&hide=links,world&show=skin&world=0.3&play=1` */
+  function obey(hash) {
+    const asked = new URLSearchParams(hash.replace(/^#/, ""));
+    const names = (key) => (asked.get(key) || "").split(",").filter(Boolean);
+    if (asked.has("t")) show(Number(asked.get("t")) || 0);
+    for (const name of names("hide")) show_layer(name, false);
+    for (const name of names("show")) show_layer(name, true);
+    if (asked.has("world")) world_opacity(Number(asked.get("world")));
+    if (cameras[asked.get("camera")]) choose(asked.get("camera"));
+    if (asked.has("play")) play(asked.get("play") !== "0");
+  }
+
+  make_cameras();
+  make_layers();
+  make_opacity();
+  make_legend();
+  make_bar();
+  element("panel").open = window.innerWidth > 560;
+  viewer.set_3d_pane_size();
+  centre_view();
+  show(0);
+  choose("follow");
+  play(scene.play);
+  obey(location.hash);
+  window.addEventListener("hashchange", () => obey(location.hash));
+  requestAnimationFrame(tick);
+  document.documentElement.dataset.state = "ready";
+})();

@@ -1,0 +1,227 @@
+"""The worm from the side and from above as a figure, without any browser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+
+from worm3d.viewer import colours
+from worm3d.viewer.arrays import FloatArray
+from worm3d.viewer.body import Body
+from worm3d.viewer.frames import Frames
+from worm3d.viewer.pieces import ARROW, FULLNESS, Scales
+from worm3d.viewer.projection import Projection
+
+DPI = 100
+_LEFT, _RIGHT, _ABOVE, _BETWEEN, _BELOW = 80, 110, 30, 26, 50
+"""Margins around the two views [pixels]."""
+_WIDE, _HIGH = 760, 760
+"""The most that the views take [pixels]."""
+
+
+class Stage:
+    """Side and top view of a worm, ready to be drawn at any instant.
+
+    The views show the whole run, or three bodies' lengths (one and a half across) that follow the worm; both have one
+    scale.
+
+    Parameters
+    ----------
+    frames : Frames
+
+    Attributes
+    ----------
+    figure : Figure
+    axes : tuple of Axes
+        Side and top.
+    """
+
+    def __init__(self, frames: Frames) -> None:
+        self.frames = frames
+        self.scales = Scales.of(frames)
+        self._body = Body.of(frames)
+        self._links = self._body.links(frames)
+        self._speed = frames.speed
+        ahead, left, up = frames.axes
+        low, high = frames.extent
+        size = frames.body_length
+        most = size * np.array([3.0, 1.5, 1.5])
+        self._span = np.minimum(high - low, most) + 0.2 * size
+        self._middle, self._follows = 0.5 * (low + high), high - low > most
+        self._views = [Projection(ahead, up, -left), Projection(ahead, left, up)]
+        self.figure, self.axes = self._frame()
+        self._pictures = [_View(self, view, axes) for view, axes in zip(self._views, self.axes, strict=True)]
+        self._title = self.axes[0].set_title("", fontsize=9, loc="left")
+
+    def _frame(self) -> tuple[Figure, tuple[Axes, Axes]]:
+        """Return a figure in which both views have one scale; its size is even, for MP4."""
+        long, wide, high = self._span
+        scale = min(_WIDE / long, _HIGH / (wide + high))
+        width = 2 * round(max(scale * long + _LEFT + _RIGHT, 480) / 2)
+        height = 2 * round((scale * (wide + high) + _ABOVE + _BETWEEN + _BELOW) / 2)
+        figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+        FigureCanvasAgg(figure)
+        top = figure.add_axes((_LEFT / width, _BELOW / height, scale * long / width, scale * wide / height))
+        bottom = (_BELOW + scale * wide + _BETWEEN) / height
+        side = figure.add_axes((_LEFT / width, bottom, scale * long / width, scale * high / height))
+        self._label(side, top)
+        bar = figure.add_axes((1.0 - 78 / width, _BELOW / height, 12 / width, 1.0 - (_BELOW + _ABOVE) / height))
+        limit = self.scales.strain
+        ramp = LinearSegmentedColormap.from_list("strain", [colours.SHORTER, colours.REST, colours.LONGER])
+        figure.colorbar(ScalarMappable(Normalize(-limit, limit), ramp), cax=bar, label="chamber strain [-]")
+        return figure, (side, top)
+
+    def _label(self, side: Axes, top: Axes) -> None:
+        straight = abs(self.frames.heading[0] - 1.0) < 1e-6
+        side.set_ylabel("z [m]")
+        side.tick_params(labelbottom=False)
+        top.set_xlabel("x [m]" if straight else "along the first heading [m]")
+        top.set_ylabel("y [m]" if straight else "to its left [m]")
+        for axes in (side, top):
+            axes.locator_params(axis="y", nbins=4)
+
+    def draw(self, index: int) -> Figure:
+        """Draw the frame `index` and return the figure."""
+        if not -len(self.frames) <= index < len(self.frames):
+            raise IndexError(f"frame: got {index}, must be in [0, {len(self.frames) - 1}]")
+        index %= len(self.frames)
+        step = 0.5 * self.frames.body_length  # in between the axes stand still
+        here = step * np.round(self.frames.axes @ self.frames.centre[index] / step)
+        middle = np.where(self._follows, here, self._middle)
+        low, high = middle - 0.5 * self._span, middle + 0.5 * self._span
+        for axes, row in zip(self.axes, (2, 1), strict=True):
+            axes.set_xlim(low[0], high[0])
+            axes.set_ylim(low[row], high[row])
+        for picture in self._pictures:
+            picture.draw(index)
+        self._title.set_text(self._text(index))
+        return self.figure
+
+    @property
+    def view(self) -> tuple[float, ...]:
+        """Limits of the axes; they change where the views follow the worm."""
+        return tuple(limit for axes in self.axes for limit in (*axes.get_xlim(), *axes.get_ylim()))
+
+    @property
+    def artists(self) -> list[Artist]:
+        """What differs between frames, in the order it is drawn in."""
+        return [self._title, *(artist for picture in self._pictures for artist in picture.artists)]
+
+    @contextmanager
+    def moving(self) -> Iterator[None]:
+        """Leave out of the figure, for a while, what differs between frames."""
+        for artist in self.artists:
+            artist.set_animated(True)
+        try:
+            yield
+        finally:
+            for artist in self.artists:
+                artist.set_animated(False)
+
+    def _text(self, index: int) -> str:
+        text = f"t = {self.frames.time[index]:.2f} s"
+        if self._speed is not None:
+            text += f"   speed {self._speed[index]:.3g} m/s"
+        if self.frames.contact_force is not None:
+            text += f"   arrow of {ARROW * self.frames.body_length:.3g} m: {self.scales.force:.3g} N"
+        return text
+
+    def outlines(self, view: Projection, index: int) -> tuple[list[FloatArray], FloatArray]:
+        """Return the outlines of chambers and links, the farthest first, and their colours, shape (K, 3)."""
+        body, links = self._body, self._links
+        half = FULLNESS * np.stack([0.5 * body.length, body.height, body.height], axis=-1)[index]
+        axes = np.stack([body.t, body.d, body.u], axis=-1)[index, :, None] * half[..., None, :]
+        centre = body.centre[index].reshape(-1, 3)
+        thick = 0.055 * float(body.height[0].mean())
+        start, end = links.start[index], links.end[index]
+        shapes = [*view.ellipsoids(centre, axes.reshape(-1, 3, 3)), *view.bars(start, end, thick)]
+        # A link at the depth of a chamber's middle lies on its near side or beyond its edge.
+        depth = np.concatenate([centre @ view.near, 0.5 * (start + end) @ view.near + thick])
+        strain = self.frames.chamber_strain[index].reshape(-1)
+        paint = [colours.strain_colour(strain, self.scales.strain), np.tile(colours.LINK, (len(start), 1))]
+        order = np.argsort(depth, kind="stable")
+        return [shapes[k] for k in order], np.concatenate(paint)[order]
+
+
+class _View:
+    """One of the two views, with its artists."""
+
+    def __init__(self, stage: Stage, view: Projection, axes: Axes) -> None:
+        self._stage, self._view, self._axes = stage, view, axes
+        frames = stage.frames
+        axes.set_aspect("equal", adjustable="box")
+        self._world = LineCollection([], colors="0.45", lw=2.0)
+        if frames.path is not None:
+            axes.plot(*view.points(frames.path).T, color=colours.PATH, lw=1.2, ls="--", scalex=False, scaley=False)
+        self._trail = axes.plot([], [], color=colours.TRAIL, lw=1.2)[0]
+        self._worm = PolyCollection([], lw=0.3, edgecolors="0.25")
+        self._forces = PolyCollection([], facecolors=[colours.FORCE], lw=0.0)
+        for collection in (self._world, self._worm, self._forces):
+            axes.add_collection(collection, autolim=False)
+        self._anchors = axes.plot([], [], "o", color=colours.ANCHOR, ms=4.0)[0]
+        self._horizon = axes.plot([], [], ".", color=colours.HORIZON, ms=5.0)[0]
+        self.artists: list[Artist] = [
+            self._world,
+            self._trail,
+            self._worm,
+            self._forces,
+            self._anchors,
+            self._horizon,
+        ]
+        for above, artist in enumerate(self.artists):
+            artist.set_zorder(2.0 + 0.1 * above)
+
+    def draw(self, index: int) -> None:
+        frames, view = self._stage.frames, self._view
+        shapes, paint = self._stage.outlines(view, index)
+        self._worm.set_verts(shapes)
+        self._worm.set_facecolor([tuple(colour) for colour in paint])
+        cuts = [view.cut(mesh.vertices, mesh.faces, frames.centre[index]) for mesh in frames.world]
+        self._world.set_segments([line for lines in cuts for line in lines])
+        if frames.com is not None:
+            self._trail.set_data(*view.points(frames.com[: index + 1]).T)
+        if frames.horizon is not None:
+            self._horizon.set_data(*view.points(frames.horizon[index]).T)
+        if frames.anchored is not None:
+            self._anchors.set_data(*view.points(frames.apexes[index][frames.anchored[index]]).T)
+        if frames.contact_force is not None:
+            self._draw_forces(frames.apexes[index].reshape(-1, 3), frames.contact_force[index].reshape(-1, 3))
+
+    def _draw_forces(self, places: FloatArray, force: FloatArray) -> None:
+        size = self._stage.frames.body_length
+        vector = ARROW * size / self._stage.scales.force * force
+        seen = np.linalg.norm(vector, axis=1) > 1e-3 * size
+        self._forces.set_verts(list(self._view.arrows(places[seen], vector[seen], 0.025 * size)))
+
+
+def figure(frames: Frames, index: int = 0) -> tuple[Figure, tuple[Axes, Axes]]:
+    """Return a figure of frame `index`, and its axes: from the side, and from above."""
+    stage = Stage(frames)
+    return stage.draw(index), stage.axes
+
+
+def write_png(frames: Frames, path: str | Path, index: int = 0) -> tuple[Figure, tuple[Axes, Axes]]:
+    """Write frame `index` as a PNG file and return the figure and its axes.
+
+    Raises
+    ------
+    ValueError
+        Another ending than .png.
+    IndexError
+        No such frame.
+    """
+    if Path(path).suffix.lower() != ".png":
+        raise ValueError(f"picture file: got {Path(path).name!r}, the ending must be .png")
+    drawn, axes = figure(frames, index)
+    drawn.savefig(path, dpi=1.5 * DPI)
+    return drawn, axes

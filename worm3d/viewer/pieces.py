@@ -1,0 +1,213 @@
+"""The worm, what acts on it and where it goes, as pieces of a scene; the sizes are shares of the body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from worm3d.viewer import colours, rotation, shapes
+from worm3d.viewer.arrays import FloatArray
+from worm3d.viewer.body import Bars, Body
+from worm3d.viewer.frames import Frames
+from worm3d.viewer.piece import HIDDEN, Piece
+from worm3d.viewer.tube import Mesh, tube
+from worm3d.viewer.world import Colour, WorldMesh
+
+LAYERS = {
+    "links": "links",
+    "chambers": "chambers",
+    "skin": "skin",
+    "forces": "contact forces",
+    "anchors": "anchored",
+    "trail": "trail",
+    "path": "path",
+    "horizon": "horizon",
+    "world": "world",
+}
+"""Names of the layers, as they stand in paths and as they are shown."""
+
+FULLNESS = 0.74
+"""Semi-axes of a chamber's ellipsoid over half the diagonals of its linkage; 0.71 touches the links."""
+ARROW = 0.2
+"""Length of the arrow of `Scales.force`, in body lengths."""
+TRAIL_SIDES = 6
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What a colour and a length mean.
+
+    Attributes
+    ----------
+    strain : float
+        Strain at full colour.
+    force : float
+        Force [N] drawn as an arrow of `ARROW` body lengths.
+    """
+
+    strain: float
+    force: float
+
+    @classmethod
+    def of(cls, frames: Frames) -> Scales:
+        """Return scales that suit all frames: a round force that most forces stay below."""
+        return cls(colours.strain_limit(frames.chamber_strain), _round_force(frames.contact_force))
+
+
+def _round_force(force: FloatArray | None) -> float:
+    size = np.zeros(0) if force is None else np.linalg.norm(force, axis=-1).ravel()
+    size = size[size > 0.0]
+    if not size.size:
+        return 1.0
+    most = float(np.quantile(size, 0.98))
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= 0.999 * most))
+
+
+def worm(frames: Frames, scales: Scales) -> list[Piece]:
+    """Return the links and the chambers."""
+    body = Body.of(frames)
+    thick = 0.055 * float(body.height[0].mean())
+    return [*_links(body.links(frames), thick), *_chambers(body, frames.chamber_strain, scales)]
+
+
+def _links(bars: Bars, thick: float) -> list[Piece]:
+    middle, turn = 0.5 * (bars.start + bars.end), rotation.y_onto(bars.end - bars.start, bars.normal)
+    return [
+        Piece(
+            path=f"links/{name}",
+            mesh=shapes.capsule(length, 1.6 * thick if name.endswith("joint") else thick),
+            colour=colours.LINK,
+            position=middle[:, k],
+            quaternion=turn[:, k],
+        )
+        for k, (name, length) in enumerate(zip(bars.names, bars.length, strict=True))
+    ]
+
+
+def _chambers(body: Body, strain: FloatArray, scales: Scales) -> list[Piece]:
+    """Return an ellipsoid for each chamber, its long axis y along t, x to the left, z down."""
+    mesh = shapes.ball()
+    turn = rotation.quaternions(np.stack([body.d, body.t, -body.u], axis=-1))
+    half = FULLNESS * np.stack([body.height, 0.5 * body.length, body.height], axis=-1)
+    tint = colours.strain_colour(strain, scales.strain)
+    return [
+        Piece(
+            path=f"chambers/{i:02d}-{'LR'[c]}",
+            mesh=mesh,
+            colour=colours.REST,
+            position=body.centre[:, i, c],
+            quaternion=turn[:, i],
+            scale=half[:, i, c],
+            tint=tint[:, i, c],
+        )
+        for i in range(strain.shape[1])
+        for c in range(2)
+    ]
+
+
+def contact(frames: Frames, scales: Scales) -> list[Piece]:
+    """Return contact forces as arrows from the apexes, and anchored apexes as dots."""
+    places = frames.apexes.reshape(len(frames), -1, 3)
+    pieces = []
+    if frames.contact_force is not None:
+        force = frames.contact_force.reshape(places.shape)
+        pieces += _arrows(places, force, ARROW * frames.body_length / scales.force, frames.body_length)
+    if frames.anchored is not None:
+        sticks = frames.anchored.reshape(places.shape[:2])
+        pieces += _dots(places, np.where(sticks, 0.014 * frames.body_length, HIDDEN))
+    return pieces
+
+
+def _arrows(places: FloatArray, force: FloatArray, metres_per_newton: float, body_length: float) -> list[Piece]:
+    mesh = shapes.arrow()
+    size = np.linalg.norm(force, axis=2)
+    length = np.minimum(metres_per_newton * size, 2.0 * ARROW * body_length)
+    seen = length > 1e-3 * body_length
+    direction = np.where(seen[..., None], force, [0.0, 0.0, 1.0])
+    turn = rotation.y_onto(direction, rotation.any_normal(direction))
+    wide = np.minimum(length, 0.12 * body_length)
+    scale = np.where(seen[..., None], np.stack([wide, length, wide], axis=2), HIDDEN)
+    return [
+        Piece(
+            path=f"forces/{k:03d}",
+            mesh=mesh,
+            colour=colours.FORCE,
+            on_top=True,
+            position=places[:, k],
+            quaternion=turn[:, k],
+            scale=scale[:, k],
+        )
+        for k in range(places.shape[1])
+        if seen[:, k].any() or len(places) == 1
+    ]
+
+
+def _dots(places: FloatArray, radius: FloatArray) -> list[Piece]:
+    mesh = shapes.ball(rings=5, sides=8)
+    return [
+        Piece(
+            path=f"anchors/{k:03d}",
+            mesh=mesh,
+            colour=colours.ANCHOR,
+            on_top=True,
+            position=places[:, k],
+            scale=np.repeat(radius[:, k, None], 3, axis=1),
+            stepped=True,
+        )
+        for k in range(places.shape[1])
+        if (radius[:, k] > HIDDEN).any() or len(places) == 1
+    ]
+
+
+def way(frames: Frames) -> list[Piece]:
+    """Return the trail of the centre of mass, the reference path and the controller's horizon."""
+    pieces = []
+    size = frames.body_length
+    if frames.com is not None:
+        points = frames.com[trail_rings(frames.com, size)[0]]
+        if len(points) > 1:
+            mesh = tube(points, 0.004 * size, sides=TRAIL_SIDES, capped=False)
+            pieces.append(Piece(path="trail/com", mesh=mesh, colour=colours.TRAIL))
+    if frames.path is not None:
+        pieces.append(Piece(path="path/reference", mesh=tube(frames.path, 0.005 * size), colour=colours.PATH))
+    if frames.horizon is not None:
+        ball = shapes.ball(rings=5, sides=8)
+        mesh = Mesh(0.009 * size * ball.vertices, ball.faces)
+        pieces += [
+            Piece(path=f"horizon/{k:03d}", mesh=mesh, colour=colours.HORIZON, on_top=True, position=places)
+            for k, places in enumerate(frames.horizon.swapaxes(0, 1))
+        ]
+    return pieces
+
+
+def trail_rings(com: FloatArray, body_length: float) -> tuple[list[int], list[int]]:
+    """Return the frames that the trail goes through, and for every frame how many of them it has passed.
+
+    The centre of mass of a worm at rest would crowd one place with rings.
+    """
+    kept, passed = [0], []
+    for k, place in enumerate(com):
+        if float(np.linalg.norm(place - com[kept[-1]])) > 0.005 * body_length:
+            kept.append(k)
+        passed.append(len(kept))
+    return kept, passed
+
+
+def world(meshes: tuple[WorldMesh, ...]) -> list[Piece]:
+    """Return the meshes of the world."""
+    return [
+        Piece(
+            path=f"world/{k:02d}-{mesh.name.replace('/', '-') or 'mesh'}",
+            mesh=Mesh(mesh.vertices, mesh.faces),
+            colour=_rgb(mesh.colour),
+            opacity=mesh.opacity,
+        )
+        for k, mesh in enumerate(meshes)
+    ]
+
+
+def _rgb(colour: Colour) -> Colour:
+    red, green, blue = (float(part) for part in colour)
+    return red, green, blue
