@@ -39,13 +39,13 @@ def _type_subtract(vectors: int) -> Any:
             one = builder.insert_element(ir.Constant(kind, ir.Undefined), args[3], ir.Constant(ir.IntType(32), 0))
             zeros = ir.Constant(ir.VectorType(ir.IntType(32), _LANES), None)
             spread = builder.shuffle_vector(one, ir.Constant(kind, ir.Undefined), zeros)
-            fma = cgutils.get_or_insert_function(
-                builder.module, ir.FunctionType(kind, [kind] * 3), f"llvm.fma.v{_LANES}f64"
-            )
+            insert: Any = cgutils.get_or_insert_function
+            fma = insert(builder.module, ir.FunctionType(kind, [kind] * 3), f"llvm.fma.v{_LANES}f64")
             minus = builder.fneg(spread)
             for k in range(vectors):
                 shift = ir.Constant(ir.IntType(64), _LANES * k)
-                places = [builder.bitcast(builder.gep(data, [builder.add(a, shift)]), kind.as_pointer()) for a in args[1:3]]
+                begins = [builder.gep(data, [builder.add(place, shift)]) for place in args[1:3]]
+                places = [builder.bitcast(begin, kind.as_pointer()) for begin in begins]
                 old, row = (builder.load(place, align=8) for place in places)
                 builder.store(builder.call(fma, [minus, row, old]), places[0], align=8)
             return context.get_dummy_value()

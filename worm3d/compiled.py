@@ -6,10 +6,11 @@ it would go on with the old one. Here any change begins a new folder. Where noth
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -31,11 +32,8 @@ def njit(function: F) -> F:
     folder = _folder()
     if folder is None:
         return cast(F, numba.njit(error_model="numpy")(function))
-    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
-    try:
+    with _cache_at(folder):
         return cast(F, numba.njit(cache=True, error_model="numpy")(function))
-    finally:
-        numba.config.CACHE_DIR = before
 
 
 def cfunc(signature: str, function: Callable[..., Any]) -> Any:
@@ -43,11 +41,19 @@ def cfunc(signature: str, function: Callable[..., Any]) -> Any:
     folder = _folder()
     if folder is None:
         return numba.cfunc(signature)(function)
-    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
-    try:
+    with _cache_at(folder):
         return numba.cfunc(signature, cache=True)(function)
+
+
+@contextlib.contextmanager
+def _cache_at(folder: Path) -> Iterator[None]:
+    """Make Numba choose this folder; it does so when a function is declared."""
+    config: Any = numba.config
+    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+    try:
+        yield
     finally:
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR = before
 
 
 @functools.cache

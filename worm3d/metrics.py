@@ -33,7 +33,7 @@ def heading(joints: FloatArray) -> FloatArray:
 
 
 def forward(joints: FloatArray, world: World | None) -> FloatArray | None:
-    """Return the unit vector of the heading of joints (N+1, 3) within the world's tangent plane, or None if vertical."""
+    """Return the unit vector of the heading of joints (N+1, 3) in the world's tangent plane; None if vertical."""
     chord = joints[-1] - joints[0]
     azimuth = heading(joints[None])[0]
     if np.isnan(azimuth):
@@ -133,7 +133,7 @@ def reasons(result: Result) -> dict[str, str]:
 def _no_cost(result: Result) -> str:
     work, way = float(result.energy.work_contract.sum()), result.distance
     if work < 0.0:
-        return f"the net work of the contraction is negative ({work:.4g} J): the worm gave its actuators more than they gave"
+        return f"the net work of the contraction is negative ({work:.4g} J): the worm drove its actuators"
     if way <= 0.0:
         return f"the worm made no way forward ({way:.4g} m)"
     return "the worm has no weight, or no heading at the start"

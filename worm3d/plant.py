@@ -157,7 +157,7 @@ class Plant:
 
     def _fill_segments(self) -> None:
         worm, h0 = self.worm, np.asarray(self.worm.half_height)
-        rows = {
+        rows: dict[str, Any] = {
             "link": worm.link_length,
             "offset": worm.chamber_offset,
             "k": worm.k_spring,
@@ -194,7 +194,7 @@ class Plant:
         self._point_row("dt")[:] = self._point_row("cap")[:] = 1.0
 
     def _remembered(self) -> dict[str, FloatArray]:
-        """Views of all that the next step depends on, by name."""
+        """Return views of all that the next step depends on, by name."""
         views = {name: self.arrays[name] for name in REMEMBERED}
         for layout, array, names in _ROWS_REMEMBERED:
             for name in names:
@@ -218,8 +218,8 @@ class Plant:
             if value is None or value.shape != view.shape:
                 got = "nothing" if value is None else f"shape {value.shape}"
                 raise ValueError(
-                    f"state.memory: got {got} for {name!r}, must be of shape {view.shape}: it belongs to another worm or "
-                    "kind of computer; drop it with state.with_changes() to start afresh from the pose"
+                    f"state.memory: got {got} for {name!r}, must be of shape {view.shape}: it belongs to another worm "
+                    "or kind of computer; drop it with state.with_changes() to start afresh from the pose"
                 )
             view[...] = value
 
@@ -295,8 +295,8 @@ class Plant:
         """Return the normal load of each contact point at the end of the last step, not a copy, shape (8, N) [N]."""
         return self._point_row("load_n")[0, :, : self.n]
 
-    def state(self, time: float) -> State:
-        """Return the state, with memory."""
+    def state(self, time: float, **more: FloatArray) -> State:
+        """Return the state, with memory and `more` in it."""
         n = self.n
         return State(
             joints=self.arrays["joints"][:3].T,
@@ -304,7 +304,7 @@ class Plant:
             bend=self.arrays["x"].reshape(-1, BLOCK)[:n, 4],
             joint_velocity=self.arrays["joint_velocity"][:3].T,
             time=time,
-            memory=self.memory(),
+            memory=self.memory() | more,
         )
 
     def depth(self) -> FloatArray:

@@ -314,8 +314,8 @@ class _Run:
         clamped = self.plant.clamped
         counters = self.counters[: self.done]
         given, asked = raw["given"], raw["asked"]
-        state = self.plant.state(self.time(self.done))
-        state.memory["remembers"] = np.array([self.dt if self.remembers else 0.0])
+        remembers = np.array([self.dt if self.remembers else 0.0])
+        state = self.plant.state(self.time(self.done), remembers=remembers)
         return Result(
             worm=self.plant.worm,
             world=self.plant.world,

@@ -36,6 +36,11 @@ class Layout:
 
     def function(self, name: str, outputs: Mapping[str, ca.SX | Sequence[ca.SX]]) -> ca.Function:
         """Return the function of all inputs with the named outputs, dense columns; lists are stacked."""
-        stacked = {key: ca.vertcat(*value) if isinstance(value, list) else value for key, value in outputs.items()}
-        dense = [ca.densify(ca.vec(value)) for value in stacked.values()]
-        return ca.Function(name, list(self.symbols.values()), dense, list(self.sizes), [f"to_{key}" for key in stacked])
+        dense = [ca.densify(ca.vertcat(*_parts(value))) for value in outputs.values()]
+        return ca.Function(name, list(self.symbols.values()), dense, list(self.sizes), [f"to_{key}" for key in outputs])
+
+
+def _parts(value: ca.SX | Sequence[ca.SX]) -> list[ca.SX]:
+    """Return the columns of a matrix, or of each matrix of a list."""
+    matrices = [value] if isinstance(value, ca.SX) else list(value)
+    return [column for matrix in matrices for column in ca.horzsplit(matrix)]

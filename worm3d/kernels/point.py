@@ -142,7 +142,7 @@ LEDGER_TERMS = (
 
 
 def after() -> ca.Function:
-    """Return slip (2), the anchor's stored energy and the point's terms of the ledger, in the order of `LEDGER_TERMS`."""
+    """Return slip (2), the anchor's stored energy and the point's terms of the ledger, as in `LEDGER_TERMS`."""
     slip = _slip()
     stored, friction = _friction_ledger(slip)
     terms = friction + _normal_ledger()

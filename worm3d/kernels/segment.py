@@ -159,7 +159,7 @@ LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss", "w
 
 def ledger() -> ca.Function:
     """Return the segment's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its hinge angles (2)."""
-    terms = sum(_chamber_ledger(c) for c in range(2))
+    terms = _chamber_ledger(0) + _chamber_ledger(1)
     return LAYOUT.function("segment_ledger", {"terms": terms, "angles": _shape().angles})
 
 

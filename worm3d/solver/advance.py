@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from worm3d.compiled import njit
 from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays as a
-from worm3d.solver.arrays import BLOCK, Core
+from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import Block, copy, integers, matrix, total, vector
 from worm3d.solver.entry import reset
 from worm3d.solver.evaluate import LENGTHS, TANGENT
@@ -115,28 +115,42 @@ def actuate(core: Core, command: FloatArray, dt: float) -> None:
 @njit
 def guard(core: Core) -> int:
     """Return OK for a shape that the model stands for, else what became of it."""
-    rest, longest, n = matrix(core.block, a.REST), vector(core.block, a.LONGEST), core.n
-    numbers = vector(core.block, a.NUMBERS_)
+    rest, longest = matrix(core.block, a.REST), vector(core.block, a.LONGEST)
     if not np.isfinite(total(vector(core.block, a.X))):
         return NOT_FINITE
-    for i in range(n):
+    for i in range(core.n):
         if max(rest[LENGTHS, i], rest[LENGTHS + 1, i]) > longest[i]:
             return FLATTENED
-    angles, joints = matrix(core.block, a.JOINT_ANGLES_PAST), matrix(core.block, a.JOINT_IN)
-    for i in range(n - 1):
+    if _folded(core):
+        return FOLDED
+    return SUNK if _sunk(core) else OK
+
+
+@njit
+def _folded(core: Core) -> bool:
+    """Return whether neighbouring segments enclose 90 degrees or more, or bends and hinge together ask for it."""
+    rest, joints = matrix(core.block, a.REST), matrix(core.block, a.JOINT_IN)
+    angles = matrix(core.block, a.JOINT_ANGLES_PAST)
+    for i in range(core.n - 1):
         cosine = 0.0
         for d in range(3):
             cosine += rest[TANGENT + d, i] * rest[TANGENT + d, i + 1]
         if cosine <= 0.0 or abs(0.5 * angles[3, i] + joints[_HINGE, i]) >= 0.5 * np.pi:
-            return FOLDED
-    distance, lanes = matrix(core.block, a.POINT_IN)[_DISTANCE], rest.shape[1]
-    if numbers[a.CLAMPED] == 0.0:
-        for i in range(n):
-            if distance[6 * lanes + i] <= -numbers[a.DEEPEST]:
-                return SUNK
-        if distance[7 * lanes + n - 1] <= -numbers[a.DEEPEST]:
-            return SUNK
-    return OK
+            return True
+    return False
+
+
+@njit
+def _sunk(core: Core) -> bool:
+    """Return whether a joint is too deep in the world."""
+    numbers, distance = vector(core.block, a.NUMBERS_), matrix(core.block, a.POINT_IN)[_DISTANCE]
+    lanes = len(distance) // POINTS
+    if numbers[a.CLAMPED] != 0.0:
+        return False
+    for i in range(core.n):
+        if distance[6 * lanes + i] <= -numbers[a.DEEPEST]:
+            return True
+    return bool(distance[7 * lanes + core.n - 1] <= -numbers[a.DEEPEST])
 
 
 @njit

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
+from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 from numba.core import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
@@ -72,7 +72,8 @@ def _pointer_type(to: Any) -> Any:
         def generate(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
             return builder.inttoptr(args[0], context.get_value_type(to).as_pointer())
 
-        return types.CPointer(to)(types.int64), generate
+        pointer: Any = types.CPointer
+        return pointer(to)(types.int64), generate
 
     return type_pointer
 
@@ -84,7 +85,7 @@ _integers_at: Any = intrinsic(_pointer_type(types.int64))
 @njit
 def integers(address: int, count: int) -> NDArray[np.int64]:
     """Return the whole numbers that stand at an address, not a copy."""
-    found: NDArray[np.int64] = numba.carray(_integers_at(address), (count,))
+    found: NDArray[np.int64] = carray(_integers_at(address), (count,))
     return found
 
 
@@ -92,7 +93,7 @@ def integers(address: int, count: int) -> NDArray[np.int64]:
 def matrix(block: Block, k: int) -> FloatArray:
     """Return array k, shape (rows, columns), not a copy."""
     place = integers(block.table + 24 * k, 3)
-    found: FloatArray = numba.carray(_numbers_at(block.memory + 8 * place[0]), (place[1], place[2]))
+    found: FloatArray = carray(_numbers_at(block.memory + 8 * place[0]), (place[1], place[2]))
     return found
 
 
@@ -100,7 +101,7 @@ def matrix(block: Block, k: int) -> FloatArray:
 def vector(block: Block, k: int) -> FloatArray:
     """Return array k, all rows one after the other, not a copy."""
     place = integers(block.table + 24 * k, 3)
-    found: FloatArray = numba.carray(_numbers_at(block.memory + 8 * place[0]), (place[1] * place[2],))
+    found: FloatArray = carray(_numbers_at(block.memory + 8 * place[0]), (place[1] * place[2],))
     return found
 
 
@@ -109,7 +110,7 @@ def rows(block: Block, k: int, first: int, count: int) -> FloatArray:
     """Return some rows of array k, one after the other, not a copy, shape (count * columns,)."""
     place = integers(block.table + 24 * k, 3)
     start = block.memory + 8 * (place[0] + first * place[2])
-    found: FloatArray = numba.carray(_numbers_at(start), (count * place[2],))
+    found: FloatArray = carray(_numbers_at(start), (count * place[2],))
     return found
 
 

@@ -144,7 +144,8 @@ def _own_regimes(core: Core) -> None:
     _look(core)
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     for k in range(p.shape[1]):
-        p[_REGIME, k] = (point.SLIDING if out[_SLIDES, k] > 0.0 else point.STICKING) if out[_PRESS, k] > 0.0 else point.OPEN
+        touching = point.SLIDING if out[_SLIDES, k] > 0.0 else point.STICKING
+        p[_REGIME, k] = touching if out[_PRESS, k] > 0.0 else point.OPEN
 
 
 @njit
@@ -181,7 +182,7 @@ def _change_regimes(core: Core, moved: bool, settled: bool, at_rest: bool) -> bo
                     new = point.STICKING
             if settled and not out[_PRESS, k] > 0.0:
                 new = point.OPEN
-            elif settled and regime == point.OPEN or at_rest and regime == point.STICKING:
+            elif (settled and regime == point.OPEN) or (at_rest and regime == point.STICKING):
                 new = point.SLIDING if out[_SLIDES, k] > 0.0 else point.STICKING
             past[0, k], past[1, k] = out[_Y, k], out[_Y + 1, k]
             if new != regime:

@@ -82,12 +82,14 @@ class Plane:
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        return np.asarray(points) @ self.axes[2]
+        distance: FloatArray = np.asarray(points) @ self.axes[2]
+        return distance
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return the part of gravity normal to the plane, shape (3,) [m/s^2]."""
         normal = self.axes[2]
-        return float(gravity @ normal) * normal
+        pressing: FloatArray = float(gravity @ normal) * normal
+        return pressing
 
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
