@@ -107,26 +107,8 @@ def hinge_angle(link: ca.SX, chamber_length: ca.SX) -> ca.SX:
     return 2.0 * ca.asin(chamber_length / (2.0 * link))
 
 
-def joint_strains(first: Frame, second: Frame, bends: ca.SX, hinge: ca.SX, cross0: ca.SX) -> list[ca.SX]:
-    """Return pitch, yaw and twist strain of a joint, (E5).
-
-    Parameters
-    ----------
-    first, second : Frame
-        Of the segments behind and ahead of the joint.
-    bends : SX
-        Sum of their chamber bends, th_1 + th_2 [rad].
-    hinge : SX
-        Commanded hinge angle; positive yaws the headward segment to the left [rad].
-    cross0 : SX
-        Rest value of the planar cross product.
-    """
-    pitch, across, twist = joint_angles(first, second)
-    return [pitch + cross0, yaw_strain(across, bends, hinge), twist]
-
-
 def joint_angles(first: Frame, second: Frame) -> list[ca.SX]:
-    """Return c.d, c.u and the twist m of a joint, (E5)."""
+    """Return c.d, c.u and the twist m of a joint between the segments behind and ahead, (E5)."""
     c = ca.cross(first.t, second.t)
     d, u = _mean(first.d, second.d), _mean(first.u, second.u)
     carried = transport(first.t, second.t, first.d)
@@ -134,9 +116,22 @@ def joint_angles(first: Frame, second: Frame) -> list[ca.SX]:
     return [ca.dot(c, d), ca.dot(c, u), twist]
 
 
-def yaw_strain(across: ca.SX, bends: ca.SX, hinge: ca.SX) -> ca.SX:
-    """Return the yaw strain of (E5) from across = c.u, the sum of the bends and the hinge angle."""
-    return across - ca.sin(bends / 2.0 + hinge)
+def joint_strains(angles: list[ca.SX], bends: ca.SX, hinge: ca.SX, cross0: ca.SX) -> list[ca.SX]:
+    """Return pitch, yaw and twist strain of a joint, (E5).
+
+    Parameters
+    ----------
+    angles : list of SX
+        What `joint_angles` returns.
+    bends : SX
+        Sum of the segments' chamber bends, th_1 + th_2 [rad].
+    hinge : SX
+        Commanded hinge angle; positive yaws the headward segment to the left [rad].
+    cross0 : SX
+        Rest value of the planar cross product.
+    """
+    pitch, across, twist = angles
+    return [pitch + cross0, across - ca.sin(bends / 2.0 + hinge), twist]
 
 
 def _mean(a: ca.SX, b: ca.SX) -> ca.SX:

@@ -22,7 +22,7 @@ X, Y = vector(1, 0, 0), vector(0, 1, 0)
 
 
 def straight(roll: float = 0.0) -> elements.Frame:
-    return elements.frame(vector(0, 0, 0), vector(2, 0, 0), ca.SX(roll), X, Y)
+    return elements.frame(vector(2, 0, 0), ca.SX(roll), X, Y)
 
 
 def test_frame_of_a_straight_segment_points_forward_left_and_up() -> None:
@@ -59,7 +59,7 @@ def test_apexes_stand_in_the_order_of_the_conventions() -> None:
     f = straight()
     lengths = elements.chamber_lengths(f.length, ca.SX(0.4), ca.SX(0.3))
     a, b, h = 1.2, 0.3, np.sqrt(1.2**2 - np.array([1.88, 2.12]) ** 2 / 4)
-    points = [values(p) for p in elements.apexes(vector(0, 0, 0), vector(2, 0, 0), f, lengths, ca.SX(a), ca.SX(b))]
+    points = [values(p) for p in elements.apexes(vector(1, 0, 0), f, lengths, ca.SX(a), ca.SX(b))]
     expected = [[1, b, -h[0]], [1, b, h[0]], [1, b + h[0], 0], [1, -b, -h[1]], [1, -b, h[1]], [1, -b - h[1], 0]]
     assert_allclose(points, expected, atol=1e-15)
 
@@ -67,11 +67,11 @@ def test_apexes_stand_in_the_order_of_the_conventions() -> None:
 def turned(yaw: float, pitch: float) -> elements.Frame:
     """Return a segment ahead that points to the left (yaw > 0) and up (pitch > 0)."""
     tip = vector(np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch))
-    return elements.frame(vector(0, 0, 0), tip, ca.SX(0), X, Y)
+    return elements.frame(tip, ca.SX(0), X, Y)
 
 
 def strains(second: elements.Frame, bends: float = 0.0, hinge: float = 0.0, cross0: float = 0.0) -> np.ndarray:
-    parts = elements.joint_strains(straight(), second, ca.SX(bends), ca.SX(hinge), ca.SX(cross0))
+    parts = elements.joint_strains(elements.joint_angles(straight(), second), ca.SX(bends), ca.SX(hinge), ca.SX(cross0))
     return np.array([values(part) for part in parts])
 
 
@@ -81,7 +81,7 @@ def test_strains_tell_up_from_down_and_left_from_right() -> None:
     assert_allclose(strains(turned(0.4, 0.0), bends=0.8), 0.0, atol=1e-15)  # bends of both segments, shared
     assert_allclose(strains(turned(0.4, 0.0), hinge=0.4), 0.0, atol=1e-15)
     assert_allclose(strains(turned(0.0, 0.4), cross0=np.sin(0.4)), 0.0, atol=1e-15)
-    rolled = elements.frame(vector(0, 0, 0), X, ca.SX(0.3), X, Y)
+    rolled = elements.frame(X, ca.SX(0.3), X, Y)
     assert_allclose(strains(rolled)[2], 0.3)
 
 
@@ -96,18 +96,20 @@ def test_in_the_plane_it_is_the_planar_model() -> None:
     joints = np.array([[0.0, 0.3], [0.9, 0.4], [1.9, 0.1]]) + 0.05 * rng.standard_normal((3, 2))
     a = np.array([0.7, 0.8])
     space = [vector(x, 0.0, z) for x, z in joints]
-    frames = [elements.frame(space[i], space[i + 1], ca.SX(0), X, Y) for i in range(2)]
+    frames = [elements.frame(space[i + 1] - space[i], ca.SX(0), X, Y) for i in range(2)]
     planar_apexes, planar_cross = shape.apexes(joints, a), shape.cross_products(joints)
     for i, f in enumerate(frames):
         lengths = elements.chamber_lengths(f.length, ca.SX(0.0), ca.SX(0.0))
-        points = elements.apexes(space[i], space[i + 1], f, lengths, ca.SX(a[i]), ca.SX(0.0))
+        points = elements.apexes((space[i] + space[i + 1]) / 2, f, lengths, ca.SX(a[i]), ca.SX(0.0))
         for chamber in (0, 3):
             assert_allclose(values(points[chamber])[[0, 2]], planar_apexes[i, 0], rtol=1e-13)
             assert_allclose(values(points[chamber + 1])[[0, 2]], planar_apexes[i, 1], rtol=1e-13)
         assert_allclose(
             values(elements.hinge_angle(ca.SX(a[i]), lengths[0])), shape.hinge_angles(values(f.length), a[i])
         )
-    pitch, yaw, twist = elements.joint_strains(*frames, ca.SX(0), ca.SX(0), ca.SX(planar_cross[0]))
+    pitch, yaw, twist = elements.joint_strains(
+        elements.joint_angles(*frames), ca.SX(0), ca.SX(0), ca.SX(planar_cross[0])
+    )
     assert_allclose(values(pitch), 0.0, atol=1e-14)  # c.d = -cross
     assert_allclose([values(yaw), values(twist)], 0.0, atol=1e-14)
 
@@ -118,3 +120,14 @@ def test_chamber_energy_is_half_of_p7(length: float) -> None:
     energy = elements.chamber_energy(ca.SX(k), ca.SX(l0), ca.SX(length), ca.SX(commanded))
     assert_allclose(values(energy), 0.5 * k * l0 / 2 * (1 - length / commanded) ** 2)
     assert_allclose(values(elements.half_height(ca.SX(0.12), ca.SX(length))), np.sqrt(0.0144 - length**2 / 4))
+
+
+def test_face_touches_a_wall_with_its_rim_or_its_middle() -> None:
+    """A level disc stands on its lowest rim point; tilted by phi that lies R cos(phi) below and is turned with it."""
+    p, radius, floor = vector(0, 0, 1), ca.SX(0.05), vector(0, 0, 1)
+    assert_allclose(values(elements.face_point(p, X, radius, floor)), [0, 0, 0.95], atol=1e-7)
+    tilted = vector(np.cos(0.3), 0, np.sin(0.3))
+    rim = [0.05 * np.sin(0.3), 0, 1 - 0.05 * np.cos(0.3)]
+    assert_allclose(values(elements.face_point(p, tilted, radius, floor)), rim, atol=1e-7)
+    assert_allclose(values(elements.face_point(p, X, radius, X)), [0, 0, 1], atol=1e-15)
+    assert_allclose(values(elements.face_point(p, X, ca.SX(0.0), floor)), [0, 0, 1])

@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from control.gaits import TravellingWave
-from worm3d import Worm
+from planar.linkage import Linkage
+from worm3d import Worm, flattening_weight
 
 
 def test_defaults_are_the_default_worm() -> None:
@@ -44,9 +45,29 @@ def test_a_gait_binds_to_it_and_keeps_its_stroke() -> None:
     assert command.contraction.min() == -0.1
 
 
+def test_the_planar_worm_has_the_parameters_of_the_linkage() -> None:
+    given = {"segments": 4, "k_torsion": 2.0, "k_apex": 0.3, "cross0": 0.1, "apex_mass_fraction": 0.4, "drag": 0.2}
+    worm, linkage = Worm.planar(**given), Linkage(**given)
+    assert worm.flat
+    assert worm.mass == linkage.total_mass
+    assert_allclose(worm.half_height, linkage.rest_half_height)
+    assert_allclose(worm.link_length, linkage.link_length)
+    assert_allclose(worm.joint_mass, linkage.joint_mass)
+    below, above, outward = worm.apex_mass[:, [0, 3]], worm.apex_mass[:, [1, 4]], worm.apex_mass[:, [2, 5]]
+    assert_allclose(np.column_stack([below.sum(axis=1), above.sum(axis=1)]), linkage.apex_mass)
+    assert_array_equal(outward, 0.0)
+
+
+def test_the_limit_point_is_that_of_the_linkage() -> None:
+    given = {"segments": 5, "half_height": 0.05, "k_spring": 13.0, "k_apex": 0.05, "mass": 0.1}
+    assert_allclose(flattening_weight(Worm.planar(**given)), Linkage(**given).flattening_weight(), rtol=1e-6)
+    assert_allclose(flattening_weight(Worm.planar(**given), 0.2), Linkage(**given).flattening_weight(0.2), rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
+        ({"flat": True}, "chamber_offset: got 0.03, must be 0 in a worm that is flat"),
         ({"segments": 2.5}, "segments: got 2.5, must be a whole number of at least 1"),
         ({"mass": 0.0}, "mass: got 0.0, must be finite and above 0"),
         ({"k_spring": np.ones(5)}, r"k_spring: got shape \(5,\), must be a number or of shape \(6,\)"),

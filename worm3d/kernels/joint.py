@@ -65,8 +65,8 @@ def _angles() -> ca.SX:
 
 
 def _strains(angles: ca.SX, hinge: ca.SX) -> list[ca.SX]:
-    pitch, across, twist, bends = ca.vertsplit(angles)
-    return [pitch + LAYOUT.symbols["cross0"], elements.yaw_strain(across, bends, hinge), twist]
+    *turns, bends = ca.vertsplit(angles)
+    return elements.joint_strains(turns, bends, hinge, LAYOUT.symbols["cross0"])
 
 
 def _hats() -> list[ca.SX]:
