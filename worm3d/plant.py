@@ -118,7 +118,7 @@ class Plant:
         worm, n = self.worm, self.n
         numbers = {
             "l0": worm.l0,
-            "deepest": DEEPEST * worm.l0 if worm.end_faces else 0.0 if self.world is not None else np.inf,
+            "deepest": np.inf if self.world is None else DEEPEST * worm.l0 if worm.end_faces else 0.0,
             "static_ratio": self.friction.static_ratio,
             "lag": worm.actuator_lag,
             "rate_limit": worm.rate_limit,

@@ -21,7 +21,7 @@ def solve_clamped(core: Core, dt: float) -> bool:
     x, load = vector(core.block, a.X), vector(core.block, a.JOINT_LOAD)
     friction, past = matrix(core.block, a.JOINT_FRICTION), matrix(core.block, a.JOINTS)
     fill(vector(core.block, a.JOINT_FRICTION), 0.0)
-    if not solve(core):
+    if not solve(core, False):
         return False
     evaluate(core, a.X, True, False)  # leaves the forces of held coordinates in the gradient
     gradient = vector(core.block, a.GRADIENT)
@@ -32,7 +32,7 @@ def solve_clamped(core: Core, dt: float) -> bool:
         tx, ty = _heading(core, j)
         along, across = _p10(core, j, vx * tx + vy * ty, vy * tx - vx * ty, load[j])
         friction[0, j], friction[1, j] = along * tx - across * ty, along * ty + across * tx
-    return solve(core)
+    return solve(core, True)
 
 
 @njit

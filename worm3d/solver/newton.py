@@ -42,7 +42,7 @@ CONTRACTION = 0.1
 FOLLOWED = 1e-14
 """Coordinate step, as a fraction of the body length, at which Newton has converged."""
 STAGNATION = 1e-11
-"""A step below this fraction of the body length that no longer shrinks is rounding: converged too."""
+"""A step below this fraction, with a new Jacobian, that no longer shrinks is rounding: converged too."""
 
 _LOAD, _LOAD_N, _MU, _REGIME, _STIFFNESS = point.LAYOUT.firsts("load", "load_n", "mu", "regime", "stiffness")
 _Y, _SLIDES, _PRESS = 2, 4, 5
@@ -50,23 +50,31 @@ _Y, _SLIDES, _PRESS = 2, 4, 5
 
 
 @njit
-def solve(core: Core) -> bool:
+def solve(core: Core, again: bool) -> bool:
     """Move x to the state that solves the step; return whether Newton converged.
 
     On success the kernels' outputs are those of the solution, with its own loads.
+
+    Parameters
+    ----------
+    again : bool
+        Whether x already solves the step as it was before some contacts became kinetic.
     """
-    return bool(call(kernel(core, a.SOLVE), core.handle, 0.0, 0, 0) != 0.0)
+    return bool(call(kernel(core, a.SOLVE), core.handle, 0.0, again, 0) != 0.0)
 
 
-def solve_entry(handle: int, _value: float, _a: int, _b: int) -> float:
+def solve_entry(handle: int, _value: float, again: int, _b: int) -> float:
     """`solve` as an entry."""
-    return 1.0 if _solve(opened(handle)) else 0.0
+    return 1.0 if _solve(opened(handle), again != 0) else 0.0
 
 
 @njit
-def _solve(core: Core) -> bool:
+def _solve(core: Core, again: bool) -> bool:
     regime = rows(core.block, a.POINT_IN, _REGIME, 1)
-    _last_regimes(core)
+    if again:
+        _own_regimes(core)
+    else:
+        _last_regimes(core)
     found = _follow(core)
     fill(regime, point.FREE)
     if found:
@@ -121,9 +129,9 @@ def _follow(core: Core) -> bool:
             changes += 1
             if changes > MAX_CHANGES:
                 return False
-        elif size < FOLLOWED * length or (size < STAGNATION * length and size > 0.5 * previous):
+        elif size < FOLLOWED * length or (renew and size < STAGNATION * length and size > 0.5 * previous):
             return True
-        renew = changed or (size > CONTRACTION * previous and not size < STAGNATION * length)
+        renew = changed or size > CONTRACTION * previous
         if not changed:
             combine(x, 1.0, x, -1.0, step)
     return False

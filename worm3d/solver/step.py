@@ -191,10 +191,10 @@ def _solve_contact(core: Core) -> bool:
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     stuck, ratio = vector(core.block, a.STUCK), vector(core.block, a.NUMBERS_)[a.STATIC_RATIO]
     lanes = p.shape[1] // POINTS
-    for _ in range(MAX_BREAKAWAYS):
+    for attempt in range(MAX_BREAKAWAYS):
         for k in range(p.shape[1]):
             p[_CAP, k] = ratio if stuck[k] > 0.0 else 1.0
-        if not solve(core):
+        if not solve(core, attempt > 0):
             return False
         if ratio == 1.0:
             return True
