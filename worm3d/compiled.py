@@ -67,6 +67,7 @@ def _folder() -> Path | None:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         probe = folder / ".writeable"
         probe.touch()
+        probe.unlink()
         _prune(folder.parent)
     except OSError:
         return None

@@ -41,7 +41,7 @@ CONTRACTION = 0.1
 """A Jacobian is kept while steps shrink to this fraction."""
 FOLLOWED = 1e-14
 """Coordinate step, as a fraction of the body length, at which Newton has converged."""
-STAGNATION = 1e-11
+STAGNATION = 1e-12
 """A step below this fraction, with a new Jacobian, that no longer shrinks is rounding: converged too."""
 
 _LOAD, _LOAD_N, _MU, _REGIME, _STIFFNESS = point.LAYOUT.firsts("load", "load_n", "mu", "regime", "stiffness")
