@@ -189,23 +189,28 @@ def _segments_have_a_direction(direction: str, kind: str) -> Found:
     return "got 'standing': only a travelling_wave can stand; allowed here: 'direct', 'retrograde'"
 
 
-def _of_this_kind(value: Any, kind: str, *, default: Any, only: str, usual: str) -> Found:
+def _of_this_kind(value: Any, kind: str, *, section: str, default: Any, only: str, usual: str) -> Found:
     # A key at its default does nothing: resolved scenes and templates hold all keys.
-    if kind == only or value == default:
+    if kind == only or value == default or (isinstance(value, list) and tuple(value) == default):
         return None
     return (
-        f"only for gait.kind = '{only}', which this scene is not ('{kind}'): leave it out (default {usual}), "
-        "or change gait.kind"
+        f"only for {section}.kind = '{only}', which this scene is not ('{kind}'): leave it out (default {usual}), "
+        f"or change {section}.kind"
     )
 
 
-def too_much_memory(needed: float, steps: float, segments: int) -> Found:
+def too_much_memory(
+    needed: float,
+    steps: float,
+    segments: int,
+    remedy: str = "a shorter run.duration_s, a longer run.dt_s or fewer worm.segments",
+) -> Found:
     """Tell of a scene that would not fit into memory; `needed` in bytes."""
     if needed <= MOST_MEMORY:
         return None
     text = (
         f"got {steps:.3g} steps of {segments} segments, about {needed / 1e9:.3g} GB of memory: must be at most "
-        f"{MOST_MEMORY / 1e9:g} GB; use a shorter run.duration_s, a longer run.dt_s or fewer worm.segments"
+        f"{MOST_MEMORY / 1e9:g} GB; use {remedy}"
     )
     keys = ("run.dt_s", "run.duration_s", "worm.segments")
     return dict.fromkeys(keys, text)
@@ -221,14 +226,14 @@ def memory_check(bytes_per_step: Callable[[int], float]) -> Check:
     return Check(("run.dt_s", "run.duration_s", "worm.segments"), fits)
 
 
-def kind_checks(gait: type[Section]) -> tuple[Check, ...]:
-    """Return the checks that no key of the other kind of gait is set."""
+def kind_checks(schema: type[Section], section: str = "gait") -> tuple[Check, ...]:
+    """Return the checks that no key of another `kind` of the section is set."""
     return tuple(
         Check(
-            (f"gait.{name}", "gait.kind"),
-            partial(_of_this_kind, default=field.default, only=only, usual=default_text(field)),
+            (f"{section}.{name}", f"{section}.kind"),
+            partial(_of_this_kind, section=section, default=field.default, only=only, usual=default_text(field)),
         )
-        for name, field in gait.model_fields.items()
+        for name, field in schema.model_fields.items()
         if (only := only_for(field))
     )
 

@@ -12,7 +12,7 @@ from scenes.errors import SceneError
 
 app = typer.Typer(
     name="worm3d",
-    help="Simulate and control worm-inspired robots: start with 'worm3d run planar_published'.",
+    help="Simulate and control worm-inspired robots: start with 'worm3d run flat'.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -57,12 +57,36 @@ def _common(
 def run(scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
     """Run a scene.
 
-    Writes result.nc, summary.json, figures and an animation (of its first 30 s). Ctrl-C keeps what was computed.
+    Writes result.nc, summary.json and figures, for planar worms also an animation (of the first 30 s). Ctrl-C keeps
+    what was computed.
     """
     from scenes.loader import load_scene
     from scenes.runner import run_scene
 
     raise typer.Exit(run_scene(load_scene(scene, o or ()), out, force=force, quiet=quiet))
+
+
+@app.command()
+def resume(
+    result: ResultArgument,
+    duration: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS_MORE", help="Simulated time to add; left out: to the planned end of the run."),
+    ] = None,
+    out: Out = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Go on with a run.
+
+    Writes the whole run, its first part included, as if it had never been stopped, into a new folder.
+    """
+    from scenes.resume import lengthened
+    from scenes.runner import run_scene
+    from scenes.store import load
+
+    earlier = load(result)
+    raise typer.Exit(run_scene(lengthened(earlier, duration), out, force=force, quiet=quiet, earlier=earlier))
 
 
 @app.command()
@@ -92,7 +116,7 @@ def list_scenes() -> None:
 @app.command()
 def init(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="TOML file to write.")],
-    model: Annotated[str, typer.Option(help="Model of the scene.")] = "planar_published",
+    model: Annotated[str, typer.Option(help="Model of the scene.")] = "worm",
     force: Force = False,
 ) -> None:
     """Write a commented scene to start from.

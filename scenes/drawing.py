@@ -63,21 +63,36 @@ def animate(record: Record, kind: Kind[Any], path: Path, fps: int = 20) -> Path:
     MissingPartError
         MP4 needs ffmpeg, which is not there.
     SceneError
-        Another ending, or no finished step to draw.
+        Another ending, no finished step to draw, or a model without animation.
     DiscError
         The file cannot be written.
     """
     _require_steps(record)
+    if kind.animate is None:
+        raise SceneError(f"{record.name}: the model '{kind.name}' has no animation; 'worm3d plot' draws its figures")
     if path.suffix.lower() not in (".gif", ".mp4"):
         raise SceneError(f"{path}: the name of an animation must end in .gif or .mp4")
     save_movie(kind.animate(record), path, fps)
     return path
 
 
+def view(record: Record, kind: Kind[Any], path: Path) -> None:
+    """Write the page that shows a record in a browser, whole or not at all, where the model has one.
+
+    Raises
+    ------
+    DiscError
+        The file cannot be written.
+    """
+    if kind.view is not None:
+        with written_whole(path) as part:
+            kind.view(record, part)
+
+
 def cut_short(record: Record) -> str | None:
     """Return the line that says so if the animation does not show the whole run."""
     simulated = float(record["time"][-1])
-    if not is_drawable(record) or simulated <= MOVIE_S * (1.0 + 1e-9):
+    if not is_drawable(record) or kind_of(record).animate is None or simulated <= MOVIE_S * (1.0 + 1e-9):
         return None
     return f"the animation shows the first {MOVIE_S:g} s of {simulated:g} s"
 

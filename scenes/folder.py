@@ -13,6 +13,7 @@ from scenes.store import FILE_NAME
 
 SUMMARY = "summary.json"
 ANIMATION = "animation.gif"
+VIEWER = "viewer.html"
 RUNS = Path("runs")
 
 
@@ -66,7 +67,7 @@ def clear_pictures(folder: Path) -> None:
     found = {path.name for path in folder.glob("*.png")}
     # Only where there are pictures: it imports every model.
     stems = {stem for name in kinds.names() for stem in kinds.get(name).figures} if found else set()
-    for name in (SUMMARY, ANIMATION, *sorted(found & {f"{stem}.png" for stem in stems})):
+    for name in (SUMMARY, ANIMATION, VIEWER, *sorted(found & {f"{stem}.png" for stem in stems})):
         try:
             (folder / name).unlink(missing_ok=True)
         except OSError as error:

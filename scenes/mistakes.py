@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from scenes.schema import FORMS, Section, choices, describe, field_at, names, section_type
+from scenes.schema import FORMS, Section, choices, describe, field_at, names, section_type, table_type
 from scenes.toml_lines import KeyPath, line_of
 from scenes.toml_text import shown
 
@@ -61,13 +61,16 @@ def _translated(schema: type[Section], detail: Any) -> Mistake:
     path, found = tuple(part for part in detail["loc"] if part not in FORMS), detail["input"]
     if detail["type"] == "extra_forbidden":
         return _unknown(schema, path, "section" if isinstance(found, dict) else "key")
-    field = field_at(schema, tuple(part for part in path if isinstance(part, str)))
+    field = field_at(schema, path)
     if field is None:
         raise AssertionError(f"pydantic names a key that the schema does not have: {path}")
     if detail["type"] == "missing":
         return Mistake(path, f"missing: {field.title}{describe(field)}")
     if section_type(field):
         return Mistake(path, f"got {shown(found)}: must be a section of keys under the header [{dotted(path)}]")
+    if table_type(field):
+        header = dotted(tuple(part for part in path if isinstance(part, str)))
+        return Mistake(path, f"got {shown(found)}: must be sections of keys under headers [[{header}]]")
     advice = (
         _suggestion(found, [(c, c) for c in choices(field) if isinstance(c, str)]) if isinstance(found, str) else ""
     )
@@ -77,7 +80,7 @@ def _translated(schema: type[Section], detail: Any) -> Mistake:
 
 def _unknown(schema: type[Section], path: KeyPath, what: str) -> Mistake:
     parent = field_at(schema, path[:-1]) if path[:-1] else None
-    home = (section_type(parent) if parent else None) or schema
+    home = ((section_type(parent) or table_type(parent)) if parent else None) or schema
     meant = did_you_mean(str(path[-1]), names(home))
     if meant:
         return Mistake(path, f"unknown {what}; did you mean '{meant}'?", spoils=(*path[:-1], meant))

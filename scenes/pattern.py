@@ -6,7 +6,7 @@ from control import gaits
 from scenes.sections import Gait
 
 
-def pattern(gait: Gait, dt: float, *, wavelength: float, amplitude: float = 1.0) -> gaits.Gait:
+def pattern(gait: Gait, dt: float, *, wavelength: float, amplitude: float = 1.0, **turning: float) -> gaits.Gait:
     """Return the gait of a section.
 
     Parameters
@@ -18,6 +18,8 @@ def pattern(gait: Gait, dt: float, *, wavelength: float, amplitude: float = 1.0)
         Of a travelling wave [body lengths].
     amplitude : float
         Contraction at activation 1.
+    turning : float
+        Further fields of every gait: bias, hinge, force.
     """
     if gait.kind == "travelling_wave":
         return gaits.TravellingWave(
@@ -26,6 +28,7 @@ def pattern(gait: Gait, dt: float, *, wavelength: float, amplitude: float = 1.0)
             wavelength=wavelength,
             direction=gait.direction,
             rectified=gait.rectified,
+            **turning,
         )
     return gaits.ContractionEngine_segmentdriven(
         amplitude=amplitude,
@@ -35,4 +38,5 @@ def pattern(gait: Gait, dt: float, *, wavelength: float, amplitude: float = 1.0)
         alternating=gait.alternating,
         direction="retrograde" if gait.direction == "retrograde" else "direct",
         impulse=dt,
+        **turning,
     )

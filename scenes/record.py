@@ -81,6 +81,8 @@ class Record:
         Names are unique; a dimension has one length throughout.
     timing : tuple of Variable
         Wall-clock figures.
+    checkpoint : tuple of Variable
+        From which the run can go on, bit for bit.
     """
 
     name: str
@@ -93,10 +95,11 @@ class Record:
     summary: Summary
     variables: tuple[Variable, ...]
     timing: tuple[Variable, ...] = ()
+    checkpoint: tuple[Variable, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "versions", MappingProxyType(dict(self.versions)))
-        for group in (self.variables, self.timing):
+        for group in (self.variables, self.timing, self.checkpoint):
             _require_unique([variable.name for variable in group])
             _require_consistent(group)
 

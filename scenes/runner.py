@@ -8,7 +8,7 @@ import typer
 
 from scenes import folder as folders
 from scenes import report
-from scenes.drawing import animate, cut_short, is_drawable, plot
+from scenes.drawing import animate, cut_short, is_drawable, plot, view
 from scenes.interrupt import Interruption
 from scenes.kinds.base import Observer, Outcome
 from scenes.loader import Scene
@@ -22,8 +22,10 @@ EXIT_CODES = {"done": 0, "diverged": 3, "incomplete": 5, "interrupted": 130}
 """What a run ends the program with, by its status."""
 
 
-def run_scene(scene: Scene, out: Path | None = None, *, force: bool = False, quiet: bool = False) -> int:
-    """Run a scene, write everything that was computed, and return the exit code.
+def run_scene(
+    scene: Scene, out: Path | None = None, *, force: bool = False, quiet: bool = False, earlier: Record | None = None
+) -> int:
+    """Run a scene, or the rest of it, write everything that was computed, and return the exit code.
 
     Parameters
     ----------
@@ -35,6 +37,8 @@ def run_scene(scene: Scene, out: Path | None = None, *, force: bool = False, qui
         Whether to replace the results in a folder that has some.
     quiet : bool
         Whether to print only what went wrong.
+    earlier : Record, optional
+        A first part of this run, to go on from (`scenes.resume`).
 
     Raises
     ------
@@ -44,7 +48,7 @@ def run_scene(scene: Scene, out: Path | None = None, *, force: bool = False, qui
     folder = folders.prepared(out, scene.name, force=force)
     kept = "nothing of this run was kept"
     try:
-        record = _simulate_patiently(scene, quiet=quiet)
+        record = _simulate_patiently(scene, earlier, quiet=quiet)
         with Interruption() as late:
             _keep(record, folder)
         kept = f"{folder / FILE_NAME} is safe, 'worm3d plot {folder}' draws it"
@@ -59,15 +63,16 @@ def run_scene(scene: Scene, out: Path | None = None, *, force: bool = False, qui
     return EXIT_CODES[record.status]
 
 
-def _simulate_patiently(scene: Scene, *, quiet: bool) -> Record:
+def _simulate_patiently(scene: Scene, earlier: Record | None, *, quiet: bool) -> Record:
     """Simulate until the end or the first Ctrl-C; the second one is a KeyboardInterrupt."""
-    with Interruption() as interruption, progress(scene.name, scene.settings.steps, quiet=quiet) as show:
+    steps = scene.settings.steps - (earlier.sizes["step"] if earlier else 0)
+    with Interruption() as interruption, progress(scene.name, steps, quiet=quiet) as show:
 
         def observer(done: int) -> bool:
             show(done)
             return not interruption.requested
 
-        return simulate(scene, observer)
+        return simulate(scene, observer, earlier)
 
 
 def _keep(record: Record, folder: Path) -> None:
@@ -77,9 +82,12 @@ def _keep(record: Record, folder: Path) -> None:
     write_summary(record.summary, report.timing(record), folder / folders.SUMMARY)
 
 
-def simulate(scene: Scene, observer: Observer = lambda done: True) -> Record:
-    """Run a scene and return its record; the observer is called with the number of finished steps."""
-    outcome: Outcome = scene.kind.run(scene.settings, observer)
+def simulate(scene: Scene, observer: Observer = lambda done: True, earlier: Record | None = None) -> Record:
+    """Run a scene and return its record; the observer is called with the number of finished steps.
+
+    With a first part of the run the simulation goes on from its end, and the record is that of the whole run.
+    """
+    outcome = _outcome(scene, observer, earlier)
     return Record(
         name=scene.name,
         kind=scene.kind.name,
@@ -91,12 +99,21 @@ def simulate(scene: Scene, observer: Observer = lambda done: True) -> Record:
         summary=Summary({"status": outcome.status, **outcome.summary}, outcome.reasons),
         variables=outcome.variables,
         timing=_timing(outcome),
+        checkpoint=outcome.checkpoint,
     )
+
+
+def _outcome(scene: Scene, observer: Observer, earlier: Record | None) -> Outcome:
+    if earlier is None:
+        outcome: Outcome = scene.kind.run(scene.settings, observer)
+        return outcome
+    assert scene.kind.resume is not None  # `scenes.resume` refuses the others
+    return scene.kind.resume(scene.settings, earlier, observer)
 
 
 def _timing(outcome: Outcome) -> tuple[Variable, ...]:
     simulated = outcome.summary["duration_s"]
-    factor = (simulated if isinstance(simulated, float) else 0.0) / outcome.wall_s
+    factor = simulated / outcome.wall_s if isinstance(simulated, float) and outcome.wall_s > 0.0 else 0.0
     return (
         Variable("wall_s", (), outcome.wall_s, "s", "wall time of the simulation"),
         Variable("real_time_factor", (), factor, "1", "simulated time over wall time"),
@@ -108,7 +125,9 @@ def _draw(record: Record, scene: Scene, folder: Path) -> None:
         return
     plot(record, scene.kind, folder)
     if record.status != "interrupted":  # who presses Ctrl-C does not want to wait; `worm3d animate` draws it
-        animate(record, scene.kind, folder / folders.ANIMATION)
+        if scene.kind.animate is not None:
+            animate(record, scene.kind, folder / folders.ANIMATION)
+        view(record, scene.kind, folder / folders.VIEWER)
 
 
 def _tell(record: Record, scene: Scene, folder: Path, *, quiet: bool) -> None:

@@ -44,6 +44,13 @@ Sign = Annotated[Literal[-1, 1], BeforeValidator(_is_int)]
 Numbers = Annotated[tuple[float, ...], Strict(False), Field(min_length=1)]
 """A list of numbers, at least one."""
 
+Pair = Annotated[tuple[float, ...], Strict(False), Field(min_length=2, max_length=2)]
+Triple = Annotated[tuple[float, ...], Strict(False), Field(min_length=3, max_length=3)]
+"""A list of two or three numbers."""
+
+Tables = Annotated[tuple[N, ...], Strict(False)]
+"""An array of tables: `Tables[Patch]` are sections under headers [[world.patches]]."""
+
 
 class Section(BaseModel):
     """Keys of one section of a scene; nothing is converted, nothing unknown passes."""
@@ -84,7 +91,7 @@ def quantity(
     left_out : str
         What holds if the key is left out; it then has no default but None.
     only : str
-        The kind of gait that the key is for; empty for all.
+        The `kind` of its section that the key is for; empty for all.
     """
     extra: dict[str, Any] = {"unit": unit, "aka": list(aka), "number": True, "each": each, "left_out": left_out}
     extra["only"] = only
@@ -98,19 +105,31 @@ def setting(default: str | int | bool | None = None, *, title: str, aka: tuple[s
     return Field(given, title=title, json_schema_extra={"aka": list(aka), "only": only})
 
 
+def tables(*, title: str, only: str = "") -> Any:
+    """Declare an array of tables, none by default. See `quantity`."""
+    return Field((), title=title, json_schema_extra={"aka": [], "only": only})
+
+
 def section_type(field: FieldInfo) -> type[Section] | None:
     """Return the section that a field holds, or None if it is a plain key."""
     kind = field.annotation
     return kind if isinstance(kind, type) and issubclass(kind, Section) else None
 
 
+def table_type(field: FieldInfo) -> type[Section] | None:
+    """Return the section of which a field holds an array, or None if it holds something else."""
+    kind = next(iter(get_args(field.annotation)), None) if get_origin(field.annotation) is tuple else None
+    return kind if isinstance(kind, type) and issubclass(kind, Section) else None
+
+
 def field_at(schema: type[Section], path: KeyPath) -> FieldInfo | None:
-    """Return the declaration of a key or section, or None if there is none."""
-    field = schema.model_fields.get(str(path[0]))
-    if field is None or len(path) == 1:
+    """Return the declaration of a key or section, or None if there is none; indices in the path are passed over."""
+    keys = [key for key in path if isinstance(key, str)]
+    field = schema.model_fields.get(keys[0])
+    if field is None or len(keys) == 1:
         return field
-    inner = section_type(field)
-    return field_at(inner, path[1:]) if inner else field
+    inner = section_type(field) or table_type(field)
+    return field_at(inner, tuple(keys[1:])) if inner else field
 
 
 def names(schema: type[Section]) -> Iterator[tuple[str, str]]:
@@ -140,7 +159,7 @@ def default_text(field: FieldInfo) -> str:
 
 
 def only_for(field: FieldInfo) -> str:
-    """Return the kind of gait that a key is for; empty for all."""
+    """Return the `kind` of its section that a key is for; empty for all."""
     return _extra(field, "only") or ""
 
 

@@ -1,7 +1,8 @@
 """Results on disc: one NetCDF4 file per run, for planar and 3D worms alike.
 
 Variables stand in the root group with named dimensions, `units` and `long_name`; wall-clock figures in the
-group `timing`. Nothing is compressed: it would take six times as long to write.
+group `timing`, and that from which the run can go on in the group `checkpoint`. Nothing is compressed: it would
+take six times as long to write.
 """
 
 from __future__ import annotations
@@ -38,9 +39,9 @@ def save(record: Record, path: Path) -> None:
     with h5netcdf.File(image, "w") as file:
         file.dimensions = record.sizes
         _put(file, record.variables)
-        timing = file.create_group("timing")
-        timing.dimensions = {dim: size for v in record.timing for dim, size in v.sizes.items()}
-        _put(timing, record.timing)
+        _put_group(file, "timing", record.timing)
+        if record.checkpoint:
+            _put_group(file, "checkpoint", record.checkpoint)
         file.attrs.update(_attributes(record))
     write_bytes(path, image.getvalue())
 
@@ -71,6 +72,12 @@ def load(path: Path) -> Record:
         raise
     except Exception as error:  # a few wrong bytes come out of the HDF5 libraries as almost anything
         raise SceneError(f"{file_path}: not a result of worm3d, or cut short: {_first_line(error)}") from error
+
+
+def _put_group(file: Any, name: str, variables: tuple[Variable, ...]) -> None:
+    group = file.create_group(name)
+    group.dimensions = {dim: size for v in variables for dim, size in v.sizes.items()}
+    _put(group, variables)
 
 
 def _put(group: Any, variables: tuple[Variable, ...]) -> None:
@@ -109,6 +116,7 @@ def _record(file: Any) -> Record:
         summary=Summary(figures, reasons),
         variables=_variables(file),
         timing=_variables(file.groups["timing"]),
+        checkpoint=_variables(file.groups["checkpoint"]) if "checkpoint" in file.groups else (),
     )
 
 

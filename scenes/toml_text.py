@@ -38,8 +38,17 @@ def document(settings: BaseModel) -> str:
 
 def _lines(section: BaseModel, prefix: str) -> Iterator[str]:
     inner = {name: item for name, item in section if isinstance(item, BaseModel)}
-    plain = {name: item for name, item in section if name not in inner and item is not None}
+    arrays = {name: item for name, item in section if _is_array_of_tables(item)}
+    plain = {name: item for name, item in section if name not in {*inner, *arrays} and item is not None}
     yield from (f"{name} = {value(item)}" for name, item in plain.items())
+    for name, items in arrays.items():
+        for item in items:
+            yield from ("", f"[[{prefix}{name}]]")
+            yield from _lines(item, f"{prefix}{name}.")
     for name, item in inner.items():
         yield from ("", f"[{prefix}{name}]")
         yield from _lines(item, f"{prefix}{name}.")
+
+
+def _is_array_of_tables(item: Any) -> bool:
+    return isinstance(item, tuple) and bool(item) and isinstance(item[0], BaseModel)

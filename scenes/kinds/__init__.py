@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from scenes.kinds.base import Kind
 
 _MODULES = {
+    "worm": "scenes.kinds.worm",
+    "worm_planar": "scenes.kinds.worm_planar",
     "planar_published": "scenes.kinds.planar_published",
     "planar_linkage": "scenes.kinds.planar_linkage",
     "planar_study": "scenes.kinds.planar_study",

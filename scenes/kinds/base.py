@@ -48,6 +48,8 @@ class Outcome:
         Why a figure of the summary has no value.
     wall_s : float
         Wall time of the simulation alone [s].
+    checkpoint : tuple of Variable
+        From which the run can go on; empty if this model cannot.
     """
 
     status: Status
@@ -56,6 +58,7 @@ class Outcome:
     summary: Mapping[str, Figure]
     reasons: Mapping[str, str]
     wall_s: float
+    checkpoint: tuple[Variable, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,7 @@ class Kind(Generic[S]):
         Simulates a scene, calling the observer after each step.
     figures : mapping
         File stem -> function drawing it from a record.
-    animate : callable
+    animate : callable or None
         Returns the movie of a record.
     advice : str
         What to try when a run diverges.
@@ -82,6 +85,10 @@ class Kind(Generic[S]):
         Figures of the summary, beyond those of every model, that end a run's report.
     table : callable, optional
         Lines that end a run's report instead of figures: the cases of a study.
+    resume : callable, optional
+        Goes on from a record's checkpoint to the end of the scene; its outcome is that of the whole run.
+    view : callable, optional
+        Writes the page that shows a record in a browser, given its path.
     """
 
     name: str
@@ -90,7 +97,9 @@ class Kind(Generic[S]):
     checks: tuple[Check, ...]
     run: Callable[[S, Observer], Outcome]
     figures: Mapping[str, Callable[[Record], tuple[Picture, Axes]]]
-    animate: Callable[[Record], Movie]
+    animate: Callable[[Record], Movie] | None
     advice: str
     headlines: tuple[tuple[str, str, str], ...] = field(default=())
     table: Callable[[Record], list[str]] | None = None
+    resume: Callable[[S, Record, Observer], Outcome] | None = None
+    view: Callable[[Record, Path], None] | None = None

@@ -18,11 +18,13 @@ PER_SEGMENT = ("half_height_m", "spring_N", "apex_hinge_N_m_rad")
 PER_JOINT = ("torsion_J", "cross0")
 
 
-def _as_many_as_segments(values: Any, segments: int) -> str | None:
+def as_many_as_segments(values: Any, segments: int) -> str | None:
+    """Tell of a list that has not a number for each segment."""
     return _wrong_number(values, segments, f"one for each of the {segments} segments")
 
 
-def _as_many_as_joints(values: Any, segments: int) -> str | None:
+def as_many_as_joints(values: Any, segments: int) -> str | None:
+    """Tell of a list that has not a number for each joint between two segments."""
     joints = segments - 1
     return _wrong_number(values, joints, f"one for each of the {joints} joints between the {segments} segments")
 
@@ -33,7 +35,7 @@ def _wrong_number(values: Any, wanted: int, meaning: str) -> str | None:
     return f"got a list of {len(values)}: must be one number for all or {wanted} numbers, {meaning}"
 
 
-def _links_reach(
+def links_reach(
     amplitude: float,
     half_height_m: Any,
     length_m: float,
@@ -42,6 +44,7 @@ def _links_reach(
     rectified: bool,
     alternating: bool,
 ) -> Found:
+    """Tell of a gait that lengthens a segment beyond its links."""
     try:
         worm = linkage.Linkage(segments=segments, length=length_m, half_height=half_height_m)
     except ValueError:
@@ -85,9 +88,9 @@ def _is_flattened(scene: LinkageScene) -> bool:
     return ground.kind == "contact" and bool((load >= worm.flattening_weight()).any())
 
 
-def in_keys(sentence: str) -> str:
+def in_keys(sentence: str, keys: Mapping[str, str] = KEYS) -> str:
     """Return a sentence of the model with the keys of the scene in place of its parameters."""
-    for parameter, key in KEYS.items():
+    for parameter, key in keys.items():
         if "_" in parameter:
             sentence = sentence.replace(parameter, key)
     return sentence
@@ -99,8 +102,8 @@ def bytes_per_step(segments: int) -> float:
 
 
 LIST_CHECKS = (
-    *(Check((f"worm.{key}", "worm.segments"), _as_many_as_segments) for key in PER_SEGMENT),
-    *(Check((f"worm.{key}", "worm.segments"), _as_many_as_joints) for key in PER_JOINT),
+    *(Check((f"worm.{key}", "worm.segments"), as_many_as_segments) for key in PER_SEGMENT),
+    *(Check((f"worm.{key}", "worm.segments"), as_many_as_joints) for key in PER_JOINT),
 )
 REACH_NEEDS = (
     *("gait.amplitude", "worm.half_height_m", "worm.length_m", "worm.segments"),
@@ -111,7 +114,7 @@ RULES = (
     *RUN_CHECKS,
     *GAIT_CHECKS,
     *LIST_CHECKS,
-    Check(REACH_NEEDS, _links_reach),
+    Check(REACH_NEEDS, links_reach),
     *kind_checks(LinkageGait),
 )
 """What makes no sense on paper."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scenes import cli
+from scenes import cli, kinds
 from scenes.loader import parse_scene, shipped_scenes
 from scenes.store import save
 
@@ -94,16 +94,16 @@ def test_init_writes_a_scene_that_is_right_and_complete(worm3d, tmp_path: Path) 
     assert worm3d("check", "mine.toml").code == 0
     text = (tmp_path / "mine.toml").read_text()
     settings = parse_scene(text, "mine").settings
-    plain = parse_scene(f'model = "planar_published"\ntitle = "{settings.title}"\nsays = "{settings.says}"', "plain")
+    plain = parse_scene(f'model = "worm"\ntitle = "{settings.title}"\nsays = "{settings.says}"', "plain")
     assert settings == plain.settings
     assert "\n# time step [s], 0 < …\ndt_s = 0.01\n" in text
-    assert '; one of "direct", "retrograde", "standing"\ndirection = "direct"\n' in text
+    assert '; one of "direct", "retrograde", "standing"\ndirection = "retrograde"\n' in text
     keys = [line for line in text.splitlines() if " = " in line and not line.startswith("#")]
     written = [line for line in parse_scene(text, "mine").to_toml().splitlines() if " = " in line]
     assert sorted(keys) == sorted(written)
 
 
-@pytest.mark.parametrize("model", ["planar_published", "planar_linkage", "planar_study"])
+@pytest.mark.parametrize("model", kinds.names())
 def test_the_template_of_each_model_is_right_and_all_defaults(worm3d, tmp_path: Path, model: str) -> None:
     assert worm3d("init", "mine.toml", "--model", model).code == 0
     assert worm3d("check", "mine.toml").code == 0
@@ -127,7 +127,7 @@ def test_init_of_an_unknown_model_and_into_nowhere(worm3d) -> None:
     ended = worm3d("init", "mine.toml", "--model", "zzz")
     assert (ended.code, ended.complaints) == (
         2,
-        ["--model: got 'zzz', must be one of planar_published, planar_linkage, planar_study"],
+        ["--model: got 'zzz', must be one of worm, worm_planar, planar_published, planar_linkage, planar_study"],
     )
     ended = worm3d("init", "none/mine.toml")
     assert (ended.code, ended.complaints) == (1, ["cannot write none/mine.toml: no such file or directory"])
@@ -228,8 +228,8 @@ def test_a_result_of_a_model_we_do_not_know(worm3d, record, tmp_path: Path) -> N
 
     save(replace(record, kind="octopus"), tmp_path / "result.nc")
     assert worm3d("plot", tmp_path).complaints == [
-        "planar_published: made by the model 'octopus', this worm3d knows only planar_published, planar_linkage, "
-        "planar_study"
+        "planar_published: made by the model 'octopus', this worm3d knows only worm, worm_planar, "
+        "planar_published, planar_linkage, planar_study"
     ]
 
 

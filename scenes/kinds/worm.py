@@ -1,0 +1,113 @@
+"""The model `worm`: the 3D worm, run from a scene and turned into a record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
+
+import worm3d
+from scenes.checks import Check
+from scenes.errors import SceneError
+from scenes.kinds.base import Kind, Observer, Outcome, Status
+from scenes.kinds.planar_linkage_checks import in_keys
+from scenes.kinds.worm_build import KEYS, simulate
+from scenes.kinds.worm_checks import WORM_CHECKS
+from scenes.kinds.worm_record import checkpoint_of, joined, state_of, variables_of
+from scenes.kinds.worm_schema import AnyWormScene, PlanarWormScene, WormScene
+from scenes.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+S = TypeVar("S", WormScene, PlanarWormScene)
+
+ADVICE = (
+    "try a smaller run.dt_s or gait.amplitude, a longer gait.period_s, a lighter worm or larger worm.spring_N, "
+    "worm.torsion_J or worm.kelvin_voigt_time_s"
+)
+
+FIGURES = ("path", "centre_of_mass_and_heading", "body", "contraction", "loads_and_slip", "energy_ledger")
+"""Stems of the pictures; each is drawn by the function of that name in `worm_figures`."""
+
+OF_THE_CLOCK = ("status", "real_time_factor")
+"""Figures of the plant's summary that a record keeps elsewhere."""
+
+
+def run(scene: AnyWormScene, observer: Observer) -> Outcome:
+    """Simulate a scene."""
+    return _outcome(_simulated(scene, observer))
+
+
+def resume(scene: AnyWormScene, earlier: Record, observer: Observer) -> Outcome:
+    """Go on from the end of a record to the end of the scene."""
+    rest = _simulated(scene, observer, state_of(earlier), earlier.sizes["step"])
+    return _outcome(joined(earlier, rest))
+
+
+def _simulated(
+    scene: AnyWormScene, observer: Observer, state: worm3d.State | None = None, done: int = 0
+) -> worm3d.Result:
+    try:
+        return simulate(scene, observer, state, done)
+    except ValueError as error:  # what only the compiled plant can tell: a start inside the world, a foreign checkpoint
+        raise SceneError(in_keys(str(error), KEYS)) from error
+
+
+def _outcome(result: worm3d.Result) -> Outcome:
+    figures, period = result.summary(), result.period
+    speed = figures["mean_speed_m_s"]
+    merits = {
+        **{name: figure for name, figure in figures.items() if name not in OF_THE_CLOCK},
+        "speed_BL_per_period": speed * period / result.worm.length if isinstance(speed, float) and period else None,
+        "mass_kg": result.worm.mass,
+    }
+    reasons = result.reasons()
+    return Outcome(
+        status=_status(result.status),
+        sentence=result.stop.sentence,
+        variables=variables_of(result),
+        summary=merits,
+        reasons={**reasons, "speed_BL_per_period": reasons.get("mean_speed_m_s", "")},
+        wall_s=result.wall_s,
+        checkpoint=checkpoint_of(result.state),
+    )
+
+
+def _status(status: worm3d.Status) -> Status:
+    if status.diverged:
+        return "diverged"
+    return "done" if status is worm3d.Status.DONE else "interrupted"
+
+
+def _draw(stem: str, record: Record) -> tuple[Figure, Axes]:
+    from scenes.kinds import worm_figures
+
+    draw: Callable[[Record], tuple[Figure, Axes]] = getattr(worm_figures, stem)
+    return draw(record)
+
+
+def kind(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) -> Kind[S]:
+    """Return a model of the 3D plant."""
+    figures: Mapping[str, Callable[[Record], tuple[Figure, Axes]]] = {stem: partial(_draw, stem) for stem in FIGURES}
+    return Kind(
+        name=name,
+        title=title,
+        schema=schema,
+        checks=checks,
+        run=run,
+        resume=resume,
+        figures=figures,
+        animate=None,
+        view=None,  # worm3d.viewer will write the page: give it a function of a record and the path here
+        advice=ADVICE,
+        headlines=(
+            ("speed_BL_per_period", "speed", "BL/period"),
+            ("heading_change_deg", "turned", "deg"),
+            ("work_contract_positive_J", "positive work", "J"),
+        ),
+    )
+
+
+KIND = kind("worm", "the 3D worm in contact", WormScene, WORM_CHECKS)

@@ -1,0 +1,327 @@
+"""The 3D worm from a scene: the plant's own numbers, and what the record holds."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from inspect import signature
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from PIL import Image
+
+import worm3d
+from control import gaits
+from scenes import drawing, kinds
+from scenes.errors import SceneError
+from scenes.kinds.planar_linkage_build import KEYS as PLANAR_KEYS
+from scenes.kinds.worm_build import (
+    KEYS,
+    WORLDS,
+    force_of,
+    friction_of,
+    gait_of,
+    gravity_of,
+    start_of,
+    world_of,
+    worm_of,
+)
+from scenes.kinds.worm_figures import INCOMING, LOST, STORED
+from scenes.kinds.worm_record import COUNTERS, ENERGIES, SERIES
+from scenes.kinds.worm_schema import PlanarWormScene, Push, World, WormScene
+from scenes.loader import load_scene
+from scenes.record import Record
+from scenes.runner import simulate
+from scenes.schema import choices
+from scenes.store import load, save
+
+REQUIRED = [
+    "status", "duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J",
+    "work_friction_J", "cost_of_transport", "energy_balance_error", "newton_iterations_mean",
+]  # fmt: skip
+BRIEF = ("run.duration_s=0.4", "gait.period_s=0.2")
+TURNING = (*BRIEF, "gait.bias=0.5", "gait.hinge_deg=20", "gait.rectified=false", "worm.cross0=0.01")
+WEIGHT = 0.1 * 9.81
+
+
+def worm_scene(*overrides: str) -> WormScene:
+    settings = load_scene("flat", overrides).settings
+    assert isinstance(settings, WormScene)
+    return settings
+
+
+@pytest.fixture(scope="module")
+def flat() -> Record:
+    """The shipped scene."""
+    return simulate(load_scene("flat"))
+
+
+@pytest.fixture(scope="module")
+def brief() -> Record:
+    return simulate(load_scene("flat", BRIEF))
+
+
+def test_the_scene_gives_the_plants_own_numbers(flat: Record) -> None:
+    run = worm3d.simulate(worm3d.Worm(), worm3d.Plane(), worm3d.Friction(), gaits.TravellingWave())
+    for name, *_ in SERIES:
+        assert_array_equal(flat[name], getattr(run, name))
+    for name in COUNTERS:
+        assert_array_equal(flat[name], getattr(run, name))
+    for name in ENERGIES:
+        assert_array_equal(flat[name], getattr(run.energy, name))
+    for name, figure in run.summary().items():
+        if name != "real_time_factor":
+            assert flat.summary[name] == figure
+
+
+def test_every_array_of_a_result_is_in_the_record() -> None:
+    arrays = {field.name for field in fields(worm3d.Result) if "Array" in str(field.type)}
+    assert arrays - {"gravity"} <= {name for name, *_ in SERIES} | set(COUNTERS)
+    assert {field.name for field in fields(worm3d.Energy)} == set(ENERGIES)
+
+
+def test_flat_says_what_it_does(flat: Record) -> None:
+    said, turned = load_scene("flat").settings.says, simulate(load_scene("flat", ["gait.hinge_deg=30"])).summary
+    assert f"crawls {flat.summary['distance_m']:.2f} m in ten seconds, straight ahead" in said
+    assert abs(flat.summary["heading_change_deg"]) < 1e-6  # type: ignore[arg-type]
+    assert f"gait.hinge_deg=30 turns it by {turned['heading_change_deg']:.0f} degrees" in said
+
+
+def test_slope_says_what_it_does() -> None:
+    said, climbed = load_scene("slope").settings.says, simulate(load_scene("slope"))
+    assert f"climbs {climbed.summary['distance_m']:.2f} m in ten seconds up a slope of 0.1 rad" in said
+    rise = climbed["com"][-1, 2] - climbed["com"][0, 2]
+    assert rise > 0.9 * np.sin(0.1) * float(climbed.summary["distance_m"])  # type: ignore[arg-type]
+    assert simulate(load_scene("slope", ["world.slope_deg=9.5"])).summary["distance_m"] < 0.0  # type: ignore[operator]
+    assert simulate(load_scene("slope", ["world.slope_deg=8.5"])).summary["distance_m"] > 0.0  # type: ignore[operator]
+
+
+def test_planar_case_is_the_planar_worm_to_a_nanometre() -> None:
+    ours, theirs = simulate(load_scene("planar_case")), simulate(load_scene("planar_wave"))
+    assert_allclose(ours["joints"][..., [0, 2]], theirs["joint"], rtol=0, atol=1e-9)
+    assert_array_equal(ours["joints"][..., 1], 0.0)
+    said = load_scene("planar_case").settings.says
+    assert f"{ours.summary['distance_m']:.4f} m in ten seconds for {ours.summary['work_contract_J']:.3f} J" in said
+    assert_allclose(ours.summary["cost_of_transport"], theirs.summary["cost_of_transport"], rtol=1e-6)
+
+
+def test_free_fall_falls_lands_and_rests_where_it_landed() -> None:
+    record = simulate(load_scene("free_fall"))
+    time, height, speed = record["time"], record["com"][:, 2], np.abs(record["joint_velocity"]).max(axis=(1, 2))
+    load = record["normal_load"].sum(axis=(1, 2)) + record["joint_load"].sum(axis=1)
+    falls = time < 0.2
+    assert_array_equal(load[falls], 0.0)
+    assert_allclose(height[falls], height[0] - 0.5 * 9.81 * time[falls] ** 2, atol=0.2 * 9.81 * 0.002)
+    assert load[np.argmax(load > 0.0)] > WEIGHT  # an impact
+    assert speed[time > 0.31].max() < 1e-3
+    assert speed[-1] < 1e-9
+    assert_allclose(load[-1], WEIGHT, rtol=1e-6)
+    assert abs(float(record.summary["distance_m"])) < 1e-9  # type: ignore[arg-type]
+
+
+def test_the_summary(flat: Record) -> None:
+    summary = flat.summary
+    assert list(summary.figures)[: len(REQUIRED)] == REQUIRED
+    assert all(figure is not None for figure in summary.figures.values())
+    assert_allclose(summary["distance_m"], flat["com"][-1, 0] - flat["com"][0, 0])
+    assert_allclose(summary["work_friction_J"], flat["friction_loss"].sum())
+    assert_allclose(
+        summary["cost_of_transport"], summary["work_contract_J"] / (WEIGHT * summary["distance_m"])  # type: ignore[operator]
+    )  # fmt: skip
+    assert_allclose(summary["speed_BL_per_period"], 2.0 * summary["mean_speed_m_s"])  # type: ignore[operator]
+
+
+def test_the_ledger_of_the_record_closes(flat: Record) -> None:
+    def total(names: tuple[str, ...]) -> float:
+        return sum(float(flat[name].sum()) for name in names)
+
+    assert_allclose(total(INCOMING), total(STORED) + total(LOST), rtol=1e-9)
+    assert_allclose(flat["residual"], 0.0, atol=1e-9)
+
+
+def test_the_record_is_laid_out_as_its_names_say(brief: Record, tmp_path: Path) -> None:
+    sizes = {"time": 41, "step": 40, "joint": 7, "inner_joint": 5, "segment": 6, "chamber": 2, "apex": 6, "point": 8}
+    assert brief.sizes == {**sizes, "axis": 3}
+    assert (np.diff(brief["joints"][..., 0], axis=1) > 0).all()  # tail first
+    assert (brief["points"][:, :, 1, 2] > brief["points"][:, :, 0, 2]).all()  # L-above over L-below
+    assert (brief["points"][:, :, 2, 1] > brief["points"][:, :, 5, 1]).all()  # L-outward left of R-outward
+    assert_allclose(brief["normal_load"][0].sum() + brief["joint_load"][0].sum(), WEIGHT, rtol=1e-6)
+    assert_array_equal(brief["step_time"], brief["time"][1:])
+    assert all(variable.units and variable.long_name for variable in (*brief.variables, *brief.checkpoint))
+    save(brief, tmp_path / "result.nc")
+    assert load(tmp_path).summary == brief.summary
+
+
+def test_record_every_thins_the_states_but_not_the_steps(brief: Record) -> None:
+    tenth = simulate(load_scene("flat", [*BRIEF, "run.record_every=10"]))
+    assert (tenth.sizes["time"], tenth.sizes["step"]) == (5, 40)
+    for name in ("joints", "normal_load", "contraction"):
+        assert_array_equal(tenth[name], brief[name][::10])
+    for name in ("work_contract", "friction_loss", "slip"):
+        assert_allclose(tenth[name].sum(axis=0), brief[name].sum(axis=0), rtol=1e-9, atol=1e-15)
+
+
+def test_one_segment_has_no_inner_joints(tmp_path: Path) -> None:
+    single = ("worm.segments=1", "worm.length_m=0.17", "worm.mass_kg=0.02")
+    record = simulate(load_scene("flat", [*BRIEF, *single]))
+    assert record["hinge"].shape == (41, 0)
+    save(record, tmp_path / "result.nc")
+    assert load(tmp_path)["hinge"].shape == (41, 0)
+    drawing.plot(record, kinds.get("worm"), tmp_path)
+
+
+def test_a_scene_without_keys_is_the_plant() -> None:
+    scene = WormScene(model="worm")
+    assert_equal_fields(worm_of(scene), worm3d.Worm())
+    assert_equal_fields(friction_of(scene), worm3d.Friction())
+    assert gait_of(scene) == gaits.TravellingWave()
+    assert world_of(scene.world) == worm3d.Plane()
+    defaults = {name: given.default for name, given in signature(worm3d.simulate).parameters.items()}
+    assert (scene.run.duration_s, scene.run.dt_s) == (defaults["duration"], defaults["dt"])
+    assert (scene.run.integrator, scene.run.record_every) == (defaults["integrator"], defaults["record_every"])
+    assert_array_equal(gravity_of(scene), defaults["gravity"])
+    assert scene.start.settle is defaults["settle_first"]
+    planar = PlanarWormScene(model="worm_planar")
+    assert_equal_fields(worm_of(planar), worm3d.Worm.planar())
+    assert gait_of(planar) == gaits.TravellingWave()
+
+
+def assert_equal_fields(ours: object, theirs: object) -> None:
+    for field in fields(theirs):  # type: ignore[arg-type]
+        assert_array_equal(getattr(ours, field.name), getattr(theirs, field.name))
+
+
+def test_every_key_of_the_worm_reaches_the_plant() -> None:
+    each = {"segments": 2, "length_m": 0.5, "mass_kg": 0.2, "joint_mass_fraction": 0.4, "chamber_offset_m": 0.02}
+    each |= {"half_height_m": [0.04, 0.06], "spring_N": [14.0, 15.0], "torsion_J": [9.0], "yaw_J": 0.6, "twist_J": 0.7}
+    each |= {"cross0": 0.1, "apex_hinge_N_m_rad": [0.1, 0.2], "kelvin_voigt_time_s": 0.06, "drag_N_s_m": 0.4}
+    each |= {"actuator_lag_s": 0.2, "stroke": [-0.2, 0.3], "rate_limit_per_s": 5.0}
+    each |= {"outward_apexes": False, "end_faces": False}
+    scene = WormScene.model_validate({"model": "worm", "worm": each})
+    assert set(each) == set(type(scene.worm).model_fields) == set(KEYS.values())
+    assert_equal_fields(
+        worm_of(scene), worm3d.Worm(**{parameter: each[key] for parameter, key in KEYS.items()})  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def test_every_key_of_the_planar_worm_reaches_the_plant() -> None:
+    assert set(PLANAR_KEYS) == set(signature(worm3d.Worm.planar).parameters)
+    scene = load_scene("planar_case", ["worm.segments=2", "worm.half_height_m=[0.1, 0.2]", "worm.density_kg_m3=3"])
+    expected = worm3d.Worm.planar(segments=2, half_height=np.array([0.1, 0.2]), density=3.0)
+    assert isinstance(scene.settings, PlanarWormScene)
+    assert_equal_fields(worm_of(scene.settings), expected)
+
+
+def test_every_kind_of_world_is_built() -> None:
+    assert set(WORLDS) == set(choices(World.model_fields["kind"]))
+    scene = worm_scene("world.slope_deg=10", "world.heading_deg=-30", "world.patches=[{grip=2, across_m=[-1, 0.5]}]")
+    plane = world_of(scene.world)
+    assert isinstance(plane, worm3d.Plane)
+    assert_allclose([plane.slope, plane.heading], np.deg2rad([10.0, -30.0]))
+    assert plane.patches == (worm3d.Patch(2.0, across=(-1.0, 0.5)),)
+    clamped = world_of(worm_scene("world.kind=clamped", "world.velocity_threshold_m_s=1e-5").world)
+    assert clamped == worm3d.ClampedGround(1e-5)
+    assert world_of(worm_scene("world.kind=none").world) is None
+
+
+def test_the_gait_turns() -> None:
+    gait = gait_of(worm_scene("gait.bias=-0.3", "gait.hinge_deg=45", "gait.force_N=0.2", "gait.amplitude=0.1"))
+    assert gait == gaits.TravellingWave(amplitude=0.1, bias=-0.3, hinge=np.deg2rad(45.0), force=0.2)
+    pulses = gait_of(worm_scene("gait.kind=segment_driven", "gait.bias=0.5", "gait.pulse=dirac", "run.dt_s=0.02"))
+    assert isinstance(pulses, gaits.ContractionEngine_segmentdriven)
+    assert (pulses.bias, pulses.impulse, pulses.contractType) == (0.5, 0.02, "dirac")
+
+
+def test_the_start() -> None:
+    scene = worm_scene("start.position_m=[1, 2]", "start.azimuth_deg=90", "start.lift_m=0.1")
+    joints = start_of(scene, worm3d.Worm(), worm3d.Plane()).joints
+    assert_allclose(joints[0], [1.0, 2.0, 0.15])
+    assert_allclose(joints[-1], [1.0, 3.0, 0.15])
+    record = simulate(load_scene("flat", ["run.duration_s=0.1", "start.lift_m=0.1", "start.settle=false"]))
+    assert_array_equal(record["normal_load"], 0.0)
+    assert record["com"][-1, 2] < record["com"][0, 2]
+
+
+def test_gravity_is_a_number_or_a_vector() -> None:
+    assert_array_equal(gravity_of(worm_scene("run.gravity_m_s2=1.6")), [0.0, 0.0, -1.6])
+    assert_array_equal(gravity_of(worm_scene("run.gravity_m_s2=[1, 0, -9]")), [1.0, 0.0, -9.0])
+
+
+def test_a_push_lasts_as_long_as_it_says() -> None:
+    push = Push(joint=6, force_N=(0.0, 2.0, 0.0), begin_s=0.1, duration_s=0.2)
+    force = force_of(push, 6, 0.01)
+    assert force is not None
+    pushed = [k for k in range(1, 100) if force(k * 0.01).any()]
+    assert pushed == list(range(11, 31))  # the steps that end in (0.1, 0.3]
+    assert_array_equal(force(0.2)[6], [0.0, 2.0, 0.0])
+    assert force_of(Push(), 6, 0.01) is None
+    forever = force_of(Push(force_N=(1.0, 0.0, 0.0)), 6, 0.01)
+    assert forever is not None
+    assert forever(1e6)[0, 0] == 1.0
+
+
+def test_a_push_in_free_flight_gives_its_impulse() -> None:
+    floats = ("world.kind=none", "worm.end_faces=false", "run.gravity_m_s2=0", "gait.amplitude=0")
+    push = ("push.force_N=[0, 0.1, 0]", "push.joint=3", "push.begin_s=0.05", "push.duration_s=0.1")
+    record = simulate(load_scene("flat", ["run.duration_s=0.3", "run.integrator=implicit_euler", *floats, *push]))
+    assert_allclose(record["momentum"][-1], [0.0, 0.1 * 0.1, 0.0], atol=1e-12)
+    assert record["work_external"].sum() > 0.0
+
+
+def test_ground_and_friction_reach_the_plant() -> None:
+    def distance(*overrides: str) -> float:
+        return float(simulate(load_scene("flat", ["run.duration_s=2", *overrides])).summary["distance_m"])  # type: ignore[arg-type]
+
+    plain = distance()
+    assert plain > 0.05
+    assert distance("friction.forward=0.2", "friction.backward=0.03") < 0.0
+    assert distance("friction.forward=[0.2, 0.2, 0.2, 0.2, 0.2, 0.2]") < 0.7 * plain
+    assert distance("world.slope_deg=30", "world.heading_deg=180") > 1.0  # slides down, ahead
+    ice = "world.patches=[{grip=0.01}, {grip=1.0, along_m=[-9, -8]}]"
+    assert abs(distance(ice)) < 0.7 * plain
+
+
+@pytest.mark.parametrize(
+    ("scene", "overrides"),
+    [
+        ("flat", BRIEF),
+        ("flat", (*TURNING, 'world.patches=[{grip=2, along_m=[0, 1]}]', "world.slope_deg=3")),
+        ("flat", (*BRIEF, "world.kind=clamped")),
+        ("flat", (*BRIEF, "world.kind=none", "worm.end_faces=false", "run.gravity_m_s2=0")),
+        ("flat", (*BRIEF, "run.record_every=40")),
+        ("planar_case", BRIEF),
+    ],
+)  # fmt: skip
+def test_every_figure_is_a_picture_with_labelled_axes(scene: str, overrides: tuple[str, ...], tmp_path: Path) -> None:
+    record = simulate(load_scene(scene, overrides))
+    kind = kinds.get(record.kind)
+    paths = drawing.plot(record, kind, tmp_path)
+    assert {path.stem for path in paths} == set(kind.figures)
+    for path in paths:
+        with Image.open(path) as picture:
+            assert len(picture.convert("RGB").getcolors(1_000_000) or []) > 20
+    for draw in kind.figures.values():
+        _, axes = draw(record)
+        assert axes.get_xlabel()
+        assert axes.get_title() or axes.get_ylabel()
+
+
+def test_a_run_of_one_stored_state_can_be_drawn(tmp_path: Path) -> None:
+    """Such as one that ended before the second."""
+    record = simulate(load_scene("flat", BRIEF))
+    from dataclasses import replace
+
+    from scenes.record import Variable
+
+    first = tuple(
+        Variable(v.name, v.dims, v.values[:1], v.units, v.long_name) if v.dims[:1] == ("time",) else v
+        for v in record.variables
+    )
+    assert drawing.plot(replace(record, variables=first), kinds.get("worm"), tmp_path)
+
+
+def test_there_is_no_animation_yet_and_a_sentence_says_so(brief: Record, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"flat: the model 'worm' has no animation; 'worm3d plot' draws its figures"):
+        drawing.animate(brief, kinds.get("worm"), tmp_path / "a.gif")
+    assert drawing.cut_short(brief) is None

@@ -1,0 +1,531 @@
+"""Every kernel's gradient and Hessian against central differences, its energy against its formula, and both machines."""
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from worm3d import Friction, Plane, Worm
+from worm3d.banded import B
+from worm3d.codegen import Kernel, compile_kernel
+from worm3d.kernels import joint, point, segment
+from worm3d.kernels.layout import Layout
+from worm3d.plant import Plant, kernels
+from worm3d.solver import arrays
+from worm3d.solver.advance import OK, advance
+from worm3d.solver.arrays import BLOCK
+from worm3d.solver.evaluate import evaluate
+from worm3d.solver.records import record_memory
+from worm3d.state import State
+
+COUNT = 40
+"""Random states of each kernel."""
+
+Values = dict[str, np.ndarray]
+FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
+    segment.shape,
+    segment.motion,
+    segment.gradient,
+    segment.hessian,
+    segment.ledger,
+    joint.gradient,
+    joint.hessian,
+    joint.angles,
+    joint.ledger,
+    point.force,
+    point.yielding,
+    point.after,
+)
+
+
+def run(name: str, layout: Layout, values: Values) -> np.ndarray:
+    """Return a native kernel's outputs, shape (rows, COUNT), for inputs by name, each (size, COUNT)."""
+    return evaluated(kernels()[name], layout, values)
+
+
+def evaluated(kernel: Kernel, layout: Layout, values: Values) -> np.ndarray:
+    assert set(values) == set(layout.sizes)
+    inputs, outputs = kernel.allocate(COUNT)
+    inputs[:, :COUNT] = np.vstack([values[name] for name in layout.sizes])
+    kernel(inputs, outputs, COUNT)
+    return outputs[:, :COUNT]
+
+
+def differences(of: Callable[[np.ndarray], np.ndarray], at: np.ndarray, h: float) -> np.ndarray:
+    """Return the central differences of order 4 of rows (m, COUNT) in rows (n, COUNT), shape (m, n, COUNT).
+
+    f' = (8 (f(h) - f(-h)) - (f(2h) - f(-2h)))/(12 h) + O(h^4).
+    """
+    columns = []
+    for k in range(len(at)):
+        e = np.zeros_like(at)
+        e[k] = h
+        columns.append((8.0 * (of(at + e) - of(at - e)) - (of(at + 2 * e) - of(at - 2 * e))) / (12.0 * h))
+    return np.stack(columns, axis=1)
+
+
+def assert_close(found: np.ndarray, expected: np.ndarray, relative: float) -> None:
+    """Compare (m, n, COUNT) with an error relative to the largest entry of each row and instance."""
+    scale = np.abs(expected).max(axis=1, keepdims=True)
+    assert scale.min() >= 0.0
+    worst = (np.abs(found - expected) / np.maximum(scale, 1e-3 * np.abs(expected).max())).max()
+    assert worst < relative, worst
+
+
+def units(rng: np.random.Generator) -> np.ndarray:
+    v = rng.standard_normal((3, COUNT))
+    return v / np.linalg.norm(v, axis=0)
+
+
+def across(t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    d = np.cross(t, units(rng), axis=0)
+    return d / np.linalg.norm(d, axis=0)
+
+
+def some_segment(seed: int = 0) -> Values:
+    """Return segments in general position: stretched, rolled, bent, with unequal chambers and tilted faces."""
+    rng = np.random.default_rng(seed)
+
+    def uniform(low: float, high: float, size: int = 1) -> np.ndarray:
+        return rng.uniform(low, high, (size, COUNT))
+
+    t = units(rng)
+    near = t + 0.3 * units(rng)
+    t_ref = near / np.linalg.norm(near, axis=0)
+    p = uniform(-1, 1, 3)
+    q = np.vstack([p, uniform(-0.8, 0.8), uniform(-0.7, 0.7), p + uniform(0.13, 0.18) * t])
+    l0 = uniform(0.15, 0.17)
+    return {
+        "q": q,
+        "dq": 0.01 * uniform(-1, 1, 8),
+        "t_ref": t_ref,
+        "d_ref": across(t_ref, rng),
+        "link": uniform(0.115, 0.14),
+        "offset": uniform(0.01, 0.04),
+        "radius": uniform(0.03, 0.06, 2),
+        "normal": np.vstack([units(rng), units(rng)]),
+        "k": uniform(5, 30),
+        "k_apex": uniform(0.05, 0.3),
+        "l0": l0,
+        "tau": uniform(0.01, 0.1),
+        "span": uniform(0.005, 0.02),
+        "dt": uniform(0.005, 0.02),
+        "commanded": l0 * uniform(0.7, 1.05, 2),
+        "force": uniform(-1, 1, 2),
+        "length_hat": uniform(0.14, 0.17, 2),
+        "angle_hat": uniform(1.3, 1.9, 2),
+        "commanded_n": l0 * uniform(0.7, 1.05, 2),
+        "length_n": uniform(0.14, 0.17, 2),
+        "angle_n": uniform(1.3, 1.9, 2),
+        "f": uniform(-1, 1, 24),
+        "K": uniform(-50, 50, 72),
+    }
+
+
+def points_potential(values: Values, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (24, COUNT) at q, and f there of the field f0 + K (x - x0), whose K is not symmetric."""
+    x0 = run("segment_shape", segment.LAYOUT, values)[8:]
+    x = run("segment_shape", segment.LAYOUT, values | {"q": at})[8:]
+    K = values["K"].reshape(3, 3, 8, COUNT)
+    moved = (x - x0).reshape(3, 8, COUNT)
+    return x, values["f"] + np.einsum("rcpk,cpk->rpk", K, moved).reshape(24, COUNT)
+
+
+def test_segment_gradient_and_hessian() -> None:
+    """d/dq of phi(q) + f.X(q) at constant f; then d/dq of that gradient with f = f0 + K (X(q) - X0)."""
+    values = some_segment()
+
+    def potential(q: np.ndarray) -> np.ndarray:
+        x, _ = points_potential(values, q)
+        return run("segment_gradient", segment.LAYOUT, values | {"q": q})[:1] + np.sum(values["f"] * x, axis=0)
+
+    def gradient(q: np.ndarray) -> np.ndarray:
+        _, f = points_potential(values, q)
+        return run("segment_gradient", segment.LAYOUT, values | {"q": q, "f": f})[1:]
+
+    out = run("segment_hessian", segment.LAYOUT, values)
+    assert_close(out[None, 1:9], differences(potential, values["q"], 1e-4), 1e-8)
+    hessian = out[9:].reshape(8, 8, COUNT).transpose(1, 0, 2)  # column by column
+    assert_close(hessian, differences(gradient, values["q"], 1e-4), 1e-8)
+    assert np.abs(hessian - hessian.transpose(1, 0, 2)).max() > 1.0, "the coupled K makes it unsymmetric"
+    assert_allclose(out[:9], run("segment_gradient", segment.LAYOUT, values), rtol=1e-12, atol=1e-12)
+
+
+def test_segment_motion_is_the_points_derivative_along_dq() -> None:
+    values = some_segment(1)
+    moved = run("segment_motion", segment.LAYOUT, values)
+    jacobian = differences(lambda q: run("segment_shape", segment.LAYOUT, values | {"q": q})[8:], values["q"], 1e-4)
+    assert_allclose(moved, np.einsum("mnk,nk->mk", jacobian, values["dq"]), rtol=0, atol=1e-11)
+
+
+def transported(a: np.ndarray, b: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Rotate d by the smallest rotation from a to b (Rodrigues), all (3, COUNT)."""
+    axis = np.cross(a, b, axis=0)
+    s, c = np.linalg.norm(axis, axis=0), np.sum(a * b, axis=0)
+    n = axis / s
+    return c * d + s * np.cross(n, d, axis=0) + (1 - c) * np.sum(n * d, axis=0) * n
+
+
+def frames(e: np.ndarray, roll: np.ndarray, t_ref: np.ndarray, d_ref: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return length, t, d and u = t x d of segments by rotations: from t_ref to t, then by the roll about t."""
+    length = np.linalg.norm(e, axis=0)
+    t = e / length
+    d = transported(t_ref, t, d_ref)
+    d = np.cos(roll) * d + np.sin(roll) * np.cross(t, d, axis=0)
+    return length, t, d, np.cross(t, d, axis=0)
+
+
+def test_segment_shape_and_energy_are_those_of_the_equations() -> None:
+    """Rotations by Rodrigues' formula instead of (E1); (E2), (E3), (E4) and Kelvin-Voigt dampers as they stand.
+
+    Apexes of chamber c keep the links: a^2 = h_c^2 + l_c^2/4. The point of a face is the lowest one of a disc: across
+    the segment, a radius away, against the normal (up to the rounding FACING = 1e-3 of (E6)).
+    """
+    v = some_segment(2)
+    q, b = v["q"], v["offset"][0]
+    length, t, d, u = frames(q[5:] - q[:3], q[3], v["t_ref"], v["d_ref"])
+    out = run("segment_shape", segment.LAYOUT, v)
+    chambers = np.array([length - b * q[4], length + b * q[4]])
+    assert_allclose(out[:2], chambers, rtol=1e-13)
+    assert_allclose(out[2:5], t, rtol=0, atol=1e-13)
+    assert_allclose(out[5:8], d, rtol=0, atol=1e-12)
+    h, middle = np.sqrt(v["link"] ** 2 - chambers**2 / 4.0), (q[:3] + q[5:]) / 2
+    expected = [middle + b * d - h[0] * u, middle + b * d + h[0] * u, middle + (b + h[0]) * d]
+    expected += [middle - b * d - h[1] * u, middle - b * d + h[1] * u, middle - (b + h[1]) * d]
+    points = out[8:].reshape(3, 8, COUNT).transpose(1, 0, 2)
+    assert_allclose(points[:6], expected, rtol=0, atol=1e-13)
+    for k, p in enumerate((q[:3], q[5:])):
+        n = v["normal"][3 * k : 3 * k + 3]
+        w = n - np.sum(n * t, axis=0) * t
+        w /= np.linalg.norm(w, axis=0)
+        lowest = p - v["radius"][k] * w
+        tilted = np.linalg.norm(np.cross(n, t, axis=0), axis=0) > 0.1
+        assert tilted.sum() > COUNT // 2
+        assert_allclose(points[6 + k][:, tilted], lowest[:, tilted], rtol=0, atol=1e-4 * 0.06 / 2)
+    k, ka, l0, tau, span = (v[name][0] for name in ("k", "k_apex", "l0", "tau", "span"))
+    angle, rest = 2 * np.arcsin(chambers / (2 * v["link"])), 2 * np.arcsin(l0 / (2 * v["link"][0]))
+    phi = k / 2 * l0 / 2 * (1 - chambers / v["commanded"]) ** 2 + v["force"] * chambers + ka / 2 * (angle - rest) ** 2
+    phi += tau * k / (2 * l0) / (2 * span) * (chambers - v["length_hat"]) ** 2
+    phi += tau * ka / (2 * span) * (angle - v["angle_hat"]) ** 2
+    assert_allclose(run("segment_gradient", segment.LAYOUT, v)[0], phi.sum(axis=0), rtol=1e-12)
+
+
+def some_joint(seed: int = 3) -> Values:
+    """Return joints in general position: pitched, yawed, twisted, rolled, with bends, hinges and rest angles."""
+    rng = np.random.default_rng(seed)
+
+    def uniform(low: float, high: float, size: int = 1) -> np.ndarray:
+        return rng.uniform(low, high, (size, COUNT))
+
+    t1 = units(rng)
+    ahead = t1 + 0.6 * units(rng)
+    t2 = ahead / np.linalg.norm(ahead, axis=0)
+    refs = [t + 0.2 * units(rng) for t in (t1, t2)]
+    refs = [r / np.linalg.norm(r, axis=0) for r in refs]
+    d1 = across(refs[0], rng)
+    turned = np.cross(np.cross(refs[1], d1 + 0.4 * units(rng), axis=0), refs[1], axis=0)
+    d2 = turned / np.linalg.norm(turned, axis=0)
+    p = uniform(-1, 1, 3)
+    p1 = p + uniform(0.13, 0.18) * t1
+    p2 = p1 + uniform(0.13, 0.18) * t2
+    g, th = uniform(-0.4, 0.4, 2), uniform(-0.5, 0.5, 2)
+    return {
+        "q": np.vstack([p, g[:1], th[:1], p1, g[1:], th[1:], p2]),
+        "dq": 0.01 * uniform(-1, 1, 13),
+        "t_ref": np.vstack(refs),
+        "d_ref": np.vstack([d1, d2]),
+        "k": uniform(0.5, 10, 3),
+        "cross0": uniform(-0.3, 0.3),
+        "tau": uniform(0.01, 0.1),
+        "span": uniform(0.005, 0.02),
+        "dt": uniform(0.005, 0.02),
+        "hinge": uniform(-0.6, 0.6),
+        "hinge_n": uniform(-0.6, 0.6),
+        "weights": np.vstack([np.full(COUNT, 4 / 3), np.full(COUNT, -1 / 3)]),
+        "angles_n": uniform(-0.5, 0.5, 4),
+        "angles_m": uniform(-0.5, 0.5, 4),
+    }
+
+
+def test_joint_gradient_and_hessian() -> None:
+    values = some_joint()
+
+    def potential(q: np.ndarray) -> np.ndarray:
+        return run("joint_gradient", joint.LAYOUT, values | {"q": q})[:1]
+
+    def gradient(q: np.ndarray) -> np.ndarray:
+        return run("joint_gradient", joint.LAYOUT, values | {"q": q})[1:]
+
+    out = run("joint_hessian", joint.LAYOUT, values)
+    assert_close(out[None, 1:14], differences(potential, values["q"], 1e-4), 1e-8)
+    lower = np.zeros((13, 13, COUNT))
+    columns, rows = np.triu_indices(13)  # of the lower triangle, column by column
+    lower[rows, columns] = lower[columns, rows] = out[14:]
+    assert_close(lower, differences(gradient, values["q"], 1e-4), 1e-8)
+    assert_allclose(out[:14], run("joint_gradient", joint.LAYOUT, values), rtol=1e-12, atol=1e-12)
+
+
+def test_joint_strains_and_energy_are_those_of_the_equations() -> None:
+    """(E5) with frames by rotations; the twist as the angle left between the directors carried to a common tangent."""
+    v = some_joint(4)
+    q = v["q"]
+    _, t1, d1, u1 = frames(q[5:8] - q[:3], q[3], v["t_ref"][:3], v["d_ref"][:3])
+    _, t2, d2, u2 = frames(q[10:] - q[5:8], q[8], v["t_ref"][3:], v["d_ref"][3:])
+    c = np.cross(t1, t2, axis=0)
+    d, u = d1 + d2, u1 + u2
+    pitch = np.sum(c * d, axis=0) / np.linalg.norm(d, axis=0)
+    yaw = np.sum(c * u, axis=0) / np.linalg.norm(u, axis=0)
+    carried = transported(t1, t2, d1)
+    twist = np.arccos(np.sum(carried * d2, axis=0))
+    twist *= np.sign(np.sum(np.cross(carried, d2, axis=0) * t2, axis=0))
+    bends = q[4] + q[9]
+    expected = np.array([pitch, yaw, twist, bends])
+    assert_allclose(run("joint_angles", joint.LAYOUT, v), expected, rtol=0, atol=1e-11)
+
+    def strains(angles: np.ndarray) -> np.ndarray:
+        yawed = angles[1] - np.sin(angles[3] / 2 + v["hinge"][0])
+        return np.array([angles[0] + v["cross0"][0], yawed, angles[2]])
+
+    s, hat = strains(expected), 4 / 3 * strains(v["angles_n"]) - strains(v["angles_m"]) / 3
+    phi = v["k"] / 2 * (s**2 + v["tau"] / v["span"] * (s - hat) ** 2)
+    assert_allclose(run("joint_gradient", joint.LAYOUT, v)[0], phi.sum(axis=0), rtol=1e-10)
+
+
+CENTRE, RADIUS = np.array([[0.3], [-0.2], [-0.9]]), 1.0
+
+
+def on_sphere(x: np.ndarray, inside: bool) -> Values:
+    """Return distance, normal and curvature of a ball, or of the hollow one around it (`inside`)."""
+    away = x - CENTRE
+    r = np.linalg.norm(away, axis=0)
+    n, side = away / r, -1.0 if inside else 1.0
+    H = (np.eye(3)[:, :, None] - n[:, None] * n[None]) / r
+    upper = np.array([H[i, j] for i in range(3) for j in range(i, 3)])
+    return {"distance": side * (r - RADIUS)[None], "normal": side * n, "curvature": side * upper}
+
+
+def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
+    """Return points about a sphere: free, touching, stuck and sliding, forward and backward, moving in and out."""
+    rng = np.random.default_rng(seed)
+
+    def uniform(low: float, high: float, size: int = 1) -> np.ndarray:
+        return rng.uniform(low, high, (size, COUNT))
+
+    n = units(rng)
+    x = CENTRE + n * (RADIUS + uniform(-0.02, 0.01) * (-1.0 if inside else 1.0))
+    along = across(n, rng)
+    tangent = np.vstack([along, np.cross(n, along, axis=0)])
+    reach = np.where(np.arange(COUNT) % 2, 0.002, 0.1)  # stuck and sliding
+    anchor = x - along * reach * uniform(-1, 1) - tangent[3:] * reach * uniform(-1, 1)
+    return {
+        "x": x,
+        **on_sphere(x, inside),
+        "grip": uniform(0.5, 2.0),
+        "x_hat": x + uniform(-0.01, 0.01, 3),
+        "inertia": uniform(1, 50),
+        "weight": uniform(-0.1, 0.1, 3),
+        "stiffness": uniform(50, 500),
+        "damping": uniform(0.1, 2.0),
+        "dt": uniform(0.005, 0.02),
+        "depth_n": np.maximum(0.0, uniform(-0.01, 0.02)),
+        "tangent": tangent,
+        "anchor": anchor,
+        "slide_n": uniform(-0.003, 0.003, 2),
+        "mu": uniform(0.1, 0.8, 3),
+        "hold": uniform(0.5, 2.0),
+        "yield_gauge": uniform(0.002, 0.006),
+        "gauge_damping": uniform(1.0, 4.0),
+        "cap": uniform(1.0, 1.3),
+        "load": uniform(0.0, 2.0),
+        "regime": np.where(np.arange(COUNT) < COUNT - 12, point.FREE, np.arange(COUNT) % 3 + point.OPEN)[None],
+        "coupled": np.full((1, COUNT), float(coupled)),
+        "load_n": uniform(0.0, 2.0),
+        "motion": uniform(-0.01, 0.01, 3),
+        "first": uniform(-0.01, 0.01, 3),
+        "distance_n": uniform(-0.01, 0.01),
+        "stored_n": uniform(0.0, 0.01),
+    }
+
+
+@pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.parametrize("coupled", [False, True])
+def test_point_force_and_its_derivative_on_a_curved_world(coupled: bool, inside: bool) -> None:
+    """The world is a ball or a hollow one, whose distance is |x - c| - R: normal and curvature turn with x."""
+    values = some_point(coupled, inside)
+
+    def at(x: np.ndarray) -> np.ndarray:
+        return run("point_force", point.LAYOUT, values | {"x": x} | on_sphere(x, inside))
+
+    out, h = at(values["x"]), 1e-6
+    K = out[3:12].reshape(3, 3, COUNT)
+    assert_close(K, differences(lambda x: at(x)[:3], values["x"], h), 1e-6)
+    if not coupled:
+        assert_close(out[None, :3], differences(lambda x: at(x)[12:13], values["x"], h), 1e-6)
+    assert (np.abs(K - K.transpose(1, 0, 2)).max() > 1.0) == coupled
+    yielding = run("point_yielding", point.LAYOUT, values)
+    free, touching = values["regime"][0] == point.FREE, (out[13] > 0.0)
+    touching, sliding, ahead = free & touching, yielding[4] > 0.0, yielding[2] > 0.0
+    for kind in (touching & sliding & ahead, touching & sliding & ~ahead, touching & ~sliding, free & ~touching):
+        assert kind.sum() >= 3, "every branch is among the states"
+
+
+def test_a_regime_that_the_law_confirms_changes_nothing() -> None:
+    """Newton's regimes OPEN, SLIDING and STICKING give force, derivative, potential and load of the law itself."""
+    values = some_point(coupled=True, inside=False) | {"regime": np.full((1, COUNT), point.FREE)}
+    law, yielding = run("point_force", point.LAYOUT, values), run("point_yielding", point.LAYOUT, values)
+    held = np.where(yielding[4] > 0.0, point.SLIDING, point.STICKING)
+    regime = np.where(yielding[5] > 0.0, held, point.OPEN)
+    assert len(set(regime)) == 3
+    assert_allclose(run("point_force", point.LAYOUT, values | {"regime": regime[None]}), law, rtol=1e-12, atol=1e-12)
+    wrong = run("point_force", point.LAYOUT, values | {"regime": np.where(regime == point.OPEN, 2.0, 1.0)[None]})
+    assert (np.abs(wrong - law).max(axis=0) > 1e-6).all(), "and one that it denies does"
+
+
+def test_point_force_is_that_of_the_equations() -> None:
+    """(C1), (C2) and (C3) with (C4): the force of the anchor's spring and damper, both capped together by the load."""
+    v = some_point(coupled=True, inside=False, seed=6) | {"regime": np.full((1, COUNT), point.FREE)}
+    g, n, k, c, dt = v["distance"][0], v["normal"], v["stiffness"][0], v["damping"][0], v["dt"][0]
+    load = np.maximum(0.0, k * -g + c / dt * (-g - v["depth_n"][0]))
+    along, left = v["tangent"][:3], v["tangent"][3:]
+    s = np.array([np.sum(t * (v["x"] - v["anchor"]), axis=0) for t in (along, left)])
+    per_rho, per_rate = 1 / v["yield_gauge"][0], v["gauge_damping"][0] / dt
+    y = s - per_rate * v["slide_n"] / (per_rho + per_rate)
+    mu = np.array([np.where(y[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
+    elastic = per_rho * s + per_rate * (s - v["slide_n"])  # spring and damper in the gauge
+    gauge = np.sqrt(np.sum((mu * elastic) ** 2, axis=0))
+    share = np.minimum(1.0, v["cap"][0] / gauge)
+    force = v["hold"][0] * load * share * mu**2 * elastic
+    expected = v["inertia"] * (v["x"] - v["x_hat"]) - v["weight"] - load * n + force[0] * along + force[1] * left
+    out = run("point_force", point.LAYOUT, v)
+    assert_allclose(out[13], load, rtol=1e-12)
+    assert_allclose(out[:3], expected, rtol=0, atol=1e-12)
+    friction = np.sqrt(np.sum((force / (mu * np.where(load > 0, v["hold"][0] * load, 1.0))) ** 2, axis=0))
+    assert (friction <= v["cap"][0] * (1 + 1e-12)).all(), "inside the set"
+    assert ((share < 1.0) & (load > 0.0)).sum() > 3
+
+
+def some_inputs(function: ca.Function) -> tuple[Layout, Values]:
+    name = function.name()
+    if name.startswith("segment"):
+        return segment.LAYOUT, some_segment(7)
+    if name.startswith("joint"):
+        return joint.LAYOUT, some_joint(8)
+    return point.LAYOUT, some_point(coupled=True, inside=False, seed=9)
+
+
+@pytest.mark.parametrize("make", FUNCTIONS, ids=lambda f: f"{f.__module__.split('.')[-1]}_{f.__name__}")
+def test_native_kernels_equal_casadis_virtual_machine(make: Callable[[], ca.Function]) -> None:
+    """To 1e-13 of each output's size: its largest entry over the states, sums cancel in single ones."""
+    function = make()
+    layout, values = some_inputs(function)
+    native = run(function.name(), layout, values)
+    virtual = evaluated(compile_kernel(function, backend="casadi"), layout, values)
+    assert kernels()[function.name()].backend == "llvm"
+    scale = np.abs(virtual).max(axis=1, keepdims=True)
+    assert np.isfinite(virtual).all()
+    assert (np.abs(native - virtual) <= 1e-13 * scale).all()
+
+
+def test_world_kernel_equals_the_planes_equation() -> None:
+    plane = Plane(0.3, 0.8)
+    kernel, points = plane.kernel(), np.random.default_rng(0).uniform(-1, 1, (5, 3))
+    normal = np.array([-np.sin(0.3) * np.cos(0.8), -np.sin(0.3) * np.sin(0.8), np.cos(0.3)])
+    assert_allclose(plane.distance(points), points @ normal, rtol=1e-14, atol=1e-15)
+    assert_allclose(kernel.parameters[6:9], normal, rtol=1e-14)
+
+
+def a_plant(friction: Friction) -> Plant:
+    """Return an uneven worm on a slope, two steps after a start in general position: the second one is of BDF2."""
+    rng = np.random.default_rng(11)
+    n = 5
+    worm = Worm(
+        segments=n,
+        length=0.8,
+        half_height=rng.uniform(0.05, 0.07, n),
+        k_spring=rng.uniform(5, 30, n),
+        k_torsion=rng.uniform(1, 4, n - 1),
+        k_yaw=rng.uniform(0.5, 2, n - 1),
+        k_twist=rng.uniform(0.5, 2, n - 1),
+        cross0=rng.uniform(-0.1, 0.1, n - 1),
+        k_apex=rng.uniform(0.05, 0.2, n),
+        drag=0.3,
+    )
+    state = State(
+        joints=State.straight(worm, Plane(0.2, 0.4), azimuth=0.3).joints + 0.01 * rng.standard_normal((n + 1, 3)),
+        bend=rng.uniform(-0.3, 0.3, n),
+        joint_velocity=0.1 * rng.standard_normal((n + 1, 3)),
+        roll_rate=rng.standard_normal(n),
+        bend_rate=rng.standard_normal(n),
+    )
+    free = np.zeros(5 * (n + 1), dtype=bool)
+    free[-2:] = True  # the last block has neither roll nor bend
+    plant = Plant(worm, Plane(0.2, 0.4), friction, np.array([0.3, -0.2, -9.81]), free)
+    plant.set_pose(state)
+    commands = np.hstack(
+        [rng.uniform(0, 0.2, (2, 2 * n)), rng.uniform(-1, 1, (2, 2 * n)), rng.uniform(-0.4, 0.4, (2, n))]
+    )
+    forces, counters = 0.1 * rng.standard_normal((2, 3, n + 1)), np.zeros((2, arrays.COUNTERS), dtype=np.int64)
+    records = record_memory(n, 3)
+    assert advance(plant.core, records.block, counters, commands, forces, 0, 1, 0.01, True, False) == (2, OK)
+    return plant
+
+
+def soften(plant: Plant, rng: np.random.Generator) -> None:
+    """Make contact and friction soft enough for differences, and stuck and sliding points common."""
+    points, layout = plant.arrays["point_in"], point.LAYOUT
+    touching = points[layout.first("stiffness")] > 0.0
+    reach = rng.choice([0.001, 0.05], points.shape[1])
+    anchor = slice(layout.first("anchor"), layout.first("anchor") + 3)
+    points[anchor] = points[:3] + reach * rng.standard_normal((3, points.shape[1]))
+    values = {"stiffness": 300.0 * touching, "damping": 2.0 * touching, "yield_gauge": 0.003, "gauge_damping": 2.0}
+    values |= {"load": rng.uniform(0.5, 2.0, points.shape[1]), "slide_n": 0.001}
+    for name, value in values.items():
+        first = layout.first(name)
+        points[first : first + layout.sizes[name]] = value
+
+
+def dense(band: np.ndarray) -> np.ndarray:
+    size = len(band)
+    matrix = np.zeros((size, size))
+    for i in range(size):
+        for j in range(max(0, i - B), min(size, i + B + 1)):
+            matrix[i, j] = band[i, B + j - i]
+    return matrix
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_whole_step_against_central_differences(coupled: bool) -> None:
+    """Potential, residual and banded Jacobian of a BDF2 step with everything switched on, half of the worm sunk in."""
+    plant = a_plant(Friction(0.3, 0.6, 0.4))
+    x, gradient, size = plant.arrays["x"][0], plant.arrays["gradient"][0], plant.arrays["x"].size
+    rng = np.random.default_rng(12)
+    x[:] += 0.003 * rng.standard_normal(size)
+    x[2::BLOCK] -= 0.03
+    x[3:-BLOCK:BLOCK] += 0.2 * rng.standard_normal(plant.n)  # rolls
+    x[-2:] = 0.0
+    at, h = x.copy(), 1e-6
+    evaluate(plant.core, arrays.X, coupled, True)
+    soften(plant, rng)
+    evaluate(plant.core, arrays.X, coupled, True)
+    matrix, residual = dense(plant.arrays["band"][:size]), gradient.copy()
+    loads, out = plant.arrays["point_out"][13], plant.arrays["yielding_out"]
+    kernels()["point_yielding"](plant.arrays["point_in"], out, out.shape[1])
+    sliding = (out[4] > 0.0) & (loads > 0.0)
+    assert sliding.sum() >= 3
+    assert (loads > 0.0).sum() - sliding.sum() >= 3
+    columns, slopes = np.zeros((size, size)), np.zeros(size)
+    for k in range(size - 2):
+        for step, weight in ((h, 8.0), (-h, -8.0), (2 * h, -1.0), (-2 * h, 1.0)):
+            x[:] = at
+            x[k] += step
+            slopes[k] += weight * evaluate(plant.core, arrays.X, coupled, False) / (12 * h)
+            columns[:, k] += weight * gradient / (12 * h)
+    scale = np.abs(columns).max()
+    assert_allclose(matrix, columns, rtol=0, atol=1e-8 * scale)
+    asymmetry = np.abs(matrix - matrix.T).max()
+    assert (asymmetry > 1e-3 * scale) == coupled
+    if not coupled:
+        assert_allclose(residual, slopes, rtol=0, atol=1e-8 * np.abs(residual).max())
+        assert asymmetry < 1e-13 * scale

@@ -1,0 +1,85 @@
+"""Worms of all kinds finish or stop with a name: a part of the study `random_worms.py`, which runs all of them."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import worm3d
+from worm3d import Status
+
+
+def _study() -> ModuleType:
+    """Return the study beside this file, which is a script and no part of a package."""
+    spec = importlib.util.spec_from_file_location("random_worms", Path(__file__).with_name("random_worms.py"))
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["random_worms"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+study = _study()
+NAMES = {status.name for status in Status} | {"LIMIT_POINT"}
+PART = 16
+"""Worms a test takes; four parts of either kind."""
+
+
+@pytest.mark.parametrize("part", range(2))
+@pytest.mark.parametrize("kind", ["default", "uneven"])
+def test_random_worms_end_with_a_name(kind: str, part: int) -> None:
+    """No hang, no NaN; nearly all that the guards admit finish with every step converged and hardly sink in."""
+    outcomes = [study.outcome(study.case(4, index, kind)) for index in range(PART * part, PART * (part + 1))]
+    admitted = [one for one in outcomes if not one.refused]
+    for one in outcomes:
+        assert one.end in NAMES - {"NOT_FINITE", "INTERRUPTED", "BAD_COMMAND"}, one
+        assert one.finite, one
+        assert one.balance_error < 1e-6, one
+        assert one.penetration < 0.02, one
+        assert one.wall_s < 60.0, one
+    assert len(admitted) >= PART // 2
+    assert sum(one.good for one in admitted) >= len(admitted) - 2, outcomes
+    assert sum(one.end == "NO_CONVERGENCE" for one in admitted) == 0, outcomes
+
+
+def test_a_case_is_always_the_same() -> None:
+    one, same, other = study.case(4, 3), study.case(4, 3), study.case(4, 4)
+    assert one.sentence == same.sentence != other.sentence
+    runs = [study.simulate(each, 0.2) for each in (one, same)]
+    np.testing.assert_array_equal(runs[0].joints, runs[1].joints)
+
+
+@pytest.mark.parametrize("k_torsion", [1.0, 1e2, 1e4, 1e6])
+def test_high_torsional_stiffness_costs_iterations_at_most(k_torsion: float) -> None:
+    """The paper's section IV.C: "destabilizes the Newton iterations". Here no step is even halved."""
+    worm = worm3d.Worm(k_torsion=k_torsion, k_yaw=k_torsion, k_twist=k_torsion)
+    gait = study.TravellingWave(amplitude=0.2)
+    run = worm3d.simulate(worm, worm3d.Plane(), actuation=gait, duration=4.0)
+    assert run.status is Status.DONE
+    assert run.halved_steps == 0
+    assert run.newton_iterations.mean() < 25
+
+
+@pytest.mark.parametrize("fraction", [0.0, 1.0])
+def test_all_mass_on_the_joints_or_on_the_apexes_runs(fraction: float) -> None:
+    """Section IV.C: "concentrating mass at nodes leads to unstable collapsed states". Here it does not."""
+    worm = worm3d.Worm(joint_mass_fraction=fraction)
+    run = worm3d.simulate(worm, worm3d.Plane(), actuation=study.TravellingWave(), duration=6.0)
+    assert run.status is Status.DONE
+    assert run.distance > 0.1
+    assert run.energy.balance_error < 1e-9
+
+
+@pytest.mark.parametrize("dt", [0.001, 0.003, 0.01, 0.02, 0.05])
+def test_the_default_worm_runs_at_any_step(dt: float) -> None:
+    gait = study.TravellingWave(amplitude=0.3, bias=0.3, hinge=0.3)
+    run = worm3d.simulate(worm3d.Worm(), worm3d.Plane(), actuation=gait, duration=4.0, dt=dt)
+    assert run.status is Status.DONE
+    assert run.halved_steps == 0
+    depth = -run.world.distance(run.points).min()
+    assert depth < 1e-3 * run.worm.l0
+    assert run.energy.balance_error < 1e-9

@@ -1,0 +1,359 @@
+"""In the limit of many segments the worm is an extensible Kirchhoff rod: statics, with the observed order in 1/N.
+
+With s along the rod (its rest length), EA = k_spring, EI in pitch = k_torsion l0, EI in yaw from the chambers, k_spring b^2,
+in series with the joints, k_yaw l0, and GJ = k_twist l0. A joint stands for half a segment to either side; a segment
+that is held by both its joints is therefore a clamp in its middle, half a segment before the first joint that bends.
+With length counted from there everything converges at order 2, with the full length at order 1. In yaw the chambers of
+the clamped segment see half of the moment of the first joint and move their share of the clamp to a quarter of a segment.
+Statics are steps of implicit Euler so long that inertia does not count. Nothing weighs anything unless it says so.
+"""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from worm3d import Command, Held, Result, State, Status, Worm, simulate
+
+STEP = 100.0
+"""Pseudo time step of statics [s]."""
+PLANES = {"pitch": 2, "yaw": 1}
+"""The axis in which a rod along x is deflected: up, or to the left."""
+SHARE = {"joints": 0.4, "chambers": 0.6}
+"""Of the compliance in yaw."""
+OFFSET = {"pitch": 0.5, "yaw": 0.5 * SHARE["joints"] + 0.25 * SHARE["chambers"]}
+"""Where the clamp is, in segments behind the first joint that bends."""
+
+
+def rod(
+    segments: int, l0: float, plane: str, EI: float = 1.0, EA: float = 1e4, GJ: float = 1.0, **changes: Any
+) -> Worm:
+    """Return a rod with EI in one plane, and twice or half as much in the other."""
+    pitch, yaw = (EI, 2.0 * EI) if plane == "pitch" else (0.5 * EI, EI)
+    values = {
+        "segments": segments,
+        "length": segments * l0,
+        "mass": 0.1 * segments * l0,
+        "joint_mass_fraction": 1.0,
+        "chamber_offset": np.sqrt(yaw / SHARE["chambers"] / EA),
+        "half_height": 0.4,
+        "k_spring": EA,
+        "k_torsion": pitch / l0,
+        "k_yaw": yaw / SHARE["joints"] / l0,
+        "k_twist": GJ / l0,
+        "kelvin_voigt_time": 0.0,
+        "actuator_lag": 0.0,
+    }
+    return Worm(**values | changes)
+
+
+def clamped(segments: int, plane: str, **changes: Any) -> Worm:
+    """Return a rod of the length 1 from its clamp to its tip."""
+    return rod(segments, 1.0 / (segments - 1 + OFFSET[plane]), plane, **changes)
+
+
+def clamp(segments: int, flat: int | None = None) -> Held:
+    """Hold segment 0, all rolls, and perhaps one axis of all joints."""
+    joints = np.zeros((segments + 1, 3), dtype=bool)
+    joints[:2] = True
+    if flat is not None:
+        joints[:, flat] = True
+    return Held(joints, roll=True)
+
+
+def on_tip(worm: Worm, force: Sequence[float], steps: int = 1) -> Callable[[float], np.ndarray]:
+    """Return a force on the head that rises over some steps."""
+    forces = np.zeros((worm.segments + 1, 3))
+    forces[-1] = force
+    return lambda t: forces * min(1.0, t / (STEP * steps))
+
+
+def statics(worm: Worm, steps: int = 3, **changes: Any) -> Result:
+    arguments = {"state": State.straight(worm, position=(0.0, 0.0, 5.0)), "gravity": (0.0, 0.0, 0.0)} | changes
+    result = simulate(worm, None, duration=steps * STEP, dt=STEP, integrator="implicit_euler", **arguments)
+    assert result.status is Status.DONE, result.stop.sentence
+    assert np.abs(result.joint_velocity[-1]).max() < 1e-9, "at rest"
+    return result
+
+
+def tip(result: Result, plane: str) -> np.ndarray:
+    """Return where the head is, along and across, seen from the clamp."""
+    worm, joints = result.worm, result.joints[-1]
+    away = joints[-1] - joints[1]
+    return np.array([away[0] + OFFSET[plane] * worm.l0, away[PLANES[plane]]])
+
+
+def orders(errors: Sequence[float], doublings: Sequence[int]) -> np.ndarray:
+    ratios = np.array([b / a for a, b in pairwise(doublings)])
+    return np.log(np.array(errors[:-1]) / errors[1:]) / np.log(ratios)
+
+
+def across(plane: str, value: float) -> np.ndarray:
+    vector = np.zeros(3)
+    vector[PLANES[plane]] = value
+    return vector
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_cantilever_under_a_small_load_at_its_tip(plane: str) -> None:
+    """Euler and Bernoulli: w = F L^3/(3 EI), to the side of the force; the chain of hinges has a closed form of its own.
+
+    A joint at the distance r l0 from the tip turns by F r l0^2/EI; in yaw only the joints' share does, and the chambers
+    add the moment as it is shared between neighbours: a quarter, a half and a quarter, nothing at the clamp.
+    """
+    load, errors, raw, counts = 1e-4, [], [], (6, 12, 24, 48)
+    for n in counts:
+        worm = clamped(n, plane)
+        found = tip(statics(worm, held=clamp(n), external_force=on_tip(worm, across(plane, load))), plane)[1]
+        arms = np.arange(n - 1.0, 0.0, -1.0)
+        padded = np.concatenate([[0.0], arms, [0.0]])
+        turns = arms
+        if plane == "yaw":
+            shared = (padded[:-2] + 2 * arms + padded[2:]) / 4
+            turns = SHARE["joints"] * arms + SHARE["chambers"] * shared
+        assert_allclose(found, load * worm.l0**3 * (arms @ turns), rtol=1e-7)
+        errors.append(abs(found / (load / 3) - 1))
+        raw.append(abs(found / (load * (n * worm.l0) ** 3 / 3) - 1))
+    assert_allclose(orders(errors, counts)[1:], 2.0, atol=0.15)
+    assert_allclose(orders(raw, counts)[1:], 1.0, atol=0.15)
+    assert errors[-1] < 2e-4
+
+
+def elastica(tip_load: float, own: float, EA: float) -> np.ndarray:
+    """Return where the tip of an extensible cantilever with EI = L = 1 is, along and across.
+
+    Dead loads across: F at the tip and q per rest length. With the angle th from the clamp, V = F + q (L - s),
+
+        x' = (1 + e) cos th, y' = (1 + e) sin th, e = V sin th/EA, EI th' = M, M' = -(1 + e) V cos th, M(L) = 0.
+    """
+
+    def slope(s: float, y: np.ndarray) -> list[float]:
+        shear, (_, _, angle, moment) = tip_load + own * (1.0 - s), y
+        stretch = 1.0 + shear * np.sin(angle) / EA
+        return [stretch * np.cos(angle), stretch * np.sin(angle), moment, -stretch * shear * np.cos(angle)]
+
+    def shoot(moment: float) -> np.ndarray:
+        return solve_ivp(slope, (0.0, 1.0), [0.0, 0.0, 0.0, moment], rtol=1e-10, atol=1e-11).y[:, -1]
+
+    moment = brentq(lambda m: shoot(m)[3], 0.0, 1.5 * (tip_load + own / 2), xtol=1e-12)
+    return shoot(moment)[:2]
+
+
+def test_the_elastica_is_that_of_the_tables() -> None:
+    """F L^2/EI = 1, 5, 10: deflection and approach of the tip (Mattiasson 1981, table 1, by elliptic integrals)."""
+    for load, down, back in ((1.0, 0.30172, 0.05643), (5.0, 0.71379, 0.38763), (10.0, 0.81061, 0.55500)):
+        assert_allclose(elastica(load, 0.0, 1e12), [1.0 - back, down], rtol=0, atol=6e-6)
+
+
+@pytest.mark.parametrize("EA", [1e4, 50.0])
+@pytest.mark.parametrize("plane", PLANES)
+def test_cantilever_under_a_large_load_is_the_elastica(plane: str, EA: float) -> None:
+    """F L^2/EI = 5, stiff or 7 % stretched."""
+    expected, errors, counts = elastica(5.0, 0.0, EA), [], (12, 24, 48)
+    for n in counts:
+        worm = clamped(n, plane, EA=EA)
+        force = on_tip(worm, across(plane, 5.0), steps=5)
+        found = tip(statics(worm, 9, held=clamp(n), external_force=force), plane)
+        errors.append(np.abs(found - expected).max())
+    assert_allclose(orders(errors, counts), 2.0, atol=0.2)
+    assert errors[-1] < 6e-4
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_cantilever_under_its_own_weight(plane: str) -> None:
+    """w = q L^4/(8 EI) while it is small, and the heavy elastica at q L^3/EI = 8; gravity points down, or to the right."""
+    for weight, expected in ((1e-3, np.array([1.0, 1e-3 / 8])), (8.0, elastica(0.0, 8.0, 100.0))):
+        errors, counts = [], (12, 24, 48)
+        for n in counts:
+            worm = clamped(n, plane, EA=100.0)
+            found = tip(statics(worm, 6, held=clamp(n), gravity=across(plane, -weight / 0.1)), plane)
+            errors.append(abs(-found[1] / expected[1] - 1))
+        assert_allclose(orders(errors, counts), 2.0, atol=0.2)
+        assert errors[-1] < 1e-3
+
+
+@pytest.mark.parametrize("force", [3.0, -3.0])
+def test_axial_load_stretches_by_its_share_of_the_stiffness(force: float) -> None:
+    """u = F L/EA, exactly and evenly: (P7) is linear in the length."""
+    worm = rod(5, 0.2, "pitch", EA=20.0)
+    held = Held(np.arange(6)[:, None] == 0, roll=True)
+    result = statics(worm, held=held, external_force=on_tip(worm, (force, 0.0, 0.0)))
+    assert_allclose(np.diff(result.joints[-1], axis=0), np.tile([0.2 * (1 + force / 20), 0, 0], (5, 1)), atol=1e-13)
+
+
+def test_hanging_worm_stretches_under_its_own_weight() -> None:
+    """u = m g L/(2 EA), exactly also for the chain: the mass below the middle of each segment hangs on it."""
+    worm = Worm(segments=5, joint_mass_fraction=1.0, k_spring=20.0)
+    joints = np.zeros((6, 3))
+    joints[:, 2] = 5.0 - 0.2 * np.arange(6)
+    held = Held(np.arange(6)[:, None] == 0, roll=True)
+    result = statics(worm, 20, state=State(joints=joints), held=held, gravity=(0.0, 0.0, -9.81))
+    assert_allclose(joints[-1, 2] - result.joints[-1, -1, 2], 0.1 * 9.81 / (2 * 20.0), rtol=1e-12)
+
+
+def couple(worm: Worm, ramp: int) -> Callable[[float], np.ndarray]:
+    """Return the end moment 2 pi EI/L, rising over some steps, as a pair of forces across the last segment.
+
+    Their direction goes with the angle (N - 1) phi that the moment gives this segment (see below).
+    """
+    n = worm.segments
+
+    def force(t: float) -> np.ndarray:
+        part = min(1.0, t / (STEP * ramp))
+        angle = (n - 1) * 0.5 * np.arcsin(min(1.0, 4 * np.pi * part / n))
+        forces = np.zeros((n + 1, 3))
+        forces[-1] = 2 * np.pi * part / (worm.length * worm.l0) * np.array([-np.sin(angle), 0.0, np.cos(angle)])
+        forces[-2] = -forces[-1]
+        return forces
+
+    return force
+
+
+def polygon(worm: Worm, turn: float) -> State:
+    """Return a worm along x at its tail that turns upwards by the same angle at every joint."""
+    angles = turn * np.arange(worm.segments)
+    edges = worm.l0 * np.column_stack([np.cos(angles), np.zeros(worm.segments), np.sin(angles)])
+    joints = np.vstack([np.zeros(3), np.cumsum(edges, axis=0)]) + [0.0, 0.0, 5.0]
+    return State(joints=joints, directors=np.tile([0.0, 1.0, 0.0], (worm.segments, 1)))
+
+
+def bent_to_a_ring(n: int, ramp: int, start: float = 0.0) -> Result:
+    """Bend a clamped rod (in pitch, in its plane) by the end moment that closes a ring."""
+    worm = rod(n, 1.0 / n, "pitch")
+    return simulate(
+        worm,
+        None,
+        duration=(ramp + 4) * STEP,
+        dt=STEP,
+        integrator="implicit_euler",
+        gravity=(0.0, 0.0, 0.0),
+        state=polygon(worm, start),
+        external_force=couple(worm, ramp),
+        held=clamp(n, flat=1),
+    )
+
+
+def joint_turns(joints: np.ndarray) -> np.ndarray:
+    """Return the angles between successive segments in the (x, z) plane."""
+    edges = np.diff(joints, axis=0)
+    return np.diff(np.unwrap(np.arctan2(edges[:, 2], edges[:, 0])))
+
+
+def apothem(n: int) -> float:
+    """Return the distance of the sides from the middle of a regular polygon with n sides and the circumference 1."""
+    return 1.0 / (2 * n * np.tan(np.pi / n))
+
+
+def test_end_moment_closes_a_ring() -> None:
+    """M = 2 pi EI/L bends a rod into a ring; a joint resists with k sin(phi) cos(phi), so that sin(2 phi) = 4 pi/N."""
+    gaps, counts = [], (13, 26, 52, 104)
+    for n in counts:
+        turn = 0.5 * np.arcsin(4 * np.pi / n)
+        result = bent_to_a_ring(n, ramp=1, start=0.999 * turn)
+        assert result.status is Status.DONE, result.stop.sentence
+        assert_allclose(joint_turns(result.joints[-1]), turn, rtol=1e-9)
+        gaps.append(np.linalg.norm(result.joints[-1, -1] - result.joints[-1, 0]))
+    assert_allclose(orders(gaps, counts)[1:], 2.0, atol=0.3)
+    assert gaps[-1] < 3e-3
+
+
+def test_end_moment_curls_a_straight_rod_upwards() -> None:
+    result = bent_to_a_ring(52, ramp=40)
+    assert_allclose(joint_turns(result.joints[-1]), 0.5 * np.arcsin(4 * np.pi / 52), rtol=1e-8)
+    assert_allclose(result.joints[-1, :, 2].mean(), 5.0 + 1 / (2 * np.pi), rtol=2e-3)
+
+
+def test_twelve_segments_cannot_carry_the_moment_of_a_ring() -> None:
+    """k/2 < 2 pi k/12: at 0.955 of it the sine law passes its maximum, at a joint angle of 45 degrees, and gives way."""
+    result = bent_to_a_ring(12, ramp=40)
+    assert_allclose(joint_turns(result.joints[30]), 0.5 * np.arcsin(0.75 * 4 * np.pi / 12), rtol=1e-6)
+    assert result.status.diverged or joint_turns(result.joints[-1]).max() > np.pi / 4
+
+
+@pytest.mark.parametrize("n", [6, 20])
+def test_hinges_bend_a_free_worm_into_a_ring_to_the_left(n: int) -> None:
+    """N - 1 hinges of 2 pi/N close a regular polygon without any strain, with its middle to the left of the worm."""
+    worm = Worm(segments=n, actuator_lag=0.0)
+
+    def curl(t: float) -> Command:
+        return Command(np.zeros((n, 2)), hinge=2 * np.pi / n * min(1.0, t / (10 * STEP)))
+
+    result = statics(worm, 15, actuation=curl)
+    joints = result.joints[-1]
+    assert_allclose(joints[-1], joints[0], rtol=0, atol=1e-9)
+    assert_allclose(np.linalg.norm(np.diff(joints, axis=0), axis=1), worm.l0, rtol=1e-10)
+    assert_allclose(joints[:, 2], 5.0, rtol=0, atol=1e-6)  # nothing holds the free worm's attitude
+    edge, middle = joints[n // 2 + 1] - joints[n // 2], joints[:-1].mean(axis=0)
+    inward = middle - (joints[n // 2 + 1] + joints[n // 2]) / 2
+    assert_allclose(np.cross(edge, inward)[2], worm.l0 * apothem(n), rtol=1e-9)
+
+
+def test_rest_angles_bend_a_free_worm_into_a_ring_upwards() -> None:
+    """cross0 = sin(2 pi/N) at N - 1 joints: the same ring in the vertical plane, the head up."""
+    n = 12
+    worm = Worm(segments=n, cross0=np.sin(2 * np.pi / n), kelvin_voigt_time=1.0)
+    state = State.straight(worm, position=(0.0, 0.0, 5.0))
+    result = simulate(
+        worm, None, duration=200.0, dt=0.5, integrator="implicit_euler", gravity=(0.0, 0.0, 0.0), state=state
+    )
+    joints = result.joints[-1]
+    assert result.status is Status.DONE
+    assert_allclose(joints[-1], joints[0], rtol=0, atol=1e-9)
+    edge, middle = joints[n // 2] - joints[n // 2 - 1], joints[:-1].mean(axis=0)
+    inward = middle - (joints[n // 2] + joints[n // 2 - 1]) / 2
+    assert_allclose(np.cross(edge, inward)[1], -worm.l0 * apothem(n), rtol=1e-9)
+    assert_allclose(joints[:, 1], 0.0, atol=1e-6)
+
+
+def test_twist_spreads_evenly_and_stores_the_energy_of_a_rod() -> None:
+    """Ends turned by Phi against each other: E = GJ Phi^2/(2 L'), L' = (N - 1) l0 from middle to middle of the ends.
+
+    Before, all of the twist sits in the last joint, with the energy GJ Phi^2/(2 l0).
+    """
+    n, angle, GJ = 8, 1.2, 0.7
+    worm = rod(n, 0.1, "pitch", GJ=GJ, joint_mass_fraction=0.5)
+    directors = np.tile([0.0, 1.0, 0.0], (n, 1))
+    directors[-1] = [0.0, np.cos(angle), np.sin(angle)]
+    ends = np.isin(np.arange(n), (0, n - 1))
+    state = State.straight(worm, position=(0.0, 0.0, 5.0)).with_changes(directors=directors)
+    result = statics(worm, 20, state=state, held=Held(roll=ends))
+    turned = np.arctan2(result.directors[-1][:, 2], result.directors[-1][:, 1])
+    assert_allclose(turned, angle * np.arange(n) / (n - 1), rtol=0, atol=1e-10)
+    stored = GJ * angle**2 / 2 * (1 / (0.1 * (n - 1)) - 1 / 0.1)
+    assert_allclose(result.energy.elastic.sum(), stored, rtol=1e-10)
+
+
+@pytest.mark.parametrize("GJ", [1.0, 0.1])
+def test_curved_rod_under_a_load_out_of_its_plane_bends_and_twists(GJ: float) -> None:
+    """A quarter of a ring of radius R, clamped at one end, with a small load F across its plane at the other:
+
+        w = F R^3 (pi/(4 EI) + (3 pi/4 - 2)/GJ)
+
+    by Castigliano's theorem with M = F R sin(a), T = F R (1 - cos(a)) at the angle a from the load (Timoshenko,
+    Strength of Materials II; Young, Roark's Formulas, table 9.4). The rod is bent in yaw by its hinges.
+    """
+    load, radius, errors, counts = 1e-4, 2 / np.pi, [], (6, 12, 24, 48)
+    expected = load * radius**3 * (np.pi / 4 + (3 * np.pi / 4 - 2) / GJ)
+    for n in counts:
+        turn = np.pi / 2 / (n - 0.5)
+        worm = rod(n, radius * turn, "pitch", GJ=GJ, EA=1e5)
+        ways = turn * np.arange(n)
+        edges = worm.l0 * np.column_stack([np.cos(ways), np.sin(ways), np.zeros(n)])
+        state = State(joints=np.vstack([np.zeros(3), np.cumsum(edges, axis=0)]) + [0.0, 0.0, 5.0])
+        held = Held(np.arange(n + 1)[:, None] < 2, roll=np.arange(n) == 0)
+        command = Command(np.zeros((n, 2)), hinge=turn)
+        result = statics(
+            worm,
+            state=state,
+            held=held,
+            external_force=on_tip(worm, (0.0, 0.0, load)),
+            actuation=lambda t, command=command: command,
+        )
+        errors.append(abs((result.joints[-1, -1, 2] - 5.0) / expected - 1))
+    assert_allclose(orders(errors, counts)[1:], 2.0, atol=0.15)
+    assert errors[-1] < 5e-4

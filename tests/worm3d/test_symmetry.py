@@ -1,0 +1,137 @@
+"""Turned, mirrored, shifted and tilted scenes give turned, mirrored, shifted and tilted paths."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from control.gaits import Gait, TravellingWave
+from worm3d import Command, Friction, Plane, Result, State, Status, Worm, simulate
+
+WAVE = TravellingWave()
+TURN = TravellingWave(amplitude=0.3, bias=0.3, hinge=0.5)
+GAITS = pytest.mark.parametrize("gait", [WAVE, TURN], ids=["wave", "turn"])
+SLOPES = pytest.mark.parametrize("slope", [0.0, 0.1], ids=["flat", "slope"])
+
+
+def rotation(axis: tuple[float, float, float], angle: float) -> np.ndarray:
+    """Return the matrix of a rotation (Rodrigues)."""
+    x, y, z = np.array(axis) / np.linalg.norm(axis)
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+
+
+def done(result: Result) -> Result:
+    assert result.status is Status.DONE, result.stop.sentence
+    return result
+
+
+@GAITS
+@SLOPES
+def test_a_scene_turned_about_the_vertical_gives_the_turned_path(slope: float, gait: Gait) -> None:
+    """Place, azimuth and the slope's heading turned by the same angle; 10 s, 1e-9 m."""
+    worm, angle = Worm(), 0.7
+    R, at = rotation((0.0, 0.0, 1.0), angle), np.array([0.1, 0.2])
+    runs = []
+    for turn, position in ((0.0, at), (angle, R[:2, :2] @ at)):
+        plane = Plane(slope, 0.4 + turn)
+        state = State.straight(worm, plane, position, azimuth=0.2 + turn)
+        runs.append(done(simulate(worm, plane, actuation=gait, state=state)))
+    first, turned = runs
+    assert_allclose(turned.joints, first.joints @ R.T, rtol=0, atol=1e-9)
+    assert_allclose(turned.points, first.points @ R.T, rtol=0, atol=1e-8)
+    assert_allclose(turned.heading - turned.heading[0], first.heading - first.heading[0], rtol=0, atol=1e-8)
+    assert_allclose(turned.distance, first.distance, rtol=0, atol=1e-9)
+    assert np.linalg.norm(first.com[-1] - first.com[0]) > 0.2, "it goes somewhere"
+
+
+def mirrored(gait: Gait, worm: Worm) -> Callable[[float], Command]:
+    """Return a gait with left and right exchanged and hinges turned the other way."""
+    own = gait.bind(worm)
+
+    def actuation(t: float) -> Command:
+        c = own(t)
+        return Command(c.contraction[:, ::-1], hinge=-c.hinge, force=c.force[:, ::-1])
+
+    return actuation
+
+
+@GAITS
+@SLOPES
+def test_mirrored_commands_give_the_mirrored_path(slope: float, gait: Gait) -> None:
+    """y -> -y; chambers and apexes change sides, axial vectors (directors) get a sign; 10 s, 1e-10 m."""
+    worm, M = Worm(), np.array([1.0, -1.0, 1.0])
+    left, right = (done(simulate(worm, Plane(slope), actuation=a)) for a in (gait, mirrored(gait, worm)))
+    assert_allclose(right.joints, left.joints * M, rtol=0, atol=1e-10)
+    assert_allclose(right.directors, -left.directors * M, rtol=0, atol=1e-9)
+    assert_allclose(right.bend, -left.bend, rtol=0, atol=1e-9)
+    assert_allclose(right.chamber_length, left.chamber_length[:, :, ::-1], rtol=0, atol=1e-10)
+    assert_allclose(right.normal_load, left.normal_load[:, :, [3, 4, 5, 0, 1, 2]], rtol=0, atol=1e-6)
+    assert (np.abs(left.heading[-1] - left.heading[0]) > 0.5) == (gait is TURN), "the turning gait turns"
+
+
+def test_a_worm_elsewhere_does_the_same() -> None:
+    shift, worm, plane = np.array([30.0, -20.0, 0.0]), Worm(), Plane()
+    runs = [
+        done(simulate(worm, plane, actuation=TURN, state=State.straight(worm, plane, at), duration=4.0))
+        for at in (np.zeros(2), shift[:2])
+    ]
+    assert_allclose(runs[1].joints, runs[0].joints + shift, rtol=0, atol=1e-8)
+
+
+def test_a_slope_is_a_level_plane_under_a_tilted_gravity() -> None:
+    """Plane(slope) turned about y into the level: gravity then leans back by the slope, g (-sin, 0, -cos)."""
+    slope, worm = 0.15, Worm()
+    R = rotation((0.0, -1.0, 0.0), slope)  # lifts x
+    tilted = done(simulate(worm, Plane(slope), actuation=TURN, duration=4.0))
+    lean = 9.81 * np.array([-np.sin(slope), 0.0, -np.cos(slope)])
+    level = done(simulate(worm, Plane(), actuation=TURN, duration=4.0, gravity=lean))
+    assert_allclose(tilted.joints, level.joints @ R.T, rtol=0, atol=1e-9)
+    assert_allclose(tilted.energy.work_contract.sum(), level.energy.work_contract.sum(), rtol=1e-9)
+    ideal = done(simulate(worm, Plane(), actuation=TURN, duration=4.0))
+    assert np.abs(ideal.joints - level.joints).max() > 1e-3, "the slope matters"
+
+
+def test_free_flight_is_the_same_in_every_direction() -> None:
+    """Pose, motion, gravity and forces under any rotation; with every kind of command and stiffness at work."""
+    rng = np.random.default_rng(8)
+    n = 5
+    worm = Worm(segments=n, k_torsion=1.0, cross0=0.1, k_apex=0.02, drag=0.1, mass=0.2)
+    joints = State.straight(worm, position=(0.0, 0.0, 20.0)).joints + 0.005 * rng.standard_normal((n + 1, 3))
+    base = State(joints=joints, bend=rng.uniform(-0.2, 0.2, n), joint_velocity=rng.standard_normal((n + 1, 3)))
+    push, wave = 0.1 * rng.standard_normal((n + 1, 3)), TravellingWave(bias=0.4, hinge=0.5, force=0.2, period=0.5)
+    R = rotation((1.0, -2.0, 0.5), 2.0)
+
+    def fly(turn: np.ndarray) -> Result:
+        arguments: dict[str, Any] = {
+            "state": base.with_changes(
+                joints=base.joints @ turn.T,
+                directors=base.directors @ turn.T,
+                joint_velocity=base.joint_velocity @ turn.T,
+                roll_rate=np.linspace(-1, 1, n),
+                bend_rate=np.linspace(1, 2, n),
+            ),
+            "gravity": turn @ [0.0, 0.0, -9.81],
+            "external_force": lambda t: np.cos(5 * t) * push @ turn.T,
+        }
+        return done(simulate(worm, None, actuation=wave, duration=1.0, **arguments))
+
+    plain, turned = fly(np.eye(3)), fly(R)
+    assert_allclose(turned.joints, plain.joints @ R.T, rtol=0, atol=1e-10)
+    assert_allclose(turned.directors, plain.directors @ R.T, rtol=0, atol=1e-9)
+    assert_allclose(turned.angular_momentum, plain.angular_momentum @ R.T, rtol=0, atol=1e-10)
+
+
+def test_swapped_friction_and_reversed_wave_mirror_the_path_fore_and_aft() -> None:
+    """A worm facing the other way: tail and head, forward and backward friction, direct and retrograde wave exchanged."""
+    worm = Worm(end_faces=False)
+    there = done(simulate(worm, Plane(), Friction(0.03, 0.2, 0.2), WAVE, duration=4.0))
+
+    def reversed_wave(t: float) -> Command:
+        return Command(WAVE.bind(worm)(t).contraction[::-1])
+
+    back = done(simulate(worm, Plane(), Friction(0.2, 0.03, 0.2), reversed_wave, duration=4.0))
+    assert_allclose(back.joints[:, ::-1] * [-1.0, 1.0, 1.0] + [1.0, 0.0, 0.0], there.joints, rtol=0, atol=1e-8)
+    assert abs(there.distance) > 0.05
