@@ -28,6 +28,9 @@ ARROWS = 8
 INSTANTS = 5
 """Bodies drawn one below the other."""
 
+ALWAYS = ("work_contract", "kinetic")
+"""Of the ledger, terms that are drawn even if they are zero all along."""
+
 INCOMING = ("work_contract", "work_external", "load_change")
 STORED = ("kinetic", "elastic", "potential", "penetration", "anchor")
 LOST = ("friction_loss", "viscous_loss", "numerical_loss")
@@ -143,7 +146,9 @@ def energy_ledger(record: Record) -> tuple[Figure, Axes]:
     """Draw where the energy comes from and goes to."""
 
     def summed(names: tuple[str, ...]) -> dict[str, FloatArray]:
-        return {name.replace("_", " "): np.cumsum(record[name]) for name in names if np.any(record[name])}
+        return {
+            name.replace("_", " "): np.cumsum(record[name]) for name in names if name in ALWAYS or np.any(record[name])
+        }
 
     title = f"{record.title}: energy, summed over the run"
     terms = (summed(INCOMING), summed(STORED), summed(LOST))

@@ -63,6 +63,7 @@ COUNTERS = {
     "newton_iterations": "evaluations of the Hessian",
     "gradient_evaluations": "further evaluations of the gradient",
     "breakaways": "rounds of contacts that broke away",
+    "fallbacks": "1 where a step that ended with the noise of the loads was solved again without them",
 }
 """Of each step."""
 

@@ -93,8 +93,8 @@ def test_slope_says_what_it_does() -> None:
     assert f"climbs {climbed.summary['distance_m']:.2f} m in ten seconds up a slope of 0.1 rad" in said
     rise = climbed["com"][-1, 2] - climbed["com"][0, 2]
     assert rise > 0.9 * np.sin(0.1) * float(climbed.summary["distance_m"])  # type: ignore[arg-type]
-    assert simulate(load_scene("slope", ["world.slope_deg=9.5"])).summary["distance_m"] < 0.0  # type: ignore[operator]
-    assert simulate(load_scene("slope", ["world.slope_deg=8.5"])).summary["distance_m"] > 0.0  # type: ignore[operator]
+    assert simulate(load_scene("slope", ["world.slope_deg=10"])).summary["distance_m"] < 0.0  # type: ignore[operator]
+    assert simulate(load_scene("slope", ["world.slope_deg=9"])).summary["distance_m"] > 0.0  # type: ignore[operator]
 
 
 def test_planar_case_is_the_planar_worm_to_a_nanometre() -> None:
@@ -115,7 +115,7 @@ def test_free_fall_falls_lands_and_rests_where_it_landed() -> None:
     assert_allclose(height[falls], height[0] - 0.5 * 9.81 * time[falls] ** 2, atol=0.2 * 9.81 * 0.002)
     assert load[np.argmax(load > 0.0)] > WEIGHT  # an impact
     assert speed[time > 0.31].max() < 1e-3
-    assert speed[-1] < 1e-9
+    assert speed[-1] < 1e-7
     assert_allclose(load[-1], WEIGHT, rtol=1e-6)
     assert abs(float(record.summary["distance_m"])) < 1e-9  # type: ignore[arg-type]
 

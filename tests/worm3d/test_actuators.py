@@ -49,7 +49,9 @@ def test_contraction_is_no_faster_than_the_rate_limit() -> None:
     run = floating(lambda t: Command(SIZES), 1.0, actuator_lag=0.0, rate_limit=0.25)
     ramp = np.sign(SIZES) * np.minimum(0.25 * run.time[:, None, None], np.abs(SIZES))
     assert_allclose(run.contraction, ramp, rtol=0, atol=1e-13)
-    assert_allclose(floating(lambda t: Command(SIZES, hinge=0.5), 0.1, actuator_lag=0.0, rate_limit=0.25).hinge[1:], 0.5)
+    assert_allclose(
+        floating(lambda t: Command(SIZES, hinge=0.5), 0.1, actuator_lag=0.0, rate_limit=0.25).hinge[1:], 0.5
+    )
     lagged = floating(lambda t: Command(SIZES), 2.0, actuator_lag=0.1, rate_limit=0.25)
     assert np.abs(np.diff(lagged.contraction, axis=0)).max() <= 0.25 * 0.01 * (1 + 1e-9)
     assert_allclose(lagged.contraction[-1], SIZES, rtol=0, atol=1e-4)

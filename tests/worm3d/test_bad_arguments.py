@@ -39,7 +39,10 @@ STRAIGHT = np.column_stack([np.linspace(0.0, 1.0, 7), np.zeros(7), np.full(7, 0.
         ({"worm": Worm(chamber_offset=0.0)}, "chamber_offset: got 0 with bends that are free; hold them"),
         ({"state": State(joints=STRAIGHT[:5])}, "state: got 4 segments, the worm has 6"),
         ({"state": State(joints=STRAIGHT * [1.3, 1, 1])}, "state: the chambers of segment 0 are 0.2167 .* must lie"),
-        ({"state": State(joints=STRAIGHT - [0, 0, 0.02])}, "state: segment . lies 0.0.* m inside the world; lift or move"),
+        (
+            {"state": State(joints=STRAIGHT - [0, 0, 0.02])},
+            "state: segment . lies 0.0.* m inside the world; lift or move",
+        ),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
 )
@@ -97,7 +100,7 @@ def test_states_are_frozen() -> None:
 def test_memory_of_another_worm_is_refused() -> None:
     state = worm3d.simulate(Worm(segments=5), Plane(), duration=0.05).state
     longer = State(joints=STRAIGHT, memory=state.memory)
-    with pytest.raises(ValueError, match="state.memory: got shape .* it belongs to another worm"):
+    with pytest.raises(ValueError, match=r"state\.memory: got shape .* it belongs to another worm"):
         worm3d.simulate(Worm(), Plane(), duration=0.05, state=longer)
 
 

@@ -44,7 +44,8 @@ def tumbling(worm: Worm, height: float = 5.0) -> State:
     yaw, pitch = np.array([0.0, 0.3, 0.1, -0.3]), np.array([0.1, -0.2, 0.15, 0.0])
     t = np.column_stack([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
     lengths = worm.l0 * np.array([1.02, 0.97, 1.0, 0.95])
-    joints = np.vstack([np.zeros(3), np.cumsum(lengths[:, None] * t, axis=0)]) + [0.0, 0.0, height]
+    start = np.array([[0.0, 0.0, height]])
+    joints = np.vstack([start, start + np.cumsum(lengths[:, None] * t, axis=0)])
     return State(
         joints=joints, bend=[0.1, -0.2, 0.1, 0.2], joint_velocity=np.cross(OMEGA, joints) + SPEED, roll_rate=t @ OMEGA
     )
@@ -94,7 +95,7 @@ def test_a_state_that_moves_like_a_rigid_body_has_its_momenta() -> None:
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_centre_of_mass_follows_the_integrators_own_parabola(integrator: str) -> None:
-    """Internal forces cancel, so com and momentum obey the integrator's recursion under g alone, whatever the worm does.
+    """Internal forces cancel: com and momentum obey the integrator's recursion under g alone, whatever the worm does.
 
     Implicit Euler: V_k = V_0 + k dt g and X_{k+1} = X_k + dt V_{k+1} give X_k = X_0 + k dt V_0 + k (k+1)/2 dt^2 g.
     BDF2 differentiates a parabola exactly; its first step is implicit Euler's, which ends dt^2 g/2 too far. An error
@@ -161,7 +162,7 @@ def test_a_rigid_rotor_turns_as_the_integrator_lets_it(integrator: str, axis: tu
     """
     dt, omega, errors = 0.01, 5.0, []
     expected = rotor(integrator == "bdf2", omega, dt, 100)
-    for stiffness in (1e6, 1e7):
+    for stiffness in (1e5, 1e6):
         worm = Worm(segments=2, k_spring=stiffness, k_torsion=stiffness, k_yaw=stiffness, k_twist=stiffness)
         state = State.straight(worm, position=(0.0, 0.0, 2.0))
         velocity = np.cross(omega * np.array(axis), state.joints - state.joints.mean(axis=0))
@@ -177,7 +178,7 @@ def test_a_rigid_rotor_turns_as_the_integrator_lets_it(integrator: str, axis: tu
         chord = result.joints[:, -1] - result.joints[:, 0]
         angle = np.unwrap(np.arctan2(chord[:, 1] + chord[:, 2], chord[:, 0]))
         errors.append(np.abs(angle - expected).max())
-    assert errors[1] < 2e-7
+    assert errors[1] < 2e-6
     assert_allclose(errors[0] / errors[1], 10.0, rtol=0.01)
     speed = (expected[-1] - expected[-2]) / (omega * dt)
     assert 0.79 < speed < 0.83 if integrator == "implicit_euler" else 0.98 < speed < 0.999

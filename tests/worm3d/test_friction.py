@@ -1,4 +1,4 @@
-"""Friction that sticks, in 3D: the axial case, onset on slopes in every direction, no creep, loads and the force's set."""
+"""Friction that sticks, in 3D: the axial case, onset on slopes, no creep, loads, the set of forces, patches."""
 
 from typing import Any
 
@@ -197,9 +197,7 @@ CREEP = {
 def test_standing_on_a_slope_it_does_not_creep(name: str) -> None:
     """After 5 s of settling no joint moves by 1e-12 m in 60 s, and no anchor slips; Coulomb's law says zero."""
     slope, heading, segments, dt, every = CREEP[name]
-    result = worm3d.simulate(
-        Worm(segments=segments), Plane(slope, heading), duration=65.0, dt=dt, record_every=every
-    )
+    result = worm3d.simulate(Worm(segments=segments), Plane(slope, heading), duration=65.0, dt=dt, record_every=every)
     assert result.status is Status.DONE
     settled = round(5.0 / (dt * every))
     assert np.abs(result.joints[settled:] - result.joints[settled]).max() < 1e-12
@@ -208,9 +206,7 @@ def test_standing_on_a_slope_it_does_not_creep(name: str) -> None:
 
 
 @BOTH
-@pytest.mark.parametrize(
-    ("slope", "heading"), [(0.0, 0.0), (0.15, 0.0), (0.15, np.deg2rad(37.0)), (0.15, -np.pi / 2)]
-)
+@pytest.mark.parametrize(("slope", "heading"), [(0.0, 0.0), (0.15, 0.0), (0.15, np.deg2rad(37.0)), (0.15, -np.pi / 2)])
 def test_loads_balance_the_weight_at_rest(integrator: str, slope: float, heading: float) -> None:
     """All contacts together carry m g cos(slope), however they share it."""
     for segments in (1, 6, 20):
@@ -339,7 +335,9 @@ def test_sliding_obliquely_follows_the_associated_flow() -> None:
     worm, mu_f, mu_l = Worm(**STIFF), 0.1, 0.4
     standing = worm3d.simulate(worm, Plane(), duration=0.01).state
     start = standing.with_changes(joint_velocity=np.tile([1.0, 1.0, 0.0], (7, 1)), time=0.0)
-    result = worm3d.simulate(worm, Plane(), Friction(mu_f, 0.8, mu_l, static_ratio=1.0), duration=0.05, dt=1e-3, state=start)
+    result = worm3d.simulate(
+        worm, Plane(), Friction(mu_f, 0.8, mu_l, static_ratio=1.0), duration=0.05, dt=1e-3, state=start
+    )
     change = (result.momentum[40] - result.momentum[10]) / 0.03
     v = result.com_velocity[25]
     rho = np.hypot(mu_f * v[0], mu_l * v[1])

@@ -1,4 +1,4 @@
-"""Every kernel's gradient and Hessian against central differences, its energy against its formula, and both machines."""
+"""Kernels: gradients and Hessians against central differences, energies against their formulas, and both machines."""
 
 from collections.abc import Callable
 
@@ -7,18 +7,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from worm3d import Friction, Plane, Worm
-from worm3d.banded import B
+from worm3d import Plane
 from worm3d.codegen import Kernel, compile_kernel
 from worm3d.kernels import joint, point, segment
 from worm3d.kernels.layout import Layout
-from worm3d.plant import Plant, kernels
-from worm3d.solver import arrays
-from worm3d.solver.advance import OK, advance
-from worm3d.solver.arrays import BLOCK
-from worm3d.solver.evaluate import evaluate
-from worm3d.solver.records import record_memory
-from worm3d.state import State
+from worm3d.plant import kernels
 
 COUNT = 40
 """Random states of each kernel."""
@@ -434,98 +427,3 @@ def test_world_kernel_equals_the_planes_equation() -> None:
     normal = np.array([-np.sin(0.3) * np.cos(0.8), -np.sin(0.3) * np.sin(0.8), np.cos(0.3)])
     assert_allclose(plane.distance(points), points @ normal, rtol=1e-14, atol=1e-15)
     assert_allclose(kernel.parameters[6:9], normal, rtol=1e-14)
-
-
-def a_plant(friction: Friction) -> Plant:
-    """Return an uneven worm on a slope, two steps after a start in general position: the second one is of BDF2."""
-    rng = np.random.default_rng(11)
-    n = 5
-    worm = Worm(
-        segments=n,
-        length=0.8,
-        half_height=rng.uniform(0.05, 0.07, n),
-        k_spring=rng.uniform(5, 30, n),
-        k_torsion=rng.uniform(1, 4, n - 1),
-        k_yaw=rng.uniform(0.5, 2, n - 1),
-        k_twist=rng.uniform(0.5, 2, n - 1),
-        cross0=rng.uniform(-0.1, 0.1, n - 1),
-        k_apex=rng.uniform(0.05, 0.2, n),
-        drag=0.3,
-    )
-    state = State(
-        joints=State.straight(worm, Plane(0.2, 0.4), azimuth=0.3).joints + 0.01 * rng.standard_normal((n + 1, 3)),
-        bend=rng.uniform(-0.3, 0.3, n),
-        joint_velocity=0.1 * rng.standard_normal((n + 1, 3)),
-        roll_rate=rng.standard_normal(n),
-        bend_rate=rng.standard_normal(n),
-    )
-    free = np.zeros(5 * (n + 1), dtype=bool)
-    free[-2:] = True  # the last block has neither roll nor bend
-    plant = Plant(worm, Plane(0.2, 0.4), friction, np.array([0.3, -0.2, -9.81]), free)
-    plant.set_pose(state)
-    commands = np.hstack(
-        [rng.uniform(0, 0.2, (2, 2 * n)), rng.uniform(-1, 1, (2, 2 * n)), rng.uniform(-0.4, 0.4, (2, n))]
-    )
-    forces, counters = 0.1 * rng.standard_normal((2, 3, n + 1)), np.zeros((2, arrays.COUNTERS), dtype=np.int64)
-    records = record_memory(n, 3)
-    assert advance(plant.core, records.block, counters, commands, forces, 0, 1, 0.01, True, False) == (2, OK)
-    return plant
-
-
-def soften(plant: Plant, rng: np.random.Generator) -> None:
-    """Make contact and friction soft enough for differences, and stuck and sliding points common."""
-    points, layout = plant.arrays["point_in"], point.LAYOUT
-    touching = points[layout.first("stiffness")] > 0.0
-    reach = rng.choice([0.001, 0.05], points.shape[1])
-    anchor = slice(layout.first("anchor"), layout.first("anchor") + 3)
-    points[anchor] = points[:3] + reach * rng.standard_normal((3, points.shape[1]))
-    values = {"stiffness": 300.0 * touching, "damping": 2.0 * touching, "yield_gauge": 0.003, "gauge_damping": 2.0}
-    values |= {"load": rng.uniform(0.5, 2.0, points.shape[1]), "slide_n": 0.001}
-    for name, value in values.items():
-        first = layout.first(name)
-        points[first : first + layout.sizes[name]] = value
-
-
-def dense(band: np.ndarray) -> np.ndarray:
-    size = len(band)
-    matrix = np.zeros((size, size))
-    for i in range(size):
-        for j in range(max(0, i - B), min(size, i + B + 1)):
-            matrix[i, j] = band[i, B + j - i]
-    return matrix
-
-
-@pytest.mark.parametrize("coupled", [False, True])
-def test_whole_step_against_central_differences(coupled: bool) -> None:
-    """Potential, residual and banded Jacobian of a BDF2 step with everything switched on, half of the worm sunk in."""
-    plant = a_plant(Friction(0.3, 0.6, 0.4))
-    x, gradient, size = plant.arrays["x"][0], plant.arrays["gradient"][0], plant.arrays["x"].size
-    rng = np.random.default_rng(12)
-    x[:] += 0.003 * rng.standard_normal(size)
-    x[2::BLOCK] -= 0.03
-    x[3:-BLOCK:BLOCK] += 0.2 * rng.standard_normal(plant.n)  # rolls
-    x[-2:] = 0.0
-    at, h = x.copy(), 1e-6
-    evaluate(plant.core, arrays.X, coupled, True)
-    soften(plant, rng)
-    evaluate(plant.core, arrays.X, coupled, True)
-    matrix, residual = dense(plant.arrays["band"][:size]), gradient.copy()
-    loads, out = plant.arrays["point_out"][13], plant.arrays["yielding_out"]
-    kernels()["point_yielding"](plant.arrays["point_in"], out, out.shape[1])
-    sliding = (out[4] > 0.0) & (loads > 0.0)
-    assert sliding.sum() >= 3
-    assert (loads > 0.0).sum() - sliding.sum() >= 3
-    columns, slopes = np.zeros((size, size)), np.zeros(size)
-    for k in range(size - 2):
-        for step, weight in ((h, 8.0), (-h, -8.0), (2 * h, -1.0), (-2 * h, 1.0)):
-            x[:] = at
-            x[k] += step
-            slopes[k] += weight * evaluate(plant.core, arrays.X, coupled, False) / (12 * h)
-            columns[:, k] += weight * gradient / (12 * h)
-    scale = np.abs(columns).max()
-    assert_allclose(matrix, columns, rtol=0, atol=1e-8 * scale)
-    asymmetry = np.abs(matrix - matrix.T).max()
-    assert (asymmetry > 1e-3 * scale) == coupled
-    if not coupled:
-        assert_allclose(residual, slopes, rtol=0, atol=1e-8 * np.abs(residual).max())
-        assert asymmetry < 1e-13 * scale

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 import worm3d
 from control.gaits import TravellingWave
-from worm3d import Friction, Held, Plane, State, Status, Worm
+from worm3d import Friction, Plane, State, Status, Worm
 
 
 def quantile(values: np.ndarray, weights: np.ndarray, level: float) -> float:
@@ -17,9 +17,7 @@ def quantile(values: np.ndarray, weights: np.ndarray, level: float) -> float:
 
 
 PERIOD, STEPS = 30.0, 800
-SLOW = Worm(
-    segments=7, k_spring=1e4, k_torsion=10.0, k_yaw=10.0, k_twist=10.0, end_faces=False, actuator_lag=0.0
-)
+SLOW = Worm(segments=7, k_spring=1e4, k_torsion=10.0, k_yaw=10.0, k_twist=10.0, end_faces=False, actuator_lag=0.0)
 """Stiff actuation, feet only: seven places of contact."""
 
 
@@ -32,9 +30,7 @@ def slow_crawl(ground: Friction, direction: str, heading: float = 0.0) -> worm3d
         return worm3d.Command(np.column_stack([wave, wave]))
 
     start = State.straight(SLOW, Plane(), azimuth=heading)
-    return worm3d.simulate(
-        SLOW, Plane(), ground, actuation=ramped, duration=2 * PERIOD, dt=PERIOD / STEPS, state=start
-    )
+    return worm3d.simulate(SLOW, Plane(), ground, actuation=ramped, duration=2 * PERIOD, dt=PERIOD / STEPS, state=start)
 
 
 @pytest.mark.parametrize("direction", ["retrograde", "direct"])
@@ -65,7 +61,12 @@ def test_a_worm_facing_elsewhere_makes_the_turned_path() -> None:
     turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
     runs = [
         worm3d.simulate(
-            Worm(), Plane(), ground, actuation=gait, duration=4.0, state=State.straight(Worm(), Plane(), azimuth=azimuth)
+            Worm(),
+            Plane(),
+            ground,
+            actuation=gait,
+            duration=4.0,
+            state=State.straight(Worm(), Plane(), azimuth=azimuth),
         )
         for azimuth in (0.0, angle)
     ]
@@ -95,19 +96,14 @@ def test_anisotropic_friction_alone_drives_it_forward_whichever_way_the_wave_run
         assert result.distance > 0.02, direction
 
 
-TURNS = [{"bias": 0.1}, {"bias": 0.3}, {"bias": 0.5}, {"bias": 0.7}, {"hinge": 0.5}, {"hinge": 1.0}, {"hinge": 2.0}]
-
-
-def turn_per_wave(duration: float = 10.0, **how: float) -> float:
-    """Return the default worm's change of heading a wave at amplitude 0.3 [degrees]."""
-    result = worm3d.simulate(Worm(), Plane(), actuation=TravellingWave(amplitude=0.3, **how), duration=duration)
-    return float(np.rad2deg(result.heading[-1] - result.heading[0]) * 2.0 / result.time[-1])
-
-
-def test_a_biased_worm_turns_by_tens_of_degrees() -> None:
-    """The prototype's default worm: bias 0.3 turned it by 8 degrees a wave, five waves in 10 s."""
-    turned = 5.0 * turn_per_wave(bias=0.3)
-    assert 10.0 < abs(turned) < 300.0
+@pytest.mark.parametrize(
+    ("how", "least", "most"), [({"bias": 0.3}, 10, 200), ({"bias": 0.5}, 50, 500), ({"hinge": 0.5}, 10, 300)]
+)
+def test_a_biased_worm_turns_by_tens_of_degrees(how: dict[str, float], least: float, most: float) -> None:
+    """Amplitude 0.3, 10 s: the prototype turned by 5 x 8 degrees at bias 0.3 and 5 x 44 at 0.5, all to the left."""
+    result = worm3d.simulate(Worm(), Plane(), actuation=TravellingWave(amplitude=0.3, **how), duration=10.0)
+    assert result.status is Status.DONE
+    assert least < np.rad2deg(result.heading[-1] - result.heading[0]) < most
 
 
 @pytest.mark.parametrize("how", [{"bias": 0.3}, {"bias": 0.6, "hinge": 0.4}, {"hinge": 0.8}], ids=str)
@@ -135,31 +131,7 @@ def test_unbiased_it_goes_straight() -> None:
     assert 0.1 < result.distance < 2.0
 
 
-def test_a_hinge_yaws_the_headward_segment_to_the_left() -> None:
-    """In free flight joints follow the hinges: the angle of segment j to segment j-1 about z is the commanded one."""
-    worm = Worm(actuator_lag=0.0, k_yaw=5.0)
-    angles = np.array([0.1, -0.2, 0.3, 0.0, 0.15])
-    still = worm3d.Command(np.zeros((6, 2)), hinge=angles)
-    # Chambers held straight: the hinges alone bend the body.
-    run = worm3d.simulate(
-        worm, None, actuation=lambda t: still, duration=10.0, gravity=(0, 0, 0), held=Held(bend=True), integrator="implicit_euler"
-    )
-    edges = np.diff(run.joints[-1], axis=0)
-    azimuth = np.arctan2(edges[:, 1], edges[:, 0])
-    assert_allclose(np.diff(azimuth), angles, rtol=0, atol=1e-6)
-
-
 def test_it_climbs_a_gentle_slope_and_slides_down_a_steep_one() -> None:
     gait = TravellingWave(amplitude=0.2)
     assert worm3d.simulate(Worm(), Plane(slope=0.1), actuation=gait, duration=10.0).distance > 0.05
     assert worm3d.simulate(Worm(), Plane(slope=0.3), actuation=gait, duration=2.0).distance < -0.5
-
-
-def main() -> None:
-    """Print the turn a wave."""
-    for how in TURNS:
-        print(how, f"{turn_per_wave(**how):.1f} degrees a wave")  # noqa: T201
-
-
-if __name__ == "__main__":
-    main()

@@ -25,11 +25,11 @@ def _study() -> ModuleType:
 
 study = _study()
 NAMES = {status.name for status in Status} | {"LIMIT_POINT"}
-PART = 16
-"""Worms a test takes; four parts of either kind."""
+PART = 8
+"""Worms that one test takes."""
 
 
-@pytest.mark.parametrize("part", range(2))
+@pytest.mark.parametrize("part", range(3))
 @pytest.mark.parametrize("kind", ["default", "uneven"])
 def test_random_worms_end_with_a_name(kind: str, part: int) -> None:
     """No hang, no NaN; nearly all that the guards admit finish with every step converged and hardly sink in."""

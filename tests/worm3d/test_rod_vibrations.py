@@ -1,7 +1,7 @@
 """First natural frequencies of the worm as a rod, with all mass on the joints, and of torsion; BDF2, no damping.
 
-The rod's constants and where its clamp is: see test_rod_statics. The frequency is that at which the motion, projected on
-the mode of the continuous rod, crosses zero; BDF2 runs slow by (omega dt)^2/3, here 1.3e-5 of it.
+The rod's constants and where its clamp is: see test_rod_statics. The frequency is that at which the motion, projected
+on the mode of the continuous rod, crosses zero; BDF2 runs slow by (omega dt)^2/3, here 1.3e-5 of it.
 """
 
 from collections.abc import Callable, Sequence
@@ -71,7 +71,7 @@ def orders(errors: Sequence[float]) -> np.ndarray:
 
 
 def mode(beta: float, clamped: bool) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a mode of a beam of length 1 with a free head and a clamped or free tail (Rayleigh, Theory of Sound, 8)."""
+    """Return a mode of a beam of length 1 with a free head, its tail clamped or free (Rayleigh, Theory of Sound, 8)."""
     if clamped:
         ratio = (np.sinh(beta) - np.sin(beta)) / (np.cosh(beta) + np.cos(beta))
         return lambda s: np.cosh(beta * s) - np.cos(beta * s) - ratio * (np.sinh(beta * s) - np.sin(beta * s))
@@ -100,7 +100,7 @@ def test_first_frequency_of_a_cantilever(plane: str) -> None:
 
 @pytest.mark.parametrize("plane", PLANES)
 def test_first_frequency_of_a_free_beam(plane: str) -> None:
-    """omega = beta^2 sqrt(EI/(m L^4)), cos(beta) cosh(beta) = 1: beta = 4.73004074; no half segment needs a correction."""
+    """omega = beta^2 sqrt(EI/(m L^4)), cos(beta) cosh(beta) = 1: beta = 4.73004074; there is no clamp to correct."""
     beta, errors, axis = 4.73004074, [], PLANES[plane]
     omega = beta**2 * np.sqrt(EI[plane] / MASS)
     for n in (10, 20, 40):

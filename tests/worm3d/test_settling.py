@@ -16,7 +16,9 @@ SLOPES = [
 ]
 """On which the default worm was not settled: `_search` in solver/newton.py went up where the slope fell again."""
 
-LOST = pytest.mark.xfail(strict=True, reason="line search loses the way down: low = step although the value is too high")
+LOST = pytest.mark.xfail(
+    strict=True, reason="line search loses the way down: low = step although the value is too high"
+)
 
 
 @LOST
@@ -48,7 +50,9 @@ def test_a_settled_worm_is_in_equilibrium_under_the_pressing_weight(slope: float
 def test_settled_loads_and_pose_do_not_depend_on_how_high_it_starts() -> None:
     """It is let down, not dropped."""
     runs = [
-        worm3d.simulate(Worm(), Plane(), duration=0.01, state=State.straight(Worm(), Plane(), position=(0.0, 0.0, lift)))
+        worm3d.simulate(
+            Worm(), Plane(), duration=0.01, state=State.straight(Worm(), Plane(), position=(0.0, 0.0, lift))
+        )
         for lift in (0.0, 0.01, 0.3)
     ]
     for run in runs[1:]:

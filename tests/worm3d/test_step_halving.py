@@ -25,7 +25,7 @@ def deny(monkeypatch: pytest.MonkeyPatch) -> Deny:
     real = module.advance
 
     def install(steps: set[int], longest: float) -> None:
-        def stubborn(core, records, counters, commands, external, first, every, dt, bdf2, remembers):  # noqa: PLR0913
+        def stubborn(core, records, counters, commands, external, first, every, dt, bdf2, remembers):
             if every == 0:
                 if dt > longest:
                     return 0, NO_CONVERGENCE

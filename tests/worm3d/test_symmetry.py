@@ -125,7 +125,7 @@ def test_free_flight_is_the_same_in_every_direction() -> None:
 
 
 def test_swapped_friction_and_reversed_wave_mirror_the_path_fore_and_aft() -> None:
-    """A worm facing the other way: tail and head, forward and backward friction, direct and retrograde wave exchanged."""
+    """A worm facing the other way: tail and head, forward and backward, direct and retrograde exchanged."""
     worm = Worm(end_faces=False)
     there = done(simulate(worm, Plane(), Friction(0.03, 0.2, 0.2), WAVE, duration=4.0))
 
