@@ -16,8 +16,9 @@ from worm3d.metrics import heading
 from worm3d.observation import Observation
 from worm3d.plant import Plant
 from worm3d.result import Energy, Result
-from worm3d.solver.advance import NO_CONVERGENCE, OK, advance, worst_residual
+from worm3d.solver.advance import advance, worst_residual
 from worm3d.solver.arrays import COUNTERS, POINTS
+from worm3d.solver.guard import NO_CONVERGENCE, OK
 from worm3d.solver.records import mass_centre, record, record_memory
 from worm3d.start import GUARDED, require_clear, require_equilibrium, require_shape, settle, settles
 from worm3d.state import State
@@ -258,11 +259,13 @@ class _Run:
     def _halve(self, command: FloatArray) -> Status:
         """Take one step in parts, by implicit Euler; the past is then that of one whole step."""
         arrays = self.plant.arrays
+        before = self.plant.memory()
         past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in _HISTORIES}
         status = self._part(command, self.done, 0.5, HALVINGS - 1)
         if status is Status.DONE:
             status = self._part(command, self.done + 0.5, 0.5, HALVINGS - 1)
         if status is not Status.DONE:
+            self.plant.remember(before)  # the parts are no finished step
             return status
         for name, rows in past.items():
             arrays[name][len(rows) :] = rows

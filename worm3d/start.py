@@ -10,7 +10,8 @@ from scipy.optimize import minimize_scalar
 from worm3d import elements
 from worm3d.friction import RESTING_PENETRATION, Friction
 from worm3d.plant import Plant
-from worm3d.solver.advance import OK, advance
+from worm3d.solver.advance import advance
+from worm3d.solver.guard import OK
 from worm3d.solver.records import record_memory
 from worm3d.state import State
 from worm3d.status import Status
@@ -38,7 +39,7 @@ GUARDED = (
     Status.FOLDED,
     Status.SUNK,
 )
-"""Status of each way in which `worm3d.solver.advance` ends."""
+"""Status of each way in which a step ends (`worm3d.solver.guard`)."""
 
 
 class LimitPointError(ValueError):

@@ -13,7 +13,7 @@ from scenes.kinds.base import Kind, Observer, Outcome, Status
 from scenes.kinds.planar_linkage_checks import in_keys
 from scenes.kinds.worm_build import KEYS, simulate
 from scenes.kinds.worm_checks import WORM_CHECKS
-from scenes.kinds.worm_record import checkpoint_of, joined, state_of, variables_of
+from scenes.kinds.worm_record import checkpoint_of, joined, missing, state_of, variables_of
 from scenes.kinds.worm_schema import AnyWormScene, PlanarWormScene, WormScene
 from scenes.record import Record
 
@@ -42,6 +42,10 @@ def run(scene: AnyWormScene, observer: Observer) -> Outcome:
 
 def resume(scene: AnyWormScene, earlier: Record, observer: Observer) -> Outcome:
     """Go on from the end of a record to the end of the scene."""
+    if lacking := missing(earlier):
+        raise SceneError(
+            f"{earlier.name}: made by another version of worm3d, it has no {', '.join(lacking)} to go on from"
+        )
     rest = _simulated(scene, observer, state_of(earlier), earlier.sizes["step"])
     return _outcome(joined(earlier, rest))
 

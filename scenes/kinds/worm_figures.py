@@ -88,7 +88,7 @@ def body(record: Record) -> tuple[Figure, Axes]:
     low, high = points.reshape(-1, 3).min(axis=0), points.reshape(-1, 3).max(axis=0)
     margin = float((high - low)[0]) * np.array([0.05, 0.02, 0.02])
     low, high = low - margin, high + margin
-    figure, grid = _stage(high - low, len(rows))
+    figure, grid, bar = _stage(high - low, len(rows))
     most = 1.3 * float(np.abs(record["contraction"]).max()) or 1.0  # the darkest colours would hide the lines
     for k, row in enumerate(rows):
         half = 0.5 * record["chamber_length"][row]
@@ -106,12 +106,12 @@ def body(record: Record) -> tuple[Figure, Axes]:
             axes.set(xlim=(low[0], high[0]), ylim=(low[across], high[across]))
         _ground(grid[k, 0], record, record["com"][row])
         grid[k, 0].set_ylabel(f"{record['time'][row]:.2f} s", fontsize=8)
-    figure.suptitle(record.title, fontsize=10)
+    figure.suptitle(record.title, fontsize=10, y=1.0 - 0.08 / figure.get_figheight(), va="top")
     for axes, title in zip(grid[0], ("from the side, z [m]", "from above, y [m]"), strict=True):
         axes.set_title(title, fontsize=8)
     for axes in grid[-1]:
         axes.set_xlabel("along the initial heading [m]", fontsize=8)
-    figure.colorbar(shapes, ax=grid, label="contraction of the chamber", fraction=0.03, pad=0.01)
+    figure.colorbar(shapes, cax=bar).set_label("contraction of the chamber", fontsize=8)
     return figure, grid[-1, 0]
 
 
@@ -202,18 +202,32 @@ def _in_its_frame(record: Record, places: FloatArray) -> FloatArray:
     return turned
 
 
-def _stage(span: FloatArray, instants: int) -> tuple[Figure, NDArray[Any]]:
-    """Return a figure with a side and a top view for each instant, all in one scale, and their axes."""
-    high = float(max(span[1], span[2]))
-    scale = min(4.2 / span[0], 10.0 / (instants * high))
-    size = (max(4.8, 2 * scale * span[0] + 1.8), 1.0 + instants * (0.16 + scale * high))
-    figure = Figure(figsize=size, layout="constrained", dpi=120)
-    grid = figure.subplots(instants, 2, sharex=True, squeeze=False)
+def _stage(span: FloatArray, instants: int) -> tuple[Figure, NDArray[Any], Axes]:
+    """Return a figure with a side and a top view for each instant, all in one scale, their axes, and a colour bar's.
+
+    The places are counted in inches: matplotlib's own layout of so many axes takes longer than a run.
+    """
+    tall = float(max(span[1], span[2]))
+    scale = min(4.2 / span[0], 10.0 / (instants * tall))
+    wide, high = max(scale * span[0], 1.8), scale * tall
+    left, gap, right, bottom, top, between = 0.6, 0.45, 0.9, 0.55, 0.6, 0.2
+    width = left + 2 * wide + gap + right
+    height = bottom + instants * high + (instants - 1) * between + top
+    figure = Figure(figsize=(width, height), dpi=120)
+    places = {"left": left / width, "right": 1.0 - right / width, "bottom": bottom / height, "top": 1.0 - top / height}
+    grid = figure.subplots(
+        *(instants, 2),
+        sharex=True,
+        squeeze=False,
+        gridspec_kw={**places, "wspace": gap / wide, "hspace": between / high},
+    )
     for axes in grid.flat:
         axes.set_aspect("equal")
         axes.tick_params(labelsize=7)
         axes.locator_params(axis="y", nbins=3)
-    return figure, grid
+    bar = figure.add_axes((1.0 - (right - 0.15) / width, bottom / height, 0.12 / width, 1.0 - (bottom + top) / height))
+    bar.tick_params(labelsize=7)
+    return figure, grid, bar
 
 
 def _rhombi(joints: FloatArray, points: FloatArray, half: FloatArray, side: int, across: int) -> FloatArray:

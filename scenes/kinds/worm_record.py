@@ -63,7 +63,7 @@ COUNTERS = {
     "newton_iterations": "evaluations of the Hessian",
     "gradient_evaluations": "further evaluations of the gradient",
     "breakaways": "rounds of contacts that broke away",
-    "fallbacks": "1 where a step that ended with the noise of the loads was solved again without them",
+    "fallbacks": "falls back from Newton's direction to descent",
 }
 """Of each step."""
 
@@ -100,6 +100,13 @@ def variables_of(result: worm3d.Result) -> tuple[Variable, ...]:
         *(Variable(name, ("step",), getattr(result, name), "1", meaning) for name, meaning in COUNTERS.items()),
         Variable("halved_steps", (), result.halved_steps, "1", "steps that were taken in parts"),
     )
+
+
+def missing(earlier: Record) -> list[str]:
+    """Return what a record lacks to be gone on from: it was made by another version of the program."""
+    known = {variable.name for variable in (*earlier.variables, *earlier.checkpoint)}
+    needed = (*(name for name, *_ in SERIES), *ENERGIES, *COUNTERS, "halved_steps", *(FIELD + name for name in STATE))
+    return [name for name in needed if name not in known]
 
 
 def joined(earlier: Record, rest: worm3d.Result) -> worm3d.Result:

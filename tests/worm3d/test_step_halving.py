@@ -12,7 +12,7 @@ from control.gaits import TravellingWave
 from worm3d import Command, Plane, Result, State, Status, Worm, simulate
 from worm3d.result import INCOMING, LOST, STORED
 from worm3d.simulate import HALVINGS
-from worm3d.solver.advance import NO_CONVERGENCE, OK
+from worm3d.solver.guard import NO_CONVERGENCE, OK
 
 N = 6
 Deny = Callable[[set[int], float], None]

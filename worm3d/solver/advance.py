@@ -1,4 +1,4 @@
-"""Many steps at once, compiled: actuators, steps, guards, records."""
+"""Many steps at once, compiled: actuators, steps, records."""
 
 from __future__ import annotations
 
@@ -6,23 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.compiled import njit
-from worm3d.kernels import joint, point, segment
+from worm3d.kernels import joint, segment
 from worm3d.solver import arrays as a
-from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import Block, copy, integers, matrix, total, vector
+from worm3d.solver.arrays import BLOCK, Core
+from worm3d.solver.block import Block, copy, integers, matrix, vector
 from worm3d.solver.entry import reset
-from worm3d.solver.evaluate import LENGTHS, TANGENT
+from worm3d.solver.guard import OK
 from worm3d.solver.records import record
 from worm3d.solver.step import step
 
 FloatArray = NDArray[np.float64]
 
-OK, NO_CONVERGENCE, NOT_FINITE, FLATTENED, FOLDED, SUNK = range(6)
-"""How a chunk of steps ended."""
-
 _COMMANDED, _FORCE = segment.LAYOUT.firsts("commanded", "force")
 _HINGE = joint.LAYOUT.first("hinge")
-_DISTANCE = point.LAYOUT.first("distance")
 
 
 @njit
@@ -38,7 +34,7 @@ def advance(
     bdf2: bool,
     remembers: bool,
 ) -> tuple[int, int]:
-    """Take a step for every row of commands; return how many were finished and how the chunk ended.
+    """Take a step for every row of commands; return how many were finished, and how the last ended.
 
     Parameters
     ----------
@@ -69,13 +65,11 @@ def advance(
             copy(vector(core.block, a.EXTERNAL), external[k].ravel())
         if every > 0:
             reset(core)
-        if not step(core, dt, bdf2 and (remembers or k > 0)):
+        end = step(core, dt, bdf2 and (remembers or k > 0))
+        if end != OK:
             copy(asked, asked_n)
             copy(given, given_n)
-            return k, NO_CONVERGENCE
-        broken = guard(core)
-        if broken != OK:
-            return k, broken
+            return k, end
         if every > 0:
             done = first + k + 1
             for c in range(a.COUNTERS):
@@ -110,47 +104,6 @@ def actuate(core: Core, command: FloatArray, dt: float) -> None:
             rows[_FORCE + side, i] = given[2 * n + 2 * i + side]
     for i in range(n - 1):
         joints[_HINGE, i] = given[4 * n + i + 1]
-
-
-@njit
-def guard(core: Core) -> int:
-    """Return OK for a shape that the model stands for, else what became of it."""
-    rest, longest = matrix(core.block, a.REST), vector(core.block, a.LONGEST)
-    if not np.isfinite(total(vector(core.block, a.X))):
-        return NOT_FINITE
-    for i in range(core.n):
-        if max(rest[LENGTHS, i], rest[LENGTHS + 1, i]) > longest[i]:
-            return FLATTENED
-    if _folded(core):
-        return FOLDED
-    return SUNK if _sunk(core) else OK
-
-
-@njit
-def _folded(core: Core) -> bool:
-    """Return whether neighbouring segments enclose 90 degrees or more, or bends and hinge together ask for it."""
-    rest, joints = matrix(core.block, a.REST), matrix(core.block, a.JOINT_IN)
-    angles = matrix(core.block, a.JOINT_ANGLES_PAST)
-    for i in range(core.n - 1):
-        cosine = 0.0
-        for d in range(3):
-            cosine += rest[TANGENT + d, i] * rest[TANGENT + d, i + 1]
-        if cosine <= 0.0 or abs(0.5 * angles[3, i] + joints[_HINGE, i]) >= 0.5 * np.pi:
-            return True
-    return False
-
-
-@njit
-def _sunk(core: Core) -> bool:
-    """Return whether a joint is too deep in the world."""
-    numbers, distance = vector(core.block, a.NUMBERS_), matrix(core.block, a.POINT_IN)[_DISTANCE]
-    lanes = len(distance) // POINTS
-    if numbers[a.CLAMPED] != 0.0:
-        return False
-    for i in range(core.n):
-        if distance[6 * lanes + i] <= -numbers[a.DEEPEST]:
-            return True
-    return bool(distance[7 * lanes + core.n - 1] <= -numbers[a.DEEPEST])
 
 
 @njit

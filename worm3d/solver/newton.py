@@ -266,15 +266,16 @@ def _search(core: Core, phi: float) -> bool:
         combine(trial, 1.0, x, step, direction)
         value = evaluate(core, a.TRIAL, False, False)
         rise = np.dot(gradient, direction) if np.isfinite(value) else np.inf
-        if value <= phi + 1e-4 * step * slope + 1e-14 * abs(phi):
+        lower = value <= phi + 1e-4 * step * slope + 1e-14 * abs(phi)
+        if lower:
             copy(vector(core.block, a.BEST), trial)
             found = True
             if rise <= SLOPE_LEFT * abs(slope):
                 return True
-        if rise > 0.0:
-            high = step
-        else:
+        if lower and rise <= 0.0:
             low = step
+        else:
+            high = step
         if kinks < 0:
             kinks = _resting_points(core)
         step = _between(vector(core.block, a.KINKS)[:kinks], low, high)

@@ -15,6 +15,7 @@ from worm3d.solver.block import combine, copy, fill, matrix, rows, vector
 from worm3d.solver.clamped import solve_clamped
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import DIRECTOR, LENGTHS, LOAD, TANGENT, place
+from worm3d.solver.guard import NO_CONVERGENCE, OK, guard
 from worm3d.solver.newton import solve
 
 FloatArray = NDArray[np.float64]
@@ -37,10 +38,10 @@ _TERMS_OF_SEGMENT = len(segment.LEDGER_TERMS)
 
 
 @njit
-def step(core: Core, dt: float, bdf2: bool) -> bool:
-    """Advance the worm by one step to the given commands; return whether Newton converged.
+def step(core: Core, dt: float, bdf2: bool) -> int:
+    """Advance the worm by one step to the given commands; return OK or what became of it (`worm3d.solver.guard`).
 
-    A step that does not converge leaves the worm as it was. The energy ledger is added to "terms", the way that each
+    A step that does not end well leaves the worm as it was. The energy ledger is added to "terms", the way that each
     contact has slid to "slid".
 
     Parameters
@@ -50,28 +51,30 @@ def step(core: Core, dt: float, bdf2: bool) -> bool:
     bdf2 : bool
         Whether to take BDF2: the past holds two instants dt apart.
     """
-    return bool(call(kernel(core, a.STEP), core.handle, dt, bdf2, 0) != 0.0)
+    return int(call(kernel(core, a.STEP), core.handle, dt, bdf2, 0))
 
 
 def step_entry(handle: int, dt: float, bdf2: int, _b: int) -> float:
     """`step` as an entry."""
-    return 1.0 if _step(opened(handle), dt, bdf2 != 0) else 0.0
+    return float(_step(opened(handle), dt, bdf2 != 0))
 
 
 @njit
-def _step(core: Core, dt: float, bdf2: bool) -> bool:
+def _step(core: Core, dt: float, bdf2: bool) -> int:
     span = dt * 2.0 / 3.0 if bdf2 else dt
     begin(core, dt, span)
     clamped = vector(core.block, a.NUMBERS_)[a.CLAMPED] != 0.0
-    if not (solve_clamped(core, dt) if clamped else _solve_contact(core)):
+    solved = solve_clamped(core, dt) if clamped else _solve_contact(core)
+    end = guard(core) if solved else NO_CONVERGENCE
+    if end != OK:
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         copy(vector(core.block, a.STUCK), vector(core.block, a.STUCK_N))
         fill(vector(core.block, a.LAST), 0.0)
-        return False
+        return end
     ledger.prepare(core)
     ledger.add(core, dt, span, vector(core.block, a.TERMS_))
     _commit(core, dt, span)
-    return True
+    return OK
 
 
 @njit
