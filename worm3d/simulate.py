@@ -261,9 +261,12 @@ class _Run:
         arrays = self.plant.arrays
         before = self.plant.memory()
         past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in _HISTORIES}
-        status = self._part(command, self.done, 0.5, HALVINGS - 1)
-        if status is Status.DONE:
-            status = self._part(command, self.done + 0.5, 0.5, HALVINGS - 1)
+        try:
+            status = self._part(command, self.done, 0.5, HALVINGS - 1)
+            if status is Status.DONE:
+                status = self._part(command, self.done + 0.5, 0.5, HALVINGS - 1)
+        except ValueError as error:  # of the actuation or the force, at a time between two steps
+            self.complaint, status = str(error), Status.BAD_COMMAND
         if status is not Status.DONE:
             self.plant.remember(before)  # the parts are no finished step
             return status

@@ -168,15 +168,12 @@ def test_results_end_where_their_state_is() -> None:
 
 
 def test_a_run_that_was_given_up_ends_where_its_state_is() -> None:
-    """What a guard refuses is no part of the run: the state is the last finished step's, and a run goes on from it."""
+    """What a guard refuses is no part of the run: the state is that of the last finished step."""
     run = worm3d.simulate(Worm(), Plane(), actuation=TravellingWave(amplitude=0.3, hinge=2.0), duration=5.0)
     assert run.status is Status.FOLDED
     assert run.stop.step == len(run.time)
     assert run.state.time == run.time[-1]
     assert_array_equal(run.state.joints, run.joints[-1])
-    again = worm3d.simulate(Worm(), Plane(), duration=0.1, dt=0.001, state=run.state)
-    assert len(again.time) > 1  # its momentum may fold it after all
-    assert_array_equal(again.joints[0], run.joints[-1])
 
 
 class Controller:
