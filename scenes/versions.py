@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from importlib import metadata
 from importlib.util import find_spec
 
-LIBRARIES = ("numpy", "scipy", "pydantic", "h5netcdf", "h5py", "matplotlib")
+LIBRARIES = ("numpy", "scipy", "casadi", "numba", "llvmlite", "pydantic", "h5netcdf", "h5py", "matplotlib")
 OURS = ("scenes", "control", "planar", "worm3d")
 
 

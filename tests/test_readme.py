@@ -55,7 +55,8 @@ def test_the_second_command_is_the_one_that_ci_runs() -> None:
 def test_the_other_commands(tmp_path: Path) -> None:
     for arguments in commands()[2:]:
         run(arguments, tmp_path)
-    assert (tmp_path / "slow" / "result.nc").is_file()
+    for folder in ("flat", "further", "slow"):
+        assert (tmp_path / folder / "result.nc").is_file()
     assert (tmp_path / "segments" / "summary.json").is_file()
     assert len((tmp_path / "slow.csv").read_text().splitlines()) == 1002
 
