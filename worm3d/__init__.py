@@ -2,21 +2,48 @@
 
     result = worm3d.simulate(worm, world, ground, actuation=gait, duration=10.0)
 
-Start reading at `worm3d.simulate`, then `worm3d.solver.step`, `worm3d.kernels`, and the formulas in `worm3d.elements`
-and `worm3d.contact`; the letters are listed in NOTATION.md.
+Start reading at `worm3d/simulate.py`, then `worm3d/solver/step.py`, `worm3d/kernels/`, and the formulas in
+`worm3d/elements.py` and `worm3d/contact.py`; the letters are listed in NOTATION.md.
+
+What needs the compiler is imported when it is first asked for: gaits and scene checks need the parameters only.
 """
 
+import importlib
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
 from worm3d.command import Command
-from worm3d.friction import Friction
-from worm3d.held import Held
-from worm3d.observation import Observation
-from worm3d.result import Energy, Result
-from worm3d.simulate import simulate
-from worm3d.start import LimitPointError, flattening_weight
-from worm3d.state import State
-from worm3d.status import Status, Stop
-from worm3d.worlds import ClampedGround, Patch, Plane
 from worm3d.worm import Worm
+
+if TYPE_CHECKING:
+    from worm3d.friction import Friction
+    from worm3d.held import Held
+    from worm3d.observation import Observation
+    from worm3d.result import Energy, Result
+    from worm3d.simulate import simulate
+    from worm3d.start import LimitPointError, flattening_weight
+    from worm3d.state import State
+    from worm3d.status import Status, Stop
+    from worm3d.worlds import ClampedGround, Patch, Plane
+
+_HOMES = {
+    "ClampedGround": "worlds",
+    "Energy": "result",
+    "Friction": "friction",
+    "Held": "held",
+    "LimitPointError": "start",
+    "Observation": "observation",
+    "Patch": "worlds",
+    "Plane": "worlds",
+    "Result": "result",
+    "State": "state",
+    "Status": "status",
+    "Stop": "status",
+    "flattening_weight": "start",
+    "simulate": "simulate",
+}
+"""Module of each name that is imported when it is first asked for."""
 
 __all__ = [
     "ClampedGround",
@@ -36,3 +63,22 @@ __all__ = [
     "flattening_weight",
     "simulate",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'worm3d' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"worm3d.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+class _Package(ModuleType):
+    """Keeps `worm3d.simulate` the function: importing the module of that name does not put it in its place."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name == "simulate" and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -171,6 +171,17 @@ def test_a_run_that_fails_keeps_what_it_has_and_cannot_go_on(worm3d, tmp_path: P
     assert not (tmp_path / "y").exists()
 
 
+def test_a_run_that_cannot_begin_has_a_record_too(worm3d, tmp_path: Path) -> None:
+    humped = ("-o", "worm.torsion_J=0", "-o", "worm.half_height_m=[0.05, 0.05, 0.3, 0.3, 0.05, 0.05]")
+    ended = worm3d("run", "flat", *humped, "--out", "x", "--quiet")
+    assert (ended.code, len(ended.complaints)) == (3, 1)
+    record = load(tmp_path / "x")
+    assert (record.sizes["step"], record.sizes["time"]) == (0, 1)
+    summary = json.loads((tmp_path / "x" / "summary.json").read_text())
+    assert summary["reasons"]["newton_iterations_mean"] == "no step was finished"
+    assert {path.name for path in (tmp_path / "x").iterdir()} == {"result.nc", "summary.json"}
+
+
 def test_a_model_with_a_view_gets_its_page(worm3d, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def view(record: Record, path: Path) -> None:
         path.write_text(f"<title>{record.title}</title>")
