@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from worm3d.result import Energy, Result
     from worm3d.simulate import simulate
     from worm3d.start import LimitPointError, flattening_weight
-    from worm3d.state import State
+    from worm3d.state import State, StateError
     from worm3d.status import Status, Stop
     from worm3d.worlds import ClampedGround, Patch, Plane
 
@@ -38,6 +38,7 @@ _HOMES = {
     "Plane": "worlds",
     "Result": "result",
     "State": "state",
+    "StateError": "state",
     "Status": "status",
     "Stop": "status",
     "flattening_weight": "start",
@@ -57,6 +58,7 @@ __all__ = [
     "Plane",
     "Result",
     "State",
+    "StateError",
     "Status",
     "Stop",
     "Worm",

@@ -17,6 +17,8 @@ FloatArray = NDArray[np.float64]
 UPRIGHT = 1e-3
 """A chord of which the horizontal part is below this fraction of it has no heading."""
 
+NO_HEADING = "the body is vertical at the start: it has no heading"
+SPARSE = "the rows of the result lie further apart than a period of the gait: record more of them"
 SHORT_RUN = "the run is shorter than one period of the gait, over which the centre of mass is averaged"
 NO_PERIOD = "the actuation has no period over which the centre of mass could be averaged"
 
@@ -97,7 +99,9 @@ def summary(result: Result) -> dict[str, float | str | None]:
         "heading_change_deg": _known(float(turned)),
         "work_contract_J": work,
         "work_friction_J": float(energy.friction_loss.sum()),
-        "cost_of_transport": work / (weight * way) if work >= 0.0 and weight * way > 0.0 else None,
+        "cost_of_transport": None
+        if work < -_rounding(result) or weight * way <= 0.0
+        else max(0.0, work) / (weight * way),
         "energy_balance_error": energy.balance_error,
         "newton_iterations_mean": float(result.newton_iterations.mean()) if steps else None,
         "real_time_factor": steps * result.dt / result.wall_s if steps and result.wall_s > 0.0 else None,
@@ -116,9 +120,9 @@ def reasons(result: Result) -> dict[str, str]:
     """Return why figures of the summary have no value."""
     figures, found = summary(result), {}
     why = {
-        "distance_m": "the body is vertical at the start: it has no heading",
-        "path_length_m": NO_PERIOD if result.period is None else SHORT_RUN,
-        "mean_speed_m_s": NO_PERIOD if result.period is None else SHORT_RUN,
+        "distance_m": NO_HEADING,
+        "path_length_m": _no_mean(result),
+        "mean_speed_m_s": NO_HEADING if figures["path_length_m"] is not None else _no_mean(result),
         "heading_change_deg": "the body is vertical: it has no heading",
         "cost_of_transport": _no_cost(result),
         "newton_iterations_mean": "no step was finished",
@@ -130,9 +134,21 @@ def reasons(result: Result) -> dict[str, str]:
     return found
 
 
+def _no_mean(result: Result) -> str:
+    if result.period is None:
+        return NO_PERIOD
+    sparse = len(result.time) > 1 and result.time[1] - result.time[0] > 2.0 * result.period
+    return SPARSE if sparse else SHORT_RUN
+
+
+def _rounding(result: Result) -> float:
+    """Return the work that may be rounding alone [J]."""
+    return 1e-12 * float(np.abs(result.energy.work_contract).sum() + np.abs(result.energy.elastic).sum())
+
+
 def _no_cost(result: Result) -> str:
     work, way = float(result.energy.work_contract.sum()), result.distance
-    if work < 0.0:
+    if work < -_rounding(result):
         return f"the net work of the contraction is negative ({work:.4g} J): the worm drove its actuators"
     if way <= 0.0:
         return f"the worm made no way forward ({way:.4g} m)"

@@ -19,7 +19,7 @@ from worm3d.solver.entry import SIGNATURE
 from worm3d.solver.evaluate import evaluate_entry
 from worm3d.solver.newton import solve_entry
 from worm3d.solver.step import step_entry
-from worm3d.state import State
+from worm3d.state import State, StateError
 from worm3d.worlds import ClampedGround, World
 from worm3d.worlds.plane import Plane
 from worm3d.worm import Worm
@@ -210,14 +210,14 @@ class Plant:
 
         Raises
         ------
-        ValueError
+        StateError
             If it is that of another worm, or of a computer with other vectors.
         """
         for name, view in self._remembered().items():
             value = memory.get(name)
             if value is None or value.shape != view.shape:
                 got = "nothing" if value is None else f"shape {value.shape}"
-                raise ValueError(
+                raise StateError(
                     f"state.memory: got {got} for {name!r}, must be of shape {view.shape}: it belongs to another worm "
                     "or kind of computer; drop it with state.with_changes() to start afresh from the pose"
                 )

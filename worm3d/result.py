@@ -114,11 +114,16 @@ class Result:
         Load of each apex [N]; metres slid since the row before [m].
     joint_load, joint_slip : ndarray, shape (T, N+1)
         Likewise of end faces and inner joints (of all joints, (P9), for the clamped worm).
+    contact_force : ndarray, shape (T, N, 8, 3)
+        Of the world on each point: normal load and friction together [N].
+    joint_friction : ndarray, shape (T, N+1, 3)
+        (P10) on the joints of the clamped worm; else 0 [N].
     anchors : ndarray, shape (T, N, 8, 3)
         Where the contacts stick [m].
     energy : Energy
-    newton_iterations, gradient_evaluations, breakaways : ndarray, shape (S,)
-        Hessians and further gradients evaluated in each step; rounds of contacts breaking away.
+    newton_iterations, gradient_evaluations, breakaways, fallbacks : ndarray, shape (S,)
+        Of each step: Hessians and further gradients evaluated, rounds of contacts breaking away, and times that Newton
+        fell back to descent.
     halved_steps : int
         Steps that had to be taken in parts.
     state : State
@@ -151,6 +156,8 @@ class Result:
     slip: FloatArray
     joint_load: FloatArray
     joint_slip: FloatArray
+    contact_force: FloatArray
+    joint_friction: FloatArray
     anchors: FloatArray
     energy: Energy
     newton_iterations: NDArray[np.int64]

@@ -35,7 +35,7 @@ HALVINGS = 6
 """A step that does not converge is halved at most so often."""
 
 CHUNK = 50
-"""Steps between two looks at the outside world, where nothing depends on the state."""
+"""Steps between two looks at the outside world, where nothing depends on the state (of `record_every`, if more)."""
 
 _HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
 
@@ -90,7 +90,8 @@ def simulate(
         Whether a worm that starts at rest is first brought to equilibrium on its world, under the weight that presses
         it there. A state with memory never is.
     observer : callable, optional
-        Called with the number of finished steps, every so many; returning False ends the run there.
+        Called with the number of finished steps, every so many (just after a row was recorded, unless the actuation
+        is a controller: then after every step); returning False ends the run there.
 
     Returns
     -------
@@ -101,6 +102,8 @@ def simulate(
     ------
     worm3d.LimitPointError
         The weight would flatten the chambers.
+    worm3d.StateError
+        A state that does not fit the worm, or lies inside the world.
     ValueError
         Another argument out of range or of the wrong shape.
     """
@@ -209,7 +212,8 @@ class _Run:
     def _chunk(self) -> Status:
         """Ask for commands and forces and take the steps."""
         controlled = self.driver.controller is not None
-        count = 1 if controlled else min(CHUNK, self.steps - self.done)
+        whole = max(1, CHUNK // self.every) * self.every  # ends on a row of the result
+        count = 1 if controlled else min(whole, self.steps - self.done)
         commands: list[FloatArray] = []
         forces: list[FloatArray] = []
         try:
@@ -346,6 +350,8 @@ class _Run:
             slip=slip[:, :, :6],
             joint_load=raw["joint_load"] if clamped else _of_joints(load),
             joint_slip=_of_joints(slip),
+            contact_force=raw["contact_force"].reshape(rows, n, POINTS, 3),
+            joint_friction=raw["joint_friction"].reshape(rows, n + 1, 3),
             anchors=raw["anchors"].reshape(rows, n, POINTS, 3),
             energy=Energy.of(raw["energy"]),
             newton_iterations=counters[:, 0],

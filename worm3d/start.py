@@ -13,7 +13,7 @@ from worm3d.plant import Plant
 from worm3d.solver.advance import advance
 from worm3d.solver.guard import OK
 from worm3d.solver.records import record_memory
-from worm3d.state import State
+from worm3d.state import State, StateError
 from worm3d.status import Status
 from worm3d.worlds import ClampedGround, World
 from worm3d.worm import Worm
@@ -104,26 +104,26 @@ def require_equilibrium(worm: Worm, gravity: float) -> None:
 
 
 def require_shape(worm: Worm, state: State) -> None:
-    """Raise ValueError where a state does not fit the worm."""
+    """Raise StateError where a state does not fit the worm."""
     if state.segments != worm.segments:
-        raise ValueError(f"state: got {state.segments} segments, the worm has {worm.segments}")
+        raise StateError(f"state: got {state.segments} segments, the worm has {worm.segments}")
     length = np.linalg.norm(np.diff(state.joints, axis=0), axis=1)
     chambers = length[:, None] + worm.chamber_offset * np.abs(state.bend)[:, None] * [-1.0, 1.0]
     wrong = ~((chambers > 0.0) & (chambers < 2.0 * worm.link_length[:, None])).all(axis=1)
     if wrong.any():
         i = int(np.argmax(wrong))
-        raise ValueError(
+        raise StateError(
             f"state: the chambers of segment {i} are {chambers[i].min():.4g} and {chambers[i].max():.4g} m long, must "
             f"lie between 0 and {2 * worm.link_length[i]:.4g} m, twice the links"
         )
 
 
 def require_clear(plant: Plant) -> None:
-    """Raise ValueError where a contact point of the worm at the start lies in the world."""
+    """Raise StateError where a contact point of the worm at the start lies in the world."""
     depth = plant.depth()
     if depth.max() > OVERLAP * plant.worm.l0:
         segment = int(np.argmax(depth.max(axis=0)))
-        raise ValueError(f"state: segment {segment} lies {depth.max():.3g} m inside the world; lift or move the worm")
+        raise StateError(f"state: segment {segment} lies {depth.max():.3g} m inside the world; lift or move the worm")
 
 
 def settle(

@@ -15,6 +15,10 @@ from worm3d.worm import Worm
 FloatArray = NDArray[np.float64]
 
 
+class StateError(ValueError):
+    """A run cannot start from this state: it does not fit the worm, or lies inside the world."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class State:
     """Pose and motion of a worm of N segments; frozen, with read-only arrays.

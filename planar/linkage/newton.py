@@ -123,11 +123,12 @@ class Newton:
             trial = q + step * direction
             value = evaluate(trial, self.body, self.contact, now, False, scratch, NO_BAND)
             rise = float(scratch @ direction) if np.isfinite(value) else np.inf
-            if value <= phi + 1e-4 * step * slope + noise:
+            lower = value <= phi + 1e-4 * step * slope + noise
+            if lower:
                 best = trial
                 if rise <= SLOPE_LEFT * abs(slope):
                     return trial
-            low, high = (low, step) if rise > 0.0 else (step, high)
+            low, high = (step, high) if lower and rise <= 0.0 else (low, step)
             between = kinks[(kinks > low) & (kinks < high)]
             step = float(between[len(between) // 2]) if len(between) else 0.5 * (low + high)
         return best

@@ -55,7 +55,7 @@ def _simulated(
 ) -> worm3d.Result:
     try:
         return simulate(scene, observer, state, done)
-    except ValueError as error:  # what only the compiled plant can tell: a start inside the world, a foreign checkpoint
+    except (worm3d.StateError, worm3d.LimitPointError) as error:  # what only the compiled plant can tell
         raise SceneError(in_keys(str(error), KEYS)) from error
 
 

@@ -37,6 +37,8 @@ SERIES = (
     ("slip", "segment apex", "m", "metres slid by each apex since the row before"),
     ("joint_load", "joint", "N", "normal load of end faces and inner joints; clamped: of each joint, (P9)"),
     ("joint_slip", "joint", "m", "metres slid by them since the row before"),
+    ("contact_force", "segment point axis", "N", "force of the world on each point: normal load and friction"),
+    ("joint_friction", "joint axis", "N", "friction (P10) on each joint of the clamped worm"),
     ("anchors", "segment point axis", "m", "where the contacts stick"),
 )
 """Of each stored instant: name in the result, dimensions after time, unit, meaning."""

@@ -161,6 +161,7 @@ ARRAYS = (
     "stuck",  # 1 where the static coefficient holds
     "stuck_n",
     "stored",  # energy of the anchors at the end of the last step [J]
+    "contact_force",  # of the world on each point at the end of the last step [N]
     "asked",  # of the actuators: contraction (2 N), force (2 N), hinge (N, the first unused)
     "given",  # by them, after lag and limits
     "joints",  # rows 3 k + axis at t_n (k = 0) and t_{n-1} (k = 1) [m]; likewise the following
@@ -217,6 +218,7 @@ ARRAYS = (
     STUCK,
     STUCK_N,
     STORED,
+    CONTACT_FORCE,
     ASKED,
     GIVEN,
     JOINTS,
@@ -235,6 +237,7 @@ REMEMBERED = (
     "last",
     "stuck",
     "stored",
+    "contact_force",
     "asked",
     "given",
     "joints",
@@ -245,6 +248,7 @@ REMEMBERED = (
     "hinges",
     "joint_angles",
     "joint_load",
+    "joint_friction",
 )
 """Arrays on which the next step depends; beside them the rows of the kernels' inputs in `worm3d.plant`."""
 
@@ -326,6 +330,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
         **dict.fromkeys(("joint_mass", "drag", "joint_inertia", "joint_drag", "joint_load"), (1, n + 1)),
         **dict.fromkeys(("joint_mu", "joint_hat", "joint_drag_hat", "external", "joint_friction"), (3, n + 1)),
         **dict.fromkeys(("stuck", "stuck_n", "stored"), (1, p)),
+        "contact_force": (3, p),
         **dict.fromkeys(("asked", "given"), (1, 5 * n)),
         **dict.fromkeys(("joints", "joint_velocity"), (6, n + 1)),
         **dict.fromkeys(("points", "point_velocity"), (6, p)),

@@ -24,7 +24,9 @@ NAMES = (
     "given",  # (5 N,)
     "load",  # (N, 8)
     "anchors",  # (N, 8, 3)
+    "contact_force",  # (N, 8, 3)
     "joint_load",  # (N+1,) of the clamped worm
+    "joint_friction",  # (N+1, 3) of the clamped worm
     "slip",  # (N, 8) since the row before
     "momentum",  # linear (3), angular about the origin (3)
     "com",  # (3,)
@@ -42,7 +44,9 @@ NAMES = (
     GIVEN,
     LOAD,
     ANCHORS,
+    CONTACT_FORCE,
     JOINT_LOAD,
+    JOINT_FRICTION,
     SLIP,
     MOMENTUM,
     COM,
@@ -56,7 +60,8 @@ _LOAD_N, _ANCHOR = point.LAYOUT.firsts("load_n", "anchor")
 def record_memory(n: int, rows: int) -> Memory:
     """Return records for n segments and `rows` instants."""
     joints, points = 3 * (n + 1), 3 * POINTS * n
-    widths = (joints, joints, points, 3 * n, n, 2 * n, 5 * n, 5 * n, 8 * n, points, n + 1, 8 * n, 6, 3, len(TERMS))
+    segments = (3 * n, n, 2 * n, 5 * n, 5 * n, 8 * n)
+    widths = (joints, joints, points, *segments, points, points, n + 1, joints, 8 * n, 6, 3, len(TERMS))
     return Memory(NAMES, [(rows, width) for width in widths])
 
 
@@ -66,10 +71,12 @@ def record(core: Core, records: Block, row: int) -> None:
     block, n = records, core.n
     _segments(core, records, row)
     velocity, joints = matrix(core.block, a.JOINT_VELOCITY), matrix(core.block, a.JOINTS)
+    friction = matrix(core.block, a.JOINT_FRICTION)
     for j in range(n + 1):
         for d in range(3):
             matrix(block, JOINTS)[row, 3 * j + d] = joints[d, j]
             matrix(block, JOINT_VELOCITY)[row, 3 * j + d] = velocity[d, j]
+            matrix(block, JOINT_FRICTION)[row, 3 * j + d] = friction[d, j]
     copy(matrix(block, JOINT_LOAD)[row], vector(core.block, a.JOINT_LOAD))
     copy(matrix(block, ASKED)[row], vector(core.block, a.ASKED))
     copy(matrix(block, GIVEN)[row], vector(core.block, a.GIVEN))
@@ -88,6 +95,7 @@ def _segments(core: Core, records: Block, row: int) -> None:
     directors, chamber = matrix(records, DIRECTORS)[row], matrix(records, CHAMBER_LENGTH)[row]
     load, slip = matrix(records, LOAD)[row], matrix(records, SLIP)[row]
     bend, slid = matrix(records, BEND)[row], matrix(core.block, a.SLID)
+    kept, force = matrix(records, CONTACT_FORCE)[row], matrix(core.block, a.CONTACT_FORCE)
     for i in range(core.n):
         bend[i] = x[BLOCK * i + 4]
         for side in range(2):
@@ -98,7 +106,7 @@ def _segments(core: Core, records: Block, row: int) -> None:
             k, m = s * lanes + i, POINTS * i + s
             load[m], slip[m] = p[_LOAD_N, k], slid[s, i]
             for d in range(3):
-                points[3 * m + d], anchors[3 * m + d] = past[d, k], p[_ANCHOR + d, k]
+                points[3 * m + d], anchors[3 * m + d], kept[3 * m + d] = past[d, k], p[_ANCHOR + d, k], force[d, k]
 
 
 @njit

@@ -31,10 +31,15 @@ _L_HAT, _A_HAT, _L_N, _A_N = segment.LAYOUT.firsts("length_hat", "angle_hat", "l
 _JOINT_T, _JOINT_D, _J_SPAN, _J_DT = joint.LAYOUT.firsts("t_ref", "d_ref", "span", "dt")
 _HINGE, _HINGE_N, _WEIGHTS, _ANGLES_N = joint.LAYOUT.firsts("hinge", "hinge_n", "weights", "angles_n")
 _DISTANCE, _POINT_NORMAL, _GRIP, _X_HAT = point.LAYOUT.firsts("distance", "normal", "grip", "x_hat")
+_STIFFNESS, _WEIGHT = point.LAYOUT.firsts("stiffness", "weight")
 _INERTIA, _P_DT, _DEPTH_N = point.LAYOUT.firsts("inertia", "dt", "depth_n")
 _TANGENTS, _ANCHOR, _SLIDE_N, _HOLD, _CAP = point.LAYOUT.firsts("tangent", "anchor", "slide_n", "hold", "cap")
 _LOAD, _LOAD_N, _DISTANCE_N, _STORED_N = point.LAYOUT.firsts("load", "load_n", "distance_n", "stored_n")
 _TERMS_OF_SEGMENT = len(segment.LEDGER_TERMS)
+
+IMPACT = 1e-3
+"""A point that would get deeper than this fraction of the segment length, and than gravity alone moves it in a step,
+strikes the world."""
 
 
 @njit
@@ -61,7 +66,9 @@ def step_entry(handle: int, dt: float, bdf2: int, _b: int) -> float:
 
 @njit
 def _step(core: Core, dt: float, bdf2: bool) -> int:
-    span = dt * 2.0 / 3.0 if bdf2 else dt
+    place_start(core)
+    strikes = bdf2 and _strikes(core, dt)
+    span = dt * 2.0 / 3.0 if bdf2 and not strikes else dt
     begin(core, dt, span)
     clamped = vector(core.block, a.NUMBERS_)[a.CLAMPED] != 0.0
     solved = solve_clamped(core, dt) if clamped else _solve_contact(core)
@@ -74,6 +81,9 @@ def _step(core: Core, dt: float, bdf2: bool) -> int:
     ledger.prepare(core)
     ledger.add(core, dt, span, vector(core.block, a.TERMS_))
     _commit(core, dt, span)
+    if strikes:  # the jump of velocity is over: the next step starts from its outcome alone
+        for velocity in (a.JOINT_VELOCITY, a.POINT_VELOCITY):
+            copy(rows(core.block, velocity, 3, 3), rows(core.block, velocity, 0, 3))
     return OK
 
 
@@ -84,18 +94,44 @@ def weights(dt: float, span: float) -> tuple[float, float]:
 
 
 @njit
-def begin(core: Core, dt: float, span: float) -> None:
-    """Fill everything that is known at the start of a step."""
+def place_start(core: Core) -> None:
+    """Make the present state the start of a step, and put the points and the world's distances there."""
     x = vector(core.block, a.X)
     for j in range(core.n + 1):
         x[BLOCK * j + 3] = 0.0
     copy(vector(core.block, a.X_N), x)
     copy(vector(core.block, a.STUCK_N), vector(core.block, a.STUCK))
+    place(core, x)
+
+
+@njit
+def _strikes(core: Core, dt: float) -> bool:
+    """Return whether a point strikes the world in this step: BDF2, which extrapolates velocities, would throw it back.
+
+    Such a step is taken by implicit Euler, whose impact is inelastic.
+    """
+    p, velocity = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_VELOCITY)
+    numbers = vector(core.block, a.NUMBERS_)
+    gravity = np.sqrt(numbers[a.GRAVITY] ** 2 + numbers[a.GRAVITY + 1] ** 2 + numbers[a.GRAVITY + 2] ** 2)
+    deep = max(gravity * dt * dt, IMPACT * numbers[a.L0])
+    for k in range(p.shape[1]):
+        if p[_STIFFNESS, k] > 0.0:
+            approach = 0.0
+            for d in range(3):
+                approach -= velocity[d, k] * p[_POINT_NORMAL + d, k]
+            if approach > 0.0 and approach * dt - p[_DISTANCE, k] > deep:
+                return True
+    return False
+
+
+@njit
+def begin(core: Core, dt: float, span: float) -> None:
+    """Fill everything else that is known at the start of a step."""
     _begin_joints(core, dt, span)
     _begin_strains(core, dt, span)
     _begin_points(core, dt, span)
-    place(core, x)
     _begin_contacts(core)
+    x = vector(core.block, a.X)
     combine(x, 1.0, x, 1.0, vector(core.block, a.LAST))
 
 
@@ -232,6 +268,7 @@ def _commit(core: Core, dt: float, span: float) -> None:
     _remember(core, a.LENGTHS, rows(core.block, a.REST, LENGTHS, 2))
     _remember(core, a.HINGES, rows(core.block, a.SEGMENT_OUT, _TERMS_OF_SEGMENT, 2))
     _remember(core, a.JOINT_ANGLES_PAST, rows(core.block, a.JOINT_OUT, 0, 4))
+    _keep_contact_forces(core)
     _move_anchors(core)
     _carry_directors(core)
     combine(vector(core.block, a.LAST), 1.0, x, -1.0, vector(core.block, a.X_N))
@@ -250,6 +287,15 @@ def _remember(core: Core, k: int, new: FloatArray) -> None:
     past, size = vector(core.block, k), len(new)
     copy(past[size:], past[:size])
     copy(past[:size], new)
+
+
+@njit
+def _keep_contact_forces(core: Core) -> None:
+    """Take the forces of the world from the points' gradients: what is left without inertia and weight."""
+    p, out, force = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT), matrix(core.block, a.CONTACT_FORCE)
+    for d in range(3):
+        for k in range(p.shape[1]):
+            force[d, k] = p[_INERTIA, k] * (p[d, k] - p[_X_HAT + d, k]) - p[_WEIGHT + d, k] - out[d, k]
 
 
 @njit
