@@ -99,7 +99,7 @@ def test_resume_by_the_command_line(worm3d, tmp_path: Path, done: Record, monkey
 def test_an_interrupted_run_goes_on_to_its_planned_end() -> None:
     scene = load_scene("flat", ["run.duration_s=1.2", "gait.period_s=0.5", "run.record_every=20"])
     stopped = simulate(scene, lambda done: False)
-    assert (stopped.status, stopped.sizes["step"]) == ("interrupted", 100)  # at a stored state
+    assert (stopped.status, stopped.sizes["step"]) == ("interrupted", 40)  # at a stored state
     rest = lengthened(stopped)
     assert rest.settings == scene.settings
     assert_same(simulate(rest, earlier=stopped), simulate(scene))
@@ -213,5 +213,5 @@ def test_ctrl_c_stops_at_a_stored_state(monkeypatch: pytest.MonkeyPatch) -> None
 
     record = simulate(load_scene("flat", ["run.duration_s=2.1", "run.record_every=30"]), observer)
     assert record.status == "interrupted"
-    assert record.sizes["step"] == seen[-1] == 150
+    assert record.sizes["step"] == seen[-1] == 30
     assert runner.EXIT_CODES[record.status] == 130
