@@ -103,7 +103,7 @@ def test_an_interrupted_run_goes_on_to_its_planned_end() -> None:
     rest = lengthened(stopped)
     assert rest.settings == scene.settings
     assert_same(simulate(rest, earlier=stopped), simulate(scene))
-    assert lengthened(stopped, 0.4).settings.run.duration_s == 1.4
+    assert lengthened(stopped, 0.4).settings.run.duration_s == 0.8
 
 
 @pytest.fixture(scope="module")
