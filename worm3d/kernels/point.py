@@ -109,16 +109,33 @@ def force() -> ca.Function:
     return LAYOUT.function("point_force", {"f": f, "K": ca.vec(K.T), "phi": phi, "load": c.load})
 
 
-def yielding() -> ca.Function:
-    """Return the slip of the anchor (2) along the tangents, y = s - s* (2), whether it slides, and its penetration.
+TURNED = 0.05
+"""Fraction of the yield limit that the force of a stuck contact has to exceed where it counts that it turns round."""
 
-    The penetration -g - d* is negative where nothing touches.
+
+def yielding() -> ca.Function:
+    """Return what a contact does at X + `first`, to first order, in metres.
+
+    y = s - s* (2); by how much it is beyond the yield limit, for the largest coefficient; the penetration -g - d*
+    (negative where nothing touches); the product of y at X with y, negative where the displacement turns round; whether
+    forward and backward stiffness change places in that; and the slip of the anchor (2) at X itself.
     """
-    c = _contact()
-    y = c.slide - c.law.centre
-    limit = c.law.cap * c.law.r * (1.0 + contact.YIELD_TOLERANCE)
-    slides = contact.gauge_squared(y, c.mu) > limit**2
-    return LAYOUT.function("point_yielding", {"slip": _slip(), "y": y, "slides": slides, "touching": c.touching})
+    s, c = LAYOUT.symbols, _contact()
+    now = c.slide - c.law.centre
+    y = now + ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
+    rho, limit = ca.sqrt(contact.gauge_squared(y, c.mu)), c.law.cap * c.law.r
+    largest = ca.fmax(ca.mmax(s["mu"]), 1e-30)  # without friction nothing yields
+    turn = ca.dot(contact.directional(now, c.mu) ** 2 * now, y)
+    turns = ca.logic_and(ca.logic_and(now[0] * y[0] < 0.0, rho > TURNED * limit), c.mu.forward != c.mu.backward)
+    rows = {
+        "y": y,
+        "excess": (rho - limit * (1.0 + contact.YIELD_TOLERANCE)) / largest,
+        "touching": c.touching - ca.dot(s["normal"], s["first"]),
+        "turn": turn,
+        "turns": turns,
+        "slip": _slip(),
+    }
+    return LAYOUT.function("point_yielding", rows)
 
 
 @cache

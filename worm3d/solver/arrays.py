@@ -140,7 +140,7 @@ ARRAYS = (
     "world_in",
     "world_out",  # inside point_in
     "first",  # inside point_in, with the lanes of segments
-    "yielding_out",  # slip (2), y (2), whether it slides
+    "yielding_out",  # y (2), excess, penetration, turn, turns, slip now (2)
     "after_out",  # slip (2), stored energy, terms of the ledger
     "joint_in",
     "joint_out",
@@ -319,7 +319,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
         "world_in": (world_rows, p),
         "world_out": (WORLD_ROWS, p),
         "first": (3 * POINTS, lanes),
-        "yielding_out": (6, p),
+        "yielding_out": (8, p),
         "after_out": (3 + len(point.LEDGER_TERMS), p),
         "joint_in": (joint.LAYOUT.rows, joint_lanes),
         "joint_out": (105, joint_lanes),

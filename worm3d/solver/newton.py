@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.banded import B, cholesky_solve, lu_factor, lu_solve
-from worm3d.codegen import evaluate as run
 from worm3d.compiled import njit
 from worm3d.kernels import point
 from worm3d.solver import arrays as a
+from worm3d.solver import regimes
 from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import combine, copy, fill, matrix, rows, total, vector
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import LOAD, evaluate, hold
+from worm3d.solver.regimes import Y
 
 FloatArray = NDArray[np.float64]
 
@@ -31,22 +32,20 @@ SLOPE_LEFT = 0.9
 """A line search ends where the slope has fallen to this fraction."""
 DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends the descent, as a fraction of the body length."""
-MAX_CHANGES = 12
+MAX_CHANGES = 16
 """Iterations in which contacts change their regime before Newton gives up."""
-SETTLED = 1e-6
-"""Coordinate step, as a fraction of the body length, below which it is asked which contacts touch."""
-AT_REST = 1e-8
-"""And below which it is asked which contacts stick."""
 CONTRACTION = 0.1
 """A Jacobian is kept while steps shrink to this fraction."""
-FOLLOWED = 1e-14
+CURVATURE = 10.0
+"""A step of size s moves a contact point otherwise than to first order by s^2 times this over the segment length."""
+DOUBT = 2.0
+"""By which that error is taken to be larger each time that contacts have changed their regime."""
+FOLLOWED = 1e-13
 """Coordinate step, as a fraction of the body length, at which Newton has converged."""
 STAGNATION = 1e-12
 """A step below this fraction, with a new Jacobian, that no longer shrinks is rounding: converged too."""
 
-_LOAD, _LOAD_N, _MU, _REGIME, _STIFFNESS = point.LAYOUT.firsts("load", "load_n", "mu", "regime", "stiffness")
-_Y, _SLIDES, _PRESS = 2, 4, 5
-"""Rows of "yielding_out"."""
+_LOAD, _MU, _REGIME = point.LAYOUT.firsts("load", "mu", "regime")
 
 
 @njit
@@ -72,9 +71,9 @@ def solve_entry(handle: int, _value: float, again: int, _b: int) -> float:
 def _solve(core: Core, again: bool) -> bool:
     regime = rows(core.block, a.POINT_IN, _REGIME, 1)
     if again:
-        _own_regimes(core)
+        regimes.own(core)
     else:
-        _last_regimes(core)
+        regimes.last(core)
     found = _follow(core)
     fill(regime, point.FREE)
     if found:
@@ -87,7 +86,7 @@ def _solve(core: Core, again: bool) -> bool:
         if _descend(core):
             copy(best, x)
             evaluate(core, a.X, True, False)
-            _own_regimes(core)
+            regimes.own(core)
             found = _follow(core)
             fill(regime, point.FREE)
             if found:
@@ -103,15 +102,15 @@ def _solve(core: Core, again: bool) -> bool:
 def _follow(core: Core) -> bool:
     """Newton with the loads of the iterate itself, whose Jacobian is exact but unsymmetric; it is kept while it serves.
 
-    Every contact keeps its regime until the iterates have come to rest: contacts stick within nanometres, and by the
-    law alone the iterates would jump to and fro over that. Then the law is asked, and what it denies is changed.
+    Every contact keeps its regime until the step, to first order, leads where the law denies it by more than the step's
+    own error: contacts stick within nanometres, and by the law alone the iterates would jump to and fro over that.
     There is no potential to descend: it gives up where regimes go on changing or it does not come closer.
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     factor, pivots = matrix(core.block, a.FACTOR), vector(core.block, a.PIVOTS)
-    length = vector(core.block, a.NUMBERS_)[a.LENGTH]
-    size, renew, changes = np.inf, True, 0
-    for k in range(MAX_FOLLOW):
+    length, l0 = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.L0]
+    size, renew, changes, doubt = np.inf, True, 0, 1.0
+    for _ in range(MAX_FOLLOW):
         if not np.isfinite(evaluate(core, a.X, True, renew)):
             return False
         hold(core, renew)
@@ -124,79 +123,21 @@ def _follow(core: Core) -> bool:
         previous, size = size, _size(core, step)
         if not size <= 0.1 * length:
             return False
-        changed = _change_regimes(core, k > 0, size < SETTLED * length, size < AT_REST * length)
+        regimes.look_ahead(core, step)
+        error = doubt * CURVATURE * size * size / l0
+        lands = regimes.lands(core, error)
+        changed, turned = regimes.change(core, error, lands)
         if changed:
             changes += 1
+            doubt *= DOUBT
             if changes > MAX_CHANGES:
                 return False
         elif size < FOLLOWED * length or (renew and size < STAGNATION * length and size > 0.5 * previous):
             return True
-        renew = changed or size > CONTRACTION * previous
-        if not changed:
+        renew = changed or turned or size > CONTRACTION * previous
+        if not lands:
             combine(x, 1.0, x, -1.0, step)
     return False
-
-
-@njit
-def _last_regimes(core: Core) -> None:
-    """Take every contact for what it was in the last step."""
-    p, stuck = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK)
-    for k in range(p.shape[1]):
-        touched = p[_LOAD_N, k] > 0.0
-        p[_REGIME, k] = (point.STICKING if stuck[k] > 0.0 else point.SLIDING) if touched else point.OPEN
-
-
-@njit
-def _own_regimes(core: Core) -> None:
-    """Take every contact for what the law says at the last evaluation."""
-    _look(core)
-    p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
-    for k in range(p.shape[1]):
-        touching = point.SLIDING if out[_SLIDES, k] > 0.0 else point.STICKING
-        p[_REGIME, k] = touching if out[_PRESS, k] > 0.0 else point.OPEN
-
-
-@njit
-def _look(core: Core) -> None:
-    p = matrix(core.block, a.POINT_IN)
-    run(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
-
-
-@njit
-def _change_regimes(core: Core, moved: bool, settled: bool, at_rest: bool) -> bool:
-    """Change the regimes that the law denies; return whether there was one.
-
-    Contacts that slid one way and now the other come to stick at once; the other changes wait until the iterate has
-    settled under the present regimes.
-
-    Parameters
-    ----------
-    moved : bool
-        Whether "y_start" holds the displacements of the iterate before.
-    settled, at_rest : bool
-        Whether to ask which contacts touch, and which stick.
-    """
-    _look(core)
-    p, out, past = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT), matrix(core.block, a.Y_START)
-    lanes, changed = p.shape[1] // POINTS, False
-    for s in range(POINTS):
-        for k in range(s * lanes, s * lanes + core.n):
-            regime, new = p[_REGIME, k], p[_REGIME, k]
-            if p[_STIFFNESS, k] == 0.0:
-                continue
-            if regime == point.SLIDING and moved:
-                along, across = p[_MU if past[0, k] > 0.0 else _MU + 1, k], p[_MU + 2, k]
-                if along**2 * past[0, k] * out[_Y, k] + across**2 * past[1, k] * out[_Y + 1, k] < 0.0:
-                    new = point.STICKING
-            if settled and not out[_PRESS, k] > 0.0:
-                new = point.OPEN
-            elif (settled and regime == point.OPEN) or (at_rest and regime == point.STICKING):
-                new = point.SLIDING if out[_SLIDES, k] > 0.0 else point.STICKING
-            past[0, k], past[1, k] = out[_Y, k], out[_Y + 1, k]
-            if new != regime:
-                p[_REGIME, k] = new
-                changed = True
-    return changed
 
 
 @njit
@@ -316,17 +257,17 @@ def _resting_points(core: Core) -> int:
     start, kinks = matrix(core.block, a.Y_START), vector(core.block, a.KINKS)
     if not _slides(core, a.X):
         return 0
-    copy(vector(core.block, a.Y_START), rows(core.block, a.YIELDING_OUT, _Y, 3))
+    copy(vector(core.block, a.Y_START), rows(core.block, a.YIELDING_OUT, Y, 3))
     combine(trial, 1.0, x, 1.0, vector(core.block, a.DIRECTION))
     if not _slides(core, a.TRIAL):
         return 0
     lanes, found = point_in.shape[1] // POINTS, 0
     for s in range(POINTS):
         for k in range(s * lanes, s * lanes + core.n):
-            if not (point_in[_LOAD, k] > 0.0 and start[2, k] > 0.0):
+            if not (point_in[_LOAD, k] > 0.0 and start[2, k] > 0.0):  # start: y and the excess
                 continue
             y_x, y_l = start[0, k], start[1, k]
-            d_x, d_l = out[_Y, k] - y_x, out[_Y + 1, k] - y_l
+            d_x, d_l = out[Y, k] - y_x, out[Y + 1, k] - y_l
             along, across = point_in[_MU if y_x > 0.0 else _MU + 1, k] ** 2, point_in[_MU + 2, k] ** 2
             curve = along * d_x * d_x + across * d_l * d_l
             closest = -(along * y_x * d_x + across * y_l * d_l) / curve if curve > 0.0 else 0.0
@@ -342,6 +283,5 @@ def _slides(core: Core, which: int) -> bool:
     """Run the kernel that says which contacts slide at x."""
     if not evaluate(core, which, False, False) < np.inf:
         return False
-    point_in = matrix(core.block, a.POINT_IN)
-    run(kernel(core, a.POINT_YIELDING), point_in, matrix(core.block, a.YIELDING_OUT), point_in.shape[1])
+    regimes.look(core)
     return True

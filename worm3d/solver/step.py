@@ -17,6 +17,7 @@ from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import DIRECTOR, LENGTHS, LOAD, TANGENT, place
 from worm3d.solver.guard import NO_CONVERGENCE, OK, guard
 from worm3d.solver.newton import solve
+from worm3d.solver.regimes import SLIP, look
 
 FloatArray = NDArray[np.float64]
 
@@ -237,11 +238,11 @@ def _solve_contact(core: Core) -> bool:
             return False
         if ratio == 1.0:
             return True
-        run(kernel(core, a.POINT_YIELDING), p, out, p.shape[1])
+        look(core)
         yielding = False
         for s in range(POINTS):
             for k in range(s * lanes, s * lanes + core.n):
-                if stuck[k] > 0.0 and (out[0, k] != 0.0 or out[1, k] != 0.0):
+                if stuck[k] > 0.0 and (out[SLIP, k] != 0.0 or out[SLIP + 1, k] != 0.0):
                     stuck[k] = 0.0
                     yielding = True
         if not yielding:

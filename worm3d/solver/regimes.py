@@ -1,0 +1,116 @@
+"""Regimes of the contacts - open, sliding, sticking - that Newton keeps until a step shows that the law denies them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.codegen import evaluate as run
+from worm3d.compiled import njit
+from worm3d.kernels import point, segment
+from worm3d.solver import arrays as a
+from worm3d.solver.arrays import BLOCK, POINTS, Core
+from worm3d.solver.block import fill, matrix, rows, vector
+from worm3d.solver.entry import kernel
+
+FloatArray = NDArray[np.float64]
+
+_LOAD_N, _REGIME, _STIFFNESS = point.LAYOUT.firsts("load_n", "regime", "stiffness")
+_DQ, _FIRST = segment.LAYOUT.first("dq"), point.LAYOUT.first("first")
+Y, EXCESS, _TOUCHING, _TURN, _TURNS, SLIP = 0, 2, 3, 4, 5, 6
+"""Rows of "yielding_out"."""
+
+
+@njit
+def last(core: Core) -> None:
+    """Take every contact for what it was in the last step."""
+    p, stuck = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK)
+    for k in range(p.shape[1]):
+        touched = p[_LOAD_N, k] > 0.0
+        p[_REGIME, k] = (point.STICKING if stuck[k] > 0.0 else point.SLIDING) if touched else point.OPEN
+
+
+@njit
+def own(core: Core) -> None:
+    """Take every contact for what the law says at the last evaluation."""
+    look(core)
+    p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
+    for k in range(p.shape[1]):
+        touching = point.SLIDING if out[EXCESS, k] > 0.0 else point.STICKING
+        p[_REGIME, k] = touching if out[_TOUCHING, k] > 0.0 else point.OPEN
+
+
+@njit
+def look(core: Core) -> None:
+    """Ask what the contacts do at the last evaluation."""
+    fill(rows(core.block, a.POINT_IN, _FIRST, 3), 0.0)
+    p = matrix(core.block, a.POINT_IN)
+    run(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
+
+
+@njit
+def look_ahead(core: Core, step: FloatArray) -> None:
+    """Ask what the contacts will do, to first order, once a step is subtracted from x."""
+    p, segments = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN)
+    for r in range(segment.COORDINATES):
+        for i in range(core.n):
+            segments[_DQ + r, i] = -step[BLOCK * i + r]
+    run(kernel(core, a.SEGMENT_MOTION), segments, matrix(core.block, a.FIRST), core.n)
+    run(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
+
+
+@njit
+def lands(core: Core, error: float) -> bool:
+    """Return whether an open contact will touch: the step, which knows nothing of that, would drive it deep."""
+    p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
+    lanes = p.shape[1] // POINTS
+    for s in range(POINTS):
+        for k in range(s * lanes, s * lanes + core.n):
+            if p[_REGIME, k] == point.OPEN and out[_TOUCHING, k] > error and p[_STIFFNESS, k] > 0.0:
+                return True
+    return False
+
+
+@njit
+def change(core: Core, error: float, lands: bool) -> tuple[bool, bool]:
+    """Change the regimes that the law denies; return whether there was one, and whether what sticks turns round.
+
+    Forward and backward, a stuck contact has different stiffnesses: once it turns, the step says little of its force.
+
+    Parameters
+    ----------
+    error : float
+        Up to which nothing is denied [m].
+    lands : bool
+        Whether the step will not be taken: what sticks does not begin to slide yet, for the way is not known.
+    """
+    p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
+    lanes, changed, turned = p.shape[1] // POINTS, False, False
+    for s in range(POINTS):
+        for k in range(s * lanes, s * lanes + core.n):
+            if p[_STIFFNESS, k] == 0.0:
+                continue
+            regime = p[_REGIME, k]
+            new = _by_law(regime, out[_TOUCHING, k], out[EXCESS, k], out[_TURN, k], error)
+            if regime == point.STICKING and new != point.OPEN:
+                turned = turned or out[_TURNS, k] != 0.0
+                if lands or out[_TURNS, k] != 0.0:
+                    new = regime
+            if new != regime:
+                p[_REGIME, k] = new
+                changed = True
+    return changed, turned
+
+
+@njit
+def _by_law(regime: float, touching: float, excess: float, turn: float, error: float) -> float:
+    """Return the regime that follows where the law denies one by more than the error."""
+    if regime == point.OPEN:
+        if touching <= error:
+            return point.OPEN
+        return point.SLIDING if turn > 0.0 and excess > error else point.STICKING
+    if touching < -error:
+        return point.OPEN
+    if regime == point.SLIDING:
+        return point.STICKING if turn < 0.0 or excess < -error else point.SLIDING
+    return point.SLIDING if excess > error else point.STICKING
