@@ -12,9 +12,13 @@ from worm3d.codegen import Kernel, compile_kernel
 from worm3d.kernels import joint, point, segment
 from worm3d.kernels.layout import Layout
 from worm3d.plant import kernels
+from worm3d.solver.regimes import EXCESS, SLIP, TOUCHING, Y
 
 COUNT = 40
 """Random states of each kernel."""
+
+AT_REST = {"first": np.zeros((3, COUNT))}
+"""Seen from where the point is."""
 
 Values = dict[str, np.ndarray]
 FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
@@ -357,9 +361,9 @@ def test_point_force_and_its_derivative_on_a_curved_world(coupled: bool, inside:
     if not coupled:
         assert_close(out[None, :3], differences(lambda x: at(x)[12:13], values["x"], h), 1e-6)
     assert (np.abs(K - K.transpose(1, 0, 2)).max() > 1.0) == coupled
-    yielding = run("point_yielding", point.LAYOUT, values)
+    yielding = run("point_yielding", point.LAYOUT, values | AT_REST)
     free, touching = values["regime"][0] == point.FREE, (out[13] > 0.0)
-    touching, sliding, ahead = free & touching, yielding[4] > 0.0, yielding[2] > 0.0
+    touching, sliding, ahead = free & touching, yielding[EXCESS] > 0.0, yielding[Y] > 0.0
     for kind in (touching & sliding & ahead, touching & sliding & ~ahead, touching & ~sliding, free & ~touching):
         assert kind.sum() >= 3, "every branch is among the states"
 
@@ -367,13 +371,33 @@ def test_point_force_and_its_derivative_on_a_curved_world(coupled: bool, inside:
 def test_a_regime_that_the_law_confirms_changes_nothing() -> None:
     """Newton's regimes OPEN, SLIDING and STICKING give force, derivative, potential and load of the law itself."""
     values = some_point(coupled=True, inside=False) | {"regime": np.full((1, COUNT), point.FREE)}
-    law, yielding = run("point_force", point.LAYOUT, values), run("point_yielding", point.LAYOUT, values)
-    held = np.where(yielding[4] > 0.0, point.SLIDING, point.STICKING)
-    regime = np.where(yielding[5] > 0.0, held, point.OPEN)
+    law, yielding = run("point_force", point.LAYOUT, values), run("point_yielding", point.LAYOUT, values | AT_REST)
+    held = np.where(yielding[EXCESS] > 0.0, point.SLIDING, point.STICKING)
+    regime = np.where(yielding[TOUCHING] > 0.0, held, point.OPEN)
     assert len(set(regime)) == 3
     assert_allclose(run("point_force", point.LAYOUT, values | {"regime": regime[None]}), law, rtol=1e-12, atol=1e-12)
     wrong = run("point_force", point.LAYOUT, values | {"regime": np.where(regime == point.OPEN, 2.0, 1.0)[None]})
     assert (np.abs(wrong - law).max(axis=0) > 1e-6).all(), "and one that it denies does"
+
+
+def test_looking_ahead_is_looking_from_there() -> None:
+    """Displacement, excess and penetration at X + `first` are those seen at that place (of a plane: exactly)."""
+    values = some_point(coupled=True, inside=False)
+    there = values["x"] + values["first"]
+    closer = values["distance"] + np.sum(values["normal"] * values["first"], axis=0)
+    ahead = run("point_yielding", point.LAYOUT, values)
+    seen = run("point_yielding", point.LAYOUT, values | AT_REST | {"x": there, "distance": closer})
+    now = run("point_yielding", point.LAYOUT, values | AT_REST)
+    assert_allclose(ahead[: TOUCHING + 1], seen[: TOUCHING + 1], rtol=1e-9, atol=1e-12)
+    mu_n, mu = (np.where(way[Y] > 0.0, values["mu"][0], values["mu"][1]) for way in (now, ahead))
+    turn = mu_n**2 * now[Y] * ahead[Y] + values["mu"][2] ** 2 * now[Y + 1] * ahead[Y + 1]
+    assert_allclose(ahead[4], turn, rtol=1e-9, atol=1e-15)
+    r = 1.0 / (1.0 / values["yield_gauge"][0] + values["gauge_damping"][0] / values["dt"][0])
+    rho = np.hypot(mu * ahead[Y], values["mu"][2] * ahead[Y + 1])
+    turns = (now[Y] * ahead[Y] < 0.0) & (rho > point.TURNED * values["cap"][0] * r)
+    assert_allclose(ahead[5], turns)
+    assert 0 < turns.sum() < COUNT
+    assert_allclose(ahead[SLIP:], now[SLIP:], rtol=0, atol=0)
 
 
 def test_point_force_is_that_of_the_equations() -> None:

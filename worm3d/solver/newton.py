@@ -40,7 +40,7 @@ CURVATURE = 10.0
 """A step of size s moves a contact point otherwise than to first order by s^2 times this over the segment length."""
 DOUBT = 2.0
 """By which that error is taken to be larger each time that contacts have changed their regime."""
-FOLLOWED = 1e-13
+FOLLOWED = 1e-14
 """Coordinate step, as a fraction of the body length, at which Newton has converged."""
 STAGNATION = 1e-12
 """A step below this fraction, with a new Jacobian, that no longer shrinks is rounding: converged too."""

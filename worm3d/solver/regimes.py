@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 _LOAD_N, _REGIME, _STIFFNESS = point.LAYOUT.firsts("load_n", "regime", "stiffness")
 _DQ, _FIRST = segment.LAYOUT.first("dq"), point.LAYOUT.first("first")
-Y, EXCESS, _TOUCHING, _TURN, _TURNS, SLIP = 0, 2, 3, 4, 5, 6
+Y, EXCESS, TOUCHING, _TURN, _TURNS, SLIP = 0, 2, 3, 4, 5, 6
 """Rows of "yielding_out"."""
 
 
@@ -37,7 +37,7 @@ def own(core: Core) -> None:
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     for k in range(p.shape[1]):
         touching = point.SLIDING if out[EXCESS, k] > 0.0 else point.STICKING
-        p[_REGIME, k] = touching if out[_TOUCHING, k] > 0.0 else point.OPEN
+        p[_REGIME, k] = touching if out[TOUCHING, k] > 0.0 else point.OPEN
 
 
 @njit
@@ -66,7 +66,7 @@ def lands(core: Core, error: float) -> bool:
     lanes = p.shape[1] // POINTS
     for s in range(POINTS):
         for k in range(s * lanes, s * lanes + core.n):
-            if p[_REGIME, k] == point.OPEN and out[_TOUCHING, k] > error and p[_STIFFNESS, k] > 0.0:
+            if p[_REGIME, k] == point.OPEN and out[TOUCHING, k] > error and p[_STIFFNESS, k] > 0.0:
                 return True
     return False
 
@@ -91,7 +91,7 @@ def change(core: Core, error: float, lands: bool) -> tuple[bool, bool]:
             if p[_STIFFNESS, k] == 0.0:
                 continue
             regime = p[_REGIME, k]
-            new = _by_law(regime, out[_TOUCHING, k], out[EXCESS, k], out[_TURN, k], error)
+            new = _by_law(regime, out[TOUCHING, k], out[EXCESS, k], out[_TURN, k], error)
             if regime == point.STICKING and new != point.OPEN:
                 turned = turned or out[_TURNS, k] != 0.0
                 if lands or out[_TURNS, k] != 0.0:
