@@ -12,14 +12,13 @@ A gait is an activation A_i(t) in [-1, 1] of each segment i = 0 (tail) ... N-1 (
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import Command
+from worm3d import Command, Commands
 
 FloatArray = NDArray[np.float64]
 Direction = Literal["direct", "retrograde"]
@@ -74,21 +73,43 @@ class Gait(ABC):
     def activation(self, t: float, segments: int) -> FloatArray:
         """Return the activation of each segment at time t [s], shape (segments,), in [-1, 1]."""
 
-    def bind(self, worm: Body) -> Callable[[float], Command]:
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activations at K times, shape (K, segments)."""
+        return np.array([self.activation(t, segments) for t in times]).reshape(-1, segments)
+
+    def bind(self, worm: Body) -> BoundGait:
         """Return the actuation of `worm`: time [s] -> `worm3d.Command`, clipped to the worm's stroke."""
-        segments, (least, greatest) = worm.segments, worm.stroke
-        sides = np.array([1.0 + self.bias, 1.0 - self.bias])
+        return BoundGait(self, worm.segments, worm.stroke)
 
-        def actuation(t: float) -> Command:
-            activation = self.activation(t, segments)
-            chambers = activation[:, None] * sides
-            return Command(
-                contraction=np.clip(self.amplitude * chambers, least, greatest),
-                hinge=self.hinge * np.maximum(0.0, activation[1:]),
-                force=self.force * chambers,
-            )
 
-        return actuation
+class BoundGait:
+    """A gait as the actuation of one worm.
+
+    Parameters
+    ----------
+    gait : Gait
+    segments : int
+    stroke : tuple of float
+        Least and greatest contraction.
+    """
+
+    def __init__(self, gait: Gait, segments: int, stroke: tuple[float, float]) -> None:
+        self._gait, self._segments, self._stroke = gait, segments, stroke
+
+    def __call__(self, t: float) -> Command:
+        """Return the command at time t [s]."""
+        contraction, hinge, force = self._applied(self._gait.activation(t, self._segments))
+        return Command(contraction, hinge, force)
+
+    def commands(self, times: FloatArray) -> Commands:
+        """Return the commands at K times [s] at once."""
+        return self._applied(self._gait.activations(times, self._segments))
+
+    def _applied(self, activation: FloatArray) -> Commands:
+        gait = self._gait
+        chambers = activation[..., None] * np.array([1.0 + gait.bias, 1.0 - gait.bias])
+        hinge = gait.hinge * np.maximum(0.0, activation[..., 1:])
+        return Commands(np.clip(gait.amplitude * chambers, *self._stroke), hinge, gait.force * chambers)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,8 +141,13 @@ class TravellingWave(Gait):
 
     def activation(self, t: float, segments: int) -> FloatArray:
         """Return the activation of each segment at time t [s], shape (segments,), in [-1, 1]."""
+        activation: FloatArray = self.activations(np.array([t]), segments)[0]
+        return activation
+
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activations at K times, shape (K, segments)."""
         kx = 2.0 * np.pi / self.wavelength * (np.arange(segments) + 0.5) / segments
-        wt = 2.0 * np.pi / self.period * t
+        wt = 2.0 * np.pi / self.period * times[:, None]
         match self.direction:
             case "direct":
                 wave = np.sin(kx - wt)
@@ -179,8 +205,13 @@ class ContractionEngine_segmentdriven(Gait):  # noqa: N801 - the paper's name
 
     def activation(self, t: float, segments: int) -> FloatArray:
         """Return the activation of each segment at time t [s], shape (segments,), in [-1, 1]."""
+        activation: FloatArray = self.activations(np.array([t]), segments)[0]
+        return activation
+
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activations at K times, shape (K, segments)."""
         order = np.arange(segments) if self.direction == "direct" else np.arange(segments)[::-1]
-        since = t - order * self.T_wave / segments
+        since = times[:, None] - order * self.T_wave / segments
         # Rounding must not decide on which side of its activation a segment is: times within 1e-9 are equal.
         elapsed = np.mod(since + 1e-9 * self.T_wave, self.T_wave)
         active = (since > -1e-9 * self.T_wave) & (elapsed < self.T_contract)

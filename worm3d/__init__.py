@@ -13,7 +13,7 @@ import sys
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from worm3d.command import Command
+from worm3d.command import Command, Commands
 from worm3d.worm import Worm
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ _HOMES = {
 __all__ = [
     "ClampedGround",
     "Command",
+    "Commands",
     "Energy",
     "Friction",
     "Held",

@@ -8,7 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.command import Command
+from worm3d.command import Command, Commands
 from worm3d.observation import Observation
 from worm3d.worm import Worm
 
@@ -81,6 +81,21 @@ class Driver:
             )
         if sensor is not None and self.controller is None:
             raise ValueError("sensor: only a controller takes measurements; the actuation has no reset and step")
+
+    def table(self, times: FloatArray) -> FloatArray | None:
+        """Return the commands at K times as rows, shape (K, 5 N); None if they have to be asked for one by one.
+
+        An actuation gives them at once if it has a method `commands`, as bound gaits have.
+        """
+        ask = getattr(self._at, "commands", None)
+        if ask is None or self.controller is not None:
+            return None
+        given: Commands = ask(times)
+        k = len(times)
+        parts = (given.contraction.reshape(k, -1), given.force.reshape(k, -1), np.zeros((k, 1)), given.hinge)
+        rows = np.hstack(parts)
+        fits = rows.shape == (k, 5 * self.n) and np.isfinite(rows).all() and (given.contraction < 1.0).all()
+        return rows if fits else None  # one by one it is told which is wrong
 
     def at(self, t: float) -> FloatArray:
         """Return the command at time t as a row, shape (5 N,)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -59,6 +60,17 @@ class Command:
         )
 
     __hash__ = None  # type: ignore[assignment]
+
+
+class Commands(NamedTuple):
+    """Commands at K instants, not checked yet; what `Command` holds, each with K in front."""
+
+    contraction: FloatArray
+    """Shape (K, N, 2)."""
+    hinge: FloatArray
+    """Shape (K, N - 1) [rad]."""
+    force: FloatArray
+    """Shape (K, N, 2) [N]."""
 
 
 def _filled(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:

@@ -214,12 +214,15 @@ class _Run:
         controlled = self.driver.controller is not None
         whole = max(1, CHUNK // self.every) * self.every  # ends on a row of the result
         count = 1 if controlled else min(whole, self.steps - self.done)
+        times = [self.time(self.done + k + 1) for k in range(count)]
+        table = self.driver.table(np.array(times))
         commands: list[FloatArray] = []
         forces: list[FloatArray] = []
         try:
-            for k in range(count):
-                forces.append(self._forces(self.time(self.done + k + 1)))
-                commands.append(self._command(self.time(self.done + k + 1)))
+            for k, t in enumerate(times):
+                if self.external_force is not None:
+                    forces.append(self._forces(t))
+                commands.append(self._command(t) if table is None else table[k])
         except ValueError as error:
             self.complaint = str(error)
         status = self._advance(np.array(commands).reshape(-1, 5 * self.n), forces[: len(commands)])
