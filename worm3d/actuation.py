@@ -66,6 +66,10 @@ class Driver:
         self.n, self._sensor = worm.segments, sensor
         self.controller: Controller | None = None
         self._at: Callable[[float], Command] = lambda t: Command(np.zeros((worm.segments, 2)))
+        if isinstance(actuation, type):
+            raise ValueError(
+                f"actuation: got the class {actuation.__name__}, must be an object: {actuation.__name__}()"
+            )
         if isinstance(actuation, Gait):
             self._at = actuation.bind(worm)
         elif isinstance(actuation, Controller):

@@ -19,9 +19,10 @@ Apexes (E3), with m = (p_i + p_{i+1})/2, in the order of the conventions
 
 End faces (E6) are discs of radius R across the ends of the worm; the place nearest to a wall with the normal n is
 
-    p - R w/sqrt(w.w + FACING^2),   w = n - (n.t) t
+    p + R (r_d d + r_u u),   (r_d, r_u) = -(n.d, n.u)/sqrt((n.d)^2 + (n.u)^2 + FACING^2)
 
-(the disc's centre where it faces the wall). Inner joints touch the world with R = 0: the joint itself.
+(the disc's centre where it faces the wall). r is chosen at the start of a step and fixed to the body in it: friction
+acts on a place of the worm, which rolls away with it. Inner joints touch the world with R = 0: the joint itself.
 
 Springs (E4): half of (P7) per chamber, k/2 l0/2 (1 - l_c/l_cmd)^2; k_apex per segment acts on two hinges, shared
 by the chambers: k_apex/2 (angle_c - angle_0)^2 with angle = 2 asin(l_c/2a).
@@ -91,10 +92,15 @@ def apexes(middle: ca.SX, f: Frame, chambers: list[ca.SX], link: ca.SX, offset: 
     return points
 
 
-def face_point(p: ca.SX, t: ca.SX, radius: ca.SX, normal: ca.SX) -> ca.SX:
-    """Return the place of an end face that is nearest to a wall with the given normal, (E6), shape (3,) [m]."""
-    w = normal - ca.dot(normal, t) * t
-    return p - radius * w / ca.sqrt(ca.dot(w, w) + FACING**2)
+def nearest_rim(f: Frame, normal: ca.SX) -> ca.SX:
+    """Return the place r of a face's rim that is nearest to a wall with the given normal, (E6), shape (2,)."""
+    across = ca.vertcat(ca.dot(normal, f.d), ca.dot(normal, f.u))
+    return -across / ca.sqrt(ca.sumsqr(across) + FACING**2)
+
+
+def face_point(p: ca.SX, f: Frame, radius: ca.SX, rim: ca.SX) -> ca.SX:
+    """Return the place of an end face at r = `rim`, (E6), shape (3,) [m]."""
+    return p + radius * (rim[0] * f.d + rim[1] * f.u)
 
 
 def chamber_energy(k: ca.SX, l0: ca.SX, chamber_length: ca.SX, commanded: ca.SX) -> ca.SX:

@@ -34,12 +34,17 @@ class Held:
         Raises
         ------
         ValueError
-            An array of the wrong shape.
+            An array that is not of bool, or of the wrong shape.
         """
         mask = np.ones((segments + 1, 5), dtype=bool)
         parts = (("joints", mask[:, :3]), ("roll", mask[:-1, 3]), ("bend", mask[:-1, 4]))
         for name, part in parts:
-            value = np.array(getattr(self, name), dtype=bool)
+            value = np.array(getattr(self, name))
+            if value.dtype != bool:
+                raise ValueError(
+                    f"held.{name}: got {value.dtype} values, must be True or False for each, not the numbers of those "
+                    "that are held"
+                )
             try:
                 part[:] = value
             except ValueError:

@@ -20,7 +20,9 @@ UPRIGHT = 1e-3
 NO_HEADING = "the body is vertical at the start: it has no heading"
 SPARSE = "the rows of the result lie further apart than a period of the gait: record more of them"
 SHORT_RUN = "the run is shorter than one period of the gait, over which the centre of mass is averaged"
-NO_PERIOD = "the actuation has no period over which the centre of mass could be averaged"
+NO_PERIOD = "the actuation has no `period` [s] over which the centre of mass could be averaged"
+NO_WAY = 1e-9
+"""Distance that is rounding, as a fraction of the body length."""
 
 
 def heading(joints: FloatArray) -> FloatArray:
@@ -99,9 +101,7 @@ def summary(result: Result) -> dict[str, float | str | None]:
         "heading_change_deg": _known(float(turned)),
         "work_contract_J": work,
         "work_friction_J": float(energy.friction_loss.sum()),
-        "cost_of_transport": None
-        if work < -_rounding(result) or weight * way <= 0.0
-        else max(0.0, work) / (weight * way),
+        "cost_of_transport": _cost(work, weight, way, result),
         "energy_balance_error": energy.balance_error,
         "newton_iterations_mean": float(result.newton_iterations.mean()) if steps else None,
         "real_time_factor": steps * result.dt / result.wall_s if steps and result.wall_s > 0.0 else None,
@@ -110,6 +110,12 @@ def summary(result: Result) -> dict[str, float | str | None]:
         "work_friction_p13_J": float(energy.work_friction_p13.sum()),
         "halved_steps": float(result.halved_steps),
     }
+
+
+def _cost(work: float, weight: float, way: float, result: Result) -> float | None:
+    if work < -_rounding(result) or weight == 0.0 or not way > NO_WAY * result.worm.length:
+        return None
+    return max(0.0, work) / (weight * way)
 
 
 def _known(value: float) -> float | None:
@@ -150,6 +156,6 @@ def _no_cost(result: Result) -> str:
     work, way = float(result.energy.work_contract.sum()), result.distance
     if work < -_rounding(result):
         return f"the net work of the contraction is negative ({work:.4g} J): the worm drove its actuators"
-    if way <= 0.0:
+    if way <= NO_WAY * result.worm.length:
         return f"the worm made no way forward ({way:.4g} m)"
     return "the worm has no weight, or no heading at the start"

@@ -17,6 +17,7 @@ from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, REMEMBERED, CoreMemory
 from worm3d.solver.entry import SIGNATURE
 from worm3d.solver.evaluate import evaluate_entry
+from worm3d.solver.faces import turn_faces
 from worm3d.solver.newton import solve_entry
 from worm3d.solver.step import step_entry
 from worm3d.state import State, StateError
@@ -33,7 +34,7 @@ DEEPEST = 0.1
 """A joint deeper in the world than this fraction of the segment length is sunk (0 where joints do not touch it)."""
 
 _ROWS_REMEMBERED = (
-    (segment.LAYOUT, "segment_in", ("t_ref", "d_ref", "normal", "commanded_n")),
+    (segment.LAYOUT, "segment_in", ("t_ref", "d_ref", "rim", "commanded_n")),
     (point.LAYOUT, "point_in", ("anchor", "load_n")),
     (joint.LAYOUT, "joint_in", ("hinge_n",)),
 )
@@ -44,6 +45,7 @@ def kernels() -> dict[str, Kernel]:
     """Return the compiled kernels by name."""
     return {
         "segment_shape": compile_kernel(segment.shape()),
+        "segment_rims": compile_kernel(segment.rims()),
         "segment_motion": compile_kernel(segment.motion()),
         "segment_gradient": compile_kernel(segment.gradient()),
         "segment_hessian": compile_kernel(segment.hessian()),
@@ -232,12 +234,11 @@ class Plant:
         across = state.directors - np.sum(state.directors * tangents, axis=1)[:, None] * tangents
         self._segment_row("t_ref")[:] = tangents.T
         self._segment_row("d_ref")[:] = (across / np.linalg.norm(across, axis=1)[:, None]).T
-        normal = self._segment_row("normal")
-        normal[:] = np.tile([0.0, 0.0, 1.0], 2)[:, None]
+        self._segment_row("rim")[:] = 0.0
         for _ in range(3):  # the faces' places depend on the world's normal there
             self._place()
-            seen = self._point_row("normal")
-            normal[:3], normal[3:] = seen[:, 6, :n], seen[:, 7, :n]
+            turn_faces(self.core)
+        self._place()
         self._begin_histories(state)
 
     def _place(self) -> None:
@@ -259,12 +260,10 @@ class Plant:
 
     def _begin_histories(self, state: State) -> None:
         n, a = self.n, self.arrays
-        a["joints"][:], a["joint_velocity"][:] = (
-            np.tile(state.joints.T, (2, 1)),
-            np.tile(state.joint_velocity.T, (2, 1)),
-        )
         rate = np.zeros((n + 1, BLOCK))
         rate[:, :3], rate[:n, 3], rate[:n, 4] = state.joint_velocity, state.roll_rate, state.bend_rate
+        rate[a["held"].reshape(-1, BLOCK) != 0.0] = 0.0
+        a["joints"][:], a["joint_velocity"][:] = np.tile(state.joints.T, (2, 1)), np.tile(rate[:, :3].T, (2, 1))
         for r, row in enumerate(self._segment_row("dq")):
             row[:] = rate.ravel()[r : r + BLOCK * n : BLOCK]
         terms = len(segment.LEDGER_TERMS)
@@ -295,14 +294,16 @@ class Plant:
         """Return the normal load of each contact point at the end of the last step, not a copy, shape (8, N) [N]."""
         return self._point_row("load_n")[0, :, : self.n]
 
-    def state(self, time: float, **more: FloatArray) -> State:
-        """Return the state, with memory and `more` in it."""
-        n = self.n
+    def state(self, time: float, dt: float = np.inf, **more: FloatArray) -> State:
+        """Return the state, with memory and `more` in it; `dt` is the last step's, for the rates of roll and bend."""
+        n, rates = self.n, self.arrays["last"].reshape(-1, BLOCK)[: self.n] / dt
         return State(
             joints=self.arrays["joints"][:3].T,
             directors=self._segment_row("d_ref").T,
             bend=self.arrays["x"].reshape(-1, BLOCK)[:n, 4],
             joint_velocity=self.arrays["joint_velocity"][:3].T,
+            roll_rate=rates[:, 3],
+            bend_rate=rates[:, 4],
             time=time,
             memory=self.memory() | more,
         )

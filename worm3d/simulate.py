@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from time import perf_counter
 from typing import Literal
@@ -14,13 +15,13 @@ from worm3d.friction import Friction
 from worm3d.held import Held, held_mask
 from worm3d.metrics import heading
 from worm3d.observation import Observation
-from worm3d.plant import Plant
+from worm3d.plant import DEEPEST, Plant
 from worm3d.result import Energy, Result
 from worm3d.solver.advance import advance, worst_residual
 from worm3d.solver.arrays import COUNTERS, POINTS
 from worm3d.solver.guard import NO_CONVERGENCE, OK
 from worm3d.solver.records import mass_centre, record, record_memory
-from worm3d.start import GUARDED, require_clear, require_equilibrium, require_shape, settle, settles
+from worm3d.start import GUARDED, OVERLAP, require_clear, require_equilibrium, require_shape, settle, settles
 from worm3d.state import State
 from worm3d.status import Status, Stop
 from worm3d.worlds import ClampedGround, World
@@ -36,6 +37,8 @@ HALVINGS = 6
 
 CHUNK = 50
 """Steps between two looks at the outside world, where nothing depends on the state (of `record_every`, if more)."""
+
+_LOG = logging.getLogger(__name__)
 
 _HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
 
@@ -68,9 +71,10 @@ def simulate(
     ground : Friction, optional
         Coefficients of friction; `Friction()` if left out.
     actuation : gait, controller, or function of time, optional
-        Gives the commands (`worm3d.actuation`); left alone if None.
+        Gives the commands (`worm3d.actuation`); left alone if None. Where it has a number `period` [s], the result has
+        the mean speed over such periods.
     duration, dt : float
-        Simulated time and time step [s].
+        Simulated time, rounded to whole time steps, and time step [s].
     integrator : str
         "bdf2" (second order) or "implicit_euler" (the paper's).
     gravity : array_like, shape (3,)
@@ -79,13 +83,13 @@ def simulate(
         Time [s] -> forces on the joints, shape (N+1, 3) [N].
     state : State, optional
         Where the run starts; a straight worm along x on the world if left out. The final `Result.state` of a run
-        goes on with it, bit for bit.
+        goes on with it, bit for bit if all else is the same (a controller begins anew: its `reset` is called).
     held : Held or array_like of bool, shape (N+1, 3), optional
         Coordinates (of the joints) that stay fixed.
     sensor : callable, optional
         Makes of an `Observation` the measurement that a controller gets; None: the observation.
     record_every : int
-        Steps between two rows of the result.
+        Steps between two rows of the result; a divisor of their number.
     settle_first : bool
         Whether a worm that starts at rest is first brought to equilibrium on its world, under the weight that presses
         it there. A state with memory never is.
@@ -107,6 +111,7 @@ def simulate(
     ValueError
         Another argument out of range or of the wrong shape.
     """
+    _require_kinds(world, ground, external_force)
     weight = _vector(gravity)
     steps = _steps(duration, dt, record_every, integrator)
     friction = ground if ground is not None else Friction()
@@ -128,13 +133,23 @@ def simulate(
     return run.result(status, getattr(actuation, "period", getattr(actuation, "T_wave", None)))
 
 
+def _require_kinds(world: object, ground: object, external_force: object) -> None:
+    """Raise ValueError where an argument stands in the wrong place."""
+    if not (world is None or isinstance(world, World)):
+        raise ValueError(f"world: got {type(world).__name__}, must be a world such as worm3d.Plane(), or None")
+    if not (ground is None or isinstance(ground, Friction)):
+        raise ValueError(f"ground: got {type(ground).__name__}, must be a worm3d.Friction, or None for the default")
+    if not (external_force is None or callable(external_force)):
+        raise ValueError(f"external_force: got {type(external_force).__name__}, must be a function of time, or None")
+
+
 def _begin(plant: Plant, start: State, settle_first: bool) -> Status:
     """Put the worm into its initial state."""
     plant.set_pose(start)
+    require_clear(plant, DEEPEST if start.memory else OVERLAP)
     if start.memory:
         plant.remember(start.memory)
         return Status.DONE
-    require_clear(plant)
     if settle_first and not start.moves and settles(plant.world, plant.gravity):
         assert plant.world is not None
         held = plant.arrays["held"][0] != 0.0
@@ -165,7 +180,7 @@ class _Run:
         self.n, self.core = plant.n, plant.core
         self.records = record_memory(self.n, steps // every + 1)
         self.counters = np.zeros((steps, COUNTERS), dtype=np.int64)
-        self.done, self.halved, self.wall = 0, 0, 0.0
+        self.done, self.halved, self.last_share, self.wall = 0, 0, 1.0, 0.0
         self.complaint, self.residual = "", (0.0, 0)
         self.first = round(start.time / dt)
         self.offset = start.time - self.first * dt
@@ -223,8 +238,8 @@ class _Run:
                 if self.external_force is not None:
                     forces.append(self._forces(t))
                 commands.append(self._command(t) if table is None else table[k])
-        except ValueError as error:
-            self.complaint = str(error)
+        except Exception as error:
+            self.complaint = _complaint(error)
         status = self._advance(np.array(commands).reshape(-1, 5 * self.n), forces[: len(commands)])
         return Status.BAD_COMMAND if status is Status.DONE and self.complaint else status
 
@@ -272,13 +287,14 @@ class _Run:
             status = self._part(command, self.done, 0.5, HALVINGS - 1)
             if status is Status.DONE:
                 status = self._part(command, self.done + 0.5, 0.5, HALVINGS - 1)
-        except ValueError as error:  # of the actuation or the force, at a time between two steps
-            self.complaint, status = str(error), Status.BAD_COMMAND
+        except Exception as error:
+            self.complaint, status = _complaint(error), Status.BAD_COMMAND
         if status is not Status.DONE:
             self.plant.remember(before)  # the parts are no finished step
             return status
         for name, rows in past.items():
             arrays[name][len(rows) :] = rows
+        arrays["last"] /= self.last_share  # at the rate of its last part
         self.done, self.halved, self.remembers = self.done + 1, self.halved + 1, True
         self.counters[self.done - 1] = self.plant.memory_of_core.counters
         if self.done % self.every == 0:
@@ -294,6 +310,7 @@ class _Run:
             self.core, self.records.block, self.counters, command[None], force, 0, 0, share * self.dt, False, False
         )
         if end != NO_CONVERGENCE:
+            self.last_share = share
             return GUARDED[end]
         if halvings == 0:
             self.residual = worst_residual(self.core)
@@ -328,7 +345,7 @@ class _Run:
         counters = self.counters[: self.done]
         given, asked = raw["given"], raw["asked"]
         remembers = np.array([self.dt if self.remembers else 0.0])
-        state = self.plant.state(self.time(self.done), remembers=remembers)
+        state = self.plant.state(self.time(self.done), self.dt, remembers=remembers)
         return Result(
             worm=self.plant.worm,
             world=self.plant.world,
@@ -378,6 +395,14 @@ def _of_joints(of_points: FloatArray) -> FloatArray:
     return np.column_stack([of_points[:, :, 6], of_points[:, -1, 7]])
 
 
+def _complaint(error: Exception) -> str:
+    """Return what an error of the user's code says; one that is no complaint about its values is logged in full."""
+    if isinstance(error, ValueError):
+        return str(error)
+    _LOG.error("the actuation or the external force failed", exc_info=error)
+    return f"{type(error).__name__}: {error}"
+
+
 def _vector(gravity: ArrayLike) -> FloatArray:
     vector = np.array(gravity, dtype=float)
     if vector.shape != (3,) or not np.isfinite(vector).all():
@@ -390,8 +415,11 @@ def _steps(duration: float, dt: float, every: int, integrator: str) -> int:
     for name, value in (("duration", duration), ("dt", dt)):
         if not (np.isfinite(value) and value > 0.0):
             raise ValueError(f"{name}: got {value!r} s, must be finite and above 0")
-    if isinstance(every, bool) or every != int(every) or every < 1:
+    if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
         raise ValueError(f"record_every: got {every!r}, must be a whole number of at least 1")
     if integrator not in ("bdf2", "implicit_euler"):
         raise ValueError(f"integrator: got {integrator!r}, must be 'bdf2' or 'implicit_euler'")
-    return max(1, round(duration / dt))
+    steps = max(1, round(duration / dt))
+    if steps % every:
+        raise ValueError(f"record_every: got {every}, must divide the {steps} time steps of the run: its end is kept")
+    return steps

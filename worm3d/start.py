@@ -28,6 +28,9 @@ MAX_SETTLING = 200
 SETTLED = 1e-13
 """Motion of the joints in such a step, as a fraction of the body length, at which the worm rests."""
 
+RESTS = 1e-9
+"""And that at which it rests well enough where rounding keeps it from coming closer."""
+
 OVERLAP = 10.0 * RESTING_PENETRATION
 """A start with a contact point deeper in the world than this fraction of the segment length is refused."""
 
@@ -118,10 +121,10 @@ def require_shape(worm: Worm, state: State) -> None:
         )
 
 
-def require_clear(plant: Plant) -> None:
-    """Raise StateError where a contact point of the worm at the start lies in the world."""
+def require_clear(plant: Plant, overlap: float) -> None:
+    """Raise StateError where a contact point lies deeper in the world than this fraction of the segment length."""
     depth = plant.depth()
-    if depth.max() > OVERLAP * plant.worm.l0:
+    if depth.max() > overlap * plant.worm.l0:
         segment = int(np.argmax(depth.max(axis=0)))
         raise StateError(f"state: segment {segment} lies {depth.max():.3g} m inside the world; lift or move the worm")
 
@@ -138,7 +141,7 @@ def settle(
     plant = Plant(worm, world, Friction(0.0, 0.0, 0.0, 1.0), pressing, held, scale=gravity)
     plant.set_pose(state)
     records, counters = record_memory(worm.segments, 1), np.zeros((0, 3), dtype=np.int64)
-    command, none = np.zeros((1, 5 * worm.segments)), np.zeros((0, 3, worm.segments + 1))
+    command, none, moved = np.zeros((1, 5 * worm.segments)), np.zeros((0, 3, worm.segments + 1)), np.inf
     for _ in range(MAX_SETTLING):
         before = plant.arrays["joints"][:3].copy()
         done, end = advance(plant.core, records.block, counters, command, none, 0, 0, SETTLING_TIME, False, False)
@@ -148,7 +151,7 @@ def settle(
         plant.stop()
         if moved < SETTLED * worm.length:
             break
-    return plant.state(state.time), Status.DONE
+    return plant.state(state.time), Status.DONE if moved < RESTS * worm.length else Status.UNSETTLED
 
 
 def settles(world: World | None, gravity: FloatArray) -> bool:

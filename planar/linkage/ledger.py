@@ -6,7 +6,8 @@ Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the fi
     = change of kinetic, elastic, potential, penetration and anchor energy
       + friction loss + viscous loss + numerical loss - residual.dq
 
-* Actuators: E(l_n, cmd_{n+1}) - E(l_n, cmd_n), the integral of (dE/dl_cmd) dl_cmd over the change of command.
+* Actuators: the integral of (dE/dl_cmd) dl_cmd over the change of command, by the trapezoidal rule: the mean of
+  E(l, cmd_{n+1}) - E(l, cmd_n) at l_n and l_{n+1}; its difference to that at l_n is numerical loss, of either sign.
 * Friction: N rho(motion of the anchor), (P10) as -F.dq for the clamped worm.
 * Viscous: Kelvin-Voigt c (ds)^2/dt, medium (P8), the dampers of the contacts.
 * Numerical: m |dV|^2/2; E_n - E_{n+1} + gradE_{n+1}.dq for every energy; and, since X(q) and the strains s(q) are not
@@ -220,11 +221,16 @@ class _Terms:
         def tension(command: FloatArray | float) -> FloatArray:
             return -k * l0 / command * (1.0 - self.l / command)
 
-        work = spring(self.l_n, cmd) - spring(self.l_n, cmd_n)
+        commanding, commanded = (
+            spring(self.l_n, cmd) - spring(self.l_n, cmd_n),
+            spring(self.l, cmd) - spring(self.l, cmd_n),
+        )
+        work = (commanding + commanded) / 2.0  # integral of (dE/dl_cmd) dl_cmd, by the trapezoidal rule
         rise = spring(self.l, cmd) - spring(self.l_n, cmd)
         change, numerical = spring(self.l, cmd) - spring(self.l_n, cmd_n), tension(cmd) * self.stretch - rise
         damper = self.tau * k / l0
         viscous = damper * (self.l - self.l_n) ** 2
+        numerical = numerical + work - commanding
         numerical = numerical + damper * (self.l - self.l_n) * (self.stretch - (self.l - self.l_n))
         p11 = -(tension(cmd) - tension(l0)) * self.stretch
         terms = {"work": work, "change": change, "viscous": viscous, "numerical": numerical, "p11": p11}

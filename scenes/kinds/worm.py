@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 S = TypeVar("S", WormScene, PlanarWormScene)
 
 ADVICE = (
-    "try a smaller run.dt_s or gait.amplitude, a longer gait.period_s, a lighter worm or larger worm.spring_N, "
-    "worm.torsion_J or worm.kelvin_voigt_time_s"
+    "try a smaller run.dt_s or gait.amplitude (or gait.hinge_deg), a longer gait.period_s, a lighter worm or larger "
+    "worm.spring_N, worm.torsion_J or worm.kelvin_voigt_time_s"
 )
 
 FIGURES = ("path", "centre_of_mass_and_heading", "body", "contraction", "loads_and_slip", "energy_ledger")

@@ -122,12 +122,23 @@ def test_chamber_energy_is_half_of_p7(length: float) -> None:
     assert_allclose(values(elements.half_height(ca.SX(0.12), ca.SX(length))), np.sqrt(0.0144 - length**2 / 4))
 
 
-def test_face_touches_a_wall_with_its_rim_or_its_middle() -> None:
-    """A level disc stands on its lowest rim point; tilted by phi that lies R cos(phi) below and is turned with it."""
-    p, radius, floor = vector(0, 0, 1), ca.SX(0.05), vector(0, 0, 1)
-    assert_allclose(values(elements.face_point(p, X, radius, floor)), [0, 0, 0.95], atol=1e-7)
+@pytest.mark.parametrize("roll", [0.0, 1.0, -2.5])
+def test_face_touches_a_wall_with_its_rim_or_its_middle(roll: float) -> None:
+    """A level disc stands on its lowest rim point; tilted by phi that lies R cos(phi) below and is turned with it.
+
+    Wherever the segment has rolled to; the place once chosen then rolls with it.
+    """
+    p, R, floor = vector(0, 0, 1), ca.SX(0.05), vector(0, 0, 1)
+
+    def place(edge: ca.SX, wall: ca.SX, rolled_on: float = 0.0, radius: ca.SX = R) -> np.ndarray:
+        frame = elements.frame(edge, ca.SX(roll), X, vector(0, 1, 0))
+        later = elements.frame(edge, ca.SX(roll + rolled_on), X, vector(0, 1, 0))
+        return values(elements.face_point(p, later, radius, elements.nearest_rim(frame, wall)))
+
+    assert_allclose(place(X, floor), [0, 0, 0.95], atol=1e-7)
     tilted = vector(np.cos(0.3), 0, np.sin(0.3))
-    rim = [0.05 * np.sin(0.3), 0, 1 - 0.05 * np.cos(0.3)]
-    assert_allclose(values(elements.face_point(p, tilted, radius, floor)), rim, atol=1e-7)
-    assert_allclose(values(elements.face_point(p, X, radius, X)), [0, 0, 1], atol=1e-15)
-    assert_allclose(values(elements.face_point(p, X, ca.SX(0.0), floor)), [0, 0, 1])
+    assert_allclose(place(tilted, floor), [0.05 * np.sin(0.3), 0, 1 - 0.05 * np.cos(0.3)], atol=1e-7)
+    assert_allclose(place(X, X), [0, 0, 1], atol=1e-15)
+    assert_allclose(place(X, floor, radius=ca.SX(0.0)), [0, 0, 1])
+    # Rolling on by a right angle turns the left side up: what was below comes to the left... of x, that is to -y or y.
+    assert_allclose(np.abs(place(X, floor, rolled_on=np.pi / 2)), [0, 0.05, 1], atol=1e-7)

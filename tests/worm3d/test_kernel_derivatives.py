@@ -23,6 +23,7 @@ AT_REST = {"first": np.zeros((3, COUNT))}
 Values = dict[str, np.ndarray]
 FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
     segment.shape,
+    segment.rims,
     segment.motion,
     segment.gradient,
     segment.hessian,
@@ -103,6 +104,7 @@ def some_segment(seed: int = 0) -> Values:
         "offset": uniform(0.01, 0.04),
         "radius": uniform(0.03, 0.06, 2),
         "normal": np.vstack([units(rng), units(rng)]),
+        "rim": np.vstack([units(rng)[:2], units(rng)[:2]]),
         "k": uniform(5, 30),
         "k_apex": uniform(0.05, 0.3),
         "l0": l0,
@@ -177,8 +179,8 @@ def frames(e: np.ndarray, roll: np.ndarray, t_ref: np.ndarray, d_ref: np.ndarray
 def test_segment_shape_and_energy_are_those_of_the_equations() -> None:
     """Rotations by Rodrigues' formula instead of (E1); (E2), (E3), (E4) and Kelvin-Voigt dampers as they stand.
 
-    Apexes of chamber c keep the links: a^2 = h_c^2 + l_c^2/4. The point of a face is the lowest one of a disc: across
-    the segment, a radius away, against the normal (up to the rounding FACING = 1e-3 of (E6)).
+    Apexes of chamber c keep the links: a^2 = h_c^2 + l_c^2/4. The point of a face is that of the disc which is chosen
+    for it: the lowest one across the segment, against the normal (up to the rounding FACING = 1e-3 of (E6)).
     """
     v = some_segment(2)
     q, b = v["q"], v["offset"][0]
@@ -193,14 +195,17 @@ def test_segment_shape_and_energy_are_those_of_the_equations() -> None:
     expected += [middle - b * d - h[1] * u, middle - b * d + h[1] * u, middle - (b + h[1]) * d]
     points = out[8:].reshape(3, 8, COUNT).transpose(1, 0, 2)
     assert_allclose(points[:6], expected, rtol=0, atol=1e-13)
+    rims = run("segment_rims", segment.LAYOUT, v)
     for k, p in enumerate((q[:3], q[5:])):
+        r = v["rim"][2 * k : 2 * k + 2]
+        assert_allclose(points[6 + k], p + v["radius"][k] * (r[0] * d + r[1] * u), rtol=0, atol=1e-13)
         n = v["normal"][3 * k : 3 * k + 3]
         w = n - np.sum(n * t, axis=0) * t
         w /= np.linalg.norm(w, axis=0)
-        lowest = p - v["radius"][k] * w
+        lowest, r = -w, rims[2 * k : 2 * k + 2]
         tilted = np.linalg.norm(np.cross(n, t, axis=0), axis=0) > 0.1
         assert tilted.sum() > COUNT // 2
-        assert_allclose(points[6 + k][:, tilted], lowest[:, tilted], rtol=0, atol=1e-4 * 0.06 / 2)
+        assert_allclose((r[0] * d + r[1] * u)[:, tilted], lowest[:, tilted], rtol=0, atol=1e-4)
     k, ka, l0, tau, span = (v[name][0] for name in ("k", "k_apex", "l0", "tau", "span"))
     angle, rest = 2 * np.arcsin(chambers / (2 * v["link"])), 2 * np.arcsin(l0 / (2 * v["link"][0]))
     phi = k / 2 * l0 / 2 * (1 - chambers / v["commanded"]) ** 2 + v["force"] * chambers + ka / 2 * (angle - rest) ** 2

@@ -110,7 +110,7 @@ def test_final_state_of_a_failed_run_is_its_last_row() -> None:
         return Command(np.zeros((N, 2)), hinge=3.0 * t)
 
     result = simulate(Worm(), Plane(), actuation=fold, duration=2.0)
-    assert result.status is Status.FOLDED
+    assert result.status in (Status.FOLDED, Status.FLATTENED)
     assert_array_equal(result.state.joints, result.joints[-1])
     assert_array_equal(result.state.bend, result.bend[-1])
 

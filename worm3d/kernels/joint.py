@@ -113,15 +113,16 @@ def ledger() -> ca.Function:
     s = LAYOUT.symbols
     terms = ca.SX.zeros(len(LEDGER_TERMS))
     now, before = (_strains(s["angles_n"], s[name]) for name in ("hinge", "hinge_n"))
-    strains = _strains(_angles(), s["hinge"])
+    strains, strains_before = (_strains(_angles(), s[name]) for name in ("hinge", "hinge_n"))
     for i, (strain, hat) in enumerate(zip(strains, _hats(), strict=True)):
         first = ca.jtimes(strain, s["q"], s["dq"])
 
         def energy(at: ca.SX, k: ca.SX = s["k"][i]) -> ca.SX:
             return k / 2.0 * at**2
 
-        work = energy(now[i]) - energy(before[i])
+        commanding = energy(now[i]) - energy(before[i])
+        work, missed = losses.trapezoid(commanding, energy(strain) - energy(strains_before[i]))
         change, numerical = losses.spring(energy, strain, now[i], first)
         lost, off = losses.damper(s["tau"] * s["k"][i], strain - hat, s["span"], s["dt"], first)
-        terms += ca.vertcat(work, work + change, lost, numerical + off)
+        terms += ca.vertcat(work, commanding + change, lost, numerical + missed + off)
     return LAYOUT.function("joint_ledger", {"terms": terms})

@@ -22,6 +22,18 @@ def spring(energy: Callable[[ca.SX], ca.SX], s: ca.SX, s_n: ca.SX, first: ca.SX)
     return change, slope(energy, s) * first - change
 
 
+def trapezoid(before: ca.SX, after: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return the work of a changing command, and the numerical loss of taking the change first and the motion then [J].
+
+    Parameters
+    ----------
+    before, after : SX
+        Change of energy by the command, at the strain before and after the step.
+    """
+    work = (before + after) / 2.0
+    return work, work - before
+
+
 def damper(c: ca.SX, moved: ca.SX, span: ca.SX, dt: ca.SX, first: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Return the viscous loss c rate^2 dt and the numerical loss of a damper [J].
 

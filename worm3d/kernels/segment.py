@@ -30,6 +30,7 @@ LAYOUT = Layout(
         "offset": 1,
         "radius": 2,  # of the faces at p_i and p_{i+1}
         "normal": 6,  # of the world at the faces, one after the other
+        "rim": 4,  # r of (E6), likewise
         "k": 1,
         "k_apex": 1,
         "l0": 1,
@@ -75,7 +76,7 @@ def _shape_of_reduced() -> _Shape:
     chambers = elements.chamber_lengths(f.length, z[7], offset)
     points = elements.apexes(middle, f, chambers, link, offset)
     for k, p in enumerate((middle - edge / 2.0, middle + edge / 2.0)):
-        points.append(elements.face_point(p, f.t, s["radius"][k], s["normal"][3 * k : 3 * k + 3]))
+        points.append(elements.face_point(p, f, s["radius"][k], s["rim"][2 * k : 2 * k + 2]))
     angles = [elements.hinge_angle(link, length) for length in chambers]
     return _Shape(f, ca.vertcat(*chambers), ca.vertcat(*angles), ca.vec(ca.horzcat(*points).T))
 
@@ -92,6 +93,13 @@ def shape() -> ca.Function:
     """Return chamber lengths (2), tangent (3), director (3), and points (24)."""
     x = _shape()
     return LAYOUT.function("segment_shape", {"rest": [x.lengths, x.frame.t, x.frame.d], "points": x.points})
+
+
+def rims() -> ca.Function:
+    """Return the places of the faces' rims that are nearest to the world (4)."""
+    normal = LAYOUT.symbols["normal"]
+    nearest = [elements.nearest_rim(_shape().frame, normal[3 * k : 3 * k + 3]) for k in range(2)]
+    return LAYOUT.function("segment_rims", {"rim": nearest})
 
 
 def motion() -> ca.Function:
@@ -171,7 +179,8 @@ def _chamber_ledger(c: int) -> ca.SX:
     def chamber(at: ca.SX) -> ca.SX:
         return _chamber(at, now)
 
-    work = chamber(length_n) - _chamber(length_n, s["commanded_n"][c])  # integral of (dE/dl_cmd) dl_cmd
+    commanding = [chamber(at) - _chamber(at, s["commanded_n"][c]) for at in (length_n, length)]
+    work, missed = losses.trapezoid(*commanding)  # integral of (dE/dl_cmd) dl_cmd
     change, numerical = losses.spring(chamber, length, length_n, stretch)
     hinge_change, hinge_numerical = losses.spring(_hinge, x.angles[c], s["angle_n"][c], opening)
     span, dt = s["span"], s["dt"]
@@ -181,8 +190,8 @@ def _chamber_ledger(c: int) -> ca.SX:
     passive = losses.slope(lambda at: _chamber(at, s["l0"]), length)
     return ca.vertcat(
         work - force * pulled,
-        work + change + hinge_change,
+        commanding[0] + change + hinge_change,
         lost + hinge_lost,
-        numerical + hinge_numerical + off + hinge_off + force * (stretch - pulled),
+        numerical + missed + hinge_numerical + off + hinge_off + force * (stretch - pulled),
         -(losses.slope(chamber, length) + force - passive) * stretch,
     )

@@ -49,6 +49,7 @@ TERMS = (
 KERNELS = (
     "world",
     "segment_shape",
+    "segment_rims",
     "segment_motion",
     "segment_gradient",
     "segment_hessian",
@@ -68,6 +69,7 @@ KERNELS = (
 (
     WORLD,
     SEGMENT_SHAPE,
+    SEGMENT_RIMS,
     SEGMENT_MOTION,
     SEGMENT_GRADIENT,
     SEGMENT_HESSIAN,

@@ -6,7 +6,8 @@ Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the fi
     = change of kinetic, elastic, potential, penetration and anchor energy
       + friction loss + viscous loss + numerical loss - residual.dq
 
-* Actuators: the integral of (dE/dl_cmd) dl_cmd over the change of command, likewise for hinges; -F dl of chamber
+* Actuators: the integral of (dE/dl_cmd) dl_cmd over the change of command, likewise for hinges, by the trapezoidal
+  rule (its difference to the command first and the motion then is numerical loss, of either sign); -F dl of chamber
   forces.
 * Friction: N rho(motion of the anchor); (P10) as -F.dq for the clamped worm.
 * Viscous: Kelvin-Voigt c rate^2 dt, medium (P8), the dampers of the contacts.

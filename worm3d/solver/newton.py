@@ -40,10 +40,10 @@ CURVATURE = 10.0
 """A step of size s moves a contact point otherwise than to first order by s^2 times this over the segment length."""
 DOUBT = 2.0
 """By which that error is taken to be larger each time that contacts have changed their regime."""
-FOLLOWED = 1e-14
+FOLLOWED = 2e-15
 """Coordinate step, as a fraction of the body length, at which Newton has converged."""
 STAGNATION = 1e-12
-"""A step below this fraction, with a new Jacobian, that no longer shrinks is rounding: converged too."""
+"""A step below this fraction that no longer shrinks, with new Jacobians, is rounding: converged too."""
 
 _LOAD, _MU, _REGIME = point.LAYOUT.firsts("load", "mu", "regime")
 
@@ -109,12 +109,13 @@ def _follow(core: Core) -> bool:
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     factor, pivots = matrix(core.block, a.FACTOR), vector(core.block, a.PIVOTS)
     length, l0 = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.L0]
-    size, renew, changes, doubt = np.inf, True, 0, 1.0
+    size, renew, fresh, changes, doubt = np.inf, True, 0, 0, 1.0
     for _ in range(MAX_FOLLOW):
         if not np.isfinite(evaluate(core, a.X, True, renew)):
             return False
         hold(core, renew)
         copy(step, vector(core.block, a.GRADIENT))
+        fresh = fresh + 1 if renew else 0
         if renew:
             copy(vector(core.block, a.FACTOR), vector(core.block, a.BAND))
             if not lu_factor(factor, pivots):
@@ -132,7 +133,7 @@ def _follow(core: Core) -> bool:
             doubt *= DOUBT
             if changes > MAX_CHANGES:
                 return False
-        elif size < FOLLOWED * length or (renew and size < STAGNATION * length and size > 0.5 * previous):
+        elif size < FOLLOWED * length or (fresh > 1 and size < STAGNATION * length and size > 0.5 * previous):
             return True
         renew = changed or turned or size > CONTRACTION * previous
         if not lands:

@@ -15,6 +15,7 @@ from worm3d.solver.block import combine, copy, fill, matrix, rows, vector
 from worm3d.solver.clamped import solve_clamped
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import DIRECTOR, LENGTHS, LOAD, TANGENT, place
+from worm3d.solver.faces import turn_faces
 from worm3d.solver.guard import NO_CONVERGENCE, OK, guard
 from worm3d.solver.newton import solve
 from worm3d.solver.regimes import SLIP, look
@@ -26,7 +27,7 @@ MAX_BREAKAWAYS = 50
 ALONG_NORMAL = 1e-6
 """Sine of the angle between segment and normal below which friction's tangent is the segment's upward normal."""
 
-_T_REF, _D_REF, _NORMAL = segment.LAYOUT.firsts("t_ref", "d_ref", "normal")
+_T_REF, _D_REF = segment.LAYOUT.firsts("t_ref", "d_ref")
 _SPAN, _DT, _COMMANDED, _COMMANDED_N = segment.LAYOUT.firsts("span", "dt", "commanded", "commanded_n")
 _L_HAT, _A_HAT, _L_N, _A_N = segment.LAYOUT.firsts("length_hat", "angle_hat", "length_n", "angle_n")
 _JOINT_T, _JOINT_D, _J_SPAN, _J_DT = joint.LAYOUT.firsts("t_ref", "d_ref", "span", "dt")
@@ -96,13 +97,14 @@ def weights(dt: float, span: float) -> tuple[float, float]:
 
 @njit
 def place_start(core: Core) -> None:
-    """Make the present state the start of a step, and put the points and the world's distances there."""
+    """Make the present state the start of a step, and put the points there."""
     x = vector(core.block, a.X)
     for j in range(core.n + 1):
         x[BLOCK * j + 3] = 0.0
     copy(vector(core.block, a.X_N), x)
     copy(vector(core.block, a.STUCK_N), vector(core.block, a.STUCK))
     place(core, x)
+    turn_faces(core)
 
 
 @njit
@@ -181,8 +183,8 @@ def _begin_points(core: Core, dt: float, span: float) -> None:
 @njit
 def _begin_contacts(core: Core) -> None:
     """Freeze the tangents and what else friction remembers of the start of the step."""
-    p, faces = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN)
-    lanes = faces.shape[1]
+    p = matrix(core.block, a.POINT_IN)
+    lanes = p.shape[1] // POINTS
     for s in range(POINTS):
         for i in range(core.n):
             k = s * lanes + i
@@ -197,10 +199,6 @@ def _begin_contacts(core: Core) -> None:
     copy(p[_STORED_N], vector(core.block, a.STORED))
     for k in range(p.shape[1]):
         p[_DEPTH_N, k] = max(0.0, -p[_DISTANCE, k])
-    for face in range(2):
-        first = (6 + face) * lanes
-        for d in range(3):
-            copy(faces[_NORMAL + 3 * face + d], p[_POINT_NORMAL + d, first : first + lanes])
 
 
 @njit

@@ -13,7 +13,7 @@ in the layout of `worm3d.codegen`: row r of point k stands at [r, k].
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,7 @@ class WorldKernel:
     owner: object
 
 
+@runtime_checkable
 class World(Protocol):
     """Something to crawl on or in."""
 
@@ -50,7 +51,7 @@ class World(Protocol):
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
-        """Return the part of gravity that presses a resting worm to the world, shape (3,) [m/s^2]."""
+        """Return the part of gravity that presses a resting worm to the world, 0 if none does, shape (3,) [m/s^2]."""
 
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float

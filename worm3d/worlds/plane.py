@@ -86,9 +86,9 @@ class Plane:
         return distance
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
-        """Return the part of gravity normal to the plane, shape (3,) [m/s^2]."""
+        """Return the part of gravity normal to the plane, 0 where it points away from it, shape (3,) [m/s^2]."""
         normal = self.axes[2]
-        pressing: FloatArray = float(gravity @ normal) * normal
+        pressing: FloatArray = min(0.0, float(gravity @ normal)) * normal
         return pressing
 
     def placed(
