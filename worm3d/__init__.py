@@ -17,6 +17,7 @@ from worm3d.command import Command, Commands
 from worm3d.worm import Worm
 
 if TYPE_CHECKING:
+    from worm3d.batch import simulate_batch
     from worm3d.friction import Friction
     from worm3d.held import Held
     from worm3d.observation import Observation
@@ -43,6 +44,7 @@ _HOMES = {
     "Stop": "status",
     "flattening_weight": "start",
     "simulate": "simulate",
+    "simulate_batch": "batch",
 }
 """Module of each name that is imported when it is first asked for."""
 
@@ -65,6 +67,7 @@ __all__ = [
     "Worm",
     "flattening_weight",
     "simulate",
+    "simulate_batch",
 ]
 
 

@@ -28,12 +28,12 @@ KEPT = 4
 
 
 def njit(function: F) -> F:
-    """Compile a function by Numba, without Python objects, and keep the result on disk."""
+    """Compile a function by Numba, without Python objects and their lock, and keep the result on disk."""
     folder = _folder()
     if folder is None:
-        return cast(F, numba.njit(error_model="numpy")(function))
+        return cast(F, numba.njit(error_model="numpy", nogil=True)(function))
     with _cache_at(folder):
-        return cast(F, numba.njit(cache=True, error_model="numpy")(function))
+        return cast(F, numba.njit(cache=True, error_model="numpy", nogil=True)(function))
 
 
 def cfunc(signature: str, function: Callable[..., Any]) -> Any:

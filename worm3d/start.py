@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +67,7 @@ def flattening_weight(worm: Worm, contraction: float = 0.0) -> FloatArray:
     return np.array([_limit_point(k, k_apex, a, worm.l0, contraction) for k, k_apex, a in shapes])
 
 
+@cache
 def _limit_point(k: float, k_apex: float, a: float, l0: float, contraction: float) -> float:
     length = ca.SX.sym("length")
     commanded = l0 * (1.0 - contraction)

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from control.gaits import TravellingWave
 from worm3d import Command, Plane, Result, State, Status, Worm, simulate
 from worm3d.result import INCOMING, LOST, STORED
-from worm3d.simulate import HALVINGS
+from worm3d.run import HALVINGS
 from worm3d.solver.guard import NO_CONVERGENCE, OK
 
 N = 6
@@ -21,7 +21,7 @@ Deny = Callable[[set[int], float], None]
 @pytest.fixture
 def deny(monkeypatch: pytest.MonkeyPatch) -> Deny:
     """Return a function that lets the given steps fail until their parts are no longer than some time."""
-    module = sys.modules["worm3d.simulate"]
+    module = sys.modules["worm3d.run"]
     real = module.advance
 
     def install(steps: set[int], longest: float) -> None:

@@ -1,0 +1,110 @@
+"""Many runs at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from worm3d.actuation import Actuation
+from worm3d.friction import Friction
+from worm3d.held import Held
+from worm3d.result import Result
+from worm3d.run import Force, Run
+from worm3d.simulate import Integrator, prepare
+from worm3d.state import State
+from worm3d.worlds import World
+from worm3d.worm import Worm
+
+
+def simulate_batch(
+    worm: Worm | Sequence[Worm],
+    world: Sequence[World | None] | World | None,
+    ground: Sequence[Friction | None] | Friction | None = None,
+    actuation: Sequence[Actuation | None] | Actuation | None = None,
+    duration: float = 10.0,
+    dt: float = 0.01,
+    integrator: Integrator = "bdf2",
+    gravity: ArrayLike = (0.0, 0.0, -9.81),
+    external_force: Sequence[Force | None] | Force | None = None,
+    state: Sequence[State | None] | State | None = None,
+    held: Held | None = None,
+    record_every: int = 1,
+    *,
+    settle_first: bool = True,
+    threads: int = 1,
+) -> list[Result]:
+    """Simulate many worms; the results are those of `simulate`, bit for bit.
+
+    Parameters
+    ----------
+    worm, world, ground, actuation, external_force, state
+        As in `simulate`: one for all runs, or a list or tuple with one for each; at least one of them.
+    duration, dt, integrator, gravity, held, record_every, settle_first
+        As in `simulate`, for all runs.
+    threads : int
+        Runs that go on at once. An actuation or force that is shared is then called from several threads.
+
+    Returns
+    -------
+    list of Result
+        In the order given; a run that stops early does not stop the others.
+
+    Raises
+    ------
+    ValueError
+        Lists of different lengths, or an argument that `simulate` refuses: before any run begins.
+    """
+    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
+        raise ValueError(f"threads: got {threads!r}, must be a whole number of at least 1")
+    each = {
+        "worm": worm,
+        "world": world,
+        "ground": ground,
+        "actuation": actuation,
+        "external_force": external_force,
+        "state": state,
+    }
+    count = _count(each)
+    given = {name: _spread(value, count) for name, value in each.items()}
+
+    def prepared(k: int) -> Run:
+        own = {name: values[k] for name, values in given.items()}
+        try:
+            return prepare(
+                **own,
+                duration=duration,
+                dt=dt,
+                integrator=integrator,
+                gravity=gravity,
+                held=held,
+                sensor=None,
+                record_every=record_every,
+                settle_first=settle_first,
+            )
+        except ValueError as error:
+            raise type(error)(f"run {k}: {error}") from error
+
+    with ThreadPoolExecutor(threads) as pool:
+        runs = list(pool.map(prepared, range(count)))
+        return list(pool.map(Run.finish, runs))
+
+
+def _count(each: Mapping[str, object]) -> int:
+    """Return the number of runs."""
+    sizes = {name: len(value) for name, value in each.items() if isinstance(value, list | tuple)}
+    if not sizes:
+        raise ValueError(
+            "simulate_batch: got no list, must have one for at least one of worm, world, ground, actuation, ..."
+        )
+    if len(set(sizes.values())) > 1:
+        got = ", ".join(f"{size} of {name}" for name, size in sizes.items())
+        raise ValueError(f"simulate_batch: got {got}, lists must have one for each run")
+    return next(iter(sizes.values()))
+
+
+def _spread(value: object, count: int) -> Sequence[Any]:
+    return value if isinstance(value, list | tuple) else [value] * count

@@ -1,0 +1,306 @@
+"""A run in progress: commands and forces in chunks, steps that have to be halved, and the result at its end."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from worm3d.actuation import Driver
+from worm3d.metrics import heading
+from worm3d.observation import Observation
+from worm3d.plant import Plant
+from worm3d.result import Energy, Result
+from worm3d.solver.advance import advance, worst_residual
+from worm3d.solver.arrays import COUNTERS, POINTS
+from worm3d.solver.guard import NO_CONVERGENCE, OK
+from worm3d.solver.records import mass_centre, record, record_memory
+from worm3d.start import GUARDED
+from worm3d.state import State
+from worm3d.status import Status, Stop
+
+FloatArray = NDArray[np.float64]
+Force = Callable[[float], ArrayLike]
+"""Time [s] -> force on each joint, shape (N+1, 3) [N]."""
+
+HALVINGS = 6
+"""A step that does not converge is halved at most so often."""
+
+CHUNK = 50
+"""Steps between two looks at the outside world, where nothing depends on the state (of `record_every`, if more)."""
+
+_LOG = logging.getLogger(__name__)
+
+_HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
+
+
+class Run:
+    """A run in progress.
+
+    Parameters
+    ----------
+    plant : Plant
+        In its initial state.
+    driver : Driver
+    external_force : callable or None
+    dt : float
+        [s]
+    bdf2 : bool
+    every : int
+        Steps between two rows of the result.
+    steps : int
+    start : State
+        Where it began: for its time and memory.
+    begun : Status
+        DONE, or why the worm cannot start.
+    period : float or None
+        Of the gait [s].
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        driver: Driver,
+        external_force: Force | None,
+        dt: float,
+        bdf2: bool,
+        every: int,
+        steps: int,
+        start: State,
+        begun: Status,
+        period: float | None,
+    ) -> None:
+        self.begun, self.period = begun, period
+        self.plant, self.driver, self.external_force = plant, driver, external_force
+        self.dt, self.bdf2, self.every, self.steps = dt, bdf2, every, steps
+        self.n, self.core = plant.n, plant.core
+        self.records = record_memory(self.n, steps // every + 1)
+        self.counters = np.zeros((steps, COUNTERS), dtype=np.int64)
+        self.done, self.halved, self.last_share, self.wall = 0, 0, 1.0, 0.0
+        self.complaint, self.residual = "", (0.0, 0)
+        self.first = round(start.time / dt)
+        self.offset = start.time - self.first * dt
+        if abs(self.offset) < 1e-9 * dt:
+            self.offset = 0.0  # a resumed run has the very times of one that went on
+        self.remembers = bool(start.memory) and bool(start.memory.get("remembers", np.zeros(1))[0] == dt)
+        if not start.memory:
+            self._ask_at_start()
+        record(self.core, self.records.block, 0)
+        self._forces(self.time(0))  # wrong shapes show before the first step
+
+    def time(self, k: float) -> float:
+        """Return the time after k steps [s]."""
+        return (self.first + k) * self.dt + self.offset
+
+    def _ask_at_start(self) -> None:
+        """Take the command at the start as that from which the actuators' ramp begins."""
+        if self.driver.controller is None:
+            row = self.driver.at(self.time(0))
+            stroke = self.plant.worm.stroke
+            row[: 2 * self.n] = np.clip(row[: 2 * self.n], *stroke)
+            self.plant.arrays["asked"][0] = row
+
+    def _forces(self, t: float) -> FloatArray:
+        if self.external_force is None:
+            return np.zeros((0, self.n + 1))
+        force = np.array(self.external_force(t), dtype=float)
+        if force.shape != (self.n + 1, 3) or not np.isfinite(force).all():
+            raise ValueError(
+                f"external_force: got shape {force.shape}, must be finite and ({self.n + 1}, 3): x, y, z on each joint"
+            )
+        return force.T
+
+    def finish(self, observer: Callable[[int], bool] | None = None) -> Result:
+        """Take all steps, and return what came of it; the parameter is that of `worm3d.simulate`."""
+        return self.result(self._go(observer) if self.begun is Status.DONE else self.begun)
+
+    def _go(self, observer: Callable[[int], bool] | None) -> Status:
+        """Take all steps; return how the run ended."""
+        while self.done < self.steps:
+            status = self._chunk()
+            if status is not Status.DONE:
+                return status
+            if observer is not None and not observer(self.done) and self.done < self.steps:
+                return Status.INTERRUPTED
+        return Status.DONE
+
+    def _chunk(self) -> Status:
+        """Ask for commands and forces and take the steps."""
+        controlled = self.driver.controller is not None
+        whole = max(1, CHUNK // self.every) * self.every  # ends on a row of the result
+        count = 1 if controlled else min(whole, self.steps - self.done)
+        times = [self.time(self.done + k + 1) for k in range(count)]
+        table = self.driver.table(np.array(times))
+        commands: list[FloatArray] = []
+        forces: list[FloatArray] = []
+        try:
+            for k, t in enumerate(times):
+                if self.external_force is not None:
+                    forces.append(self._forces(t))
+                commands.append(self._command(t) if table is None else table[k])
+        except Exception as error:
+            self.complaint = _complaint(error)
+        status = self._advance(np.array(commands).reshape(-1, 5 * self.n), forces[: len(commands)])
+        return Status.BAD_COMMAND if status is Status.DONE and self.complaint else status
+
+    def _command(self, t: float) -> FloatArray:
+        """Return the command for a step that ends at t."""
+        if self.driver.controller is not None:
+            return self.driver.decide(self._observation())
+        return self.driver.at(t)
+
+    def _advance(self, commands: FloatArray, forces: list[FloatArray]) -> Status:
+        """Take a step for each command."""
+        table = np.array(forces) if self.external_force is not None else np.zeros((0, 3, self.n + 1))
+        taken = 0
+        while taken < len(commands):
+            began = perf_counter()
+            done, end = advance(
+                self.core,
+                self.records.block,
+                self.counters,
+                commands[taken:],
+                table[taken:],
+                self.done,
+                self.every,
+                self.dt,
+                self.bdf2,
+                self.remembers,
+            )
+            self.wall += perf_counter() - began
+            taken, self.done = taken + done, self.done + done
+            self.remembers = self.remembers or done > 0
+            if end == OK:
+                continue
+            status = self._halve(commands[taken]) if end == NO_CONVERGENCE else GUARDED[end]
+            if status is not Status.DONE:
+                return status
+            taken += 1
+        return Status.DONE
+
+    def _halve(self, command: FloatArray) -> Status:
+        """Take one step in parts, by implicit Euler; the past is then that of one whole step."""
+        arrays = self.plant.arrays
+        before = self.plant.memory()
+        past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in _HISTORIES}
+        try:
+            status = self._part(command, self.done, 0.5, HALVINGS - 1)
+            if status is Status.DONE:
+                status = self._part(command, self.done + 0.5, 0.5, HALVINGS - 1)
+        except Exception as error:
+            self.complaint, status = _complaint(error), Status.BAD_COMMAND
+        if status is not Status.DONE:
+            self.plant.remember(before)  # the parts are no finished step
+            return status
+        for name, rows in past.items():
+            arrays[name][len(rows) :] = rows
+        arrays["last"] /= self.last_share  # at the rate of its last part
+        self.done, self.halved, self.remembers = self.done + 1, self.halved + 1, True
+        self.counters[self.done - 1] = self.plant.memory_of_core.counters
+        if self.done % self.every == 0:
+            record(self.core, self.records.block, self.done // self.every)
+        return Status.DONE
+
+    def _part(self, held: FloatArray, begin: float, share: float, halvings: int) -> Status:
+        """Take a part of a step; `begin` and `share` count in steps, `held` is the command of a controller."""
+        t = self.time(begin + share)
+        command = held if self.driver.controller is not None else self.driver.at(t)
+        force = self._forces(t)[None] if self.external_force is not None else np.zeros((0, 3, self.n + 1))
+        _, end = advance(
+            self.core, self.records.block, self.counters, command[None], force, 0, 0, share * self.dt, False, False
+        )
+        if end != NO_CONVERGENCE:
+            self.last_share = share
+            return GUARDED[end]
+        if halvings == 0:
+            self.residual = worst_residual(self.core)
+            return Status.NO_CONVERGENCE
+        status = self._part(held, begin, share / 2.0, halvings - 1)
+        if status is Status.DONE:
+            status = self._part(held, begin + share / 2.0, share / 2.0, halvings - 1)
+        return status
+
+    def _observation(self) -> Observation:
+        """Return what there is to see now."""
+        arrays, n, worm = self.plant.arrays, self.n, self.plant.worm
+        momentum, com = mass_centre(self.core)
+        joints = arrays["joints"][:3].T.copy()
+        return Observation(
+            time=self.time(self.done),
+            chamber_strain=arrays["lengths"][:2, :n].T / worm.l0 - 1.0,
+            com=com,
+            com_velocity=momentum[:3] / worm.mass,
+            heading=float(heading(joints[None])[0]),
+            joints=joints,
+            contraction=arrays["given"][0, : 2 * n].reshape(n, 2).copy(),
+            normal_load=self.plant.loads()[:6].T.copy(),
+        )
+
+    def result(self, status: Status) -> Result:
+        """Return the run as far as it got."""
+        rows = self.done // self.every + 1
+        n, raw = self.n, {name: array[:rows] for name, array in self.records.arrays().items()}
+        load, slip = raw["load"].reshape(rows, n, POINTS), raw["slip"].reshape(rows, n, POINTS)
+        clamped = self.plant.clamped
+        counters = self.counters[: self.done]
+        given, asked = raw["given"], raw["asked"]
+        remembers = np.array([self.dt if self.remembers else 0.0])
+        state = self.plant.state(self.time(self.done), self.dt, remembers=remembers)
+        return Result(
+            worm=self.plant.worm,
+            world=self.plant.world,
+            gravity=self.plant.gravity,
+            dt=self.dt,
+            period=self.period,
+            time=np.array([self.time(k * self.every) for k in range(rows)]),
+            joints=raw["joints"].reshape(rows, n + 1, 3),
+            joint_velocity=raw["joint_velocity"].reshape(rows, n + 1, 3),
+            points=raw["points"].reshape(rows, n, POINTS, 3),
+            directors=raw["directors"].reshape(rows, n, 3),
+            bend=raw["bend"],
+            chamber_length=raw["chamber_length"].reshape(rows, n, 2),
+            command=asked[:, : 2 * n].reshape(rows, n, 2),
+            contraction=given[:, : 2 * n].reshape(rows, n, 2),
+            hinge=given[:, 4 * n + 1 :],
+            force=given[:, 2 * n : 4 * n].reshape(rows, n, 2),
+            com=raw["com"],
+            momentum=raw["momentum"][:, :3],
+            angular_momentum=raw["momentum"][:, 3:],
+            normal_load=load[:, :, :6],
+            slip=slip[:, :, :6],
+            joint_load=raw["joint_load"] if clamped else _of_joints(load),
+            joint_slip=_of_joints(slip),
+            contact_force=raw["contact_force"].reshape(rows, n, POINTS, 3),
+            joint_friction=raw["joint_friction"].reshape(rows, n + 1, 3),
+            anchors=raw["anchors"].reshape(rows, n, POINTS, 3),
+            energy=Energy.of(raw["energy"]),
+            newton_iterations=counters[:, 0],
+            gradient_evaluations=counters[:, 1],
+            breakaways=counters[:, 2],
+            fallbacks=counters[:, 3],
+            halved_steps=self.halved,
+            state=state,
+            stop=self._stop(status),
+            wall_s=self.wall,
+        )
+
+    def _stop(self, status: Status) -> Stop:
+        tried = self.done if not status.diverged else self.done + 1
+        size, worst = self.residual
+        return Stop(status, tried, self.time(tried), size, min(worst, self.n - 1), self.complaint)
+
+
+def _of_joints(of_points: FloatArray) -> FloatArray:
+    """Return what the faces of each segment have as one value a joint, shape (T, N+1)."""
+    return np.column_stack([of_points[:, :, 6], of_points[:, -1, 7]])
+
+
+def _complaint(error: Exception) -> str:
+    """Return what an error of the user's code says; one that is no complaint about its values is logged in full."""
+    if isinstance(error, ValueError):
+        return str(error)
+    _LOG.error("the actuation or the external force failed", exc_info=error)
+    return f"{type(error).__name__}: {error}"
