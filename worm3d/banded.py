@@ -1,8 +1,8 @@
-"""Banded linear systems in compiled code: root-free Cholesky, and LU with pivoting for unsymmetric ones.
+"""Banded linear systems in compiled code: root-free Cholesky, and LU for unsymmetric ones.
 
 A matrix of size n with half bandwidth B stands by rows: entry (i, j) at [i, B + j - i], in an array (n + B, WIDTH)
-whose other entries are zero: the last columns take the fill-in of pivoting, and with B rows below the end every inner
-loop has the same length, so that it is a few vector instructions. The cost is linear in n.
+whose other entries are zero: with columns to spare and B rows below the end every inner loop has the same length, so
+that it is a few vector instructions. The cost is linear in n.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 B = 12
 """Half bandwidth: a joint couples 13 coordinates."""
 WIDTH = 40
-"""Columns: 2 B + 1, B more for pivoting, and up to a multiple of 8."""
+"""Columns: 2 B + 1, some that vector instructions read beyond, and up to a multiple of 8."""
 SMALLEST_PIVOT = 1e-14
 """Of the diagonal entry: below this a matrix is not positive definite."""
 _LANES = 8
@@ -56,7 +56,6 @@ def _type_subtract(vectors: int) -> Any:
 
 
 _subtract_16: Any = intrinsic(_type_subtract(2))
-_subtract_24: Any = intrinsic(_type_subtract(3))
 
 
 @njit
@@ -96,49 +95,55 @@ def cholesky_solve(band: FloatArray, x: FloatArray) -> bool:
 
 
 @njit
-def lu_factor(band: FloatArray, pivots: FloatArray) -> bool:
-    """Factorise A in place by elimination with partial pivoting; return whether it is regular.
+def lu_factor(band: FloatArray, pivots: FloatArray) -> None:
+    """Factorise A in place by elimination without pivoting.
+
+    The matrices of a step are close to positive definite ones; what is lost where they are not, Newton's next residual
+    shows. A coordinate with neither mass nor stiffness left, such as the roll of a body without apex masses, stays.
 
     Parameters
     ----------
     band : ndarray, shape (n + B, WIDTH)
-        Columns from 2 B + 1 on must be zero; overwritten by the factors.
+        Columns from 2 B + 1 on must be zero; overwritten by the factors, the diagonal by its inverse.
     pivots : ndarray, shape (n,)
-        Overwritten by the rows' exchanges, as distances.
+        Overwritten by the diagonal of A.
     """
     n, flat = len(pivots), band.ravel()
     for k in range(n):
-        below, best = min(B, n - 1 - k), 0
-        for r in range(1, below + 1):
-            if abs(band[k + r, B - r]) > abs(band[k + best, B - best]):
-                best = r
-        pivots[k] = best
-        if not abs(band[k + best, B - best]) > 0.0:
-            return False
-        if best > 0:
-            for c in range(2 * B + 1):
-                band[k, B + c], band[k + best, B + c - best] = band[k + best, B + c - best], band[k, B + c]
-        inverse = 1.0 / band[k, B]
-        for r in range(1, below + 1):
+        pivots[k] = band[k, B]
+    for k in range(n):
+        regular = not abs(band[k, B]) <= SMALLEST_PIVOT * abs(pivots[k])  # a NaN stays one
+        inverse = 1.0 / band[k, B] if regular else 0.0
+        band[k, B] = inverse
+        for r in range(1, B + 1):  # the rows below the end are zero
             factor = band[k + r, B - r] * inverse
             band[k + r, B - r] = factor
             if factor != 0.0:
-                _subtract_24(flat, (k + r) * WIDTH + B - r + 1, k * WIDTH + B + 1, factor)
-    return True
+                _subtract_16(flat, (k + r) * WIDTH + B - r + 1, k * WIDTH + B + 1, factor)
 
 
 @njit
-def lu_solve(band: FloatArray, pivots: FloatArray, x: FloatArray) -> None:
-    """Solve A x = b in place with the factors of `lu_factor`; x holds b."""
+def lu_solve(band: FloatArray, x: FloatArray, padded: FloatArray) -> None:
+    """Solve A x = b in place with the factors of `lu_factor`; x holds b.
+
+    Sums run from the oldest entry to the newest one, so that only their last term waits for the row before.
+
+    Parameters
+    ----------
+    band : ndarray, shape (n + B, WIDTH)
+    x : ndarray, shape (n,)
+    padded : ndarray, shape (n + 2 B,)
+        Working memory; its first and last B entries are zero.
+    """
     n = len(x)
     for k in range(n):
-        best = int(pivots[k])
-        if best > 0:
-            x[k], x[k + best] = x[k + best], x[k]
-        for r in range(1, min(B, n - 1 - k) + 1):
-            x[k + r] -= band[k + r, B - r] * x[k]
-    for k in range(n - 1, -1, -1):
         total = x[k]
-        for c in range(1, min(2 * B, n - 1 - k) + 1):
-            total -= band[k, B + c] * x[k + c]
-        x[k] = total / band[k, B]
+        for c in range(B):
+            total -= band[k, c] * padded[k + c]
+        padded[k + B] = total
+    for k in range(n - 1, -1, -1):
+        total = padded[k + B]
+        for c in range(B, 0, -1):
+            total -= band[k, B + c] * padded[k + B + c]
+        padded[k + B] = total * band[k, B]
+        x[k] = padded[k + B]

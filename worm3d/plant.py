@@ -282,7 +282,8 @@ class Plant:
         self._joint_row("hinge")[:] = self._joint_row("hinge_n")[:] = 0.0
         self._point_row("anchor")[:] = self._point_row("x")
         self._point_row("load_n")[:] = 0.0
-        a["stuck"][:], a["stored"][:], a["joint_load"][:], a["last"][:] = 1.0, 0.0, 0.0, 0.0
+        a["stuck"][:], a["stored"][:], a["joint_load"][:] = 1.0, 0.0, 0.0
+        a["last"][:], a["curve"][:] = 0.0, 0.0
 
     def stop(self) -> None:
         """Bring the worm to rest where it is, keeping its loads, with the anchors where it touches."""

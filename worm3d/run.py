@@ -198,6 +198,7 @@ class Run:
         for name, rows in past.items():
             arrays[name][len(rows) :] = rows
         arrays["last"] /= self.last_share  # at the rate of its last part
+        arrays["curve"][:] = 0.0
         self.done, self.halved, self.remembers = self.done + 1, self.halved + 1, True
         self.counters[self.done - 1] = self.plant.memory_of_core.counters
         if self.done % self.every == 0:

@@ -53,19 +53,39 @@ def test_cholesky_refuses_an_indefinite_matrix_with_a_positive_diagonal():
     assert not cholesky_solve(banded(A), np.ones(20))
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("n", SIZES)
-def test_lu_solves_a_system_that_needs_pivoting(n):
+def test_lu_solves_an_unsymmetric_system(n, sign):
+    """Definite or not: diagonals of either sign; twice with the same working memory."""
     A, b = random_band(n, n)
-    if n > 1:
-        np.fill_diagonal(A, 0.0)
-    x, band, pivots = b.copy(), banded(A), np.zeros(n)
-    assert lu_factor(band, pivots)
-    lu_solve(band, pivots, x)
-    np.testing.assert_allclose(A @ x, b, rtol=1e-8, atol=1e-9)
+    A += np.diag(3.0 * (B + 1) * np.where(np.arange(n) % 3 == 1, sign, 1.0))
+    band, padded = banded(A), np.zeros(n + 2 * B)
+    lu_factor(band, np.zeros(n))
+    for right in (b, b[::-1].copy()):
+        x = right.copy()
+        lu_solve(band, x, padded)
+        np.testing.assert_allclose(A @ x, right, rtol=1e-10, atol=1e-12)
 
 
-@pytest.mark.parametrize("bad", [0.0, np.nan])
-def test_lu_refuses_a_singular_matrix(bad):
+def test_lu_leaves_a_coordinate_that_nothing_holds():
+    """A singular system with a solution: a roll that neither mass nor spring holds, here even after elimination."""
+    A, b = random_band(20, 1)
+    A += 3.0 * (B + 1) * np.eye(20)
+    A[7], A[:, 7], b[7] = 0.0, 0.0, 0.0
+    A[12, [12, 13]] = A[13, [12, 13]] = 0.0
+    A[12, :] = A[:, 12] = A[13, :] = A[:, 13] = 0.0
+    A[12:14, 12:14], b[12:14] = [[1.0, 1.0], [1.0, 1.0]], 2.0
+    x, band = b.copy(), banded(A)
+    lu_factor(band, np.zeros(20))
+    lu_solve(band, x, np.zeros(20 + 2 * B))
+    np.testing.assert_allclose(A @ x, b, rtol=1e-10, atol=1e-12)
+    assert x[7] == 0.0
+
+
+def test_lu_passes_nan_on():
     A = np.eye(20)
-    A[7, 7] = bad
-    assert not lu_factor(banded(A), np.zeros(20))
+    A[7, 7] = np.nan
+    band, x = banded(A), np.ones(20)
+    lu_factor(band, np.zeros(20))
+    lu_solve(band, x, np.zeros(20 + 2 * B))
+    assert np.isnan(x[7])

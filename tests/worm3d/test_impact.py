@@ -23,7 +23,7 @@ def test_bdf2_does_not_throw_the_worm_back(dt: float) -> None:
     lowest = result.points[after][:, :, [0, 3], 2]
     assert lowest.max() < 2e-3, "a bounce with a third of the velocity would be 22 mm high"
     np.testing.assert_allclose(result.com[-1, 2], dropped("implicit_euler", dt).com[-1, 2], rtol=0, atol=1e-4)
-    assert result.energy.balance_error < 1e-11
+    assert result.energy.balance_error < 1e-10
 
 
 @pytest.mark.parametrize("integrator", ["bdf2", "implicit_euler"])

@@ -11,7 +11,7 @@ from worm3d.plant import Plant
 from worm3d.solver import arrays
 from worm3d.solver.advance import OK, advance
 from worm3d.solver.arrays import BLOCK
-from worm3d.solver.evaluate import evaluate
+from worm3d.solver.evaluate import NONE, WHOLE, evaluate
 from worm3d.solver.records import record_memory
 from worm3d.solver.regimes import EXCESS, look
 from worm3d.state import State
@@ -87,9 +87,9 @@ def test_whole_step_against_central_differences(coupled: bool) -> None:
     x[3:-BLOCK:BLOCK] += 0.2 * rng.standard_normal(plant.n)  # rolls
     x[-2:] = 0.0
     at, h = x.copy(), 1e-6
-    evaluate(plant.core, arrays.X, coupled, True)
+    evaluate(plant.core, arrays.X, coupled, WHOLE)
     soften(plant, rng)
-    evaluate(plant.core, arrays.X, coupled, True)
+    evaluate(plant.core, arrays.X, coupled, WHOLE)
     matrix, residual = dense(plant.arrays["band"][:size]), gradient.copy()
     loads, out = plant.arrays["point_out"][13], plant.arrays["yielding_out"]
     look(plant.core)
@@ -101,7 +101,7 @@ def test_whole_step_against_central_differences(coupled: bool) -> None:
         for step, weight in ((h, 8.0), (-h, -8.0), (2 * h, -1.0), (-2 * h, 1.0)):
             x[:] = at
             x[k] += step
-            slopes[k] += weight * evaluate(plant.core, arrays.X, coupled, False) / (12 * h)
+            slopes[k] += weight * evaluate(plant.core, arrays.X, coupled, NONE) / (12 * h)
             columns[:, k] += weight * gradient / (12 * h)
     scale = np.abs(columns).max()
     assert_allclose(matrix, columns, rtol=0, atol=1e-8 * scale)

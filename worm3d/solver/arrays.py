@@ -129,9 +129,12 @@ ARRAYS = (
     "direction",
     "trial",
     "best",
+    "curve",  # change of "last" in the last step
     "last",  # change of x in the last step
     "pivots",
+    "padded",  # working memory of the linear solver
     "band",
+    "joint_band",  # what the joints contribute to it
     "factor",
     "segment_in",  # inputs of the segment's kernels
     "point_out",  # f (3), K (9), potential, load; begins inside segment_in
@@ -186,9 +189,12 @@ ARRAYS = (
     DIRECTION,
     TRIAL,
     BEST,
+    CURVE,
     LAST,
     PIVOTS,
+    PADDED,
     BAND,
+    JOINT_BAND,
     FACTOR,
     SEGMENT_IN,
     POINT_OUT,
@@ -236,6 +242,7 @@ ARRAYS = (
 
 REMEMBERED = (
     "x",
+    "curve",
     "last",
     "stuck",
     "stored",
@@ -309,8 +316,12 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
     size, p = BLOCK * (n + 1), POINTS * lanes
     return {
         "numbers": (1, len(NUMBERS)),
-        **dict.fromkeys(("x", "x_n", "held", "gradient", "direction", "trial", "best", "last", "pivots"), (1, size)),
+        **dict.fromkeys(
+            ("x", "x_n", "held", "gradient", "direction", "trial", "best", "curve", "last", "pivots"), (1, size)
+        ),
+        "padded": (1, size + 2 * B),
         "band": (size + B, WIDTH),
+        "joint_band": (size + B, WIDTH),
         "factor": (size + B, WIDTH),
         "segment_in": (segment.LAYOUT.rows, lanes),
         "point_out": (14, p),  # what comes behind segment_in stands where it was allocated

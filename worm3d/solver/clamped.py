@@ -9,7 +9,7 @@ from worm3d.kernels import segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, Core
 from worm3d.solver.block import fill, matrix, vector
-from worm3d.solver.evaluate import evaluate
+from worm3d.solver.evaluate import NONE, evaluate
 from worm3d.solver.newton import solve
 
 _T_REF = segment.LAYOUT.first("t_ref")
@@ -23,7 +23,7 @@ def solve_clamped(core: Core, dt: float) -> bool:
     fill(vector(core.block, a.JOINT_FRICTION), 0.0)
     if not solve(core, False):
         return False
-    evaluate(core, a.X, True, False)  # leaves the forces of held coordinates in the gradient
+    evaluate(core, a.X, True, NONE)  # leaves the forces of held coordinates in the gradient
     gradient = vector(core.block, a.GRADIENT)
     for j in range(core.n + 1):
         load[j] = abs(gradient[BLOCK * j + 2])

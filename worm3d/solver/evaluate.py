@@ -25,6 +25,8 @@ _NEAR = 1e-4
 """A chamber shorter than this fraction of its links is out of reach."""
 LENGTHS, TANGENT, DIRECTOR = 0, 2, 5
 """Rows of "rest"."""
+NONE, WHOLE, WITH_KEPT_JOINTS, HESSIANS = 0, 1, 2, 3
+"""What `evaluate` fills of the band, and how many such ways there are."""
 PHI, LOAD = 12, 13
 """Rows of "point_out"."""
 
@@ -54,7 +56,7 @@ def place(core: Core, x: FloatArray) -> bool:
 
 
 @njit
-def evaluate(core: Core, which: int, coupled: bool, with_hessian: bool) -> float:
+def evaluate(core: Core, which: int, coupled: bool, hessian: int) -> float:
     """Return the potential of a step (infinite where a linkage cannot reach), fill gradient and perhaps band.
 
     With `coupled` friction takes the normal loads of x itself: the gradient is then the true residual, the band its
@@ -64,21 +66,23 @@ def evaluate(core: Core, which: int, coupled: bool, with_hessian: bool) -> float
     ----------
     which : int
         Array with the coordinates, X or TRIAL.
+    hessian : int
+        Whether to fill the band: NONE, WHOLE, or WITH_KEPT_JOINTS, the joints' part as it was when it was last filled.
     """
-    value: float = call(kernel(core, a.EVALUATE), core.handle, 0.0, which, 2 * coupled + with_hessian)
+    value: float = call(kernel(core, a.EVALUATE), core.handle, 0.0, which, HESSIANS * coupled + hessian)
     return value
 
 
 def evaluate_entry(handle: int, _value: float, which: int, flags: int) -> float:
     """`evaluate` as an entry."""
     core = opened(handle)
-    return _evaluate(core, vector(core.block, which), flags >= 2, flags % 2 == 1)
+    return _evaluate(core, vector(core.block, which), flags >= HESSIANS, flags % HESSIANS)
 
 
 @njit
-def _evaluate(core: Core, x: FloatArray, coupled: bool, with_hessian: bool) -> float:
+def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
     n = core.n
-    count(core, 0 if with_hessian else 1)
+    count(core, 1 if hessian == NONE else 0)
     if not place(core, x):
         return np.inf
     point_in, point_out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
@@ -89,13 +93,16 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, with_hessian: bool) -> f
     for r in range(_BOTH):
         for i in range(n - 1):
             joint_in[_JOINT_Q + r, i] = x[BLOCK * i + r]
-    if with_hessian:
-        run(kernel(core, a.SEGMENT_HESSIAN), segment_in, segment_out, n)
+    if hessian == WHOLE:
         run(kernel(core, a.JOINT_HESSIAN), joint_in, joint_out, n - 1)
-        _add_hessians(core)
+        _fill_joint_band(core)
     else:
-        run(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], n)
         run(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + _BOTH], n - 1)
+    if hessian == NONE:
+        run(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], n)
+    else:
+        run(kernel(core, a.SEGMENT_HESSIAN), segment_in, segment_out, n)
+        _fill_band(core)
     phi = _joints(core, x) + _add_gradients(core)
     lanes = segment_in.shape[1]
     for s in range(POINTS):
@@ -141,18 +148,14 @@ def _add_gradients(core: Core) -> float:
 
 
 @njit
-def _add_hessians(core: Core) -> None:
-    band = matrix(core.block, a.BAND)
-    segment_out, joint_out = matrix(core.block, a.SEGMENT_OUT), matrix(core.block, a.JOINT_OUT)
+def _fill_joint_band(core: Core) -> None:
+    """Put together what joints and their masses contribute to the band."""
+    band, joint_out = matrix(core.block, a.JOINT_BAND), matrix(core.block, a.JOINT_OUT)
     inertia, drag = vector(core.block, a.JOINT_INERTIA), vector(core.block, a.JOINT_DRAG)
-    fill(vector(core.block, a.BAND), 0.0)
+    fill(vector(core.block, a.JOINT_BAND), 0.0)
     for j in range(core.n + 1):
         for d in range(3):
             band[BLOCK * j + d, B] = inertia[j] + drag[j]
-    for i in range(core.n):
-        for c in range(_OWN):
-            for r in range(_OWN):
-                band[BLOCK * i + r, B + c - r] += segment_out[1 + _OWN + _OWN * c + r, i]
     for i in range(core.n - 1):
         row = 1 + _BOTH
         for c in range(_BOTH):
@@ -162,6 +165,17 @@ def _add_hessians(core: Core) -> None:
                 band[BLOCK * i + r, B + c - r] += value
                 band[BLOCK * i + c, B + r - c] += value
             row += _BOTH - c
+
+
+@njit
+def _fill_band(core: Core) -> None:
+    """Put the band together from the joints' part and what the segments contribute."""
+    band, segment_out = matrix(core.block, a.BAND), matrix(core.block, a.SEGMENT_OUT)
+    copy(vector(core.block, a.BAND), vector(core.block, a.JOINT_BAND))
+    for i in range(core.n):
+        for c in range(_OWN):
+            for r in range(_OWN):
+                band[BLOCK * i + r, B + c - r] += segment_out[1 + _OWN + _OWN * c + r, i]
 
 
 @njit

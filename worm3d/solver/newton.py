@@ -18,7 +18,7 @@ from worm3d.solver import regimes
 from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import combine, copy, fill, matrix, rows, total, vector
 from worm3d.solver.entry import call, count, kernel, opened
-from worm3d.solver.evaluate import LOAD, evaluate, hold
+from worm3d.solver.evaluate import LOAD, NONE, WHOLE, WITH_KEPT_JOINTS, evaluate, hold
 from worm3d.solver.regimes import Y
 
 FloatArray = NDArray[np.float64]
@@ -40,6 +40,8 @@ CURVATURE = 10.0
 """A step of size s moves a contact point otherwise than to first order by s^2 times this over the segment length."""
 DOUBT = 2.0
 """By which that error is taken to be larger each time that contacts have changed their regime."""
+JOINTS_KEPT = 1e-2
+"""The joints' part of the Jacobian is kept until x has moved by this fraction of the segment length."""
 FOLLOWED = 2e-15
 """Coordinate step, as a fraction of the body length, at which Newton has converged."""
 STAGNATION = 1e-12
@@ -85,14 +87,14 @@ def _solve(core: Core, again: bool) -> bool:
     for relaxation in RELAXATIONS:
         if _descend(core):
             copy(best, x)
-            evaluate(core, a.X, True, False)
+            evaluate(core, a.X, True, NONE)
             regimes.own(core)
             found = _follow(core)
             fill(regime, point.FREE)
             if found:
                 return True
             copy(x, best)
-        if not evaluate(core, a.X, False, False) < np.inf:
+        if not evaluate(core, a.X, False, NONE) < np.inf:
             return False
         combine(load, 1.0 - relaxation, load, relaxation, own)
     return False
@@ -107,21 +109,12 @@ def _follow(core: Core) -> bool:
     There is no potential to descend: it gives up where regimes go on changing or it does not come closer.
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
-    factor, pivots = matrix(core.block, a.FACTOR), vector(core.block, a.PIVOTS)
     length, l0 = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.L0]
-    size, renew, fresh, changes, doubt = np.inf, True, 0, 0, 1.0
+    size, renew, fresh, changes, doubt, moved = np.inf, True, 0, 0, 1.0, np.inf
     for _ in range(MAX_FOLLOW):
-        if not np.isfinite(evaluate(core, a.X, True, renew)):
-            return False
-        hold(core, renew)
-        copy(step, vector(core.block, a.GRADIENT))
-        fresh = fresh + 1 if renew else 0
-        if renew:
-            copy(vector(core.block, a.FACTOR), vector(core.block, a.BAND))
-            if not lu_factor(factor, pivots):
-                return False
-        lu_solve(factor, pivots, step)
-        previous, size = size, _size(core, step)
+        hessian = (WHOLE if moved > JOINTS_KEPT * l0 else WITH_KEPT_JOINTS) if renew else NONE
+        fresh, moved = fresh + 1 if renew else 0, 0.0 if hessian == WHOLE else moved
+        previous, size = size, _newton_step(core, hessian)
         if not size <= 0.1 * length:
             return False
         regimes.look_ahead(core, step)
@@ -138,7 +131,23 @@ def _follow(core: Core) -> bool:
         renew = changed or turned or size > CONTRACTION * previous
         if not lands:
             combine(x, 1.0, x, -1.0, step)
+            moved += size
     return False
+
+
+@njit
+def _newton_step(core: Core, hessian: int) -> float:
+    """Put Newton's step into "direction"; return its size, infinite where there is none."""
+    if not np.isfinite(evaluate(core, a.X, True, hessian)):
+        return np.inf
+    hold(core, hessian != NONE)
+    factor, step = matrix(core.block, a.FACTOR), vector(core.block, a.DIRECTION)
+    copy(step, vector(core.block, a.GRADIENT))
+    if hessian != NONE:
+        copy(vector(core.block, a.FACTOR), vector(core.block, a.BAND))
+        lu_factor(factor, vector(core.block, a.PIVOTS))
+    lu_solve(factor, step, vector(core.block, a.PADDED))
+    return float(_size(core, step))
 
 
 @njit
@@ -157,7 +166,7 @@ def _descend(core: Core) -> bool:
     x, direction = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     tolerance = DESCENT_TOLERANCE * vector(core.block, a.NUMBERS_)[a.LENGTH]
     for _ in range(MAX_DESCENT):
-        phi = evaluate(core, a.X, False, True)
+        phi = evaluate(core, a.X, False, WHOLE)
         if not np.isfinite(phi):
             return False
         hold(core, True)
@@ -206,7 +215,7 @@ def _search(core: Core, phi: float) -> bool:
     low, high, step, found, kinks = 0.0, 1.0, 1.0, False, -1
     for _ in range(MAX_SEARCH):
         combine(trial, 1.0, x, step, direction)
-        value = evaluate(core, a.TRIAL, False, False)
+        value = evaluate(core, a.TRIAL, False, NONE)
         rise = np.dot(gradient, direction) if np.isfinite(value) else np.inf
         lower = value <= phi + 1e-4 * step * slope + 1e-14 * abs(phi)
         if lower:
@@ -282,7 +291,7 @@ def _resting_points(core: Core) -> int:
 @njit
 def _slides(core: Core, which: int) -> bool:
     """Run the kernel that says which contacts slide at x."""
-    if not evaluate(core, which, False, False) < np.inf:
+    if not evaluate(core, which, False, NONE) < np.inf:
         return False
     regimes.look(core)
     return True

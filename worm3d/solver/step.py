@@ -39,6 +39,9 @@ _TANGENTS, _ANCHOR, _SLIDE_N, _HOLD, _CAP = point.LAYOUT.firsts("tangent", "anch
 _LOAD, _LOAD_N, _DISTANCE_N, _STORED_N = point.LAYOUT.firsts("load", "load_n", "distance_n", "stored_n")
 _TERMS_OF_SEGMENT = len(segment.LEDGER_TERMS)
 
+STEADY = 0.02
+"""The first guess takes the last step's change of motion into account while that is small: squares, in coordinates."""
+
 IMPACT = 1e-3
 """A point that would get deeper than this fraction of the segment length, and than gravity alone moves it in a step,
 strikes the world."""
@@ -79,6 +82,7 @@ def _step(core: Core, dt: float, bdf2: bool) -> int:
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         copy(vector(core.block, a.STUCK), vector(core.block, a.STUCK_N))
         fill(vector(core.block, a.LAST), 0.0)
+        fill(vector(core.block, a.CURVE), 0.0)
         return end
     ledger.prepare(core)
     ledger.add(core, dt, span, vector(core.block, a.TERMS_))
@@ -136,6 +140,9 @@ def begin(core: Core, dt: float, span: float) -> None:
     _begin_contacts(core)
     x = vector(core.block, a.X)
     combine(x, 1.0, x, 1.0, vector(core.block, a.LAST))
+    last, curve = vector(core.block, a.LAST), vector(core.block, a.CURVE)
+    if np.dot(curve, curve) < STEADY * np.dot(last, last):
+        combine(x, 1.0, x, 1.0, curve)
 
 
 @njit
@@ -270,7 +277,10 @@ def _commit(core: Core, dt: float, span: float) -> None:
     _keep_contact_forces(core)
     _move_anchors(core)
     _carry_directors(core)
-    combine(vector(core.block, a.LAST), 1.0, x, -1.0, vector(core.block, a.X_N))
+    last, curve = vector(core.block, a.LAST), vector(core.block, a.CURVE)
+    combine(curve, 0.0, curve, -1.0, last)
+    combine(last, 1.0, x, -1.0, vector(core.block, a.X_N))
+    combine(curve, 1.0, curve, 1.0, last)
     copy(rows(core.block, a.SEGMENT_IN, _COMMANDED_N, 2), rows(core.block, a.SEGMENT_IN, _COMMANDED, 2))
     copy(joint_in[_HINGE_N], joint_in[_HINGE])
 
