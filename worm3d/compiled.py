@@ -10,6 +10,7 @@ import contextlib
 import functools
 import hashlib
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -22,6 +23,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 COMPILED = ("banded.py", "codegen", "compiled.py", "kernels", "solver", "worlds")
 """What compiled functions are made of: modules that define them, and the layouts that they have as constants."""
+
+OPTIMISATION = 1
+"""Of Numba's for the entries: more takes a quarter longer to compile and does not show in the time of a step."""
 
 KEPT = 4
 """Folders of older versions beyond this number are removed."""
@@ -36,24 +40,47 @@ def njit(function: F) -> F:
         return cast(F, numba.njit(cache=True, error_model="numpy", nogil=True)(function))
 
 
+def inner(function: F) -> F:
+    """Compile a function that only compiled code calls: without what Python needs to call it; kept with its caller."""
+    options: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return cast(F, numba.njit(error_model="numpy", nogil=True, **options)(function))
+
+
 def cfunc(signature: str, function: Callable[..., Any]) -> Any:
     """Compile a function as a C function with an `address`, and keep the result on disk."""
     folder = _folder()
     if folder is None:
         return numba.cfunc(signature)(function)
-    with _cache_at(folder):
+    with _cache_at(folder), _configured("OPT", OPTIMISATION):
         return numba.cfunc(signature, cache=True)(function)
 
 
-@contextlib.contextmanager
-def _cache_at(folder: Path) -> Iterator[None]:
+def announce() -> None:
+    """Say on stderr that a minute will pass, if the compiled code is not on disk yet."""
+    folder = _folder()
+    if folder is None:
+        sys.stderr.write(
+            "worm3d: compiling, for about half a minute (every time: no folder for a cache can be written)\n"
+        )
+    elif not any(folder.glob("*.nbi")):
+        sys.stderr.write("worm3d: compiling, once, for about half a minute\n")
+    sys.stderr.flush()
+
+
+def _cache_at(folder: Path) -> contextlib.AbstractContextManager[None]:
     """Make Numba choose this folder; it does so when a function is declared."""
-    config: Any = numba.config
-    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+    return _configured("CACHE_DIR", str(folder))
+
+
+@contextlib.contextmanager
+def _configured(name: str, value: object) -> Iterator[None]:
+    """Set one of Numba's options for a while."""
+    before = getattr(numba.config, name)
+    setattr(numba.config, name, value)
     try:
         yield
     finally:
-        config.CACHE_DIR = before
+        setattr(numba.config, name, before)
 
 
 @functools.cache

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.codegen import Kernel, compile_kernel, evaluate
-from worm3d.compiled import cfunc
+from worm3d.compiled import announce, cfunc
 from worm3d.friction import ContactConstants, Friction
 from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays
@@ -63,6 +63,7 @@ def kernels() -> dict[str, Kernel]:
 @cache
 def entries() -> dict[str, Any]:
     """Return the compiled entries of the solver by name."""
+    announce()
     functions = {"evaluate": evaluate_entry, "solve": solve_entry, "step": step_entry}
     return {name: cfunc(SIGNATURE, function) for name, function in functions.items()}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.compiled import njit
+from worm3d.compiled import inner, njit
 from worm3d.kernels import joint, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, Core
@@ -79,7 +79,7 @@ def advance(
     return len(commands), OK
 
 
-@njit
+@inner
 def actuate(core: Core, command: FloatArray, dt: float) -> None:
     """First-order lag, exact for a command that changes linearly over the step; stroke and rate limits."""
     numbers, n = vector(core.block, a.NUMBERS_), core.n

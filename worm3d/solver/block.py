@@ -16,7 +16,7 @@ from numba.core import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from worm3d.compiled import njit
+from worm3d.compiled import inner
 
 FloatArray = NDArray[np.float64]
 
@@ -82,14 +82,14 @@ _numbers_at: Any = intrinsic(_pointer_type(types.float64))
 _integers_at: Any = intrinsic(_pointer_type(types.int64))
 
 
-@njit
+@inner
 def integers(address: int, count: int) -> NDArray[np.int64]:
     """Return the whole numbers that stand at an address, not a copy."""
     found: NDArray[np.int64] = carray(_integers_at(address), (count,))
     return found
 
 
-@njit
+@inner
 def matrix(block: Block, k: int) -> FloatArray:
     """Return array k, shape (rows, columns), not a copy."""
     place = integers(block.table + 24 * k, 3)
@@ -97,7 +97,7 @@ def matrix(block: Block, k: int) -> FloatArray:
     return found
 
 
-@njit
+@inner
 def vector(block: Block, k: int) -> FloatArray:
     """Return array k, all rows one after the other, not a copy."""
     place = integers(block.table + 24 * k, 3)
@@ -105,7 +105,7 @@ def vector(block: Block, k: int) -> FloatArray:
     return found
 
 
-@njit
+@inner
 def rows(block: Block, k: int, first: int, count: int) -> FloatArray:
     """Return some rows of array k, one after the other, not a copy, shape (count * columns,)."""
     place = integers(block.table + 24 * k, 3)
@@ -117,28 +117,28 @@ def rows(block: Block, k: int, first: int, count: int) -> FloatArray:
 # Loops rather than array expressions, each of which would take Numba a third of a second to compile.
 
 
-@njit
+@inner
 def fill(to: FloatArray, value: float) -> None:
     """Set all entries of a vector."""
     for k in range(len(to)):
         to[k] = value
 
 
-@njit
+@inner
 def copy(to: FloatArray, source: FloatArray) -> None:
     """Copy a vector."""
     for k in range(len(to)):
         to[k] = source[k]
 
 
-@njit
+@inner
 def combine(to: FloatArray, u: float, x: FloatArray, v: float, y: FloatArray) -> None:
     """Set a vector to u x + v y; it may be one of them."""
     for k in range(len(to)):
         to[k] = u * x[k] + v * y[k]
 
 
-@njit
+@inner
 def total(x: FloatArray) -> float:
     """Return the sum of a vector."""
     value = 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from worm3d.compiled import njit
+from worm3d.compiled import inner
 from worm3d.kernels import segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, Core
@@ -15,7 +15,7 @@ from worm3d.solver.newton import solve
 _T_REF = segment.LAYOUT.first("t_ref")
 
 
-@njit
+@inner
 def solve_clamped(core: Core, dt: float) -> bool:
     """Solve a step of the clamped worm; return whether Newton converged both times."""
     x, load = vector(core.block, a.X), vector(core.block, a.JOINT_LOAD)
@@ -35,7 +35,7 @@ def solve_clamped(core: Core, dt: float) -> bool:
     return solve(core, True)
 
 
-@njit
+@inner
 def _heading(core: Core, j: int) -> tuple[float, float]:
     """Return the horizontal direction towards the head at joint j at the start of the step."""
     rows = matrix(core.block, a.SEGMENT_IN)
@@ -45,7 +45,7 @@ def _heading(core: Core, j: int) -> tuple[float, float]:
     return (tx / size, ty / size) if size > 0.0 else (1.0, 0.0)
 
 
-@njit
+@inner
 def _p10(core: Core, j: int, along: float, across: float, load: float) -> tuple[float, float]:
     """Return the friction (P10) along and across for a velocity: N mu against it, on the ellipse of the gauge."""
     mu, threshold = matrix(core.block, a.JOINT_MU), vector(core.block, a.NUMBERS_)[a.THRESHOLD]

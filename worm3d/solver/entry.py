@@ -13,7 +13,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from worm3d.compiled import njit
+from worm3d.compiled import inner
 from worm3d.solver.arrays import COUNTERS, HANDLE, Core
 from worm3d.solver.block import Block, integers
 
@@ -33,27 +33,27 @@ call: Any = intrinsic(_type_call)
 """Call the entry at an address: (address, handle, value, a, b) -> float."""
 
 
-@njit
+@inner
 def opened(handle: int) -> Core:
     """Return the core that a handle stands for."""
     n, memory, table, kernels, counters = integers(handle, HANDLE)
     return Core(n, kernels, Block(memory, table), counters, handle)
 
 
-@njit
+@inner
 def kernel(core: Core, k: int) -> int:
     """Return the address of a kernel or entry, one of `worm3d.solver.arrays.KERNELS`."""
     return int(integers(core.kernels, k + 1)[k])
 
 
-@njit
+@inner
 def reset(core: Core) -> None:
     """Set all counters to zero."""
     for k in range(COUNTERS):
         integers(core.counters, COUNTERS)[k] = 0
 
 
-@njit
+@inner
 def count(core: Core, k: int) -> None:
     """Add one to a counter."""
     integers(core.counters, k + 1)[k] += 1

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from worm3d.banded import B
 from worm3d.codegen import evaluate as run
-from worm3d.compiled import njit
+from worm3d.compiled import inner, njit
 from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
@@ -31,7 +31,7 @@ PHI, LOAD = 12, 13
 """Rows of "point_out"."""
 
 
-@njit
+@inner
 def place(core: Core, x: FloatArray) -> bool:
     """Compute points and distances at x; return whether the linkages can take that shape."""
     segment_in, rest = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.REST)
@@ -79,7 +79,7 @@ def evaluate_entry(handle: int, _value: float, which: int, flags: int) -> float:
     return _evaluate(core, vector(core.block, which), flags >= HESSIANS, flags % HESSIANS)
 
 
-@njit
+@inner
 def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
     n = core.n
     count(core, 1 if hessian == NONE else 0)
@@ -111,7 +111,7 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
     return phi
 
 
-@njit
+@inner
 def _joints(core: Core, x: FloatArray) -> float:
     """Inertia (P4), weight, viscous medium (P8) and forces of the joints."""
     gradient, numbers = vector(core.block, a.GRADIENT), vector(core.block, a.NUMBERS_)
@@ -132,7 +132,7 @@ def _joints(core: Core, x: FloatArray) -> float:
     return phi
 
 
-@njit
+@inner
 def _add_gradients(core: Core) -> float:
     gradient, phi = vector(core.block, a.GRADIENT), 0.0
     segment_out, joint_out = matrix(core.block, a.SEGMENT_OUT), matrix(core.block, a.JOINT_OUT)
@@ -147,7 +147,7 @@ def _add_gradients(core: Core) -> float:
     return phi
 
 
-@njit
+@inner
 def _fill_joint_band(core: Core) -> None:
     """Put together what joints and their masses contribute to the band."""
     band, joint_out = matrix(core.block, a.JOINT_BAND), matrix(core.block, a.JOINT_OUT)
@@ -167,7 +167,7 @@ def _fill_joint_band(core: Core) -> None:
             row += _BOTH - c
 
 
-@njit
+@inner
 def _fill_band(core: Core) -> None:
     """Put the band together from the joints' part and what the segments contribute."""
     band, segment_out = matrix(core.block, a.BAND), matrix(core.block, a.SEGMENT_OUT)
@@ -178,7 +178,7 @@ def _fill_band(core: Core) -> None:
                 band[BLOCK * i + r, B + c - r] += segment_out[1 + _OWN + _OWN * c + r, i]
 
 
-@njit
+@inner
 def hold(core: Core, in_band: bool) -> None:
     """Set the gradient of held coordinates to zero, and their rows and columns in the band to those of the identity."""
     held, gradient = vector(core.block, a.HELD), vector(core.block, a.GRADIENT)

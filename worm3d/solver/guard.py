@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from worm3d.compiled import njit
+from worm3d.compiled import inner
 from worm3d.kernels import joint, point
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
@@ -18,7 +18,7 @@ _HINGE = joint.LAYOUT.first("hinge")
 _DISTANCE = point.LAYOUT.first("distance")
 
 
-@njit
+@inner
 def guard(core: Core) -> int:
     """Return OK for a shape that the model stands for, else what became of it."""
     rest, longest = matrix(core.block, a.REST), vector(core.block, a.LONGEST)
@@ -32,7 +32,7 @@ def guard(core: Core) -> int:
     return SUNK if _sunk(core) else OK
 
 
-@njit
+@inner
 def _folded(core: Core) -> bool:
     """Return whether neighbouring segments enclose 90 degrees or more, or bends and hinge together ask for it."""
     rest, joints = matrix(core.block, a.REST), matrix(core.block, a.JOINT_IN)
@@ -46,7 +46,7 @@ def _folded(core: Core) -> bool:
     return False
 
 
-@njit
+@inner
 def _sunk(core: Core) -> bool:
     """Return whether a joint is too deep in the world."""
     numbers, distance = vector(core.block, a.NUMBERS_), matrix(core.block, a.POINT_IN)[_DISTANCE]

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.codegen import evaluate as run
-from worm3d.compiled import njit
+from worm3d.compiled import inner
 from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, TERMS, Core
@@ -61,7 +61,7 @@ _JOINT_DQ = joint.LAYOUT.first("dq")
 _MOTION, _FIRST = point.LAYOUT.firsts("motion", "first")
 
 
-@njit
+@inner
 def prepare(core: Core) -> None:
     """Fill the motion of the step, to first order in the points, and run the points' ledger."""
     n = core.n
@@ -80,7 +80,7 @@ def prepare(core: Core) -> None:
     run(kernel(core, a.POINT_AFTER), point_in, matrix(core.block, a.AFTER_OUT), point_in.shape[1])
 
 
-@njit
+@inner
 def add(core: Core, dt: float, span: float, terms: FloatArray) -> None:
     """Add the step's terms, shape (14,) [J]; `prepare` has run, the past is that before the step.
 
@@ -110,7 +110,7 @@ def add(core: Core, dt: float, span: float, terms: FloatArray) -> None:
     terms[WORK_POSITIVE] += max(0.0, terms[WORK_CONTRACT] - worked)
 
 
-@njit
+@inner
 def _joints(core: Core, dt: float, span: float, terms: FloatArray) -> None:
     """Inertia, weight, medium and forces of the joints, whose coordinates are their places."""
     x, numbers = vector(core.block, a.X), vector(core.block, a.NUMBERS_)
@@ -132,7 +132,7 @@ def _joints(core: Core, dt: float, span: float, terms: FloatArray) -> None:
             terms[NUMERICAL_LOSS] += drag[j] * rate * (moved - rate * dt)
 
 
-@njit
+@inner
 def _points(core: Core, dt: float, span: float, terms: FloatArray) -> None:
     """Inertia and weight of the apexes."""
     point_in, numbers = matrix(core.block, a.POINT_IN), vector(core.block, a.NUMBERS_)
@@ -155,7 +155,7 @@ def _points(core: Core, dt: float, span: float, terms: FloatArray) -> None:
                 terms[NUMERICAL_LOSS] -= mass * numbers[a.GRAVITY + d] * (first - moved)
 
 
-@njit
+@inner
 def _inertia(
     mass: float,
     v: float,

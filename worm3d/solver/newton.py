@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.banded import B, cholesky_solve, lu_factor, lu_solve
-from worm3d.compiled import njit
+from worm3d.compiled import inner
 from worm3d.kernels import point
 from worm3d.solver import arrays as a
 from worm3d.solver import regimes
@@ -50,7 +50,7 @@ STAGNATION = 1e-12
 _LOAD, _MU, _REGIME = point.LAYOUT.firsts("load", "mu", "regime")
 
 
-@njit
+@inner
 def solve(core: Core, again: bool) -> bool:
     """Move x to the state that solves the step; return whether Newton converged.
 
@@ -69,7 +69,7 @@ def solve_entry(handle: int, _value: float, again: int, _b: int) -> float:
     return 1.0 if _solve(opened(handle), again != 0) else 0.0
 
 
-@njit
+@inner
 def _solve(core: Core, again: bool) -> bool:
     regime = rows(core.block, a.POINT_IN, _REGIME, 1)
     if again:
@@ -100,7 +100,7 @@ def _solve(core: Core, again: bool) -> bool:
     return False
 
 
-@njit
+@inner
 def _follow(core: Core) -> bool:
     """Newton with the loads of the iterate itself, whose Jacobian is exact but unsymmetric; it is kept while it serves.
 
@@ -135,7 +135,7 @@ def _follow(core: Core) -> bool:
     return False
 
 
-@njit
+@inner
 def _newton_step(core: Core, hessian: int) -> float:
     """Put Newton's step into "direction"; return its size, infinite where there is none."""
     if not np.isfinite(evaluate(core, a.X, True, hessian)):
@@ -150,7 +150,7 @@ def _newton_step(core: Core, hessian: int) -> float:
     return float(_size(core, step))
 
 
-@njit
+@inner
 def _size(core: Core, step: FloatArray) -> float:
     """Return the largest entry of a step, rolls and bends turned into metres."""
     largest, lever = 0.0, vector(core.block, a.NUMBERS_)[a.LEVER]
@@ -161,7 +161,7 @@ def _size(core: Core, step: FloatArray) -> float:
     return largest
 
 
-@njit
+@inner
 def _descend(core: Core) -> bool:
     x, direction = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     tolerance = DESCENT_TOLERANCE * vector(core.block, a.NUMBERS_)[a.LENGTH]
@@ -180,7 +180,7 @@ def _descend(core: Core) -> bool:
     return False
 
 
-@njit
+@inner
 def _descent_direction(core: Core) -> bool:
     """Solve with the Hessian, shifted until it is positive definite."""
     direction, gradient = vector(core.block, a.DIRECTION), vector(core.block, a.GRADIENT)
@@ -202,7 +202,7 @@ def _descent_direction(core: Core) -> bool:
     return False
 
 
-@njit
+@inner
 def _search(core: Core, phi: float) -> bool:
     """Put into "best" a point further down the direction; False if there is none above rounding.
 
@@ -233,7 +233,7 @@ def _search(core: Core, phi: float) -> bool:
     return found
 
 
-@njit
+@inner
 def _between(kinks: FloatArray, low: float, high: float) -> float:
     """Return the middle one of the kinks between two steps, or half-way."""
     inside, middle = 0, 0
@@ -248,7 +248,7 @@ def _between(kinks: FloatArray, low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
-@njit
+@inner
 def _sort(values: FloatArray) -> None:
     """Sort a few values in place; Numba's own sort takes seconds to compile."""
     for i in range(1, len(values)):
@@ -259,7 +259,7 @@ def _sort(values: FloatArray) -> None:
         values[k] = value
 
 
-@njit
+@inner
 def _resting_points(core: Core) -> int:
     """Find the step lengths in (0, 1), sorted, at which sliding contacts come closest to rest, to first order."""
     x, trial = vector(core.block, a.X), vector(core.block, a.TRIAL)
@@ -288,7 +288,7 @@ def _resting_points(core: Core) -> int:
     return found
 
 
-@njit
+@inner
 def _slides(core: Core, which: int) -> bool:
     """Run the kernel that says which contacts slide at x."""
     if not evaluate(core, which, False, NONE) < np.inf:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.compiled import njit
+from worm3d.compiled import inner, njit
 from worm3d.kernels import point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, TERMS, Core
@@ -86,7 +86,7 @@ def record(core: Core, records: Block, row: int) -> None:
     fill(vector(core.block, a.SLID), 0.0)
 
 
-@njit
+@inner
 def _segments(core: Core, records: Block, row: int) -> None:
     x, lengths = vector(core.block, a.X), matrix(core.block, a.LENGTHS)
     rows, p = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.POINT_IN)
@@ -117,7 +117,7 @@ def mass_centre(core: Core) -> tuple[FloatArray, FloatArray]:
     return momentum, com
 
 
-@njit
+@inner
 def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
     """Momentum, angular momentum and centre of mass of all mass points."""
     fill(momentum, 0.0)
@@ -140,7 +140,7 @@ def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
         com[d] /= total
 
 
-@njit
+@inner
 def _add_mass_point(mass: float, x: FloatArray, v: FloatArray, momentum: FloatArray, com: FloatArray) -> float:
     for d in range(3):
         b, c = (d + 1) % 3, (d + 2) % 3

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.codegen import evaluate as run
-from worm3d.compiled import njit
+from worm3d.compiled import inner, njit
 from worm3d.kernels import point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
@@ -21,7 +21,7 @@ Y, EXCESS, TOUCHING, _TURN, _TURNS, SLIP = 0, 2, 3, 4, 5, 6
 """Rows of "yielding_out"."""
 
 
-@njit
+@inner
 def last(core: Core) -> None:
     """Take every contact for what it was in the last step."""
     p, stuck = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK)
@@ -30,7 +30,7 @@ def last(core: Core) -> None:
         p[_REGIME, k] = (point.STICKING if stuck[k] > 0.0 else point.SLIDING) if touched else point.OPEN
 
 
-@njit
+@inner
 def own(core: Core) -> None:
     """Take every contact for what the law says at the last evaluation."""
     look(core)
@@ -48,7 +48,7 @@ def look(core: Core) -> None:
     run(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
 
 
-@njit
+@inner
 def look_ahead(core: Core, step: FloatArray) -> None:
     """Ask what the contacts will do, to first order, once a step is subtracted from x."""
     p, segments = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN)
@@ -59,7 +59,7 @@ def look_ahead(core: Core, step: FloatArray) -> None:
     run(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
 
 
-@njit
+@inner
 def lands(core: Core, error: float) -> bool:
     """Return whether an open contact will touch: the step, which knows nothing of that, would drive it deep."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
@@ -71,7 +71,7 @@ def lands(core: Core, error: float) -> bool:
     return False
 
 
-@njit
+@inner
 def change(core: Core, error: float, lands: bool) -> tuple[bool, bool]:
     """Change the regimes that the law denies; return whether there was one, and whether what sticks turns round.
 
@@ -102,7 +102,7 @@ def change(core: Core, error: float, lands: bool) -> tuple[bool, bool]:
     return changed, turned
 
 
-@njit
+@inner
 def _by_law(regime: float, touching: float, excess: float, turn: float, error: float) -> float:
     """Return the regime that follows where the law denies one by more than the error."""
     if regime == point.OPEN:

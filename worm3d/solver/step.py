@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.codegen import evaluate as run
-from worm3d.compiled import njit
+from worm3d.compiled import inner
 from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver import ledger
@@ -47,7 +47,7 @@ IMPACT = 1e-3
 strikes the world."""
 
 
-@njit
+@inner
 def step(core: Core, dt: float, bdf2: bool) -> int:
     """Advance the worm by one step to the given commands; return OK or what became of it (`worm3d.solver.guard`).
 
@@ -69,7 +69,7 @@ def step_entry(handle: int, dt: float, bdf2: int, _b: int) -> float:
     return float(_step(opened(handle), dt, bdf2 != 0))
 
 
-@njit
+@inner
 def _step(core: Core, dt: float, bdf2: bool) -> int:
     place_start(core)
     strikes = bdf2 and _strikes(core, dt)
@@ -93,13 +93,13 @@ def _step(core: Core, dt: float, bdf2: bool) -> int:
     return OK
 
 
-@njit
+@inner
 def weights(dt: float, span: float) -> tuple[float, float]:
     """Return the weights of t_n and t_{n-1} in the integrator's backward difference."""
     return (4.0 / 3.0, -1.0 / 3.0) if span != dt else (1.0, 0.0)
 
 
-@njit
+@inner
 def place_start(core: Core) -> None:
     """Make the present state the start of a step, and put the points there."""
     x = vector(core.block, a.X)
@@ -111,7 +111,7 @@ def place_start(core: Core) -> None:
     turn_faces(core)
 
 
-@njit
+@inner
 def _strikes(core: Core, dt: float) -> bool:
     """Return whether a point strikes the world in this step: BDF2, which extrapolates velocities, would throw it back.
 
@@ -131,7 +131,7 @@ def _strikes(core: Core, dt: float) -> bool:
     return False
 
 
-@njit
+@inner
 def begin(core: Core, dt: float, span: float) -> None:
     """Fill everything else that is known at the start of a step."""
     _begin_joints(core, dt, span)
@@ -145,7 +145,7 @@ def begin(core: Core, dt: float, span: float) -> None:
         combine(x, 1.0, x, 1.0, curve)
 
 
-@njit
+@inner
 def _begin_joints(core: Core, dt: float, span: float) -> None:
     block, (w0, w1) = core.block, weights(dt, span)
     drag_hat, hat = vector(block, a.JOINT_DRAG_HAT), vector(block, a.JOINT_HAT)
@@ -157,7 +157,7 @@ def _begin_joints(core: Core, dt: float, span: float) -> None:
     combine(vector(block, a.JOINT_DRAG), 1.0 / span, drag, 0.0, drag)
 
 
-@njit
+@inner
 def _begin_strains(core: Core, dt: float, span: float) -> None:
     block, (w0, w1) = core.block, weights(dt, span)
     fill(rows(block, a.SEGMENT_IN, _SPAN, 1), span)
@@ -176,7 +176,7 @@ def _begin_strains(core: Core, dt: float, span: float) -> None:
                 joints[_JOINT_D + 3 * k + d, i] = segments[_D_REF + d, i + k]
 
 
-@njit
+@inner
 def _begin_points(core: Core, dt: float, span: float) -> None:
     block, (w0, w1) = core.block, weights(dt, span)
     hat, mass = rows(block, a.POINT_IN, _X_HAT, 3), vector(block, a.POINT_MASS)
@@ -187,7 +187,7 @@ def _begin_points(core: Core, dt: float, span: float) -> None:
     fill(rows(block, a.POINT_IN, _P_DT, 1), dt)
 
 
-@njit
+@inner
 def _begin_contacts(core: Core) -> None:
     """Freeze the tangents and what else friction remembers of the start of the step."""
     p = matrix(core.block, a.POINT_IN)
@@ -208,7 +208,7 @@ def _begin_contacts(core: Core) -> None:
         p[_DEPTH_N, k] = max(0.0, -p[_DISTANCE, k])
 
 
-@njit
+@inner
 def _freeze_tangents(core: Core, i: int, k: int) -> None:
     """Tangents of contact k of segment i: along the segment, projected, and normal x along (to the left)."""
     p, r = matrix(core.block, a.POINT_IN), matrix(core.block, a.REST)
@@ -230,7 +230,7 @@ def _freeze_tangents(core: Core, i: int, k: int) -> None:
     p[_TANGENTS + 5, k] = nx * ay - ny * ax
 
 
-@njit
+@inner
 def _solve_contact(core: Core) -> bool:
     """Solve with the static limit where stuck; contacts that yield become kinetic, and again."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
@@ -256,7 +256,7 @@ def _solve_contact(core: Core) -> bool:
     return True
 
 
-@njit
+@inner
 def _commit(core: Core, dt: float, span: float) -> None:
     """Shift the histories, move the anchors, carry the directors along."""
     x, w0_w1 = vector(core.block, a.X), weights(dt, span)
@@ -285,20 +285,20 @@ def _commit(core: Core, dt: float, span: float) -> None:
     copy(joint_in[_HINGE_N], joint_in[_HINGE])
 
 
-@njit
+@inner
 def _shift(x: FloatArray, v: FloatArray, d: int, k: int, new: float, w: tuple[float, float], span: float) -> None:
     velocity = (new - w[0] * x[d, k] - w[1] * x[3 + d, k]) / span
     x[3 + d, k], x[d, k], v[3 + d, k], v[d, k] = x[d, k], new, v[d, k], velocity
 
 
-@njit
+@inner
 def _remember(core: Core, k: int, new: FloatArray) -> None:
     past, size = vector(core.block, k), len(new)
     copy(past[size:], past[:size])
     copy(past[:size], new)
 
 
-@njit
+@inner
 def _keep_contact_forces(core: Core) -> None:
     """Take the forces of the world from the points' gradients: what is left without inertia and weight."""
     p, out, force = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT), matrix(core.block, a.CONTACT_FORCE)
@@ -307,7 +307,7 @@ def _keep_contact_forces(core: Core) -> None:
             force[d, k] = p[_INERTIA, k] * (p[d, k] - p[_X_HAT + d, k]) - p[_WEIGHT + d, k] - out[d, k]
 
 
-@njit
+@inner
 def _move_anchors(core: Core) -> None:
     p, after = matrix(core.block, a.POINT_IN), matrix(core.block, a.AFTER_OUT)
     loads, stuck = matrix(core.block, a.POINT_OUT)[LOAD], vector(core.block, a.STUCK)
@@ -328,7 +328,7 @@ def _move_anchors(core: Core) -> None:
             p[_LOAD_N, k] = loads[k]
 
 
-@njit
+@inner
 def _carry_directors(core: Core) -> None:
     """Make tangents and directors of the end of the step those that the next one starts from, orthonormal again."""
     rest, segments = matrix(core.block, a.REST), matrix(core.block, a.SEGMENT_IN)
