@@ -20,6 +20,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
+bench = typer.Typer(help="Measure how fast it is.", no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(bench, name="bench")
+
 
 def _path(text: str) -> Path:
     """Return a path; an empty one would be this folder without saying so."""
@@ -207,6 +210,26 @@ def paper(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
     from scenes import paper as study
 
     raise typer.Exit(study.run(out, force, quiet))
+
+
+@bench.command(name="plant")
+def bench_plant(
+    out: Out = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Short worms and short runs only.")] = False,
+    without_rivals: Annotated[
+        bool, typer.Option("--without-rivals", help="Leave out MuJoCo and PyElastica (extra 'bench').")
+    ] = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure the 3D worm.
+
+    Time of a step by the number of segments and what it is spent on, many runs at once, start and memory, and the
+    same worm in other simulators at the same error of the distance. Takes minutes; nothing else should run meanwhile.
+    """
+    from scenes.bench import plant_command
+
+    raise typer.Exit(plant_command.run(out, quick=quick, with_rivals=not without_rivals, force=force, quiet=quiet))
 
 
 @app.command()

@@ -30,7 +30,7 @@ HALVINGS = 6
 """A step that does not converge is halved at most so often."""
 
 CHUNK = 50
-"""Steps between two looks at the outside world, where nothing depends on the state (of `record_every`, if more)."""
+"""Steps between two looks at the outside world, where nothing depends on the state."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -130,7 +130,8 @@ class Run:
     def _chunk(self) -> Status:
         """Ask for commands and forces and take the steps."""
         controlled = self.driver.controller is not None
-        whole = max(1, CHUNK // self.every) * self.every  # ends on a row of the result
+        # A chunk ends on a row of the result, unless there are more steps than that between two rows.
+        whole = CHUNK // self.every * self.every or min(CHUNK, self.every - self.done % self.every)
         count = 1 if controlled else min(whole, self.steps - self.done)
         times = [self.time(self.done + k + 1) for k in range(count)]
         table = self.driver.table(np.array(times))

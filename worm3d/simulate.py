@@ -76,8 +76,8 @@ def simulate(
         Whether a worm that starts at rest is first brought to equilibrium on its world, under the weight that presses
         it there. A state with memory never is.
     observer : callable, optional
-        Called with the number of finished steps, every so many (just after a row was recorded, unless the actuation
-        is a controller: then after every step); returning False ends the run there.
+        Called with the number of finished steps, every so many (after every step, if the actuation is a controller) and
+        whenever it divides by `record_every`, unless rows follow closely; returning False ends the run there.
 
     Returns
     -------

@@ -89,8 +89,14 @@ def names() -> tuple[str, ...]:
     return tuple(_CLASSES)
 
 
-def load(name: str) -> Rival:
+def load(name: str, seconds: float = SEARCH_SECONDS) -> Rival:
     """Return a rival by its name; KeyError if there is none.
+
+    Parameters
+    ----------
+    name : str
+    seconds : float
+        Wall clock that the search for a step may take.
 
     Raises
     ------
@@ -99,7 +105,7 @@ def load(name: str) -> Rival:
     """
     module, attribute = _CLASSES[name]
     try:
-        rival: Rival = getattr(import_module(module), attribute)()
+        rival: Rival = getattr(import_module(module), attribute)(seconds=seconds)
     except ImportError as error:
         raise MissingRivalError(
             f"{name} cannot be imported ({error}); it comes with the extra 'bench': "

@@ -1,0 +1,99 @@
+"""Parts of a step, each in a compiled loop of its own, so that they can be timed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.banded import lu_factor, lu_solve
+from worm3d.compiled import njit
+from worm3d.solver import arrays as a
+from worm3d.solver import ledger, regimes
+from worm3d.solver.advance import actuate
+from worm3d.solver.arrays import Core
+from worm3d.solver.block import Block, copy, matrix, vector
+from worm3d.solver.entry import reset
+from worm3d.solver.evaluate import WHOLE, evaluate, hold
+from worm3d.solver.newton import _newton_step
+from worm3d.solver.records import record
+from worm3d.solver.step import _commit, _strikes, begin, place_start
+
+FloatArray = NDArray[np.float64]
+
+
+@njit
+def ready(core: Core, dt: float, span: float) -> None:
+    """Begin a step, and go as far as Newton's first direction."""
+    place_start(core)
+    begin(core, dt, span)
+    regimes.last(core)
+    _newton_step(core, WHOLE)
+
+
+@njit
+def evaluate_loop(core: Core, hessian: int, times: int) -> None:
+    """Compute potential, gradient and perhaps band: the kernels."""
+    for _ in range(times):
+        evaluate(core, a.X, True, hessian)
+
+
+@njit
+def linear_loop(core: Core, factorise: bool, times: int) -> None:
+    """Solve for the direction as Newton does, with new factors or those that are there."""
+    factor, step = matrix(core.block, a.FACTOR), vector(core.block, a.DIRECTION)
+    for _ in range(times):
+        hold(core, factorise)
+        copy(step, vector(core.block, a.GRADIENT))
+        if factorise:
+            copy(vector(core.block, a.FACTOR), vector(core.block, a.BAND))
+            lu_factor(factor, vector(core.block, a.PIVOTS))
+        lu_solve(factor, step, vector(core.block, a.PADDED))
+
+
+@njit
+def ahead_loop(core: Core, times: int) -> None:
+    """Ask what contacts do next, in an iteration; the error is so large that nothing changes."""
+    for _ in range(times):
+        regimes.look_ahead(core, vector(core.block, a.DIRECTION))
+        regimes.change(core, 1e9, regimes.lands(core, 1e9))
+
+
+@njit
+def look_loop(core: Core, times: int) -> None:
+    """Ask what contacts were before the first iteration, and whether they yield after the last."""
+    for _ in range(times):
+        regimes.last(core)
+        regimes.look(core)
+
+
+@njit
+def start_loop(core: Core, command: FloatArray, dt: float, span: float, times: int) -> None:
+    """Do everything before Newton."""
+    for _ in range(times):
+        actuate(core, command, dt)
+        place_start(core)
+        _strikes(core, dt)
+        begin(core, dt, span)
+
+
+@njit
+def end_loop(core: Core, dt: float, span: float, times: int) -> None:
+    """Renew histories, anchors and directors after the step."""
+    for _ in range(times):
+        _commit(core, dt, span)
+
+
+@njit
+def ledger_loop(core: Core, dt: float, span: float, times: int) -> None:
+    """Keep the energy ledger."""
+    for _ in range(times):
+        ledger.prepare(core)
+        ledger.add(core, dt, span, vector(core.block, a.TERMS_))
+
+
+@njit
+def record_loop(core: Core, records: Block, times: int) -> None:
+    """Write a row of the result."""
+    for _ in range(times):
+        reset(core)
+        record(core, records, 1)
