@@ -14,6 +14,7 @@ from scenes.cli import main
 from scenes.loader import load_scene
 from scenes.record import Record
 from scenes.runner import simulate
+from worm3d.plant import entries
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 
@@ -30,6 +31,12 @@ class Ended:
 
 
 Command = Callable[..., Ended]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiled() -> None:
+    """Compile the plant before any test looks at stderr, where a cold start says so."""
+    entries()
 
 
 @pytest.fixture
