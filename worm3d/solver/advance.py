@@ -40,7 +40,7 @@ def advance(
     ----------
     records : Block
         Of `worm3d.solver.records`; a row is filled after every `every`-th step.
-    counters : ndarray of int, shape (S, 3)
+    counters : ndarray of int, shape (S, 4)
         A row is filled after every step.
     commands : ndarray, shape (K, 5 N)
         Asked of the actuators at the end of each step, as the array "asked".

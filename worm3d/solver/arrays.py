@@ -291,7 +291,7 @@ class CoreMemory:
         Lanes for n segments and for n - 1 joints.
     world_rows : int
         Inputs of the world's kernel: x (3) and its parameters.
-    kernels : ndarray of int, shape (16,)
+    kernels : ndarray of int, shape (17,)
         Addresses.
     """
 

@@ -1,8 +1,8 @@
 """Newton-Raphson (P1), (P2) with exact derivatives and a line search, compiled.
 
-Each pass minimises the potential of a step for given normal loads (it always descends), then polishes with the loads of
-the iterate itself, whose Jacobian is exact too but unsymmetric. Where the polish does not converge, the loads are
-updated and the next pass begins.
+First it follows the residual with the normal loads of the iterate itself, whose Jacobian is exact but unsymmetric, from
+the first guess. Where that does not converge, passes begin that minimise the potential of the step for given loads (it
+always descends) and follow from there; after each, the loads are updated.
 """
 
 from __future__ import annotations
