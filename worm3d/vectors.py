@@ -91,6 +91,30 @@ def _type_clear(_context: Any, to: Any, count: Any) -> Any:
     return types.int64(types.int64, types.int64), generate
 
 
+def _type_total(_context: Any, source: Any, count: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        source, count = args
+        numbers = ir.VectorType(_INT, WIDTH)
+        zero = ir.Constant(_KIND, [0.0] * WIDTH)
+        place = cgutils.alloca_once_value(builder, zero)
+        first = builder.insert_element(ir.Constant(numbers, ir.Undefined), count, ir.Constant(_INT, 0))
+        counts = _shuffle(builder, first, ir.Constant(numbers, ir.Undefined), [0] * WIDTH)
+        with cgutils.for_range_slice(builder, ir.Constant(_INT, 0), count, ir.Constant(_INT, WIDTH)) as (k, _):
+            at = builder.insert_element(ir.Constant(numbers, ir.Undefined), k, ir.Constant(_INT, 0))
+            lanes = _shuffle(builder, at, ir.Constant(numbers, ir.Undefined), [0] * WIDTH)
+            lanes = builder.add(lanes, ir.Constant(numbers, list(range(WIDTH))))
+            here = _load(builder, builder.add(source, builder.mul(k, ir.Constant(_INT, 8))))
+            here = builder.select(builder.icmp_signed("<", lanes, counts), here, zero)
+            builder.store(builder.fadd(builder.load(place), here), place)
+        lanes = builder.load(place)
+        for apart in (4, 2, 1):
+            other = [lane + apart if lane < apart else lane for lane in range(WIDTH)]
+            lanes = builder.fadd(lanes, _shuffle(builder, lanes, lanes, other))
+        return builder.extract_element(lanes, ir.Constant(_INT, 0))
+
+    return types.float64(types.int64, types.int64), generate
+
+
 transpose: Any = intrinsic(_type_transpose)
 """(to, stride, source, stride): write 8 rows of 8 doubles as columns; addresses, and strides of rows in doubles."""
 add_8: Any = intrinsic(_type_add(1, "fadd"))
@@ -103,3 +127,5 @@ move: Any = intrinsic(_type_move)
 """(to, source, count): copy doubles to an address; the two do not overlap."""
 clear: Any = intrinsic(_type_clear)
 """(to, count): set doubles at an address to zero."""
+total: Any = intrinsic(_type_total)
+"""(source, count): the sum of doubles; up to seven more behind them are read, and ignored."""

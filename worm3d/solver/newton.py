@@ -42,7 +42,7 @@ CURVATURE = 10.0
 DOUBT = 2.0
 """By which that error is taken to be larger each time that contacts have changed their regime."""
 SETTLED = 1e-3
-SEGMENTS_KEPT = 3e-3
+SEGMENTS_KEPT = 1e-3
 JOINTS_KEPT = 1e-2
 """The joints' part of the Jacobian is kept until x has moved by this fraction of the segment length."""
 FOLLOWED = 2e-15
@@ -112,13 +112,16 @@ def _follow(core: Core) -> bool:
     There is no potential to descend: it gives up where regimes go on changing or it does not come closer.
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
+    before = vector(core.block, a.TRIAL)
     length, l0 = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.L0]
     size, hessian, fresh, changes, doubt = np.inf, WHOLE, 0, 0, 1.0
-    since_joints, since_all, local = 0.0, 0.0, False
+    since_joints, since_all, local, taken = 0.0, 0.0, False, False
     for _ in range(MAX_FOLLOW):
         previous, size = size, _newton_step(core, hessian)
         if not size <= 0.1 * length:
             return False
+        if hessian == NONE and taken:
+            size *= _secant(step, before)
         if hessian == WHOLE:
             since_joints = 0.0
         if hessian == WHOLE or hessian == WITH_KEPT_JOINTS:
@@ -139,7 +142,9 @@ def _follow(core: Core) -> bool:
             count(core, 2)
         elif size < FOLLOWED * length or (fresh > 1 and size < STAGNATION * length and size > 0.5 * previous):
             return True
+        taken = not lands
         if not lands:
+            copy(before, step)
             combine(x, 1.0, x, -1.0, step)
             since_joints += size
             since_all += size
@@ -169,6 +174,15 @@ def _newton_step(core: Core, hessian: int) -> float:
         lu_factor(factor, vector(core.block, a.PIVOTS), begin)
     lu_solve(factor, step, vector(core.block, a.PADDED))
     return float(_size(core, step))
+
+
+@inner
+def _secant(step: FloatArray, before: FloatArray) -> float:
+    """Scale a step with a kept Jacobian by what the step before has shown of it (Broyden); return the factor."""
+    ratio = np.dot(before, step) / np.dot(before, before)
+    factor = 1.0 / (1.0 - ratio) if abs(ratio) < CONTRACTION else 1.0
+    combine(step, factor, step, 0.0, step)
+    return factor
 
 
 @inner
