@@ -41,7 +41,7 @@ CURVATURE = 10.0
 """A step of size s moves a contact point otherwise than to first order by s^2 times this over the segment length."""
 DOUBT = 2.0
 """By which that error is taken to be larger each time that contacts have changed their regime."""
-SETTLED = 1e-3
+SETTLED = 1e-5
 SEGMENTS_KEPT = 1e-3
 JOINTS_KEPT = 1e-2
 """The joints' part of the Jacobian is kept until x has moved by this fraction of the segment length."""
