@@ -18,8 +18,10 @@ from scenes.kinds.planar_linkage_checks import (
     in_keys,
     links_reach,
 )
-from scenes.kinds.worm_build import KEYS, gravity_of, start_of, world_of, worm_of
-from scenes.kinds.worm_schema import AnyWormScene, PlanarGait, PlanarWormScene, World, WormGait, WormScene
+from scenes.kinds.worlds_build import world_of
+from scenes.kinds.worlds_schema import World
+from scenes.kinds.worm_build import KEYS, gravity_of, start_of, worm_of
+from scenes.kinds.worm_schema import AnyWormScene, PlanarGait, PlanarWormScene, WormGait, WormScene
 from scenes.toml_text import shown
 from worm3d import start
 

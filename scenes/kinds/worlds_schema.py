@@ -1,0 +1,26 @@
+"""The section [world]: what the worm crawls on; the keys of each kind stand in a file of their own.
+
+A further kind is a further word of `kind`, a class of its keys (with `only`), and its builder in `worlds_build.WORLDS`.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from scenes.kinds.world_plane_schema import PLANE, ClampedKeys, PlaneKeys
+from scenes.schema import Section, setting
+
+
+class KindOfWorld(Section):
+    """Which kind of world it is."""
+
+    kind: Literal["plane", "clamped", "none"] = setting(
+        PLANE,
+        title="plane: the worm touches it; clamped: the paper's ground holds the joints' heights; none: nothing there",
+        aka=("type",),
+    )
+
+
+# The last class comes first in a written scene.
+class World(ClampedKeys, PlaneKeys, KindOfWorld):
+    """What the worm crawls on."""
