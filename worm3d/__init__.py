@@ -26,9 +26,11 @@ if TYPE_CHECKING:
     from worm3d.start import LimitPointError, flattening_weight
     from worm3d.state import State, StateError
     from worm3d.status import Status, Stop
-    from worm3d.worlds import ClampedGround, Patch, Plane
+    from worm3d.worlds import Bend, Centreline, ClampedGround, Patch, Pipe, Plane, Profile, Straight
 
 _HOMES = {
+    "Bend": "worlds",
+    "Centreline": "worlds",
     "ClampedGround": "worlds",
     "Energy": "result",
     "Friction": "friction",
@@ -36,12 +38,15 @@ _HOMES = {
     "LimitPointError": "start",
     "Observation": "observation",
     "Patch": "worlds",
+    "Pipe": "worlds",
     "Plane": "worlds",
+    "Profile": "worlds",
     "Result": "result",
     "State": "state",
     "StateError": "state",
     "Status": "status",
     "Stop": "status",
+    "Straight": "worlds",
     "flattening_weight": "start",
     "simulate": "simulate",
     "simulate_batch": "batch",
@@ -49,6 +54,8 @@ _HOMES = {
 """Module of each name that is imported when it is first asked for."""
 
 __all__ = [
+    "Bend",
+    "Centreline",
     "ClampedGround",
     "Command",
     "Commands",
@@ -58,12 +65,15 @@ __all__ = [
     "LimitPointError",
     "Observation",
     "Patch",
+    "Pipe",
     "Plane",
+    "Profile",
     "Result",
     "State",
     "StateError",
     "Status",
     "Stop",
+    "Straight",
     "Worm",
     "flattening_weight",
     "simulate",
