@@ -278,19 +278,26 @@ class Plant:
             np.tile(a["segment_out"][terms : terms + 2], (2, 1)),
         )
         a["joint_angles"][:] = np.tile(a["joint_out"][:4], (2, 1))
-        a["asked"][:], a["given"][:] = 0.0, 0.0
-        self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = self.worm.l0
+        a["asked"][:] = 0.0
+        a["asked"][0, : 2 * n] = state.contraction.ravel()
+        a["given"][:] = a["asked"]
+        commanded = self.worm.l0 * (1.0 - state.contraction.T)
+        self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = commanded
         self._joint_row("hinge")[:] = self._joint_row("hinge_n")[:] = 0.0
         self._point_row("anchor")[:] = self._point_row("x")
         self._point_row("load_n")[:] = 0.0
         a["stuck"][:], a["stored"][:], a["joint_load"][:] = 1.0, 0.0, 0.0
         a["last"][:], a["curve"][:] = 0.0, 0.0
 
-    def stop(self) -> None:
-        """Bring the worm to rest where it is, keeping its loads, with the anchors where it touches."""
-        load = self.loads().copy()
+    def stop(self, anchored: bool) -> None:
+        """Bring the worm to rest where it is, keeping its loads, and its anchors or with new ones where it touches."""
+        anchors = (self._point_row("anchor"), self.arrays["stuck"], self.arrays["stored"])
+        load, kept = self.loads().copy(), [array.copy() for array in anchors]
         self.set_pose(self.state(0.0).with_changes(joint_velocity=0.0))
         self.loads()[:] = load
+        if anchored:
+            for array, value in zip(anchors, kept, strict=True):
+                array[...] = value
 
     def loads(self) -> FloatArray:
         """Return the normal load of each contact point at the end of the last step, not a copy, shape (8, N) [N]."""
@@ -306,6 +313,7 @@ class Plant:
             joint_velocity=self.arrays["joint_velocity"][:3].T,
             roll_rate=rates[:, 3],
             bend_rate=rates[:, 4],
+            contraction=self.arrays["given"][0, : 2 * n].reshape(n, 2),
             time=time,
             memory=self.memory() | more,
         )

@@ -124,7 +124,7 @@ class Pipe:
         wall = self.profile.pieces()[:1] if constant else self.profile.pieces()
         largest = np.finfo(float).max  # stands for infinity
         grips = [[*np.clip(patch.along, -largest, largest), patch.grip] for patch in self.patches]
-        function = pipe(_bent(line[:, 9]), _bent(wall[:, 4]), len(grips), bool(self.start_wall), bool(self.end_wall))
+        function = pipe(_bent(line[:, 10]), _bent(wall[:, 4]), len(grips), bool(self.start_wall), bool(self.end_wall))
         ends = [0.0, self.centreline.total]
         return function, np.concatenate([line.ravel(), wall.ravel(), ends, np.ravel(grips)])
 
@@ -132,14 +132,14 @@ class Pipe:
         """Return the chain of the centre line with its straight ends, shape (K, 11)."""
         line = self.centreline
         begins = line.ends - line.length
-        table = np.column_stack([line.start, line.tangent, line.normal, line.curvature, begins])
+        table = np.column_stack([line.start, line.tangent, line.normal, begins, line.curvature])
         if line.curvature[0] > 0.0:
             first = table[0].copy()
-            first[9] = 0.0
+            first[10] = 0.0
             table = np.vstack([first, table])
         if line.curvature[-1] > 0.0:
             (end, tangent), last = line.at(line.total), table[-1].copy()
-            last[:3], last[3:6], last[9], last[10] = end, tangent, 0.0, line.total
+            last[:3], last[3:6], last[9], last[10] = end, tangent, line.total, 0.0
             last[6:9] = placing.normal_to(tangent)
             table = np.vstack([table, last])
         return table
@@ -156,7 +156,7 @@ class Pipe:
         """Return how far along the centre line the places nearest to points of shape (..., 3) are, shape (...,) [m]."""
         flat = np.asarray(points, dtype=float).reshape(-1, 3)
         table = self._pieces()
-        found = np.array(place(_bent(table[:, 9])).map(len(flat))(flat.T, np.tile(table.reshape(-1, 1), len(flat))))
+        found = np.array(place(_bent(table[:, 10])).map(len(flat))(flat.T, np.tile(table.reshape(-1, 1), len(flat))))
         return found.reshape(np.shape(points)[:-1])
 
     def pressing(self, gravity: FloatArray) -> FloatArray:

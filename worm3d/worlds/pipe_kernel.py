@@ -31,7 +31,7 @@ from worm3d.worlds.chain import Local
 Bends = tuple[bool, ...]
 
 PIECE = 11
-"""Numbers of a piece of the centre line: p (3), t (3), n (3), kappa, s."""
+"""Numbers of a piece of the centre line: p (3), t (3), n (3), s, kappa."""
 
 WALL = 5
 """Numbers of a piece of the wall: s, rho, cosine and sine of its direction, kappa."""
@@ -52,7 +52,7 @@ class Surface(NamedTuple):
 
 
 class _Chain(NamedTuple):
-    """Numbers of the pieces, a column each, and which are arcs."""
+    """Numbers of the pieces, a column each with the curvature last, and which are arcs."""
 
     rows: ca.SX
     bent: Bends
@@ -62,7 +62,8 @@ class _Chain(NamedTuple):
         columns = ca.horzsplit(self.rows)
         each = (local(at, column) for column in columns)
         known = [c if bent else c._replace(kappa=ca.SX(0.0)) for c, bent in zip(each, self.bent, strict=True)]
-        return chain.nearest(known, columns)
+        found = chain.nearest(known, columns)
+        return found if any(self.bent) else ca.vertcat(found[:-1], 0.0)
 
 
 class _Tube(NamedTuple):
@@ -109,7 +110,7 @@ def place(bent: Bends) -> ca.Function:
     """Return the distance along a centre line (second input, the numbers of its pieces) nearest to a point."""
     x, rows = ca.SX.sym("x", 3), ca.SX.sym("pieces", PIECE, len(bent))
     piece = _Chain(rows, bent).nearest(_local, x)
-    return ca.Function("place", [x, ca.vec(rows)], [piece[10] + chain.way(_local(x, piece))])
+    return ca.Function("place", [x, ca.vec(rows)], [piece[9] + chain.way(_local(x, piece))])
 
 
 def _tube(x: ca.SX, line: _Chain, wall: _Chain) -> _Tube:
@@ -118,7 +119,7 @@ def _tube(x: ca.SX, line: _Chain, wall: _Chain) -> _Tube:
     T, outward = chain.tangent_and_outward(c, t, n)
     away = chain.excess(c) * outward + c.Z * ca.cross(t, n)
     d = ca.sqrt(ca.sumsqr(away) + ON_AXIS)
-    e, s = away / d, piece[10] + chain.way(c)
+    e, s = away / d, piece[9] + chain.way(c)
     y, N, bulge = _wall(ca.vertcat(s, d), wall)
     g, normal = -y, -(N[0] * T + N[1] * e)
     around, along = ca.cross(T, e), N[1] * T - N[0] * e
@@ -130,11 +131,11 @@ def _tube(x: ca.SX, line: _Chain, wall: _Chain) -> _Tube:
 def _local(x: ca.SX, piece: ca.SX) -> Local:
     """Return the coordinates of a point in the frame of a piece of the centre line."""
     away, t, n = x - piece[0:3], piece[3:6], piece[6:9]
-    return Local(ca.dot(away, t), ca.dot(away, n), ca.dot(away, ca.cross(t, n)), piece[9])
+    return Local(ca.dot(away, t), ca.dot(away, n), ca.dot(away, ca.cross(t, n)), piece[10])
 
 
 def _wall(at: ca.SX, wall: _Chain) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return how deep a place (s, rho) lies in the wall [m], the wall's outward normal (s, rho), and its curvature there."""
+    """Return how deep (s, rho) lies in the wall [m], and the wall's outward normal (s, rho) and curvature there."""
     if len(wall.bent) == 1:
         return at[1] - wall.rows[1, 0], ca.SX([0.0, 1.0]), ca.SX(0.0)
     piece = wall.nearest(_local_of_wall, at)
