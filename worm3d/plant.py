@@ -289,15 +289,11 @@ class Plant:
         a["stuck"][:], a["stored"][:], a["joint_load"][:] = 1.0, 0.0, 0.0
         a["last"][:], a["curve"][:] = 0.0, 0.0
 
-    def stop(self, anchored: bool) -> None:
-        """Bring the worm to rest where it is, keeping its loads, and its anchors or with new ones where it touches."""
-        anchors = (self._point_row("anchor"), self.arrays["stuck"], self.arrays["stored"])
-        load, kept = self.loads().copy(), [array.copy() for array in anchors]
+    def stop(self) -> None:
+        """Bring the worm to rest where it is, keeping its loads, with the anchors where it touches."""
+        load = self.loads().copy()
         self.set_pose(self.state(0.0).with_changes(joint_velocity=0.0))
         self.loads()[:] = load
-        if anchored:
-            for array, value in zip(anchors, kept, strict=True):
-                array[...] = value
 
     def loads(self) -> FloatArray:
         """Return the normal load of each contact point at the end of the last step, not a copy, shape (8, N) [N]."""
