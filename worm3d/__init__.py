@@ -26,7 +26,18 @@ if TYPE_CHECKING:
     from worm3d.start import LimitPointError, flattening_weight
     from worm3d.state import State, StateError
     from worm3d.status import Status, Stop
-    from worm3d.worlds import Bend, Centreline, ClampedGround, Patch, Pipe, Plane, Profile, Straight
+    from worm3d.worlds import (
+        Bend,
+        Centreline,
+        ClampedGround,
+        Patch,
+        Pipe,
+        Plane,
+        Profile,
+        Straight,
+        Union,
+        slope_into_pipe,
+    )
 
 _HOMES = {
     "Bend": "worlds",
@@ -47,9 +58,11 @@ _HOMES = {
     "Status": "status",
     "Stop": "status",
     "Straight": "worlds",
+    "Union": "worlds",
     "flattening_weight": "start",
     "simulate": "simulate",
     "simulate_batch": "batch",
+    "slope_into_pipe": "worlds",
 }
 """Module of each name that is imported when it is first asked for."""
 
@@ -74,10 +87,12 @@ __all__ = [
     "Status",
     "Stop",
     "Straight",
+    "Union",
     "Worm",
     "flattening_weight",
     "simulate",
     "simulate_batch",
+    "slope_into_pipe",
 ]
 
 

@@ -6,6 +6,7 @@ from worm3d.worlds.clamped import ClampedGround
 from worm3d.worlds.pipe import Pipe
 from worm3d.worlds.plane import Patch, Plane
 from worm3d.worlds.profile import Profile
+from worm3d.worlds.union import Union, slope_into_pipe
 
 __all__ = [
     "Bend",
@@ -16,6 +17,8 @@ __all__ = [
     "Plane",
     "Profile",
     "Straight",
+    "Union",
     "World",
     "WorldKernel",
+    "slope_into_pipe",
 ]
