@@ -26,9 +26,22 @@ if TYPE_CHECKING:
     from worm3d.start import LimitPointError, flattening_weight
     from worm3d.state import State, StateError
     from worm3d.status import Status, Stop
-    from worm3d.worlds import ClampedGround, Patch, Plane
+    from worm3d.worlds import (
+        Bend,
+        Centreline,
+        ClampedGround,
+        Patch,
+        Pipe,
+        Plane,
+        Profile,
+        Straight,
+        Union,
+        slope_into_pipe,
+    )
 
 _HOMES = {
+    "Bend": "worlds",
+    "Centreline": "worlds",
     "ClampedGround": "worlds",
     "Energy": "result",
     "Friction": "friction",
@@ -36,19 +49,26 @@ _HOMES = {
     "LimitPointError": "start",
     "Observation": "observation",
     "Patch": "worlds",
+    "Pipe": "worlds",
     "Plane": "worlds",
+    "Profile": "worlds",
     "Result": "result",
     "State": "state",
     "StateError": "state",
     "Status": "status",
     "Stop": "status",
+    "Straight": "worlds",
+    "Union": "worlds",
     "flattening_weight": "start",
     "simulate": "simulate",
     "simulate_batch": "batch",
+    "slope_into_pipe": "worlds",
 }
 """Module of each name that is imported when it is first asked for."""
 
 __all__ = [
+    "Bend",
+    "Centreline",
     "ClampedGround",
     "Command",
     "Commands",
@@ -58,16 +78,21 @@ __all__ = [
     "LimitPointError",
     "Observation",
     "Patch",
+    "Pipe",
     "Plane",
+    "Profile",
     "Result",
     "State",
     "StateError",
     "Status",
     "Stop",
+    "Straight",
+    "Union",
     "Worm",
     "flattening_weight",
     "simulate",
     "simulate_batch",
+    "slope_into_pipe",
 ]
 
 
