@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from worm3d.batch import simulate_batch
     from worm3d.friction import Friction
     from worm3d.held import Held
+    from worm3d.live import Live
     from worm3d.observation import Observation
+    from worm3d.pictures import draw, show
     from worm3d.result import Energy, Result
     from worm3d.simulate import simulate
     from worm3d.start import LimitPointError, flattening_weight
@@ -34,6 +36,7 @@ _HOMES = {
     "Friction": "friction",
     "Held": "held",
     "LimitPointError": "start",
+    "Live": "live",
     "Observation": "observation",
     "Patch": "worlds",
     "Plane": "worlds",
@@ -42,7 +45,9 @@ _HOMES = {
     "StateError": "state",
     "Status": "status",
     "Stop": "status",
+    "draw": "pictures",
     "flattening_weight": "start",
+    "show": "pictures",
     "simulate": "simulate",
     "simulate_batch": "batch",
 }
@@ -56,6 +61,7 @@ __all__ = [
     "Friction",
     "Held",
     "LimitPointError",
+    "Live",
     "Observation",
     "Patch",
     "Plane",
@@ -65,7 +71,9 @@ __all__ = [
     "Status",
     "Stop",
     "Worm",
+    "draw",
     "flattening_weight",
+    "show",
     "simulate",
     "simulate_batch",
 ]

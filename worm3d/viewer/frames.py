@@ -17,7 +17,8 @@ _PER_FRAME: dict[str, Shape] = {
     "joints": ("T", "N+1", 3),
     "apexes": ("T", "N", 6, 3),
     "chamber_strain": ("T", "N", 2),
-    "contact_force": ("T", "N", 6, 3),
+    "faces": ("T", "N", 2, 3),
+    "contact_force": ("T", "N", "K", 3),
     "com": ("T", 3),
     "horizon": ("T", "H", 3),
 }
@@ -41,10 +42,12 @@ class Frames:
         Unit directors d of the segments, normal to them, to the left.
     chamber_strain : ndarray, shape (T, N, 2)
         Left and right chamber: (length - rest length) / rest length, negative is shorter; it gives the colour.
-    contact_force : ndarray, shape (T, N, 6, 3), optional
-        Forces of the world on the apexes [N].
-    anchored : ndarray of bool, shape (T, N, 6), optional
-        Which apexes stick.
+    faces : ndarray, shape (T, N, 2, 3), optional
+        Where the tail and the head end of each segment touch the world [m].
+    contact_force : ndarray, shape (T, N, K, 3), optional
+        Forces of the world on the K contact points of a segment, its 6 apexes and then its faces, if given [N].
+    anchored : ndarray of bool, shape (T, N, K), optional
+        Which of them stick.
     com : ndarray, shape (T, 3), optional
         Centre of mass [m]; gives the trail and the speed.
     period : float, optional
@@ -67,6 +70,7 @@ class Frames:
     apexes: FloatArray
     directors: FloatArray
     chamber_strain: FloatArray
+    faces: FloatArray | None = None
     contact_force: FloatArray | None = None
     anchored: NDArray[np.bool_] | None = None
     com: FloatArray | None = None
@@ -76,7 +80,7 @@ class Frames:
     world: tuple[WorldMesh, ...] = ()
 
     def __post_init__(self) -> None:
-        sizes: dict[str, int] = {}
+        sizes = {"K": 6 if self.faces is None else 8}
         for name, shape in _PER_FRAME.items():
             if getattr(self, name) is not None:
                 self._set(name, frozen(name, getattr(self, name), shape, sizes))
@@ -96,9 +100,9 @@ class Frames:
         if self.anchored is None:
             return
         anchored = np.array(self.anchored)
-        check_shape("anchored", anchored.shape, ("T", "N", 6), sizes)
+        check_shape("anchored", anchored.shape, ("T", "N", "K"), sizes)
         if anchored.dtype != np.bool_:
-            raise ValueError(f"anchored: got {anchored.dtype}, must be bool: which apexes stick")
+            raise ValueError(f"anchored: got {anchored.dtype}, must be bool: which contact points stick")
         anchored.setflags(write=False)
         self._set("anchored", anchored)
 
@@ -157,6 +161,11 @@ class Frames:
     def segments(self) -> int:
         """N."""
         return int(self.directors.shape[1])
+
+    @property
+    def contacts(self) -> FloatArray:
+        """Contact points of the segments: apexes and then faces, if given, shape (T, N, K, 3) [m]."""
+        return self.apexes if self.faces is None else np.concatenate([self.apexes, self.faces], axis=2)
 
     @property
     def body_length(self) -> float:

@@ -35,7 +35,7 @@ def write_html(
     frames: Frames,
     path: str | Path,
     *,
-    fps: float = 25.0,
+    fps: float | None = 25.0,
     skin: bool = False,
     play: bool = False,
     title: str = "worm3d",
@@ -51,8 +51,8 @@ def write_html(
     frames : Frames
     path : str or Path
         Replaced if it exists.
-    fps : float
-        Frames a second that are taken of the run; between them things move on straight lines.
+    fps : float or None
+        Frames a second that are taken of the run, None: all; between them things move on straight lines.
     skin : bool
         Whether a smooth skin is drawn over the chambers.
     play : bool
@@ -63,9 +63,11 @@ def write_html(
     Path(path).write_text(html(frames, fps=fps, skin=skin, play=play, title=title), encoding="utf-8", newline="\n")
 
 
-def html(frames: Frames, *, fps: float = 25.0, skin: bool = False, play: bool = False, title: str = "worm3d") -> str:
+def html(
+    frames: Frames, *, fps: float | None = 25.0, skin: bool = False, play: bool = False, title: str = "worm3d"
+) -> str:
     """Return what `write_html` writes."""
-    shown = frames.at_rate(fps)
+    shown = frames if fps is None else frames.at_rate(fps)
     scales = Scales.of(shown)
     parts = [
         *pieces.worm(shown, scales),

@@ -193,9 +193,9 @@ class _View:
         if frames.horizon is not None:
             self._horizon.set_data(*view.points(frames.horizon[index]).T)
         if frames.anchored is not None:
-            self._anchors.set_data(*view.points(frames.apexes[index][frames.anchored[index]]).T)
+            self._anchors.set_data(*view.points(frames.contacts[index][frames.anchored[index]]).T)
         if frames.contact_force is not None:
-            self._draw_forces(frames.apexes[index].reshape(-1, 3), frames.contact_force[index].reshape(-1, 3))
+            self._draw_forces(frames.contacts[index].reshape(-1, 3), frames.contact_force[index].reshape(-1, 3))
 
     def _draw_forces(self, places: FloatArray, force: FloatArray) -> None:
         size = self._stage.frames.body_length

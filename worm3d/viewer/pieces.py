@@ -60,9 +60,13 @@ def _round_force(force: FloatArray | None) -> float:
     size = size[size > 0.0]
     if not size.size:
         return 1.0
-    most = float(np.quantile(size, 0.98))
-    power = 10.0 ** np.floor(np.log10(most))
-    return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= 0.999 * most))
+    return rounded_up(float(np.quantile(size, 0.98)))
+
+
+def rounded_up(value: float) -> float:
+    """Return the next number that is 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= 0.999 * value))
 
 
 def worm(frames: Frames, scales: Scales) -> list[Piece]:
@@ -108,8 +112,8 @@ def _chambers(body: Body, strain: FloatArray, scales: Scales) -> list[Piece]:
 
 
 def contact(frames: Frames, scales: Scales) -> list[Piece]:
-    """Return contact forces as arrows from the apexes, and anchored apexes as dots."""
-    places = frames.apexes.reshape(len(frames), -1, 3)
+    """Return contact forces as arrows, and the contact points that stick as dots."""
+    places = frames.contacts.reshape(len(frames), -1, 3)
     pieces = []
     if frames.contact_force is not None:
         force = frames.contact_force.reshape(places.shape)
