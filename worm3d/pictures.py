@@ -69,7 +69,7 @@ def draw(
     skin : bool
         Whether a page has a smooth skin over the chambers.
     reference : array_like, shape (P, 3), optional
-        Path that the worm was to follow; the centre line of a pipe if left out [m].
+        Path that the worm was to follow [m].
     horizon : array_like, shape (T, H, 3), optional
         Points that a controller expected to pass, at the instants of the result [m].
     title : str
@@ -212,7 +212,8 @@ def arrays(
         anchored=anchored(of),
         com=of["com"],
         period=period,
-        path=around.centreline if reference is None else np.asarray(reference, dtype=float),
+        path=None if reference is None else np.asarray(reference, dtype=float),
+        centreline=around.centreline,
         horizon=None if horizon is None else np.asarray(horizon, dtype=float)[rows],
         world=around.meshes,
     )

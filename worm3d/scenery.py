@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from worm3d.viewer.isosurface import isosurface
 from worm3d.viewer.pieces import rounded_up
-from worm3d.viewer.world import GROUND, PIPE, Colour, WorldMesh, plane
+from worm3d.viewer.world import GROUND, PIPE, Colour, WorldMesh, chequered, plane
 from worm3d.worlds import ClampedGround, Patch, Plane, World
 
 FloatArray = NDArray[np.float64]
 
-MARGIN = 0.6
+MARGIN = 1.0
 """How far the world is drawn beyond the worm, in body lengths."""
 
 TILE = 0.1
@@ -77,17 +77,23 @@ def scenery(world: World | None, window: Window) -> Scenery:
     if world is None:
         return Scenery()
     low, high = window.points.min(axis=0), window.points.max(axis=0)
-    margin = 0.5 * MARGIN * window.body_length
+    margin = 0.3 * MARGIN * window.body_length
     low, high = low - margin, high + margin
-    spacing = max(FINEST * window.body_length, float(np.prod(high - low) / MOST_CELLS) ** (1.0 / 3.0))
+    tile = tile_size(window.body_length, (high - low)[:2])
+    finest = max(FINEST * window.body_length, float(np.prod(high - low) / MOST_CELLS) ** (1.0 / 3.0))
+    # The corners of a level surface lie in the middle of cells: these then meet at the edges of tiles.
+    spacing = tile / max(np.floor(tile / finest), 1.0)
+    low = tile * np.floor(low / tile) - 0.5 * spacing
     sides = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
     distance = world.distance(np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1))
     mesh = isosurface(distance, low, spacing)
     if not len(mesh.faces):
         return Scenery()
     covers = bool((distance[:, :, -1] < 0.0).any())  # it would hide the worm from above
-    look: tuple[Colour, float] = (PIPE, 0.35) if covers else (GROUND, 1.0)
-    return Scenery((WorldMesh("world", mesh.vertices, mesh.faces, *look),))
+    if covers:
+        return Scenery((WorldMesh("wall", mesh.vertices, mesh.faces, PIPE, 0.35),))
+    terrain = WorldMesh("terrain", mesh.vertices, mesh.faces, GROUND)
+    return Scenery(chequered(terrain, tile, together=2))
 
 
 @scenery.register

@@ -53,7 +53,9 @@ class Frames:
     period : float, optional
         Commanded period [s]: the speed shown is an average over it, since a wave rocks the centre of mass.
     path : ndarray, shape (P, 3), optional
-        Reference path or centre line of the pipe [m].
+        Reference path, which is drawn [m].
+    centreline : ndarray, shape (P, 3), optional
+        Of the pipe, on which the camera inside it stands [m].
     horizon : ndarray, shape (T, H, 3), optional
         Points the controller expects to pass [m].
     world : tuple of WorldMesh
@@ -76,6 +78,7 @@ class Frames:
     com: FloatArray | None = None
     period: float | None = None
     path: FloatArray | None = None
+    centreline: FloatArray | None = None
     horizon: FloatArray | None = None
     world: tuple[WorldMesh, ...] = ()
 
@@ -87,7 +90,8 @@ class Frames:
         if min(sizes["T"], sizes["N"]) < 1:
             raise ValueError(f"frames: got {sizes['T']} frames of {sizes['N']} segments, must be at least 1 of each")
         self._set_anchored(sizes)
-        self._set_path()
+        self._set_line("path")
+        self._set_line("centreline")
         self._set("world", tuple(_as_mesh(mesh) for mesh in self.world))
         self._check_time()
         self._check_frame()
@@ -106,13 +110,13 @@ class Frames:
         anchored.setflags(write=False)
         self._set("anchored", anchored)
 
-    def _set_path(self) -> None:
-        if self.path is None:
+    def _set_line(self, name: str) -> None:
+        if getattr(self, name) is None:
             return
-        path = frozen("path", self.path, ("P", 3), {})
-        if len(path) < 2:
-            raise ValueError(f"path: got {len(path)} points, must be at least 2")
-        self._set("path", path)
+        line = frozen(name, getattr(self, name), ("P", 3), {})
+        if len(line) < 2:
+            raise ValueError(f"{name}: got {len(line)} points, must be at least 2")
+        self._set(name, line)
 
     def _check_time(self) -> None:
         if (np.diff(self.time) <= 0.0).any():

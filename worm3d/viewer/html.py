@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from worm3d.viewer import camera, colours, pieces
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import Piece
-from worm3d.viewer.pieces import ARROW, LAYERS, TRAIL_SIDES, Scales
+from worm3d.viewer.pieces import LAYERS, TRAIL_SIDES, Scales
 from worm3d.viewer.skin import skin as make_skin
 
 _SWATCHES = {
@@ -128,6 +128,7 @@ def _scene(frames: Frames, parts: list[Piece], scales: Scales, play: bool) -> di
         "eye": _floats(eye),
         "look": _floats(look),
         "speed": None if speed is None else _floats(speed),
+        "centreline": frames.centreline is not None,
         "heading": frames.heading.tolist(),
         "size": _size(frames),
         "low": low.tolist(),
@@ -166,7 +167,7 @@ def _legend(frames: Frames, scales: Scales) -> dict[str, Any]:
         "strain": scales.strain,
         "colours": [colours.as_hex(colour) for colour in (colours.SHORTER, colours.REST, colours.LONGER)],
         "force": None if frames.contact_force is None else scales.force,
-        "arrow": ARROW * frames.body_length,
+        "arrow": pieces.arrow_length(frames.body_length),
     }
 
 

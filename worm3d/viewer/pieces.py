@@ -30,7 +30,7 @@ LAYERS = {
 FULLNESS = 0.74
 """Semi-axes of a chamber's ellipsoid over half the diagonals of its linkage; 0.71 touches the links."""
 ARROW = 0.2
-"""Length of the arrow of `Scales.force`, in body lengths."""
+"""Length of the arrow of `Scales.force` in body lengths, roughly: it is 1, 2 or 5 times a power of ten [m]."""
 TRAIL_SIDES = 6
 
 
@@ -43,7 +43,7 @@ class Scales:
     strain : float
         Strain at full colour.
     force : float
-        Force [N] drawn as an arrow of `ARROW` body lengths.
+        Force [N] drawn as an arrow of `arrow_length`.
     """
 
     strain: float
@@ -61,6 +61,11 @@ def _round_force(force: FloatArray | None) -> float:
     if not size.size:
         return 1.0
     return rounded_up(float(np.quantile(size, 0.98)))
+
+
+def arrow_length(body_length: float) -> float:
+    """Return the length of the arrow of `Scales.force` [m]."""
+    return rounded_up(0.9 * ARROW * body_length)
 
 
 def rounded_up(value: float) -> float:
@@ -117,7 +122,7 @@ def contact(frames: Frames, scales: Scales) -> list[Piece]:
     pieces = []
     if frames.contact_force is not None:
         force = frames.contact_force.reshape(places.shape)
-        pieces += _arrows(places, force, ARROW * frames.body_length / scales.force, frames.body_length)
+        pieces += _arrows(places, force, arrow_length(frames.body_length) / scales.force, frames.body_length)
     if frames.anchored is not None:
         sticks = frames.anchored.reshape(places.shape[:2])
         pieces += _dots(places, np.where(sticks, 0.014 * frames.body_length, HIDDEN))
