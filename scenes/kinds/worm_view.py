@@ -53,8 +53,8 @@ def side_and_top(record: Record) -> tuple[Figure, Axes]:
     """Draw the worm at the end of the run from the side and from above, with the trail of its centre of mass."""
     from worm3d.viewer.pictures import figure
 
-    drawn, (side, _) = figure(frames_of(record), -1)
-    return drawn, side
+    drawn, (_, top) = figure(frames_of(record), -1)
+    return drawn, top
 
 
 def mesh(record: Record, at: float | None) -> bytes:
