@@ -144,5 +144,5 @@ def _tell(record: Record, scene: Scene, folder: Path, *, quiet: bool) -> None:
         typer.echo(f"warning: {warning}", err=True)
     if not quiet:
         typer.echo(report.ending(record, scene.kind, folder))
-        if (line := cut_short(record)) and record.status != "interrupted":
+        if scene.kind.view is None and (line := cut_short(record)) and record.status != "interrupted":
             typer.echo(f"  {line}")

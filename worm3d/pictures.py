@@ -196,7 +196,7 @@ def arrays(
     fps, at, reference, horizon
         As in `frames_of`.
     """
-    rows = _rows(series["time"], worm.segments, fps, at)
+    rows = rows_shown(series["time"], worm.segments, fps, at)
     of = {name: series[name][rows] for name in SERIES}
     points, joints = of["points"], of["joints"]
     places = np.concatenate([points[:, :, :6].reshape(-1, 3), joints.reshape(-1, 3)])
@@ -219,7 +219,7 @@ def arrays(
     )
 
 
-def _rows(time: FloatArray, segments: int, fps: float | None, at: float | None) -> list[int]:
+def rows_shown(time: FloatArray, segments: int, fps: float | None, at: float | None) -> list[int]:
     """Return the indices of the instants to show."""
     if len(time) < 2:
         return list(range(len(time)))

@@ -40,7 +40,9 @@ def test_the_worm_is_seen_and_moves(browser: Any, viewer: Path) -> None:
         assert 0.01 < browser.worm_share(picture) < 0.3, "a worm, and no giant"
     changed = np.abs(browser.scene(first) - browser.scene(later)).max(axis=2) > 30
     assert 0.01 < changed.mean() < 0.3, "the worm moved, the rest stood still"
-    assert abs(middle_of_red(browser.scene(first)) - middle_of_red(browser.scene(later))) > 150, "another part of it is contracted"
+    assert abs(middle_of_red(browser.scene(first)) - middle_of_red(browser.scene(later))) > 150, (
+        "another part of it is contracted"
+    )
 
 
 def test_the_playback_bar_is_not_hidden(browser: Any, viewer: Path) -> None:
