@@ -14,7 +14,6 @@ from PIL import Image
 import worm3d
 from control import gaits
 from scenes import drawing, kinds
-from scenes.errors import SceneError
 from scenes.kinds import worm_build, worm_view
 from scenes.kinds.planar_linkage_build import KEYS as PLANAR_KEYS
 from scenes.kinds.worm_build import (
