@@ -43,8 +43,8 @@ def write_html(
     """Write the run as one HTML file that needs nothing else; the same frames give the same bytes.
 
     An address may say what is seen first:
-    `viewer.html#t=2.5&camera=top&hide=links,world&show=skin&world=0.3&play=1`; cameras are side, top, follow and
-    inside, layers those of `LAYERS`, `world` is its opacity (0.5 as given).
+    `viewer.html#t=2.5&camera=top&hide=links,world&show=skin&world=0.3&play=1&bare=1`; cameras are side, top, follow
+    and inside, layers those of `LAYERS`, `world` is its opacity (0.5 as given), `bare` leaves the scene alone.
 
     Parameters
     ----------

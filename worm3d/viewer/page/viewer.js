@@ -80,7 +80,7 @@
   /** Pixels that the panel covers on the left, and the bar below. */
   function covered() {
     const panel = element("panel").getBoundingClientRect(), bar = element("bar");
-    return [element("panel").open && window.innerWidth > 1.8 * panel.right ? panel.right : 0, bar.hidden ? 0 : 60];
+    return [element("panel").open && !element("panel").hidden && window.innerWidth > 1.8 * panel.right ? panel.right : 0, bar.hidden ? 0 : 60];
   }
 
   /** Put the middle of the picture into the middle of what is not covered. */
@@ -317,6 +317,14 @@
     }
   }
 
+  /** Only the scene, for a picture of it. */
+  function bare(on) {
+    element("panel").hidden = on;
+    element("bar").hidden = on || duration === 0;
+    centre_view();
+    if (preset) choose(preset);
+  }
+
   function make_bar() {
     element("time").max = duration || 1;
     element("time").addEventListener("input", (event) => { play(false); show(Number(event.target.value)); });
@@ -328,10 +336,9 @@
       const does = { " ": () => play(!playing), ArrowRight: () => show(now + step), ArrowLeft: () => show(now - step) };
       if (does[event.key]) { event.preventDefault(); does[event.key](); }
     });
-    if (duration === 0) element("bar").hidden = true;
   }
 
-  /** `viewer.html#t=2.5&camera=top&hide=links,world&show=skin&world=0.3&play=1` */
+  /** `viewer.html#t=2.5&camera=top&hide=links,world&show=skin&world=0.3&play=1&bare=1` */
   function obey(hash) {
     const asked = new URLSearchParams(hash.replace(/^#/, ""));
     const names = (key) => (asked.get(key) || "").split(",").filter(Boolean);
@@ -339,6 +346,7 @@
     for (const name of names("hide")) show_layer(name, false);
     for (const name of names("show")) show_layer(name, true);
     if (asked.has("world")) world_opacity(Number(asked.get("world")));
+    if (asked.has("bare")) bare(asked.get("bare") !== "0");
     if (cameras[asked.get("camera")]) choose(asked.get("camera"));
     if (asked.has("play")) play(asked.get("play") !== "0");
   }
