@@ -62,7 +62,7 @@ def announce() -> None:
         sys.stderr.write(
             "worm3d: compiling, for about half a minute (every time: no folder for a cache can be written)\n"
         )
-    elif not any(folder.glob("*.nbi")):
+    elif not any(folder.rglob("*.nbi")):
         sys.stderr.write("worm3d: compiling, once, for about half a minute\n")
     sys.stderr.flush()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,9 @@ from worm3d.state import State
 from worm3d.status import Status
 from worm3d.worlds import ClampedGround, World
 from worm3d.worm import Worm
+
+if TYPE_CHECKING:
+    from worm3d.live import Live
 
 FloatArray = NDArray[np.float64]
 Integrator = Literal["bdf2", "implicit_euler"]
@@ -42,6 +45,7 @@ def simulate(
     *,
     settle_first: bool = True,
     observer: Callable[[int], bool] | None = None,
+    live: Live | None = None,
 ) -> Result:
     """Simulate a worm.
 
@@ -78,6 +82,8 @@ def simulate(
     observer : callable, optional
         Called with the number of finished steps, every so many (after every step, if the actuation is a controller) and
         whenever it divides by `record_every`, unless rows follow closely; returning False ends the run there.
+    live : Live, optional
+        Shows the run in a browser while it goes on (`worm3d.Live`), no faster than that is to show it.
 
     Returns
     -------
@@ -109,7 +115,7 @@ def simulate(
         record_every,
         settle_first=settle_first,
     )
-    return run.finish(observer)
+    return run.finish(observer if live is None else live.follow(run, observer))
 
 
 def prepare(

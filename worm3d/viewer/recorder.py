@@ -175,11 +175,11 @@ def stage(window: Window) -> None:
         top[f"/{name}"].set_property("visible", False)
     top["/Background"].set_property("top_color", _TOP)
     top["/Background"].set_property("bottom_color", _BOTTOM)
-    sky = {"type": "HemisphereLight", "color": 0xFFFFFF, "groundColor": 0x8A7F78, "intensity": 0.35}
+    sky = {"type": "HemisphereLight", "color": 0xFFFFFF, "groundColor": 0x8A7F78, "intensity": 0.2}
     sun = {
         "type": "DirectionalLight",
         "color": 0xFFFFFF,
-        "intensity": 0.3,
+        "intensity": 0.4,
         "matrix": [*np.eye(4).ravel()[:12], -2, -3, 4, 1],
     }
     for name, light in (("Sky", sky), ("Sun", sun)):
