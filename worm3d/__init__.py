@@ -26,12 +26,13 @@ if TYPE_CHECKING:
     from worm3d.start import LimitPointError, flattening_weight
     from worm3d.state import State, StateError
     from worm3d.status import Status, Stop
-    from worm3d.worlds import ClampedGround, Patch, Plane
+    from worm3d.worlds import ClampedGround, Heightfield, Patch, Plane
 
 _HOMES = {
     "ClampedGround": "worlds",
     "Energy": "result",
     "Friction": "friction",
+    "Heightfield": "worlds",
     "Held": "held",
     "LimitPointError": "start",
     "Observation": "observation",
@@ -54,6 +55,7 @@ __all__ = [
     "Commands",
     "Energy",
     "Friction",
+    "Heightfield",
     "Held",
     "LimitPointError",
     "Observation",
