@@ -30,10 +30,14 @@ MARGIN = 6
 PIECE = 8.0
 """Cells: triangles with longer edges are taken in parts, lest the box about one is the whole grid."""
 
+PIECES = 256
+"""Of a triangle that wait to be taken."""
+
 MOST_NODES = 8_000_000
 """Of a grid: 32 MB to keep, ten times as much while it is filled."""
 
 FAR = 1e30
+"""Square of a distance that is not known yet, in cells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,41 +87,62 @@ def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:
 @njit
 def _near(corners: FloatArray, distance: FloatArray, nearest: NDArray[np.int32]) -> None:
     """Write squared distances and triangles of the nodes near each triangle."""
-    pieces = np.empty((256, 3, 3))
+    pieces = np.empty((PIECES, 3, 3))
     for k in range(len(corners)):
-        pieces[0] = corners[k]
+        _copy(pieces, 0, corners, k)
         count = 1
         while count > 0:
             count -= 1
-            piece = pieces[count].copy()
-            edge, longest = 0, 0.0
-            for e in range(3):
-                length = _squared(piece[e], piece[(e + 1) % 3])
-                if length > longest:
-                    edge, longest = e, length
-            if longest > PIECE**2 and count + 2 <= len(pieces):
-                middle = 0.5 * (piece[edge] + piece[(edge + 1) % 3])
-                pieces[count] = piece
-                pieces[count, edge] = middle
-                pieces[count + 1] = piece
-                pieces[count + 1, (edge + 1) % 3] = middle
+            edge, longest = _longest_edge(pieces, count)
+            if longest > PIECE**2 and count + 2 <= PIECES:
+                _copy(pieces, count + 1, pieces, count)
+                for d in range(3):
+                    middle = 0.5 * (pieces[count, edge, d] + pieces[count, (edge + 1) % 3, d])
+                    pieces[count, edge, d] = pieces[count + 1, (edge + 1) % 3, d] = middle
                 count += 2
             else:
-                _near_one(piece, k, distance, nearest)
+                _near_one(pieces, count, k, distance, nearest)
 
 
 @inner
-def _near_one(piece: FloatArray, k: int, distance: FloatArray, nearest: NDArray[np.int32]) -> None:
-    """Write squared distances to a piece of triangle k where they are the least so far."""
-    low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
-    for d in range(3):
-        low[d] = max(0, int(np.ceil(min(piece[0, d], piece[1, d], piece[2, d]) - NEAR)))
-        high[d] = min(distance.shape[d] - 1, int(np.floor(max(piece[0, d], piece[1, d], piece[2, d]) + NEAR)))
-    a, b, c = _vector(piece[0]), _vector(piece[1]), _vector(piece[2])
-    for x in range(low[0], high[0] + 1):
-        for y in range(low[1], high[1] + 1):
-            for z in range(low[2], high[2] + 1):
-                square = to_triangle((float(x), float(y), float(z)), a, b, c)
+def _copy(to: FloatArray, i: int, source: FloatArray, j: int) -> None:
+    for e in range(3):
+        for d in range(3):
+            to[i, e, d] = source[j, e, d]
+
+
+@inner
+def _longest_edge(pieces: FloatArray, i: int) -> tuple[int, float]:
+    """Return the corner where the longest edge of a piece begins, and the square of its length."""
+    edge, longest = 0, 0.0
+    for e in range(3):
+        length = 0.0
+        for d in range(3):
+            length += (pieces[i, e, d] - pieces[i, (e + 1) % 3, d]) ** 2
+        if length > longest:
+            edge, longest = e, length
+    return edge, longest
+
+
+@inner
+def _span(corners: FloatArray, k: int, d: int, reach: float, nodes: int) -> tuple[int, int]:
+    """Return the first node along an axis within reach of a triangle, and that behind the last one."""
+    low = min(corners[k, 0, d], corners[k, 1, d], corners[k, 2, d]) - reach
+    high = max(corners[k, 0, d], corners[k, 1, d], corners[k, 2, d]) + reach
+    return max(0, int(np.ceil(low))), min(nodes - 1, int(np.floor(high))) + 1
+
+
+@inner
+def _near_one(pieces: FloatArray, i: int, k: int, distance: FloatArray, nearest: NDArray[np.int32]) -> None:
+    """Write squared distances to piece i, of triangle k, where they are the least so far."""
+    nodes = distance.shape
+    a, b, c = _corner(pieces, i, 0), _corner(pieces, i, 1), _corner(pieces, i, 2)
+    (x_0, x_1), (y_0, y_1) = _span(pieces, i, 0, NEAR, nodes[0]), _span(pieces, i, 1, NEAR, nodes[1])
+    z_0, z_1 = _span(pieces, i, 2, NEAR, nodes[2])
+    for x in range(x_0, x_1):
+        for y in range(y_0, y_1):
+            for z in range(z_0, z_1):
+                square = _to_triangle((float(x), float(y), float(z)), a, b, c)
                 if square <= NEAR**2 and square < distance[x, y, z]:
                     distance[x, y, z] = square
                     nearest[x, y, z] = k
@@ -130,19 +155,14 @@ def _far(corners: FloatArray, places: IntArray, nearest: NDArray[np.int32], dist
     for n in range(len(places)):
         x, rest = divmod(places[n], rows * columns)
         y, z = divmod(rest, columns)
-        triangle = corners[nearest[n]]
-        a, b, c = _vector(triangle[0]), _vector(triangle[1]), _vector(triangle[2])
-        distance[x, y, z] = to_triangle((float(x), float(y), float(z)), a, b, c)
+        k = nearest[n]
+        a, b, c = _corner(corners, k, 0), _corner(corners, k, 1), _corner(corners, k, 2)
+        distance[x, y, z] = _to_triangle((float(x), float(y), float(z)), a, b, c)
 
 
 @inner
-def _vector(row: FloatArray) -> Vector:
-    return row[0], row[1], row[2]
-
-
-@inner
-def _squared(a: FloatArray, b: FloatArray) -> float:
-    return float((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+def _corner(corners: FloatArray, k: int, e: int) -> Vector:
+    return corners[k, e, 0], corners[k, e, 1], corners[k, e, 2]
 
 
 @inner
@@ -165,7 +185,7 @@ def _to_segment(p: Vector, a: Vector, edge: Vector) -> float:
 
 
 @inner
-def to_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> float:
+def _to_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> float:
     """Return the squared distance of a point to a triangle: to its plane over it, else to its nearest edge."""
     ab, bc, ca = _minus(b, a), _minus(c, b), _minus(a, c)
     n = ab[1] * bc[2] - ab[2] * bc[1], ab[2] * bc[0] - ab[0] * bc[2], ab[0] * bc[1] - ab[1] * bc[0]
@@ -200,26 +220,25 @@ def _orientation(x_1: float, y_1: float, x_2: float, y_2: float) -> tuple[int, f
 def _crossings(corners: FloatArray, winding: NDArray[np.int32]) -> None:
     """Add, for each row of nodes along x, +1 where it enters the solid and -1 where it leaves, at the next node."""
     for k in range(len(corners)):
-        t = corners[k]
-        low_y, high_y = int(np.ceil(t[:, 1].min())), int(np.floor(t[:, 1].max()))
-        low_z, high_z = int(np.ceil(t[:, 2].min())), int(np.floor(t[:, 2].max()))
-        for y in range(max(0, low_y), min(winding.shape[1] - 1, high_y) + 1):
-            for z in range(max(0, low_z), min(winding.shape[2] - 1, high_z) + 1):
-                sign, x = _crossing(t, float(y), float(z))
+        y_0, y_1 = _span(corners, k, 1, 0.0, winding.shape[1])
+        z_0, z_1 = _span(corners, k, 2, 0.0, winding.shape[2])
+        for y in range(y_0, y_1):
+            for z in range(z_0, z_1):
+                sign, x = _crossing(corners, k, float(y), float(z))
                 node = max(0, int(np.ceil(x)))
                 if sign != 0 and node < winding.shape[0]:
                     winding[node, y, z] += sign
 
 
 @inner
-def _crossing(t: FloatArray, y: float, z: float) -> tuple[int, float]:
+def _crossing(corners: FloatArray, k: int, y: float, z: float) -> tuple[int, float]:
     """Return how a triangle is crossed by a row along x (0: it is not), and where."""
-    y_0, y_1, y_2 = t[0, 1] - y, t[1, 1] - y, t[2, 1] - y
-    z_0, z_1, z_2 = t[0, 2] - z, t[1, 2] - z, t[2, 2] - z
+    y_0, y_1, y_2 = corners[k, 0, 1] - y, corners[k, 1, 1] - y, corners[k, 2, 1] - y
+    z_0, z_1, z_2 = corners[k, 0, 2] - z, corners[k, 1, 2] - z, corners[k, 2, 2] - z
     side_0, a = _orientation(y_1, z_1, y_2, z_2)
     side_1, b = _orientation(y_2, z_2, y_0, z_0)
     side_2, c = _orientation(y_0, z_0, y_1, z_1)
     total = a + b + c
     if side_0 == 0 or side_1 != side_0 or side_2 != side_0 or total == 0.0:
         return 0, 0.0
-    return side_0, (a * t[0, 0] + b * t[1, 0] + c * t[2, 0]) / total
+    return side_0, (a * corners[k, 0, 0] + b * corners[k, 1, 0] + c * corners[k, 2, 0]) / total
