@@ -26,23 +26,42 @@ if TYPE_CHECKING:
     from worm3d.start import LimitPointError, flattening_weight
     from worm3d.state import State, StateError
     from worm3d.status import Status, Stop
-    from worm3d.worlds import ClampedGround, Heightfield, Patch, Plane
+    from worm3d.worlds import (
+        Bend,
+        Centreline,
+        ClampedGround,
+        Heightfield,
+        Mesh,
+        MeshError,
+        Patch,
+        Pipe,
+        Plane,
+        Profile,
+        Straight,
+    )
 
 _HOMES = {
+    "Bend": "worlds",
+    "Centreline": "worlds",
     "ClampedGround": "worlds",
     "Energy": "result",
     "Friction": "friction",
     "Heightfield": "worlds",
     "Held": "held",
     "LimitPointError": "start",
+    "Mesh": "worlds",
+    "MeshError": "worlds",
     "Observation": "observation",
     "Patch": "worlds",
+    "Pipe": "worlds",
     "Plane": "worlds",
+    "Profile": "worlds",
     "Result": "result",
     "State": "state",
     "StateError": "state",
     "Status": "status",
     "Stop": "status",
+    "Straight": "worlds",
     "flattening_weight": "start",
     "simulate": "simulate",
     "simulate_batch": "batch",
@@ -50,6 +69,8 @@ _HOMES = {
 """Module of each name that is imported when it is first asked for."""
 
 __all__ = [
+    "Bend",
+    "Centreline",
     "ClampedGround",
     "Command",
     "Commands",
@@ -58,14 +79,19 @@ __all__ = [
     "Heightfield",
     "Held",
     "LimitPointError",
+    "Mesh",
+    "MeshError",
     "Observation",
     "Patch",
+    "Pipe",
     "Plane",
+    "Profile",
     "Result",
     "State",
     "StateError",
     "Status",
     "Stop",
+    "Straight",
     "Worm",
     "flattening_weight",
     "simulate",

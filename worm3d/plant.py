@@ -278,8 +278,11 @@ class Plant:
             np.tile(a["segment_out"][terms : terms + 2], (2, 1)),
         )
         a["joint_angles"][:] = np.tile(a["joint_out"][:4], (2, 1))
-        a["asked"][:], a["given"][:] = 0.0, 0.0
-        self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = self.worm.l0
+        a["asked"][:] = 0.0
+        a["asked"][0, : 2 * n] = state.contraction.ravel()
+        a["given"][:] = a["asked"]
+        commanded = self.worm.l0 * (1.0 - state.contraction.T)
+        self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = commanded
         self._joint_row("hinge")[:] = self._joint_row("hinge_n")[:] = 0.0
         self._point_row("anchor")[:] = self._point_row("x")
         self._point_row("load_n")[:] = 0.0
@@ -306,6 +309,7 @@ class Plant:
             joint_velocity=self.arrays["joint_velocity"][:3].T,
             roll_rate=rates[:, 3],
             bend_rate=rates[:, 4],
+            contraction=self.arrays["given"][0, : 2 * n].reshape(n, 2),
             time=time,
             memory=self.memory() | more,
         )

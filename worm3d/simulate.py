@@ -167,7 +167,7 @@ def _begin(plant: Plant, start: State, settle_first: bool) -> Status:
     if start.memory:
         plant.remember(start.memory)
         return Status.DONE
-    if settle_first and not start.moves and settles(plant.world, plant.gravity):
+    if settle_first and not start.moves and settles(plant.world, plant.gravity, bool(start.contraction.any())):
         assert plant.world is not None
         held = plant.arrays["held"][0] != 0.0
         rested, status = settle(plant.worm, plant.world, plant.gravity, held, start)

@@ -22,10 +22,11 @@ from worm3d.worm import Worm
 
 FloatArray = NDArray[np.float64]
 
-SETTLING_TIME = 1.0
-"""Pseudo time step of settling [s]."""
+SETTLING_TIME, MAX_SETTLING = 1.0, 200
+"""Pseudo time step of settling [s], and how many at most."""
 
-MAX_SETTLING = 200
+STICKING, STICKING_TIME, MAX_STICKING = 10.0, 0.01, 1000
+"""Coefficient of friction while a worm settles on a world that is uneven, time step [s], and how many at most."""
 
 SETTLED = 1e-13
 """Motion of the joints in such a step, as a fraction of the body length, at which the worm rests."""
@@ -137,26 +138,33 @@ def settle(
 ) -> tuple[State, Status]:
     """Return the worm at rest under the part of gravity that presses it to the world, and DONE or why it does not rest.
 
-    Steps of implicit Euler with a second each and no friction, stopped after each; the state has loads and no anchors
-    yet (anchors are where the worm touches).
+    Steps of implicit Euler with a second each and no friction, stopped after each; where the world is `uneven`, short
+    ones with contacts that stick, until the worm rests. The state has loads and no anchors yet (anchors are where the
+    worm touches).
     """
-    pressing = world.pressing(gravity)
-    plant = Plant(worm, world, Friction(0.0, 0.0, 0.0, 1.0), pressing, held, scale=gravity)
+    pressing, uneven = world.pressing(gravity), bool(getattr(world, "uneven", False))
+    mu, dt, most = (STICKING, STICKING_TIME, MAX_STICKING) if uneven else (0.0, SETTLING_TIME, MAX_SETTLING)
+    plant = Plant(worm, world, Friction(mu, mu, mu, 1.0), pressing, held, scale=gravity)
     plant.set_pose(state)
     records, counters = record_memory(worm.segments, 1), np.zeros((0, 3), dtype=np.int64)
     command, none, moved = np.zeros((1, 5 * worm.segments)), np.zeros((0, 3, worm.segments + 1)), np.inf
-    for _ in range(MAX_SETTLING):
+    command[0, : 2 * worm.segments] = state.contraction.ravel()
+    for _ in range(most):
         before = plant.arrays["joints"][:3].copy()
-        done, end = advance(plant.core, records.block, counters, command, none, 0, 0, SETTLING_TIME, False, False)
+        done, end = advance(plant.core, records.block, counters, command, none, 0, 0, dt, False, False)
         if end != OK or done != 1:
             return state, Status.UNSETTLED if GUARDED[end] is Status.NO_CONVERGENCE else GUARDED[end]
         moved = np.abs(plant.arrays["joints"][:3] - before).max()
-        plant.stop()
+        if not uneven:
+            plant.stop()
         if moved < SETTLED * worm.length:
             break
+    plant.stop()
     return plant.state(state.time), Status.DONE if moved < RESTS * worm.length else Status.UNSETTLED
 
 
-def settles(world: World | None, gravity: FloatArray) -> bool:
-    """Return whether a worm can be settled: there is a world, not the clamped one, and a weight towards it."""
-    return world is not None and not isinstance(world, ClampedGround) and bool(np.any(world.pressing(gravity)))
+def settles(world: World | None, gravity: FloatArray, contracted: bool = False) -> bool:
+    """Return whether a worm can be settled: there is a world, not the clamped one, and what presses it there."""
+    if world is None or isinstance(world, ClampedGround):
+        return False
+    return contracted or bool(np.any(world.pressing(gravity)))

@@ -168,6 +168,11 @@ class Heightfield:
         )
         return self.spacing * found
 
+    @property
+    def uneven(self) -> bool:
+        """Whether a worm without friction could slide away under `pressing`."""
+        return bool(np.ptp(self.heights) > 0.0)
+
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return gravity where it points downwards, else 0, shape (3,) [m/s^2]."""
         return np.array(gravity, dtype=float) if gravity[2] < 0.0 else np.zeros(3)

@@ -139,7 +139,7 @@ class Mesh:
 
     @property
     def uneven(self) -> bool:
-        """Whether a worm without friction would slide away though `pressing` is all that acts on it."""
+        """Whether a worm without friction could slide away under `pressing`."""
         return True
 
     def kernel(self) -> WorldKernel:
