@@ -22,6 +22,9 @@ FloatArray = NDArray[np.float64]
 EDGE = 14
 """Nodes added all around, as high as the edge: after so many the spline is level to single precision, and stays so."""
 
+BAND = 4.0
+"""Cells above the surface up to which `Heightfield.distance` is that to the foot point."""
+
 
 @dataclass(frozen=True, eq=False)
 class Heightfield:
@@ -149,16 +152,16 @@ class Heightfield:
         padded = np.pad(self.heights / self.spacing, EDGE, mode="edge")
         return np.ascontiguousarray(spline_filter(padded, order=3)), np.ascontiguousarray(np.pad(grips, EDGE, mode="edge"))
 
-    def kernel(self) -> WorldKernel:
-        """Return the compiled world."""
+    def kernel(self, band: float = heightfield_kernel.CONTACT) -> WorldKernel:
+        """Return the compiled world, which looks for foot points of points so many cells above the surface."""
         first = np.asarray(self.origin) - EDGE * self.spacing
         coefficients, grips = self._tables
-        parameters = [*table.halves(coefficients), *table.halves(grips), *coefficients.shape, *first, self.spacing]
+        parameters = [*table.halves(coefficients), *table.halves(grips), *coefficients.shape, *first, self.spacing, band]
         return WorldKernel(_compiled().address, np.array(parameters, dtype=float), (_compiled(), coefficients, grips))
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        return looked_up(self.kernel(), points)[0].reshape(np.shape(points)[:-1])
+        return looked_up(self.kernel(BAND), points)[0].reshape(np.shape(points)[:-1])
 
     def height(self, places: FloatArray) -> FloatArray:
         """Return the height of the surface at x, y of shape (..., 2), shape (...,) [m]."""

@@ -10,8 +10,8 @@ fundamental forms I = J'J and II = Hess(h)/|N|,
     g = (P - S) . n,     grad g = n,     Hess g = -J I^-1 II (I - g II)^-1 J'                        (H2)
 
 (do Carmo, Differential Geometry of Curves and Surfaces, 3-3: Weingarten's equations, and the derivative of (H1)).
-I - g II is also Newton's matrix; where it is not positive definite P lies beyond a focus, and g there is that of the
-tangent plane below P, as it is farther than `BAND` cells from the surface: distances there only tell that it is far.
+I - g II is also Newton's matrix; where it is not positive definite P lies beyond a focus. There, and farther than so
+many cells above the surface, a parameter, g is the distance to the tangent plane below P: it only tells that it is far.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 from worm3d.codegen.emit import FINE, WRONG_SHAPE
 from worm3d.compiled import inner
 from worm3d.worlds import table
+from worm3d.worlds.table import Jet
 
 FloatArray = NDArray[np.float64]
-Jet = tuple[float, float, float, float, float, float]
+Height = tuple[float, float, float, float, float, float]
 """h, h_u, h_v, h_uu, h_uv, h_vv."""
 
-BAND = 2.0
-"""Cells from the surface within which distances are those to the foot point."""
+CONTACT = 1.0
+"""Cells above the surface within which a worm's contacts need the foot point; the parameter in a simulation."""
 
 ITERATIONS = 20
 """Of Newton's method for a foot point."""
@@ -37,14 +38,14 @@ CLOSE = 1e-4
 """Cells that the foot moves at the last iteration: its error, and the normal's, is then about the square of that, the
 distance's its fourth power."""
 
-ROWS_IN, ROWS_OUT = 3 + 9, 11
-"""Point; address of coefficients and grips (2 each), nodes along x and y, first x and y, spacing."""
+ROWS_IN, ROWS_OUT = 3 + 10, 11
+"""Point; address of coefficients and grips (2 each), nodes along x and y, first x and y, spacing, `CONTACT`."""
 
-_COEFFICIENTS, _GRIPS, _NODES, _FIRST, _SPACING = 3, 5, 7, 9, 11
+_COEFFICIENTS, _GRIPS, _NODES, _FIRST, _SPACING, _CONTACT = 3, 5, 7, 9, 11, 12
 
 
 @inner
-def jet(coefficients: FloatArray, u: float, v: float) -> Jet:
+def height(coefficients: FloatArray, u: float, v: float) -> Height:
     """Return height and derivatives, in cells, at a place counted in nodes."""
     i, s = table.cell(u, coefficients.shape[0])
     j, t = table.cell(v, coefficients.shape[1])
@@ -67,7 +68,7 @@ def jet(coefficients: FloatArray, u: float, v: float) -> Jet:
 
 
 @inner
-def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Jet) -> tuple[bool, float, float, Jet]:
+def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Height) -> tuple[bool, float, float, Height]:
     """Return whether Newton's method found a foot (H1), its place and the surface there, all in cells."""
     u, v, at = x, y, begin
     gap = (z - at[0]) ** 2
@@ -81,7 +82,7 @@ def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Jet) -> 
         d_u, d_v = (vv * r_u - uv * r_v) / det, (uu * r_v - uv * r_u) / det
         share = 1.0
         for _half in range(6):
-            new = jet(coefficients, u + share * d_u, v + share * d_v)
+            new = height(coefficients, u + share * d_u, v + share * d_v)
             now = (x - u - share * d_u) ** 2 + (y - v - share * d_v) ** 2 + (z - new[0]) ** 2
             if now <= gap * (1.0 + 1e-14) + 1e-28:
                 break
@@ -93,7 +94,7 @@ def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Jet) -> 
 
 
 @inner
-def _rough(coefficients: FloatArray, u: float, v: float) -> Jet:
+def _rough(coefficients: FloatArray, u: float, v: float) -> Height:
     """Return height and slopes from the nearest coefficients alone."""
     i, s = table.cell(u, coefficients.shape[0])
     j, t = table.cell(v, coefficients.shape[1])
@@ -108,55 +109,45 @@ def _rough(coefficients: FloatArray, u: float, v: float) -> Jet:
 
 
 @inner
-def _write(out: FloatArray, k: int, distance: float, at: Jet, size: float) -> None:
-    """Write distance and normal as rows 0 to 3."""
-    out[0, k] = distance
-    out[1, k], out[2, k], out[3, k] = -at[1] / size, -at[2] / size, 1.0 / size
-
-
-@inner
-def look(out: FloatArray, k: int, coefficients: FloatArray, x: float, y: float, z: float, spacing: float) -> None:
-    """Write distance, normal and curvature at a point in cells as rows 0 to 9 of lane k."""
+def look(coefficients: FloatArray, x: float, y: float, z: float, contact: float) -> Jet:
+    """Return distance, normal and curvature at a point, a spacing as unit."""
     rough = _rough(coefficients, x, y)
-    rough_size = np.sqrt(1.0 + rough[1] * rough[1] + rough[2] * rough[2])
-    if z - rough[0] > BAND * rough_size:
-        _write(out, k, (z - rough[0]) / rough_size * spacing, rough, rough_size)
-        for r in range(6):
-            out[4 + r, k] = 0.0
-        return
-    below = jet(coefficients, x, y)
+    size = np.sqrt(1.0 + rough[1] * rough[1] + rough[2] * rough[2])
+    if z - rough[0] > contact * size:
+        return _level(rough, (z - rough[0]) / size, size)
+    below = height(coefficients, x, y)
+    found, u, v, at = foot(coefficients, x, y, z, below)
+    size = np.sqrt(1.0 + at[1] * at[1] + at[2] * at[2])
+    away = (z - at[0] - at[1] * (x - u) - at[2] * (y - v)) / size
+    if found and away * (z - below[0]) >= 0.0:
+        return _curved(at, away, size)
     size = np.sqrt(1.0 + below[1] * below[1] + below[2] * below[2])
-    g, at, known = (z - below[0]) / size, below, False
-    if abs(g) < BAND:
-        found, u, v, near = foot(coefficients, x, y, z, below)
-        near_size = np.sqrt(1.0 + near[1] * near[1] + near[2] * near[2])
-        away = (z - near[0] - near[1] * (x - u) - near[2] * (y - v)) / near_size
-        if found and away * (z - below[0]) >= 0.0:
-            g, at, size, known = away, near, near_size, True
-    _write(out, k, g * spacing, at, size)
-    _curvature(out, k, at, g, size, spacing, known)
+    return _level(below, (z - below[0]) / size, size)
 
 
 @inner
-def _curvature(out: FloatArray, k: int, at: Jet, g: float, size: float, spacing: float, known: bool) -> None:
-    """Write the Hessian of (H2) as rows 4 to 9; zero where the foot is not known."""
+def _level(at: Height, g: float, size: float) -> Jet:
+    """Return a distance with the normal of the surface at a place, and no curvature."""
+    return g, -at[1] / size, -at[2] / size, 1.0 / size, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+
+
+@inner
+def _curved(at: Height, g: float, size: float) -> Jet:
+    """Return distance, normal and curvature (H2) at a foot point."""
     _, p, q, h_uu, h_uv, h_vv = at
+    up = 1.0 / size
     e, f, c = 1.0 + p * p, p * q, 1.0 + q * q
-    l, m, n = h_uu / size, h_uv / size, h_vv / size
+    l, m, n = h_uu * up, h_uv * up, h_vv * up
     a_uu, a_uv, a_vv = e - g * l, f - g * m, c - g * n
     det = a_uu * a_vv - a_uv * a_uv
-    if not known or a_uu <= 0.0 or det <= 0.0:
-        for r in range(6):
-            out[4 + r, k] = 0.0
-        return
-    first = e * c - f * f
-    w_uu, w_uv, w_vu, w_vv = (c * l - f * m) / first, (c * m - f * n) / first, (e * m - f * l) / first, (e * n - f * m) / first
-    scale = -1.0 / (det * spacing)
-    xx = scale * (w_uu * a_vv - w_uv * a_uv)
-    xy = scale * (w_uv * a_uu - w_uu * a_uv)
-    yy = scale * (w_vv * a_uu - w_vu * a_uv)
+    if a_uu <= 0.0 or det <= 0.0:
+        return _level(at, g, size)
+    # Minus I^-1 II (I - g II)^-1, both inverses by cofactors; det I is size^2.
+    scale = -up * up / det
+    uu, uv, vu, vv = c * l - f * m, c * m - f * n, e * m - f * l, e * n - f * m
+    xx, xy, yy = scale * (uu * a_vv - uv * a_uv), scale * (uv * a_uu - uu * a_uv), scale * (vv * a_uu - vu * a_uv)
     xz, yz = xx * p + xy * q, xy * p + yy * q
-    out[4, k], out[5, k], out[6, k], out[7, k], out[8, k], out[9, k] = xx, xy, xz, yy, yz, xz * p + yz * q
+    return g, -p * up, -q * up, up, xx, xy, xz, yy, yz, xz * p + yz * q
 
 
 @inner
@@ -181,9 +172,13 @@ def heightfield(
     nodes = int(p[_NODES, 0]), int(p[_NODES + 1, 0])
     coefficients = table.doubles(table.address(p[_COEFFICIENTS, 0], p[_COEFFICIENTS + 1, 0]), nodes[0], nodes[1])
     grips = table.doubles(table.address(p[_GRIPS, 0], p[_GRIPS + 1, 0]), nodes[0], nodes[1])
-    first_x, first_y, spacing = p[_FIRST, 0], p[_FIRST + 1, 0], p[_SPACING, 0]
+    first_x, first_y, spacing, contact = p[_FIRST, 0], p[_FIRST + 1, 0], p[_SPACING, 0], p[_CONTACT, 0]
+    share = 1.0 / spacing
     for k in range(count):
-        x, y, z = (p[0, k] - first_x) / spacing, (p[1, k] - first_y) / spacing, p[2, k] / spacing
-        look(out, k, coefficients, x, y, z, spacing)
-        out[10, k] = grip_at(grips, x, y)
+        if table.repeats(p, k):
+            table.repeat(out, k)
+            continue
+        x, y = (p[0, k] - first_x) * share, (p[1, k] - first_y) * share
+        grip = grip_at(grips, x, y)
+        table.write(out, k, look(coefficients, x, y, p[2, k] * share, contact), spacing, 1.0, share, grip)
     return FINE

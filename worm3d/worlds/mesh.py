@@ -142,16 +142,16 @@ class Mesh:
         """Whether a worm without friction could slide away under `pressing`."""
         return True
 
-    def kernel(self) -> WorldKernel:
-        """Return the compiled world."""
+    def kernel(self, band: float = mesh_kernel.CONTACT) -> WorldKernel:
+        """Return the compiled world, which reads the spline where a coefficient is less than so many cells."""
         c, first = self.grid.coefficients, self.grid.first + self.position
         side = 1.0 if self.solid == "inside" else -1.0
-        parameters = np.array([*table.halves(c), *c.shape, *first, self.grid.cell, side, self.grip], dtype=float)
+        parameters = np.array([*table.halves(c), *c.shape, *first, self.grid.cell, side, self.grip, band], dtype=float)
         return WorldKernel(_compiled().address, parameters, (_compiled(), c))
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        return looked_up(self.kernel(), points)[0].reshape(np.shape(points)[:-1])
+        return looked_up(self.kernel(np.inf), points)[0].reshape(np.shape(points)[:-1])
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return gravity, shape (3,) [m/s^2]."""

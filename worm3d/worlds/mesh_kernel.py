@@ -6,7 +6,8 @@ With the spline d(X), its gradient and Hessian, m = |grad d| (1 but for the grid
 
 so that the gradient of g is a unit vector on the surface d = 0, which (M1) does not move, and g is d a cell away from it,
 also beside edges, where the spline is rounded and m is small. Of the Hessian of g the terms that vanish with d are left
-out. More than `BAND` cells outside g is read linearly between the spline's coefficients: it only tells how far it is.
+out. Where the nearest coefficient says that the point is farther outside than `CONTACT`, a parameter, d is read linearly
+between the coefficients: it only tells how far away the surface is.
 """
 
 from __future__ import annotations
@@ -17,27 +18,30 @@ from numpy.typing import NDArray
 from worm3d.codegen.emit import FINE, WRONG_SHAPE
 from worm3d.compiled import inner
 from worm3d.worlds import table
-from worm3d.worlds.table import Weights
+from worm3d.worlds.table import Jet, Weights
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 
-BAND = 2.0
-"""Cells outside the surface from which on distances are read linearly."""
+CONTACT = 2.8
+"""Cells: the point is then a cell from the surface at least, as the node before it is at most sqrt(3) away."""
 
 NARROW = 0.2
 """w of (M1), in cells."""
 
-ROWS_IN, ROWS_OUT = 3 + 11, 11
-"""Point; address of coefficients (2), nodes along each axis, first node, cell, side of the solid, grip."""
+ROWS_IN, ROWS_OUT = 3 + 12, 11
+"""Point; address of coefficients (2), nodes along each axis, first node, cell, side of the solid, grip, `CONTACT`."""
 
-_COEFFICIENTS, _NODES, _FIRST, _CELL, _SIDE, _GRIP = 3, 5, 8, 11, 12, 13
+_COEFFICIENTS, _NODES, _FIRST, _CELL, _SIDE, _GRIP, _CONTACT = 3, 5, 8, 11, 12, 13, 14
+
+Place = tuple[int, float, float, float]
+"""Number of the node before a place, and the way from there along each axis."""
 
 
 @inner
 def _row(c: SingleArray, k: int, w: Weights, w_1: Weights, w_2: Weights) -> tuple[float, float, float]:
     """Return value and derivatives of a row of four coefficients."""
-    a, b, d, e = c[k], c[k + 1], c[k + 2], c[k + 3]
+    a, b, d, e = np.float64(c[k]), np.float64(c[k + 1]), np.float64(c[k + 2]), np.float64(c[k + 3])
     return (
         w[0] * a + w[1] * b + w[2] * d + w[3] * e,
         w_1[0] * a + w_1[1] * b + w_1[2] * d + w_1[3] * e,
@@ -46,18 +50,16 @@ def _row(c: SingleArray, k: int, w: Weights, w_1: Weights, w_2: Weights) -> tupl
 
 
 @inner
-def _spline(out: FloatArray, k: int, c: SingleArray, nodes: tuple[int, int, int], x: float, y: float, z: float) -> None:
-    """Write value, gradient and Hessian of the spline at a place in nodes as rows 0 to 9 of lane k."""
-    i, r = table.cell(x, nodes[0])
-    j, s = table.cell(y, nodes[1])
-    l, t = table.cell(z, nodes[2])
+def _spline(c: SingleArray, rows: int, columns: int, at: Place) -> Jet:
+    """Return value, gradient and Hessian of the spline."""
+    node, r, s, t = at
     (u, u_1, u_2), (v, v_1, v_2), (w, w_1, w_2) = table.cubic(r), table.cubic(s), table.cubic(t)
     d = d_x = d_y = d_z = d_xx = d_xy = d_xz = d_yy = d_yz = d_zz = 0.0
     for a in range(4):
         p = p_y = p_z = p_yy = p_yz = p_zz = 0.0
-        first = ((i - 1 + a) * nodes[1] + j - 1) * nodes[2] + l - 1
+        first = node + ((a - 1) * rows - 1) * columns - 1
         for b in range(4):
-            q, q_z, q_zz = _row(c, first + b * nodes[2], w, w_1, w_2)
+            q, q_z, q_zz = _row(c, first + b * columns, w, w_1, w_2)
             p += v[b] * q
             p_y += v_1[b] * q
             p_yy += v_2[b] * q
@@ -74,53 +76,58 @@ def _spline(out: FloatArray, k: int, c: SingleArray, nodes: tuple[int, int, int]
         d_xz += u_1[a] * p_z
         d_yz += u[a] * p_yz
         d_zz += u[a] * p_zz
-    out[0, k], out[1, k], out[2, k], out[3, k] = d, d_x, d_y, d_z
-    out[4, k], out[5, k], out[6, k], out[7, k], out[8, k], out[9, k] = d_xx, d_xy, d_xz, d_yy, d_yz, d_zz
+    return d, d_x, d_y, d_z, d_xx, d_xy, d_xz, d_yy, d_yz, d_zz
 
 
 @inner
-def _linear(out: FloatArray, k: int, c: SingleArray, nodes: tuple[int, int, int], x: float, y: float, z: float) -> None:
-    """Write what is linear between the nearest coefficients, and unit gradient, likewise."""
-    i, r = table.cell(x, nodes[0])
-    j, s = table.cell(y, nodes[1])
-    l, t = table.cell(z, nodes[2])
-    near = (i * nodes[1] + j) * nodes[2] + l
-    far = near + nodes[1] * nodes[2]
-    low, low_y = (1.0 - t) * c[near] + t * c[near + 1], (1.0 - t) * c[near + nodes[2]] + t * c[near + nodes[2] + 1]
-    high, high_y = (1.0 - t) * c[far] + t * c[far + 1], (1.0 - t) * c[far + nodes[2]] + t * c[far + nodes[2] + 1]
-    up = (1.0 - r) * ((1.0 - s) * (c[near + 1] - c[near]) + s * (c[near + nodes[2] + 1] - c[near + nodes[2]]))
-    up += r * ((1.0 - s) * (c[far + 1] - c[far]) + s * (c[far + nodes[2] + 1] - c[far + nodes[2]]))
-    ahead, left = (1.0 - s) * (high - low) + s * (high_y - low_y), (1.0 - r) * (low_y - low) + r * (high_y - high)
-    size = np.sqrt(ahead * ahead + left * left + up * up)
-    size = size if size > 0.0 else 1.0
-    out[0, k] = (1.0 - r) * ((1.0 - s) * low + s * low_y) + r * ((1.0 - s) * high + s * high_y)
-    out[1, k], out[2, k], out[3, k] = ahead / size, left / size, up / size
-    for row in range(6):
-        out[4 + row, k] = 0.0
+def _linear(c: SingleArray, rows: int, columns: int, at: Place) -> Jet:
+    """Return what is linear between the nearest coefficients, and its direction of steepest ascent."""
+    node, r, s, t = at
+    i, j, k, l = node, node + columns, node + rows * columns, node + (rows + 1) * columns
+    a, b, d, e = np.float64(c[i]), np.float64(c[j]), np.float64(c[k]), np.float64(c[l])
+    a_z, b_z, d_z, e_z = c[i + 1] - a, c[j + 1] - b, c[k + 1] - d, c[l + 1] - e
+    low, high, low_z, high_z = a + s * (b - a), d + s * (e - d), a_z + s * (b_z - a_z), d_z + s * (e_z - d_z)
+    x, z = high - low + t * (high_z - low_z), low_z + r * (high_z - low_z)
+    y = (1.0 - r) * (b - a + t * (b_z - a_z)) + r * (e - d + t * (e_z - d_z))
+    size = x * x + y * y + z * z
+    unit = 1.0 / np.sqrt(size) if size > 0.0 else 0.0
+    value = low + t * low_z + r * (high - low + t * (high_z - low_z))
+    return value, x * unit, y * unit, z * unit, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 @inner
-def _unit(out: FloatArray, k: int) -> None:
-    """Turn d, its gradient and Hessian in rows 0 to 9 into those of g (M1)."""
-    d, x, y, z = out[0, k], out[1, k], out[2, k], out[3, k]
+def _unit(jet: Jet) -> Jet:
+    """Return g of (M1) with gradient and Hessian, given those of d."""
+    d, x, y, z, xx, xy, xz, yy, yz, zz = jet
     size = np.sqrt(x * x + y * y + z * z)
-    m = max(size, 0.5)
-    square = (d / NARROW) ** 2
-    phi = 1.0 / (1.0 + square) ** 2
-    slope = -4.0 * d / NARROW**2 / (1.0 + square) ** 3
-    psi = 1.0 + (1.0 / m - 1.0) * phi
-    along = psi + d * (1.0 / m - 1.0) * slope
-    turn = phi / m**3 if size > 0.5 else 0.0
-    xx, xy, xz, yy, yz, zz = out[4, k], out[5, k], out[6, k], out[7, k], out[8, k], out[9, k]
+    back = 1.0 / max(size, 0.5)
+    phi = 1.0 / (1.0 + (d / NARROW) ** 2)
+    slope = -4.0 * d / NARROW**2 * phi * phi * phi
+    phi *= phi
+    psi = 1.0 + (back - 1.0) * phi
+    along = psi + d * (back - 1.0) * slope
+    turn = phi * back * back * back if size > 0.5 else 0.0
     h_x, h_y, h_z = xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
-    out[0, k] = psi * d
-    out[1, k], out[2, k], out[3, k] = along * x - turn * d * h_x, along * y - turn * d * h_y, along * z - turn * d * h_z
-    out[4, k] = psi * xx - turn * 2.0 * x * h_x
-    out[5, k] = psi * xy - turn * (x * h_y + y * h_x)
-    out[6, k] = psi * xz - turn * (x * h_z + z * h_x)
-    out[7, k] = psi * yy - turn * 2.0 * y * h_y
-    out[8, k] = psi * yz - turn * (y * h_z + z * h_y)
-    out[9, k] = psi * zz - turn * 2.0 * z * h_z
+    return (
+        psi * d,
+        along * x - turn * d * h_x,
+        along * y - turn * d * h_y,
+        along * z - turn * d * h_z,
+        psi * xx - turn * 2.0 * x * h_x,
+        psi * xy - turn * (x * h_y + y * h_x),
+        psi * xz - turn * (x * h_z + z * h_x),
+        psi * yy - turn * 2.0 * y * h_y,
+        psi * yz - turn * (y * h_z + z * h_y),
+        psi * zz - turn * 2.0 * z * h_z,
+    )
+
+
+@inner
+def _beyond(jet: Jet, away: tuple[float, float, float]) -> Jet:
+    """Return a distance for a point that is so far beyond the grid, and with it outside the mesh."""
+    x, y, z = away
+    size = np.sqrt(x * x + y * y + z * z)
+    return jet[0] + size, x / size, y / size, z / size, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 @inner
@@ -130,24 +137,21 @@ def _outside(place: float, nodes: int) -> float:
 
 
 @inner
-def look(out: FloatArray, k: int, c: SingleArray, nodes: tuple[int, int, int], x: float, y: float, z: float, side: float) -> None:
-    """Write distance, normal and curvature at a place in nodes as rows 0 to 9 of lane k, a cell as unit."""
-    i, _ = table.cell(x, nodes[0])
-    j, _ = table.cell(y, nodes[1])
-    l, _ = table.cell(z, nodes[2])
-    # The nearest coefficient and the distance differ by a cell's diagonal at most, and a little.
-    if side * c[(i * nodes[1] + j) * nodes[2] + l] > BAND + 2.0:
-        _linear(out, k, c, nodes, x, y, z)
-    else:
-        _spline(out, k, c, nodes, x, y, z)
-        _unit(out, k)
-    away_x, away_y, away_z = _outside(x, nodes[0]), _outside(y, nodes[1]), _outside(z, nodes[2])
-    away = np.sqrt(away_x * away_x + away_y * away_y + away_z * away_z)
-    if away > 0.0:  # beyond the grid, and outside the mesh
-        out[0, k] += away
-        out[1, k], out[2, k], out[3, k] = away_x / away, away_y / away, away_z / away
-    for r in range(10):
-        out[r, k] *= side
+def look(
+    c: SingleArray, nodes: tuple[int, int, int], x: float, y: float, z: float, side: float, contact: float
+) -> Jet:
+    """Return distance, normal and curvature at a place in nodes, a cell as unit, but for the side of the solid."""
+    i, r = table.cell(x, nodes[0])
+    j, s = table.cell(y, nodes[1])
+    l, t = table.cell(z, nodes[2])
+    node = (i * nodes[1] + j) * nodes[2] + l
+    at = node, r, s, t
+    far = side * c[node] > contact
+    jet = _linear(c, nodes[1], nodes[2], at) if far else _unit(_spline(c, nodes[1], nodes[2], at))
+    away = _outside(x, nodes[0]), _outside(y, nodes[1]), _outside(z, nodes[2])
+    if away[0] != 0.0 or away[1] != 0.0 or away[2] != 0.0:
+        return _beyond(jet, away)
+    return jet
 
 
 def mesh(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int) -> int:
@@ -161,11 +165,12 @@ def mesh(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, 
     place = table.address(p[_COEFFICIENTS, 0], p[_COEFFICIENTS + 1, 0])
     c = table.singles(place, nodes[0] * nodes[1] * nodes[2])
     x_0, y_0, z_0, cell = p[_FIRST, 0], p[_FIRST + 1, 0], p[_FIRST + 2, 0], p[_CELL, 0]
-    side, grip = p[_SIDE, 0], p[_GRIP, 0]
+    side, grip, contact = p[_SIDE, 0], p[_GRIP, 0], p[_CONTACT, 0]
+    share = 1.0 / cell
     for k in range(count):
-        look(out, k, c, nodes, (p[0, k] - x_0) / cell, (p[1, k] - y_0) / cell, (p[2, k] - z_0) / cell, side)
-        out[0, k] *= cell
-        for r in range(4, 10):
-            out[r, k] /= cell
-        out[10, k] = grip
+        if table.repeats(p, k):
+            table.repeat(out, k)
+            continue
+        jet = look(c, nodes, (p[0, k] - x_0) * share, (p[1, k] - y_0) * share, (p[2, k] - z_0) * share, side, contact)
+        table.write(out, k, jet, side * cell, side, side * share, grip)
     return FINE

@@ -24,6 +24,8 @@ from worm3d.worlds.base import WorldKernel
 
 FloatArray = NDArray[np.float64]
 Weights = tuple[float, float, float, float]
+Jet = tuple[float, float, float, float, float, float, float, float, float, float]
+"""Value, gradient (3) and Hessian (6: xx, xy, xz, yy, yz, zz) of a distance."""
 
 SIGNATURE = "int64(int64, int64, int64, int64, int64, int64, int64)"
 """Of a kernel: inputs, rows_in, lanes_in, outputs, rows_out, lanes_out, count."""
@@ -98,6 +100,33 @@ def cell(place: float, nodes: int) -> tuple[int, float]:
     inside = inside if inside < last else last
     node = int(inside)
     return node, inside - node
+
+
+@inner
+def repeats(points: FloatArray, k: int) -> bool:
+    """Return whether a point is the one before it, as in the lanes that only fill a vector."""
+    if k == 0:
+        return False
+    return bool(
+        points[0, k] == points[0, k - 1] and points[1, k] == points[1, k - 1] and points[2, k] == points[2, k - 1]
+    )
+
+
+@inner
+def repeat(out: FloatArray, k: int) -> None:
+    """Write the rows of the lane before once more."""
+    for r in range(WORLD_ROWS):
+        out[r, k] = out[r, k - 1]
+
+
+@inner
+def write(out: FloatArray, k: int, jet: Jet, length: float, side: float, per_length: float, grip: float) -> None:
+    """Write a world's rows of lane k, each kind times the factor given."""
+    out[0, k] = length * jet[0]
+    out[1, k], out[2, k], out[3, k] = side * jet[1], side * jet[2], side * jet[3]
+    out[4, k], out[5, k], out[6, k] = per_length * jet[4], per_length * jet[5], per_length * jet[6]
+    out[7, k], out[8, k], out[9, k] = per_length * jet[7], per_length * jet[8], per_length * jet[9]
+    out[10, k] = grip
 
 
 def looked_up(kernel: WorldKernel, points: FloatArray) -> FloatArray:
