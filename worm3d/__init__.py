@@ -38,6 +38,8 @@ if TYPE_CHECKING:
         Plane,
         Profile,
         Straight,
+        Union,
+        slope_into_pipe,
     )
 
 _HOMES = {
@@ -62,9 +64,11 @@ _HOMES = {
     "Status": "status",
     "Stop": "status",
     "Straight": "worlds",
+    "Union": "worlds",
     "flattening_weight": "start",
     "simulate": "simulate",
     "simulate_batch": "batch",
+    "slope_into_pipe": "worlds",
 }
 """Module of each name that is imported when it is first asked for."""
 
@@ -92,10 +96,12 @@ __all__ = [
     "Status",
     "Stop",
     "Straight",
+    "Union",
     "Worm",
     "flattening_weight",
     "simulate",
     "simulate_batch",
+    "slope_into_pipe",
 ]
 
 

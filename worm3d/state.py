@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from functools import cache
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -192,28 +194,38 @@ def _laid(
     worm: Worm, world: World, along: FloatArray, clearance: float, at: FloatArray, azimuth: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return joints and directors of the worm on its world, lifted where its apexes would lie inside."""
+    lift = before = np.inf
     for _ in range(LIFTS):
         try:
             joints, left = world.placed(along, clearance, at, azimuth)
         except ValueError as error:
             raise StateError(f"state: {error}") from error
         if isinstance(world, ClampedGround):
-            break
+            return joints, left
         deep = -float(world.distance(_apexes(worm, joints, np.broadcast_to(left, (worm.segments, 3)))).min())
         if deep <= TOUCHES * worm.length:
-            break
-        clearance += 2.0 * deep
-    return joints, left
+            return joints, left
+        lift = 2.0 * deep if deep < 0.5 * before else 2.0 * lift
+        clearance, before = clearance + min(lift, worm.length), deep
+    raise StateError(f"state: the worm lies {deep:.3g} m inside the world even if lifted to {clearance:.3g} m; move it")
 
 
 def _apexes(worm: Worm, joints: FloatArray, directors: FloatArray) -> FloatArray:
-    """Return the apexes of a worm at rest lengths, (E3), shape (N, 6, 3) [m]."""
-    points = []
-    for p, q, d, link in zip(joints[:-1], joints[1:], directors, worm.link_length, strict=True):
-        t = (q - p) / np.linalg.norm(q - p)
-        frame = elements.Frame(worm.l0, t, d, np.cross(t, d))
-        points.append(elements.apexes((p + q) / 2.0, frame, [worm.l0, worm.l0], link, worm.chamber_offset))
-    return np.array(points, dtype=float).reshape(worm.segments, 6, 3)
+    """Return the apexes of a worm with the chambers' rest lengths, (E3), shape (N, 6, 3) [m]."""
+    edges = np.diff(joints, axis=0)
+    tangents, middles = edges / np.linalg.norm(edges, axis=1)[:, None], (joints[:-1] + joints[1:]) / 2.0
+    sizes = np.column_stack([worm.link_length, np.tile([worm.chamber_offset, worm.l0], (worm.segments, 1))])
+    points = _rest_apexes().map(worm.segments)(middles.T, tangents.T, directors.T, sizes.T)
+    return np.array(points).T.reshape(worm.segments, 6, 3)
+
+
+@cache
+def _rest_apexes() -> ca.Function:
+    """Return the apexes (18) of middle, tangent, director, and (link, offset, length) of a segment."""
+    m, t, d, sizes = (ca.SX.sym(name, 3) for name in ("middle", "tangent", "director", "sizes"))
+    link, offset, length = ca.vertsplit(sizes)
+    points = elements.apexes(m, elements.Frame(length, t, d, ca.cross(t, d)), [length, length], link, offset)
+    return ca.Function("apexes", [m, t, d, sizes], [ca.vertcat(*points)])
 
 
 def level_directors(joints: FloatArray) -> FloatArray:

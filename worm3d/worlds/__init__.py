@@ -9,6 +9,7 @@ from worm3d.worlds.mesh_file import MeshError
 from worm3d.worlds.pipe import Pipe
 from worm3d.worlds.plane import Patch, Plane
 from worm3d.worlds.profile import Profile
+from worm3d.worlds.union import Union, slope_into_pipe
 
 __all__ = [
     "Bend",
@@ -22,6 +23,8 @@ __all__ = [
     "Plane",
     "Profile",
     "Straight",
+    "Union",
     "World",
     "WorldKernel",
+    "slope_into_pipe",
 ]

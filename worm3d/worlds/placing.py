@@ -40,8 +40,8 @@ def in_pipe(
     narrow = float(np.min(radius_at(sample)))
     if clearance > narrow:
         raise ValueError(
-            f"the pipe is narrower than the worm: a radius of {narrow:.4g} m leaves no room for it; make the pipe wider, or "
-            "the worm thinner (half_height, chamber_offset)"
+            f"the pipe is narrower than the worm: a radius of {narrow:.4g} m leaves no room for it; make the pipe "
+            "wider, or the worm thinner (half_height, chamber_offset)"
         )
     steep = bool(np.max(np.abs(line.at(sample)[1][:, 2])) > np.sin(STEEP))
 
