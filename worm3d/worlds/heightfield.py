@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import map_coordinates, spline_filter
+from scipy.ndimage import map_coordinates, spline_filter, white_tophat
 
 from worm3d.compiled import cfunc
 from worm3d.worlds import heightfield_kernel, table, terrain
@@ -79,9 +79,7 @@ class Heightfield:
         object.__setattr__(self, name, array)
 
     @classmethod
-    def from_image(
-        cls, path: str | PathLike[str], spacing: float, low: float, high: float, **more: Any
-    ) -> Heightfield:
+    def from_image(cls, path: str | PathLike[str], spacing: float, low: float, high: float, **more: Any) -> Heightfield:
         """Return the terrain of a greyscale image, a pixel a node, black at `low` and white at `high` [m].
 
         The left edge is x = origin[0], the lower edge y = origin[1]. Pictures of more than 8 bits are stretched from
@@ -138,30 +136,40 @@ class Heightfield:
     @property
     def x(self) -> FloatArray:
         """Of the heights, shape (A,) [m]."""
-        return self.origin[0] + self.spacing * np.arange(self.heights.shape[0])
+        return self.origin[0] + self.spacing * np.arange(float(self.heights.shape[0]))
 
     @property
     def y(self) -> FloatArray:
         """Of the heights, shape (B,) [m]."""
-        return self.origin[1] + self.spacing * np.arange(self.heights.shape[1])
+        return self.origin[1] + self.spacing * np.arange(float(self.heights.shape[1]))
 
     @cached_property
     def _tables(self) -> tuple[FloatArray, FloatArray]:
         """Coefficients of the spline, in spacings, and grips, each with `EDGE` more nodes all around."""
         grips = np.broadcast_to(self.grip, self.heights.shape)
         padded = np.pad(self.heights / self.spacing, EDGE, mode="edge")
-        return np.ascontiguousarray(spline_filter(padded, order=3)), np.ascontiguousarray(np.pad(grips, EDGE, mode="edge"))
+        return np.ascontiguousarray(spline_filter(padded, order=3)), np.ascontiguousarray(
+            np.pad(grips, EDGE, mode="edge")
+        )
 
     def kernel(self, band: float = heightfield_kernel.CONTACT) -> WorldKernel:
         """Return the compiled world, which looks for foot points of points so many cells above the surface."""
         first = np.asarray(self.origin) - EDGE * self.spacing
         coefficients, grips = self._tables
-        parameters = [*table.halves(coefficients), *table.halves(grips), *coefficients.shape, *first, self.spacing, band]
+        parameters = [
+            *table.halves(coefficients),
+            *table.halves(grips),
+            *coefficients.shape,
+            *first,
+            self.spacing,
+            band,
+        ]
         return WorldKernel(_compiled().address, np.array(parameters, dtype=float), (_compiled(), coefficients, grips))
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        return looked_up(self.kernel(BAND), points)[0].reshape(np.shape(points)[:-1])
+        found: FloatArray = looked_up(self.kernel(BAND), points)[0].reshape(np.shape(points)[:-1])
+        return found
 
     def height(self, places: FloatArray) -> FloatArray:
         """Return the height of the surface at x, y of shape (..., 2), shape (...,) [m]."""
@@ -188,16 +196,30 @@ class Heightfield:
         Raises
         ------
         ValueError
-            The tail or the head would lie beyond the grid.
+            The tail or the head would lie beyond the grid, or the terrain is finer than the worm's contact points.
         """
+        self._require_felt(float(along[1] - along[0]), clearance)
         ends = position + along[[0, -1], None] * [np.cos(azimuth), np.sin(azimuth)]
         corners = np.array([[self.x[0], self.y[0]], [self.x[-1], self.y[-1]]])
         if (ends < corners[0]).any() or (ends > corners[1]).any():
             raise ValueError(
-                f"position: got {position.tolist()!r} m, the worm would reach {ends[1].tolist()!r} m beyond the terrain, "
-                f"which spans {corners[0].tolist()!r} to {corners[1].tolist()!r} m"
+                f"position: got {position.tolist()!r} m, the worm would reach beyond the terrain, to {ends[1].tolist()!r} m; it "
+                f"spans {corners[0].tolist()!r} to {corners[1].tolist()!r} m"
             )
         return laid(self.height, along, clearance, position, azimuth)
+
+    def _require_felt(self, contacts: float, clearance: float) -> None:
+        """Raise ValueError for bumps that would pass between contact points and through the worm's axis."""
+        nodes = 2 * round(contacts / self.spacing / 2.0) + 1
+        if min(nodes, *self.heights.shape) < 3:
+            return
+        bump = float(white_tophat(self.heights, size=(nodes, nodes)).max())
+        if bump > clearance:
+            raise ValueError(
+                f"the terrain is finer than the worm's contact points: it has bumps of {bump:.3g} m within "
+                f"{contacts:.3g} m, the distance of its feet, which are {clearance:.3g} m below its axis; smooth or lower "
+                "it, or take more segments"
+            )
 
 
 @cache

@@ -137,14 +137,15 @@ def _curved(at: Height, g: float, size: float) -> Jet:
     _, p, q, h_uu, h_uv, h_vv = at
     up = 1.0 / size
     e, f, c = 1.0 + p * p, p * q, 1.0 + q * q
-    l, m, n = h_uu * up, h_uv * up, h_vv * up
-    a_uu, a_uv, a_vv = e - g * l, f - g * m, c - g * n
+    b_uu, b_uv, b_vv = h_uu * up, h_uv * up, h_vv * up
+    a_uu, a_uv, a_vv = e - g * b_uu, f - g * b_uv, c - g * b_vv
     det = a_uu * a_vv - a_uv * a_uv
     if a_uu <= 0.0 or det <= 0.0:
         return _level(at, g, size)
     # Minus I^-1 II (I - g II)^-1, both inverses by cofactors; det I is size^2.
     scale = -up * up / det
-    uu, uv, vu, vv = c * l - f * m, c * m - f * n, e * m - f * l, e * n - f * m
+    uu, uv = c * b_uu - f * b_uv, c * b_uv - f * b_vv
+    vu, vv = e * b_uv - f * b_uu, e * b_vv - f * b_uv
     xx, xy, yy = scale * (uu * a_vv - uv * a_uv), scale * (uv * a_uu - uu * a_uv), scale * (vv * a_uu - vu * a_uv)
     xz, yz = xx * p + xy * q, xy * p + yy * q
     return g, -p * up, -q * up, up, xx, xy, xz, yy, yz, xz * p + yz * q

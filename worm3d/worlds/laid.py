@@ -64,7 +64,11 @@ def _lowest_line_above(s: FloatArray, values: FloatArray, middle: float) -> tupl
     points = np.vstack([np.column_stack([s, values]), [[s[0], floor], [s[-1], floor]]])
     hull = ConvexHull(points).simplices
     ends = points[hull]
-    over = (ends[:, :, 0].min(axis=1) <= middle) & (middle <= ends[:, :, 0].max(axis=1)) & (ends[:, :, 1].min(axis=1) > floor)
+    over = (
+        (ends[:, :, 0].min(axis=1) <= middle)
+        & (middle <= ends[:, :, 0].max(axis=1))
+        & (ends[:, :, 1].min(axis=1) > floor)
+    )
     (s_0, z_0), (s_1, z_1) = ends[over][0]
     rise = (z_1 - z_0) / (s_1 - s_0)
     return float(z_0 - rise * s_0), float(rise)

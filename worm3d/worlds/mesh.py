@@ -151,7 +151,8 @@ class Mesh:
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        return looked_up(self.kernel(np.inf), points)[0].reshape(np.shape(points)[:-1])
+        found: FloatArray = looked_up(self.kernel(np.inf), points)[0].reshape(np.shape(points)[:-1])
+        return found
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return gravity, shape (3,) [m/s^2]."""
@@ -165,10 +166,16 @@ class Mesh:
         grid, size = self.grid, self.grid.coefficients.shape
         bottom = grid.first[2] + self.position[2]
         z = bottom + grid.cell / 2.0 * np.arange(2 * size[2] - 1.0)
-        columns = np.concatenate([np.repeat(places[:, None], len(z), axis=1), np.tile(z, (len(places), 1))[:, :, None]], axis=2)
+        columns = np.concatenate(
+            [np.repeat(places[:, None], len(z), axis=1), np.tile(z, (len(places), 1))[:, :, None]], axis=2
+        )
         g = self.distance(columns)
         enters = (g[:, :-1] < 0.0) & (g[:, 1:] >= 0.0)
-        k = enters.shape[1] - 1 - np.argmax(enters[:, ::-1], axis=1) if self.solid == "inside" else np.argmax(enters, axis=1)
+        k = (
+            enters.shape[1] - 1 - np.argmax(enters[:, ::-1], axis=1)
+            if self.solid == "inside"
+            else np.argmax(enters, axis=1)
+        )
         low, high = z[k], z[k + 1]
         for _ in range(40):  # halvings: to rounding
             middle = (low + high) / 2.0
@@ -179,7 +186,7 @@ class Mesh:
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return joints of a straight worm laid on the ground (`floor`) from above, and its director; see `World.placed`.
+        """Return joints of a straight worm laid on the `floor` from above, and its director; see `World.placed`.
 
         Raises
         ------
@@ -190,8 +197,8 @@ class Mesh:
         if np.isnan(self.floor(joints)).any():
             bare = joints[np.isnan(self.floor(joints))][0]
             raise ValueError(
-                f"position: got {np.asarray(position).tolist()!r} m: the mesh has no ground under the worm at x = {bare[0]:.4g}, "
-                f"y = {bare[1]:.4g} m; move or turn it, or give a State"
+                f"position: got {np.asarray(position).tolist()!r} m: the mesh has no ground under the worm at "
+                f"x = {bare[0]:.4g}, y = {bare[1]:.4g} m; move or turn it, or give a State"
             )
         return laid(lambda places: np.nan_to_num(self.floor(places), nan=-1e3), along, clearance, position, azimuth)
 

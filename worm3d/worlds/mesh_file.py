@@ -6,6 +6,7 @@ trimesh reads the file. It takes garbage for an empty mesh, keeps NaN, and fails
 from __future__ import annotations
 
 import warnings
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
 
@@ -45,13 +46,17 @@ def content(path: Path) -> bytes:
     """
     name = path.name
     if path.suffix.lower() not in SUFFIXES:
-        raise MeshError(f"mesh {name!r}: unknown extension {path.suffix!r}, must be one of {', '.join(SUFFIXES)}; export it")
+        raise MeshError(
+            f"mesh {name!r}: unknown extension {path.suffix!r}, must be one of {', '.join(SUFFIXES)}; export it"
+        )
     try:
         data = path.read_bytes()
     except FileNotFoundError:
         raise MeshError(f"mesh {name!r}: there is no such file in {str(path.parent)!r}; check the path") from None
     except OSError as error:
-        raise MeshError(f"mesh {name!r}: cannot be read ({error.strerror}); check the path and its permissions") from None
+        raise MeshError(
+            f"mesh {name!r}: cannot be read ({error.strerror}); check the path and its permissions"
+        ) from None
     if not data:
         raise MeshError(f"mesh {name!r}: the file is empty; export it again")
     return data
@@ -110,12 +115,10 @@ def _require_whole_stl(path: Path, data: bytes) -> None:
 def _read(path: Path, data: bytes) -> Any:
     import trimesh  # takes a second or two
 
-    from io import BytesIO
-
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            mesh = trimesh.load(BytesIO(data), file_type=path.suffix.lower()[1:], force="mesh")
+            mesh: Any = trimesh.load(BytesIO(data), file_type=path.suffix.lower()[1:], force="mesh")
             count = len(mesh.faces)
     except Exception as error:  # readers fail in ways of their own
         reason = str(error).strip().splitlines() or [type(error).__name__]
@@ -150,8 +153,8 @@ def _require_solid(name: str, mesh: Any, vertices: FloatArray) -> None:
     if not closed:
         edges, count = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)
         raise MeshError(
-            f"mesh {name!r}: not closed: {np.count_nonzero(count != 2)} of its {len(edges)} edges do not join two faces, so it "
-            "has no inside; close it (cap the ends, give terrain a base), or use worm3d.Heightfield"
+            f"mesh {name!r}: not closed: {np.count_nonzero(count != 2)} of its {len(edges)} edges do not join two faces, "
+            "so it has no inside; close it (cap the ends, give terrain a base), or use worm3d.Heightfield"
         )
     if not consistent:
         raise MeshError(f"mesh {name!r}: some faces look in, some out; recalculate its normals and export it again")

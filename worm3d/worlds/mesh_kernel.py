@@ -4,10 +4,10 @@ With the spline d(X), its gradient and Hessian, m = |grad d| (1 but for the grid
 
     g = psi d,    psi = 1 + (1/max(m, 1/2) - 1) phi,    phi = (1 + (d/w)^2)^-2                        (M1)
 
-so that the gradient of g is a unit vector on the surface d = 0, which (M1) does not move, and g is d a cell away from it,
-also beside edges, where the spline is rounded and m is small. Of the Hessian of g the terms that vanish with d are left
-out. Where the nearest coefficient says that the point is farther outside than `CONTACT`, a parameter, d is read linearly
-between the coefficients: it only tells how far away the surface is.
+so that the gradient of g is a unit vector on the surface d = 0, which (M1) does not move, and g is d a cell away from
+it, also beside edges, where the spline is rounded and m is small. Of the Hessian of g the terms that vanish with d are
+left out. Where the nearest coefficient says that the point is farther outside than `CONTACT`, a parameter, d is read
+linearly between the coefficients: it only tells how far away the surface is.
 """
 
 from __future__ import annotations
@@ -83,9 +83,10 @@ def _spline(c: SingleArray, rows: int, columns: int, at: Place) -> Jet:
 def _linear(c: SingleArray, rows: int, columns: int, at: Place) -> Jet:
     """Return what is linear between the nearest coefficients, and its direction of steepest ascent."""
     node, r, s, t = at
-    i, j, k, l = node, node + columns, node + rows * columns, node + (rows + 1) * columns
-    a, b, d, e = np.float64(c[i]), np.float64(c[j]), np.float64(c[k]), np.float64(c[l])
-    a_z, b_z, d_z, e_z = c[i + 1] - a, c[j + 1] - b, c[k + 1] - d, c[l + 1] - e
+    left, ahead = node + columns, node + rows * columns
+    both = ahead + columns
+    a, b, d, e = np.float64(c[node]), np.float64(c[left]), np.float64(c[ahead]), np.float64(c[both])
+    a_z, b_z, d_z, e_z = c[node + 1] - a, c[left + 1] - b, c[ahead + 1] - d, c[both + 1] - e
     low, high, low_z, high_z = a + s * (b - a), d + s * (e - d), a_z + s * (b_z - a_z), d_z + s * (e_z - d_z)
     x, z = high - low + t * (high_z - low_z), low_z + r * (high_z - low_z)
     y = (1.0 - r) * (b - a + t * (b_z - a_z)) + r * (e - d + t * (e_z - d_z))
@@ -137,14 +138,12 @@ def _outside(place: float, nodes: int) -> float:
 
 
 @inner
-def look(
-    c: SingleArray, nodes: tuple[int, int, int], x: float, y: float, z: float, side: float, contact: float
-) -> Jet:
+def look(c: SingleArray, nodes: tuple[int, int, int], x: float, y: float, z: float, side: float, contact: float) -> Jet:
     """Return distance, normal and curvature at a place in nodes, a cell as unit, but for the side of the solid."""
     i, r = table.cell(x, nodes[0])
     j, s = table.cell(y, nodes[1])
-    l, t = table.cell(z, nodes[2])
-    node = (i * nodes[1] + j) * nodes[2] + l
+    k, t = table.cell(z, nodes[2])
+    node = (i * nodes[1] + j) * nodes[2] + k
     at = node, r, s, t
     far = side * c[node] > contact
     jet = _linear(c, nodes[1], nodes[2], at) if far else _unit(_spline(c, nodes[1], nodes[2], at))

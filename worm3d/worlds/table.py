@@ -66,7 +66,7 @@ _singles_at: Any = intrinsic(_pointer_type(types.float32))
 @inner
 def address(high: float, low: float) -> int:
     """Return the address of which these are the halves."""
-    return (np.int64(high) << HALF) + np.int64(low)
+    return (int(high) << HALF) + int(low)
 
 
 @inner
@@ -87,7 +87,12 @@ def singles(at: int, count: int) -> NDArray[np.float32]:
 def cubic(t: float) -> tuple[Weights, Weights, Weights]:
     """Return the weights of (T1) and their first and second derivatives with respect to t."""
     r = 1.0 - t
-    value = (r * r * r / 6.0, (t * t * (t - 2.0) + 4.0 / 3.0) / 2.0, (r * r * (r - 2.0) + 4.0 / 3.0) / 2.0, t * t * t / 6.0)
+    value = (
+        r * r * r / 6.0,
+        (t * t * (t - 2.0) + 4.0 / 3.0) / 2.0,
+        (r * r * (r - 2.0) + 4.0 / 3.0) / 2.0,
+        t * t * t / 6.0,
+    )
     first = (-0.5 * r * r, 0.5 * t * (3.0 * t - 4.0), 0.5 * r * (4.0 - 3.0 * r), 0.5 * t * t)
     return value, first, (r, 3.0 * t - 2.0, 3.0 * r - 2.0, t)
 

@@ -76,7 +76,9 @@ def image(path: str | PathLike[str], low: float, high: float) -> FloatArray:
     from PIL import Image, UnidentifiedImageError
 
     if not (np.isfinite(low) and np.isfinite(high) and low < high):
-        raise ValueError(f"low, high: got {low!r}, {high!r} m, must be finite heights of black and white, low below high")
+        raise ValueError(
+            f"low, high: got {low!r}, {high!r} m, must be finite heights of black and white, low below high"
+        )
     name = Path(path).name
     try:
         with Image.open(path) as picture:
