@@ -148,9 +148,7 @@ class Heightfield:
         """Coefficients of the spline, in spacings, and grips, each with `EDGE` more nodes all around."""
         grips = np.broadcast_to(self.grip, self.heights.shape)
         padded = np.pad(self.heights / self.spacing, EDGE, mode="edge")
-        return np.ascontiguousarray(spline_filter(padded, order=3)), np.ascontiguousarray(
-            np.pad(grips, EDGE, mode="edge")
-        )
+        return np.ascontiguousarray(spline_filter(padded, order=3)), np.pad(grips, EDGE, mode="edge")
 
     def kernel(self, band: float = heightfield_kernel.CONTACT) -> WorldKernel:
         """Return the compiled world, which looks for foot points of points so many cells above the surface."""
@@ -173,11 +171,9 @@ class Heightfield:
 
     def height(self, places: FloatArray) -> FloatArray:
         """Return the height of the surface at x, y of shape (..., 2), shape (...,) [m]."""
-        nodes = (np.asarray(places) - self.origin) / self.spacing + EDGE
-        found: FloatArray = map_coordinates(
-            self._tables[0], np.moveaxis(nodes, -1, 0), order=3, prefilter=False, mode="nearest"
-        )
-        return self.spacing * found
+        nodes = (np.asarray(places, dtype=float) - self.origin).reshape(-1, 2) / self.spacing + EDGE
+        found: FloatArray = map_coordinates(self._tables[0], nodes.T, order=3, prefilter=False, mode="nearest")
+        return self.spacing * found.reshape(np.shape(places)[:-1])
 
     @property
     def uneven(self) -> bool:
@@ -203,8 +199,8 @@ class Heightfield:
         corners = np.array([[self.x[0], self.y[0]], [self.x[-1], self.y[-1]]])
         if (ends < corners[0]).any() or (ends > corners[1]).any():
             raise ValueError(
-                f"position: got {position.tolist()!r} m, the worm would reach beyond the terrain, to {ends[1].tolist()!r} m; it "
-                f"spans {corners[0].tolist()!r} to {corners[1].tolist()!r} m"
+                f"position: got {position.tolist()!r} m, the worm would reach beyond the terrain, to {ends[1].tolist()!r} "
+                f"m; it spans {corners[0].tolist()!r} to {corners[1].tolist()!r} m"
             )
         return laid(self.height, along, clearance, position, azimuth)
 
@@ -217,8 +213,8 @@ class Heightfield:
         if bump > clearance:
             raise ValueError(
                 f"the terrain is finer than the worm's contact points: it has bumps of {bump:.3g} m within "
-                f"{contacts:.3g} m, the distance of its feet, which are {clearance:.3g} m below its axis; smooth or lower "
-                "it, or take more segments"
+                f"{contacts:.3g} m, the distance of its feet, which are {clearance:.3g} m below its axis; smooth or "
+                "lower it, or take more segments"
             )
 
 

@@ -34,7 +34,7 @@ CONTACT = 1.0
 ITERATIONS = 20
 """Of Newton's method for a foot point."""
 
-CLOSE = 1e-4
+CLOSE = 1e-5
 """Cells that the foot moves at the last iteration: its error, and the normal's, is then about the square of that, the
 distance's its fourth power."""
 

@@ -153,8 +153,8 @@ def _require_solid(name: str, mesh: Any, vertices: FloatArray) -> None:
     if not closed:
         edges, count = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)
         raise MeshError(
-            f"mesh {name!r}: not closed: {np.count_nonzero(count != 2)} of its {len(edges)} edges do not join two faces, "
-            "so it has no inside; close it (cap the ends, give terrain a base), or use worm3d.Heightfield"
+            f"mesh {name!r}: not closed: {np.count_nonzero(count != 2)} of its {len(edges)} edges do not join two "
+            "faces, so it has no inside; close it (cap the ends, give terrain a base), or use worm3d.Heightfield"
         )
     if not consistent:
         raise MeshError(f"mesh {name!r}: some faces look in, some out; recalculate its normals and export it again")
