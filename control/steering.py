@@ -14,17 +14,20 @@ the contraction tip it at 0.3 rad.
 
 **What steers.** To turn on the spot the head has to step to one side and the tail to the other, each while its feet
 are in the air. A foot steps sideways by the bending of the body between it and the feet that stand. If bending and
-contraction have the same wavelength, every segment bends in the same phase of its step, all feet step to the same side
-and the worm shuffles sideways more than it turns. So the phase between the two waves has to drift from head to tail:
-a bending wave of the same frequency, twice as long as the contraction wave and without mean, turns the worm four
-times as much (16 degrees a wave at hinges of 0.1 rad), keeps its centre of mass over its feet (roll below 3 degrees)
-and adds a little speed. A contraction wave of 0.7 body lengths, which always stands on two groups of feet, leaves the
-most room before the worm tips. The same bending wave turns it whether hinges or unequal chambers make it.
+contraction have the same wavelength, every segment bends in the same phase of its step and all feet step to the same
+side: at wavelengths of 0.7 and hinges of 0.08 rad the worm shuffles sideways by up to 0.024 m a wave and does not turn
+(0.7 degrees at most, whatever the phase). So the phase between the two waves has to drift from head to tail. A bending
+wave of the same frequency, without mean and twice as long as the contraction wave, turns the worm by 13 degrees at the
+same hinges, keeps its centre of mass over its feet (roll below 2 degrees) and adds some speed. The wave stands on two
+groups of feet for three quarters of the time at a contraction wavelength of 0.7 (two fifths at 1), which leaves room
+before the worm tips. The same bending wave turns it whether hinges or unequal chambers make it.
 
-**Its phase.** The turn goes with the cosine of the phase; the best one grows with the frequency f, because the bend lags
-behind its command (soft chambers, friction, inertia). All of it is one time, `lead` = 0.33 s, over 0.5 to 1.25 Hz:
-phase = phase at f -> 0 + 2 pi f lead. Over amplitudes of 0.15 to 0.4 and these frequencies the turn a wave is then odd,
-monotone and nearly linear up to hinges of 0.16 rad or a bias of 0.06.
+**Its phase.** Turn and sideways motion both go with the cosine of the phase, a quarter of a wave apart: there is a phase
+of pure turning (and one of pure shuffling). It grows with the frequency f because the bend lags behind its command
+(soft chambers, friction, inertia); a constant time, `lead`, holds it from 0.5 to 1.25 Hz to some 10 degrees, at 95 % or
+more of the greatest turn. Over these frequencies and amplitudes of 0.15 to 0.4 the turn a wave is odd, monotone and
+nearly linear (but for a soft start below hinges of 0.02 rad, where the feet still stick) up to hinges of 0.16 rad or a
+bias of 0.06: 16 degrees a wave at amplitude 0.3, 0.8 Hz and hinges of 0.1 rad, 13 at a bias of 0.06.
 
 With the wave's phase psi (a wave is 2 pi), x = (i + 1/2)/N, k = 2 pi / wavelength, k_s = 2 pi / steering_wavelength and
 the sign - for a direct, + for a retrograde wave:
@@ -124,9 +127,9 @@ class Schedule:
 
     wavelength: float = 0.7
     steering_wavelength: float = 1.4
-    bias_phase: float = float(np.deg2rad(75.0))
-    hinge_phase: float = float(np.deg2rad(60.0))
-    lead: float = 0.33
+    bias_phase: float = float(np.deg2rad(105.0))
+    hinge_phase: float = float(np.deg2rad(90.0))
+    lead: float = 0.2
     direction: Direction = "retrograde"
 
     def __post_init__(self) -> None:
