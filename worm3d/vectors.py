@@ -11,6 +11,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+_utils: Any = cgutils  # without types
 WIDTH = 8
 """Doubles in a vector."""
 _KIND = ir.VectorType(ir.DoubleType(), WIDTH)
@@ -76,7 +77,7 @@ def _type_move(_context: Any, to: Any, source: Any, count: Any) -> Any:
     def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         byte = ir.IntType(8).as_pointer()
         to, source = (builder.inttoptr(address, byte) for address in args[:2])
-        cgutils.raw_memcpy(builder, to, source, args[2], ir.Constant(_INT, 8))
+        _utils.raw_memcpy(builder, to, source, args[2], ir.Constant(_INT, 8))
         return ir.Constant(_INT, 0)
 
     return types.int64(types.int64, types.int64, types.int64), generate
@@ -85,7 +86,7 @@ def _type_move(_context: Any, to: Any, source: Any, count: Any) -> Any:
 def _type_clear(_context: Any, to: Any, count: Any) -> Any:
     def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         to = builder.inttoptr(args[0], ir.IntType(8).as_pointer())
-        cgutils.memset(builder, to, builder.mul(args[1], ir.Constant(_INT, 8)), 0)
+        _utils.memset(builder, to, builder.mul(args[1], ir.Constant(_INT, 8)), 0)
         return ir.Constant(_INT, 0)
 
     return types.int64(types.int64, types.int64), generate
@@ -96,10 +97,10 @@ def _type_total(_context: Any, source: Any, count: Any) -> Any:
         source, count = args
         numbers = ir.VectorType(_INT, WIDTH)
         zero = ir.Constant(_KIND, [0.0] * WIDTH)
-        place = cgutils.alloca_once_value(builder, zero)
+        place = _utils.alloca_once_value(builder, zero)
         first = builder.insert_element(ir.Constant(numbers, ir.Undefined), count, ir.Constant(_INT, 0))
         counts = _shuffle(builder, first, ir.Constant(numbers, ir.Undefined), [0] * WIDTH)
-        with cgutils.for_range_slice(builder, ir.Constant(_INT, 0), count, ir.Constant(_INT, WIDTH)) as (k, _):
+        with _utils.for_range_slice(builder, ir.Constant(_INT, 0), count, ir.Constant(_INT, WIDTH)) as (k, _):
             at = builder.insert_element(ir.Constant(numbers, ir.Undefined), k, ir.Constant(_INT, 0))
             lanes = _shuffle(builder, at, ir.Constant(numbers, ir.Undefined), [0] * WIDTH)
             lanes = builder.add(lanes, ir.Constant(numbers, list(range(WIDTH))))

@@ -101,7 +101,7 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
         _fill_joint_band(core)
     else:
         run(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + _BOTH], n - 1)
-    if hessian == NONE or hessian == LOCAL:
+    if hessian in (NONE, LOCAL):
         run(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], n)
     if hessian == LOCAL:
         _renew_band(core)

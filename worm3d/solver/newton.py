@@ -124,7 +124,7 @@ def _follow(core: Core) -> bool:
             size *= _secant(step, before)
         if hessian == WHOLE:
             since_joints = 0.0
-        if hessian == WHOLE or hessian == WITH_KEPT_JOINTS:
+        if hessian in (WHOLE, WITH_KEPT_JOINTS):
             fresh, since_all = fresh + 1, 0.0
         else:
             fresh = 0
