@@ -166,11 +166,21 @@ def _rate(s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, 
 
 
 def body_shape(worm: Worm) -> ca.Function:
-    """Return the body's shape from its chamber lengths and hinges, (R2); see `ReducedModel.shape`."""
+    """Return the body's shape from its chamber lengths and hinges, (R2); see `ReducedModel.shape`.
+
+    Raises
+    ------
+    ValueError
+        The chambers lie on the centre line: their lengths do not tell the bend.
+    """
+    if worm.chamber_offset == 0.0:
+        raise ValueError("chamber_offset: got 0, must be above 0 for chamber lengths to tell how the body bends")
     lengths, hinge = ca.SX.sym("chamber_length", worm.segments, 2), ca.SX.sym("hinge", max(worm.segments - 1, 0))
     azimuth = _azimuths(lengths, hinge, worm.chamber_offset)
     along = (lengths[:, 0] + lengths[:, 1]) / 2.0
-    edges = [ca.vertcat(along[i] * ca.cos(azimuth[i]), along[i] * ca.sin(azimuth[i]), 0.0) for i in range(worm.segments)]
+    edges = [
+        ca.vertcat(along[i] * ca.cos(azimuth[i]), along[i] * ca.sin(azimuth[i]), 0.0) for i in range(worm.segments)
+    ]
     joints = [ca.SX.zeros(3)]
     for edge in edges:
         joints.append(joints[-1] + edge)
@@ -178,9 +188,7 @@ def body_shape(worm: Worm) -> ca.Function:
     chord = joints[-1] - joints[0]
     cos, sin = chord[0] / ca.norm_2(chord[:2]), chord[1] / ca.norm_2(chord[:2])
     turned = [_turned(joint - com, cos, sin) for joint in joints]
-    return ca.Function(
-        "shape", [lengths, hinge], [ca.vertcat(*turned)], ["chamber_length", "hinge"], ["joints"]
-    )
+    return ca.Function("shape", [lengths, hinge], [ca.vertcat(*turned)], ["chamber_length", "hinge"], ["joints"])
 
 
 def _azimuths(lengths: ca.SX, hinge: ca.SX, offset: float) -> list[ca.SX]:
@@ -192,9 +200,7 @@ def _azimuths(lengths: ca.SX, hinge: ca.SX, offset: float) -> list[ca.SX]:
     return azimuth
 
 
-def _masses(
-    worm: Worm, joints: list[ca.SX], edges: list[ca.SX], lengths: ca.SX
-) -> Iterator[tuple[float, ca.SX]]:
+def _masses(worm: Worm, joints: list[ca.SX], edges: list[ca.SX], lengths: ca.SX) -> Iterator[tuple[float, ca.SX]]:
     """Give every mass [kg] and its place."""
     yield from zip(worm.joint_mass.tolist(), joints, strict=True)
     ahead, left = ca.SX([1, 0, 0]), ca.SX([0, 1, 0])

@@ -213,7 +213,9 @@ def paper(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
 
 
 @app.command()
-def identify(scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
+def identify(
+    scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force = False, quiet: Quiet = False
+) -> None:
     """Find out how the worm of a scene crawls and turns.
 
     Short runs on level ground, over amplitude, frequency and steering by hinges and by unequal chambers: the map that
