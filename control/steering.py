@@ -8,9 +8,9 @@ along an arc to the left. (2) The left feet make the longer strokes, like the fa
 worm to the right. (3) A chamber that is shorter is also taller, so that the stronger side lifts its segments and rolls
 the worm over the feet of the other side. (4) The centre of mass of a bent body lies beside the few feet that carry it:
 where that is more than the half-width b = 0.03 m of the stance, the worm tips and goes on lying on its side, rolled by
-45 degrees. At small bias (2) and (3) win, at large bias (1): -9, 0, +14, +50 degrees a wave at bias 0.1, 0.2, 0.35, 0.5.
-A static bend works by (1) alone but tips the worm (at wavelength 1 from 0.1 rad a joint on), and hinges in phase with
-the contraction tip it at 0.3 rad.
+45 degrees. At small bias (2) and (3) win, at large bias (1): -9, 0, 15, 50 degrees a wave at bias 0.1, 0.2, 0.35, 0.5
+(period 2 s). A static bend works by (1) alone but tips the worm (at wavelength 1 from 0.1 rad a joint on), and hinges
+in phase with the contraction tip it at 0.3 rad.
 
 **What steers.** To turn on the spot the head has to step to one side and the tail to the other, each while its feet
 are in the air. A foot steps sideways by the bending of the body between it and the feet that stand. If bending and
@@ -22,12 +22,13 @@ same hinges, keeps its centre of mass over its feet (roll below 2 degrees) and a
 groups of feet for three quarters of the time at a contraction wavelength of 0.7 (two fifths at 1), which leaves room
 before the worm tips. The same bending wave turns it whether hinges or unequal chambers make it.
 
-**Its phase.** Turn and sideways motion both go with the cosine of the phase, a quarter of a wave apart: there is a phase
-of pure turning (and one of pure shuffling). It grows with the frequency f because the bend lags behind its command
-(soft chambers, friction, inertia); a constant time, `lead`, holds it from 0.5 to 1.25 Hz to some 10 degrees, at 95 % or
-more of the greatest turn. Over these frequencies and amplitudes of 0.15 to 0.4 the turn a wave is odd, monotone and
-nearly linear (but for a soft start below hinges of 0.02 rad, where the feet still stick) up to hinges of 0.16 rad or a
-bias of 0.06: 16 degrees a wave at amplitude 0.3, 0.8 Hz and hinges of 0.1 rad, 13 at a bias of 0.06.
+**Its phase.** Turn and sideways motion both go with the cosine of the phase, a quarter of a wave apart: there is a
+phase of pure turning (and one of pure shuffling). It grows with the frequency f because the bend lags behind its
+command (soft chambers, friction, inertia); a constant time, `lead`, holds it from 0.5 to 1.25 Hz to some 10 degrees at
+amplitude 0.3, at 94 % or more of the greatest turn. Over these frequencies and amplitudes of 0.15 to 0.4 the turn a
+wave is odd, monotone and nearly linear (but for a soft start below hinges of 0.02 rad, where the feet still stick) up
+to hinges of 0.12 rad or a bias of 0.06: 16 degrees a wave at amplitude 0.3, 0.8 Hz and hinges of 0.1 rad, 13 at a bias
+of 0.06.
 
 With the wave's phase psi (a wave is 2 pi), x = (i + 1/2)/N, k = 2 pi / wavelength, k_s = 2 pi / steering_wavelength and
 the sign - for a direct, + for a retrograde wave:
@@ -167,10 +168,6 @@ class Schedule:
         sign = 1.0 if self.direction == "retrograde" else -1.0
         wave: FloatArray = np.sin(2.0 * np.pi * x / wavelength + sign * phase)
         return wave
-
-
-IN_STEP = Schedule(wavelength=1.0, steering_wavelength=1.0, bias_phase=0.0, hinge_phase=0.0, lead=0.0)
-"""The bend in step with the contraction of the default wave: what one would try first."""
 
 
 class WaveGenerator:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +17,7 @@ COLOURS = dict(zip((IN_STEP, *YAW_FACTORS), ("#9a9a9a", "#8cc0df", "#1f5a94", "#
 PANELS = (
     ("turn_deg", "turn to the left [° a wave]"),
     ("speed_bl_s", "speed [body lengths/s]"),
-    ("slip_bl", "way slid by all feet [body lengths a wave]"),
+    ("slip_bl", "slip of all feet [body lengths a wave]"),
 )
 LABELS = {"hinge": "hinges [rad]", "bias": "bias"}
 
@@ -48,7 +49,7 @@ def _draw_curve(axes: Axes, curve: Curve, quantity: str) -> None:
     y = np.array([getattr(point, quantity) for point in curve.points])
     lying = np.array([point.tipped for point in curve.points])
     axes.plot(s, np.where(lying, np.nan, y), "-o", color=colour, ms=4, lw=1.5, label=curve.name)
-    axes.plot(s[lying], y[lying], "x", color=colour, ms=5, label=f"{curve.name}: lies on its side")
+    axes.plot(s[lying], y[lying], "x", color=colour, ms=5)
 
 
 def _draw_fit(row: Sequence[Axes], identified: Identified, mechanism: str) -> None:
@@ -56,6 +57,7 @@ def _draw_fit(row: Sequence[Axes], identified: Identified, mechanism: str) -> No
     found = identified.maps[mechanism]  # type: ignore[index]
     s = np.linspace(0.0, found.ranges.steering, 60)
     row[0].axhline(GOAL_DEG, color="k", lw=0.8, ls=":", label=f"{GOAL_DEG:g}° a wave")
-    style = {"color": "k", "lw": 1.0, "ls": "--", "label": "identified map"}
+    style: dict[str, Any] = {"color": "k", "lw": 1.0, "ls": "--", "label": "identified map"}
+    row[0].plot([], [], "x", color="k", ms=5, label="tipped over: lies on its side")
     row[0].plot(s, np.rad2deg(found.turn(AMPLITUDE, 1.0 / PERIOD, s)), **style)
     row[1].plot(s, found.speed(AMPLITUDE, 1.0 / PERIOD, s), **style)

@@ -19,9 +19,10 @@ def terminal_lines(identified: Identified, curves: Sequence[Curve], length: floa
         fit, check = found.misfits, found.checks
         low, high = speeds(found)
         lines += [
-            f"{mechanism}: steering up to {found.ranges.steering:.3g}; straight ahead {low:.3f} to {high:.3f} body lengths/s "
-            f"({low * length:.3f} to {high * length:.3f} m/s)",
-            f"  fit, rms (fresh runs): speed {fit['distance'].rms_percent:.1f} % ({check['distance'].rms_percent:.1f} %), "
+            f"{mechanism}: steering up to {found.ranges.steering:.3g}; straight ahead {low:.3f} to {high:.3f} body "
+            f"lengths/s ({low * length:.3f} to {high * length:.3f} m/s)",
+            f"  rms of the fit (fresh runs): speed {fit['distance'].rms_percent:.1f} % "
+            f"({check['distance'].rms_percent:.1f} %), "
             f"turn {fit['turn'].rms_percent:.1f} % ({check['turn'].rms_percent:.1f} %), that is "
             f"{np.rad2deg(fit['turn'].rms):.2f}° ({np.rad2deg(check['turn'].rms):.2f}°) a wave",
             f"  lag: speed {lags.amplitude:.2f}, turn rate {lags.steering:.2f} waves",
