@@ -1,0 +1,59 @@
+"""The estimator: where the worm is, where it heads and what it does besides what its gait should make it do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from control.reduced import ReducedState
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """State of the reduced model at an instant; motion is averaged over a wave.
+
+    Attributes
+    ----------
+    time : float
+        [s]
+    state : ReducedState
+        Numbers.
+    covariance : ndarray, shape (8, 8)
+        Of the state's errors, in the order of its fields.
+    nis : float or None
+        Normalised innovation squared of the last sample of the centre of mass; None before the first.
+    """
+
+    time: float
+    state: ReducedState
+    covariance: FloatArray
+    nis: float | None
+
+    @property
+    def position(self) -> FloatArray:
+        """Centre of mass without what a wave rocks it by, shape (2,) [m]."""
+        return np.array([self.state.x, self.state.y], dtype=float)
+
+    @property
+    def heading(self) -> float:
+        """Azimuth, unwrapped [rad]."""
+        return float(self.state.heading)
+
+    @property
+    def speed(self) -> float:
+        """Along the heading, less what slips [m/s]."""
+        return float((1.0 - self.state.slip) * self.state.speed)
+
+    @property
+    def turn_rate(self) -> float:
+        """To the left, whatever makes it [rad/s]."""
+        return float(self.state.turn_rate + self.state.yaw_bias)
+
+    @property
+    def deviations(self) -> FloatArray:
+        """Standard deviations of the state, shape (8,)."""
+        return np.sqrt(np.diagonal(self.covariance))
