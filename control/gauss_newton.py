@@ -1,0 +1,134 @@
+"""Least squares in a box, by Gauss and Newton, with a certificate.
+
+    minimise 1/2 |r(z)|^2,  lower <= z <= upper                                                              (G1)
+
+Each iteration solves the quadratic programme of the linearised residuals exactly (DAQP, a dual active-set method that
+comes with CasADi) and goes along its step as far as the true cost falls. Every iterate lies in the box and is no worse
+than the one before, so that any of them can be used. Nothing is broken by chance: of a mirrored problem the iterates
+are mirrored too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Residuals = Callable[[FloatArray], FloatArray]
+"""z (n,) -> r (m,)."""
+Linearised = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+"""z (n,) -> r (m,) and dr/dz (m, n)."""
+
+SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.015625)
+"""Of a step, tried one after the other."""
+ENOUGH = 1e-4
+"""Share of the promised decrease that a step must bring."""
+NEGLIGIBLE = 1e-6
+"""Promised decrease, relative to 1 + cost, at which the search ends."""
+SHIFT = 1e-9
+"""On the diagonal, relative to its mean: without a residual of its own no direction may be free."""
+
+
+class Outcome(Enum):
+    """How a search ended; the value is the sentence to print."""
+
+    CONVERGED = "no step in the box makes it better"
+    IMPROVED = "ran out of iterations, each of which made it better; give it more of them for the optimum"
+    STUCK = "no part of the step made it better; the start is kept"
+    NOT_FINITE = "a residual is not finite; look at the estimate and the reference"
+    NO_STEP = "the quadratic programme was not solved; the start is kept"
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The best point found.
+
+    Attributes
+    ----------
+    z : ndarray, shape (n,)
+    cost : float
+        (G1)
+    outcome : Outcome
+    iterations : int
+        Quadratic programmes solved.
+    certificate : float
+        Greatest |z - clip(z - gradient)| where last linearised: 0 at a minimum, whichever bounds are active.
+    """
+
+    z: FloatArray
+    cost: float
+    outcome: Outcome
+    iterations: int
+    certificate: float
+
+
+class GaussNewton:
+    """The method for problems of n unknowns.
+
+    Parameters
+    ----------
+    n : int
+    iterations : int
+        At most.
+    """
+
+    def __init__(self, n: int, iterations: int) -> None:
+        self.n, self.iterations = n, iterations
+        shapes = {"h": ca.Sparsity.dense(n, n), "a": ca.Sparsity(0, n)}
+        self._programme = ca.conic("programme", "daqp", shapes, {"error_on_fail": False})
+
+    def minimise(
+        self, residuals: Residuals, linearised: Linearised, start: FloatArray, lower: FloatArray, upper: FloatArray
+    ) -> Solution:
+        """Solve (G1) from `start` on, all of shape (n,)."""
+        z, cost = np.clip(start, lower, upper), np.inf
+        certificate = np.inf
+        for iteration in range(self.iterations):
+            r, jacobian = linearised(z)
+            if not (np.isfinite(r).all() and np.isfinite(jacobian).all()):
+                return Solution(z, float(cost), Outcome.NOT_FINITE, iteration, certificate)
+            cost, gradient = half_square(r), jacobian.T @ r
+            certificate = float(np.abs(z - np.clip(z - gradient, lower, upper)).max())
+            step = self._step(jacobian, gradient, lower - z, upper - z)
+            if step is None:
+                return Solution(z, cost, Outcome.NO_STEP, iteration, certificate)
+            promised = -float(gradient @ step) - half_square(jacobian @ step)
+            if promised <= NEGLIGIBLE * (1.0 + cost):
+                return Solution(z, cost, Outcome.CONVERGED, iteration + 1, certificate)
+            moved = _better(residuals, z, step, cost, promised)
+            if moved is None:
+                return Solution(z, cost, Outcome.STUCK, iteration + 1, certificate)
+            z, cost = np.clip(moved[0], lower, upper), moved[1]
+        return Solution(z, cost, Outcome.IMPROVED, self.iterations, certificate)
+
+    def _step(
+        self, jacobian: FloatArray, gradient: FloatArray, lower: FloatArray, upper: FloatArray
+    ) -> FloatArray | None:
+        hessian = jacobian.T @ jacobian
+        hessian[np.diag_indices(self.n)] += SHIFT * hessian.trace() / self.n
+        found = self._programme(h=hessian, g=gradient, lbx=lower, ubx=upper)
+        step = np.array(found["x"]).ravel()
+        solved = self._programme.stats()["success"] and np.isfinite(step).all()
+        return np.clip(step, lower, upper) if solved else None
+
+
+def half_square(r: FloatArray) -> float:
+    """Return (G1) of residuals."""
+    return 0.5 * float(r @ r)
+
+
+def _better(
+    residuals: Residuals, z: FloatArray, step: FloatArray, cost: float, promised: float
+) -> tuple[FloatArray, float] | None:
+    """Return the first part of a step that makes the cost fall enough, and that cost."""
+    for share in SHARES:
+        trial = z + share * step
+        reached = half_square(residuals(trial))
+        if reached <= cost - ENOUGH * share * promised:  # false for NaN
+            return trial, reached
+    return None
