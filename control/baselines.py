@@ -19,7 +19,6 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from time import perf_counter
-from typing import Any
 
 from control.decision import Decision, Source
 from control.estimator import Estimate, Estimator
@@ -31,10 +30,8 @@ from control.preview import turn_rate
 from control.reduced import ReducedModel
 from control.references import Reference
 from control.steering import GaitParameters, Mechanism, WaveGenerator
+from control.supervisor import HEADING, KNOWN, LONGEST_START, Estimates
 from worm3d import Command, Worm
-
-PERIOD = 0.2
-"""Between two decisions, if not told otherwise [s]."""
 
 REACHED = 0.01
 """A speed that the map's wave misses by no more than this share of it can be reached."""
@@ -53,13 +50,14 @@ class WaveController(ABC):
     reference : Reference
     mechanism : str
         "hinge" or "bias": what steers.
-    period : float
+    control_period : float
         Between two decisions [s].
 
     Attributes
     ----------
     generator : WaveGenerator
     decisions : list of Decision
+        `seconds` of each is the time for all steps since the decision before, estimates and commands included.
 
     Raises
     ------
@@ -75,43 +73,46 @@ class WaveController(ABC):
         identified: Identified,
         reference: Reference,
         mechanism: Mechanism = "hinge",
-        period: float = PERIOD,
+        control_period: float = 0.2,
     ) -> None:
-        if not (math.isfinite(period) and period > 0.0):
-            raise ValueError(f"period: got {period!r} s, must be finite and above 0")
+        if not (math.isfinite(control_period) and control_period > 0.0):
+            raise ValueError(f"control_period: got {control_period!r} s, must be finite and above 0")
         if mechanism not in identified.maps:
             known = ", ".join(map(repr, identified.maps))
             raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")
-        self.worm, self.reference, self.mechanism, self.control_period = worm, reference, mechanism, period
-        self.feed_forward = FeedForward(identified.maps[mechanism], worm.length)
+        self.worm, self.reference, self.mechanism, self.control_period = worm, reference, mechanism, control_period
+        self.found = identified.maps[mechanism]
+        self.feed_forward = FeedForward(self.found, worm.length)
         self.generator = WaveGenerator(identified.schedule, worm)
-        self.decisions: list[Decision] = []
+        self.reset()
 
     @property
     def period(self) -> float:
-        """Period of the wave that the reference asks for at its begin [s]."""
-        return 1.0 / float(self.feed_forward(float(self.reference.speed(0.0)), 0.0).frequency)
+        """Of the wave at the preferred frequency [s], over which `worm3d.simulate` averages."""
+        return 1.0 / self.feed_forward.frequency
 
     def reset(self) -> None:
-        """Forget everything; a run begins."""
+        """Begin anew."""
         self.generator.reset()
-        self.decisions = []
+        self.decisions: list[Decision] = []
+        self._target = GaitParameters(0.0, self.feed_forward.frequency)
         self._time: float | None = None
+        self._due, self._spent = -math.inf, 0.0
 
     def step(self, t: float, measurement: Measurement) -> Command:
         """Return the command from time t [s] on."""
         began = perf_counter()
+        elapsed, self._time = 0.0 if self._time is None else t - self._time, t
         estimate = self._estimate(t, measurement)
-        if not self.decisions or t - self.decisions[-1].time >= self.control_period * (1.0 - 1e-9):
-            self._record(t, estimate, began)
-        dt = 0.0 if self._time is None else t - self._time
-        self._time = t
-        return self.generator.step(dt, self.decisions[-1].parameters)
-
-    def _record(self, t: float, estimate: Estimate | None, began: float) -> None:
-        parameters = self._decide(t, estimate)
-        seconds = perf_counter() - began
-        self.decisions.append(Decision(t, self.source, parameters, estimate, seconds=seconds))
+        if t >= self._due - 1e-9:
+            self._due = t + self.control_period
+            self._target = self._decide(t, estimate)
+            seconds = self._spent + perf_counter() - began
+            self.decisions.append(Decision(t, self.source, self._target, estimate, seconds=seconds))
+            began, self._spent = perf_counter(), 0.0
+        command = self.generator.step(elapsed, self._target)
+        self._spent += perf_counter() - began
+        return command
 
     def _wave(self, speed: float, turn_rate: float) -> GaitParameters:
         """Return the wave of a speed [m/s] and turn rate [rad/s]; below the slowest one the worm stands."""
@@ -138,7 +139,7 @@ class OpenLoop(WaveController):
     source: Source = "open_loop"
 
     def reset(self) -> None:
-        """Forget everything; a run begins."""
+        """Begin anew."""
         super().reset()
         self._progress = 0.0
 
@@ -182,10 +183,10 @@ class PiLineOfSight(WaveController):
 
     Parameters
     ----------
-    worm, identified, reference, mechanism, period
+    worm, identified, reference, mechanism, control_period
         As of `WaveController`.
-    estimator : Estimator, optional
-        That of the default model if left out.
+    estimator : Estimates, optional
+        `control.estimator.Estimator` if left out.
     gains : Gains, optional
 
     Attributes
@@ -201,25 +202,23 @@ class PiLineOfSight(WaveController):
         identified: Identified,
         reference: Reference,
         mechanism: Mechanism = "hinge",
-        period: float = PERIOD,
-        estimator: Estimator | None = None,
+        control_period: float = 0.2,
+        estimator: Estimates | None = None,
         gains: Gains | None = None,
     ) -> None:
-        super().__init__(worm, identified, reference, mechanism, period)
-        self._estimator: Any = estimator or Estimator(worm, ReducedModel.of(worm, identified, mechanism))
+        self._estimator = estimator or Estimator(worm, ReducedModel.of(worm, identified, mechanism))
         self.gains = gains or Gains()
+        super().__init__(worm, identified, reference, mechanism, control_period)
 
     def reset(self) -> None:
-        """Forget everything; a run begins."""
+        """Begin anew."""
         super().reset()
         self._estimator.reset()
-        self._trim = 0.0
+        self._trim, self._known = 0.0, False
         self._near: float | None = None
 
     def _estimate(self, t: float, measurement: Measurement) -> Estimate:
-        given = self.generator.parameters or GaitParameters(0.0, self.feed_forward.frequency)
-        estimate: Estimate = self._estimator.update(t, measurement, given, self.generator.phase)
-        return estimate
+        return self._estimator.update(t, measurement, self._target, self.generator.phase)
 
     def _decide(self, t: float, estimate: Estimate | None) -> GaitParameters:
         assert estimate is not None
@@ -238,12 +237,15 @@ class PiLineOfSight(WaveController):
 
     def _reaches(self, speed: float) -> bool:
         """Return whether there is a wave of a speed [m/s]."""
-        made = self.worm.length * float(self.feed_forward.found.speed(*self.feed_forward(speed, 0.0)))
+        made = self.worm.length * float(self.found.speed(*self.feed_forward(speed, 0.0)))
         return abs(made - speed) <= REACHED * abs(speed)
 
     def _turn(self, t: float, estimate: Estimate) -> float:
-        """Return w_cmd, (B2) and (B3)."""
+        """Return w_cmd, (B2) and (B3); like the MPC it goes straight until the heading is known."""
         reference = self.reference
+        self._known |= estimate.deviations[HEADING] < KNOWN or self.generator.waves >= LONGEST_START
+        if not self._known:
+            return 0.0
         if reference.path is not None:
             self._near = s = float(reference.path.project(estimate.position, self._near))
             aside = float(offset(reference.path, estimate.position, s))
