@@ -132,12 +132,15 @@ class GaitMPC:
         self._near = preview.progress
         return preview
 
+    def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
+        """Return the plain wave: the feed-forward of what the reference asks for at time t [s], at an estimated slip."""
+        kept = max(1.0 - slip, LEAST_SHARE)
+        return self.feed_forward(float(reference.speed(t)) / kept, turn_rate(reference, t, self.progress))
+
     def _candidates(self, t: float, estimate: Estimate, reference: Reference) -> list[FloatArray]:
         """Return inputs, shape (H, 3), to begin with: the plan before, if there is one, and the plain wave."""
         instants = t + self._prediction.step * (0.5 + np.arange(self._prediction.steps))
-        kept = max(1.0 - float(estimate.state.slip), LEAST_SHARE)
-        wave = self.feed_forward(float(reference.speed(t)) / kept, turn_rate(reference, t, self.progress))
-        plain = np.tile(wave, (len(instants), 1))
+        plain = np.tile(self.plain(t, float(estimate.state.slip), reference), (len(instants), 1))
         return [plain] if self._last is None else [self._last.at(instants), plain]
 
     def _problem(self, t: float, state: ReducedState, preview: Preview, expected: FloatArray) -> Problem:
