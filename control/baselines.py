@@ -24,14 +24,17 @@ from control.decision import Decision, Source
 from control.estimator import Estimate, Estimator
 from control.feedforward import FeedForward
 from control.identification import Identified
+from control.ladder import KNOWN, LONGEST_START
 from control.measurement import Measurement
 from control.paths import offset
 from control.preview import turn_rate
-from control.reduced import ReducedModel
+from control.reduced import ReducedModel, ReducedState
 from control.references import Reference
 from control.steering import GaitParameters, Mechanism, WaveGenerator
-from control.supervisor import HEADING, KNOWN, LONGEST_START, Estimates
+from control.supervisor import Estimates
 from worm3d import Command, Worm
+
+HEADING = ReducedState._fields.index("heading")
 
 REACHED = 0.01
 """A speed that the map's wave misses by no more than this share of it can be reached."""

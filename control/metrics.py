@@ -135,6 +135,13 @@ def _course(
     return none, heading, none
 
 
+def measured(motion: Motion, reference: Reference, length: float) -> tuple[dict[str, float | None], dict[str, str]]:
+    """Return the metrics of a run of any length, and why some have no value; see `summary`."""
+    if motion.waves[-1] - motion.waves[0] < 1.0:
+        return dict.fromkeys(METRICS), dict.fromkeys(METRICS, TOO_SHORT)
+    return summary(tracking(motion, reference), reference, length)
+
+
 def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dict[str, float | None], dict[str, str]]:
     """Return the metrics, and why some have no value.
 
