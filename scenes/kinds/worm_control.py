@@ -1,4 +1,4 @@
-"""The model `worm_control`: the 3D worm with a controller that sees it through sensors and is to keep to a reference."""
+"""The model `worm_control`: the 3D worm with a controller that sees it through sensors and keeps to a reference."""
 
 from __future__ import annotations
 
