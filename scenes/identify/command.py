@@ -1,4 +1,4 @@
-"""`worm3d identify`: run the plant, fit, keep, and write `identified.json` and `steering.png`."""
+"""`worm3d identify`: run the plant, fit, keep, and write `identified.json`, `steering.md` and `steering.png`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from scenes.loader import Scene
 from scenes.progress import progress
 from scenes.summary import without_nan
 
-CONTENT, PICTURE = "identified.json", "steering.png"
+CONTENT, TABLES, PICTURE = "identified.json", "steering.md", "steering.png"
 
 
 def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
@@ -56,7 +56,9 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
     if not quiet:
         for line in report.terminal_lines(found, curves, worm.length):
             typer.echo(line)
-        typer.echo(f"Written to {folder}: {CONTENT}, {PICTURE}" + ("; kept for controllers" if cached else ""))
+        typer.echo(
+            f"Written to {folder}: {TABLES}, {CONTENT}, {PICTURE}" + ("; kept for controllers" if cached else "")
+        )
     return 0
 
 
@@ -74,4 +76,5 @@ def _write(
     content = report.content(found, curves, kept.parameters(worm), kept.parameters(ground))
     text = json.dumps(without_nan(content), indent=1, ensure_ascii=False, allow_nan=False)
     write_bytes(folder / CONTENT, f"{text}\n".encode())
+    write_bytes(folder / TABLES, report.markdown(found, curves, PICTURE).encode())
     save_figure(figure.draw(curves, found), folder / PICTURE)
