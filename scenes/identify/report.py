@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from control.identification import Identified, SteeringMap
+from scenes.identify.phases import Phases
 from scenes.identify.study import GOAL_DEG, Curve
 
 
@@ -40,7 +41,13 @@ def speeds(found: SteeringMap) -> tuple[float, float]:
     return float(speed.min()), float(speed.max())
 
 
-def content(identified: Identified, curves: Sequence[Curve], worm: dict[str, Any], ground: dict[str, Any]) -> Any:
+def content(
+    identified: Identified,
+    curves: Sequence[Curve],
+    phases: Sequence[Phases],
+    worm: dict[str, Any],
+    ground: dict[str, Any],
+) -> dict[str, Any]:
     """Return what `identified.json` holds."""
     return {
         "worm": worm,
@@ -48,6 +55,7 @@ def content(identified: Identified, curves: Sequence[Curve], worm: dict[str, Any
         **identified.as_dict(),
         "speed_range_bl_s": {mechanism: speeds(found) for mechanism, found in identified.maps.items()},
         "curves": [curve.as_dict() for curve in curves],
+        "phases": [each.as_dict() for each in phases],
     }
 
 
