@@ -63,11 +63,14 @@ def _draw_phases(axes: Axes, phases: Sequence[Phases]) -> None:
         axes.plot(each.phase_deg, drift, "--", color=colour, lw=1.2, label="drift to the left [% of the body]")
     axes.axvline(phases[0].chosen_deg, color="k", lw=0.8, ls=":")
     axes.set_xticks(range(0, 361, 90))
-    axes.set_xlabel(f"phase of the bend ahead of the contraction [°] ({LABELS[phases[0].mechanism]})")
-    axes.set_ylabel("a wave")
-    axes.set_title(f"at {STEERING[phases[0].mechanism]:g}; dotted: the schedule's", fontsize=9)
+    axes.set_xlabel("bend ahead of the contraction by [°]")
+    axes.set_ylabel("turn, drift a wave")
+    mechanism = phases[0].mechanism
+    axes.set_title(f"{LABELS[mechanism]} {STEERING[mechanism]:g}; dotted: the schedule's phase", fontsize=9)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low - 0.45 * (high - low), high)  # room for the legend
     axes.grid(True, alpha=0.25)
-    axes.legend(fontsize=7)
+    axes.legend(fontsize=7, loc="lower left")
 
 
 def _draw_fit(row: Sequence[Axes], identified: Identified, mechanism: str) -> None:
