@@ -30,10 +30,10 @@ wave is odd, monotone and nearly linear (but for a soft start below hinges of 0.
 to hinges of 0.12 rad or a bias of 0.06: 16 degrees a wave at amplitude 0.3, 0.8 Hz and hinges of 0.1 rad, 13 at a bias
 of 0.06.
 
-**Staying upright.** Neither a straight wave nor rest nor the opposite steering brings a worm back that lies on its side:
-a controller has to stay within those limits. Within them it may change its mind: amplitude, frequency and steering drawn
-anew every 0.75 s for a minute, at amplitudes of 0.15 to 0.4, roll the worm by less than 3 degrees. On a cross slope of 3
-degrees hinges of -0.12 rad, held for ten waves, do tip it.
+**Staying upright.** Neither a straight wave nor rest nor the opposite steering brings a worm back that lies on its
+side: a controller has to stay within those limits. Within them it may change its mind: amplitude, frequency and
+steering drawn anew every 0.75 s for a minute, at amplitudes of 0.15 to 0.4, roll the worm by less than 3 degrees. On a
+cross slope of 3 degrees hinges of -0.12 rad, held for ten waves, do tip it.
 
 With the wave's phase psi (a wave is 2 pi), x = (i + 1/2)/N, k = 2 pi / wavelength, k_s = 2 pi / steering_wavelength and
 the sign - for a direct, + for a retrograde wave:
