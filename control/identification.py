@@ -1,13 +1,13 @@
-"""What a worm does with a wave, identified from short runs: distance, turn and drift a wave, and how fast they follow.
+"""What a worm does with a wave, identified from short runs: distance, turn and drift a wave, and how they lag.
 
-A run of constant gait parameters is measured wave by wave once it is steady: the centre of mass averaged over each wave,
-and the heading likewise, give per wave
+A run of constant gait parameters is measured wave by wave once it is steady: the centre of mass averaged over each
+wave, and the heading likewise, give per wave
 
     distance = d . (cos h, sin h) / L,   drift = d . (-sin h, cos h) / L,   turn = h_{k+1} - h_k             (I2)
 
-d being the step of the averaged centre of mass between waves k and k + 1 and h the mean of their headings. A map of each
-over amplitude, frequency and steering is (I1), `control.surrogate`. A step of the parameters gives the lag: with y_k the
-rate (of distance, or of turning) in wave k after the step,
+d being the step of the averaged centre of mass between waves k and k + 1 and h the mean of their headings. A map of
+each over amplitude, frequency and steering is (I1), `control.surrogate`. A step of the parameters gives the lag: with
+y_k the rate (of distance, or of turning) in wave k after the step,
 
     lag = sum_k (y_end - y_k) / (y_end - y_begin)   [waves]                                                   (I3)
 
@@ -290,4 +290,4 @@ def _to_map(mechanism: Mechanism, content: Mapping[str, Any]) -> SteeringMap:
         name: Polynomial(ranges, parity, tuple(content["coefficients"][name])) for name, parity in QUANTITIES.items()
     }
     kept = {key: MappingProxyType({n: Misfit(**m) for n, m in content[key].items()}) for key in ("misfits", "checks")}
-    return SteeringMap(mechanism, ranges, **found, **kept)
+    return SteeringMap(mechanism, ranges, **found, misfits=kept["misfits"], checks=kept["checks"])

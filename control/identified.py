@@ -1,7 +1,7 @@
 """Where identified worms are kept: the default worm's with this package, others in the user's cache.
 
-A file is named by a key of everything that it depends on: the parameters of worm, ground and schedule, and the design of
-the runs.
+A file is named by a key of everything that it depends on: the parameters of worm, ground and schedule, and the design
+of the runs.
 """
 
 from __future__ import annotations

@@ -8,9 +8,9 @@ along an arc to the left. (2) The left feet make the longer strokes, like the fa
 worm to the right. (3) A chamber that is shorter is also taller, so that the stronger side lifts its segments and rolls
 the worm over the feet of the other side. (4) The centre of mass of a bent body lies beside the few feet that carry it:
 where that is more than the half-width b = 0.03 m of the stance, the worm tips and goes on lying on its side, rolled by
-45 degrees. At small bias (2) and (3) win, at large bias (1): -9, 0, +14, +50 degrees a wave at bias 0.1, 0.2, 0.35, 0.5.
-A static bend works by (1) alone but tips the worm (at wavelength 1 from 0.1 rad a joint on), and hinges in phase with
-the contraction tip it at 0.3 rad.
+45 degrees. At small bias (2) and (3) win, at large bias (1): -9, 0, 15, 50 degrees a wave at bias 0.1, 0.2, 0.35, 0.5
+(period 2 s). A static bend works by (1) alone but tips the worm (at wavelength 1 from 0.1 rad a joint on), and hinges
+in phase with the contraction tip it at 0.3 rad.
 
 **What steers.** To turn on the spot the head has to step to one side and the tail to the other, each while its feet
 are in the air. A foot steps sideways by the bending of the body between it and the feet that stand. If bending and
@@ -22,12 +22,18 @@ same hinges, keeps its centre of mass over its feet (roll below 2 degrees) and a
 groups of feet for three quarters of the time at a contraction wavelength of 0.7 (two fifths at 1), which leaves room
 before the worm tips. The same bending wave turns it whether hinges or unequal chambers make it.
 
-**Its phase.** Turn and sideways motion both go with the cosine of the phase, a quarter of a wave apart: there is a phase
-of pure turning (and one of pure shuffling). It grows with the frequency f because the bend lags behind its command
-(soft chambers, friction, inertia); a constant time, `lead`, holds it from 0.5 to 1.25 Hz to some 10 degrees, at 95 % or
-more of the greatest turn. Over these frequencies and amplitudes of 0.15 to 0.4 the turn a wave is odd, monotone and
-nearly linear (but for a soft start below hinges of 0.02 rad, where the feet still stick) up to hinges of 0.16 rad or a
-bias of 0.06: 16 degrees a wave at amplitude 0.3, 0.8 Hz and hinges of 0.1 rad, 13 at a bias of 0.06.
+**Its phase.** Turn and sideways motion both go with the cosine of the phase, a quarter of a wave apart: there is a
+phase of pure turning (and one of pure shuffling). It grows with the frequency f because the bend lags behind its
+command (soft chambers, friction, inertia); a constant time, `lead`, holds it from 0.5 to 1.25 Hz to some 10 degrees at
+amplitude 0.3, at 94 % or more of the greatest turn. Over these frequencies and amplitudes of 0.15 to 0.4 the turn a
+wave is odd, monotone and nearly linear (but for a soft start below hinges of 0.02 rad, where the feet still stick) up
+to hinges of 0.12 rad or a bias of 0.06: 16 degrees a wave at amplitude 0.3, 0.8 Hz and hinges of 0.1 rad, 13 at a bias
+of 0.06.
+
+**Staying upright.** Neither a straight wave nor rest nor the opposite steering brings a worm back that lies on its
+side: a controller has to stay within those limits. Within them it may change its mind: amplitude, frequency and
+steering drawn anew every 0.75 s for a minute, at amplitudes of 0.15 to 0.4, roll the worm by less than 3 degrees. On a
+cross slope of 3 degrees hinges of -0.12 rad, held for ten waves, do tip it.
 
 With the wave's phase psi (a wave is 2 pi), x = (i + 1/2)/N, k = 2 pi / wavelength, k_s = 2 pi / steering_wavelength and
 the sign - for a direct, + for a retrograde wave:
@@ -40,7 +46,6 @@ clipped to the stroke, side = +1 left, -1 right; joint j belongs to its headward
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
 from typing import Literal, get_args
 
@@ -169,67 +174,9 @@ class Schedule:
         return wave
 
 
-IN_STEP = Schedule(wavelength=1.0, steering_wavelength=1.0, bias_phase=0.0, hinge_phase=0.0, lead=0.0)
-"""The bend in step with the contraction of the default wave: what one would try first."""
-
-
-class WaveGenerator:
-    """The wave at run time: its phase accumulates, and its parameters move towards what is asked for without jumps.
-
-    The command is continuous in time whatever is asked for when: psi' = 2 pi f, and every parameter p approaches its
-    target at the rate (target - p) f / blend. A wave begins at amplitude 0.
-
-    Parameters
-    ----------
-    schedule : Schedule
-    body : Body
-        Its segments and stroke.
-    blend : float
-        Waves in which a parameter covers 63 % of a change.
-
-    Attributes
-    ----------
-    phase : float
-        psi [rad].
-    parameters : GaitParameters or None
-        In force; None before the first step.
-
-    Raises
-    ------
-    ValueError
-        `blend` out of range.
-    """
-
-    def __init__(self, schedule: Schedule, body: Body, blend: float = 0.25) -> None:
-        if not (np.isfinite(blend) and blend > 0.0):
-            raise ValueError(f"blend: got {blend!r} waves, must be finite and above 0")
-        self.schedule, self.blend, self._body = schedule, blend, body
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin anew."""
-        self.phase = 0.0
-        self.parameters: GaitParameters | None = None
-
-    def step(self, dt: float, target: GaitParameters) -> Command:
-        """Return the command after `dt` seconds more of going towards `target`."""
-        now = self.parameters or GaitParameters(0.0, target.frequency)
-        left = np.exp(-dt * now.frequency / self.blend)
-        moved = GaitParameters(*(target.row() + (now.row() - target.row()) * left))
-        self.phase += np.pi * (now.frequency + moved.frequency) * dt
-        self.parameters = moved
-        given = self.schedule.commands(np.array([self.phase]), moved.row()[None], self._body)
-        return Command(given.contraction[0], given.hinge[0])
-
-    @property
-    def waves(self) -> float:
-        """Waves since the beginning."""
-        return self.phase / (2.0 * np.pi)
-
-
 @dataclass(frozen=True)
 class SteeredWave:
-    """The wave of constant parameters, as a gait; it swells from nothing like that of `WaveGenerator`.
+    """The wave of constant parameters, as a gait; it swells from nothing like that of `control.generator`.
 
     Attributes
     ----------
@@ -276,29 +223,3 @@ class BoundWave:
         swell = 1.0 - np.exp(-asked.frequency / wave.blend * times)
         parameters = asked.row() * np.column_stack([swell, np.ones_like(swell), swell, swell])
         return wave.schedule.commands(2.0 * np.pi * asked.frequency * times, parameters, self._worm)
-
-
-class PlannedWave:
-    """The wave of parameters that follow a plan, as a controller that looks at nothing.
-
-    Parameters
-    ----------
-    plan : callable
-        Time [s] -> GaitParameters asked for.
-    generator : WaveGenerator
-    """
-
-    def __init__(self, plan: Callable[[float], GaitParameters], generator: WaveGenerator) -> None:
-        self._plan, self._generator = plan, generator
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin anew."""
-        self._generator.reset()
-        self._time: float | None = None
-
-    def step(self, t: float, _measurement: object) -> Command:
-        """Return the command from time t [s] on."""
-        dt = 0.0 if self._time is None else t - self._time
-        self._time = t
-        return self._generator.step(dt, self._plan(t))

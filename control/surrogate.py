@@ -145,8 +145,8 @@ def fit(ranges: Ranges, parity: Parity, where: ArrayLike, values: ArrayLike) -> 
     coefficients, _, rank, _ = np.linalg.lstsq(columns, np.asarray(values, dtype=float), rcond=None)
     if rank < len(terms):
         raise ValueError(
-            f"fit: the samples determine {rank} of {len(terms)} coefficients; give at least {DEGREE + 1} amplitudes and "
-            f"frequencies and {len(POWERS[parity])} magnitudes of steering"
+            f"fit: the samples determine {rank} of {len(terms)} coefficients; give at least {DEGREE + 1} amplitudes "
+            f"and frequencies and {len(POWERS[parity])} magnitudes of steering"
         )
     return Polynomial(ranges, parity, tuple(map(float, coefficients)))
 

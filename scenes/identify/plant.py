@@ -55,8 +55,8 @@ def _map(
         if fitted and checks:
             return fit_map(mechanism, ranges, fitted, checks)
     raise SceneError(
-        f"worm3d identify: the worm tips over, folds or flattens even when it steers by {greatest:.3g} ({mechanism}) only; "
-        "give it a wider stance (worm.chamber_offset_m), a lower body (worm.half_height_m) or stiffer springs"
+        f"worm3d identify: the worm tips over, folds or flattens even when it steers by {greatest:.3g} ({mechanism}) "
+        "only; give it a wider stance (worm.chamber_offset_m), a lower body (worm.half_height_m) or stiffer springs"
     )
 
 

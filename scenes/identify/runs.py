@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 import worm3d
 from control.gaits import TravellingWave
+from control.generator import PlannedWave, WaveGenerator
 from control.identification import Lags, Motion, Sample, lag, steady_motion
-from control.steering import GaitParameters, Mechanism, PlannedWave, Schedule, SteeredWave, WaveGenerator
+from control.steering import GaitParameters, Mechanism, Schedule, SteeredWave
 
 FloatArray = NDArray[np.float64]
 
@@ -129,10 +130,13 @@ def step_response(
 
 
 def _wave_rates(run: worm3d.Result, phases: FloatArray) -> tuple[FloatArray, FloatArray]:
-    # Before a step the controller is asked at its beginning: entry k is the phase one step before row k's.
+    # A command given at the beginning of a step is in force at its end: entry k is the phase of row k's shape.
     times, waves = run.time[1 : len(phases)], phases[1:]
     ends = np.interp(np.arange(BEFORE + AFTER + 1), waves, times)
-    at: Callable[[FloatArray], FloatArray] = lambda values: np.interp(ends, run.time, values)
+
+    def at(values: FloatArray) -> FloatArray:
+        return np.interp(ends, run.time, values)
+
     h = at(run.heading)
     step = np.diff(np.column_stack([at(run.com[:, 0]), at(run.com[:, 1])]), axis=0)
     along = (h[1:] + h[:-1]) / 2.0

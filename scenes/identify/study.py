@@ -10,6 +10,7 @@ import numpy as np
 
 import worm3d
 from control.gaits import TravellingWave
+from control.identification import Motion
 from control.steering import MECHANISMS, GaitParameters, Mechanism, Schedule, SteeredWave
 from scenes.identify.runs import Steady, steady
 
@@ -22,7 +23,7 @@ STEERINGS: dict[Mechanism, tuple[float, ...]] = {
 }
 """To the left; to the right is the mirror image."""
 YAW_FACTORS = {"soft yaw joints (k_yaw / 10)": 0.1, "its own yaw joints": 1.0, "stiff yaw joints (k_yaw x 10)": 10.0}
-IN_STEP = "bent in step with the contraction"
+IN_STEP = "the default wave, bent in step with its contraction"
 GOAL_DEG = 10.0
 """A wave; what a schedule should reach."""
 
@@ -109,15 +110,14 @@ def _plans(worm: worm3d.Worm, schedule: Schedule) -> Iterator[tuple[Mechanism, s
 
 
 def _point(steering: float, found: Steady) -> Point:
-    if found.motion is None:
-        return Point(steering, *[float("nan")] * 5, True)
-    motion = found.motion
+    nothing = float("nan")
+    motion = found.motion or Motion(nothing, nothing, nothing)
     return Point(
         steering,
-        float(np.rad2deg(motion.turn)),
-        motion.distance / PERIOD,
-        motion.drift / PERIOD,
-        found.slip,
-        float(np.rad2deg(found.roll)),
-        found.tipped,
+        turn_deg=float(np.rad2deg(motion.turn)),
+        speed_bl_s=motion.distance / PERIOD,
+        drift_bl_s=motion.drift / PERIOD,
+        slip_bl=found.slip,
+        roll_deg=float(np.rad2deg(found.roll)),
+        tipped=found.tipped,
     )
