@@ -13,9 +13,8 @@ import pytest
 import umsgpack
 from numpy.testing import assert_allclose
 
-from worm3d.viewer import Frames, write_html
+from worm3d.viewer import Frames, recorder, write_html
 from worm3d.viewer import html as page
-from worm3d.viewer import recorder
 from worm3d.viewer.pieces import LAYERS, Scales, contact, way, world, worm
 from worm3d.viewer.skin import skin
 
