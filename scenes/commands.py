@@ -255,6 +255,21 @@ def paper(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
     raise typer.Exit(study.run(out, force, quiet))
 
 
+@app.command()
+def identify(
+    scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force = False, quiet: Quiet = False
+) -> None:
+    """Find out how the worm of a scene crawls and turns.
+
+    Short runs on level ground, over amplitude, frequency and steering by hinges and by unequal chambers: the map that
+    controllers need, kept for them, with its error and a figure. Takes a minute or two.
+    """
+    from scenes.identify import command
+    from scenes.loader import load_scene
+
+    raise typer.Exit(command.run(load_scene(scene, o or ()), out, force=force, quiet=quiet))
+
+
 @bench.command(name="plant")
 def bench_plant(
     out: Out = None,

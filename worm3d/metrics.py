@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.worlds import World
+from worm3d.worlds import Heightfield, Mesh, Pipe, World
 
 if TYPE_CHECKING:
     from worm3d.result import Result
@@ -42,6 +42,8 @@ def forward(joints: FloatArray, world: World | None) -> FloatArray | None:
     azimuth = heading(joints[None])[0]
     if np.isnan(azimuth):
         return None
+    if isinstance(world, Heightfield | Mesh):  # of which the normal changes from place to place: the worm lies along it
+        return np.asarray(chord / np.linalg.norm(chord))
     along = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     if world is not None:
         normal = _normal(world, joints.mean(axis=0), float(np.linalg.norm(chord)))
@@ -58,10 +60,23 @@ def _normal(world: World, at: FloatArray, length: float) -> FloatArray:
     return gradient
 
 
-def distance(com: FloatArray, joints: FloatArray, world: World | None) -> float:
-    """Return (com(T) - com(0)) . heading at the start [m]; NaN for a vertical body."""
+def way(com: FloatArray, joints: FloatArray, world: World | None) -> FloatArray | None:
+    """Return how far forward each centre of mass (T, 3) is, shape (T,) [m]; None for a vertical body.
+
+    Along the heading of the joints (N+1, 3); along the centre line in a pipe, counted towards the head.
+    """
+    if isinstance(world, Pipe):
+        tail, head = world.along(joints[[0, -1]])
+        towards: FloatArray = np.sign(head - tail) * world.along(com)
+        return towards
     along = forward(joints, world)
-    return float("nan") if along is None else float((com[-1] - com[0]) @ along)
+    return None if along is None else com @ along
+
+
+def distance(com: FloatArray, joints: FloatArray, world: World | None) -> float:
+    """Return how far the centre of mass has come from the start, as `way` counts it [m]; NaN for a vertical body."""
+    ends = way(com[[0, -1]], joints, world)
+    return float("nan") if ends is None else float(ends[-1] - ends[0])
 
 
 def averaged(com: FloatArray, window: int) -> FloatArray:
@@ -80,28 +95,28 @@ def _window(result: Result) -> int | None:
 
 def summary(result: Result) -> dict[str, float | str | None]:
     """Return the figures of merit of a run."""
-    energy, way, window = result.energy, result.distance, _window(result)
+    energy, made, window = result.energy, result.distance, _window(result)
     work, weight = float(energy.work_contract.sum()), result.worm.mass * float(np.linalg.norm(result.gravity))
     path = speed = None
     if window is not None:
         mean = averaged(result.com, window)
         path = float(np.linalg.norm(np.diff(mean, axis=0), axis=1).sum())
-        along = forward(result.joints[0], result.world)
+        ends = way(mean[[0, -1]], result.joints[0], result.world)
         elapsed = float(result.time[-1] - result.time[window - 1])
-        speed = None if along is None else float((mean[-1] - mean[0]) @ along) / elapsed
+        speed = None if ends is None else float(ends[-1] - ends[0]) / elapsed
     turned = np.rad2deg(result.heading[-1] - result.heading[0])
     steps = len(result.newton_iterations)
     simulated = float(result.time[-1] - result.time[0])
     return {
         "status": result.status.name.lower(),
         "duration_s": simulated,
-        "distance_m": _known(way),
+        "distance_m": _known(made),
         "path_length_m": path,
         "mean_speed_m_s": speed,
         "heading_change_deg": _known(float(turned)),
         "work_contract_J": work,
         "work_friction_J": float(energy.friction_loss.sum()),
-        "cost_of_transport": _cost(work, weight, way, result),
+        "cost_of_transport": _cost(work, weight, made, result),
         "energy_balance_error": energy.balance_error,
         "newton_iterations_mean": float(result.newton_iterations.mean()) if steps else None,
         "real_time_factor": steps * result.dt / result.wall_s if steps and result.wall_s > 0.0 else None,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import vectors
 from worm3d.codegen import Kernel, compile_kernel, evaluate
 from worm3d.compiled import announce, cfunc
 from worm3d.friction import ContactConstants, Friction
@@ -96,7 +97,7 @@ class Plant:
         self.worm, self.world, self.friction, self.gravity = worm, world, friction, gravity
         self._weight = float(np.linalg.norm(gravity if scale is None else scale))
         self.n, made = worm.segments, kernels()
-        width = max(kernel.width for kernel in made.values())
+        width = max(vectors.WIDTH, *(kernel.width for kernel in made.values()))
         lanes, joint_lanes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1)))
         self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
         parameters = self.world_kernel.parameters
@@ -278,8 +279,11 @@ class Plant:
             np.tile(a["segment_out"][terms : terms + 2], (2, 1)),
         )
         a["joint_angles"][:] = np.tile(a["joint_out"][:4], (2, 1))
-        a["asked"][:], a["given"][:] = 0.0, 0.0
-        self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = self.worm.l0
+        a["asked"][:] = 0.0
+        a["asked"][0, : 2 * n] = state.contraction.ravel()
+        a["given"][:] = a["asked"]
+        commanded = self.worm.l0 * (1.0 - state.contraction.T)
+        self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = commanded
         self._joint_row("hinge")[:] = self._joint_row("hinge_n")[:] = 0.0
         self._point_row("anchor")[:] = self._point_row("x")
         self._point_row("load_n")[:] = 0.0
@@ -306,6 +310,7 @@ class Plant:
             joint_velocity=self.arrays["joint_velocity"][:3].T,
             roll_rate=rates[:, 3],
             bend_rate=rates[:, 4],
+            contraction=self.arrays["given"][0, : 2 * n].reshape(n, 2),
             time=time,
             memory=self.memory() | more,
         )

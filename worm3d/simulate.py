@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 Integrator = Literal["bdf2", "implicit_euler"]
+Settling = Callable[[Worm, World, FloatArray, NDArray[np.bool_], State], tuple[State, Status]]
+"""As `worm3d.start.settle`."""
 
 
 def simulate(
@@ -134,8 +136,9 @@ def prepare(
     record_every: int,
     *,
     settle_first: bool,
+    settling: Settling = settle,
 ) -> Run:
-    """Check what `simulate` is given, and return the run before its first step."""
+    """Check what `simulate` is given, and return the run before its first step; `settling` may remember what settles."""
     _require_kinds(world, ground, external_force)
     weight = _vector(gravity)
     steps = _steps(duration, dt, record_every, integrator)
@@ -150,7 +153,7 @@ def prepare(
         assert world is not None
         require_equilibrium(worm, float(np.linalg.norm(world.pressing(weight))))
     plant = Plant(worm, world, friction, weight, mask)
-    status = _begin(plant, start, settle_first)
+    status = _begin(plant, start, settling if settle_first else None)
     driver = Driver(actuation, worm, sensor)
     period = getattr(actuation, "period", getattr(actuation, "T_wave", None))
     return Run(plant, driver, external_force, dt, integrator == "bdf2", record_every, steps, start, status, period)
@@ -166,17 +169,17 @@ def _require_kinds(world: object, ground: object, external_force: object) -> Non
         raise ValueError(f"external_force: got {type(external_force).__name__}, must be a function of time, or None")
 
 
-def _begin(plant: Plant, start: State, settle_first: bool) -> Status:
+def _begin(plant: Plant, start: State, settling: Settling | None) -> Status:
     """Put the worm into its initial state."""
     plant.set_pose(start)
     require_clear(plant, DEEPEST if start.memory else OVERLAP)
     if start.memory:
         plant.remember(start.memory)
         return Status.DONE
-    if settle_first and not start.moves and settles(plant.world, plant.gravity):
+    if settling and not start.moves and settles(plant.world, plant.gravity, bool(start.contraction.any())):
         assert plant.world is not None
         held = plant.arrays["held"][0] != 0.0
-        rested, status = settle(plant.worm, plant.world, plant.gravity, held, start)
+        rested, status = settling(plant.worm, plant.world, plant.gravity, held, start)
         if status is not Status.DONE:
             return status
         plant.set_pose(rested)

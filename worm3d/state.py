@@ -4,15 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from functools import cache
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from worm3d import elements
 from worm3d.worlds.base import World
+from worm3d.worlds.clamped import ClampedGround
 from worm3d.worm import Worm
 
 FloatArray = NDArray[np.float64]
+
+
+LIFTS = 50
+"""A worm put on its world is lifted at most so often until it fits."""
+
+TOUCHES = 1e-12
+"""Depth of an apex in the world that is rounding, as a fraction of the body length."""
 
 
 class StateError(ValueError):
@@ -35,6 +46,9 @@ class State:
         [m/s]
     roll_rate, bend_rate : ndarray, shape (N,)
         [rad/s]
+    contraction : ndarray, shape (N, 2)
+        What the actuators give now: shortening fraction of each chamber's rest length [left, right]. A worm may start
+        contracted, wedged in a pipe.
     time : float
         [s]
     memory : mapping of str to ndarray
@@ -53,6 +67,7 @@ class State:
     joint_velocity: FloatArray
     roll_rate: FloatArray
     bend_rate: FloatArray
+    contraction: FloatArray
     time: float
     memory: Mapping[str, NDArray[Any]] = field(repr=False)
 
@@ -65,6 +80,7 @@ class State:
         joint_velocity: ArrayLike = 0.0,
         roll_rate: ArrayLike = 0.0,
         bend_rate: ArrayLike = 0.0,
+        contraction: ArrayLike = 0.0,
         time: float = 0.0,
         memory: Mapping[str, NDArray[Any]] | None = None,
     ) -> None:
@@ -77,6 +93,9 @@ class State:
         self._set("joint_velocity", joint_velocity, (n + 1, 3))
         self._set("roll_rate", roll_rate, (n,))
         self._set("bend_rate", bend_rate, (n,))
+        self._set("contraction", contraction, (n, 2))
+        if not (self.contraction < 1.0).all():
+            raise ValueError(f"contraction: got {float(self.contraction.max())!r}, must be below 1")
         self._set("directors", level_directors(self.joints) if directors is None else directors, (n, 3))
         self._check_directors()
         if not np.isfinite(time):
@@ -120,23 +139,34 @@ class State:
 
     @classmethod
     def straight(
-        cls, worm: Worm, world: World | None = None, position: ArrayLike = (0.0, 0.0), azimuth: float = 0.0
+        cls,
+        worm: Worm,
+        world: World | None = None,
+        position: ArrayLike = (0.0, 0.0),
+        azimuth: float = 0.0,
+        contraction: ArrayLike = 0.0,
     ) -> State:
-        """Return a straight worm at rest on its world; at height 0 without one.
+        """Return a worm at rest on its world, straight where that is; at height 0 without one.
 
         Parameters
         ----------
         worm : Worm
         world : World, optional
         position : array_like, shape (2,) or (3,)
-            Where the tail is, seen from above; a third entry lifts the worm so far off the surface [m].
+            Where the tail is, seen from above; a third entry lifts the worm so far off the surface [m]. In a pipe:
+            how far along it the tail is, and 0.
         azimuth : float
-            Heading, from x towards y [rad].
+            Heading, from x towards y; in a pipe 0 (along it) or pi (back) [rad].
+        contraction : float or array_like, shape (N, 2)
+            Of the chambers, as far as the world lets them: the pose is that of the worm at rest, and settling
+            contracts it.
 
         Raises
         ------
         ValueError
             A position or azimuth that is not finite or of another shape.
+        StateError
+            A world that has no room for the worm there.
         """
         at = np.array(position, dtype=float)
         if at.shape not in ((2,), (3,)) or not np.isfinite([*at, azimuth]).all():
@@ -151,13 +181,51 @@ class State:
             left = np.array([-tangent[1], tangent[0], 0.0])
         else:
             clearance = float(np.max(worm.half_height)) + lift
-            joints, left = world.placed(along, clearance, at[:2], azimuth)
-        return cls(joints=joints, directors=np.tile(left, (worm.segments, 1)))
+            joints, left = _laid(worm, world, along, clearance, at[:2], azimuth)
+        return cls(joints=joints, directors=np.broadcast_to(left, (worm.segments, 3)), contraction=contraction)
 
     def with_changes(self, **changes: Any) -> State:
         """Return a copy with some fields changed, without memory unless it is given."""
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         return State(**{**given, "memory": None, **changes})
+
+
+def _laid(
+    worm: Worm, world: World, along: FloatArray, clearance: float, at: FloatArray, azimuth: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return joints and directors of the worm on its world, lifted where its apexes would lie inside."""
+    lift = before = np.inf
+    for _ in range(LIFTS):
+        try:
+            joints, left = world.placed(along, clearance, at, azimuth)
+        except ValueError as error:
+            raise StateError(f"state: {error}") from error
+        if isinstance(world, ClampedGround):
+            return joints, left
+        deep = -float(world.distance(_apexes(worm, joints, np.broadcast_to(left, (worm.segments, 3)))).min())
+        if deep <= TOUCHES * worm.length:
+            return joints, left
+        lift = 2.0 * deep if deep < 0.5 * before else 2.0 * lift
+        clearance, before = clearance + min(lift, worm.length), deep
+    raise StateError(f"state: the worm lies {deep:.3g} m inside the world even if lifted to {clearance:.3g} m; move it")
+
+
+def _apexes(worm: Worm, joints: FloatArray, directors: FloatArray) -> FloatArray:
+    """Return the apexes of a worm with the chambers' rest lengths, (E3), shape (N, 6, 3) [m]."""
+    edges = np.diff(joints, axis=0)
+    tangents, middles = edges / np.linalg.norm(edges, axis=1)[:, None], (joints[:-1] + joints[1:]) / 2.0
+    sizes = np.column_stack([worm.link_length, np.tile([worm.chamber_offset, worm.l0], (worm.segments, 1))])
+    points = _rest_apexes().map(worm.segments)(middles.T, tangents.T, directors.T, sizes.T)
+    return np.array(points).T.reshape(worm.segments, 6, 3)
+
+
+@cache
+def _rest_apexes() -> ca.Function:
+    """Return the apexes (18) of middle, tangent, director, and (link, offset, length) of a segment."""
+    m, t, d, sizes = (ca.SX.sym(name, 3) for name in ("middle", "tangent", "director", "sizes"))
+    link, offset, length = ca.vertsplit(sizes)
+    points = elements.apexes(m, elements.Frame(length, t, d, ca.cross(t, d)), [length, length], link, offset)
+    return ca.Function("apexes", [m, t, d, sizes], [ca.vertcat(*points)])
 
 
 def level_directors(joints: FloatArray) -> FloatArray:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,8 @@ import worm3d
 from control.gaits import Gait
 from scenes.kinds.base import Observer
 from scenes.kinds.planar_linkage_build import KEYS as PLANAR_KEYS
-from scenes.kinds.worm_schema import AnyWormScene, Patch, Push, World, WormScene
+from scenes.kinds.worlds_build import world_of
+from scenes.kinds.worm_schema import AnyWormScene, Push, WormScene
 from scenes.pattern import pattern
 
 KEYS = {
@@ -88,30 +88,6 @@ def worm_of(scene: AnyWormScene) -> worm3d.Worm:
     return worm3d.Worm.planar(**{parameter: getattr(scene.worm, key) for parameter, key in PLANAR_KEYS.items()})
 
 
-def _plane(world: World) -> worm3d.Plane:
-    patches = tuple(map(_patch, world.patches))
-    return worm3d.Plane(math.radians(world.slope_deg), math.radians(world.heading_deg), patches)
-
-
-def _patch(patch: Patch) -> worm3d.Patch:
-    sides = {"along": patch.along_m, "across": patch.across_m}
-    return worm3d.Patch(patch.grip, **{name: side for name, side in sides.items() if side is not None})  # type: ignore[arg-type]
-
-
-WORLDS: dict[str, Callable[[World], Any]] = {
-    "plane": _plane,
-    "clamped": lambda world: worm3d.ClampedGround(world.velocity_threshold_m_s),
-    "none": lambda world: None,
-}
-"""What each `kind` of world becomes."""
-
-
-def world_of(world: World) -> worm3d.worlds.World | None:
-    """Return the world that a section describes; None if there is nothing."""
-    built: worm3d.worlds.World | None = WORLDS[world.kind](world)
-    return built
-
-
 def friction_of(scene: AnyWormScene) -> worm3d.Friction:
     """Return the coefficients of friction."""
     names = ("forward", "backward", "lateral", "static_ratio")
@@ -134,9 +110,12 @@ def gravity_of(scene: AnyWormScene) -> NDArray[np.float64]:
 
 def start_of(scene: AnyWormScene, worm: worm3d.Worm, world: worm3d.worlds.World | None) -> worm3d.State:
     """Return the state that the run starts from."""
-    start = scene.start
-    azimuth = math.radians(scene.start.azimuth_deg) if isinstance(scene, WormScene) else 0.0
-    return worm3d.State.straight(worm, world, (*start.position_m, start.lift_m), azimuth)
+    start, azimuth, contraction = scene.start, 0.0, np.zeros((worm.segments, 2))
+    if isinstance(scene, WormScene):
+        azimuth = math.radians(scene.start.azimuth_deg)
+        if scene.start.contracted:
+            contraction = gait_of(scene).bind(worm)(0.0).contraction
+    return worm3d.State.straight(worm, world, (*start.position_m, start.lift_m), azimuth, contraction)
 
 
 def force_of(push: Push, segments: int, dt: float) -> Force | None:

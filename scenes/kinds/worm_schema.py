@@ -8,6 +8,7 @@ from typing import Any, Literal
 from control import gaits
 from scenes.kinds.planar_linkage_schema import LinkageGait
 from scenes.kinds.planar_linkage_schema import Worm as PlanarWorm
+from scenes.kinds.worlds_schema import World
 from scenes.schema import (
     Cross,
     Each,
@@ -15,11 +16,9 @@ from scenes.schema import (
     Pair,
     Positive,
     Section,
-    Tables,
     Triple,
     quantity,
     setting,
-    tables,
 )
 from scenes.sections import Run, Settings
 from worm3d.friction import Friction as PlantFriction
@@ -28,8 +27,6 @@ from worm3d.worm import Worm as PlantWorm
 _WORM: dict[str, Any] = {field.name: field.default for field in fields(PlantWorm)}
 _FRICTION: dict[str, Any] = {field.name: field.default for field in fields(PlantFriction)}
 _WAVE = gaits.TravellingWave()
-
-PLANE, CLAMPED = "plane", "clamped"
 
 
 class Worm(Section):
@@ -100,42 +97,6 @@ class Worm(Section):
     )
 
 
-class Patch(Section):
-    """A rectangle of the plane with another friction."""
-
-    grip: float = quantity(ge=0, title="multiplier of the friction coefficients")
-    along_m: Pair | None = quantity(
-        unit="m", left_out="everywhere", title="from where to where along the steepest ascent, from the origin"
-    )
-    across_m: Pair | None = quantity(
-        unit="m", left_out="everywhere", title="from where to where to the left of it, from the origin"
-    )
-
-
-class World(Section):
-    """What the worm crawls on.
-
-    A further kind is a further word of `kind`, its keys with `only`, and its builder in `worm_build.WORLDS`.
-    """
-
-    kind: Literal["plane", "clamped", "none"] = setting(
-        PLANE,
-        title="plane: the worm touches it; clamped: the paper's ground holds the joints' heights; none: nothing there",
-        aka=("type",),
-    )
-    slope_deg: float = quantity(0.0, unit="deg", gt=-90, lt=90, only=PLANE, title="plane only: angle, rising towards x")
-    heading_deg: float = quantity(
-        0.0, unit="deg", only=PLANE, title="plane only: azimuth of the steepest ascent, if not x", aka=("azimuth_deg",)
-    )
-    patches: Tables[Patch] = tables(
-        only=PLANE,
-        title="plane only: places with another friction, each a table of grip, along_m = [from, to] and across_m",
-    )
-    velocity_threshold_m_s: float = quantity(
-        1e-6, unit="m/s", ge=0, only=CLAMPED, title="clamped only: no friction (P10) below this speed"
-    )
-
-
 class PlanarFriction(Section):
     """Directional Coulomb friction that sticks."""
 
@@ -191,7 +152,9 @@ class WormGait(PlanarGait):
 class PlanarStart(Section):
     """Where the straight worm starts from."""
 
-    position_m: Pair = quantity((0.0, 0.0), unit="m", title="where the tail is, seen from above: x, y")
+    position_m: Pair = quantity(
+        (0.0, 0.0), unit="m", title="where the tail is, seen from above: x, y; in a pipe how far along it, and 0"
+    )
     lift_m: float = quantity(0.0, unit="m", ge=0, title="height above the place where it touches the world")
     settle: bool = setting(
         True, title="whether it is first brought to rest on its world; false: it starts to fall as the run begins"
@@ -202,7 +165,13 @@ class Start(PlanarStart):
     """Where the straight worm starts from, and where it looks."""
 
     azimuth_deg: float = quantity(
-        0.0, unit="deg", title="heading, from x towards y", aka=("heading_deg", "direction_deg")
+        0.0,
+        unit="deg",
+        title="heading, from x towards y; in a pipe 0 looks along it, 180 back",
+        aka=("heading_deg", "direction_deg"),
+    )
+    contracted: bool = setting(
+        False, title="whether its chambers are contracted as the gait asks at time 0: so it is wedged in a steep pipe"
     )
 
 

@@ -16,20 +16,20 @@ from control import gaits
 from scenes import drawing, kinds
 from scenes.kinds import worm_build, worm_view
 from scenes.kinds.planar_linkage_build import KEYS as PLANAR_KEYS
+from scenes.kinds.worlds_build import WORLDS, world_of
+from scenes.kinds.worlds_schema import World
 from scenes.kinds.worm_build import (
     KEYS,
-    WORLDS,
     force_of,
     friction_of,
     gait_of,
     gravity_of,
     start_of,
-    world_of,
     worm_of,
 )
 from scenes.kinds.worm_figures import INCOMING, LOST, STORED
 from scenes.kinds.worm_record import COUNTERS, ENERGIES, SERIES
-from scenes.kinds.worm_schema import PlanarWormScene, Push, World, WormScene
+from scenes.kinds.worm_schema import PlanarWormScene, Push, WormScene
 from scenes.loader import load_scene
 from scenes.record import Record, Variable
 from scenes.runner import simulate

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import vectors
 from worm3d.banded import WIDTH, B
 from worm3d.kernels import joint, point, segment
 from worm3d.solver.block import Block, Memory
@@ -139,6 +140,8 @@ ARRAYS = (
     "segment_in",  # inputs of the segment's kernels
     "point_out",  # f (3), K (9), potential, load; begins inside segment_in
     "segment_out",
+    "segment_blocks",  # the segments' Hessians, one after the other
+    "changed",  # 1 where a contact of these segments, a vector of them, has changed what it does
     "rest",  # chamber lengths (2), tangent (3), director (3), points (24)
     "point_in",  # inputs of the point's kernels; begins inside rest
     "point_rows",  # the same memory with the lanes of segments, row 8 r + slot
@@ -149,6 +152,7 @@ ARRAYS = (
     "after_out",  # slip (2), stored energy, terms of the ledger
     "joint_in",
     "joint_out",
+    "joint_blocks",
     "kinks",
     "y_start",
     "point_mass",  # (8, S) [kg]
@@ -199,6 +203,8 @@ ARRAYS = (
     SEGMENT_IN,
     POINT_OUT,
     SEGMENT_OUT,
+    SEGMENT_BLOCKS,
+    CHANGED,
     REST,
     POINT_IN,
     POINT_ROWS,
@@ -209,6 +215,7 @@ ARRAYS = (
     AFTER_OUT,
     JOINT_IN,
     JOINT_OUT,
+    JOINT_BLOCKS,
     KINKS,
     Y_START,
     POINT_MASS,
@@ -325,7 +332,9 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
         "factor": (size + B, WIDTH),
         "segment_in": (segment.LAYOUT.rows, lanes),
         "point_out": (14, p),  # what comes behind segment_in stands where it was allocated
-        "segment_out": (73, lanes),
+        "segment_out": (1 + segment.COORDINATES + segment.COORDINATES**2, lanes),
+        "segment_blocks": (lanes, segment.COORDINATES**2),
+        "changed": (1, lanes // vectors.WIDTH),
         "rest": (8 + 3 * POINTS, lanes),
         "point_in": (point.LAYOUT.rows, p),
         "point_rows": (point.LAYOUT.rows * POINTS, lanes),
@@ -335,7 +344,8 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
         "yielding_out": (8, p),
         "after_out": (3 + len(point.LEDGER_TERMS), p),
         "joint_in": (joint.LAYOUT.rows, joint_lanes),
-        "joint_out": (105, joint_lanes),
+        "joint_out": (1 + joint.COORDINATES + joint.COORDINATES * joint.ROW, joint_lanes),
+        "joint_blocks": (joint_lanes, joint.COORDINATES * joint.ROW),
         "kinks": (1, p),
         "y_start": (3, p),
         "point_mass": (POINTS, lanes),

@@ -10,15 +10,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import vectors
 from worm3d.banded import B, cholesky_solve, lu_factor, lu_solve
 from worm3d.compiled import inner
 from worm3d.kernels import point
 from worm3d.solver import arrays as a
 from worm3d.solver import regimes
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import combine, copy, fill, matrix, rows, total, vector
+from worm3d.solver.block import address, combine, copy, fill, matrix, rows, total, vector
 from worm3d.solver.entry import call, count, kernel, opened
-from worm3d.solver.evaluate import LOAD, NONE, WHOLE, WITH_KEPT_JOINTS, evaluate, hold
+from worm3d.solver.evaluate import LOAD, LOCAL, NONE, WHOLE, WITH_KEPT_JOINTS, evaluate, hold
 from worm3d.solver.regimes import Y
 
 FloatArray = NDArray[np.float64]
@@ -40,6 +41,8 @@ CURVATURE = 10.0
 """A step of size s moves a contact point otherwise than to first order by s^2 times this over the segment length."""
 DOUBT = 2.0
 """By which that error is taken to be larger each time that contacts have changed their regime."""
+SETTLED = 1e-5
+SEGMENTS_KEPT = 1e-3
 JOINTS_KEPT = 1e-2
 """The joints' part of the Jacobian is kept until x has moved by this fraction of the segment length."""
 FOLLOWED = 2e-15
@@ -109,45 +112,87 @@ def _follow(core: Core) -> bool:
     There is no potential to descend: it gives up where regimes go on changing or it does not come closer.
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
+    before = vector(core.block, a.TRIAL)
     length, l0 = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.L0]
-    size, renew, fresh, changes, doubt, moved = np.inf, True, 0, 0, 1.0, np.inf
+    size, hessian, fresh, changes, doubt = np.inf, WHOLE, 0, 0, 1.0
+    since_joints, since_all, local, taken = 0.0, 0.0, False, False
     for _ in range(MAX_FOLLOW):
-        hessian = (WHOLE if moved > JOINTS_KEPT * l0 else WITH_KEPT_JOINTS) if renew else NONE
-        fresh, moved = fresh + 1 if renew else 0, 0.0 if hessian == WHOLE else moved
         previous, size = size, _newton_step(core, hessian)
         if not size <= 0.1 * length:
             return False
+        if hessian == NONE and taken:
+            size *= _secant(step, before)
+        if hessian == WHOLE:
+            since_joints = 0.0
+        if hessian in (WHOLE, WITH_KEPT_JOINTS):
+            fresh, since_all = fresh + 1, 0.0
+        else:
+            fresh = 0
         regimes.look_ahead(core, step)
         error = doubt * CURVATURE * size * size / l0
         lands = regimes.lands(core, error)
         changed, turned = regimes.change(core, error, lands)
+        freed = not (changed or lands) and size < SETTLED * l0 and regimes.free(core)
         if changed:
             changes += 1
             doubt *= DOUBT
             if changes > MAX_CHANGES:
                 return False
+        elif freed:
+            count(core, 2)
         elif size < FOLLOWED * length or (fresh > 1 and size < STAGNATION * length and size > 0.5 * previous):
             return True
-        renew = changed or turned or size > CONTRACTION * previous
+        taken = not lands
         if not lands:
+            copy(before, step)
             combine(x, 1.0, x, -1.0, step)
-            moved += size
+            since_joints += size
+            since_all += size
+        slow = size > CONTRACTION * previous
+        if since_joints > JOINTS_KEPT * l0:
+            hessian = WHOLE
+        elif since_all > SEGMENTS_KEPT * l0 or (slow and not local):
+            hessian = WITH_KEPT_JOINTS
+        else:
+            hessian = LOCAL if changed or freed or turned else NONE
+        local = hessian == LOCAL
     return False
 
 
 @inner
 def _newton_step(core: Core, hessian: int) -> float:
     """Put Newton's step into "direction"; return its size, infinite where there is none."""
+    begin = _first_changed(core) if hessian == LOCAL else 0
     if not np.isfinite(evaluate(core, a.X, True, hessian)):
         return np.inf
     hold(core, hessian != NONE)
     factor, step = matrix(core.block, a.FACTOR), vector(core.block, a.DIRECTION)
     copy(step, vector(core.block, a.GRADIENT))
     if hessian != NONE:
-        copy(vector(core.block, a.FACTOR), vector(core.block, a.BAND))
-        lu_factor(factor, vector(core.block, a.PIVOTS))
+        left = factor.size - begin * factor.shape[1]
+        vectors.move(address(core.block, a.FACTOR, begin), address(core.block, a.BAND, begin), left)
+        lu_factor(factor, vector(core.block, a.PIVOTS), begin)
     lu_solve(factor, step, vector(core.block, a.PADDED))
     return float(_size(core, step))
+
+
+@inner
+def _secant(step: FloatArray, before: FloatArray) -> float:
+    """Scale a step with a kept Jacobian by what the step before has shown of it (Broyden); return the factor."""
+    ratio = np.dot(before, step) / np.dot(before, before)
+    factor = 1.0 / (1.0 - ratio) if abs(ratio) < CONTRACTION else 1.0
+    combine(step, factor, step, 0.0, step)
+    return factor
+
+
+@inner
+def _first_changed(core: Core) -> int:
+    """Return the first row of the band that the contacts' changes concern."""
+    changed = vector(core.block, a.CHANGED)
+    for k in range(len(changed)):
+        if changed[k] != 0.0:
+            return BLOCK * vectors.WIDTH * k
+    return 0
 
 
 @inner
@@ -191,7 +236,7 @@ def _descent_direction(core: Core) -> bool:
         if k % BLOCK < 3:
             scale = max(scale, abs(band[k, B]))
     while shift < 1e6 * scale:
-        copy(vector(core.block, a.FACTOR), vector(core.block, a.BAND))
+        vectors.move(address(core.block, a.FACTOR, 0), address(core.block, a.BAND, 0), factor.size)
         if shift > 0.0:
             for k in range(len(direction)):
                 factor[k, B] += shift * (square if k % BLOCK > 2 else 1.0)

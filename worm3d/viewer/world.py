@@ -181,6 +181,40 @@ def _split(mesh: WorldMesh, dark: NDArray[np.bool_], colour: Colour) -> tuple[Wo
     )
 
 
+def mesh(
+    vertices: FloatArray, faces: NDArray[np.int64], *, colour: Colour = GROUND, opacity: float = 1.0, most: int = 50_000
+) -> WorldMesh:
+    """Return triangles as they are, or, of more than `most`, about as many: near vertices become one, their mean.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (V, 3)
+        [m].
+    faces : ndarray, shape (F, 3)
+        Rows of `vertices`.
+    """
+    vertices, faces = np.asarray(vertices, dtype=float), np.asarray(faces)
+    cell = float(np.ptp(vertices, axis=0).max()) / np.sqrt(max(most, 1))
+    thinned = vertices, faces
+    while len(thinned[1]) > most:
+        thinned = _clustered(vertices, faces, cell)
+        cell *= 1.25
+    return WorldMesh("mesh", *thinned, colour, opacity)
+
+
+def _clustered(vertices: FloatArray, faces: NDArray[np.int64], cell: float) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return a mesh in which the vertices in each cubic cell are one, without the faces that have lost their area."""
+    places = np.floor((vertices - vertices.min(axis=0)) / cell).astype(np.int64)
+    _, cluster, count = np.unique(places, axis=0, return_inverse=True, return_counts=True)
+    means = np.zeros((len(count), 3))
+    np.add.at(means, cluster.ravel(), vertices)
+    joined = cluster.ravel()[faces]
+    a, b, c = joined.T
+    kept = joined[(a != b) & (b != c) & (c != a)]
+    turned = np.take_along_axis(kept, (kept.argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)  # each face once
+    return means / count[:, None], np.unique(turned, axis=0).astype(np.int64)
+
+
 def heightfield(
     x: FloatArray, y: FloatArray, z: FloatArray, *, colour: Colour = GROUND, opacity: float = 1.0
 ) -> WorldMesh:

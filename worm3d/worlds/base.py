@@ -42,7 +42,11 @@ class WorldKernel:
 
 @runtime_checkable
 class World(Protocol):
-    """Something to crawl on or in."""
+    """Something to crawl on or in.
+
+    A world may have an attribute `uneven`: True where a worm without friction could slide away under `pressing`. There
+    it is brought to rest with contacts that stick.
+    """
 
     def kernel(self) -> WorldKernel:
         """Return the compiled world."""
@@ -72,5 +76,6 @@ class World(Protocol):
         Returns
         -------
         ndarray, shape (N+1, 3)
-        ndarray, shape (3,)
+        ndarray, shape (3,) or (N, 3)
+            One for all segments, or one each.
         """

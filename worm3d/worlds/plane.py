@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.codegen import Kernel, compile_kernel
 from worm3d.worlds.base import WorldKernel
+from worm3d.worlds.symbolic import compiled
 
 FloatArray = NDArray[np.float64]
 
@@ -72,13 +72,16 @@ class Plane:
         left = np.array([-turn[1], turn[0], 0.0])
         return np.array([ascent, left, np.cross(ascent, left)])
 
-    def kernel(self) -> WorldKernel:
-        """Return the compiled world."""
+    def symbolic(self) -> tuple[ca.Function, FloatArray]:
+        """Return the world's rows as a function of a point and parameters, and the parameters."""
         largest = np.finfo(float).max  # stands for infinity
         rectangles = [np.clip([*p.along, *p.across], -largest, largest) for p in self.patches]
         patches = [np.append(rectangle, p.grip) for rectangle, p in zip(rectangles, self.patches, strict=True)]
-        kernel = _kernel(len(self.patches))
-        return WorldKernel(kernel.address, np.concatenate([self.axes.ravel(), *patches]), kernel)
+        return _function(len(self.patches)), np.concatenate([self.axes.ravel(), *patches])
+
+    def kernel(self) -> WorldKernel:
+        """Return the compiled world."""
+        return compiled(*self.symbolic())
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
@@ -107,7 +110,7 @@ class Plane:
 
 
 @cache
-def _kernel(patches: int) -> Kernel:
+def _function(patches: int) -> ca.Function:
     x, axes = ca.SX.sym("x", 3), ca.SX.sym("axes", 9)
     areas = ca.SX.sym("areas", 5 * patches)
     u, v, n = axes[0:3], axes[3:6], axes[6:9]
@@ -117,7 +120,7 @@ def _kernel(patches: int) -> Kernel:
         inside = _between(ca.dot(u, x), a[0], a[1]) * _between(ca.dot(v, x), a[2], a[3])
         grip = ca.if_else(inside, a[4], grip)
     rows = ca.vertcat(ca.dot(n, x), n, ca.SX.zeros(6), grip)
-    return compile_kernel(ca.Function("plane", [x, axes, areas], [ca.densify(rows)]))
+    return ca.Function("plane", [x, ca.vertcat(axes, areas)], [ca.densify(rows)])
 
 
 def _between(value: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:

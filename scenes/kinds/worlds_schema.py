@@ -1,0 +1,28 @@
+"""The section [world]: what the worm crawls on; the keys of each kind stand in a file of their own.
+
+A further kind is a further word of `kind`, a class of its keys (with `only`), and its builder in `worlds_build.WORLDS`.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from scenes.kinds.world_pipe_schema import PipeKeys
+from scenes.kinds.world_plane_schema import PLANE, ClampedKeys, PlaneKeys
+from scenes.schema import Section, setting
+
+
+class KindOfWorld(Section):
+    """Which kind of world it is."""
+
+    kind: Literal["plane", "pipe", "slope_into_pipe", "clamped", "none"] = setting(
+        PLANE,
+        title="plane, the inside of a pipe, or a slope that leads into one: the worm touches it; clamped: the paper's "
+        "ground holds the joints' heights; none: nothing there",
+        aka=("type",),
+    )
+
+
+# The last class comes first in a written scene.
+class World(ClampedKeys, PipeKeys, PlaneKeys, KindOfWorld):
+    """What the worm crawls on."""

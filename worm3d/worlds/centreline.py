@@ -1,0 +1,244 @@
+"""Centre lines of pipes: chains of straight pieces and circular arcs without kinks, straight on beyond both ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from worm3d.worlds import biarc
+
+FloatArray = NDArray[np.float64]
+Side = Literal["left", "right", "up", "down"]
+
+LONGEST_ARC = np.pi / 2.0
+"""Longer arcs are kept in equal parts: the nearest point is looked for between the normal planes at a piece's ends."""
+
+KINK = 1e-9
+"""Two pieces meet if positions (in metres) and tangents differ by no more than this."""
+
+
+@dataclass(frozen=True)
+class Straight:
+    """A straight piece of a pipe; `length` in m."""
+
+    length: float
+
+    def __post_init__(self) -> None:
+        _require_positive("length", self.length, "m")
+
+
+@dataclass(frozen=True)
+class Bend:
+    """A circular arc.
+
+    Attributes
+    ----------
+    angle : float
+        By how much the pipe turns [rad].
+    radius : float
+        Of the centre line [m].
+    towards : str
+        "left", "right", "up" or "down", as one sees it looking along the pipe.
+    """
+
+    angle: float
+    radius: float
+    towards: Side = "left"
+
+    def __post_init__(self) -> None:
+        _require_positive("angle", self.angle, "rad")
+        _require_positive("radius", self.radius, "m")
+        if self.towards not in get_args(Side):
+            raise ValueError(f"towards: got {self.towards!r}, must be one of {', '.join(map(repr, get_args(Side)))}")
+
+
+@dataclass(frozen=True, eq=False)
+class Centreline:
+    """The pieces of a centre line, each of constant curvature; frozen, with read-only arrays.
+
+    Made by `of` (straight pieces and bends) or `through` (points). Distances along it count from its start.
+
+    Attributes
+    ----------
+    start, tangent, normal : ndarray, shape (M, 3)
+        Where each piece begins [m], its direction there, and the unit vector towards the centre of the arc (any normal
+        vector of a straight piece).
+    curvature : ndarray, shape (M,)
+        0 for a straight piece [1/m].
+    length : ndarray, shape (M,)
+        [m]
+
+    Raises
+    ------
+    ValueError
+        Arrays of the wrong shape, pieces without length, or pieces that do not meet without a kink.
+    """
+
+    start: FloatArray
+    tangent: FloatArray
+    normal: FloatArray
+    curvature: FloatArray
+    length: FloatArray
+
+    def __post_init__(self) -> None:
+        m = len(np.atleast_1d(self.length))
+        for name, shape in (
+            *((name, (m, 3)) for name in ("start", "tangent", "normal")),
+            *((name, (m,)) for name in ("curvature", "length")),
+        ):
+            array = np.array(getattr(self, name), dtype=float)
+            if array.shape != shape or m == 0 or not np.isfinite(array).all():
+                raise ValueError(f"{name}: got shape {array.shape}, must be finite and {shape} with at least one piece")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        if not ((self.length > 0.0).all() and (self.curvature >= 0.0).all()):
+            raise ValueError("length, curvature: every piece must have a length above 0 and a curvature of at least 0")
+        self._require_smooth()
+
+    def _require_smooth(self) -> None:
+        ends, tangents = self._run(np.arange(len(self.length)), self.length)
+        gap = np.linalg.norm(ends[:-1] - self.start[1:], axis=1)
+        kink = np.linalg.norm(tangents[:-1] - self.tangent[1:], axis=1)
+        if len(gap) and max(gap.max(), kink.max()) > KINK:
+            k = int(np.argmax(np.maximum(gap, kink)))
+            raise ValueError(f"centreline: pieces {k} and {k + 1} do not meet without a kink; put a bend between them")
+
+    @classmethod
+    def of(
+        cls,
+        pieces: Sequence[Straight | Bend],
+        start: ArrayLike = (0.0, 0.0, 0.0),
+        heading: float = 0.0,
+        tilt: float = 0.0,
+    ) -> Centreline:
+        """Return the centre line made of straight pieces and bends.
+
+        Parameters
+        ----------
+        pieces : sequence of Straight and Bend
+        start : array_like, shape (3,)
+            Where it begins [m].
+        heading : float
+            Azimuth of its first piece [rad].
+        tilt : float
+            Angle of its first piece with the horizontal; pi/2 goes straight up [rad].
+        """
+        at = np.array(start, dtype=float)
+        if at.shape != (3,) or not np.isfinite([*at, heading, tilt]).all():
+            raise ValueError(f"start, heading, tilt: got {start!r}, {heading!r}, {tilt!r}, must be finite: x, y, z")
+        if not pieces:
+            raise ValueError("pieces: got none, must be at least one Straight or Bend")
+        level = np.array([-np.sin(heading), np.cos(heading), 0.0])
+        ahead = np.cos(tilt) * np.array([np.cos(heading), np.sin(heading), 0.0]) + [0.0, 0.0, np.sin(tilt)]
+        rows: list[tuple[FloatArray, FloatArray, FloatArray, float, float]] = []
+        frame = np.array([ahead, level, np.cross(ahead, level)])
+        for piece in pieces:
+            count = 1 if isinstance(piece, Straight) else int(np.ceil(piece.angle / LONGEST_ARC - 1e-9))
+            for _ in range(count):
+                at, frame = _append(rows, piece, count, at, frame)
+        return cls(*map(np.array, zip(*rows, strict=True)))
+
+    @classmethod
+    def through(cls, points: ArrayLike, spans: int = 8) -> Centreline:
+        """Return a smooth centre line through points: a cubic spline, replaced by pairs of arcs (biarcs).
+
+        It passes through the points and, between them, follows the spline at `spans` - 1 further places with its
+        tangents; distances are those to the arcs. Two points give a straight line.
+
+        Parameters
+        ----------
+        points : array_like, shape (P, 3)
+            At least two, each apart from the next [m].
+        spans : int
+            Pairs of arcs between two points.
+
+        Raises
+        ------
+        ValueError
+            Fewer points, or points that coincide.
+        """
+        given = np.array(points, dtype=float)
+        if given.ndim != 2 or given.shape[1] != 3 or len(given) < 2 or not np.isfinite(given).all():
+            raise ValueError(f"points: got shape {given.shape}, must be finite and (P, 3) with P of at least 2")
+        if isinstance(spans, bool) or not isinstance(spans, int) or spans < 1:
+            raise ValueError(f"spans: got {spans!r}, must be a whole number of at least 1")
+        if not (np.linalg.norm(np.diff(given, axis=0), axis=1) > 0.0).all():
+            raise ValueError("points: two that follow each other coincide; leave one of them out")
+        return cls(*biarc.pieces(*biarc.samples(given, spans), LONGEST_ARC))
+
+    @property
+    def ends(self) -> FloatArray:
+        """Distance of the end of each piece from the start, along the line, shape (M,) [m]."""
+        total: FloatArray = np.cumsum(self.length)
+        return total
+
+    @property
+    def total(self) -> float:
+        """Length of the line [m]."""
+        return float(self.ends[-1])
+
+    @property
+    def straight(self) -> bool:
+        """Whether there is no bend."""
+        return not bool(self.curvature.any())
+
+    @property
+    def mirrored(self) -> Centreline:
+        """The same line from its other end."""
+        ends, tangents = self._run(np.arange(len(self.length)), self.length)
+        turn = (self.curvature * self.length)[:, None]
+        normal = np.cos(turn) * self.normal - np.sin(turn) * self.tangent
+        arrays = (ends, -tangents, normal, self.curvature, self.length)
+        return Centreline(*(array[::-1] for array in arrays))
+
+    def at(self, along: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return points and unit tangents at distances of shape (...) from the start [m], each of shape (..., 3)."""
+        s = np.asarray(along, dtype=float)
+        begins = self.ends - self.length
+        k = np.clip(np.searchsorted(begins, s, side="right") - 1, 0, len(begins) - 1)
+        inside = np.clip(s, 0.0, self.total)
+        points, tangents = self._run(k, inside - begins[k])
+        return points + (s - inside)[..., None] * tangents, tangents
+
+    def _run(self, k: NDArray[np.int64], way: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return points and tangents after a way on piece k."""
+        kappa = self.curvature[k]
+        turn = kappa * way
+        bent = kappa > 0.0
+        safe = np.where(bent, kappa, 1.0)
+        ahead = np.where(bent, np.sin(turn) / safe, way)[..., None]
+        aside = np.where(bent, (1.0 - np.cos(turn)) / safe, 0.0)[..., None]
+        points: FloatArray = self.start[k] + ahead * self.tangent[k] + aside * self.normal[k]
+        tangents: FloatArray = np.cos(turn)[..., None] * self.tangent[k] + np.sin(turn)[..., None] * self.normal[k]
+        return points, tangents
+
+
+def _append(
+    rows: list[tuple[FloatArray, FloatArray, FloatArray, float, float]],
+    piece: Straight | Bend,
+    count: int,
+    at: FloatArray,
+    frame: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Add a piece, or one of the equal parts of a bend; return where it ends and the frame (ahead, left, up) there."""
+    t, left, up = frame
+    if isinstance(piece, Straight):
+        rows.append((at, t, left, 0.0, piece.length))
+        return at + piece.length * t, frame
+    n = {"left": left, "right": -left, "up": up, "down": -up}[piece.towards]
+    turn = piece.angle / count
+    rows.append((at, t, n, 1.0 / piece.radius, turn * piece.radius))
+    end = at + piece.radius * (np.sin(turn) * t + (1.0 - np.cos(turn)) * n)
+    axis = np.cross(t, n)
+    return end, np.array(
+        [v * np.cos(turn) + np.cross(axis, v) * np.sin(turn) + axis * (axis @ v) * (1 - np.cos(turn)) for v in frame]
+    )
+
+
+def _require_positive(name: str, value: float, unit: str) -> None:
+    if not (np.isfinite(value) and value > 0.0):
+        raise ValueError(f"{name}: got {value!r} {unit}, must be finite and above 0")

@@ -1,0 +1,210 @@
+"""The inside of a pipe: straight or bent, at any tilt, wide or narrow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from worm3d.worlds import placing
+from worm3d.worlds.base import WorldKernel
+from worm3d.worlds.centreline import Centreline
+from worm3d.worlds.pipe_kernel import pipe, place
+from worm3d.worlds.plane import Patch
+from worm3d.worlds.profile import Profile
+from worm3d.worlds.symbolic import compiled, distances
+
+FloatArray = NDArray[np.float64]
+
+BENT = 1e-9
+"""Slack in comparing places along the pipe [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pipe:
+    """The inside of a pipe; gravity stays -z.
+
+    Where the radius is constant, and where it changes, the distance to the wall is exact, in bends too; the radius may
+    change on straight pieces only. (Within a bend but nearer to a change of radius than to the wall beside it, the
+    distance is that in the pipe's own coordinates. A point there touches nothing.) A pipe that comes back upon itself
+    is open there: of several places of the centre line the nearest counts.
+
+    Attributes
+    ----------
+    centreline : Centreline or array_like, shape (P, 3)
+        Its centre line, or points for `Centreline.through` [m]. Beyond its ends it goes straight on.
+    radius : float or Profile
+        Inner radius [m], less than that of any bend of the centre line.
+    patches : tuple of Patch
+        Stretches with another friction, `along` the centre line; where they overlap, the last one counts.
+    start_wall, end_wall : bool
+        Whether a flat wall closes the pipe where its centre line starts and ends; the piece there has to be straight
+        and as long as the pipe is wide.
+
+    Raises
+    ------
+    ValueError
+        A radius that is not above 0 or too large for a bend, a change of radius in a bend, patches with an `across`,
+        or a wall across a bend.
+    """
+
+    centreline: Centreline
+    radius: float | Profile
+    patches: tuple[Patch, ...]
+    start_wall: bool
+    end_wall: bool
+
+    def __init__(
+        self,
+        centreline: Centreline | ArrayLike,
+        radius: float | Profile,
+        patches: tuple[Patch, ...] = (),
+        start_wall: bool = False,
+        end_wall: bool = False,
+    ) -> None:
+        line = centreline if isinstance(centreline, Centreline) else Centreline.through(centreline)
+        fields = {"centreline": line, "radius": radius, "patches": tuple(patches)}
+        for name, value in {**fields, "start_wall": start_wall, "end_wall": end_wall}.items():
+            object.__setattr__(self, name, value)
+        if not (isinstance(radius, Profile) or (np.isfinite(radius) and radius > 0.0)):
+            raise ValueError(f"radius: got {radius!r} m, must be finite and above 0, or a Profile")
+        if any(np.isfinite(patch.across).any() for patch in self.patches):
+            raise ValueError("patches: got an `across`; in a pipe a patch goes all the way round, give `along` only")
+        self._require_room_in_bends()
+        self._require_straight_ends()
+
+    def _require_room_in_bends(self) -> None:
+        line, begins = self.centreline, self.centreline.ends - self.centreline.length
+        for begin, end, curvature in zip(begins, line.ends, line.curvature, strict=True):
+            widest = float(self.radius_at(np.linspace(begin, end, 2)).max())
+            if curvature * widest >= 1.0:
+                raise ValueError(
+                    f"radius: got {widest:g} m in a bend of {1.0 / curvature:g} m at {begin:g} m along the pipe, must "
+                    "be below the bend's radius"
+                )
+            for low, high in self.profile.changes if curvature > 0.0 else ():
+                if low < end - BENT and high > begin + BENT:
+                    raise ValueError(
+                        f"radius: changes from {low:g} to {high:g} m along the pipe, where it bends ({begin:g} to "
+                        f"{end:g} m); move the change to a straight piece"
+                    )
+
+    def _require_straight_ends(self) -> None:
+        line = self.centreline
+        for name, closed, k, s in (
+            ("start_wall", self.start_wall, 0, 0.0),
+            ("end_wall", self.end_wall, -1, line.total),
+        ):
+            if closed and (line.curvature[k] > 0.0 or line.length[k] < 2.0 * self.radius_at(s)):
+                wide = 2.0 * self.radius_at(s)
+                raise ValueError(
+                    f"{name}: the pipe must be straight there for at least its diameter, {wide:g} m; add a Straight"
+                )
+
+    @property
+    def profile(self) -> Profile:
+        """Its radius along the centre line."""
+        return self.radius if isinstance(self.radius, Profile) else Profile([0.0], [self.radius])
+
+    @property
+    def uneven(self) -> bool:
+        """Whether a worm without friction would slide away though `pressing` is all that acts on it."""
+        return not (self.centreline.straight and self.profile.constant)
+
+    def radius_at(self, along: ArrayLike) -> FloatArray:
+        """Return the radius at distances of shape (...) along the centre line, shape (...) [m]."""
+        return self.profile.at(along)
+
+    def symbolic(self) -> tuple[ca.Function, FloatArray]:
+        """Return the world's rows as a function of a point and parameters, and the parameters."""
+        line = self._pieces()
+        constant = self.profile.constant
+        wall = self.profile.pieces()[:1] if constant else self.profile.pieces()
+        largest = np.finfo(float).max  # stands for infinity
+        grips = [[*np.clip(patch.along, -largest, largest), patch.grip] for patch in self.patches]
+        function = pipe(_bent(line[:, 10]), _bent(wall[:, 4]), len(grips), bool(self.start_wall), bool(self.end_wall))
+        ends = [0.0, self.centreline.total]
+        return function, np.concatenate([line.ravel(), wall.ravel(), ends, np.ravel(grips)])
+
+    def _pieces(self) -> FloatArray:
+        """Return the chain of the centre line with its straight ends, shape (K, 11)."""
+        line = self.centreline
+        begins = line.ends - line.length
+        table = np.column_stack([line.start, line.tangent, line.normal, begins, line.curvature])
+        if line.curvature[0] > 0.0:
+            first = table[0].copy()
+            first[10] = 0.0
+            table = np.vstack([first, table])
+        if line.curvature[-1] > 0.0:
+            (end, tangent), last = line.at(line.total), table[-1].copy()
+            last[:3], last[3:6], last[9], last[10] = end, tangent, line.total, 0.0
+            last[6:9] = placing.normal_to(tangent)
+            table = np.vstack([table, last])
+        return table
+
+    def kernel(self) -> WorldKernel:
+        """Return the compiled world."""
+        return compiled(*self.symbolic())
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Return the signed distance of points of shape (..., 3), positive inside the pipe, shape (...,) [m]."""
+        return distances(self.kernel(), points)
+
+    def along(self, points: FloatArray) -> FloatArray:
+        """Return how far along the centre line the places nearest to points of shape (..., 3) are, shape (...,) [m]."""
+        flat = np.asarray(points, dtype=float).reshape(-1, 3)
+        table = self._pieces()
+        found = np.array(place(_bent(table[:, 10])).map(len(flat))(flat.T, np.tile(table.reshape(-1, 1), len(flat))))
+        return found.reshape(np.shape(points)[:-1])
+
+    def pressing(self, gravity: FloatArray) -> FloatArray:
+        """Return gravity without its part along the pipe where that is straight, else gravity, shape (3,) [m/s^2]."""
+        if self.uneven:
+            return np.array(gravity, dtype=float)
+        t = self.centreline.tangent[0]
+        pressing: FloatArray = gravity - (gravity @ t) * t
+        small = float(np.linalg.norm(pressing)) <= 1e-12 * float(np.linalg.norm(gravity))
+        return np.zeros(3) if small else pressing
+
+    def placed(
+        self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return joints of a worm that follows the pipe, and its directors to the left.
+
+        It lies on the bottom, or on the centre line where it is on a stretch steeper than `placing.STEEP`.
+
+        Parameters
+        ----------
+        along, clearance
+            As in `World.placed`.
+        position : ndarray, shape (2,)
+            How far along the centre line the tail is, and 0 [m].
+        azimuth : float
+            0: the head looks along the pipe; pi: back [rad].
+
+        Returns
+        -------
+        ndarray, shape (N+1, 3)
+        ndarray, shape (N, 3)
+
+        Raises
+        ------
+        ValueError
+            Another position or azimuth, or a clearance greater than the radius.
+        """
+        if position[1] != 0.0:
+            raise ValueError(
+                f"position: got {position.tolist()!r} m, must be (how far along the pipe the tail is, 0) in a pipe"
+            )
+        turned = np.cos(azimuth)
+        if abs(turned) < 1.0 - 1e-9:
+            raise ValueError(f"azimuth: got {azimuth!r} rad, must be 0 (along the pipe) or pi (back) in a pipe")
+        return placing.in_pipe(
+            self.centreline, self.radius_at, float(np.sign(turned)) * along, float(position[0]), clearance
+        )
+
+
+def _bent(curvature: FloatArray) -> tuple[bool, ...]:
+    return tuple(bool(each) for each in curvature != 0.0)

@@ -1,0 +1,163 @@
+"""Signed distance of a pipe's wall, its gradient and curvature, symbolic.
+
+With s along the centre line, d from it, T its tangent there and e the unit vector from it to the point (`chain`), the
+wall is the chain rho = R(s) in the half-plane (s, rho), and `chain` gives the distance y from it, positive inside the
+wall, with its outward normal (N_s, N_rho) and the curvature kappa_w, w_w of the wall's piece:
+
+    g = -y,   n = -(N_s T + N_rho e)                                                                           (W5)
+
+which is R - d and -e where the radius is constant. The Hessian, in the directions c = T x e around the pipe,
+m = N_rho T - N_s e along the wall, and T along the bend:
+
+    H = -(N_rho/d) c c^T + min(0, kappa_w/w_w) m m^T + min(0, n.O kappa/w) T T^T                              (W6)
+
+The cut parts, those of walls that bulge towards the worm, would make Newton's matrix indefinite; they are left out.
+
+A wall across the pipe at its end is at the distance f = s_end - s. In the corner of both the distance is
+-sqrt(g^2 + f^2) where both are negative, else the smaller of the two: exact where the pipe's end is straight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import casadi as ca
+
+from worm3d.worlds import chain
+from worm3d.worlds.chain import Local
+
+Bends = tuple[bool, ...]
+
+PIECE = 11
+"""Numbers of a piece of the centre line: p (3), t (3), n (3), s, kappa."""
+
+WALL = 5
+"""Numbers of a piece of the wall: s, rho, cosine and sine of its direction, kappa."""
+
+GRIP = 3
+"""Numbers of a stretch with another friction: from, to, multiplier."""
+
+ON_AXIS = 1e-30
+"""Square of the distance below which a point on the centre line has no direction to the wall [m^2]."""
+
+
+class Surface(NamedTuple):
+    """Signed distance, its gradient (3) and Hessian (3, 3)."""
+
+    g: ca.SX
+    n: ca.SX
+    H: ca.SX
+
+
+class _Chain(NamedTuple):
+    """Numbers of the pieces, a column each with the curvature last, and which are arcs."""
+
+    rows: ca.SX
+    bent: Bends
+
+    def nearest(self, local: Callable[[ca.SX, ca.SX], Local], at: ca.SX) -> ca.SX:
+        """Return the numbers of the piece nearest to a place."""
+        columns = ca.horzsplit(self.rows)
+        each = (local(at, column) for column in columns)
+        known = [c if bent else c._replace(kappa=ca.SX(0.0)) for c, bent in zip(each, self.bent, strict=True)]
+        found = chain.nearest(known, columns)
+        return found if any(self.bent) else ca.vertcat(found[:-1], 0.0)
+
+
+class _Tube(NamedTuple):
+    surface: Surface
+    s: ca.SX
+    tangent: ca.SX
+
+
+@cache
+def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca.Function:
+    """Return the rows of a world for a point and the parameters of a pipe.
+
+    Parameters
+    ----------
+    bent, bent_walls : tuple of bool
+        Which pieces of the centre line, and of the wall, are arcs; one straight wall is a constant radius. The first
+        and the last go on for ever.
+    stretches : int
+        With another friction.
+    at_start, at_end : bool
+        Whether there are walls across the ends.
+    """
+    x, rows = ca.SX.sym("x", 3), ca.SX.sym("pieces", PIECE, len(bent))
+    wall, grips = ca.SX.sym("wall", WALL, len(bent_walls)), ca.SX.sym("grips", GRIP, stretches)
+    ends = ca.SX.sym("ends", 2)
+    tube = _tube(x, _Chain(rows, bent), _Chain(wall, bent_walls))
+    surface = tube.surface
+    if at_start:
+        surface = _closed(surface, Surface(tube.s - ends[0], tube.tangent, ca.SX.zeros(3, 3)))
+    if at_end:
+        surface = _closed(surface, Surface(ends[1] - tube.s, -tube.tangent, ca.SX.zeros(3, 3)))
+    grip = ca.SX(1.0)
+    for k in range(stretches):
+        inside = ca.logic_and(tube.s >= grips[0, k], tube.s < grips[1, k])
+        grip = ca.if_else(inside, grips[2, k], grip)
+    H = surface.H
+    upper = ca.vertcat(H[0, 0], H[0, 1], H[0, 2], H[1, 1], H[1, 2], H[2, 2])
+    out = ca.densify(ca.vertcat(surface.g, surface.n, upper, grip))
+    return ca.Function("pipe", [x, ca.vertcat(ca.vec(rows), ca.vec(wall), ends, ca.vec(grips))], [out])
+
+
+@cache
+def place(bent: Bends) -> ca.Function:
+    """Return the distance along a centre line (second input, the numbers of its pieces) nearest to a point."""
+    x, rows = ca.SX.sym("x", 3), ca.SX.sym("pieces", PIECE, len(bent))
+    piece = _Chain(rows, bent).nearest(_local, x)
+    return ca.Function("place", [x, ca.vec(rows)], [piece[9] + chain.way(_local(x, piece))])
+
+
+def _tube(x: ca.SX, line: _Chain, wall: _Chain) -> _Tube:
+    piece = line.nearest(_local, x)
+    c, t, n = _local(x, piece), piece[3:6], piece[6:9]
+    T, outward = chain.tangent_and_outward(c, t, n)
+    away = chain.excess(c) * outward + c.Z * ca.cross(t, n)
+    d = ca.sqrt(ca.sumsqr(away) + ON_AXIS)
+    e, s = away / d, piece[9] + chain.way(c)
+    y, N, bulge = _wall(ca.vertcat(s, d), wall)
+    g, normal = -y, -(N[0] * T + N[1] * e)
+    around, along = ca.cross(T, e), N[1] * T - N[0] * e
+    bent = ca.fmin(0.0, ca.dot(normal, outward) * c.kappa / chain.stretch(c))
+    H = -N[1] / d * around @ around.T + ca.fmin(0.0, bulge) * along @ along.T + bent * T @ T.T
+    return _Tube(Surface(g, normal, H), s, T)
+
+
+def _local(x: ca.SX, piece: ca.SX) -> Local:
+    """Return the coordinates of a point in the frame of a piece of the centre line."""
+    away, t, n = x - piece[0:3], piece[3:6], piece[6:9]
+    return Local(ca.dot(away, t), ca.dot(away, n), ca.dot(away, ca.cross(t, n)), piece[10])
+
+
+def _wall(at: ca.SX, wall: _Chain) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return how deep (s, rho) lies in the wall [m], and the wall's outward normal (s, rho) and curvature there."""
+    if len(wall.bent) == 1:
+        return at[1] - wall.rows[1, 0], ca.SX([0.0, 1.0]), ca.SX(0.0)
+    piece = wall.nearest(_local_of_wall, at)
+    c, t, n = _local_of_wall(at, piece), piece[2:4], ca.vertcat(-piece[3], piece[2])
+    _, outward = chain.tangent_and_outward(c, t, n)
+    return -chain.excess(c), -outward, c.kappa / chain.stretch(c)
+
+
+def _local_of_wall(at: ca.SX, piece: ca.SX) -> Local:
+    away, t = at - piece[0:2], piece[2:4]
+    return Local(ca.dot(away, t), ca.dot(away, ca.vertcat(-t[1], t[0])), ca.SX(0.0), piece[4])
+
+
+def _closed(side: Surface, end: Surface) -> Surface:
+    """Return a surface of which a wall across closes the end."""
+    a, b = ca.fmin(0.0, side.g), ca.fmin(0.0, end.g)
+    deep = ca.sqrt(a**2 + b**2)
+    corner = ca.logic_and(a < 0.0, b < 0.0)
+    across = end.g < side.g
+    safe = ca.if_else(corner, deep, 1.0)
+    share, other = -a / safe, -b / safe
+    g = ca.if_else(corner, -deep, ca.fmin(side.g, end.g))
+    n = ca.if_else(corner, share * side.n + other * end.n, ca.if_else(across, end.n, side.n))
+    H = ca.if_else(corner, share, ca.if_else(across, 0.0, 1.0)) * side.H
+    return Surface(g, n, H)

@@ -1,0 +1,132 @@
+"""Radius of a pipe along its centre line: cylinders and cones with rounded edges between them.
+
+In the half-plane of the distance s along the pipe and the distance rho from its centre line the wall is a chain of
+straight pieces and circular arcs without kinks. The distance to such a chain is exact, and its gradient continuous.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+STRAIGHT = 1e-9
+"""Corners by less than this angle [rad] stay as they are."""
+
+STEEPEST = np.deg2rad(80.0)
+"""Steepest ramp: a step of the radius is a short one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """The wall of a pipe: straight between places, its corners rounded, level before the first and after the last.
+
+    Attributes
+    ----------
+    along, radius : array_like, shape (K,)
+        Places along the centre line, increasing, and the radius there before corners are rounded [m].
+    rounding : float or None
+        Radius of the rounded corners [m], less where there is no room for it; None: as round as there is room, half of
+        the way to the next corner, but no more than ten times the pipe's radius.
+
+    Raises
+    ------
+    ValueError
+        Places that do not increase, a radius or rounding that is not above 0, or a ramp steeper than 80 degrees.
+    """
+
+    along: FloatArray
+    radius: FloatArray
+    rounding: float | None = None
+
+    def __init__(self, along: ArrayLike, radius: ArrayLike, rounding: float | None = None) -> None:
+        for name, value in (("along", along), ("radius", radius)):
+            array = np.array(value, dtype=float)
+            if array.ndim != 1 or len(array) == 0 or not np.isfinite(array).all():
+                raise ValueError(f"{name}: got shape {array.shape}, must be finite and (K,) with K of at least 1")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "rounding", rounding)
+        self._check()
+
+    def _check(self) -> None:
+        if self.along.shape != self.radius.shape or not (np.diff(self.along) > 0.0).all():
+            raise ValueError(
+                f"along, radius: got {self.along.tolist()} and {self.radius.tolist()}, must be as many, "
+                "places increasing"
+            )
+        if not (self.radius > 0.0).all():
+            raise ValueError(f"radius: got {float(self.radius.min())!r} m, must be above 0")
+        if self.rounding is not None and not (np.isfinite(self.rounding) and self.rounding > 0.0):
+            raise ValueError(f"rounding: got {self.rounding!r} m, must be finite and above 0")
+        slopes = np.abs(np.arctan2(np.diff(self.radius), np.diff(self.along)))
+        if len(slopes) and slopes.max() > STEEPEST:
+            at = self.along[int(np.argmax(slopes))]
+            raise ValueError(
+                f"radius: rises or falls by {np.rad2deg(slopes.max()):.3g} degrees at {at:g} m, must be at most 80 "
+                "degrees: make the ramp longer"
+            )
+
+    @property
+    def constant(self) -> bool:
+        """Whether the radius is the same everywhere."""
+        return bool((self.radius == self.radius[0]).all())
+
+    @property
+    def changes(self) -> list[tuple[float, float]]:
+        """From where to where the radius changes [m]."""
+        stretches, begin = [], None
+        for (start, _), (end, _), _, after, _ in self._corners():
+            begin = start if begin is None else begin
+            if after == 0.0:
+                stretches.append((begin, end))
+                begin = None
+        return stretches
+
+    def pieces(self) -> FloatArray:
+        """Return the chain of the wall, shape (E, 5).
+
+        Each row has s and rho where the piece begins [m], cosine and sine of its direction there, and its curvature,
+        positive where the centre of the arc lies in the wall [1/m]. The first piece comes from infinity: its row gives
+        a point on it.
+        """
+        rows = [[float(self.along[0]), float(self.radius[0]), 1.0, 0.0, 0.0]]
+        for begin, end, before, after, size in self._corners():
+            rows.append([*begin, np.cos(before), np.sin(before), np.sign(after - before) / size])
+            rows.append([*end, np.cos(after), np.sin(after), 0.0])
+        return np.array(rows)
+
+    def at(self, along: ArrayLike) -> FloatArray:
+        """Return the radius at distances of shape (...) along the pipe, shape (...) [m]."""
+        s, table = np.asarray(along, dtype=float), self.pieces()
+        k = np.maximum(np.searchsorted(table[1:, 0], s, side="right"), 0)
+        s0, r0, cosine, sine, kappa = np.moveaxis(table[k], -1, 0)
+        safe = np.where(kappa == 0.0, 1.0, kappa)
+        # On an arc sin(direction) = sin(direction_0) + kappa (s - s0), and r = r0 + (cos_0 - cos)/kappa.
+        turned = sine + kappa * (s - s0)
+        level = np.sqrt(np.maximum(1.0 - turned**2, 0.0))
+        radius: FloatArray = np.where(kappa == 0.0, r0 + (s - s0) * sine / cosine, r0 + (cosine - level) / safe)
+        return radius
+
+    def _corners(self) -> list[tuple[tuple[float, float], tuple[float, float], float, float, float]]:
+        """Return where each rounded corner begins and ends (s, rho), the direction before and after, and its radius."""
+        s, r = self.along, self.radius
+        direction = np.concatenate([[0.0], np.arctan2(np.diff(r), np.diff(s)), [0.0]])
+        sides = np.concatenate([[np.inf], np.hypot(np.diff(r), np.diff(s)), [np.inf]])
+        found = []
+        for k in range(len(s)):
+            before, after = float(direction[k]), float(direction[k + 1])
+            turn = abs(after - before)
+            if turn < STRAIGHT:
+                continue
+            room = min(sides[k], sides[k + 1]) / 2.0 / np.tan(turn / 2.0)
+            wanted = 10.0 * float(r.max()) if self.rounding is None else self.rounding
+            size = float(min(room, wanted))
+            arm = size * np.tan(turn / 2.0)
+            begin = (float(s[k] - arm * np.cos(before)), float(r[k] - arm * np.sin(before)))
+            end = (float(s[k] + arm * np.cos(after)), float(r[k] + arm * np.sin(after)))
+            found.append((begin, end, before, after, size))
+        return found

@@ -1,0 +1,128 @@
+"""Several worlds as one: what is free in any of them is free."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.worlds.base import World, WorldKernel
+from worm3d.worlds.centreline import Bend, Centreline, Straight
+from worm3d.worlds.pipe import Pipe
+from worm3d.worlds.plane import Plane
+from worm3d.worlds.profile import Profile
+from worm3d.worlds.symbolic import SymbolicWorld, compiled, distances
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Union:
+    """The union of the free spaces of worlds: a pipe bored into the ground below a plane, pipes that cross.
+
+    The solid is what all of them have in common. The signed distance is the greatest of theirs: inside the solid, where
+    forces arise, it is exact; in free space, near the edges where the worlds meet, it may be less than the distance,
+    and its sign is right everywhere. At such an edge the normal jumps. Where a point touches several worlds, friction
+    is that of the one to which the distance belongs.
+
+    Attributes
+    ----------
+    worlds : tuple of World
+        At least one, symbolic each (`Plane`, `Pipe`, `Union`). A worm is placed on the first.
+
+    Raises
+    ------
+    ValueError
+        No world, or one of another kind.
+    """
+
+    worlds: tuple[World, ...]
+
+    def __init__(self, worlds: Sequence[World]) -> None:
+        object.__setattr__(self, "worlds", tuple(worlds))
+        if not self.worlds:
+            raise ValueError("worlds: got none, must be at least one")
+        for world in self.worlds:
+            if not (isinstance(world, World) and isinstance(world, SymbolicWorld)):
+                raise ValueError(f"worlds: got {type(world).__name__}, must be Plane, Pipe or Union")
+
+    @property
+    def uneven(self) -> bool:
+        """Whether a worm without friction would slide away though `pressing` is all that acts on it."""
+        return len(self.worlds) > 1 or bool(getattr(self.worlds[0], "uneven", False))
+
+    def symbolic(self) -> tuple[ca.Function, FloatArray]:
+        """Return the world's rows as a function of a point and parameters, and the parameters."""
+        x, each = ca.SX.sym("x", 3), [world.symbolic() for world in self.worlds if isinstance(world, SymbolicWorld)]
+        given = [ca.SX.sym("parameters", len(parameters)) for _, parameters in each]
+        rows = [function(x, p) for (function, _), p in zip(each, given, strict=True)]
+        greatest = rows[0]
+        for other in rows[1:]:
+            greatest = ca.if_else(other[0] > greatest[0], other, greatest)
+        function = ca.Function("union", [x, ca.vertcat(*given)], [greatest])
+        return function, np.concatenate([parameters for _, parameters in each])
+
+    def kernel(self) -> WorldKernel:
+        """Return the compiled world."""
+        return compiled(*self.symbolic())
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
+        return distances(self.kernel(), points)
+
+    def pressing(self, gravity: FloatArray) -> FloatArray:
+        """Return gravity, or what presses a worm to the only world, shape (3,) [m/s^2]."""
+        return np.array(gravity, dtype=float) if len(self.worlds) > 1 else self.worlds[0].pressing(gravity)
+
+    def placed(
+        self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return joints of a worm on the first world, and its directors to the left; see `World.placed`."""
+        return self.worlds[0].placed(along, clearance, position, azimuth)
+
+
+def slope_into_pipe(
+    slope: float,
+    mouth: float,
+    pieces: Sequence[Straight | Bend],
+    radius: float | Profile,
+    tilt: float = 0.0,
+    heading: float = 0.0,
+) -> Union:
+    """Return a slope that leads into a pipe: a hillside with a tunnel.
+
+    The pipe's bottom starts on the slope, which goes on above the mouth and to both sides of it.
+
+    Parameters
+    ----------
+    slope : float
+        Of the plane through the origin [rad].
+    mouth : float
+        How far up the slope the pipe's bottom starts, from the origin [m].
+    pieces : sequence of Straight and Bend
+        Of the pipe.
+    radius : float or Profile
+        [m]
+    tilt : float
+        Of the pipe's first piece, less than the slope: it leads into the hill [rad].
+    heading : float
+        Azimuth of the slope's steepest ascent and of the pipe [rad].
+
+    Raises
+    ------
+    ValueError
+        A pipe that would leave the hill, or arguments that `Plane`, `Centreline` or `Pipe` refuse.
+    """
+    if not tilt < slope:
+        raise ValueError(
+            f"tilt: got {tilt!r} rad, must be less than the slope ({slope!r} rad): the pipe leads into the hill"
+        )
+    plane = Plane(slope, heading)
+    ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
+    up = np.cos(tilt) * np.array([0.0, 0.0, 1.0]) - np.sin(tilt) * ahead
+    wide = float(radius.at(0.0)) if isinstance(radius, Profile) else radius
+    line = Centreline.of(pieces, start=mouth * plane.axes[0] + wide * up, heading=heading, tilt=tilt)
+    return Union([plane, Pipe(line, radius)])
