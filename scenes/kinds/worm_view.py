@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenes.kinds.worm_build import world_of, worm_of
+from scenes.kinds.worlds_build import world_of
+from scenes.kinds.worm_build import worm_of
 from scenes.kinds.worm_schema import AnyWormScene, PlanarWormScene, WormScene
 from scenes.limits import MOVIE_S
 from scenes.record import Record
