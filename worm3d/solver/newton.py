@@ -33,6 +33,10 @@ SLOPE_LEFT = 0.9
 """A line search ends where the slope has fallen to this fraction."""
 DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends the descent, as a fraction of the body length."""
+WILD = 0.02
+"""A step that is longer than the first one and than this fraction of the segment length strays."""
+MAX_STRAYS = 2
+"""Steps that stray before Newton gives up: where contacts let go all at once the descent finds them sooner."""
 MAX_CHANGES = 16
 """Iterations in which contacts change their regime before Newton gives up."""
 CONTRACTION = 0.1
@@ -119,10 +123,12 @@ def _follow(core: Core) -> bool:
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     length = vector(core.block, a.NUMBERS_)[a.LENGTH]
     size, moved, hessian, fresh, changes, doubt = np.inf, 0.0, WHOLE, 0, 0, 1.0
-    since_joints, since_all = 0.0, 0.0
+    since_joints, since_all, far, strays = 0.0, 0.0, 0.0, 0
     for _ in range(MAX_FOLLOW):
         previous, size = size, _newton_step(core, hessian, moved > 0.0)
-        if not size <= 0.1 * length:
+        far = max(far, WILD * vector(core.block, a.NUMBERS_)[a.L0]) if far > 0.0 else size
+        strays += size > far
+        if not size <= 0.1 * length or strays > MAX_STRAYS:
             return False
         news, lands = _news(core, size, doubt)
         renewed = hessian in (WHOLE, WITH_KEPT_JOINTS)
