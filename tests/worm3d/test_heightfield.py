@@ -212,7 +212,7 @@ def test_an_image_is_a_map(tmp_path: Path) -> None:
     assert_allclose(world.heights[:, 5], 0.5)
     assert_allclose(world.heights[7, 0], 0.1)
     assert_allclose(world.height(np.array([1.7, 2.5])), 0.5, rtol=0, atol=1e-6)
-    Image.fromarray((257 * grey.astype(np.uint16))).save(tmp_path / "deep.png")
+    Image.fromarray(257 * grey.astype(np.uint16)).save(tmp_path / "deep.png")
     deep = Heightfield.from_image(tmp_path / "deep.png", 0.1, 0.0, 0.5, origin=(1.0, 2.0))
     assert_allclose(deep.heights, world.heights, rtol=0, atol=1e-12)
 
