@@ -98,6 +98,17 @@ def test_a_contracted_worm_is_wedged_in_a_vertical_pipe() -> None:
     assert_allclose(force[:, 2], -force[:, 5], rtol=0, atol=1e-8)
 
 
+def test_the_contraction_at_the_start_is_that_of_the_actuators() -> None:
+    """They give it from the first instant, without a lag, and the state at the end tells what they give then."""
+    pipe = tilted(np.pi / 2, 0.092)
+    state = State.straight(STIFF, pipe, contraction=0.2)
+    assert state.contraction.shape == (6, 2)
+    run = worm3d.simulate(STIFF, pipe, Friction(0.8, 0.8, 0.8), duration=0.3, state=state)  # asked to let go
+    assert_allclose(run.contraction[0], 0.2, rtol=0, atol=1e-15)
+    assert_allclose(run.contraction[-1], 0.2 * np.exp(-0.3 / STIFF.actuator_lag), rtol=1e-9)
+    assert_allclose(run.state.contraction, run.contraction[-1], rtol=0, atol=0)
+
+
 def test_a_worm_that_is_not_wedged_falls() -> None:
     run = worm3d.simulate(STIFF, tilted(np.pi / 2, 0.092), Friction(0.8, 0.8, 0.8), duration=0.2)
     assert_allclose(run.com_velocity[-1], [0.0, 0.0, -9.81 * 0.2], rtol=0, atol=1e-9)
