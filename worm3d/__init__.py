@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from worm3d.batch import simulate_batch
     from worm3d.friction import Friction
     from worm3d.held import Held
+    from worm3d.live import Live
     from worm3d.observation import Observation
+    from worm3d.pictures import draw, show
     from worm3d.result import Energy, Result
     from worm3d.simulate import simulate
     from worm3d.start import LimitPointError, flattening_weight
@@ -30,6 +32,9 @@ if TYPE_CHECKING:
         Bend,
         Centreline,
         ClampedGround,
+        Heightfield,
+        Mesh,
+        MeshError,
         Patch,
         Pipe,
         Plane,
@@ -45,8 +50,12 @@ _HOMES = {
     "ClampedGround": "worlds",
     "Energy": "result",
     "Friction": "friction",
+    "Heightfield": "worlds",
     "Held": "held",
     "LimitPointError": "start",
+    "Live": "live",
+    "Mesh": "worlds",
+    "MeshError": "worlds",
     "Observation": "observation",
     "Patch": "worlds",
     "Pipe": "worlds",
@@ -59,7 +68,9 @@ _HOMES = {
     "Stop": "status",
     "Straight": "worlds",
     "Union": "worlds",
+    "draw": "pictures",
     "flattening_weight": "start",
+    "show": "pictures",
     "simulate": "simulate",
     "simulate_batch": "batch",
     "slope_into_pipe": "worlds",
@@ -74,8 +85,12 @@ __all__ = [
     "Commands",
     "Energy",
     "Friction",
+    "Heightfield",
     "Held",
     "LimitPointError",
+    "Live",
+    "Mesh",
+    "MeshError",
     "Observation",
     "Patch",
     "Pipe",
@@ -89,7 +104,9 @@ __all__ = [
     "Straight",
     "Union",
     "Worm",
+    "draw",
     "flattening_weight",
+    "show",
     "simulate",
     "simulate_batch",
     "slope_into_pipe",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.worlds import Pipe, World
+from worm3d.worlds import Heightfield, Mesh, Pipe, World
 
 if TYPE_CHECKING:
     from worm3d.result import Result
@@ -42,6 +42,8 @@ def forward(joints: FloatArray, world: World | None) -> FloatArray | None:
     azimuth = heading(joints[None])[0]
     if np.isnan(azimuth):
         return None
+    if isinstance(world, Heightfield | Mesh):  # of which the normal changes from place to place: the worm lies along it
+        return np.asarray(chord / np.linalg.norm(chord))
     along = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     if world is not None:
         normal = _normal(world, joints.mean(axis=0), float(np.linalg.norm(chord)))

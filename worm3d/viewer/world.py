@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,8 @@ Colour = tuple[float, float, float]
 
 GROUND: Colour = (0.80, 0.82, 0.78)
 TILE: Colour = (0.70, 0.73, 0.68)
-PIPE: Colour = (0.55, 0.66, 0.75)
+PIPE: Colour = (0.62, 0.72, 0.80)
+BAND: Colour = (0.36, 0.48, 0.60)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +134,85 @@ def pipe(
     """
     mesh = tube(np.asarray(centreline, dtype=float), radius, sides=sides, capped=False)
     return WorldMesh("pipe", mesh.vertices, mesh.faces, colour, opacity)
+
+
+def banded_pipe(
+    centreline: FloatArray, radius: float | FloatArray, *, band: float, sides: int = 32, opacity: float = 0.3
+) -> tuple[WorldMesh, WorldMesh]:
+    """Return the wall of a pipe in light and dark bands, so that one sees the worm move and the pipe bend.
+
+    Parameters
+    ----------
+    centreline : ndarray, shape (P, 3)
+        [m]; its points should be closer together than the bands are wide.
+    radius : float or ndarray, shape (P,)
+        [m].
+    band : float
+        Width of a band [m].
+    """
+    line = np.asarray(centreline, dtype=float)
+    whole = pipe(line, radius, sides=sides, opacity=opacity)
+    edges = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    middle = np.cumsum(edges) - 0.5 * edges
+    dark = np.repeat(np.floor(middle / band) % 2 == 1, 2 * sides)
+    return _split(whole, dark, BAND)
+
+
+def chequered(mesh: WorldMesh, tile: float, *, together: int = 1) -> tuple[WorldMesh, WorldMesh]:
+    """Return a mesh in light and dark squares, seen from above, as its faces allow.
+
+    Parameters
+    ----------
+    mesh : WorldMesh
+    tile : float
+        Side of a square [m].
+    together : int
+        How many successive faces stay together: 2 where they are the halves of quadrilaterals.
+    """
+    x, y, _ = mesh.vertices[mesh.faces].mean(axis=1).reshape(-1, together, 3).mean(axis=1).T
+    dark = (np.floor(x / tile) + np.floor(y / tile)) % 2 == 1
+    return _split(mesh, np.repeat(dark, together), TILE)
+
+
+def _split(mesh: WorldMesh, dark: NDArray[np.bool_], colour: Colour) -> tuple[WorldMesh, WorldMesh]:
+    """Return the light and the dark faces of a mesh, each shaded as if they were one."""
+    return replace(mesh, faces=mesh.faces[~dark]), replace(
+        mesh, name=f"{mesh.name}, dark", faces=mesh.faces[dark], colour=colour
+    )
+
+
+def mesh(
+    vertices: FloatArray, faces: NDArray[np.int64], *, colour: Colour = GROUND, opacity: float = 1.0, most: int = 50_000
+) -> WorldMesh:
+    """Return triangles as they are, or, of more than `most`, about as many: near vertices become one, their mean.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (V, 3)
+        [m].
+    faces : ndarray, shape (F, 3)
+        Rows of `vertices`.
+    """
+    vertices, faces = np.asarray(vertices, dtype=float), np.asarray(faces)
+    cell = float(np.ptp(vertices, axis=0).max()) / np.sqrt(max(most, 1))
+    thinned = vertices, faces
+    while len(thinned[1]) > most:
+        thinned = _clustered(vertices, faces, cell)
+        cell *= 1.25
+    return WorldMesh("mesh", *thinned, colour, opacity)
+
+
+def _clustered(vertices: FloatArray, faces: NDArray[np.int64], cell: float) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return a mesh in which the vertices in each cubic cell are one, without the faces that have lost their area."""
+    places = np.floor((vertices - vertices.min(axis=0)) / cell).astype(np.int64)
+    _, cluster, count = np.unique(places, axis=0, return_inverse=True, return_counts=True)
+    means = np.zeros((len(count), 3))
+    np.add.at(means, cluster.ravel(), vertices)
+    joined = cluster.ravel()[faces]
+    a, b, c = joined.T
+    kept = joined[(a != b) & (b != c) & (c != a)]
+    turned = np.take_along_axis(kept, (kept.argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)  # each face once
+    return means / count[:, None], np.unique(turned, axis=0).astype(np.int64)
 
 
 def heightfield(

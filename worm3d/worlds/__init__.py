@@ -3,6 +3,9 @@
 from worm3d.worlds.base import World, WorldKernel
 from worm3d.worlds.centreline import Bend, Centreline, Straight
 from worm3d.worlds.clamped import ClampedGround
+from worm3d.worlds.heightfield import Heightfield
+from worm3d.worlds.mesh import Mesh
+from worm3d.worlds.mesh_file import MeshError
 from worm3d.worlds.pipe import Pipe
 from worm3d.worlds.plane import Patch, Plane
 from worm3d.worlds.profile import Profile
@@ -12,6 +15,9 @@ __all__ = [
     "Bend",
     "Centreline",
     "ClampedGround",
+    "Heightfield",
+    "Mesh",
+    "MeshError",
     "Patch",
     "Pipe",
     "Plane",

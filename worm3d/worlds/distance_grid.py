@@ -1,0 +1,244 @@
+"""Signed distances of a triangle mesh on a regular grid, computed once.
+
+Near the surface each node has its exact distance to the triangles about it; the others have that to the triangle of
+the nearest such node, which is the nearest one or almost. The sign is that of the winding number along rows of the
+grid, counted by crossings (Bridson's scan conversion): edges and corners that a row hits exactly count once, because
+orientations of equal points are broken by one rule for all triangles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, spline_filter
+
+from worm3d.compiled import inner, njit
+
+FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+Vector = tuple[float, float, float]
+
+NEAR = 3.0
+"""Cells from a triangle within which nodes get their exact distance to it."""
+
+MARGIN = 6
+"""Cells between the mesh and the edge of its grid."""
+
+PIECE = 8.0
+"""Cells: triangles with longer edges are taken in parts, lest the box about one is the whole grid."""
+
+PIECES = 256
+"""Of a triangle that wait to be taken."""
+
+MOST_NODES = 8_000_000
+"""Of a grid: 32 MB to keep, ten times as much while it is filled."""
+
+FAR = 1e30
+"""Square of a distance that is not known yet, in cells."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A cubic spline of signed distances, negative inside.
+
+    Attributes
+    ----------
+    coefficients : ndarray of float32, shape (A, B, C)
+        Of the spline, in cells.
+    first : ndarray, shape (3,)
+        Place of the first node [m].
+    cell : float
+        Distance of nodes [m].
+    """
+
+    coefficients: SingleArray
+    first: FloatArray
+    cell: float
+
+
+def shape(vertices: FloatArray, cell: float) -> tuple[int, int, int]:
+    """Return the number of nodes that a mesh needs along each axis."""
+    a, b, c = (int(np.ceil(side / cell)) + 2 * MARGIN + 1 for side in np.ptp(vertices, axis=0))
+    return a, b, c
+
+
+def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:
+    """Return the grid of a closed mesh whose faces look outwards."""
+    size = shape(vertices, cell)
+    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
+    first = middle - cell * (np.array(size) - 1.0) / 2.0
+    corners = np.ascontiguousarray((vertices[faces] - first) / cell)
+    distance, nearest = np.full(size, FAR), np.full(size, -1, dtype=np.int32)
+    winding = np.zeros(size, dtype=np.int32)
+    _near(corners, distance, nearest)
+    _crossings(corners, winding)
+    unknown = nearest < 0
+    owner = distance_transform_edt(unknown, return_distances=False, return_indices=True)
+    places = np.flatnonzero(unknown)
+    _far(corners, places, nearest[tuple(axis.ravel()[places] for axis in owner)], distance)
+    inside = np.cumsum(winding, axis=0) > 0
+    signed = np.where(inside, -1.0, 1.0) * np.sqrt(distance)
+    return Grid(spline_filter(signed, order=3).astype(np.float32), first, cell)
+
+
+@njit
+def _near(corners: FloatArray, distance: FloatArray, nearest: NDArray[np.int32]) -> None:
+    """Write squared distances and triangles of the nodes near each triangle."""
+    pieces = np.empty((PIECES, 3, 3))
+    for k in range(len(corners)):
+        _copy(pieces, 0, corners, k)
+        count = 1
+        while count > 0:
+            count -= 1
+            edge, longest = _longest_edge(pieces, count)
+            if longest > PIECE**2 and count + 2 <= PIECES:
+                _copy(pieces, count + 1, pieces, count)
+                for d in range(3):
+                    middle = 0.5 * (pieces[count, edge, d] + pieces[count, (edge + 1) % 3, d])
+                    pieces[count, edge, d] = pieces[count + 1, (edge + 1) % 3, d] = middle
+                count += 2
+            else:
+                _near_one(pieces, count, k, distance, nearest)
+
+
+@inner
+def _copy(to: FloatArray, i: int, source: FloatArray, j: int) -> None:
+    for e in range(3):
+        for d in range(3):
+            to[i, e, d] = source[j, e, d]
+
+
+@inner
+def _longest_edge(pieces: FloatArray, i: int) -> tuple[int, float]:
+    """Return the corner where the longest edge of a piece begins, and the square of its length."""
+    edge, longest = 0, 0.0
+    for e in range(3):
+        length = 0.0
+        for d in range(3):
+            length += (pieces[i, e, d] - pieces[i, (e + 1) % 3, d]) ** 2
+        if length > longest:
+            edge, longest = e, length
+    return edge, longest
+
+
+@inner
+def _span(corners: FloatArray, k: int, d: int, reach: float, nodes: int) -> tuple[int, int]:
+    """Return the first node along an axis within reach of a triangle, and that behind the last one."""
+    low = min(corners[k, 0, d], corners[k, 1, d], corners[k, 2, d]) - reach
+    high = max(corners[k, 0, d], corners[k, 1, d], corners[k, 2, d]) + reach
+    return max(0, int(np.ceil(low))), min(nodes - 1, int(np.floor(high))) + 1
+
+
+@inner
+def _near_one(pieces: FloatArray, i: int, k: int, distance: FloatArray, nearest: NDArray[np.int32]) -> None:
+    """Write squared distances to piece i, of triangle k, where they are the least so far."""
+    nodes = distance.shape
+    a, b, c = _corner(pieces, i, 0), _corner(pieces, i, 1), _corner(pieces, i, 2)
+    (x_0, x_1), (y_0, y_1) = _span(pieces, i, 0, NEAR, nodes[0]), _span(pieces, i, 1, NEAR, nodes[1])
+    z_0, z_1 = _span(pieces, i, 2, NEAR, nodes[2])
+    for x in range(x_0, x_1):
+        for y in range(y_0, y_1):
+            for z in range(z_0, z_1):
+                square = _to_triangle((float(x), float(y), float(z)), a, b, c)
+                if square <= NEAR**2 and square < distance[x, y, z]:
+                    distance[x, y, z] = square
+                    nearest[x, y, z] = k
+
+
+@njit
+def _far(corners: FloatArray, places: IntArray, nearest: NDArray[np.int32], distance: FloatArray) -> None:
+    """Write the squared distances of other nodes to the triangles given."""
+    rows, columns = distance.shape[1], distance.shape[2]
+    for n in range(len(places)):
+        x, rest = divmod(places[n], rows * columns)
+        y, z = divmod(rest, columns)
+        k = nearest[n]
+        a, b, c = _corner(corners, k, 0), _corner(corners, k, 1), _corner(corners, k, 2)
+        distance[x, y, z] = _to_triangle((float(x), float(y), float(z)), a, b, c)
+
+
+@inner
+def _corner(corners: FloatArray, k: int, e: int) -> Vector:
+    return corners[k, e, 0], corners[k, e, 1], corners[k, e, 2]
+
+
+@inner
+def _minus(a: Vector, b: Vector) -> Vector:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@inner
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inner
+def _to_segment(p: Vector, a: Vector, edge: Vector) -> float:
+    """Return the squared distance of a point to a segment."""
+    away, length = _minus(p, a), _dot(edge, edge)
+    t = min(1.0, max(0.0, _dot(away, edge) / length)) if length > 0.0 else 0.0
+    left = away[0] - t * edge[0], away[1] - t * edge[1], away[2] - t * edge[2]
+    return _dot(left, left)
+
+
+@inner
+def _to_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> float:
+    """Return the squared distance of a point to a triangle: to its plane over it, else to its nearest edge."""
+    ab, bc, ca = _minus(b, a), _minus(c, b), _minus(a, c)
+    n = ab[1] * bc[2] - ab[2] * bc[1], ab[2] * bc[0] - ab[0] * bc[2], ab[0] * bc[1] - ab[1] * bc[0]
+    area = _dot(n, n)
+    if area > 0.0 and _left(p, a, ab, n) and _left(p, b, bc, n) and _left(p, c, ca, n):
+        return _dot(_minus(p, a), n) ** 2 / area
+    return min(_to_segment(p, a, ab), _to_segment(p, b, bc), _to_segment(p, c, ca))
+
+
+@inner
+def _left(p: Vector, a: Vector, edge: Vector, n: Vector) -> bool:
+    """Return whether a point lies on the triangle's side of an edge."""
+    x, y, z = _minus(p, a)
+    cross = edge[1] * z - edge[2] * y, edge[2] * x - edge[0] * z, edge[0] * y - edge[1] * x
+    return _dot(cross, n) >= 0.0
+
+
+@inner
+def _orientation(x_1: float, y_1: float, x_2: float, y_2: float) -> tuple[int, float]:
+    """Return the side on which the second point lies of the first, seen from 0, ties broken, and twice the area."""
+    area = y_1 * x_2 - x_1 * y_2
+    if area != 0.0:
+        return (1 if area > 0.0 else -1), area
+    if y_2 != y_1:
+        return (1 if y_2 > y_1 else -1), area
+    if x_1 != x_2:
+        return (1 if x_1 > x_2 else -1), area
+    return 0, area
+
+
+@njit
+def _crossings(corners: FloatArray, winding: NDArray[np.int32]) -> None:
+    """Add, for each row of nodes along x, +1 where it enters the solid and -1 where it leaves, at the next node."""
+    for k in range(len(corners)):
+        y_0, y_1 = _span(corners, k, 1, 0.0, winding.shape[1])
+        z_0, z_1 = _span(corners, k, 2, 0.0, winding.shape[2])
+        for y in range(y_0, y_1):
+            for z in range(z_0, z_1):
+                sign, x = _crossing(corners, k, float(y), float(z))
+                node = max(0, int(np.ceil(x)))
+                if sign != 0 and node < winding.shape[0]:
+                    winding[node, y, z] += sign
+
+
+@inner
+def _crossing(corners: FloatArray, k: int, y: float, z: float) -> tuple[int, float]:
+    """Return how a triangle is crossed by a row along x (0: it is not), and where."""
+    y_0, y_1, y_2 = corners[k, 0, 1] - y, corners[k, 1, 1] - y, corners[k, 2, 1] - y
+    z_0, z_1, z_2 = corners[k, 0, 2] - z, corners[k, 1, 2] - z, corners[k, 2, 2] - z
+    side_0, a = _orientation(y_1, z_1, y_2, z_2)
+    side_1, b = _orientation(y_2, z_2, y_0, z_0)
+    side_2, c = _orientation(y_0, z_0, y_1, z_1)
+    total = a + b + c
+    if side_0 == 0 or side_1 != side_0 or side_2 != side_0 or total == 0.0:
+        return 0, 0.0
+    return side_0, (a * corners[k, 0, 0] + b * corners[k, 1, 0] + c * corners[k, 2, 0]) / total

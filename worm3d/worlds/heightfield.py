@@ -1,0 +1,223 @@
+"""Terrain given by heights on a regular grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import map_coordinates, spline_filter, white_tophat
+
+from worm3d.compiled import cfunc
+from worm3d.worlds import heightfield_kernel, table, terrain
+from worm3d.worlds.base import WorldKernel
+from worm3d.worlds.laid import laid
+from worm3d.worlds.table import looked_up
+
+FloatArray = NDArray[np.float64]
+
+EDGE = 14
+"""Nodes added all around, as high as the edge: after so many the spline is level to single precision, and stays so."""
+
+BAND = 4.0
+"""Cells above the surface up to which `Heightfield.distance` is that to the foot point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Heightfield:
+    """A surface z = h(x, y): the bicubic spline through heights on a regular grid; the solid is below it.
+
+    Beyond the grid the terrain goes on as high as its edge. The spline has continuous curvature, so that normals are
+    smooth; distances are those to the foot point on it (`worm3d.worlds.heightfield_kernel`).
+
+    Attributes
+    ----------
+    heights : ndarray, shape (A, B)
+        At x = origin[0] + i spacing, y = origin[1] + j spacing; A, B at least 4 [m].
+    spacing : float
+        Of the grid [m].
+    origin : tuple of float
+        x and y of the first height [m].
+    grip : float or ndarray, shape (A, B)
+        Multiplier of the friction coefficients, everywhere or at each of the grid's nodes, linear between them.
+
+    Raises
+    ------
+    ValueError
+        A value that is not finite or out of range, or an array of the wrong shape.
+    """
+
+    heights: FloatArray
+    spacing: float
+    origin: tuple[float, float] = (0.0, 0.0)
+    grip: float | FloatArray = 1.0
+
+    def __post_init__(self) -> None:
+        self._keep("heights", self.heights)
+        if self.heights.ndim != 2 or min(self.heights.shape) < 4:
+            raise ValueError(f"heights: got shape {self.heights.shape}, must be (A, B) with at least 4 along each side")
+        if not (np.isfinite(self.spacing) and self.spacing > 0.0):
+            raise ValueError(f"spacing: got {self.spacing!r} m, must be finite and above 0")
+        if np.shape(self.origin) != (2,) or not np.isfinite(self.origin).all():
+            raise ValueError(f"origin: got {self.origin!r}, must be x and y of the first height [m]")
+        self._keep("grip", self.grip)
+        if np.shape(self.grip) not in ((), self.heights.shape) or np.min(self.grip) < 0.0:
+            raise ValueError(
+                f"grip: got shape {np.shape(self.grip)} and least value {np.min(self.grip)}, must be at least 0, a "
+                f"number or as the heights, {self.heights.shape}"
+            )
+
+    def _keep(self, name: str, value: ArrayLike) -> None:
+        array = np.array(value, dtype=float)
+        if not np.isfinite(array).all():
+            count = np.count_nonzero(~np.isfinite(array))
+            raise ValueError(f"{name}: got {count} values that are not finite, every one must be; fill the gaps first")
+        array.setflags(write=False)
+        object.__setattr__(self, name, array)
+
+    @classmethod
+    def from_image(cls, path: str | PathLike[str], spacing: float, low: float, high: float, **more: Any) -> Heightfield:
+        """Return the terrain of a greyscale image, a pixel a node, black at `low` and white at `high` [m].
+
+        The left edge is x = origin[0], the lower edge y = origin[1]. Pictures of more than 8 bits are stretched from
+        their darkest to their lightest value.
+
+        Raises
+        ------
+        ValueError
+            A file that is missing or no picture, or a picture of one colour.
+        """
+        return cls(terrain.image(path, low, high), spacing, **more)
+
+    @classmethod
+    def rubble(
+        cls, length: float, width: float, spacing: float, *, height: float, size: float, seed: int = 0, **more: Any
+    ) -> Heightfield:
+        """Return smooth stones thrown at random, up to `height` high and `size` in radius, x from 0, y about 0 [m]."""
+        return cls._made(terrain.rubble, length, width, spacing, more, height=height, size=size, seed=seed)
+
+    @classmethod
+    def steps(
+        cls, length: float, width: float, spacing: float, *, height: float, tread: float, ramp: float, **more: Any
+    ) -> Heightfield:
+        """Return stairs up along x, each a rise of `height` over `ramp` at the end of its tread [m]."""
+        return cls._made(terrain.steps, length, width, spacing, more, height=height, tread=tread, ramp=ramp)
+
+    @classmethod
+    def sinusoid(
+        cls,
+        length: float,
+        width: float,
+        spacing: float,
+        *,
+        amplitude: float,
+        wavelength: float,
+        azimuth: float = 0.0,
+        **more: Any,
+    ) -> Heightfield:
+        """Return waves with crests across an azimuth and a crest at the origin [m, rad]."""
+        waves = {"amplitude": amplitude, "wavelength": wavelength, "azimuth": azimuth}
+        return cls._made(terrain.sinusoid, length, width, spacing, more, **waves)
+
+    @classmethod
+    def _made(
+        cls, maker: Any, length: float, width: float, spacing: float, more: dict[str, Any], **numbers: Any
+    ) -> Heightfield:
+        x, y = terrain.nodes(length, width, spacing)
+        for name, value in numbers.items():
+            positive = name not in ("seed", "azimuth", "amplitude", "height")
+            if not np.isfinite(value) or (positive and value <= 0.0):
+                raise ValueError(f"{name}: got {value!r}, must be finite{' and above 0' if positive else ''}")
+        return cls(maker(x, y, **numbers), spacing, **{"origin": (0.0, float(y[0])), **more})
+
+    @property
+    def x(self) -> FloatArray:
+        """Of the heights, shape (A,) [m]."""
+        return self.origin[0] + self.spacing * np.arange(float(self.heights.shape[0]))
+
+    @property
+    def y(self) -> FloatArray:
+        """Of the heights, shape (B,) [m]."""
+        return self.origin[1] + self.spacing * np.arange(float(self.heights.shape[1]))
+
+    @cached_property
+    def _tables(self) -> tuple[FloatArray, FloatArray]:
+        """Coefficients of the spline, in spacings, and grips, each with `EDGE` more nodes all around."""
+        grips = np.broadcast_to(self.grip, self.heights.shape)
+        padded = np.pad(self.heights / self.spacing, EDGE, mode="edge")
+        return np.ascontiguousarray(spline_filter(padded, order=3)), np.pad(grips, EDGE, mode="edge")
+
+    def kernel(self, band: float = heightfield_kernel.CONTACT) -> WorldKernel:
+        """Return the compiled world, which looks for foot points of points so many cells above the surface."""
+        first = np.asarray(self.origin) - EDGE * self.spacing
+        coefficients, grips = self._tables
+        parameters = [
+            *table.halves(coefficients),
+            *table.halves(grips),
+            *coefficients.shape,
+            *first,
+            self.spacing,
+            band,
+        ]
+        return WorldKernel(_compiled().address, np.array(parameters, dtype=float), (_compiled(), coefficients, grips))
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
+        found: FloatArray = looked_up(self.kernel(BAND), points)[0].reshape(np.shape(points)[:-1])
+        return found
+
+    def height(self, places: FloatArray) -> FloatArray:
+        """Return the height of the surface at x, y of shape (..., 2), shape (...,) [m]."""
+        nodes = (np.asarray(places, dtype=float) - self.origin).reshape(-1, 2) / self.spacing + EDGE
+        found: FloatArray = map_coordinates(self._tables[0], nodes.T, order=3, prefilter=False, mode="nearest")
+        return self.spacing * found.reshape(np.shape(places)[:-1])
+
+    @property
+    def uneven(self) -> bool:
+        """Whether a worm without friction could slide away under `pressing`."""
+        return bool(np.ptp(self.heights) > 0.0)
+
+    def pressing(self, gravity: FloatArray) -> FloatArray:
+        """Return gravity where it points downwards, else 0, shape (3,) [m/s^2]."""
+        return np.array(gravity, dtype=float) if gravity[2] < 0.0 else np.zeros(3)
+
+    def placed(
+        self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return joints of a straight worm laid over the terrain from above, and its director; see `World.placed`.
+
+        Raises
+        ------
+        ValueError
+            The tail or the head would lie beyond the grid, or the terrain is finer than the worm's contact points.
+        """
+        self._require_felt(float(along[1] - along[0]), clearance)
+        ends = position + along[[0, -1], None] * [np.cos(azimuth), np.sin(azimuth)]
+        corners = np.array([[self.x[0], self.y[0]], [self.x[-1], self.y[-1]]])
+        if (ends < corners[0]).any() or (ends > corners[1]).any():
+            raise ValueError(
+                f"position: got {position.tolist()!r} m, the worm would reach beyond the terrain, to {ends[1].tolist()!r} "
+                f"m; it spans {corners[0].tolist()!r} to {corners[1].tolist()!r} m"
+            )
+        return laid(self.height, along, clearance, position, azimuth)
+
+    def _require_felt(self, contacts: float, clearance: float) -> None:
+        """Raise ValueError for bumps that would pass between contact points and through the worm's axis."""
+        nodes = 2 * round(contacts / self.spacing / 2.0) + 1
+        if min(nodes, *self.heights.shape) < 3:
+            return
+        bump = float(white_tophat(self.heights, size=(nodes, nodes)).max())
+        if bump > clearance:
+            raise ValueError(
+                f"the terrain is finer than the worm's contact points: it has bumps of {bump:.3g} m within "
+                f"{contacts:.3g} m, the distance of its feet, which are {clearance:.3g} m below its axis; smooth or "
+                "lower it, or take more segments"
+            )
+
+
+@cache
+def _compiled() -> Any:
+    return cfunc(table.SIGNATURE, heightfield_kernel.heightfield, table.OPTIMISATION)

@@ -1,0 +1,185 @@
+"""The compiled heightfield: distance to a bicubic surface z = h(x, y) by its foot point.
+
+With the surface S(u, v) = (u, v, h), N = (-h_u, -h_v, 1) and J = (S_u, S_v), the foot of a point P is where
+
+    (P - S) . S_u = (P - S) . S_v = 0                                                                (H1)
+
+found by Newton's method from the point below P. There, with the unit normal n = N/|N|, the first and second
+fundamental forms I = J'J and II = Hess(h)/|N|,
+
+    g = (P - S) . n,     grad g = n,     Hess g = -J I^-1 II (I - g II)^-1 J'                        (H2)
+
+(do Carmo, Differential Geometry of Curves and Surfaces, 3-3: Weingarten's equations, and the derivative of (H1)).
+I - g II is also Newton's matrix; where it is not positive definite P lies beyond a focus. There, and farther than so
+many cells above the surface, a parameter, g is the distance to the tangent plane below P: it only tells that it is far.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.codegen.emit import FINE, WRONG_SHAPE
+from worm3d.compiled import inner
+from worm3d.worlds import table
+from worm3d.worlds.table import Jet
+
+FloatArray = NDArray[np.float64]
+Height = tuple[float, float, float, float, float, float]
+"""h, h_u, h_v, h_uu, h_uv, h_vv."""
+
+CONTACT = 1.0
+"""Cells above the surface within which a worm's contacts need the foot point; the parameter in a simulation."""
+
+ITERATIONS = 20
+"""Of Newton's method for a foot point."""
+
+CLOSE = 1e-5
+"""Cells that the foot moves at the last iteration: its error, and the normal's, is then about the square of that, the
+distance's its fourth power."""
+
+ROWS_IN, ROWS_OUT = 3 + 10, 11
+"""Point; address of coefficients and grips (2 each), nodes along x and y, first x and y, spacing, `CONTACT`."""
+
+_COEFFICIENTS, _GRIPS, _NODES, _FIRST, _SPACING, _CONTACT = 3, 5, 7, 9, 11, 12
+
+
+@inner
+def height(coefficients: FloatArray, u: float, v: float) -> Height:
+    """Return height and derivatives, in cells, at a place counted in nodes."""
+    i, s = table.cell(u, coefficients.shape[0])
+    j, t = table.cell(v, coefficients.shape[1])
+    (across, across_1, across_2), (along, along_1, along_2) = table.cubic(t), table.cubic(s)
+    h = h_u = h_v = h_uu = h_uv = h_vv = 0.0
+    for a in range(4):
+        row = row_1 = row_2 = 0.0
+        for b in range(4):
+            value = coefficients[i - 1 + a, j - 1 + b]
+            row += across[b] * value
+            row_1 += across_1[b] * value
+            row_2 += across_2[b] * value
+        h += along[a] * row
+        h_u += along_1[a] * row
+        h_uu += along_2[a] * row
+        h_v += along[a] * row_1
+        h_uv += along_1[a] * row_1
+        h_vv += along[a] * row_2
+    return h, h_u, h_v, h_uu, h_uv, h_vv
+
+
+@inner
+def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Height) -> tuple[bool, float, float, Height]:
+    """Return whether Newton's method found a foot (H1), its place and the surface there, all in cells."""
+    u, v, at = x, y, begin
+    gap = (z - at[0]) ** 2
+    for _ in range(ITERATIONS):
+        up = z - at[0]
+        r_u, r_v = x - u + up * at[1], y - v + up * at[2]
+        uu, uv, vv = 1.0 + at[1] * at[1] - up * at[3], at[1] * at[2] - up * at[4], 1.0 + at[2] * at[2] - up * at[5]
+        if uu <= 0.0 or uu * vv - uv * uv <= 0.0:  # Gauss and Newton's matrix I instead
+            uu, uv, vv = 1.0 + at[1] * at[1], at[1] * at[2], 1.0 + at[2] * at[2]
+        det = uu * vv - uv * uv
+        d_u, d_v = (vv * r_u - uv * r_v) / det, (uu * r_v - uv * r_u) / det
+        share = 1.0
+        for _half in range(6):
+            new = height(coefficients, u + share * d_u, v + share * d_v)
+            now = (x - u - share * d_u) ** 2 + (y - v - share * d_v) ** 2 + (z - new[0]) ** 2
+            if now <= gap * (1.0 + 1e-14) + 1e-28:
+                break
+            share *= 0.5
+        u, v, at, gap = u + share * d_u, v + share * d_v, new, now
+        if abs(d_u) + abs(d_v) < CLOSE:
+            return True, u, v, at
+    return False, u, v, at
+
+
+@inner
+def _rough(coefficients: FloatArray, u: float, v: float) -> Height:
+    """Return height and slopes from the nearest coefficients alone."""
+    i, s = table.cell(u, coefficients.shape[0])
+    j, t = table.cell(v, coefficients.shape[1])
+    here, ahead, left, both = (
+        coefficients[i, j],
+        coefficients[i + 1, j],
+        coefficients[i, j + 1],
+        coefficients[i + 1, j + 1],
+    )
+    h_u, h_v = (1.0 - t) * (ahead - here) + t * (both - left), (1.0 - s) * (left - here) + s * (both - ahead)
+    return here + s * (ahead - here) + t * ((1.0 - s) * (left - here) + s * (both - ahead)), h_u, h_v, 0.0, 0.0, 0.0
+
+
+@inner
+def look(coefficients: FloatArray, x: float, y: float, z: float, contact: float) -> Jet:
+    """Return distance, normal and curvature at a point, a spacing as unit."""
+    rough = _rough(coefficients, x, y)
+    size = np.sqrt(1.0 + rough[1] * rough[1] + rough[2] * rough[2])
+    if z - rough[0] > contact * size:
+        return _level(rough, (z - rough[0]) / size, size)
+    below = height(coefficients, x, y)
+    found, u, v, at = foot(coefficients, x, y, z, below)
+    size = np.sqrt(1.0 + at[1] * at[1] + at[2] * at[2])
+    away = (z - at[0] - at[1] * (x - u) - at[2] * (y - v)) / size
+    if found and away * (z - below[0]) >= 0.0:
+        return _curved(at, away, size)
+    size = np.sqrt(1.0 + below[1] * below[1] + below[2] * below[2])
+    return _level(below, (z - below[0]) / size, size)
+
+
+@inner
+def _level(at: Height, g: float, size: float) -> Jet:
+    """Return a distance with the normal of the surface at a place, and no curvature."""
+    return g, -at[1] / size, -at[2] / size, 1.0 / size, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+
+
+@inner
+def _curved(at: Height, g: float, size: float) -> Jet:
+    """Return distance, normal and curvature (H2) at a foot point."""
+    _, p, q, h_uu, h_uv, h_vv = at
+    up = 1.0 / size
+    e, f, c = 1.0 + p * p, p * q, 1.0 + q * q
+    b_uu, b_uv, b_vv = h_uu * up, h_uv * up, h_vv * up
+    a_uu, a_uv, a_vv = e - g * b_uu, f - g * b_uv, c - g * b_vv
+    det = a_uu * a_vv - a_uv * a_uv
+    if a_uu <= 0.0 or det <= 0.0:
+        return _level(at, g, size)
+    # Minus I^-1 II (I - g II)^-1, both inverses by cofactors; det I is size^2.
+    scale = -up * up / det
+    uu, uv = c * b_uu - f * b_uv, c * b_uv - f * b_vv
+    vu, vv = e * b_uv - f * b_uu, e * b_vv - f * b_uv
+    xx, xy, yy = scale * (uu * a_vv - uv * a_uv), scale * (uv * a_uu - uu * a_uv), scale * (vv * a_uu - vu * a_uv)
+    xz, yz = xx * p + xy * q, xy * p + yy * q
+    return g, -p * up, -q * up, up, xx, xy, xz, yy, yz, xz * p + yz * q
+
+
+@inner
+def grip_at(grips: FloatArray, u: float, v: float) -> float:
+    """Return the grip at a place counted in nodes, linear between nodes."""
+    i, s = table.cell(u, grips.shape[0])
+    j, t = table.cell(v, grips.shape[1])
+    low = (1.0 - t) * grips[i, j] + t * grips[i, j + 1]
+    high = (1.0 - t) * grips[i + 1, j] + t * grips[i + 1, j + 1]
+    return float((1.0 - s) * low + s * high)
+
+
+def heightfield(
+    inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int
+) -> int:
+    """Evaluate `count` points; the kernel of `Heightfield`."""
+    if rows_in != ROWS_IN or rows_out != ROWS_OUT or not 0 <= count <= min(lanes_in, lanes_out):
+        return WRONG_SHAPE
+    p, out = table.doubles(inputs, rows_in, lanes_in), table.doubles(outputs, rows_out, lanes_out)
+    if count == 0:
+        return FINE
+    nodes = int(p[_NODES, 0]), int(p[_NODES + 1, 0])
+    coefficients = table.doubles(table.address(p[_COEFFICIENTS, 0], p[_COEFFICIENTS + 1, 0]), nodes[0], nodes[1])
+    grips = table.doubles(table.address(p[_GRIPS, 0], p[_GRIPS + 1, 0]), nodes[0], nodes[1])
+    first_x, first_y, spacing, contact = p[_FIRST, 0], p[_FIRST + 1, 0], p[_SPACING, 0], p[_CONTACT, 0]
+    share = 1.0 / spacing
+    for k in range(count):
+        if table.repeats(p, k):
+            table.repeat(out, k)
+            continue
+        x, y = (p[0, k] - first_x) * share, (p[1, k] - first_y) * share
+        grip = grip_at(grips, x, y)
+        table.write(out, k, look(coefficients, x, y, p[2, k] * share, contact), spacing, 1.0, share, grip)
+    return FINE

@@ -1,0 +1,167 @@
+"""Triangles of a mesh file, in metres, closed and the right way out, or one sentence that says what is wrong with it.
+
+trimesh reads the file. It takes garbage for an empty mesh, keeps NaN, and fails in its own ways on what is cut off.
+"""
+
+from __future__ import annotations
+
+import warnings
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Units = Literal["m", "cm", "mm", "in", "ft"]
+
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+"""In each unit."""
+
+SUFFIXES = (".stl", ".obj", ".ply", ".glb")
+
+LARGEST, SMALLEST = 1000.0, 0.01
+"""Longest side that a mesh may have [m]."""
+
+FLAT = 1e-9
+"""Volume below this fraction of the cube of the longest side: nothing is enclosed."""
+
+STL_HEADER, STL_TRIANGLE = 84, 50
+"""Bytes of a binary STL file."""
+
+
+class MeshError(ValueError):
+    """A mesh file cannot be a world; the sentence says why and what to do."""
+
+
+def content(path: Path) -> bytes:
+    """Return the bytes of a mesh file.
+
+    Raises
+    ------
+    MeshError
+        No such file, an unknown extension, or nothing in it.
+    """
+    name = path.name
+    if path.suffix.lower() not in SUFFIXES:
+        raise MeshError(
+            f"mesh {name!r}: unknown extension {path.suffix!r}, must be one of {', '.join(SUFFIXES)}; export it"
+        )
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise MeshError(f"mesh {name!r}: there is no such file in {str(path.parent)!r}; check the path") from None
+    except OSError as error:
+        raise MeshError(
+            f"mesh {name!r}: cannot be read ({error.strerror}); check the path and its permissions"
+        ) from None
+    if not data:
+        raise MeshError(f"mesh {name!r}: the file is empty; export it again")
+    return data
+
+
+def scale_of(path: Path, units: str | None) -> float:
+    """Return the metres in a unit of the file.
+
+    Raises
+    ------
+    MeshError
+        Units that are unknown, or left out for a format that does not say its own.
+    """
+    if units is None and path.suffix.lower() == ".glb":
+        return METRES["m"]  # glTF's own
+    if units not in METRES:
+        given = "none" if units is None else repr(units)
+        raise MeshError(
+            f"mesh {path.name!r}: units: got {given}, must be one of {', '.join(map(repr, METRES))}: "
+            f"{path.suffix.lower()[1:].upper()} files do not say theirs"
+        )
+    return METRES[units]
+
+
+def triangles(path: Path, data: bytes, scale: float) -> tuple[FloatArray, IntArray]:
+    """Return vertices (V, 3) [m] and faces (F, 3) of the bytes of a mesh file, checked.
+
+    Raises
+    ------
+    MeshError
+        What the file has is truncated, garbage, not finite, of an unlikely size, not closed, or inside-out.
+    """
+    _require_whole_stl(path, data)
+    mesh = _read(path, data)
+    vertices, faces = np.asarray(mesh.vertices, dtype=float) * scale, np.asarray(mesh.faces, dtype=np.int64)
+    _require_size(path.name, vertices, faces)
+    _require_solid(path.name, mesh, vertices)
+    return vertices, faces
+
+
+def _require_whole_stl(path: Path, data: bytes) -> None:
+    if path.suffix.lower() != ".stl":
+        return
+    text = data.lstrip()[:5].lower() == b"solid"
+    expected = STL_HEADER + STL_TRIANGLE * int.from_bytes(data[80:84], "little") if len(data) >= STL_HEADER else -1
+    if len(data) == expected or (text and b"endsolid" in data.lower()):
+        return
+    if text:
+        raise MeshError(f"mesh {path.name!r}: truncated: its text has no 'endsolid'; export it again")
+    raise MeshError(
+        f"mesh {path.name!r}: truncated or no STL: got {len(data)} bytes where its header tells of {max(expected, 0)}; "
+        "export it again"
+    )
+
+
+def _read(path: Path, data: bytes) -> Any:
+    import trimesh  # takes a second or two
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            mesh: Any = trimesh.load(BytesIO(data), file_type=path.suffix.lower()[1:], force="mesh")
+            count = len(mesh.faces)
+    except Exception as error:  # readers fail in ways of their own
+        reason = str(error).strip().splitlines() or [type(error).__name__]
+        raise MeshError(
+            f"mesh {path.name!r}: truncated, or no {path.suffix.lower()[1:].upper()} file at all ({reason[0][:80]}); "
+            "export it again"
+        ) from None
+    if count == 0:
+        raise MeshError(f"mesh {path.name!r}: no triangles in it: empty, truncated or garbage; export it again")
+    return mesh
+
+
+def _require_size(name: str, vertices: FloatArray, faces: IntArray) -> None:
+    if not np.isfinite(vertices).all():
+        count = np.count_nonzero(~np.isfinite(vertices).all(axis=1))
+        raise MeshError(f"mesh {name!r}: got {count} vertices that are not finite (NaN); repair it where it was made")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise MeshError(f"mesh {name!r}: a face names vertex {faces.max()} of {len(vertices)}; export it again")
+    side = float(np.ptp(vertices[faces.ravel()], axis=0).max())
+    if not SMALLEST <= side <= LARGEST:
+        raise MeshError(
+            f"mesh {name!r}: got {side:.4g} m across, must be {SMALLEST:g} to {LARGEST:g} m; check `units` (a file in "
+            "millimetres needs units='mm')"
+        )
+
+
+def _require_solid(name: str, mesh: Any, vertices: FloatArray) -> None:
+    """Raise MeshError for a surface that does not say what is inside."""
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        closed, consistent, volume = bool(mesh.is_watertight), bool(mesh.is_winding_consistent), float(mesh.volume)
+    if not closed:
+        edges, count = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)
+        raise MeshError(
+            f"mesh {name!r}: not closed: {np.count_nonzero(count != 2)} of its {len(edges)} edges do not join two "
+            "faces, so it has no inside; close it (cap the ends, give terrain a base), or use worm3d.Heightfield"
+        )
+    if not consistent:
+        raise MeshError(f"mesh {name!r}: some faces look in, some out; recalculate its normals and export it again")
+    if abs(volume) < FLAT * float(np.ptp(np.asarray(mesh.vertices), axis=0).max()) ** 3:
+        raise MeshError(f"mesh {name!r}: encloses no volume; close it around something")
+    if volume < 0.0:
+        raise MeshError(
+            f"mesh {name!r}: inside-out: its faces look inwards (volume {volume:.4g}); flip them and export it again "
+            "(that the worm crawls inside is said by solid='outside')"
+        )
