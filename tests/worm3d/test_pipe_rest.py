@@ -42,12 +42,18 @@ def resting(pipe: Pipe, mu: float, state: State | None = None, worm: Worm | None
     )
 
 
-def assert_rests(run: Result, within: float = 1e-12) -> None:
-    """No creep in the last 60 s, and the forces of the wall carry the weight."""
+def assert_rests(run: Result) -> None:
+    """No creep in the last 60 s, and the forces of the wall carry the weight to 1e-8 of the loads (or of 1 N).
+
+    Of wedged loads, 150 N in all, for one: 2e-16 m, the rounding of a position, times the stiffness of an anchor under
+    12 N, N mu^2/rho_b = 2e7 N/m, is 4e-9 N already.
+    """
     assert run.status is Status.DONE
     after = run.time >= 5.0
-    assert np.abs(run.joints[after] - run.joints[-1]).max() < within
-    assert_allclose(run.contact_force[-1].sum(axis=(0, 1)), [0.0, 0.0, WEIGHT], rtol=0, atol=1e-8)
+    assert np.abs(run.joints[after] - run.joints[-1]).max() < 1e-12
+    loads = run.normal_load[-1].sum()
+    balance = run.contact_force[-1].sum(axis=(0, 1)) - [0.0, 0.0, WEIGHT]
+    assert_allclose(balance, 0.0, rtol=0, atol=1e-8 * max(1.0, loads))
 
 
 def normal_forces(run: Result) -> FloatArray:
