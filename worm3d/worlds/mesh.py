@@ -165,7 +165,7 @@ class Mesh:
         """
         grid, size = self.grid, self.grid.coefficients.shape
         bottom = grid.first[2] + self.position[2]
-        z = bottom + grid.cell / 2.0 * np.arange(2 * size[2] - 1.0)
+        z = bottom + grid.cell * np.arange(float(size[2]))
         columns = np.concatenate(
             [np.repeat(places[:, None], len(z), axis=1), np.tile(z, (len(places), 1))[:, :, None]], axis=2
         )
