@@ -12,11 +12,12 @@ At least one anchor holds at any time, and the worm begins with all segments con
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from control.gaits import Gait
+from control.gaits import Direction, Gait
 
 FloatArray = NDArray[np.float64]
 
@@ -41,11 +42,14 @@ class TwoAnchor(Gait):
         Of the whole sequence [s].
     anchors : int
         Segments of each anchor; those between them are the body.
+    direction : str
+        "retrograde": the front is the head's end, and the worm moves that way; "direct": the tail's end.
     """
 
     extension: float = -0.5
     period: float = 6.0
     anchors: int = 1
+    direction: Direction = "retrograde"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -55,6 +59,8 @@ class TwoAnchor(Gait):
             raise ValueError(f"period: got {self.period!r} s, must be finite and above 0")
         if isinstance(self.anchors, bool) or not isinstance(self.anchors, int) or self.anchors < 1:
             raise ValueError(f"anchors: got {self.anchors!r}, must be a whole number of at least 1")
+        if self.direction not in get_args(Direction):
+            raise ValueError(f"direction: got {self.direction!r}, must be 'direct' or 'retrograde'")
 
     def activation(self, t: float, segments: int) -> FloatArray:
         """Return the activation of each segment at time t [s], shape (segments,), in [extension, 1]."""
@@ -75,7 +81,8 @@ class TwoAnchor(Gait):
                 f"anchors: got {self.anchors}, must leave a segment of the worm's {segments} between the two anchors"
             )
         part = np.mod(times / self.period, 1.0) * PARTS
-        groups = [self._group(part, *when) for when in (REAR, BODY, FRONT)]
+        order = (REAR, BODY, FRONT) if self.direction == "retrograde" else (FRONT, BODY, REAR)
+        groups = [self._group(part, *when) for when in order]
         return np.repeat(np.array(groups).T, [self.anchors, body, self.anchors], axis=1)
 
     def _group(self, part: FloatArray, release: int, anchor: int) -> FloatArray:

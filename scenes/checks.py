@@ -184,17 +184,18 @@ def _contraction_resolved(contract_time_s: float, dt_s: float, kind: str) -> Fou
 
 
 def _segments_have_a_direction(direction: str, kind: str) -> Found:
-    if kind != "segment_driven" or direction != "standing":
+    if kind == "travelling_wave" or direction != "standing":
         return None
     return "got 'standing': only a travelling_wave can stand; allowed here: 'direct', 'retrograde'"
 
 
-def _of_this_kind(value: Any, kind: str, *, section: str, default: Any, only: str, usual: str) -> Found:
+def _of_this_kind(value: Any, kind: str, *, section: str, default: Any, only: tuple[str, ...], usual: str) -> Found:
     # A key at its default does nothing: resolved scenes and templates hold all keys.
-    if kind == only or value == default or (isinstance(value, list) and tuple(value) == default):
+    if kind in only or value == default or (isinstance(value, list) and tuple(value) == default):
         return None
+    kinds = " or ".join(map(repr, only))
     return (
-        f"only for {section}.kind = '{only}', which this scene is not ('{kind}'): leave it out (default {usual}), "
+        f"only for {section}.kind = {kinds}, which this scene is not ('{kind}'): leave it out (default {usual}), "
         f"or change {section}.kind"
     )
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from control import gaits
+from control.pipe_gait import TwoAnchor
 from scenes.sections import Gait
 
 
@@ -30,13 +33,23 @@ def pattern(gait: Gait, dt: float, *, wavelength: float, amplitude: float = 1.0,
             rectified=gait.rectified,
             **turning,
         )
+    direction: Literal["direct", "retrograde"] = "retrograde" if gait.direction == "retrograde" else "direct"
+    if gait.kind == "two_anchor":
+        return TwoAnchor(
+            amplitude=amplitude,
+            period=gait.period_s,
+            extension=gait.extension,
+            anchors=gait.anchors,
+            direction=direction,
+            **turning,
+        )
     return gaits.ContractionEngine_segmentdriven(
         amplitude=amplitude,
         T_wave=gait.period_s,
         T_contract=gait.contract_time_s,
         contractType=gait.pulse,
         alternating=gait.alternating,
-        direction="retrograde" if gait.direction == "retrograde" else "direct",
+        direction=direction,
         impulse=dt,
         **turning,
     )

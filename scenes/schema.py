@@ -70,7 +70,7 @@ def quantity(
     aka: tuple[str, ...] = (),
     each: Literal["", "segment", "joint"] = "",
     left_out: str = "",
-    only: str = "",
+    only: str | tuple[str, ...] = "",
 ) -> Any:
     """Declare a number, or several.
 
@@ -90,24 +90,31 @@ def quantity(
         Of what the worm has several, so that the key, an `Each`, takes a list too.
     left_out : str
         What holds if the key is left out; it then has no default but None.
-    only : str
-        The `kind` of its section that the key is for; empty for all.
+    only : str or tuple of str
+        The `kind`, or kinds, of its section that the key is for; empty for all.
     """
     extra: dict[str, Any] = {"unit": unit, "aka": list(aka), "number": True, "each": each, "left_out": left_out}
-    extra["only"] = only
+    extra["only"] = _kinds(only)
     given = ... if default is None and not left_out else default
     return Field(given, title=title, gt=gt, ge=ge, lt=lt, le=le, json_schema_extra=extra)
 
 
-def setting(default: str | int | bool | None = None, *, title: str, aka: tuple[str, ...] = (), only: str = "") -> Any:
+def setting(
+    default: str | int | bool | None = None, *, title: str, aka: tuple[str, ...] = (), only: str | tuple[str, ...] = ""
+) -> Any:
     """Declare a choice, a switch or a text; without a default it must be given. See `quantity`."""
     given = ... if default is None else default
-    return Field(given, title=title, json_schema_extra={"aka": list(aka), "only": only})
+    return Field(given, title=title, json_schema_extra={"aka": list(aka), "only": _kinds(only)})
 
 
-def tables(*, title: str, only: str = "") -> Any:
+def tables(*, title: str, only: str | tuple[str, ...] = "") -> Any:
     """Declare an array of tables, none by default. See `quantity`."""
-    return Field((), title=title, json_schema_extra={"aka": [], "only": only})
+    return Field((), title=title, json_schema_extra={"aka": [], "only": _kinds(only)})
+
+
+def _kinds(only: str | tuple[str, ...]) -> list[Any]:
+    """Return kinds of a section as a list, empty for all."""
+    return list(only) if isinstance(only, tuple) else [only] if only else []
 
 
 def section_type(field: FieldInfo) -> type[Section] | None:
@@ -158,9 +165,9 @@ def default_text(field: FieldInfo) -> str:
     return _extra(field, "left_out") or toml_text.shown(field.default)
 
 
-def only_for(field: FieldInfo) -> str:
-    """Return the `kind` of its section that a key is for; empty for all."""
-    return _extra(field, "only") or ""
+def only_for(field: FieldInfo) -> tuple[str, ...]:
+    """Return the kinds of its section that a key is for; empty for all."""
+    return tuple(_extra(field, "only") or ())
 
 
 def is_number(field: FieldInfo) -> bool:

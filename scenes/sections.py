@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import Literal
 
 from control import gaits
+from control.pipe_gait import TwoAnchor
 from scenes.schema import Section, quantity, setting
 
 LARGEST_SEED = 2**63 - 1
 
-WAVE, SEGMENTS = "travelling_wave", "segment_driven"
+WAVE, SEGMENTS, TWO_ANCHOR = "travelling_wave", "segment_driven", "two_anchor"
 
 _SEGMENTS = gaits.ContractionEngine_segmentdriven()
+_TWO_ANCHOR = TwoAnchor()
 
 
 class Run(Section):
@@ -32,13 +34,15 @@ class Run(Section):
 
 
 class Gait(Section):
-    """A pattern of contraction: a travelling wave, or segment after segment (the paper's two schemes).
+    """A pattern of contraction: a travelling wave or segment after segment (the paper's two schemes), or two anchors.
 
     A model adds how strong it is, and the length of the wave in its unit.
     """
 
-    kind: Literal["travelling_wave", "segment_driven"] = setting(
-        "travelling_wave", title="the wave A = sin(kx - wt), or one segment after the other", aka=("type",)
+    kind: Literal["travelling_wave", "segment_driven", "two_anchor"] = setting(
+        "travelling_wave",
+        title="the wave A = sin(kx - wt), one segment after the other, or (in pipes) two anchors in turn",
+        aka=("type",),
     )
     period_s: float = quantity(
         2.0, unit="s", gt=0, title="T_wave: time between two contractions of a segment", aka=("T_wave_s",)
@@ -61,6 +65,16 @@ class Gait(Section):
     )
     alternating: bool = setting(
         _SEGMENTS.alternating, only=SEGMENTS, title="segment_driven only: whether odd segments lengthen instead"
+    )
+    extension: float = quantity(
+        _TWO_ANCHOR.extension,
+        ge=-1,
+        le=0,
+        only=TWO_ANCHOR,
+        title="two_anchor only: activation of an extended segment, -0.5 lengthens it by half the amplitude",
+    )
+    anchors: int = quantity(
+        _TWO_ANCHOR.anchors, ge=1, only=TWO_ANCHOR, title="two_anchor only: segments of each anchor"
     )
 
 

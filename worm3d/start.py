@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -22,11 +23,19 @@ from worm3d.worm import Worm
 
 FloatArray = NDArray[np.float64]
 
-SETTLING_TIME, MAX_SETTLING = 1.0, 200
-"""Pseudo time step of settling [s], and how many at most."""
 
-STICKING, STICKING_TIME, MAX_STICKING = 10.0, 0.01, 1000
-"""Coefficient of friction while a worm settles on a world that is uneven, time step [s], and how many at most."""
+class _Settling(NamedTuple):
+    """A way to come to rest: coefficient of friction, time step [s], and how many steps at most."""
+
+    mu: float
+    dt: float
+    most: int
+
+
+SLIDING = _Settling(0.0, 1.0, 200)
+STICKING = tuple(_Settling(mu, 0.01, 1000) for mu in (3.0, 1.0, 10.0))
+"""One after the other is tried: too little friction lets a worm slide down a steep place, too much may jam it in a pose
+to which no step leads."""
 
 SETTLED = 1e-13
 """Motion of the joints in such a step, as a fraction of the body length, at which the worm rests."""
@@ -142,20 +151,30 @@ def settle(
     ones with contacts that stick, until the worm rests. The state has loads and no anchors yet (anchors are where the
     worm touches).
     """
-    pressing, uneven = world.pressing(gravity), bool(getattr(world, "uneven", False))
-    mu, dt, most = (STICKING, STICKING_TIME, MAX_STICKING) if uneven else (0.0, SETTLING_TIME, MAX_SETTLING)
-    plant = Plant(worm, world, Friction(mu, mu, mu, 1.0), pressing, held, scale=gravity)
+    ways = STICKING if getattr(world, "uneven", False) else (SLIDING,)
+    for way in ways:
+        rested, status = _settled(worm, world, gravity, held, state, way)
+        if status is Status.DONE:
+            break
+    return rested, status
+
+
+def _settled(
+    worm: Worm, world: World, gravity: FloatArray, held: NDArray[np.bool_], state: State, way: _Settling
+) -> tuple[State, Status]:
+    friction = Friction(way.mu, way.mu, way.mu, 1.0)
+    plant = Plant(worm, world, friction, world.pressing(gravity), held, scale=gravity)
     plant.set_pose(state)
     records, counters = record_memory(worm.segments, 1), np.zeros((0, 3), dtype=np.int64)
     command, none, moved = np.zeros((1, 5 * worm.segments)), np.zeros((0, 3, worm.segments + 1)), np.inf
     command[0, : 2 * worm.segments] = state.contraction.ravel()
-    for _ in range(most):
+    for _ in range(way.most):
         before = plant.arrays["joints"][:3].copy()
-        done, end = advance(plant.core, records.block, counters, command, none, 0, 0, dt, False, False)
+        done, end = advance(plant.core, records.block, counters, command, none, 0, 0, way.dt, False, False)
         if end != OK or done != 1:
             return state, Status.UNSETTLED if GUARDED[end] is Status.NO_CONVERGENCE else GUARDED[end]
         moved = np.abs(plant.arrays["joints"][:3] - before).max()
-        if not uneven:
+        if way.mu == 0.0:  # anchors are needed where friction holds
             plant.stop()
         if moved < SETTLED * worm.length:
             break

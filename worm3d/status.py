@@ -13,7 +13,10 @@ class Status(Enum):
     INTERRUPTED = "the run was interrupted; the steps computed so far are kept"
     NOT_FINITE = "the state became infinite or not a number; the steps before are kept"
     NO_CONVERGENCE = "Newton did not converge, not even with a 64th of the time step; the steps before are kept"
-    UNSETTLED = "the worm does not come to rest on its world before the run: too soft or too heavy for its joints"
+    UNSETTLED = (
+        "the worm does not come to rest on its world before the run: too soft or too heavy for its joints, or nothing "
+        "holds it in a steep place (contract it, or start with settle_first=False)"
+    )
     FLATTENED = "a chamber was pressed flat (limit point); the steps before are kept"
     FOLDED = "two neighbouring segments folded, or were bent, by 90 degrees or more; the steps before are kept"
     SUNK = "a joint was pressed deep into the world; the steps before are kept"

@@ -64,5 +64,5 @@ def gait_of(scene: LinkageSettings) -> Gait:
 
 
 def lengthens(kind: str, rectified: bool, alternating: bool) -> bool:
-    """Return whether a gait makes segments longer too: the full wave, and pulses of alternating signs."""
-    return alternating if kind == "segment_driven" else not rectified
+    """Return whether a gait makes segments longer too: the full wave, pulses of alternating signs, and two anchors."""
+    return {"segment_driven": alternating, "two_anchor": True}.get(kind, not rectified)

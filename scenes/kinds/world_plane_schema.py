@@ -5,6 +5,8 @@ from __future__ import annotations
 from scenes.schema import Pair, Section, Tables, quantity, tables
 
 PLANE, CLAMPED = "plane", "clamped"
+PIPE, SLOPE_INTO_PIPE = "pipe", "slope_into_pipe"
+PIPES = (PIPE, SLOPE_INTO_PIPE)
 
 
 class Patch(Section):
@@ -12,7 +14,9 @@ class Patch(Section):
 
     grip: float = quantity(ge=0, title="multiplier of the friction coefficients")
     along_m: Pair | None = quantity(
-        unit="m", left_out="everywhere", title="from where to where along the steepest ascent, from the origin"
+        unit="m",
+        left_out="everywhere",
+        title="from where to where along the steepest ascent, from the origin, or along a pipe",
     )
     across_m: Pair | None = quantity(
         unit="m", left_out="everywhere", title="from where to where to the left of it, from the origin"
@@ -22,13 +26,20 @@ class Patch(Section):
 class PlaneKeys(Section):
     """Keys of a plane."""
 
-    slope_deg: float = quantity(0.0, unit="deg", gt=-90, lt=90, only=PLANE, title="plane only: angle, rising towards x")
+    slope_deg: float = quantity(
+        0.0, unit="deg", gt=-90, lt=90, only=(PLANE, SLOPE_INTO_PIPE), title="plane only: angle, rising towards x"
+    )
     heading_deg: float = quantity(
-        0.0, unit="deg", only=PLANE, title="plane only: azimuth of the steepest ascent, if not x", aka=("azimuth_deg",)
+        0.0,
+        unit="deg",
+        only=(PLANE, PIPE, SLOPE_INTO_PIPE),
+        title="azimuth of a plane's steepest ascent, or of a pipe where it starts, if not x",
+        aka=("azimuth_deg",),
     )
     patches: Tables[Patch] = tables(
-        only=PLANE,
-        title="plane only: places with another friction, each a table of grip, along_m = [from, to] and across_m",
+        only=(PLANE, PIPE),
+        title="places with another friction, each a table of grip, along_m = [from, to] and (planes only) across_m; "
+        "in a pipe along its centre line",
     )
 
 

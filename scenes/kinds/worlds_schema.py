@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from scenes.kinds.world_pipe_schema import PipeKeys
 from scenes.kinds.world_plane_schema import PLANE, ClampedKeys, PlaneKeys
 from scenes.schema import Section, setting
 
@@ -14,13 +15,14 @@ from scenes.schema import Section, setting
 class KindOfWorld(Section):
     """Which kind of world it is."""
 
-    kind: Literal["plane", "clamped", "none"] = setting(
+    kind: Literal["plane", "pipe", "slope_into_pipe", "clamped", "none"] = setting(
         PLANE,
-        title="plane: the worm touches it; clamped: the paper's ground holds the joints' heights; none: nothing there",
+        title="plane, the inside of a pipe, or a slope that leads into one: the worm touches it; clamped: the paper's "
+        "ground holds the joints' heights; none: nothing there",
         aka=("type",),
     )
 
 
 # The last class comes first in a written scene.
-class World(ClampedKeys, PlaneKeys, KindOfWorld):
+class World(ClampedKeys, PipeKeys, PlaneKeys, KindOfWorld):
     """What the worm crawls on."""

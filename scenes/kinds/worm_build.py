@@ -105,9 +105,12 @@ def gravity_of(scene: AnyWormScene) -> NDArray[np.float64]:
 
 def start_of(scene: AnyWormScene, worm: worm3d.Worm, world: worm3d.worlds.World | None) -> worm3d.State:
     """Return the state that the run starts from."""
-    start = scene.start
-    azimuth = math.radians(scene.start.azimuth_deg) if isinstance(scene, WormScene) else 0.0
-    return worm3d.State.straight(worm, world, (*start.position_m, start.lift_m), azimuth)
+    start, azimuth, contraction = scene.start, 0.0, np.zeros((worm.segments, 2))
+    if isinstance(scene, WormScene):
+        azimuth = math.radians(scene.start.azimuth_deg)
+        if scene.start.contracted:
+            contraction = gait_of(scene).bind(worm)(0.0).contraction
+    return worm3d.State.straight(worm, world, (*start.position_m, start.lift_m), azimuth, contraction)
 
 
 def force_of(push: Push, segments: int, dt: float) -> Force | None:

@@ -18,28 +18,30 @@ from scenes.kinds.planar_linkage_checks import (
     in_keys,
     links_reach,
 )
+from scenes.kinds.world_pipe_checks import FITS, PIPE_CHECKS
 from scenes.kinds.worlds_build import world_of
 from scenes.kinds.worlds_schema import World
 from scenes.kinds.worm_build import KEYS, gravity_of, start_of, worm_of
 from scenes.kinds.worm_schema import AnyWormScene, PlanarGait, PlanarWormScene, WormGait, WormScene
 from scenes.toml_text import shown
 from worm3d import start
+from worm3d.state import StateError
 
 STARTS_WITH = ("worm", "world", "start", "run")
 """Sections that decide whether a worm can start."""
 
 
-def _worm_can_start(mass_kg: float, *sections: Mapping[str, Any]) -> str | None:
+def _worm_can_start(mass_kg: float, *sections: Mapping[str, Any]) -> Found:
     data = dict(zip(STARTS_WITH, sections, strict=True))
     return _refusal(WormScene.model_validate({"model": "worm", **data}))
 
 
-def _planar_worm_can_start(mass_kg: float | None, *sections: Mapping[str, Any]) -> str | None:
+def _planar_worm_can_start(mass_kg: float | None, *sections: Mapping[str, Any]) -> Found:
     data = dict(zip(STARTS_WITH, sections, strict=True))
     return _refusal(PlanarWormScene.model_validate({"model": "worm_planar", **data}))
 
 
-def _refusal(scene: AnyWormScene) -> str | None:
+def _refusal(scene: AnyWormScene) -> Found:
     """Tell what the plant refuses before its first step, such as a worm that its weight would flatten."""
     try:
         with np.errstate(all="ignore"):
@@ -47,6 +49,8 @@ def _refusal(scene: AnyWormScene) -> str | None:
             start.require_shape(worm, start_of(scene, worm, world))
             if world is not None and start.settles(world, gravity):
                 start.require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))))
+    except StateError as error:
+        return dict.fromkeys(("start", "world"), in_keys(str(error), KEYS))
     except (ValueError, ArithmeticError) as error:
         return in_keys(str(error), KEYS)
     return None
@@ -109,6 +113,15 @@ def _patches_have_an_inside(patches: Sequence[Mapping[str, Any]]) -> str | None:
     return None
 
 
+def _a_body_between_anchors(anchors: int, segments: int, kind: str) -> Found:
+    if kind != "two_anchor" or 2 * anchors < segments:
+        return None
+    return (
+        f"got {anchors}: two anchors take {2 * anchors} of the worm's {segments} segments (worm.segments), must leave "
+        "one between them"
+    )
+
+
 def _push_on_a_joint(joint: int, segments: int) -> str | None:
     return None if joint <= segments else f"got {joint}: the last joint, the head, is {segments} (worm.segments)"
 
@@ -142,6 +155,8 @@ SHARED = (
     *(Check((f"friction.{key}", "worm.segments"), as_many_as_segments) for key in ("forward", "backward")),
     Check(("run.gravity_m_s2",), _g_or_a_vector),
     Check(("world.patches",), _patches_have_an_inside),
+    *PIPE_CHECKS,
+    Check(("gait.anchors", "worm.segments", "gait.kind"), _a_body_between_anchors),
     Check(("push.joint", "worm.segments"), _push_on_a_joint),
     Check(("push.duration_s", "run.dt_s"), _push_lasts_a_step),
     Check(("run.dt_s", "run.duration_s", "worm.segments", "run.record_every"), _fits_into_memory),
@@ -167,6 +182,7 @@ WORM_CHECKS = (
         ),
         _chamber_links_reach,
     ),
+    FITS,
     Check(("worm.mass_kg", *STARTS_WITH), _worm_can_start),
 )
 

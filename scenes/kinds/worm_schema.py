@@ -152,7 +152,9 @@ class WormGait(PlanarGait):
 class PlanarStart(Section):
     """Where the straight worm starts from."""
 
-    position_m: Pair = quantity((0.0, 0.0), unit="m", title="where the tail is, seen from above: x, y")
+    position_m: Pair = quantity(
+        (0.0, 0.0), unit="m", title="where the tail is, seen from above: x, y; in a pipe how far along it, and 0"
+    )
     lift_m: float = quantity(0.0, unit="m", ge=0, title="height above the place where it touches the world")
     settle: bool = setting(
         True, title="whether it is first brought to rest on its world; false: it starts to fall as the run begins"
@@ -163,7 +165,13 @@ class Start(PlanarStart):
     """Where the straight worm starts from, and where it looks."""
 
     azimuth_deg: float = quantity(
-        0.0, unit="deg", title="heading, from x towards y", aka=("heading_deg", "direction_deg")
+        0.0,
+        unit="deg",
+        title="heading, from x towards y; in a pipe 0 looks along it, 180 back",
+        aka=("heading_deg", "direction_deg"),
+    )
+    contracted: bool = setting(
+        False, title="whether its chambers are contracted as the gait asks at time 0: so it is wedged in a steep pipe"
     )
 
 

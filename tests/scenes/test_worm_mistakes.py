@@ -58,7 +58,8 @@ def test_every_mistake_gives_its_line() -> None:
         "between the 6 segments",
         "line 10: worm.k_twist: unknown key; did you mean 'twist_J'?",
         "line 11: worm.stroke: got [0.1, 0.4]: must be [least, greatest] contraction with least <= 0 <= greatest < 1",
-        "line 14: world.kind: got 'plain': input should be 'plane', 'clamped' or 'none'; did you mean 'plane'? "
+        "line 14: world.kind: got 'plain': input should be 'plane', 'pipe', 'slope_into_pipe', 'clamped' or 'none'; "
+        "did you mean 'plane'? "
         "(default 'plane')",
         "line 16: world.patches[0].grip: missing: multiplier of the friction coefficients, 0 <= …",
         "line 17: world.patches[0].gripp: unknown key; did you mean 'grip'?",
@@ -107,7 +108,7 @@ def test_one_mistake_is_one_line(override: str, line: str) -> None:
 
 def test_keys_of_a_plane_are_not_for_another_world() -> None:
     (line,) = lines_about('model = "worm"\n[world]\nkind = "none"\nslope_deg = 3.0\npatches = []\n')
-    assert line.startswith("line 4: world.slope_deg: only for world.kind = 'plane', which this scene is not ('none')")
+    assert line.startswith("line 4: world.slope_deg: only for world.kind = 'plane' or 'slope_into_pipe', which this ")
 
 
 @pytest.mark.parametrize("model", ["worm", "worm_planar"])
