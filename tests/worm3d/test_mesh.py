@@ -75,8 +75,8 @@ def test_distances_are_those_of_trimesh(name: str, tmp_path: Path) -> None:
     assert np.quantile(error, 0.99) < 0.2
     assert error.max() < (0.05 if name == "sphere" else 0.2 if name == "ring" else 0.25)
     everywhere = np.random.default_rng(3).uniform(-0.6, 0.6, (300, 3))
-    far = np.abs(world.distance(everywhere) - exact(solid, everywhere)) / CELL
-    assert far.max() < 1.0, "at the middle between faces"
+    far = exact(solid, everywhere)
+    assert (np.abs(world.distance(everywhere) - far) < CELL + 0.1 * np.abs(far)).all(), "it tells how far it is"
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -118,7 +118,8 @@ def test_the_other_side_can_be_solid(tmp_path: Path) -> None:
 
 
 def test_files_of_all_kinds_give_the_same_world(tmp_path: Path) -> None:
-    solid, points = SHAPES["turned box"](), np.random.default_rng(6).uniform(-0.6, 0.6, (200, 3))
+    solid = SHAPES["turned box"]()
+    points = about(solid, 200, CELL)
     reference = Mesh(saved(solid, tmp_path), units="m", cell=0.04).distance(points)
     for kind in ("obj", "ply", "glb"):
         world = Mesh(saved(solid, tmp_path, f"solid.{kind}"), units="m", cell=0.04)
