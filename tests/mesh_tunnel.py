@@ -1,4 +1,4 @@
-"""Makes `scenes/mesh_tunnel.stl`, the air of a rough tunnel in rock, which winds and rises. Run it to write the file."""
+"""Makes `scenes/mesh_tunnel.stl`, the air of a rough tunnel in rock that winds and rises; run it to write the file."""
 
 from __future__ import annotations
 

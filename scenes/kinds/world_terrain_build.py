@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import worm3d
-from scenes.kinds.world_terrain_schema import UNKNOWN
 
 if TYPE_CHECKING:
     from scenes.kinds.worlds_schema import World
@@ -33,7 +32,7 @@ def heightfield(world: World) -> worm3d.Heightfield:
 
 def mesh(world: World) -> worm3d.Mesh:
     """Return the world of a section's mesh file."""
-    units = None if world.units == UNKNOWN else world.units
+    units = None if world.units == "unknown" else world.units
     return worm3d.Mesh(file_of(world), units, world.solid, world.cell_m, world.up, grip=world.grip)
 
 

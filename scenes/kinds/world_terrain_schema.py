@@ -9,8 +9,8 @@ from scenes.schema import Pair, Section, quantity, setting
 HEIGHTFIELD, MESH = "heightfield", "mesh"
 FILES = (HEIGHTFIELD, MESH)
 
-NO_FILE, UNKNOWN = "none", "unknown"
-"""What stands for a file, or units, that are not given."""
+NO_FILE = "none"
+"""What stands for a file that is not given."""
 
 
 class TerrainKeys(Section):
@@ -57,7 +57,10 @@ class MeshKeys(Section):
         aka=("path", "mesh", "image"),
     )
     units: Literal["unknown", "m", "cm", "mm", "in", "ft"] = setting(
-        UNKNOWN, only=MESH, title="mesh only: of the file's coordinates; only GLB files say theirs", aka=("mesh_units",)
+        "unknown",
+        only=MESH,
+        title="mesh only: of the file's coordinates; only GLB files say theirs",
+        aka=("mesh_units",),
     )
     solid: Literal["inside", "outside"] = setting(
         "inside", only=MESH, title="mesh only: what it encloses is solid, or free, as the air in a tunnel"
