@@ -18,7 +18,7 @@ from scenes.kinds.planar_linkage_checks import (
     in_keys,
     links_reach,
 )
-from scenes.kinds.world_pipe_checks import FITS, PIPE_CHECKS
+from scenes.kinds.world_pipe_checks import PIPE_CHECKS, WORM_IN_PIPE_CHECKS
 from scenes.kinds.world_terrain_checks import TERRAIN_CHECKS
 from scenes.kinds.worlds_build import world_of
 from scenes.kinds.worlds_schema import World
@@ -184,7 +184,7 @@ WORM_CHECKS = (
         ),
         _chamber_links_reach,
     ),
-    FITS,
+    *WORM_IN_PIPE_CHECKS,
     Check(("worm.mass_kg", *STARTS_WITH), _worm_can_start),
 )
 
