@@ -224,6 +224,14 @@ def test_the_ledger_closes_in_a_tunnel(tunnel: Mesh, integrator: str) -> None:
     assert result.com[-1, 2] > result.com[0, 2]
 
 
+def test_worms_side_by_side_on_one_mesh_do_not_meet(slab: Mesh) -> None:
+    """Threads share the grid and nothing else: bit for bit the single runs."""
+    gaits = [TravellingWave(amplitude=0.2 + 0.02 * k, bias=0.1 * k) for k in range(4)]
+    together = worm3d.simulate_batch(Worm(), slab, actuation=gaits, duration=1.0, threads=2)
+    for gait, result in zip(gaits, together, strict=True):
+        assert_array_equal(worm3d.simulate(Worm(), slab, actuation=gait, duration=1.0).joints, result.joints)
+
+
 def test_where_there_is_no_ground_or_no_room(slab: Mesh, tunnel: Mesh) -> None:
     with pytest.raises(
         ValueError, match=r"position: got \[2.0, 0.0\] m: the mesh has no ground under the worm at x = 2."

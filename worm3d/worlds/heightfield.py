@@ -155,8 +155,8 @@ class Heightfield:
         first = np.asarray(self.origin) - EDGE * self.spacing
         coefficients, grips = self._tables
         parameters = [
-            *table.halves(coefficients),
-            *table.halves(grips),
+            *table.halves(coefficients.ctypes.data),
+            *table.halves(grips.ctypes.data),
             *coefficients.shape,
             *first,
             self.spacing,
