@@ -9,6 +9,7 @@ from typing import Any
 import worm3d
 from scenes.kinds.world_pipe_schema import Piece
 from scenes.kinds.world_plane_schema import Patch
+from scenes.kinds.world_terrain_build import heightfield, mesh
 from scenes.kinds.worlds_schema import World
 
 
@@ -59,6 +60,8 @@ WORLDS: dict[str, Callable[[World], Any]] = {
     "plane": _plane,
     "pipe": _pipe,
     "slope_into_pipe": _slope_into_pipe,
+    "heightfield": heightfield,
+    "mesh": mesh,
     "clamped": lambda world: worm3d.ClampedGround(world.velocity_threshold_m_s),
     "none": lambda world: None,
 }

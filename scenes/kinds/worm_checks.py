@@ -19,6 +19,7 @@ from scenes.kinds.planar_linkage_checks import (
     links_reach,
 )
 from scenes.kinds.world_pipe_checks import PIPE_CHECKS, WORM_IN_PIPE_CHECKS
+from scenes.kinds.world_terrain_checks import TERRAIN_CHECKS
 from scenes.kinds.worlds_build import world_of
 from scenes.kinds.worlds_schema import World
 from scenes.kinds.worm_build import KEYS, gravity_of, start_of, worm_of
@@ -156,6 +157,7 @@ SHARED = (
     Check(("run.gravity_m_s2",), _g_or_a_vector),
     Check(("world.patches",), _patches_have_an_inside),
     *PIPE_CHECKS,
+    *TERRAIN_CHECKS,
     Check(("gait.anchors", "worm.segments", "gait.kind"), _a_body_between_anchors),
     Check(("push.joint", "worm.segments"), _push_on_a_joint),
     Check(("push.duration_s", "run.dt_s"), _push_lasts_a_step),

@@ -46,7 +46,7 @@ def assert_same(ours: Record, theirs: Record) -> None:
 
 PROMISED = {
     "flat", "free_fall", "planar_case", "slope", "slope_5", "slope_15", "slope_into_pipe",
-    "pipe_straight", "pipe_bend", "pipe_narrowing", "pipe_vertical",
+    "rubble", "mesh_tunnel", "pipe_straight", "pipe_bend", "pipe_narrowing", "pipe_vertical",
 }  # fmt: skip
 
 
