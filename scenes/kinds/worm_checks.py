@@ -18,7 +18,8 @@ from scenes.kinds.planar_linkage_checks import (
     in_keys,
     links_reach,
 )
-from scenes.kinds.world_pipe_checks import FITS, PIPE_CHECKS
+from scenes.kinds.world_pipe_checks import PIPE_CHECKS, WORM_IN_PIPE_CHECKS
+from scenes.kinds.world_terrain_checks import TERRAIN_CHECKS
 from scenes.kinds.worlds_build import world_of
 from scenes.kinds.worlds_schema import World
 from scenes.kinds.worm_build import KEYS, gravity_of, start_of, worm_of
@@ -155,6 +156,7 @@ WORLD_CHECKS = (
     Check(("run.gravity_m_s2",), _g_or_a_vector),
     Check(("world.patches",), _patches_have_an_inside),
     *PIPE_CHECKS,
+    *TERRAIN_CHECKS,
     Check(("push.joint", "worm.segments"), _push_on_a_joint),
     Check(("push.duration_s", "run.dt_s"), _push_lasts_a_step),
     Check(("run.dt_s", "run.duration_s", "worm.segments", "run.record_every"), _fits_into_memory),
@@ -178,7 +180,7 @@ SPATIAL_CHECKS = (
     ),
     Check(("friction.lateral", "worm.segments"), as_many_as_segments),
     Check(("worm.stroke",), _stroke_holds_rest),
-    FITS,
+    *WORM_IN_PIPE_CHECKS,
 )
 """Of every 3D worm, whatever drives it."""
 
