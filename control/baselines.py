@@ -23,6 +23,7 @@ from time import perf_counter
 from control.decision import Decision, Source
 from control.estimator import Estimate, Estimator
 from control.feedforward import FeedForward
+from control.generator import WaveGenerator
 from control.identification import Identified
 from control.ladder import KNOWN, LONGEST_START
 from control.measurement import Measurement
@@ -30,7 +31,7 @@ from control.paths import offset
 from control.preview import turn_rate
 from control.reduced import ReducedModel, ReducedState
 from control.references import Reference
-from control.steering import GaitParameters, Mechanism, WaveGenerator
+from control.steering import GaitParameters, Mechanism
 from control.supervisor import Estimates
 from worm3d import Command, Worm
 

@@ -13,13 +13,14 @@ import numpy as np
 
 from control.decision import Decision
 from control.estimator import Estimate, Estimator
+from control.generator import WaveGenerator
 from control.identification import Identified
 from control.ladder import Ladder, Planner
 from control.measurement import Measurement
 from control.mpc import GaitMPC
 from control.reduced import ReducedModel
 from control.references import Reference
-from control.steering import GaitParameters, Mechanism, Schedule, WaveGenerator
+from control.steering import GaitParameters, Mechanism, Schedule
 from worm3d import Command, Worm
 
 Deadline = Literal["iterations", "wall"]

@@ -23,6 +23,7 @@ from scenes.kinds.worm_schema import (
     WormScene,
 )
 from scenes.pattern import pattern
+from worm3d.actuation import Actuation, Sensor
 
 KEYS = {
     "segments": "segments",
@@ -52,7 +53,7 @@ EDGE = 1e-6
 
 Force = Callable[[float], NDArray[np.float64]]
 
-Drive = tuple[worm3d.actuation.Actuation, worm3d.actuation.Sensor | None]
+Drive = tuple[Actuation, Sensor | None]
 
 
 def simulate(
