@@ -29,6 +29,9 @@ Bools = NDArray[np.bool_]
 DROPPED = 3.0
 """Periods at the beginning, and after a step, that are left out."""
 
+ROUNDING = 1e-6
+"""By which two times may differ and be the same [s]."""
+
 SETTLED = 0.10
 """Share of the reference speed within which a speed has settled."""
 
@@ -185,7 +188,7 @@ def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | N
         return None, "the reference speed has no step"
     longest = 0.0
     for begin, end in zip(steps, (*steps[1:], np.inf), strict=True):
-        rows = (tracked.time > begin) & (tracked.time <= end)
+        rows = (tracked.time >= begin) & (tracked.time < end - ROUNDING)  # at its end the next speed is asked for
         wanted = np.asarray(reference.speed(tracked.time[rows]), dtype=float)
         off = np.flatnonzero(np.abs(tracked.speed[rows] - wanted) > SETTLED * np.abs(wanted))
         waves = tracked.waves[rows]
@@ -221,7 +224,7 @@ def _counted(motion: Motion, reference: Reference, window: _Window) -> Bools:
     """Return which windows lie beyond the periods that are left out."""
     begins = [motion.time[0], *(t for t in step_times(reference) if t <= motion.time[-1])]
     first = np.interp(begins, motion.time, motion.waves)
-    since = np.searchsorted(np.asarray(begins) + 1e-9, window.time, side="left") - 1
+    since = np.searchsorted(np.asarray(begins) + ROUNDING, window.time, side="left") - 1
     counted: Bools = window.waves - 1.0 - first[np.maximum(since, 0)] >= DROPPED - 1e-9
     return counted
 

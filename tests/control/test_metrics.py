@@ -94,6 +94,14 @@ def test_settling_counts_periods_until_the_last_time_outside() -> None:
     assert figures(motion(place), reference)["settling_periods"] == found
 
 
+def test_every_step_counts_until_the_next_one() -> None:
+    reference = Reference(Steps(0.04, (10.0, 20.0), (0.08, 0.06)))
+    ideal = np.concatenate([[0.0], np.cumsum(0.01 * reference.speed(TIME[1:] - 0.005))])
+    found, _ = settling_periods(tracking(motion(np.column_stack([ideal, 0 * TIME])), reference), reference)
+    # The mean over the period before is within 10 % of 0.08 when four fifths of the period have the new speed.
+    assert found == pytest.approx(0.8, abs=0.02)
+
+
 def test_a_speed_that_does_not_settle_is_said_to() -> None:
     reference = Reference(Steps(0.04, (12.0,), (0.08,)))
     found, why = settling_periods(tracking(motion(along_x(0.05)), reference), reference)
