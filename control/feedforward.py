@@ -17,7 +17,7 @@ from control.surrogate import Ranges
 FloatArray = NDArray[np.float64]
 
 PREFERRED = 0.8
-"""Frequency [Hz] at which the default worm has the most of its speeds; the middle of the range where it lies outside."""
+"""Frequency at which the default worm has most of its speeds [Hz]; one outside a range gives way to its middle."""
 POINTS = 33
 """On each part of the line, and over the steering."""
 REPEATS = 3
@@ -73,5 +73,9 @@ def _line(ranges: Ranges, preferred: float) -> tuple[FloatArray, FloatArray]:
     """Return amplitudes and frequencies from the slowest wave to the fastest."""
     (least, greatest), (low, high) = ranges.amplitude, ranges.frequency
     amplitudes = [np.full(POINTS, least), np.linspace(least, greatest, POINTS), np.full(POINTS, greatest)]
-    frequencies = [np.linspace(low, preferred, POINTS), np.full(POINTS, preferred), np.linspace(preferred, high, POINTS)]
+    frequencies = [
+        np.linspace(low, preferred, POINTS),
+        np.full(POINTS, preferred),
+        np.linspace(preferred, high, POINTS),
+    ]
     return np.concatenate(amplitudes), np.concatenate(frequencies)

@@ -14,6 +14,7 @@ After three failures in a row the search forgets its last plan. The reference's 
 from __future__ import annotations
 
 import logging
+from math import isfinite
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -116,8 +117,9 @@ class Ladder:
         """
         if float(self._reference.speed(t)) < self.planner.feed_forward.slowest:
             return Choice("stop", _rest(in_force), STANDS)
-        if not self._may_steer(estimate, waves):
-            return Choice("gait", self._plain(t, 0.0, Reference(self._reference.speed)), STRAIGHT)
+        straight = self._straight(t, estimate, waves)
+        if straight is not None:
+            return Choice("gait", straight, STRAIGHT)
         plan, complaint = self._plan(t, estimate)
         if plan is None or complaint:
             return self._without(t, estimate, in_force, complaint, plan)
@@ -125,11 +127,11 @@ class Ladder:
         self._accepted, self._failures, self._held = plan, 0, 0
         return Choice("mpc", plan.parameters, plan.status.value, plan)
 
-    def _may_steer(self, estimate: Estimate, waves: float) -> bool:
-        """Return whether the heading has become known, or has had time enough."""
+    def _straight(self, t: float, estimate: Estimate, waves: float) -> GaitParameters | None:
+        """Return the plain wave straight on, until the heading has become known or has had time enough for that."""
         variance = float(estimate.covariance[_HEADING, _HEADING])
         self._steers = self._steers or variance <= KNOWN**2 or waves >= LONGEST_START
-        return self._steers
+        return None if self._steers else self._plain(t, 0.0, Reference(self._reference.speed))
 
     def _plan(self, t: float, estimate: Estimate) -> tuple[Plan | None, str]:
         """Return a plan, if one is made, and why it is not accepted."""
@@ -153,7 +155,7 @@ class Ladder:
             shifted = self._model.parameters(ReducedInput(*self._accepted.at(t)))
             return Choice("shifted plan", shifted, complaint, plan, failed=True)
         slip = float(estimate.state.slip)
-        plain = self._plain(t, slip if np.isfinite(slip) else 0.0, self._reference)
+        plain = self._plain(t, slip if isfinite(slip) else 0.0, self._reference)
         if plain is not None:
             return Choice("gait", plain, complaint, plan, failed=True)
         self._held += 1
@@ -164,7 +166,7 @@ class Ladder:
     def _plain(self, t: float, slip: float, reference: Reference) -> GaitParameters | None:
         """Return the plain wave, if the reference is finite."""
         wave = self.planner.plain(t, slip, reference)
-        return self._model.parameters(wave) if np.isfinite(wave).all() else None
+        return self._model.parameters(wave) if all(isfinite(part) for part in wave) else None
 
 
 def _rest(in_force: GaitParameters) -> GaitParameters:

@@ -1,7 +1,7 @@
 """Model predictive control of the gait's parameters: amplitude, frequency and steering over some waves ahead.
 
-The problem is (G2), `control.problem`. Slip, yaw bias and drift are those of the estimate and constant over the horizon:
-what they stand for leaves no lasting error. The body stands across its path by
+The problem is (G2), `control.problem`. Slip, yaw bias and drift are those of the estimate and constant over the
+horizon: what they stand for leaves no lasting error. The body stands across its path by
 
     crab = (drift + L f c(A, f, s)) / V_ref                                                                    (M1)
 
@@ -11,6 +11,7 @@ waves, the plan before and the plain wave of the feed-forward, and is never wors
 
 from __future__ import annotations
 
+from math import isfinite
 from time import perf_counter
 
 import numpy as np
@@ -123,7 +124,7 @@ class GaitMPC:
 
     def _preview(self, t: float, estimate: Estimate, reference: Reference) -> Preview | None:
         """Return what the reference asks for; None if that, or the estimate, is not finite."""
-        if not np.isfinite(estimate.state).all():
+        if not all(isfinite(part) for part in estimate.state):
             return None
         step, steps = self._prediction.step, self._prediction.steps
         preview = look_ahead(reference, t, step, steps, estimate.position, estimate.heading, self._near)
@@ -133,14 +134,15 @@ class GaitMPC:
         return preview
 
     def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
-        """Return the plain wave: the feed-forward of what the reference asks for at time t [s], at an estimated slip."""
+        """Return the plain wave: the feed-forward of what is asked for at time t [s], at an estimated slip."""
         kept = max(1.0 - slip, LEAST_SHARE)
         return self.feed_forward(float(reference.speed(t)) / kept, turn_rate(reference, t, self.progress))
 
     def _candidates(self, t: float, estimate: Estimate, reference: Reference) -> list[FloatArray]:
         """Return inputs, shape (H, 3), to begin with: the plan before, if there is one, and the plain wave."""
         instants = t + self._prediction.step * (0.5 + np.arange(self._prediction.steps))
-        plain = np.tile(self.plain(t, float(estimate.state.slip), reference), (len(instants), 1))
+        wave = np.array(self.plain(t, float(estimate.state.slip), reference), dtype=float)
+        plain = np.tile(wave, (len(instants), 1))
         return [plain] if self._last is None else [self._last.at(instants), plain]
 
     def _problem(self, t: float, state: ReducedState, preview: Preview, expected: FloatArray) -> Problem:

@@ -78,7 +78,8 @@ def look_ahead(
 
 def on_turn(heading: FloatArray, first: float, azimuth: float) -> FloatArray:
     """Return headings counted on or back by whole turns, so that `first` comes nearest to an azimuth [rad]."""
-    return heading - 2.0 * np.pi * np.round((first - azimuth) / (2.0 * np.pi))
+    turns = float(np.round((first - azimuth) / (2.0 * np.pi)))
+    return np.asarray(heading - 2.0 * np.pi * turns)
 
 
 def turn_rate(reference: Reference, t: float, progress: float) -> float:

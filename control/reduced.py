@@ -7,6 +7,7 @@ n_w in waves, f the frequency, L the body length:
     y'  = (1 - slip) v sin(h) + u cos(h)        w' = (f omega(A, f, s) - w) f / n_w                           (R1)
     h'  = w + yaw_bias                          u  = L f c(A, f, s) + drift
 
+Below the least amplitude that was identified d, c and omega fade in proportion to it: without contraction a worm rests.
 slip, yaw_bias and drift are what the map does not know (a slope, another ground); they are constant in the model, and
 estimated. x, y is the centre of mass and h the heading, both without what a wave rocks them by; that part is a matter
 of the body's shape, which the strains give: with the inverse of (E2) and no strain in yaw (E5),
@@ -129,14 +130,20 @@ class ReducedModel:
         """
         if not dt > 0.0:
             raise ValueError(f"dt: got {dt!r} s, must be above 0")
-        parts = int(np.ceil(dt * self._fastest_rate / FASTEST))
+        parts = int(np.ceil(dt / self.longest_step))
         begin, given = ca.SX.sym("state", STATES), ca.SX.sym("input", INPUTS)
         state = begin
         for _ in range(parts):
-            state = self._runge_kutta(state, given, dt / parts)
+            state = self.advance(state, given, dt / parts)
         return ca.Function("step", [begin, given], [state], ["state", "input"], ["next"])
 
-    def _runge_kutta(self, state: ca.SX, given: ca.SX, dt: float) -> ca.SX:
+    @property
+    def longest_step(self) -> float:
+        """Time that one step of Runge and Kutta may span [s]."""
+        return FASTEST / self._fastest_rate
+
+    def advance(self, state: ca.SX, given: ca.SX, dt: float | ca.SX) -> ca.SX:
+        """Return the state after one step of Runge and Kutta's fourth order; dt [s] up to `longest_step`."""
         k1 = self.dynamics(state, given)
         k2 = self.dynamics(state + dt / 2.0 * k1, given)
         k3 = self.dynamics(state + dt / 2.0 * k2, given)
@@ -152,10 +159,12 @@ class ReducedModel:
 def _rate(s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, mechanism: Mechanism) -> ca.SX:
     """Return (R1)."""
     found, lags = identified.maps[mechanism], identified.lags[mechanism]
+    least = found.ranges.amplitude[0]
+    known, fading = u._replace(amplitude=ca.fmax(u.amplitude, least)), ca.fmin(1.0, u.amplitude / least)
     forward = (1.0 - s.slip) * s.speed
-    sideways = worm.length * found.drift_speed(*u) + s.drift
-    speed_rate = (worm.length * found.speed(*u) - s.speed) * u.frequency / lags.amplitude
-    turn_acceleration = (found.turn_rate(*u) - s.turn_rate) * u.frequency / lags.steering
+    sideways = fading * worm.length * found.drift_speed(*known) + s.drift
+    speed_rate = (fading * worm.length * found.speed(*known) - s.speed) * u.frequency / lags.amplitude
+    turn_acceleration = (fading * found.turn_rate(*known) - s.turn_rate) * u.frequency / lags.steering
     return ca.vertcat(
         forward * ca.cos(s.heading) - sideways * ca.sin(s.heading),
         forward * ca.sin(s.heading) + sideways * ca.cos(s.heading),

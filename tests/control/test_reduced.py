@@ -74,6 +74,14 @@ def steps(reduced: ReducedModel, duration: float, parts: int) -> np.ndarray:
     return state
 
 
+def test_motion_fades_with_an_amplitude_below_those_identified() -> None:
+    least = known().maps["hinge"].ranges.amplitude[0]
+    at = [values(model().dynamics, STATE, (share * least, 0.9, 0.05)) for share in (0.0, 0.5, 1.0)]
+    assert_allclose(at[1], (at[0] + at[2]) / 2.0, atol=1e-15)
+    resting = values(model().step(60.0), np.zeros(STATES), (0.0, 0.9, 0.05))
+    assert_allclose(resting, np.zeros(STATES), atol=0.0)
+
+
 def test_it_settles_on_the_map() -> None:
     reduced, found, state = model(), known().maps["hinge"], np.zeros(STATES)
     for _ in range(200):

@@ -1,0 +1,38 @@
+"""CasADi functions called again and again without allocating what they need each time."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+class Buffered:
+    """A function of dense arguments and results, with memory of its own; not to be called by two threads at once.
+
+    Parameters
+    ----------
+    function : casadi.Function
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self._buffer, self._run = function.buffer()
+        self._given = [_memory(function.size_in(k)) for k in range(function.n_in())]
+        self._found = [_memory(function.size_out(k)) for k in range(function.n_out())]
+        for k, given in enumerate(self._given):
+            self._buffer.set_arg(k, memoryview(given.ravel(order="K")))
+        for k, found in enumerate(self._found):
+            self._buffer.set_res(k, memoryview(found.ravel(order="K")))
+
+    def __call__(self, *given: ArrayLike) -> list[FloatArray]:
+        """Return the results, columns as vectors of shape (n,)."""
+        for memory, value in zip(self._given, given, strict=True):
+            memory[...] = value
+        self._run()
+        return [found.copy() for found in self._found]
+
+
+def _memory(size: tuple[int, int]) -> FloatArray:
+    return np.zeros(size[0]) if size[1] == 1 else np.zeros(size, order="F")

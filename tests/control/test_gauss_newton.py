@@ -1,0 +1,91 @@
+"""Gauss and Newton in a box: known minima, the certificate, mirror images, and how it says that it failed."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from control.gauss_newton import GaussNewton, Outcome, half_square
+
+BOX = np.full(2, -2.0), np.full(2, 2.0)
+
+
+def rosenbrock(z):
+    return np.array([10.0 * (z[1] - z[0] ** 2), 1.0 - z[0]])
+
+
+def rosenbrock_slopes(z):
+    return rosenbrock(z), np.array([[-20.0 * z[0], 10.0], [-1.0, 0.0]])
+
+
+def test_projection_on_a_box_takes_one_step() -> None:
+    wanted = np.array([0.3, -5.0, 1.0, 9.0])
+    bound = np.full(4, 2.0)
+    found = GaussNewton(4, 5).minimise(
+        lambda z: z - wanted, lambda z: (z - wanted, np.eye(4)), np.zeros(4), -bound, bound
+    )
+    assert_allclose(found.z, [0.3, -2.0, 1.0, 2.0], atol=1e-8)
+    assert (found.outcome, found.iterations) == (Outcome.CONVERGED, 2)
+    assert found.certificate < 1e-8
+    assert found.cost == pytest.approx((3.0**2 + 7.0**2) / 2.0)
+
+
+def test_rosenbrocks_valley_to_its_end_and_with_a_bound_in_the_way() -> None:
+    free = GaussNewton(2, 100).minimise(rosenbrock, rosenbrock_slopes, np.array([-1.2, 1.0]), *BOX)
+    assert_allclose(free.z, [1.0, 1.0], atol=1e-5)
+    upper = np.array([0.5, 2.0])
+    held = GaussNewton(2, 100).minimise(rosenbrock, rosenbrock_slopes, np.array([-1.2, 1.0]), BOX[0], upper)
+    assert_allclose(held.z, [0.5, 0.25], atol=1e-5)  # the valley is z1 = z0^2
+    for found in (free, held):
+        assert found.outcome is Outcome.CONVERGED
+        assert found.certificate < 1e-2
+
+
+def test_the_result_is_better_than_its_neighbours_in_the_box() -> None:
+    upper = np.array([0.5, 2.0])
+    found = GaussNewton(2, 100).minimise(rosenbrock, rosenbrock_slopes, np.array([-1.2, 1.0]), BOX[0], upper)
+    random = np.random.default_rng(3)
+    for _ in range(200):
+        near = np.clip(found.z + 1e-2 * random.normal(size=2), BOX[0], upper)
+        assert half_square(rosenbrock(near)) >= found.cost - 1e-9
+
+
+def test_every_iterate_is_in_the_box_and_better() -> None:
+    costs = []
+    for budget in range(1, 12):
+        found = GaussNewton(2, budget).minimise(rosenbrock, rosenbrock_slopes, np.array([-1.2, 1.0]), *BOX)
+        assert (np.abs(found.z) <= 2.0).all()
+        costs.append(found.cost)
+    assert (np.diff(costs) <= 0.0).all()
+    assert costs[0] < half_square(rosenbrock(np.array([-1.2, 1.0])))
+
+
+def test_a_mirrored_problem_has_mirrored_iterates_to_the_last_bit() -> None:
+    random = np.random.default_rng(5)
+    a, b = random.normal(size=(9, 4)), random.normal(size=9)
+    flip = np.array([1.0, -1.0, 1.0, -1.0])
+    bound = np.full(4, 0.2)
+
+    def solved(signs):
+        def residuals(z):
+            return a @ (signs * z) - b + 0.3 * (signs * z)[0] ** 2
+
+        def slopes(z):
+            square = np.zeros((9, 4))
+            square[:, 0] = 0.6 * (signs * z)[0] * signs[0]
+            return residuals(z), a * signs + square
+
+        return GaussNewton(4, 6).minimise(residuals, slopes, np.zeros(4), -bound, bound)
+
+    assert_array_equal(solved(np.ones(4)).z, flip * solved(flip).z)
+
+
+def test_it_says_how_it_failed() -> None:
+    start, method = np.array([0.5, 0.5]), GaussNewton(2, 5)
+    nowhere = method.minimise(rosenbrock, lambda z: (np.full(2, np.nan), np.eye(2)), start, *BOX)
+    assert nowhere.outcome is Outcome.NOT_FINITE
+    assert_array_equal(nowhere.z, start)
+    wrong_way = method.minimise(lambda z: z, lambda z: (z, -np.eye(2)), start, *BOX)
+    assert wrong_way.outcome is Outcome.STUCK
+    assert_array_equal(wrong_way.z, start)
+    short = GaussNewton(2, 1).minimise(rosenbrock, rosenbrock_slopes, np.array([-1.2, 1.0]), *BOX)
+    assert (short.outcome, short.iterations) == (Outcome.IMPROVED, 1)

@@ -1,0 +1,255 @@
+"""Gait MPC on the reduced model: its optimum, no lasting error, paths, boxes, mirror images; when there is none."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
+
+from control.estimator import Estimate
+from control.identification import Identified
+from control.identified import load
+from control.mpc import GaitMPC
+from control.paths import Circle, Line, SCurve, offset, track
+from control.plan import Plan, PlanStatus
+from control.problem import Problem, Tolerances
+from control.reduced import STATES, ReducedModel, ReducedState
+from control.references import Constant, Reference, Steps
+from worm3d import Worm
+
+FloatArray = NDArray[np.float64]
+WORM = Worm()
+PERIOD = 0.2
+
+
+def known() -> Identified:
+    found = load(WORM)
+    assert found is not None
+    return found
+
+
+def model(mechanism="hinge") -> ReducedModel:
+    return ReducedModel.of(WORM, known(), mechanism)
+
+
+def mpc(mechanism="hinge", **more) -> GaitMPC:
+    return GaitMPC(WORM, known(), model(mechanism), **more)
+
+
+def exact(t: float, state: FloatArray) -> Estimate:
+    return Estimate(t, ReducedState(*map(float, state)), np.zeros((STATES, STATES)), None)
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A run: the states at the decisions, and the plans."""
+
+    states: FloatArray
+    plans: list[Plan]
+
+    @property
+    def speed(self) -> FloatArray:
+        return (1.0 - self.states[:, 5]) * self.states[:, 3]
+
+    @property
+    def inputs(self) -> FloatArray:
+        return np.array([plan.inputs[0] for plan in self.plans])
+
+
+def closed_loop(reference: Reference, begin: ReducedState, duration: float, mechanism="hinge", **more) -> Loop:
+    """Return a run of `duration` seconds in which the estimate is exact."""
+    controller, step = mpc(mechanism, **more), model(mechanism).step(PERIOD)
+    state, states, plans = np.array(begin, dtype=float), [], []
+    for k in range(round(duration / PERIOD)):
+        plan = controller.plan(k * PERIOD, exact(k * PERIOD, state), reference)
+        states.append(state)
+        plans.append(plan)
+        state = np.array(step(state, plan.inputs[0])).ravel()
+    return Loop(np.array(states), plans)
+
+
+REST = ReducedState(0.0, 0.0, 0.0, 0.0, 0.0)
+MOVING = ReducedState(0.1, 0.03, 0.1, 0.06, 0.05, slip=0.1, yaw_bias=0.02, drift=0.005)
+CIRCLE = Reference(Constant(0.08), path=Circle(1.5))
+FOUND = {"hinge": known().maps["hinge"].ranges, "bias": known().maps["bias"].ranges}
+
+
+def problem_of(controller: GaitMPC, state: ReducedState, reference: Reference) -> Problem:
+    """What `plan` solves at time 0."""
+    estimate = exact(0.0, np.array(state))
+    preview = controller._preview(0.0, estimate, reference)
+    assert preview is not None
+    return controller._problem(0.0, state, preview, controller._candidates(0.0, estimate, reference)[0])
+
+
+@pytest.mark.parametrize(
+    "reference", [CIRCLE, Reference(Constant(0.08), heading=Constant(0.3)), Reference(Constant(0.1))]
+)
+def test_slopes_of_the_residuals_against_central_differences(reference: Reference) -> None:
+    problem = problem_of(mpc(steps=4), MOVING, reference)
+    z, h = np.random.default_rng(4).uniform(-0.9, 0.9, 12), 1e-6
+    residuals, slopes = problem.linearised(z)
+    assert_array_equal(residuals, problem.residuals(z))
+    for column, exactly in enumerate(slopes.T):
+        ends = [problem.residuals(z + side * h * np.eye(12)[column]) for side in (1.0, -1.0)]
+        assert_allclose(exactly, (ends[0] - ends[1]) / (2.0 * h), atol=1e-5)
+
+
+@pytest.mark.parametrize("mechanism", ["hinge", "bias"])
+def test_an_optimal_plan_has_no_better_neighbour(mechanism) -> None:
+    controller = mpc(mechanism, iterations=40)
+    plan = controller.plan(0.0, exact(0.0, np.array(MOVING)), CIRCLE)
+    assert plan.status is PlanStatus.OPTIMAL
+    assert plan.certificate < 2e-2  # of gradients of order 1e3
+    assert plan.cost < plan.plain_cost
+    problem = problem_of(mpc(mechanism), MOVING, CIRCLE)
+    z, random = problem.scale.scaled(plan.inputs), np.random.default_rng(6)
+    assert np.abs(z).max() <= 1.0 + 1e-12
+    assert 0.5 * problem.residuals(z) @ problem.residuals(z) == pytest.approx(plan.cost)
+    for size in (1e-3, 1e-2, 1e-1):
+        for _ in range(20):
+            near = problem.residuals(np.clip(z + size * random.normal(size=z.size), -1.0, 1.0))
+            assert 0.5 * near @ near >= plan.cost
+
+
+def test_a_plan_is_never_worse_than_the_plain_wave_or_the_plan_before() -> None:
+    for plan in closed_loop(Reference(Steps(0.04, (4.0,), (0.12,)), path=SCurve()), MOVING, 8.0).plans:
+        assert plan.status.ok
+        assert plan.cost <= plan.plain_cost
+
+
+@pytest.mark.parametrize("mechanism", ["hinge", "bias"])
+@pytest.mark.parametrize("slip", [-0.15, 0.2])
+def test_slip_leaves_no_lasting_error_of_the_speed(mechanism, slip: float) -> None:
+    run = closed_loop(Reference(Constant(0.08), path=Line()), REST._replace(slip=slip), 16.0, mechanism)
+    assert_allclose(run.speed[-10:], 0.08, rtol=1e-3)
+
+
+def test_a_step_of_the_speed_is_there_within_two_waves() -> None:
+    run = closed_loop(Reference(Steps(0.05, (8.0,), (0.1,))), REST, 12.0)
+    settled = run.speed[round((8.0 + 2.0 * 1.25) / 0.2) :]
+    assert_allclose(settled, 0.1, rtol=0.03)
+    assert_array_equal(run.inputs[:, 2], 0.0)
+
+
+@pytest.mark.parametrize("disturbed", [{}, {"slip": 0.15, "yaw_bias": 0.03, "drift": 0.004}])
+@pytest.mark.parametrize(
+    ("path", "within"), [(Line(), 3e-4), (Circle(1.5), 3e-4), (Circle(1.5, towards="right"), 3e-4), (SCurve(), 1e-3)]
+)
+def test_paths_are_followed_whatever_slips_turns_and_drifts(path, within: float, disturbed: dict[str, float]) -> None:
+    run = closed_loop(Reference(Constant(0.08), path=path), REST._replace(**disturbed), 20.0)
+    s = track(path, run.states[:, :2])
+    assert np.abs(offset(path, run.states[:, :2], s))[-10:].max() < within
+    assert (s[-1] - s[-41]) / 8.0 == pytest.approx(0.08, rel=5e-3)
+
+
+def test_an_offset_dies_away_over_the_way_that_the_tolerances_say() -> None:
+    """With e' = V delta and the heading delta free, (e/a_e)^2 + (delta/a_h)^2 is least for e ~ exp(-a_h/a_e s)."""
+    run = closed_loop(Reference(Constant(0.08), path=Line()), REST._replace(y=0.03, speed=0.08), 12.0)
+    x, y = run.states[10:, :2].T
+    decay = np.polyfit(x, np.log(y), 1)[0]
+    assert -1.0 / decay == pytest.approx(Tolerances().offset / Tolerances().heading, rel=0.15)
+
+
+def test_from_beside_a_line_and_across_it() -> None:
+    run = closed_loop(Reference(Constant(0.08), path=Line()), ReducedState(0.0, 0.2, 0.5, 0.0, 0.0), 24.0)
+    assert np.abs(run.states[80:, 1]).max() < 0.02
+    assert run.states[:, 1].max() < 0.25
+    assert run.states[:, 1].min() > -0.01, "it must not swing through"
+
+
+def test_a_heading_is_held_on_the_turn_where_the_worm_is() -> None:
+    begin = REST._replace(heading=2.0 * np.pi + 0.1)
+    run = closed_loop(Reference(Constant(0.08), heading=Steps(0.0, (9.0,), (0.6,))), begin, 16.0)
+    assert_allclose(run.states[20:26, 2], 2.0 * np.pi, atol=0.01)  # later it turns in advance: it sees the step coming
+    assert_allclose(run.states[-5:, 2], 2.0 * np.pi + 0.6, atol=0.01)
+
+
+@pytest.mark.parametrize("mechanism", ["hinge", "bias"])
+def test_inputs_stay_in_the_ranges_of_the_map(mechanism) -> None:
+    begin = ReducedState(0.0, 0.5, 2.0, 0.0, 0.0, slip=0.4)
+    run = closed_loop(Reference(Constant(0.14), path=Line()), begin, 6.0, mechanism)
+    for plan in run.plans:
+        assert all(FOUND[mechanism].contain(*given) for given in plan.inputs)
+    assert np.abs(run.inputs[:, 2]).max() == pytest.approx(FOUND[mechanism].steering), "it must come to a bound"
+
+
+@pytest.mark.parametrize("mechanism", ["hinge", "bias"])
+def test_mirrored_paths_and_starts_have_mirrored_commands(mechanism) -> None:
+    begin = ReducedState(0.0, 0.1, 0.2, 0.03, 0.01, 0.1, 0.02, 0.004)
+    mirrored = ReducedState(0.0, -0.1, -0.2, 0.03, -0.01, 0.1, -0.02, -0.004)
+    left = closed_loop(Reference(Constant(0.08), path=SCurve()), begin, 8.0, mechanism)
+    right = closed_loop(Reference(Constant(0.08), path=SCurve(towards="right")), mirrored, 8.0, mechanism)
+    assert np.abs(left.inputs[:, 2]).max() > 0.01
+    assert_allclose(left.inputs, right.inputs * [1.0, 1.0, -1.0], atol=1e-6)
+
+
+def test_without_heading_or_path_it_goes_straight_in_its_own_way() -> None:
+    run = closed_loop(Reference(Constant(0.08)), REST._replace(heading=0.7, turn_rate=0.02), 6.0)
+    assert_allclose(run.inputs[-5:, 2], 0.0, atol=1e-6)
+    assert_allclose(run.speed[-5:], 0.08, rtol=5e-3)
+
+
+def test_a_turned_and_shifted_world_changes_no_command() -> None:
+    turned, shift = 2.2, np.array([3.0, -4.0])
+    rotation = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
+    start = tuple(map(float, shift))
+    place = rotation @ [MOVING.x, MOVING.y] + shift
+    there = MOVING._replace(x=place[0], y=place[1], heading=MOVING.heading + turned)
+    here = closed_loop(Reference(Constant(0.08), path=SCurve()), MOVING, 4.0)
+    away = closed_loop(Reference(Constant(0.08), path=SCurve(start=start, azimuth=turned)), there, 4.0)
+    assert_allclose(here.inputs, away.inputs, atol=1e-6)
+
+
+def test_plans_go_on_where_they_began() -> None:
+    plan = mpc(steps=5).plan(3.0, exact(3.0, np.array(MOVING)), CIRCLE)
+    assert_array_equal(plan.at(3.0), plan.inputs[0])
+    assert_array_equal(plan.at(3.0 + 0.4 * 2), plan.inputs[2])
+    assert_array_equal(plan.at([2.0, 3.79, 99.0]), plan.inputs[[0, 1, 4]])
+    assert plan.parameters is not None
+    assert (plan.parameters.amplitude, plan.parameters.frequency, plan.parameters.hinge) == tuple(plan.inputs[0])
+    assert_allclose(plan.horizon[0], [MOVING.x, MOVING.y])
+    assert plan.horizon.shape == (6, 2)
+
+
+def test_no_plan_without_a_finite_estimate_or_reference() -> None:
+    controller = mpc()
+    lost = controller.plan(0.0, exact(0.0, np.array(MOVING._replace(y=np.nan))), CIRCLE)
+    asked = controller.plan(0.0, exact(0.0, np.array(MOVING)), Reference(Constant(0.08), heading=lambda t: t * np.nan))
+    for plan in (lost, asked):
+        assert plan.status is PlanStatus.NOT_FINITE
+        assert not plan.status.ok
+        assert plan.parameters is None
+
+
+def test_the_same_question_has_the_same_answer_after_a_reset() -> None:
+    controller, estimate = mpc(), exact(0.0, np.array(MOVING))
+    first = controller.plan(0.0, estimate, CIRCLE)
+    controller.plan(0.2, estimate, CIRCLE)
+    controller.reset()
+    assert_array_equal(controller.plan(0.0, estimate, CIRCLE).inputs, first.inputs)
+
+
+@pytest.mark.parametrize(
+    ("build", "sentence"),
+    [
+        (lambda: Tolerances(speed=0.0), "speed: got 0.0, must be finite and above 0"),
+        (lambda: mpc(steps=0), "steps: got 0, must be at least 1"),
+        (lambda: mpc(iterations=0), "iterations: got 0, must be at least 1"),
+        (lambda: mpc(step=-0.1), "dt: got -0.1 s, must be above 0"),
+    ],
+)
+def test_bad_arguments(build, sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        build()
+
+
+def test_effort_of_a_plan(record_property) -> None:
+    """Iterations are bounded by the test; times are reported, for they depend on the machine."""
+    began = time.process_time()
+    run = closed_loop(Reference(Constant(0.08), path=SCurve()), REST._replace(slip=0.1), 20.0)
+    record_property("cpu_ms_a_plan", 1e3 * (time.process_time() - began) / len(run.plans))
+    record_property("wall_ms_p99", 1e3 * float(np.percentile([plan.seconds for plan in run.plans], 99)))
+    assert np.mean([plan.iterations for plan in run.plans]) <= 3.0

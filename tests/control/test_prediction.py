@@ -1,0 +1,68 @@
+"""The prediction: the reduced model step by step, its derivatives, and the sides of the misses."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from control.identified import load
+from control.prediction import Prediction
+from control.reduced import ReducedModel, ReducedState
+from worm3d import Worm
+
+STEPS = 5
+STATE = np.array(ReducedState(0.3, -0.2, 0.7, 0.06, 0.1, slip=0.1, yaw_bias=0.02, drift=0.005))
+
+
+def model() -> ReducedModel:
+    found = load(Worm())
+    assert found is not None
+    return ReducedModel.of(Worm(), found)
+
+
+def inputs() -> np.ndarray:
+    return np.random.default_rng(1).uniform([0.2, 0.6, -0.1], [0.35, 1.2, 0.1], (STEPS, 3))
+
+
+def wanted() -> np.ndarray:
+    return np.random.default_rng(2).normal(size=(STEPS, 5))
+
+
+def test_states_are_those_of_the_models_own_steps() -> None:
+    step, state = model().step(0.4), STATE
+    states = Prediction(model(), 0.4, STEPS).states(STATE, inputs())
+    assert_allclose(states[0], STATE)
+    for k, given in enumerate(inputs(), start=1):
+        state = np.array(step(state, given)).ravel()
+        assert_allclose(states[k], state, atol=1e-14)
+
+
+def test_slopes_against_central_differences() -> None:
+    prediction, u, h = Prediction(model(), 0.4, STEPS), inputs(), 1e-6
+
+    def misses(given: np.ndarray) -> np.ndarray:
+        return prediction.misses(prediction.states(STATE, given), given, wanted())
+
+    slopes = prediction.miss_slopes(prediction.states(STATE, u), u, wanted())
+    for column in range(u.size):
+        shift = h * np.eye(u.size)[column].reshape(u.shape)
+        assert_allclose(slopes[:, :, column], (misses(u + shift) - misses(u - shift)) / (2.0 * h), atol=1e-7)
+
+
+def test_later_inputs_change_nothing_before() -> None:
+    prediction, u = Prediction(model(), 0.4, STEPS), inputs()
+    slopes = prediction.miss_slopes(prediction.states(STATE, u), u, wanted())
+    for k in range(STEPS):
+        assert_allclose(slopes[k, :, 3 * (k + 1) :], 0.0, atol=0.0)
+        assert np.abs(slopes[k, :, 3 * k]).max() > 0.0
+
+
+def test_misses_of_a_worm_beside_its_path() -> None:
+    """Left of the path is a positive offset, a heading to its left a positive one, and slip is taken off the speed."""
+    prediction = Prediction(model(), 0.4, 1)
+    state = np.array(ReducedState(0.0, 1.3, np.pi / 2 + 0.2, 0.08, 0.0, slip=0.25))
+    upwards = np.array([[0.05, 0.1, 1.0, np.pi / 2, 0.0]])  # along y, a tenth to the right of the worm
+    seen = prediction.misses(np.vstack([state, state]), np.array([[0.3, 0.8, 0.0]]), upwards)[0]
+    assert_allclose(seen, [0.75 * 0.08 - 0.05, 0.1, 0.2], atol=1e-12)
+    upwards[0, 4] = -0.2  # standing to the left of it is wanted
+    crabbing = prediction.misses(np.vstack([state, state]), np.array([[0.3, 0.8, 0.0]]), upwards)[0]
+    assert crabbing[2] == pytest.approx(0.0, abs=1e-12)
