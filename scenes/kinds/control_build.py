@@ -48,7 +48,7 @@ def controller_of(scene: ControlScene) -> WaveDriver:
         raise SceneError(f"worm: {NOT_IDENTIFIED}")
     if asked.kind == "mpc":
         model = ReducedModel.of(worm, found, asked.mechanism)
-        estimator, mpc = Estimator(worm, model), GaitMPC(worm, found, model)
+        estimator, mpc = Estimator(worm, model, found.schedule), GaitMPC(worm, found, model)
         return Supervisor(worm, reference, model, estimator, mpc, found.schedule, asked.period_s)
     if asked.kind == "pi_los":
         return PiLineOfSight(worm, found, reference, asked.mechanism, asked.period_s)
