@@ -188,15 +188,16 @@ def _true(record: Record, seen: Tracking | None, time: FloatArray, k: int, estim
     )
     values = seen.heading if k == _index("heading") else seen.place[:, k]
     at = np.interp(time, middle, values, left=np.nan, right=np.nan)
-    if k == _index("heading"):
-        return at + 2.0 * np.pi * np.round((estimated - at) / (2.0 * np.pi))
-    return at
+    turns = np.round((estimated - at) / (2.0 * np.pi)) if k == _index("heading") else 0.0
+    true: FloatArray = at + 2.0 * np.pi * turns
+    return true
 
 
 def _unwrapped_to(heading: FloatArray, record: Record) -> FloatArray:
     """Return estimated headings on the turn of the true ones."""
     at = np.interp(record["decision_time"], record["time"], record["heading"])
-    return heading - 2.0 * np.pi * np.round((heading - at) / (2.0 * np.pi))
+    unwrapped: FloatArray = heading - 2.0 * np.pi * np.round((heading - at) / (2.0 * np.pi))
+    return unwrapped
 
 
 def _band(axes: Axes, time: FloatArray, values: FloatArray, bound: FloatArray) -> None:
