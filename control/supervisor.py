@@ -13,11 +13,12 @@ import numpy as np
 
 from control.decision import Decision
 from control.estimator import Estimate
+from control.generator import WaveGenerator
 from control.ladder import Ladder, Planner
 from control.measurement import Measurement
 from control.reduced import ReducedModel
 from control.references import Reference
-from control.steering import GaitParameters, Schedule, WaveGenerator
+from control.steering import GaitParameters, Schedule
 from worm3d import Command, Worm
 
 Deadline = Literal["iterations", "wall"]

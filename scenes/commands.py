@@ -20,7 +20,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-bench = typer.Typer(help="Measure how fast it is.", no_args_is_help=True, rich_markup_mode=None)
+bench = typer.Typer(help="Measure how fast, and how good, it is.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(bench, name="bench")
 
 
@@ -288,6 +288,23 @@ def bench_plant(
     from scenes.bench import plant_command
 
     raise typer.Exit(plant_command.run(out, quick=quick, with_rivals=not without_rivals, force=force, quiet=quiet))
+
+
+@bench.command(name="control")
+def bench_control(
+    out: Out = None,
+    seeds: Annotated[int, typer.Option("--seeds", help="Runs of each scene and controller.")] = 5,
+    quick: Annotated[bool, typer.Option("--quick", help="Two short scenes only.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure the controllers.
+
+    All scenes with a controller, by model predictive control and by the baselines: how well speed, heading and path
+    are kept to, and how long the control steps take. Takes half an hour; started again on the same --out it goes on.
+    """
+    from scenes.bench import control_command
+
+    raise typer.Exit(control_command.run(out, seeds=seeds, quick=quick, quiet=quiet))
 
 
 @app.command()

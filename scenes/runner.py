@@ -124,6 +124,7 @@ def _timing(outcome: Outcome) -> tuple[Variable, ...]:
     return (
         Variable("wall_s", (), outcome.wall_s, "s", "wall time of the simulation"),
         Variable("real_time_factor", (), factor, "1", "simulated time over wall time"),
+        *outcome.timing,
     )
 
 

@@ -56,6 +56,7 @@ def kernels() -> dict[str, Kernel]:
         "joint_angles": compile_kernel(joint.angles()),
         "joint_ledger": compile_kernel(joint.ledger()),
         "point_force": compile_kernel(point.force()),
+        "point_tangents": compile_kernel(point.tangents()),
         "point_yielding": compile_kernel(point.yielding()),
         "point_after": compile_kernel(point.after()),
     }

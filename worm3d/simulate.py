@@ -138,7 +138,7 @@ def prepare(
     settle_first: bool,
     settling: Settling = settle,
 ) -> Run:
-    """Check what `simulate` is given, and return the run before its first step; `settling` may remember what settles."""
+    """Check what `simulate` is given, and return the run before its first step; `settling` brings it to rest."""
     _require_kinds(world, ground, external_force)
     weight = _vector(gravity)
     steps = _steps(duration, dt, record_every, integrator)

@@ -28,7 +28,7 @@ def ready(core: Core, dt: float, span: float) -> None:
     place_start(core)
     begin(core, dt, span)
     regimes.last(core)
-    _newton_step(core, WHOLE)
+    _newton_step(core, WHOLE, False)
 
 
 @njit

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from scenes.bench.contest import Contender
@@ -11,9 +11,8 @@ from scenes.bench.crawl import FLATTENED, STIFFER
 from scenes.bench.plant import Study
 from scenes.bench.shares import Shares
 from scenes.bench.speed import Speed
+from scenes.bench.tables import Cells, aligned, markdown_table
 from scenes.bench.throughput import Throughput
-
-Cells = tuple[str, ...]
 
 SPEEDS = (
     "N",
@@ -64,7 +63,7 @@ def terminal_lines(study: Study) -> Iterator[str]:
     for section in _sections(study):
         yield from ("", section.title)
         if section.rows:
-            yield from _aligned(section.header, section.rows)
+            yield from aligned(section.header, section.rows)
         yield from section.remarks
 
 
@@ -81,7 +80,7 @@ def _markdown_lines(study: Study, picture: str) -> Iterator[str]:
     for section in _sections(study):
         yield from ("", f"## {section.title}", "", section.says)
         if section.rows:
-            yield from ("", *_markdown_table(section.header, section.rows))
+            yield from ("", *markdown_table(section.header, section.rows))
         for remark in section.remarks:
             yield from ("", remark)
 
@@ -243,16 +242,3 @@ def _percent(value: float) -> str:
 
 def _number(value: float | None, form: str) -> str:
     return "" if value is None or math.isnan(value) else f"{value:{form}}"
-
-
-def _aligned(header: Sequence[str], rows: Iterable[Cells]) -> Iterator[str]:
-    body = list(rows)
-    widths = [max(map(len, column)) for column in zip(header, *body, strict=True)]
-    for cells in (header, *body):
-        yield "  ".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True)).rstrip()
-
-
-def _markdown_table(header: Sequence[str], rows: Iterable[Cells]) -> Iterator[str]:
-    yield "| " + " | ".join(header) + " |"
-    yield "|---" * len(header) + "|"
-    yield from ("| " + " | ".join(cells) + " |" for cells in rows)

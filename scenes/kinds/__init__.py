@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "worm": "scenes.kinds.worm",
+    "worm_control": "scenes.kinds.worm_control",
     "worm_planar": "scenes.kinds.worm_planar",
     "planar_published": "scenes.kinds.planar_published",
     "planar_linkage": "scenes.kinds.planar_linkage",

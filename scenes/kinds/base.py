@@ -73,6 +73,8 @@ class Outcome:
         Wall time of the simulation alone [s].
     checkpoint : tuple of Variable
         From which the run can go on; empty if this model cannot.
+    timing : tuple of Variable
+        Further wall-clock figures; single numbers stand in `summary.json`.
     """
 
     status: Status
@@ -82,6 +84,7 @@ class Outcome:
     reasons: Mapping[str, str]
     wall_s: float
     checkpoint: tuple[Variable, ...] = ()
+    timing: tuple[Variable, ...] = ()
 
 
 @dataclass(frozen=True)

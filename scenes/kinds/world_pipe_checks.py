@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from scenes.checks import Check, Found
-from scenes.kinds.world_plane_schema import PIPES, SLOPE_INTO_PIPE
+from scenes.kinds.world_plane_schema import PIPE, SLOPE_INTO_PIPE
 from scenes.toml_text import shown
 
 BEND = ("bend_deg", "bend_radius_m")
@@ -22,6 +22,12 @@ def pieces_are_one_thing(pieces: Sequence[Mapping[str, Any]]) -> str | None:
         if straight == any(bend) or any(bend) != all(bend):
             return f"piece {number}: must have straight_m, or bend_deg and bend_radius_m"
     return None
+
+
+def _points_or_pieces(points_m: Sequence[Any], pieces: Sequence[Any], tilt_deg: float) -> str | None:
+    if not points_m or (not pieces and tilt_deg == 0.0):
+        return None
+    return "the points say where the pipe goes: leave out world.pieces and world.tilt_deg"
 
 
 def _radii_follow_one_another(radii: Sequence[Mapping[str, Any]]) -> str | None:
@@ -46,7 +52,7 @@ def _worm_fits(
     tail_m: Any,
 ) -> Found:
     """Tell of a worm wider at rest than the pipe that it starts in."""
-    if kind not in PIPES or kind == SLOPE_INTO_PIPE:
+    if kind != PIPE:
         return None
     pipe = 2.0 * (float(radii[0]["radius_m"]) if radii and tail_m[0] <= radii[0]["at_m"] else radius_m)
     worm = 2.0 * (float(np.max(half_height_m)) + chamber_offset_m)
@@ -56,6 +62,18 @@ def _worm_fits(
     text = f"{wide}, the pipe {pipe:.4g} m: it must be narrower than the pipe where it starts"
     keys = ("world.radii",) if radii else ("world.radius_m",)
     return dict.fromkeys((*keys, "worm.half_height_m", "worm.chamber_offset_m"), text)
+
+
+def _across_nothing(position_m: Sequence[float], kind: str) -> str | None:
+    if kind != PIPE or position_m[1] == 0.0:
+        return None
+    return f"got {shown(position_m)}: in a pipe it is [how far along it the tail is, 0]"
+
+
+def _along_the_pipe(azimuth_deg: float, kind: str) -> str | None:
+    if kind != PIPE or azimuth_deg % 180.0 == 0.0:
+        return None
+    return f"got {azimuth_deg}: in a pipe it is 0, the head looks along it, or 180, back"
 
 
 def _pipe_leads_into_the_hill(tilt_deg: float, slope_deg: float, kind: str) -> Found:
@@ -69,17 +87,22 @@ def _pipe_leads_into_the_hill(tilt_deg: float, slope_deg: float, kind: str) -> F
 
 
 PIPE_CHECKS = (
+    Check(("start.position_m", "world.kind"), _across_nothing),
     Check(("world.pieces",), pieces_are_one_thing),
+    Check(("world.points_m", "world.pieces", "world.tilt_deg"), _points_or_pieces),
     Check(("world.radii",), _radii_follow_one_another),
     Check(("world.radii", "world.radius_m"), _radius_or_radii),
     Check(("world.tilt_deg", "world.slope_deg", "world.kind"), _pipe_leads_into_the_hill),
 )
 
-FITS = Check(
-    (
-        *("world.radius_m", "world.radii", "world.kind"),
-        *("worm.half_height_m", "worm.chamber_offset_m", "start.position_m"),
+WORM_IN_PIPE_CHECKS = (
+    Check(("start.azimuth_deg", "world.kind"), _along_the_pipe),
+    Check(
+        (
+            *("world.radius_m", "world.radii", "world.kind"),
+            *("worm.half_height_m", "worm.chamber_offset_m", "start.position_m"),
+        ),
+        _worm_fits,
     ),
-    _worm_fits,
 )
 """For worms with chambers beside each other."""

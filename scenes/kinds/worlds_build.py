@@ -9,6 +9,7 @@ from typing import Any
 import worm3d
 from scenes.kinds.world_pipe_schema import Piece
 from scenes.kinds.world_plane_schema import Patch
+from scenes.kinds.world_terrain_build import heightfield, mesh
 from scenes.kinds.worlds_schema import World
 
 
@@ -19,7 +20,10 @@ def _plane(world: World) -> worm3d.Plane:
 
 def _pipe(world: World) -> worm3d.Pipe:
     heading, tilt = math.radians(world.heading_deg), math.radians(world.tilt_deg)
-    line = worm3d.Centreline.of(_pieces(world), heading=heading, tilt=tilt)
+    if world.points_m:
+        line = worm3d.Centreline.through(world.points_m)
+    else:
+        line = worm3d.Centreline.of(_pieces(world), heading=heading, tilt=tilt)
     patches = tuple(map(_patch, world.patches))
     return worm3d.Pipe(line, _radius(world), patches, world.start_wall, world.end_wall)
 
@@ -56,6 +60,8 @@ WORLDS: dict[str, Callable[[World], Any]] = {
     "plane": _plane,
     "pipe": _pipe,
     "slope_into_pipe": _slope_into_pipe,
+    "heightfield": heightfield,
+    "mesh": mesh,
     "clamped": lambda world: worm3d.ClampedGround(world.velocity_threshold_m_s),
     "none": lambda world: None,
 }

@@ -9,20 +9,21 @@ from typing import Literal
 
 from scenes.kinds.world_pipe_schema import PipeKeys
 from scenes.kinds.world_plane_schema import PLANE, ClampedKeys, PlaneKeys
+from scenes.kinds.world_terrain_schema import MeshKeys, TerrainKeys
 from scenes.schema import Section, setting
 
 
 class KindOfWorld(Section):
     """Which kind of world it is."""
 
-    kind: Literal["plane", "pipe", "slope_into_pipe", "clamped", "none"] = setting(
+    kind: Literal["plane", "pipe", "slope_into_pipe", "heightfield", "mesh", "clamped", "none"] = setting(
         PLANE,
-        title="plane, the inside of a pipe, or a slope that leads into one: the worm touches it; clamped: the paper's "
-        "ground holds the joints' heights; none: nothing there",
+        title="plane, the inside of a pipe, a slope that leads into one, a heightfield or a mesh: the worm touches it; "
+        "clamped: the paper's ground holds the joints' heights; none: nothing there",
         aka=("type",),
     )
 
 
 # The last class comes first in a written scene.
-class World(ClampedKeys, PipeKeys, PlaneKeys, KindOfWorld):
+class World(ClampedKeys, MeshKeys, TerrainKeys, PipeKeys, PlaneKeys, KindOfWorld):
     """What the worm crawls on."""

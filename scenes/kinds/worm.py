@@ -12,10 +12,10 @@ from scenes.errors import SceneError
 from scenes.kinds import worm_view
 from scenes.kinds.base import Kind, Observer, Outcome, Status, Watch
 from scenes.kinds.planar_linkage_checks import in_keys
-from scenes.kinds.worm_build import KEYS, simulate
+from scenes.kinds.worm_build import KEYS, Drive, simulate
 from scenes.kinds.worm_checks import WORM_CHECKS
 from scenes.kinds.worm_record import checkpoint_of, joined, missing, state_of, variables_of
-from scenes.kinds.worm_schema import AnyWormScene, PlanarWormScene, WormScene
+from scenes.kinds.worm_schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
 from scenes.record import Record
 
 if TYPE_CHECKING:
@@ -36,41 +36,44 @@ OF_THE_CLOCK = ("status", "real_time_factor")
 """Figures of the plant's summary that a record keeps elsewhere."""
 
 
-def run(scene: AnyWormScene, observer: Observer) -> Outcome:
+def run(scene: GaitScene, observer: Observer) -> Outcome:
     """Simulate a scene."""
-    return _outcome(_simulated(scene, observer))
+    return outcome(simulated(scene, observer))
 
 
-def watch(scene: AnyWormScene, observer: Observer, how: Watch) -> Outcome:
+def watch(scene: GaitScene, observer: Observer, how: Watch) -> Outcome:
     """Simulate a scene in a live view, in whose browser it is seen as it goes on."""
     with worm3d.Live(speed=how.speed, began=how.began) as live:
-        return _outcome(_simulated(scene, observer, live=live))
+        return outcome(simulated(scene, observer, live=live))
 
 
-def resume(scene: AnyWormScene, earlier: Record, observer: Observer) -> Outcome:
+def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
     """Go on from the end of a record to the end of the scene."""
     if lacking := missing(earlier):
         raise SceneError(
             f"{earlier.name}: made by another version of worm3d, it has no {', '.join(lacking)} to go on from"
         )
-    rest = _simulated(scene, observer, state_of(earlier), earlier.sizes["step"])
-    return _outcome(joined(earlier, rest))
+    rest = simulated(scene, observer, state_of(earlier), earlier.sizes["step"])
+    return outcome(joined(earlier, rest))
 
 
-def _simulated(
+def simulated(
     scene: AnyWormScene,
     observer: Observer,
     state: worm3d.State | None = None,
     done: int = 0,
     live: worm3d.Live | None = None,
+    drive: Drive | None = None,
 ) -> worm3d.Result:
+    """Return the run of a scene; parameters as of `worm_build.simulate`, what the plant refuses is a SceneError."""
     try:
-        return simulate(scene, observer, state, done, live)
+        return simulate(scene, observer, state, done, live, drive)
     except (worm3d.StateError, worm3d.LimitPointError) as error:  # what only the compiled plant can tell
         raise SceneError(in_keys(str(error), KEYS)) from error
 
 
-def _outcome(result: worm3d.Result) -> Outcome:
+def outcome(result: worm3d.Result) -> Outcome:
+    """Return a run as what the command line takes."""
     figures, period = result.summary(), result.period
     speed = figures["mean_speed_m_s"]
     merits = {
@@ -96,18 +99,19 @@ def _status(status: worm3d.Status) -> Status:
     return "done" if status is worm3d.Status.DONE else "interrupted"
 
 
-def _draw(stem: str, record: Record) -> tuple[Figure, Axes]:
+def draw(stem: str, record: Record) -> tuple[Figure, Axes]:
+    """Draw one of `FIGURES`."""
     from scenes.kinds import worm_figures
 
-    draw: Callable[[Record], tuple[Figure, Axes]] = getattr(worm_figures, stem)
-    return draw(record)
+    made: Callable[[Record], tuple[Figure, Axes]] = getattr(worm_figures, stem)
+    return made(record)
 
 
 def kind(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) -> Kind[S]:
     """Return a model of the 3D plant."""
     figures: Mapping[str, Callable[[Record], tuple[Figure, Axes]]] = {
         "side_and_top": worm_view.side_and_top,
-        **{stem: partial(_draw, stem) for stem in FIGURES},
+        **{stem: partial(draw, stem) for stem in FIGURES},
     }
     return Kind(
         name=name,

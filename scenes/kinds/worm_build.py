@@ -13,8 +13,17 @@ from control.gaits import Gait
 from scenes.kinds.base import Observer
 from scenes.kinds.planar_linkage_build import KEYS as PLANAR_KEYS
 from scenes.kinds.worlds_build import world_of
-from scenes.kinds.worm_schema import AnyWormScene, Push, WormScene
+from scenes.kinds.worm_schema import (
+    AimedStart,
+    AnyWormScene,
+    GaitScene,
+    PlanarWormScene,
+    Push,
+    Start,
+    WormScene,
+)
 from scenes.pattern import pattern
+from worm3d.actuation import Actuation, Sensor
 
 KEYS = {
     "segments": "segments",
@@ -44,6 +53,8 @@ EDGE = 1e-6
 
 Force = Callable[[float], NDArray[np.float64]]
 
+Drive = tuple[Actuation, Sensor | None]
+
 
 def simulate(
     scene: AnyWormScene,
@@ -51,8 +62,11 @@ def simulate(
     state: worm3d.State | None = None,
     done: int = 0,
     live: worm3d.Live | None = None,
+    drive: Drive | None = None,
 ) -> worm3d.Result:
-    """Run the worm of a scene to its end, from its start or from a state after so many steps.
+    """Run the worm of a scene to its end, from its start or from a state after so many steps; its gait drives it.
+
+    `drive` is a controller in the place of the gait, and its sensor.
 
     Raises
     ------
@@ -61,17 +75,19 @@ def simulate(
     """
     worm, world, run = worm_of(scene), world_of(scene.world), scene.run
     every = run.record_every
+    actuation, sensor = (gait_of(scene), None) if drive is None else drive
     return worm3d.simulate(
         worm,
         world,
         friction_of(scene),
-        actuation=gait_of(scene),
+        actuation=actuation,
         duration=(run.steps - done) * run.dt_s,
         dt=run.dt_s,
         integrator=run.integrator,
         gravity=gravity_of(scene),
         external_force=force_of(scene.push, worm.segments, run.dt_s),
         state=start_of(scene, worm, world) if state is None else state,
+        sensor=sensor,
         record_every=every,
         settle_first=scene.start.settle,
         # An end between two stored states could not be gone on from without a gap.
@@ -82,7 +98,7 @@ def simulate(
 
 def worm_of(scene: AnyWormScene) -> worm3d.Worm:
     """Return the worm that the section [worm] describes."""
-    if isinstance(scene, WormScene):
+    if not isinstance(scene, PlanarWormScene):
         given = {parameter: getattr(scene.worm, key) for parameter, key in KEYS.items()}
         return worm3d.Worm(**{**given, "rate_limit": math.inf if given["rate_limit"] is None else given["rate_limit"]})
     return worm3d.Worm.planar(**{parameter: getattr(scene.worm, key) for parameter, key in PLANAR_KEYS.items()})
@@ -96,6 +112,7 @@ def friction_of(scene: AnyWormScene) -> worm3d.Friction:
 
 def gait_of(scene: AnyWormScene) -> Gait:
     """Return the gait."""
+    assert isinstance(scene, GaitScene)
     gait, turning = scene.gait, {"force": scene.gait.force_N}
     if isinstance(scene, WormScene):
         turning |= {"bias": scene.gait.bias, "hinge": math.radians(scene.gait.hinge_deg)}
@@ -111,9 +128,9 @@ def gravity_of(scene: AnyWormScene) -> NDArray[np.float64]:
 def start_of(scene: AnyWormScene, worm: worm3d.Worm, world: worm3d.worlds.World | None) -> worm3d.State:
     """Return the state that the run starts from."""
     start, azimuth, contraction = scene.start, 0.0, np.zeros((worm.segments, 2))
-    if isinstance(scene, WormScene):
-        azimuth = math.radians(scene.start.azimuth_deg)
-        if scene.start.contracted:
+    if isinstance(start, AimedStart):
+        azimuth = math.radians(start.azimuth_deg)
+        if isinstance(start, Start) and start.contracted:
             contraction = gait_of(scene).bind(worm)(0.0).contraction
     return worm3d.State.straight(worm, world, (*start.position_m, start.lift_m), azimuth, contraction)
 

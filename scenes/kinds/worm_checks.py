@@ -18,7 +18,8 @@ from scenes.kinds.planar_linkage_checks import (
     in_keys,
     links_reach,
 )
-from scenes.kinds.world_pipe_checks import FITS, PIPE_CHECKS
+from scenes.kinds.world_pipe_checks import PIPE_CHECKS, WORM_IN_PIPE_CHECKS
+from scenes.kinds.world_terrain_checks import TERRAIN_CHECKS
 from scenes.kinds.worlds_build import world_of
 from scenes.kinds.worlds_schema import World
 from scenes.kinds.worm_build import KEYS, gravity_of, start_of, worm_of
@@ -33,15 +34,15 @@ STARTS_WITH = ("worm", "world", "start", "run")
 
 def _worm_can_start(mass_kg: float, *sections: Mapping[str, Any]) -> Found:
     data = dict(zip(STARTS_WITH, sections, strict=True))
-    return _refusal(WormScene.model_validate({"model": "worm", **data}))
+    return refusal(WormScene.model_validate({"model": "worm", **data}))
 
 
 def _planar_worm_can_start(mass_kg: float | None, *sections: Mapping[str, Any]) -> Found:
     data = dict(zip(STARTS_WITH, sections, strict=True))
-    return _refusal(PlanarWormScene.model_validate({"model": "worm_planar", **data}))
+    return refusal(PlanarWormScene.model_validate({"model": "worm_planar", **data}))
 
 
-def _refusal(scene: AnyWormScene) -> Found:
+def refusal(scene: AnyWormScene) -> Found:
     """Tell what the plant refuses before its first step, such as a worm that its weight would flatten."""
     try:
         with np.errstate(all="ignore"):
@@ -148,23 +149,27 @@ def _fits_into_memory(dt_s: float, duration_s: float, segments: int, record_ever
     return too_much_memory(needed, steps, segments, remedy)
 
 
-SHARED = (
+WORLD_CHECKS = (
     *RUN_CHECKS,
-    *GAIT_CHECKS,
     *kind_checks(World, "world"),
     *(Check((f"friction.{key}", "worm.segments"), as_many_as_segments) for key in ("forward", "backward")),
     Check(("run.gravity_m_s2",), _g_or_a_vector),
     Check(("world.patches",), _patches_have_an_inside),
     *PIPE_CHECKS,
-    Check(("gait.anchors", "worm.segments", "gait.kind"), _a_body_between_anchors),
+    *TERRAIN_CHECKS,
     Check(("push.joint", "worm.segments"), _push_on_a_joint),
     Check(("push.duration_s", "run.dt_s"), _push_lasts_a_step),
     Check(("run.dt_s", "run.duration_s", "worm.segments", "run.record_every"), _fits_into_memory),
 )
+"""Of every worm."""
 
-WORM_CHECKS = (
-    *SHARED,
-    *kind_checks(WormGait),
+SHARED = (
+    *WORLD_CHECKS,
+    *GAIT_CHECKS,
+    Check(("gait.anchors", "worm.segments", "gait.kind"), _a_body_between_anchors),
+)
+
+SPATIAL_CHECKS = (
     *(
         Check((f"worm.{key}", "worm.segments"), as_many_as_segments)
         for key in ("half_height_m", "spring_N", "apex_hinge_N_m_rad")
@@ -175,6 +180,14 @@ WORM_CHECKS = (
     ),
     Check(("friction.lateral", "worm.segments"), as_many_as_segments),
     Check(("worm.stroke",), _stroke_holds_rest),
+    *WORM_IN_PIPE_CHECKS,
+)
+"""Of every 3D worm, whatever drives it."""
+
+WORM_CHECKS = (
+    *SHARED,
+    *kind_checks(WormGait),
+    *SPATIAL_CHECKS,
     Check(
         (
             *("gait.amplitude", "worm.stroke", "worm.half_height_m", "worm.length_m", "worm.segments", "gait.bias"),
@@ -182,7 +195,6 @@ WORM_CHECKS = (
         ),
         _chamber_links_reach,
     ),
-    FITS,
     Check(("worm.mass_kg", *STARTS_WITH), _worm_can_start),
 )
 

@@ -161,7 +161,7 @@ class PlanarStart(Section):
     )
 
 
-class Start(PlanarStart):
+class AimedStart(PlanarStart):
     """Where the straight worm starts from, and where it looks."""
 
     azimuth_deg: float = quantity(
@@ -170,6 +170,11 @@ class Start(PlanarStart):
         title="heading, from x towards y; in a pipe 0 looks along it, 180 back",
         aka=("heading_deg", "direction_deg"),
     )
+
+
+class Start(AimedStart):
+    """Where the straight worm starts from, where it looks, and whether it begins as the gait does."""
+
     contracted: bool = setting(
         False, title="whether its chambers are contracted as the gait asks at time 0: so it is wedged in a steep pipe"
     )
@@ -201,12 +206,18 @@ class Surroundings(Settings):
     push: Push = Push()
 
 
-class WormScene(Surroundings):
+class SpatialScene(Surroundings):
+    """What the scenes of the 3D worm share, whatever drives it."""
+
+    worm: Worm = Worm()
+    friction: Friction = Friction()
+    start: AimedStart = AimedStart()
+
+
+class WormScene(SpatialScene):
     """A whole scene."""
 
     model: Literal["worm"] = setting(title="which simulation the scene is for")
-    worm: Worm = Worm()
-    friction: Friction = Friction()
     gait: WormGait = WormGait()
     start: Start = Start()
 
@@ -221,4 +232,7 @@ class PlanarWormScene(Surroundings):
     start: PlanarStart = PlanarStart()
 
 
-AnyWormScene = WormScene | PlanarWormScene
+GaitScene = WormScene | PlanarWormScene
+"""A gait drives the worm."""
+
+AnyWormScene = GaitScene | SpatialScene

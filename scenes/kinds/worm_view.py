@@ -7,8 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenes.kinds.worm_build import world_of, worm_of
-from scenes.kinds.worm_schema import AnyWormScene, PlanarWormScene, WormScene
+from scenes.kinds import control_view
+from scenes.kinds.control_schema import ControlScene
+from scenes.kinds.worlds_build import world_of
+from scenes.kinds.worm_build import worm_of
+from scenes.kinds.worm_schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
 from scenes.limits import MOVIE_S
 from scenes.record import Record
 from worm3d import pictures
@@ -19,11 +22,17 @@ if TYPE_CHECKING:
 
     from worm3d.viewer import Frames
 
+SCHEMAS: dict[str, type[AnyWormScene]] = {
+    "worm": WormScene,
+    "worm_planar": PlanarWormScene,
+    "worm_control": ControlScene,
+}
+"""Of the models whose records are drawn here."""
+
 
 def scene_of(record: Record) -> AnyWormScene:
     """Return the scene that a record was made from."""
-    data = tomllib.loads(record.scene)
-    return WormScene.model_validate(data) if record.kind == "worm" else PlanarWormScene.model_validate(data)
+    return SCHEMAS[record.kind].model_validate(tomllib.loads(record.scene))
 
 
 def frames_of(
@@ -39,7 +48,9 @@ def frames_of(
     scene = scene_of(record)
     rows = slice(None) if until is None else record["time"] <= until
     series = {name: record[name][rows] for name in pictures.SERIES}
-    return pictures.arrays(series, worm_of(scene), world_of(scene.world), scene.gait.period_s, fps=fps, at=at)
+    more = control_view.overlay(record, scene, rows) if isinstance(scene, ControlScene) else {}
+    period = scene.gait.period_s if isinstance(scene, GaitScene) else control_view.period(record)
+    return pictures.arrays(series, worm_of(scene), world_of(scene.world), period, fps=fps, at=at, **more)
 
 
 def view(record: Record, path: Path, *, skin: bool = False) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 pytestmark = pytest.mark.slow
 
-SCENES = ("flat", "slope", "planar_case")
+SCENES = ("flat", "pipe_bend", "slope_into_pipe")
 BARE = "hide=forces,anchors,trail"
 
 

@@ -301,7 +301,8 @@ def test_some_lanes_alone(backend: kernels.Backend) -> None:
     inputs[:] = columns
     _some(kernel.address, inputs, outputs, first, kernel.width)
     assert_array_equal(outputs[:, first : 2 * first], run(kernel, columns)[:, first : 2 * first])
-    assert not outputs[:, :first].any() and not outputs[:, 2 * first :].any()
+    assert not outputs[:, :first].any()
+    assert not outputs[:, 2 * first :].any()
     with pytest.raises(ValueError, match="not enough lanes"):
         _some(kernel.address, inputs, outputs, 3 * first, 1)
 

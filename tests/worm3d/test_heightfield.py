@@ -75,7 +75,7 @@ def test_normals_and_curvature_are_the_derivatives_of_the_distance(world: Height
     rows = looked_up(kernel, points)
     moved = [[looked_up(kernel, points + sign * h * axis) for sign in (1, -1)] for axis in np.eye(3)]
     gradient = np.array([(up[0] - down[0]) / (2 * h) for up, down in moved])
-    assert_allclose(rows[1:4], gradient, rtol=0, atol=1e-6)
+    assert_allclose(rows[1:4], gradient, rtol=0, atol=1e-5)  # the difference's error, near a focus
     assert_allclose(np.linalg.norm(rows[1:4], axis=0), 1.0, rtol=1e-12)
     hessian = np.array([(up[1:4] - down[1:4]) / (2 * h) for up, down in moved])
     for row, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))):
@@ -88,8 +88,7 @@ def test_the_surface_goes_through_the_heights_and_on_beyond_its_edges() -> None:
     assert_allclose(RUBBLE.height(nodes), RUBBLE.heights, rtol=0, atol=1e-7)
     beyond = np.array([[-50.0, 0.0], [1.0, 1e6]])
     assert_allclose(RUBBLE.distance(np.column_stack([beyond, RUBBLE.height(beyond)])), 0.0, rtol=0, atol=1e-9)
-    edge = RUBBLE.heights[0, np.argmin(np.abs(RUBBLE.y))]
-    assert_allclose(RUBBLE.height(np.array([-50.0, 0.0])), edge, rtol=0, atol=1e-6)
+    assert_allclose(RUBBLE.height(np.array([-50.0, RUBBLE.y[40]])), RUBBLE.heights[0, 40], rtol=0, atol=1e-6)
 
 
 def test_waves_have_the_curvature_of_their_crests() -> None:
@@ -212,7 +211,7 @@ def test_an_image_is_a_map(tmp_path: Path) -> None:
     assert_allclose(world.heights[:, 5], 0.5)
     assert_allclose(world.heights[7, 0], 0.1)
     assert_allclose(world.height(np.array([1.7, 2.5])), 0.5, rtol=0, atol=1e-6)
-    Image.fromarray((257 * grey.astype(np.uint16))).save(tmp_path / "deep.png")
+    Image.fromarray(257 * grey.astype(np.uint16)).save(tmp_path / "deep.png")
     deep = Heightfield.from_image(tmp_path / "deep.png", 0.1, 0.0, 0.5, origin=(1.0, 2.0))
     assert_allclose(deep.heights, world.heights, rtol=0, atol=1e-12)
 
@@ -240,7 +239,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "range": (lambda: Heightfield.from_image("gone.png", 0.1, 1.0, 0.0), r"low, high: got 1.0, 0.0 m, must be finite"),
     "off the grid": (
         lambda: State.straight(Worm(), RUBBLE, (2.5, 0.0)),
-        r"the worm would reach beyond the terrain, to \[3.5, 0.0\] m; it spans \[0.0, -0.7",
+        r"the worm would reach to \[3.5, 0.0\] m, beyond the terrain, which spans \[0.0, -0.7",
     ),
     "too fine": (
         lambda: State.straight(Worm(), Heightfield.rubble(3.0, 1.5, 0.01, height=0.08, size=0.05), START),

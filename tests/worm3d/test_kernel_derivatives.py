@@ -33,6 +33,7 @@ FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
     joint.angles,
     joint.ledger,
     point.force,
+    point.tangents,
     point.yielding,
     point.after,
 )
@@ -347,6 +348,8 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
         "first": uniform(-0.01, 0.01, 3),
         "distance_n": uniform(-0.01, 0.01),
         "stored_n": uniform(0.0, 0.01),
+        "segment_tangent": units(rng),
+        "segment_director": units(rng),
     }
 
 
@@ -425,6 +428,24 @@ def test_point_force_is_that_of_the_equations() -> None:
     friction = np.sqrt(np.sum((force / (mu * np.where(load > 0, v["hold"][0] * load, 1.0))) ** 2, axis=0))
     assert (friction <= v["cap"][0] * (1 + 1e-12)).all(), "inside the set"
     assert ((share < 1.0) & (load > 0.0)).sum() > 3
+
+
+def test_tangents_are_the_segment_projected_and_its_left() -> None:
+    """Orthonormal, in the tangent plane, along the segment; where that stands upright, along its upward normal."""
+    v = some_point(coupled=True, inside=False, seed=11)
+    upright = np.arange(COUNT) % 4 == 0
+    v["segment_tangent"] = np.where(upright, v["normal"], v["segment_tangent"])
+    v["segment_director"] = across(v["segment_tangent"], np.random.default_rng(3))
+    out = run("point_tangents", point.LAYOUT, v)
+    along, left = out[:3], out[3:6]
+    pointing = np.where(upright, np.cross(v["segment_tangent"], v["segment_director"], axis=0), v["segment_tangent"])
+    for a, b, expected in ((along, along, 1.0), (left, left, 1.0), (along, left, 0.0), (along, v["normal"], 0.0)):
+        assert_allclose(np.sum(a * b, axis=0), expected, rtol=0, atol=1e-12)
+    assert_allclose(np.cross(v["normal"], along, axis=0), left, rtol=0, atol=1e-12)
+    assert (np.sum(along * pointing, axis=0) > 0.0).all(), "towards the head"
+    assert_allclose(np.sum(left * pointing, axis=0), 0.0, rtol=0, atol=1e-12)
+    away = v["x"] - v["anchor"]
+    assert_allclose(out[6:], [np.sum(along * away, axis=0), np.sum(left * away, axis=0)], rtol=0, atol=1e-13)
 
 
 def some_inputs(function: ca.Function) -> tuple[Layout, Values]:

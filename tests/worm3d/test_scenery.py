@@ -1,7 +1,10 @@
 """Worlds are drawn where the worm meets them."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import trimesh
 from numpy.testing import assert_allclose
 
 import worm3d
@@ -118,3 +121,77 @@ def test_bands_and_squares_share_the_faces_of_a_mesh() -> None:
     squares = np.floor(dark.vertices[dark.faces].mean(axis=1)[:, :2] / 0.2).sum(axis=1)
     assert (squares % 2 == 1).all()
     assert len(light.faces) + len(dark.faces) == 200
+
+
+def triangles(meshes: tuple[WorldMesh, ...]) -> np.ndarray:
+    return np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
+
+
+BENT = (worm3d.Straight(1.0), worm3d.Bend(np.pi / 2.0, 0.5, "left"), worm3d.Straight(1.0))
+
+
+def test_a_pipe_is_drawn_around_the_worm_in_bands_that_one_can_see_through() -> None:
+    world = worm3d.Pipe(worm3d.Centreline.of(BENT), 0.1)
+    around = Window(world.centreline.at(np.linspace(0.2, 1.2, 30))[0], 1.0)
+    seen = scenery(world, around)
+    assert {mesh.opacity for mesh in seen.meshes} == {0.3}
+    assert seen.centreline is not None
+    assert_allclose(world.distance(seen.centreline), 0.1, atol=1e-9)
+    away = np.abs(world.distance(triangles(seen.meshes).reshape(-1, 3)))
+    # Where a bend begins a ring leans by a quarter of the angle between two rings, 0.01.
+    assert away.max() < 0.1 * 0.01
+    assert np.median(away) < 1e-9, "elsewhere corners lie on the wall"
+    along = world.along(seen.centreline)
+    assert along[0] <= 0.2 - 1.0
+    assert along[-1] >= 1.2 + 1.0
+
+
+def test_walls_that_close_a_pipe_are_drawn() -> None:
+    world = worm3d.Pipe(worm3d.Centreline.of(BENT), 0.1, start_wall=True)
+    seen = scenery(world, Window(world.centreline.at(np.linspace(0.2, 1.2, 30))[0], 1.0))
+    *_, wall = seen.meshes
+    assert wall.name == "end of the pipe"
+    assert_allclose(world.distance(wall.vertices), 0.0, atol=1e-12)
+    assert_allclose(corners(seen.meshes)[:, 0].min(), 0.0, atol=1e-12)
+
+
+def test_of_worlds_that_meet_only_the_common_walls_are_drawn() -> None:
+    world = worm3d.slope_into_pipe(0.4, 1.0, [worm3d.Straight(2.0)], 0.1)
+    seen = scenery(world, AROUND)
+    middles = triangles(seen.meshes).mean(axis=1)
+    assert np.abs(world.distance(middles)).max() < 0.01
+    for part in world.worlds:
+        assert part.distance(middles).max() < 0.01, "nothing stands in free space"
+    assert seen.centreline is not None
+    areas = [len(mesh.faces) for mesh in seen.meshes]
+    assert min(areas) > 0
+    assert len(areas) == 4
+
+
+def test_terrain_is_drawn_as_it_is() -> None:
+    world = worm3d.Heightfield.rubble(3.0, 2.0, 0.05, height=0.04, size=0.1, seed=3)
+    seen = scenery(world, AROUND).meshes
+    assert_allclose(corners(seen)[:, 2], world.height(corners(seen)[:, :2]), atol=1e-12)
+    assert corners(seen)[:, 0].max() >= 2.7
+
+
+@pytest.mark.parametrize(("solid", "opacity", "count"), [("inside", 1.0, 2), ("outside", 0.35, 1)])
+def test_a_mesh_is_drawn_by_its_own_triangles(tmp_path: Path, solid: str, opacity: float, count: int) -> None:
+    box = trimesh.creation.box(extents=(1.0, 1.0, 1.0))
+    box.export(tmp_path / "box.stl")
+    world = worm3d.Mesh(tmp_path / "box.stl", units="m", solid=solid, cell=0.1)  # type: ignore[arg-type]
+    seen = scenery(world, AROUND).meshes
+    assert len(seen) == count
+    assert {mesh.opacity for mesh in seen} == {opacity}
+    assert sum(len(mesh.faces) for mesh in seen) == 12
+
+
+def test_a_mesh_of_too_many_triangles_is_drawn_from_its_distance(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trimesh.creation.box(extents=(1.0, 1.0, 0.4)).export(tmp_path / "box.stl")
+    world = worm3d.Mesh(tmp_path / "box.stl", units="m", cell=0.05)
+    monkeypatch.setattr("worm3d.scenery.mesh.MOST_FACES", 10)
+    seen = scenery(world, AROUND).meshes
+    assert [mesh.name for mesh in seen] == ["terrain", "terrain, dark"]
+    assert np.abs(world.distance(triangles(seen).reshape(-1, 3))).max() < 0.01

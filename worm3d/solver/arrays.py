@@ -6,6 +6,7 @@ S slot + i of point arrays. Some arrays share memory, so that one kernel writes 
     segment_shape -> REST | points      points are rows "x" of the point array
     segment_motion -> points            are its rows "first"
     world -> distance ... grip          are its rows 3 to 13
+    point_tangents -> tangent, slide_n  likewise
     point_force -> f, K | phi, load     f and K are the last rows of the segment array
 """
 
@@ -60,6 +61,7 @@ KERNELS = (
     "joint_angles",
     "joint_ledger",
     "point_force",
+    "point_tangents",
     "point_yielding",
     "point_after",
     "evaluate",  # entries, `worm3d.solver.entry`
@@ -80,6 +82,7 @@ KERNELS = (
     JOINT_ANGLES,
     JOINT_LEDGER,
     POINT_FORCE,
+    POINT_TANGENTS,
     POINT_YIELDING,
     POINT_AFTER,
     EVALUATE,
@@ -147,6 +150,7 @@ ARRAYS = (
     "point_rows",  # the same memory with the lanes of segments, row 8 r + slot
     "world_in",
     "world_out",  # inside point_in
+    "tangents",  # inside point_in: tangent and slide_n
     "first",  # inside point_in, with the lanes of segments
     "yielding_out",  # y (2), excess, penetration, turn, turns, slip now (2)
     "after_out",  # slip (2), stored energy, terms of the ledger
@@ -210,6 +214,7 @@ ARRAYS = (
     POINT_ROWS,
     WORLD_IN,
     WORLD_OUT,
+    TANGENTS,
     FIRST,
     YIELDING_OUT,
     AFTER_OUT,
@@ -298,7 +303,7 @@ class CoreMemory:
         Lanes for n segments and for n - 1 joints.
     world_rows : int
         Inputs of the world's kernel: x (3) and its parameters.
-    kernels : ndarray of int, shape (17,)
+    kernels : ndarray of int, shape (18,)
         Addresses.
     """
 
@@ -309,6 +314,7 @@ class CoreMemory:
         points = table[REST, 0] + POINTS * lanes  # behind lengths, tangents and directors
         table[POINT_IN, 0] = table[POINT_ROWS, 0] = points
         table[WORLD_OUT, 0] = points + 3 * POINTS * lanes
+        table[TANGENTS, 0] = points + point.LAYOUT.first("tangent") * POINTS * lanes
         table[FIRST, 0] = points + point.LAYOUT.first("first") * POINTS * lanes
         table[POINT_OUT, 0] = table[SEGMENT_IN, 0] + segment.LAYOUT.first("f") * lanes
         block, self.counters, self.kernels = self._memory.block, np.zeros(COUNTERS, dtype=np.int64), kernels
@@ -340,6 +346,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
         "point_rows": (point.LAYOUT.rows * POINTS, lanes),
         "world_in": (world_rows, p),
         "world_out": (WORLD_ROWS, p),
+        "tangents": (8, p),
         "first": (3 * POINTS, lanes),
         "yielding_out": (8, p),
         "after_out": (3 + len(point.LEDGER_TERMS), p),

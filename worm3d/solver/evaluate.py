@@ -91,8 +91,7 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
     point_in, point_out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
     fill(rows(core.block, a.POINT_IN, _COUPLED, 1), 1.0 if coupled else 0.0)
     run(kernel(core, a.POINT_FORCE), point_in, point_out, point_in.shape[1])
-    segment_in, joint_in = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.JOINT_IN)
-    segment_out, joint_out = matrix(core.block, a.SEGMENT_OUT), matrix(core.block, a.JOINT_OUT)
+    joint_in, joint_out = matrix(core.block, a.JOINT_IN), matrix(core.block, a.JOINT_OUT)
     for r in range(_BOTH):
         for i in range(n - 1):
             joint_in[_JOINT_Q + r, i] = x[BLOCK * i + r]
@@ -101,21 +100,28 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
         _fill_joint_band(core)
     else:
         run(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + _BOTH], n - 1)
-    if hessian in (NONE, LOCAL):
-        run(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], n)
-    if hessian == LOCAL:
-        _renew_band(core)
-    elif hessian != NONE:
-        run(kernel(core, a.SEGMENT_HESSIAN), segment_in, segment_out, n)
-        _fill_band(core)
-    if hessian != NONE:
-        fill(vector(core.block, a.CHANGED), 0.0)
+    _segments(core, hessian)
     phi = _joints(core, x) + _add_gradients(core)
-    lanes = segment_in.shape[1]
+    lanes = point_in.shape[1] // POINTS
     for s in range(POINTS):
         for i in range(n):
             phi += point_out[PHI, s * lanes + i]
     return phi
+
+
+@inner
+def _segments(core: Core, hessian: int) -> None:
+    """Run the segments' kernel, and fill the band as far as that is asked for."""
+    segment_in, segment_out = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.SEGMENT_OUT)
+    if hessian in (NONE, LOCAL):
+        run(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], core.n)
+    else:
+        run(kernel(core, a.SEGMENT_HESSIAN), segment_in, segment_out, core.n)
+        _fill_band(core)
+    if hessian == LOCAL:
+        _renew_band(core)
+    if hessian != NONE:
+        fill(vector(core.block, a.CHANGED), 0.0)
 
 
 @inner

@@ -175,7 +175,7 @@ def _points(core: Core, dt: float, span: float, terms: FloatArray) -> None:
 def _inertia(
     mass: float, v: float, v_n: float, v_m: float, force: float, moved: float, first: float, dt: float, bdf2: bool
 ) -> tuple[float, float]:
-    """Return the gain of kinetic energy of one coordinate of a mass point, and the integrator's loss; `force` is m A."""
+    """Return a coordinate's gain of kinetic energy, and the integrator's loss; `force` is m A."""
     e_x = moved - 0.5 * dt * (v + v_n)
     e_v = 0.5 * (v - 2.0 * v_n + v_m) if bdf2 else 0.0
     return 0.5 * mass * (v * v - v_n * v_n), mass * e_v * 0.5 * (v + v_n) + force * e_x + force * (first - moved)

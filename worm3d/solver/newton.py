@@ -33,6 +33,10 @@ SLOPE_LEFT = 0.9
 """A line search ends where the slope has fallen to this fraction."""
 DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends the descent, as a fraction of the body length."""
+WILD = 0.02
+"""A step that is longer than the first one and than this fraction of the segment length strays."""
+MAX_STRAYS = 2
+"""Steps that stray before Newton gives up: where contacts let go all at once the descent finds them sooner."""
 MAX_CHANGES = 16
 """Iterations in which contacts change their regime before Newton gives up."""
 CONTRACTION = 0.1
@@ -42,13 +46,18 @@ CURVATURE = 10.0
 DOUBT = 2.0
 """By which that error is taken to be larger each time that contacts have changed their regime."""
 SETTLED = 1e-5
+"""What slides at the static limit becomes kinetic once steps are smaller than this fraction of the segment length."""
 SEGMENTS_KEPT = 1e-3
+"""The Jacobian is kept, but for segments whose contacts change, until x has moved by this fraction of that length."""
 JOINTS_KEPT = 1e-2
 """The joints' part of the Jacobian is kept until x has moved by this fraction of the segment length."""
 FOLLOWED = 2e-15
 """Coordinate step, as a fraction of the body length, at which Newton has converged."""
 STAGNATION = 1e-12
 """A step below this fraction that no longer shrinks, with new Jacobians, is rounding: converged too."""
+
+NOTHING, TURNED, FREED, CHANGED = range(4)
+"""What has become of the contacts: a stuck one turns round, one breaks away, or one changes its regime."""
 
 _LOAD, _MU, _REGIME = point.LAYOUT.firsts("load", "mu", "regime")
 
@@ -112,56 +121,75 @@ def _follow(core: Core) -> bool:
     There is no potential to descend: it gives up where regimes go on changing or it does not come closer.
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
-    before = vector(core.block, a.TRIAL)
-    length, l0 = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.L0]
-    size, hessian, fresh, changes, doubt = np.inf, WHOLE, 0, 0, 1.0
-    since_joints, since_all, local, taken = 0.0, 0.0, False, False
+    length = vector(core.block, a.NUMBERS_)[a.LENGTH]
+    size, moved, hessian, fresh, changes, doubt = np.inf, 0.0, WHOLE, 0, 0, 1.0
+    since_joints, since_all, far, strays = 0.0, 0.0, 0.0, 0
     for _ in range(MAX_FOLLOW):
-        previous, size = size, _newton_step(core, hessian)
-        if not size <= 0.1 * length:
+        previous, size = size, _newton_step(core, hessian, moved > 0.0)
+        far = max(far, WILD * vector(core.block, a.NUMBERS_)[a.L0]) if far > 0.0 else size
+        strays += size > far
+        if not size <= 0.1 * length or strays > MAX_STRAYS:
             return False
-        if hessian == NONE and taken:
-            size *= _secant(step, before)
-        if hessian == WHOLE:
-            since_joints = 0.0
-        if hessian in (WHOLE, WITH_KEPT_JOINTS):
-            fresh, since_all = fresh + 1, 0.0
-        else:
-            fresh = 0
-        regimes.look_ahead(core, step)
-        error = doubt * CURVATURE * size * size / l0
-        lands = regimes.lands(core, error)
-        changed, turned = regimes.change(core, error, lands)
-        freed = not (changed or lands) and size < SETTLED * l0 and regimes.free(core)
-        if changed:
+        news, lands = _news(core, size, doubt)
+        renewed = hessian in (WHOLE, WITH_KEPT_JOINTS)
+        fresh = fresh + 1 if renewed else 0
+        if news == CHANGED:
             changes += 1
             doubt *= DOUBT
             if changes > MAX_CHANGES:
                 return False
-        elif freed:
-            count(core, 2)
-        elif size < FOLLOWED * length or (fresh > 1 and size < STAGNATION * length and size > 0.5 * previous):
+        elif news != FREED and _converged(size, previous, fresh, length):
             return True
-        taken = not lands
+        moved = 0.0 if lands else size
         if not lands:
-            copy(before, step)
+            copy(vector(core.block, a.TRIAL), step)
             combine(x, 1.0, x, -1.0, step)
-            since_joints += size
-            since_all += size
-        slow = size > CONTRACTION * previous
-        if since_joints > JOINTS_KEPT * l0:
-            hessian = WHOLE
-        elif since_all > SEGMENTS_KEPT * l0 or (slow and not local):
-            hessian = WITH_KEPT_JOINTS
-        else:
-            hessian = LOCAL if changed or freed or turned else NONE
-        local = hessian == LOCAL
+        since_joints = moved + (0.0 if hessian == WHOLE else since_joints)
+        since_all = moved + (0.0 if renewed else since_all)
+        slow = size > CONTRACTION * previous and hessian != LOCAL
+        hessian = _renewal(core, since_joints, since_all, slow, news)
     return False
 
 
 @inner
-def _newton_step(core: Core, hessian: int) -> float:
-    """Put Newton's step into "direction"; return its size, infinite where there is none."""
+def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
+    """Return what becomes of the contacts in a step of this size, and whether an open one lands in it."""
+    l0 = vector(core.block, a.NUMBERS_)[a.L0]
+    regimes.look_ahead(core, vector(core.block, a.DIRECTION))
+    error = doubt * CURVATURE * size * size / l0
+    lands = regimes.lands(core, error)
+    changed, turned = regimes.change(core, error, lands)
+    if changed:
+        return CHANGED, lands
+    if not lands and size < SETTLED * l0 and regimes.free(core):
+        count(core, 2)
+        return FREED, lands
+    return TURNED if turned else NOTHING, lands
+
+
+@inner
+def _converged(size: float, previous: float, fresh: int, length: float) -> bool:
+    """Return whether a step is rounding, the last one or one that no longer shrinks."""
+    return size < FOLLOWED * length or (fresh > 1 and size < STAGNATION * length and size > 0.5 * previous)
+
+
+@inner
+def _renewal(core: Core, since_joints: float, since_all: float, slow: bool, news: int) -> int:
+    """Return what of the Jacobian is made anew, after motions since that was done last."""
+    l0 = vector(core.block, a.NUMBERS_)[a.L0]
+    if since_joints > JOINTS_KEPT * l0:
+        return WHOLE
+    if slow or since_all > SEGMENTS_KEPT * l0:
+        return WITH_KEPT_JOINTS
+    return NONE if news == NOTHING else LOCAL
+
+
+@inner
+def _newton_step(core: Core, hessian: int, follows: bool) -> float:
+    """Put Newton's step into "direction"; return its size, infinite where there is none.
+
+    Where it follows another one ("trial") with the same Jacobian it is corrected by what that one has shown.
+    """
     begin = _first_changed(core) if hessian == LOCAL else 0
     if not np.isfinite(evaluate(core, a.X, True, hessian)):
         return np.inf
@@ -173,16 +201,17 @@ def _newton_step(core: Core, hessian: int) -> float:
         vectors.move(address(core.block, a.FACTOR, begin), address(core.block, a.BAND, begin), left)
         lu_factor(factor, vector(core.block, a.PIVOTS), begin)
     lu_solve(factor, step, vector(core.block, a.PADDED))
+    if hessian == NONE and follows:
+        _correct(step, vector(core.block, a.TRIAL))
     return float(_size(core, step))
 
 
 @inner
-def _secant(step: FloatArray, before: FloatArray) -> float:
-    """Scale a step with a kept Jacobian by what the step before has shown of it (Broyden); return the factor."""
-    ratio = np.dot(before, step) / np.dot(before, before)
-    factor = 1.0 / (1.0 - ratio) if abs(ratio) < CONTRACTION else 1.0
-    combine(step, factor, step, 0.0, step)
-    return factor
+def _correct(step: FloatArray, before: FloatArray) -> None:
+    """Broyden's correction of a step with a kept Jacobian, from the step before."""
+    left = np.dot(before, step) / np.dot(before, before)
+    if abs(left) < CONTRACTION:
+        combine(step, 1.0 / (1.0 - left), step, 0.0, step)
 
 
 @inner

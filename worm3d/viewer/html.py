@@ -131,6 +131,7 @@ def _scene(frames: Frames, parts: list[Piece], scales: Scales, play: bool) -> di
         "centreline": frames.centreline is not None,
         "heading": frames.heading.tolist(),
         "size": _size(frames),
+        "tall": float(np.ptp(frames.apexes[..., 2].reshape(len(frames), -1), axis=1).max()),
         "low": low.tolist(),
         "high": high.tolist(),
         "layers": _layers(parts),

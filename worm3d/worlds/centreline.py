@@ -143,7 +143,7 @@ class Centreline:
         return cls(*map(np.array, zip(*rows, strict=True)))
 
     @classmethod
-    def through(cls, points: ArrayLike, spans: int = 8) -> Centreline:
+    def through(cls, points: ArrayLike, spans: int = 4) -> Centreline:
         """Return a smooth centre line through points: a cubic spline, replaced by pairs of arcs (biarcs).
 
         It passes through the points and, between them, follows the spline at `spans` - 1 further places with its

@@ -155,8 +155,8 @@ class Heightfield:
         first = np.asarray(self.origin) - EDGE * self.spacing
         coefficients, grips = self._tables
         parameters = [
-            *table.halves(coefficients),
-            *table.halves(grips),
+            *table.halves(coefficients.ctypes.data),
+            *table.halves(grips.ctypes.data),
             *coefficients.shape,
             *first,
             self.spacing,
@@ -199,8 +199,8 @@ class Heightfield:
         corners = np.array([[self.x[0], self.y[0]], [self.x[-1], self.y[-1]]])
         if (ends < corners[0]).any() or (ends > corners[1]).any():
             raise ValueError(
-                f"position: got {position.tolist()!r} m, the worm would reach beyond the terrain, to {ends[1].tolist()!r} "
-                f"m; it spans {corners[0].tolist()!r} to {corners[1].tolist()!r} m"
+                f"position: got {position.tolist()!r} m, the worm would reach to {ends[1].tolist()!r} m, beyond the "
+                f"terrain, which spans {corners[0].tolist()!r} to {corners[1].tolist()!r} m"
             )
         return laid(self.height, along, clearance, position, azimuth)
 

@@ -16,7 +16,7 @@ REACH = 1.6
 SOLE = 0.8
 """It is as deep as the clearance up to this offset, in clearances, and rises to its axis from there to `REACH`."""
 
-ACROSS, ALONG = 33, 257
+ACROSS, ALONG = 17, 129
 """Samples of the ground under the body."""
 
 

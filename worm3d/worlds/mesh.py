@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from worm3d.codegen import cache as disk
 from worm3d.compiled import cfunc
-from worm3d.worlds import distance_grid, mesh_file, mesh_kernel, table
+from worm3d.worlds import distance_grid, mesh_file, mesh_kernel, mesh_spline, table
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.distance_grid import MOST_NODES, Grid
 from worm3d.worlds.laid import laid
@@ -47,7 +47,7 @@ class Mesh:
     """A closed triangle mesh from a file, as a grid of signed distances; frozen, validated.
 
     The grid is computed once and kept on disk under a digest of the file and of what is asked for. Edges and corners
-    are rounded by about a cell (`worm3d.worlds.mesh_kernel`).
+    are rounded by about a cell (`worm3d.worlds.mesh_spline`).
 
     Attributes
     ----------
@@ -144,10 +144,14 @@ class Mesh:
 
     def kernel(self, band: float = mesh_kernel.CONTACT) -> WorldKernel:
         """Return the compiled world, which reads the spline where a coefficient is less than so many cells."""
-        c, first = self.grid.coefficients, self.grid.first + self.position
+        c, first, spline = self.grid.coefficients, self.grid.first + self.position, mesh_spline.kernel()
         side = 1.0 if self.solid == "inside" else -1.0
-        parameters = np.array([*table.halves(c), *c.shape, *first, self.grid.cell, side, self.grip, band], dtype=float)
-        return WorldKernel(_compiled().address, parameters, (_compiled(), c))
+        work = np.zeros((mesh_kernel.WORK_ROWS, mesh_kernel.TOGETHER))  # of this kernel alone: others may run beside it
+        parameters = [
+            *(*table.halves(c.ctypes.data), *table.halves(work.ctypes.data), *table.halves(spline.address)),
+            *(*c.shape, *first, self.grid.cell, side, self.grip, band),
+        ]
+        return WorldKernel(_compiled().address, np.array(parameters, dtype=float), (_compiled(), c, work, spline))
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
@@ -165,7 +169,7 @@ class Mesh:
         """
         grid, size = self.grid, self.grid.coefficients.shape
         bottom = grid.first[2] + self.position[2]
-        z = bottom + grid.cell / 2.0 * np.arange(2 * size[2] - 1.0)
+        z = bottom + grid.cell * np.arange(float(size[2]))
         columns = np.concatenate(
             [np.repeat(places[:, None], len(z), axis=1), np.tile(z, (len(places), 1))[:, :, None]], axis=2
         )

@@ -91,6 +91,8 @@ def triangles(path: Path, data: bytes, scale: float) -> tuple[FloatArray, IntArr
     """
     _require_whole_stl(path, data)
     mesh = _read(path, data)
+    _require_finite(path.name, mesh)
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
     vertices, faces = np.asarray(mesh.vertices, dtype=float) * scale, np.asarray(mesh.faces, dtype=np.int64)
     _require_size(path.name, vertices, faces)
     _require_solid(path.name, mesh, vertices)
@@ -118,7 +120,7 @@ def _read(path: Path, data: bytes) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            mesh: Any = trimesh.load(BytesIO(data), file_type=path.suffix.lower()[1:], force="mesh")
+            mesh: Any = trimesh.load(BytesIO(data), file_type=path.suffix.lower()[1:], force="mesh", process=False)
             count = len(mesh.faces)
     except Exception as error:  # readers fail in ways of their own
         reason = str(error).strip().splitlines() or [type(error).__name__]
@@ -131,10 +133,14 @@ def _read(path: Path, data: bytes) -> Any:
     return mesh
 
 
-def _require_size(name: str, vertices: FloatArray, faces: IntArray) -> None:
-    if not np.isfinite(vertices).all():
-        count = np.count_nonzero(~np.isfinite(vertices).all(axis=1))
+def _require_finite(name: str, mesh: Any) -> None:
+    """Raise MeshError for NaN and infinity, which trimesh would drop or keep without a word."""
+    count = np.count_nonzero(~np.isfinite(np.asarray(mesh.vertices, dtype=float)).all(axis=1))
+    if count:
         raise MeshError(f"mesh {name!r}: got {count} vertices that are not finite (NaN); repair it where it was made")
+
+
+def _require_size(name: str, vertices: FloatArray, faces: IntArray) -> None:
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise MeshError(f"mesh {name!r}: a face names vertex {faces.max()} of {len(vertices)}; export it again")
     side = float(np.ptp(vertices[faces.ravel()], axis=0).max())

@@ -18,6 +18,10 @@ from worm3d.worlds.symbolic import compiled, distances
 
 FloatArray = NDArray[np.float64]
 
+MOST_GIVEN = 8
+"""Pieces of the centre line that are parameters of the compiled code; more are compiled into it, which is faster to run
+and takes a moment for each new pipe."""
+
 BENT = 1e-9
 """Slack in comparing places along the pipe [m]."""
 
@@ -124,9 +128,11 @@ class Pipe:
         wall = self.profile.pieces()[:1] if constant else self.profile.pieces()
         largest = np.finfo(float).max  # stands for infinity
         grips = [[*np.clip(patch.along, -largest, largest), patch.grip] for patch in self.patches]
-        function = pipe(_bent(line[:, 10]), _bent(wall[:, 4]), len(grips), bool(self.start_wall), bool(self.end_wall))
-        ends = [0.0, self.centreline.total]
-        return function, np.concatenate([line.ravel(), wall.ravel(), ends, np.ravel(grips)])
+        closed = (bool(self.start_wall), bool(self.end_wall))
+        fixed = tuple(line.ravel().tolist()) if len(line) > MOST_GIVEN else ()
+        function = pipe(_bent(line[:, 10]), _bent(wall[:, 4]), len(grips), *closed, fixed)
+        pieces = np.zeros(0) if fixed else line.ravel()
+        return function, np.concatenate([pieces, wall.ravel(), [0.0, self.centreline.total], np.ravel(grips)])
 
     def _pieces(self) -> FloatArray:
         """Return the chain of the centre line with its straight ends, shape (K, 11)."""

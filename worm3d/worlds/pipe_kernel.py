@@ -73,7 +73,9 @@ class _Tube(NamedTuple):
 
 
 @cache
-def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca.Function:
+def pipe(
+    bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool, fixed: tuple[float, ...] = ()
+) -> ca.Function:
     """Return the rows of a world for a point and the parameters of a pipe.
 
     Parameters
@@ -85,8 +87,11 @@ def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end:
         With another friction.
     at_start, at_end : bool
         Whether there are walls across the ends.
+    fixed : tuple of float
+        Numbers of all pieces of the centre line, one after the other, if they are no parameters.
     """
-    x, rows = ca.SX.sym("x", 3), ca.SX.sym("pieces", PIECE, len(bent))
+    x, given = ca.SX.sym("x", 3), ca.SX.sym("pieces", PIECE, 0 if fixed else len(bent))
+    rows = ca.reshape(ca.SX(ca.DM(fixed)), PIECE, len(bent)) if fixed else given
     wall, grips = ca.SX.sym("wall", WALL, len(bent_walls)), ca.SX.sym("grips", GRIP, stretches)
     ends = ca.SX.sym("ends", 2)
     tube = _tube(x, _Chain(rows, bent), _Chain(wall, bent_walls))
@@ -102,7 +107,7 @@ def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end:
     H = surface.H
     upper = ca.vertcat(H[0, 0], H[0, 1], H[0, 2], H[1, 1], H[1, 2], H[2, 2])
     out = ca.densify(ca.vertcat(surface.g, surface.n, upper, grip))
-    return ca.Function("pipe", [x, ca.vertcat(ca.vec(rows), ca.vec(wall), ends, ca.vec(grips))], [out])
+    return ca.Function("pipe", [x, ca.vertcat(ca.vec(given), ca.vec(wall), ends, ca.vec(grips))], [out])
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Protocol, runtime_checkable
 
 import casadi as ca
@@ -24,7 +25,7 @@ class SymbolicWorld(Protocol):
 
 def compiled(function: ca.Function, parameters: FloatArray) -> WorldKernel:
     """Return a compiled world."""
-    kernel = compile_kernel(function)
+    kernel = _kernel(function)
     return WorldKernel(kernel.address, parameters, kernel)
 
 
@@ -43,3 +44,8 @@ def rows(world: WorldKernel, points: FloatArray) -> FloatArray:
     inputs[:3, : len(flat)], inputs[3:] = flat.T, world.parameters[:, None]
     kernel(inputs, outputs, len(flat))
     return outputs[:, : len(flat)].reshape(-1, *np.shape(points)[:-1])
+
+
+@lru_cache(maxsize=64)
+def _kernel(function: ca.Function) -> Kernel:
+    return compile_kernel(function)

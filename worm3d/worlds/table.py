@@ -43,9 +43,9 @@ HALF = 32
 """Bits of an address in one parameter."""
 
 
-def halves(array: NDArray[Any]) -> list[float]:
-    """Return the address of an array as two parameters; the array has to outlive the kernel."""
-    return [float(array.ctypes.data >> HALF), float(array.ctypes.data & ((1 << HALF) - 1))]
+def halves(place: int) -> list[float]:
+    """Return an address as two parameters; what stands there has to outlive the kernel."""
+    return [float(place >> HALF), float(place & ((1 << HALF) - 1))]
 
 
 def _pointer_type(to: Any) -> Any:

@@ -45,10 +45,13 @@ def test_the_worm_is_seen_and_moves(browser: Any, viewer: Path) -> None:
     )
 
 
-def test_the_playback_bar_is_not_hidden(browser: Any, viewer: Path) -> None:
-    bar = browser.picture(viewer, "t=1")[HIGH - 56 : HIGH - 10]
+@pytest.mark.parametrize(("state", "there"), [("t=1", True), ("t=1&bare=1", False)])
+def test_the_playback_bar_is_seen_unless_a_bare_picture_is_wanted(
+    browser: Any, viewer: Path, state: str, there: bool
+) -> None:
+    bar = browser.picture(viewer, state)[HIGH - 56 : HIGH - 10]
     button = np.abs(bar[:, 20:62] - [0x34, 0x40, 0x4F]).max(axis=2) < 8
-    assert button.mean() > 0.3
+    assert (button.mean() > 0.3) == there
 
 
 @pytest.mark.parametrize("camera", ["side", "top", "inside"])

@@ -127,7 +127,7 @@
     top: () => flat(up, 1, left.map((x) => -x)),
     follow: () => {
       const to = at(centre, now);
-      const far = 0.9 * size * Math.max(1, 1.3 * window.innerHeight / (window.innerWidth - covered()[0]));
+      const far = Math.max(1.2 * scene.tall, 0.9 * size) * Math.max(1, 1.3 * window.innerHeight / (window.innerWidth - covered()[0]));
       aim(plus(plus(plus(to, ahead, -0.75 * far), left, -1.35 * far), up, 0.75 * far), to);
       follows = to;
     },

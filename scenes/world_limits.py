@@ -1,6 +1,6 @@
 """Where the scenes of slopes and pipes stop working: the parameter at which each fails, measured.
 
-    python tests/scenes/world_limits.py
+    python -m scenes.world_limits
 
 prints the table of the README. From the scene's own value each parameter goes on in equal steps until the worm fails:
 it cannot start or end its run, or makes less than `WAY` body lengths a wave, or (bends, narrowings, tunnels) its tail
@@ -9,15 +9,16 @@ has not come as far as it should.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 import worm3d
 from scenes.errors import SceneError
 from scenes.kinds.worm_build import simulate
+from scenes.kinds.worm_schema import WormScene
 from scenes.loader import load_scene
 
 WAY = 0.06
@@ -45,16 +46,25 @@ class Limit:
 def passes(limit: Limit, value: float) -> bool:
     """Return whether the worm does it."""
     try:
-        run = simulate(load_scene(limit.scene, limit.overrides(value)).settings, lambda done: True)
+        settings = load_scene(limit.scene, limit.overrides(value)).settings
+        assert isinstance(settings, WormScene)
+        run = simulate(settings, lambda done: True)
     except (SceneError, ValueError):  # it does not even fit
         return False
     if run.status is not worm3d.Status.DONE:
         return False
     if limit.arrives is not None:
-        pipe = run.world if isinstance(run.world, worm3d.Pipe) else run.world.worlds[1]
-        return bool(pipe.along(run.joints[-1, 0]) >= limit.arrives(value))
+        return bool(pipe_of(run).along(run.joints[-1, 0]) >= limit.arrives(value))
+    assert run.period is not None
     waves = run.time[-1] / run.period
     return bool(run.distance >= WAY * waves * run.worm.length)
+
+
+def pipe_of(run: worm3d.Result) -> worm3d.Pipe:
+    """Return the pipe that a worm was in, or climbed into."""
+    pipe = run.world.worlds[1] if isinstance(run.world, worm3d.Union) else run.world
+    assert isinstance(pipe, worm3d.Pipe)
+    return pipe
 
 
 def measured(limit: Limit) -> tuple[float, float | None]:
@@ -68,7 +78,7 @@ def measured(limit: Limit) -> tuple[float, float | None]:
     return last, None
 
 
-def key(name: str) -> Callable[[float], Overrides]:
+def _key(name: str) -> Callable[[float], Overrides]:
     return lambda value: [f"{name}={value}"]
 
 
@@ -87,17 +97,17 @@ def _narrowing(value: float) -> Overrides:
 
 
 LIMITS = (
-    Limit("slope_5", "slope [deg]", 5.0, 0.5, key("world.slope_deg")),
-    Limit("slope_15", "slope [deg]", 15.0, 1.0, key("world.slope_deg")),
-    Limit("pipe_straight", "tilt [deg]", 0.0, 1.0, key("world.tilt_deg")),
-    Limit("pipe_straight", "radius [m], down", 0.12, -0.0025, key("world.radius_m")),
+    Limit("slope_5", "slope [deg]", 5.0, 0.5, _key("world.slope_deg")),
+    Limit("slope_15", "slope [deg]", 15.0, 1.0, _key("world.slope_deg")),
+    Limit("pipe_straight", "tilt [deg]", 0.0, 1.0, _key("world.tilt_deg")),
+    Limit("pipe_straight", "radius [m], down", 0.12, -0.0025, _key("world.radius_m")),
     Limit("pipe_bend", "bend radius [m], down", 0.48, -0.03, _bend, lambda r: 1.0 + r * np.pi / 2.0),
     Limit("pipe_narrowing", "narrowing [%]", 20.0, 1.0, _narrowing, lambda value: 1.5),
     Limit("pipe_vertical", "friction, down (forward 0.375 of it)", 0.8, -0.02, _friction),
-    Limit("pipe_vertical", "radius [m], up", 0.092, 0.001, key("world.radius_m")),
-    Limit("pipe_vertical", "radius [m], down", 0.092, -0.001, key("world.radius_m")),
-    Limit("pipe_vertical", "mass [kg]", 0.1, 0.1, key("worm.mass_kg")),
-    Limit("slope_into_pipe", "slope [deg]", 10.0, 1.0, key("world.slope_deg"), lambda value: 0.0),
+    Limit("pipe_vertical", "radius [m], up", 0.092, 0.001, _key("world.radius_m")),
+    Limit("pipe_vertical", "radius [m], down", 0.092, -0.001, _key("world.radius_m")),
+    Limit("pipe_vertical", "mass [kg]", 0.1, 0.1, _key("worm.mass_kg")),
+    Limit("slope_into_pipe", "slope [deg]", 10.0, 1.0, _key("world.slope_deg"), lambda value: 0.0),
 )
 
 
@@ -111,6 +121,6 @@ def table(limits: tuple[Limit, ...] = LIMITS) -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    show = partial(print, flush=True)
     for line in table():
-        show(line)
+        sys.stdout.write(line + "\n")
+        sys.stdout.flush()

@@ -1,0 +1,266 @@
+"""Baselines: what the MPC is to be better than, in the same interface and with the same identified map.
+
+`OpenLoop` feeds forward only: the wave whose mean speed and turn rate are, by the map, those of the reference.
+`PiLineOfSight` adds feedback from the same estimator as the MPC's. With speed V and heading h of the estimate, the
+path's heading psi, its curvature kappa and the offset e to the left of it (P2),
+
+    V_cmd = V_ref + K_p (V_ref - V) + K_i int (V_ref - V) dt                                                   (B1)
+    h_ref = psi - arctan(e / reach)                            line of sight                                   (B2)
+    w_cmd = kappa V_ref + K_h (h_ref - h)                      (h_ref' instead of kappa V_ref without a path)  (B3)
+
+and amplitude, frequency and steering are again those of the map. The integral stands still while V_cmd cannot be
+reached, and is bounded. (B2) is Fossen's guidance law (Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd
+edition, 12.4).
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from time import perf_counter
+
+from control.decision import Decision, Source
+from control.estimator import Estimate, Estimator
+from control.feedforward import FeedForward
+from control.generator import WaveGenerator
+from control.identification import Identified
+from control.ladder import KNOWN, LONGEST_START
+from control.measurement import Measurement
+from control.paths import offset
+from control.preview import turn_rate
+from control.reduced import ReducedModel, ReducedState
+from control.references import Reference
+from control.steering import GaitParameters, Mechanism
+from control.supervisor import Estimates
+from worm3d import Command, Worm
+
+HEADING = ReducedState._fields.index("heading")
+
+REACHED = 0.01
+"""A speed that the map's wave misses by no more than this share of it can be reached."""
+
+GREATEST_TRIM = 0.5
+"""Of the integral in (B1), as a share of the reference speed."""
+
+
+class WaveController(ABC):
+    """A controller that decides the parameters of a wave every so often.
+
+    Parameters
+    ----------
+    worm : Worm
+    identified : Identified
+    reference : Reference
+    mechanism : str
+        "hinge" or "bias": what steers.
+    control_period : float
+        Between two decisions [s].
+
+    Attributes
+    ----------
+    generator : WaveGenerator
+    decisions : list of Decision
+        `seconds` of each is the time for all steps since the decision before, estimates and commands included.
+
+    Raises
+    ------
+    ValueError
+        A period that is not above 0, or a mechanism that was not identified.
+    """
+
+    source: Source
+
+    def __init__(
+        self,
+        worm: Worm,
+        identified: Identified,
+        reference: Reference,
+        mechanism: Mechanism = "hinge",
+        control_period: float = 0.2,
+    ) -> None:
+        if not (math.isfinite(control_period) and control_period > 0.0):
+            raise ValueError(f"control_period: got {control_period!r} s, must be finite and above 0")
+        if mechanism not in identified.maps:
+            known = ", ".join(map(repr, identified.maps))
+            raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")
+        self.worm, self.reference, self.mechanism, self.control_period = worm, reference, mechanism, control_period
+        self.found = identified.maps[mechanism]
+        self.feed_forward = FeedForward(self.found, worm.length)
+        self.generator = WaveGenerator(identified.schedule, worm)
+        self.reset()
+
+    @property
+    def period(self) -> float:
+        """Of the wave at the preferred frequency [s], over which `worm3d.simulate` averages."""
+        return 1.0 / self.feed_forward.frequency
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.generator.reset()
+        self.decisions: list[Decision] = []
+        self._target = GaitParameters(0.0, self.feed_forward.frequency)
+        self._time: float | None = None
+        self._due, self._spent = -math.inf, 0.0
+
+    def step(self, t: float, measurement: Measurement) -> Command:
+        """Return the command from time t [s] on."""
+        began = perf_counter()
+        elapsed, self._time = 0.0 if self._time is None else t - self._time, t
+        estimate = self._estimate(t, measurement)
+        if t >= self._due - 1e-9:
+            self._due = t + self.control_period
+            self._target = self._decide(t, estimate)
+            seconds = self._spent + perf_counter() - began
+            self.decisions.append(Decision(t, self.source, self._target, estimate, seconds=seconds))
+            began, self._spent = perf_counter(), 0.0
+        command = self.generator.step(elapsed, self._target)
+        self._spent += perf_counter() - began
+        return command
+
+    def _wave(self, speed: float, turn_rate: float) -> GaitParameters:
+        """Return the wave of a speed [m/s] and turn rate [rad/s]; below the slowest one the worm stands."""
+        amplitude, frequency, steering = map(float, self.feed_forward(speed, turn_rate))
+        if speed < self.feed_forward.slowest:
+            amplitude, steering = 0.0, 0.0
+        return GaitParameters(amplitude, frequency).steered(self.mechanism, steering)
+
+    def _estimate(self, t: float, measurement: Measurement) -> Estimate | None:
+        """Return what is known of the worm."""
+        return None
+
+    @abstractmethod
+    def _decide(self, t: float, estimate: Estimate | None) -> GaitParameters:
+        """Return the parameters from time t [s] on."""
+
+
+class OpenLoop(WaveController):
+    """Feed-forward alone: it looks at nothing, so that whatever the map does not know goes uncorrected.
+
+    Parameters and attributes as of `WaveController`.
+    """
+
+    source: Source = "open_loop"
+
+    def reset(self) -> None:
+        """Begin anew."""
+        super().reset()
+        self._progress = 0.0
+
+    def _decide(self, t: float, estimate: Estimate | None) -> GaitParameters:
+        speed = float(self.reference.speed(t))
+        wave = self._wave(speed, turn_rate(self.reference, t, self._progress))
+        self._progress += self.control_period * speed
+        return wave
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Gains of (B1) to (B3), tuned on the default worm at 0.08 m/s.
+
+    Attributes
+    ----------
+    speed : float
+        K_p.
+    speed_integral : float
+        K_i [1/s].
+    heading : float
+        K_h [1/s].
+    reach : float
+        Look-ahead distance of (B2) [body lengths].
+    """
+
+    speed: float = 0.3
+    speed_integral: float = 0.15
+    heading: float = 0.3
+    reach: float = 0.5
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value >= 0.0) or (field.name == "reach" and value == 0.0):
+                raise ValueError(f"{field.name}: got {value!r}, must be finite and at least 0 (reach: above 0)")
+
+
+class PiLineOfSight(WaveController):
+    """PI on amplitude and frequency, line-of-sight steering: (B1) to (B3).
+
+    Parameters
+    ----------
+    worm, identified, reference, mechanism, control_period
+        As of `WaveController`.
+    estimator : Estimates, optional
+        `control.estimator.Estimator` if left out.
+    gains : Gains, optional
+
+    Attributes
+    ----------
+    gains : Gains
+    """
+
+    source: Source = "pi_los"
+
+    def __init__(
+        self,
+        worm: Worm,
+        identified: Identified,
+        reference: Reference,
+        mechanism: Mechanism = "hinge",
+        control_period: float = 0.2,
+        estimator: Estimates | None = None,
+        gains: Gains | None = None,
+    ) -> None:
+        self._estimator = estimator or Estimator(worm, ReducedModel.of(worm, identified, mechanism), identified.schedule)
+        self.gains = gains or Gains()
+        super().__init__(worm, identified, reference, mechanism, control_period)
+
+    def reset(self) -> None:
+        """Begin anew."""
+        super().reset()
+        self._estimator.reset()
+        self._trim, self._known = 0.0, False
+        self._near: float | None = None
+
+    def _estimate(self, t: float, measurement: Measurement) -> Estimate:
+        return self._estimator.update(t, measurement, self._target, self.generator.phase)
+
+    def _decide(self, t: float, estimate: Estimate | None) -> GaitParameters:
+        assert estimate is not None
+        return self._wave(self._speed(t, estimate), self._turn(t, estimate))
+
+    def _speed(self, t: float, estimate: Estimate) -> float:
+        """Return V_cmd, (B1)."""
+        gains, wanted = self.gains, float(self.reference.speed(t))
+        miss = wanted - estimate.speed
+        asked = wanted + gains.speed * miss + self._trim
+        if self._reaches(asked):
+            most = GREATEST_TRIM * abs(wanted)
+            more = self._trim + gains.speed_integral * miss * self.control_period
+            self._trim = min(max(more, -most), most)
+        return asked
+
+    def _reaches(self, speed: float) -> bool:
+        """Return whether there is a wave of a speed [m/s]."""
+        made = self.worm.length * float(self.found.speed(*self.feed_forward(speed, 0.0)))
+        return abs(made - speed) <= REACHED * abs(speed)
+
+    def _turn(self, t: float, estimate: Estimate) -> float:
+        """Return w_cmd, (B2) and (B3); like the MPC it goes straight until the heading is known."""
+        reference = self.reference
+        self._known |= estimate.deviations[HEADING] < KNOWN or self.generator.waves >= LONGEST_START
+        if not self._known:
+            return 0.0
+        if reference.path is not None:
+            self._near = s = float(reference.path.project(estimate.position, self._near))
+            aside = float(offset(reference.path, estimate.position, s))
+            wanted = float(reference.path.heading(s)) - math.atan(aside / (self.gains.reach * self.worm.length))
+        elif reference.heading is not None:
+            s, wanted = 0.0, float(reference.heading(t))
+        else:
+            return 0.0
+        return turn_rate(reference, t, s) + self.gains.heading * _within_half_a_turn(wanted - estimate.heading)
+
+
+def _within_half_a_turn(angle: float) -> float:
+    """Return an angle in [-pi, pi]; opposite angles give opposite ones."""
+    return math.remainder(angle, 2.0 * math.pi)

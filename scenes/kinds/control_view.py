@@ -1,0 +1,76 @@
+"""What pictures of a controlled run show besides the worm: where it was to go, and where its controller saw it go."""
+
+from __future__ import annotations
+
+import math
+from typing import TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from control.paths import Path
+from scenes.kinds.control_schema import ControlScene
+from scenes.record import Record
+
+FloatArray = NDArray[np.float64]
+
+ABOVE = 0.004
+"""Height of lines over the ground, so that they are seen [m]."""
+
+SPACING = 0.02
+"""Of the points of a path that is drawn [m]."""
+
+
+class Overlay(TypedDict, total=False):
+    """Lines beside the worm."""
+
+    reference: FloatArray
+    horizon: FloatArray
+
+
+def overlay(record: Record, scene: ControlScene, rows: NDArray[np.bool_] | slice) -> Overlay:
+    """Return the path and, at the stored instants `rows`, the predicted way; what there is of them."""
+    from scenes.kinds.control_build import path_of  # imports the solvers
+
+    lines: Overlay = {}
+    path = path_of(scene)
+    if path is not None:
+        lines["reference"] = _raised(drawn(path, record["com"][:, :2]), record, scene)
+    if any(variable.name == "horizon" for variable in record.variables):
+        lines["horizon"] = _raised(_horizons(record)[rows], record, scene)
+    return lines
+
+
+def period(record: Record) -> float | None:
+    """Return the mean commanded period [s]; None for a worm that was not told to move."""
+    waves = float(record["waves"][-1] - record["waves"][0])
+    return float(record["time"][-1] - record["time"][0]) / waves if waves > 0.0 else None
+
+
+def drawn(path: Path, com: FloatArray) -> FloatArray:
+    """Return points of the part of a path that a worm, shape (T, 2), passed, and a little more, shape (P, 2) [m]."""
+    ends = [float(path.project(place)) for place in (com[0], com[-1])]
+    end = path.length if math.isfinite(path.length) else max(ends) + 1.0
+    begin = 0.0 if math.isfinite(path.length) else min(ends) - 0.5
+    return path.point(np.linspace(begin, end, max(2, math.ceil((end - begin) / SPACING) + 1)))
+
+
+def _horizons(record: Record) -> FloatArray:
+    """Return the way predicted by the latest decision at each instant; where there is none, the place of the worm."""
+    ways, time = record["horizon"], record["time"]
+    latest = np.clip(np.searchsorted(record["decision_time"], time + 1e-9) - 1, 0, len(ways) - 1)
+    at = ways[latest]
+    here = np.broadcast_to(record["com"][:, None, :2], at.shape)
+    return np.where(np.isfinite(at), at, here)
+
+
+def _raised(places: FloatArray, record: Record, scene: ControlScene) -> FloatArray:
+    """Return places (..., 2) in space: a little above a plane, or at the height of the worm's centre of mass."""
+    world = scene.world
+    if world.kind != "plane":
+        height = np.full(places.shape[:-1], float(record["com"][:, 2].mean()))
+    else:
+        azimuth = math.radians(world.heading_deg)
+        ascent = places @ np.array([math.cos(azimuth), math.sin(azimuth)])
+        height = ABOVE + math.tan(math.radians(world.slope_deg)) * ascent
+    return np.concatenate([places, height[..., None]], axis=-1)

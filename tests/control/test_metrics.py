@@ -1,0 +1,127 @@
+"""Metrics of tracking on motions of which they are known."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from control.metrics import METRICS, Motion, settling_periods, summary, tracking
+from control.paths import Circle, Line
+from control.references import Constant, Reference, Sine, Steps
+
+TIME = 0.01 * np.arange(3001)
+PERIOD = 1.25
+
+
+def motion(place: np.ndarray, heading: np.ndarray | float = 0.0, period: float = PERIOD) -> Motion:
+    return Motion(TIME, place, np.broadcast_to(heading, TIME.shape).astype(float), TIME / period)
+
+
+def along_x(speed: float, y: float = 0.0, rocking: float = 0.0) -> np.ndarray:
+    rock = np.sin(2 * np.pi * TIME / PERIOD)
+    return np.column_stack([speed * TIME + rocking * rock, y + rocking * rock])
+
+
+def figures(made: Motion, reference: Reference, length: float = 1.0) -> dict[str, float | None]:
+    return summary(tracking(made, reference), reference, length)[0]
+
+
+def test_a_steady_worm_is_measured_without_its_rocking() -> None:
+    found = figures(motion(along_x(0.082, 0.03, rocking=0.02)), Reference(Constant(0.08), path=Line()), length=2.0)
+    assert found["speed_bias_relative"] == pytest.approx(0.025, abs=1e-6)
+    assert found["speed_error_rms_relative"] == pytest.approx(0.025, abs=1e-6)
+    assert found["cross_track_rms_bl"] == pytest.approx(0.015, abs=1e-6)
+    assert found["cross_track_max_bl"] == pytest.approx(0.015, abs=1e-6)
+    assert found["settling_periods"] is None
+
+
+def test_left_is_positive_and_headings_are_taken_within_half_a_turn() -> None:
+    reference = Reference(Constant(0.08), path=Line(azimuth=np.pi))
+    place = np.column_stack([-0.08 * TIME, np.full_like(TIME, -0.1)])  # to the left of a worm that looks along -x
+    tracked = tracking(motion(place, -np.pi + np.deg2rad(2.0)), reference)
+    assert_allclose(tracked.cross_track, 0.1, atol=1e-12)
+    assert_allclose(np.rad2deg(tracked.heading_error), 2.0, atol=1e-9)
+    found = figures(motion(place, -np.pi + np.deg2rad(2.0)), reference)
+    assert found["heading_error_mean_deg"] == pytest.approx(2.0)
+    assert found["heading_error_rms_deg"] == pytest.approx(2.0)
+
+
+def test_a_circle_of_another_radius_has_that_offset() -> None:
+    reference = Reference(Constant(0.08), path=Circle(1.5))
+    turn = 0.08 / 1.5 * TIME
+    place = np.column_stack([1.45 * np.sin(turn), 1.5 - 1.45 * np.cos(turn)])
+    found = figures(motion(place, turn), reference)
+    assert found["cross_track_rms_bl"] == pytest.approx(0.05, abs=1e-9)
+    assert found["heading_error_rms_deg"] == pytest.approx(0.0, abs=1e-3)
+    chord = np.sinc(0.08 / 1.5 * PERIOD / 2 / np.pi)
+    assert found["speed_bias_relative"] == pytest.approx(chord * 1.45 / 1.5 - 1.0, abs=1e-6)
+
+
+def test_speed_without_a_path_counts_along_the_heading() -> None:
+    azimuth = 0.3
+    place = np.outer(0.08 * TIME, [np.cos(0.5), np.sin(0.5)])
+    found = figures(motion(place, azimuth), Reference(Constant(0.08), heading=Constant(0.25)))
+    assert found["speed_bias_relative"] == pytest.approx(np.cos(0.2) - 1.0, abs=1e-9)
+    assert found["heading_error_mean_deg"] == pytest.approx(np.rad2deg(0.05))
+    assert found["cross_track_rms_bl"] is None
+
+
+def test_the_first_three_periods_are_left_out() -> None:
+    late = 4.0 * PERIOD
+    place = np.column_stack([np.where(late > TIME, 0.0, 0.08 * (TIME - late)), np.zeros_like(TIME)])
+    tracked = tracking(motion(place), Reference(Constant(0.08), path=Line()))
+    assert tracked.time[0] == pytest.approx(PERIOD)
+    assert tracked.time[tracked.counted][0] == pytest.approx(4.0 * PERIOD)
+    early = np.column_stack([np.where(3.0 * PERIOD > TIME, 0.0, 0.08 * (TIME - 3.0 * PERIOD)), np.zeros_like(TIME)])
+    found = figures(motion(early), Reference(Constant(0.08), path=Line()))
+    assert found["speed_error_rms_relative"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_reference_that_changes_slowly_is_averaged_like_the_worm() -> None:
+    place = np.column_stack([0.06 * TIME - 0.02 * 10 / (2 * np.pi) * (np.cos(2 * np.pi * TIME / 10) - 1), 0 * TIME])
+    found = figures(motion(place), Reference(Sine(0.06, 0.02, 10.0)))
+    assert found["speed_error_rms_relative"] == pytest.approx(0.0, abs=1e-5)
+
+
+def test_settling_counts_periods_until_the_last_time_outside() -> None:
+    reference = Reference(Steps(0.04, (12.0,), (0.08,)))
+    # The speed follows with a time constant of 1 s; averaged over a period it enters the band later.
+    speed = np.where(TIME < 12.0, 0.04, 0.08 - 0.04 * np.exp(-(TIME - 12.0)))
+    place = np.column_stack([np.concatenate([[0.0], np.cumsum(0.005 * (speed[1:] + speed[:-1]))]), 0 * TIME])
+    found, why = settling_periods(tracking(motion(place), reference), reference)
+    lag = (np.exp(PERIOD) - 1.0) / PERIOD  # of the mean of an exponential over the window before
+    assert found == pytest.approx(np.log(0.04 * lag / 0.008) / PERIOD, abs=0.02)
+    assert why == ""
+    assert figures(motion(place), reference)["settling_periods"] == found
+
+
+def test_every_step_counts_until_the_next_one() -> None:
+    reference = Reference(Steps(0.04, (10.0, 20.0), (0.08, 0.06)))
+    ideal = np.concatenate([[0.0], np.cumsum(0.01 * reference.speed(TIME[1:] - 0.005))])
+    found, _ = settling_periods(tracking(motion(np.column_stack([ideal, 0 * TIME])), reference), reference)
+    # The mean over the period before is within 10 % of 0.08 when four fifths of the period have the new speed.
+    assert found == pytest.approx(0.8, abs=0.02)
+
+
+def test_a_speed_that_does_not_settle_is_said_to() -> None:
+    reference = Reference(Steps(0.04, (12.0,), (0.08,)))
+    found, why = settling_periods(tracking(motion(along_x(0.05)), reference), reference)
+    assert found is None
+    assert why == "the speed has not settled after the step at 12 s"
+
+
+def test_periods_may_change() -> None:
+    waves = np.where(TIME < 15.0, TIME / 2.0, 7.5 + (TIME - 15.0))
+    rock = 0.02 * np.sin(2 * np.pi * waves)
+    made = Motion(TIME, np.column_stack([0.08 * TIME + rock, rock]), np.zeros_like(TIME), waves)
+    tracked = tracking(made, Reference(Constant(0.08), path=Line()))
+    steady = (tracked.time < 14.9) | (tracked.time > 17.0)
+    assert_allclose(tracked.cross_track[steady], 0.0, atol=1e-5)
+    assert_allclose(tracked.speed[steady], 0.08, rtol=1e-3)
+
+
+def test_short_runs_have_reasons() -> None:
+    short = Motion(TIME[:300], along_x(0.08)[:300], np.zeros(300), TIME[:300] / PERIOD)
+    found, reasons = summary(tracking(short, Reference(Constant(0.08))), Reference(Constant(0.08)), 1.0)
+    assert all(found[name] is None and "3 periods" in reasons[name] for name in METRICS)
+    with pytest.raises(ValueError, match="shorter than one commanded period"):
+        tracking(Motion(TIME[:50], along_x(0.08)[:50], np.zeros(50), TIME[:50]), Reference(Constant(0.08)))
