@@ -1,4 +1,4 @@
-"""`worm3d identify`: run the plant, fit, keep, and write `identified.json` and `steering.png`."""
+"""`worm3d identify`: run the plant, fit, keep, and write `identified.json`, `steering.md` and `steering.png`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from scenes.drawing import save_figure
 from scenes.errors import SceneError
 from scenes.files import write_bytes
 from scenes.identify import figure, plant, report
+from scenes.identify import phases as phases_of
 from scenes.identify import study as studies
+from scenes.identify.phases import Phases
 from scenes.identify.study import Curve
 from scenes.kinds.worm_build import friction_of, worm_of
 from scenes.kinds.worm_schema import WormScene
@@ -24,7 +26,8 @@ from scenes.loader import Scene
 from scenes.progress import progress
 from scenes.summary import without_nan
 
-CONTENT, PICTURE = "identified.json", "steering.png"
+CONTENT, TABLES, PICTURE = "identified.json", "steering.md", "steering.png"
+Measured = tuple[Identified, tuple[Curve, ...], tuple[Phases, ...]]
 
 
 def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
@@ -50,28 +53,38 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
         raise SceneError(f"{scene.name}: a scene of the model '{scene.kind.name}' does not steer, must be of 'worm'")
     worm, ground = worm_of(settings), friction_of(settings)
     folder = folders.prepared(out, f"identify-{scene.name}", force=force)
-    found, curves = _measure(worm, ground, quiet)
+    found, curves, phases = _measure(worm, ground, quiet)
     cached = kept.store(found, worm, ground, Design())
-    _write(folder, found, curves, worm, ground)
+    _write(folder, found, curves, phases, worm, ground)
     if not quiet:
         for line in report.terminal_lines(found, curves, worm.length):
             typer.echo(line)
-        typer.echo(f"Written to {folder}: {CONTENT}, {PICTURE}" + ("; kept for controllers" if cached else ""))
+        typer.echo(
+            f"Written to {folder}: {TABLES}, {CONTENT}, {PICTURE}" + ("; kept for controllers" if cached else "")
+        )
     return 0
 
 
-def _measure(worm: worm3d.Worm, ground: worm3d.Friction, quiet: bool) -> tuple[Identified, tuple[Curve, ...]]:
+def _measure(worm: worm3d.Worm, ground: worm3d.Friction, quiet: bool) -> Measured:
     schedule = Schedule()
     with progress("maps", len(MECHANISMS), quiet=quiet, what="mechanism") as show:
         found = plant.identify(worm, ground, schedule, Design(), show)
     with progress("schedules", studies.CURVES, quiet=quiet, what="curve") as show:
-        return found, studies.study(worm, ground, schedule, show)
+        curves = studies.study(worm, ground, schedule, show)
+    with progress("phases", phases_of.COUNT, quiet=quiet, what="wave") as show:
+        return found, curves, phases_of.study(worm, ground, schedule, show)
 
 
 def _write(
-    folder: Path, found: Identified, curves: tuple[Curve, ...], worm: worm3d.Worm, ground: worm3d.Friction
+    folder: Path,
+    found: Identified,
+    curves: tuple[Curve, ...],
+    phases: tuple[Phases, ...],
+    worm: worm3d.Worm,
+    ground: worm3d.Friction,
 ) -> None:
-    content = report.content(found, curves, kept.parameters(worm), kept.parameters(ground))
+    content = report.content(found, curves, phases, kept.parameters(worm), kept.parameters(ground))
     text = json.dumps(without_nan(content), indent=1, ensure_ascii=False, allow_nan=False)
     write_bytes(folder / CONTENT, f"{text}\n".encode())
-    save_figure(figure.draw(curves, found), folder / PICTURE)
+    write_bytes(folder / TABLES, report.markdown(found, curves, PICTURE).encode())
+    save_figure(figure.draw(curves, phases, found), folder / PICTURE)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from control.identification import Identified, SteeringMap
+from scenes.identify.phases import Phases
 from scenes.identify.study import GOAL_DEG, Curve
 
 
@@ -40,7 +41,13 @@ def speeds(found: SteeringMap) -> tuple[float, float]:
     return float(speed.min()), float(speed.max())
 
 
-def content(identified: Identified, curves: Sequence[Curve], worm: dict[str, Any], ground: dict[str, Any]) -> Any:
+def content(
+    identified: Identified,
+    curves: Sequence[Curve],
+    phases: Sequence[Phases],
+    worm: dict[str, Any],
+    ground: dict[str, Any],
+) -> dict[str, Any]:
     """Return what `identified.json` holds."""
     return {
         "worm": worm,
@@ -48,16 +55,59 @@ def content(identified: Identified, curves: Sequence[Curve], worm: dict[str, Any
         **identified.as_dict(),
         "speed_range_bl_s": {mechanism: speeds(found) for mechanism, found in identified.maps.items()},
         "curves": [curve.as_dict() for curve in curves],
+        "phases": [each.as_dict() for each in phases],
     }
 
 
-def _line(curve: Curve) -> str:
-    last = curve.useful[-1]
-    kept = curve.speed_kept
-    reached = (
-        f"{GOAL_DEG:g}° a wave at {100.0 * kept:.0f} % of the speed" if kept is not None else "less than 10° a wave"
+def markdown(identified: Identified, curves: Sequence[Curve], picture: str) -> str:
+    """Return the tables: what each schedule does, and how good each map is."""
+    rows = [
+        "# How the worm crawls and turns",
+        "",
+        f"![Turn, speed and slip against the steering]({picture})",
+        "",
+        f"| steering | wave | speed kept at {GOAL_DEG:g}° a wave | turn grows up to | at | roll there |",
+        "|---|---|---|---|---|---|",
+        *map(_row, curves),
+        "",
+        "| map | quantity | rms of the fit | of its size | rms at fresh runs | worst of them |",
+        "|---|---|---|---|---|---|",
+    ]
+    for mechanism, found in identified.maps.items():
+        for name, (unit, scale) in UNITS.items():
+            fit, check = found.misfits[name], found.checks[name]
+            rows.append(
+                f"| {mechanism} | {name} [{unit}] | {scale * fit.rms:.3g} | {fit.rms_percent:.1f} % | "
+                f"{scale * check.rms:.3g} | {scale * check.worst:.3g} |"
+            )
+    return "\n".join(rows) + "\n"
+
+
+UNITS = {
+    "distance": ("body lengths a wave", 1.0),
+    "turn": ("° a wave", float(np.rad2deg(1.0))),
+    "drift": ("body lengths a wave", 1.0),
+}
+
+
+NEVER = "turns the other way, or not, from the start"
+
+
+def _row(curve: Curve) -> str:
+    kept, last = curve.speed_kept, curve.useful[-1]
+    share = "not reached" if kept is None else f"{100.0 * kept:.0f} %"
+    end = (
+        f"{last.turn_deg:.1f}° | {last.steering:g} | {last.roll_deg:.0f}°" if len(curve.useful) > 1 else f"{NEVER} | |"
     )
+    return f"| {curve.mechanism} | {curve.name} | {share} | {end} |"
+
+
+def _line(curve: Curve) -> str:
+    kept, last = curve.speed_kept, curve.useful[-1]
+    name = f"{curve.mechanism}, {curve.name}"
+    if len(curve.useful) == 1:
+        return f"{name}: {NEVER}"
+    reached = f"less than {GOAL_DEG:g}°" if kept is None else f"{GOAL_DEG:g}° at {100.0 * kept:.0f} % of the speed"
     return (
-        f"{curve.mechanism}, {curve.name}: {reached}; grows up to {last.turn_deg:.1f}° at {last.steering:g} "
-        f"(roll {last.roll_deg:.0f}°)"
+        f"{name}: {reached}; grows up to {last.turn_deg:.1f}° a wave at {last.steering:g} (roll {last.roll_deg:.0f}°)"
     )

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 import worm3d
 from control.gaits import TravellingWave
+from control.generator import PlannedWave, WaveGenerator
 from control.identification import Lags, Motion, Sample, lag, steady_motion
-from control.steering import GaitParameters, Mechanism, PlannedWave, Schedule, SteeredWave, WaveGenerator
+from control.steering import GaitParameters, Mechanism, Schedule, SteeredWave
 
 FloatArray = NDArray[np.float64]
 

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from control.generator import PlannedWave, WaveGenerator
 from control.identification import Identified
 from control.identified import load
 from control.reduced import INPUTS, STATES, ReducedInput, ReducedModel, ReducedState, body_shape
-from control.steering import GaitParameters, PlannedWave, Schedule, SteeredWave, WaveGenerator
+from control.steering import GaitParameters, Schedule, SteeredWave
 from worm3d import Plane, Worm, simulate
 from worm3d.metrics import averaged
 

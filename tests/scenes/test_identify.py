@@ -14,7 +14,7 @@ from control.identified import load
 from control.steering import GaitParameters, Schedule, SteeredWave
 from control.surrogate import Ranges
 from scenes.errors import SceneError
-from scenes.identify import command, figure, plant, report, runs
+from scenes.identify import command, figure, phases, plant, report, runs
 from scenes.identify import study as studies
 from scenes.loader import load_scene
 from worm3d import Friction, Worm
@@ -28,6 +28,29 @@ def curves() -> tuple[studies.Curve, ...]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(studies, "STEERINGS", FEW)
         return studies.study(WORM, GROUND, SCHEDULE)
+
+
+@pytest.fixture(scope="module")
+def turned() -> tuple[phases.Phases, ...]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(phases, "PHASES_DEG", (0, 60, 120))
+        return phases.study(WORM, GROUND, SCHEDULE)
+
+
+def test_the_phase_decides_between_turning_and_shuffling(turned: tuple[phases.Phases, ...]) -> None:
+    """A long bending wave turns with the cosine of the phase; one as long as the contraction's hardly does."""
+    assert [(each.mechanism, each.steering_wavelength) for each in turned] == [
+        ("hinge", 1.4),
+        ("hinge", 0.7),
+        ("bias", 1.4),
+        ("bias", 0.7),
+    ]
+    for long, short in (turned[:2], turned[2:]):
+        assert max(np.abs(short.turn_deg)) < 0.4 * max(np.abs(long.turn_deg))
+        np.testing.assert_allclose(np.add(long.turn_deg[:3], long.turn_deg[3:]), 0.0, atol=1e-12)
+        first, second, third = long.turn_deg[:3]
+        assert second == pytest.approx(first + third, abs=2.0), "a cosine of the phase: y(60) = y(0) + y(120)"
+        assert long.chosen_deg == pytest.approx({"hinge": 90.0, "bias": 105.0}[long.mechanism] + 0.8 * 72.0)
 
 
 def test_steady_runs_tell_a_worm_that_tips_from_one_that_stands() -> None:
@@ -101,10 +124,10 @@ def test_curves_show_what_steers(curves: tuple[studies.Curve, ...]) -> None:
 
 
 def test_the_command_writes_what_controllers_and_people_need(
-    curves: tuple[studies.Curve, ...], tmp_path: Path, monkeypatch, capsys
+    curves: tuple[studies.Curve, ...], turned: tuple[phases.Phases, ...], tmp_path: Path, monkeypatch, capsys
 ) -> None:
     known = load(WORM)
-    monkeypatch.setattr(command, "_measure", lambda *given: (known, curves))
+    monkeypatch.setattr(command, "_measure", lambda *given: (known, curves, turned))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert command.run(load_scene("flat"), tmp_path / "out", force=False, quiet=False) == 0
     said = capsys.readouterr().out
@@ -114,19 +137,24 @@ def test_the_command_writes_what_controllers_and_people_need(
     assert content["worm"]["k_yaw"] == 0.5
     assert content["maps"].keys() == content["speed_range_bl_s"].keys() == {"hinge", "bias"}
     assert len(content["curves"]) == studies.CURVES
+    assert len(content["phases"]) == phases.COUNT
+    tables = (tmp_path / "out" / "steering.md").read_text("utf-8").splitlines()
+    assert sum(line.startswith(("| hinge |", "| bias |")) for line in tables) == studies.CURVES + 6
     assert (tmp_path / "out" / "steering.png").stat().st_size > 10_000
     assert len(list((tmp_path / "cache" / "worm3d" / "identified").glob("*.json"))) == 1
     with pytest.raises(SceneError, match="exists and is not empty"):
         command.run(load_scene("flat"), tmp_path / "out", force=False, quiet=True)
 
 
-def test_the_figure_has_a_panel_for_each_quantity(curves: tuple[studies.Curve, ...]) -> None:
+def test_the_figure_has_a_panel_for_each_quantity(
+    curves: tuple[studies.Curve, ...], turned: tuple[phases.Phases, ...]
+) -> None:
     known = load(WORM)
     assert known is not None
-    axes = figure.draw(curves, known).axes
-    assert len(axes) == 6
+    axes = figure.draw(curves, turned, known).axes
+    assert len(axes) == 8
     ours = next(c for c in curves if (c.mechanism, c.name) == ("bias", "its own yaw joints"))
-    drawn = next(line for line in axes[3].lines if line.get_label() == "its own yaw joints")
+    drawn = next(line for line in axes[4].lines if line.get_label() == "its own yaw joints")
     np.testing.assert_allclose(drawn.get_ydata()[:2], [p.turn_deg for p in ours.points[:2]])
 
 
@@ -135,7 +163,7 @@ def test_the_report_says_how_good_the_map_is(curves: tuple[studies.Curve, ...]) 
     assert known is not None
     lines = report.terminal_lines(known, curves, 1.0)
     assert sum("rms of the fit (fresh runs)" in line for line in lines) == 2
-    assert any("hinge, its own yaw joints: 10° a wave at 1" in line for line in lines)
+    assert any("hinge, its own yaw joints: 10° at 1" in line for line in lines)
     low, high = report.speeds(known.maps["hinge"])
     assert low < 0.04 < 0.104 < high
 
