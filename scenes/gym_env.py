@@ -5,7 +5,8 @@
 It needs the optional part `gym` (pip install 'worm3d[gym]').
 
 An action is amplitude, frequency and steering, each scaled to [-1, 1] over the range in which the worm was identified,
-for a control period. What the agent observes is measured by the scene's sensors, with their noise; L is the body length:
+for a control period. What the agent observes is measured by the scene's sensors, with their noise; L is the body
+length:
 
     place      2N strains of the chambers (the latest)
     2N, +1     sine and cosine of the commanded phase
@@ -15,7 +16,8 @@ for a control period. What the agent observes is measured by the scene's sensors
     2N+8       curvature of the path x L
     2N+9 ...   the action before
 
-The reward of a period is 1 - (speed/asked for - 1)^2 - (offset/0.1 L)^2 of the true centre of mass, no less than -1.
+The reward of a period is 1 - (speed/asked for - 1)^2 - (offset/0.1 L)^2 of the true centre of mass, no less than -1;
+the speed is that over the last commanded wave, which rocks the worm, along the path or heading that is asked for.
 An episode ends with the scene's duration (truncated), or when the run diverges (terminated).
 """
 
@@ -108,7 +110,7 @@ class WormEnv(gymnasium.Env[Seen, Seen]):
         self._action, self._strain = np.zeros(INPUTS, dtype=np.float32), np.zeros((self._worm.segments, 2))
         self._near: float | None = None
         true = self._run.observation()
-        self._measured = self._place = true.com[:2]
+        self._measured, self._way = true.com[:2], [(true.time, 0.0, *true.com[:2])]
         self._listen(self._wave.measurement or self._sensors(true))
         self._measured_before = self._measured
         return self._observed(), {}
@@ -116,11 +118,11 @@ class WormEnv(gymnasium.Env[Seen, Seen]):
     def step(self, action: Seen) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
         """Crawl for a control period."""
         self._action = np.clip(np.asarray(action, dtype=np.float32), -1.0, 1.0)
-        self._wave.target, before = self._parameters(), self._place
-        self._measured_before = self._measured
+        self._wave.target, self._measured_before = self._parameters(), self._measured
         status = self._crawled()
-        self._place = self._run.observation().com[:2]
-        reward, info = self._reward(before)
+        true = self._run.observation()
+        self._way.append((true.time, self._wave.generator.waves, *true.com[:2]))
+        reward, info = self._reward()
         info["status"] = status.value
         return self._observed(), reward, status is not Status.DONE, self._run.done >= self._run.steps, info
 
@@ -192,18 +194,20 @@ class WormEnv(gymnasium.Env[Seen, Seen]):
         )
         return np.clip(np.concatenate(parts), -LARGEST, LARGEST).astype(np.float32)
 
-    def _reward(self, before: FloatArray) -> tuple[float, dict[str, Any]]:
+    def _reward(self) -> tuple[float, dict[str, Any]]:
         """Return the reward for the last period, of the true centre of mass, and what it is made of."""
-        speed, azimuth, aside, _ = self._asked(self._place)
-        along = (self._place - before) @ np.array([np.cos(azimuth), np.sin(azimuth)])
-        made = float(along) / self.control_period
+        way = np.array(self._way)
+        speed, azimuth, aside, _ = self._asked(way[-1, 2:])
+        before = np.array([np.interp(way[-1, 1] - 1.0, way[:, 1], column) for column in way.T])
+        along = (way[-1, 2:] - before[2:]) @ np.array([np.cos(azimuth), np.sin(azimuth)])
+        made = float(along) / float(way[-1, 0] - before[0])
         miss = made / max(speed, 1e-3 * self._worm.length) - 1.0
         reward = 1.0 - miss**2 - (aside / (WIDE * self._worm.length)) ** 2
         return max(-1.0, reward), {"speed_m_s": made, "offset_m": aside}
 
 
 class _Wave:
-    """The controller that the agent decides for: keeps the latest measurement, and drives the wave that is asked for."""
+    """The controller that the agent decides for: it keeps the latest measurement, and drives the wave asked for."""
 
     def __init__(self, generator: WaveGenerator, dt: float) -> None:
         self.generator, self._dt = generator, dt
