@@ -32,12 +32,16 @@ class Driven:
 
     def add(self, t: float, given: FloatArray, phase: float) -> None:
         """Add the input in force up to t [s], and the phase [rad] then."""
+        last = self._inputs[-1] if self._inputs else given
         self._times.append(t)
         self._phases.append(phase)
-        self._inputs.append(given)
+        self._inputs.append(last if np.array_equal(last, given) else given)
         if self._times[0] < t - 2.0 * self._span:  # so that old ones go in one piece, not one by one
             old = bisect_left(self._times, t - self._span)
             del self._times[:old], self._phases[:old], self._inputs[:old]
+
+    def __len__(self) -> int:
+        return len(self._times)
 
     def phase(self, t: float) -> float:
         """Return the phase at t [s]."""

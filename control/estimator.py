@@ -5,10 +5,10 @@ instants at which they were taken: a late one takes the filter back to its insta
 The strains give the wave that rocks the centre of mass (`control.measured_wave`). A heading that is not told at the start
 is sought from all sides at once, by a filter for each; they agree, or die out, within a wave or so of crawling.
 
-Why not the no-slip motion of the feet, or an average over a wave? On the default worm motions of the feet that the strains
-give explain a fifth to a half of the speed's rocking and no part of the turning: its feet slide all the time. The mean of
-the centre of mass over a wave is half a wave old. Left out, the rocking (4 mm rms) would be taken for noise, which it is
-not: errors would then be twice what the covariance says (at 100 samples a second).
+Why not the no-slip motion of the feet, or the mean over a wave? On the default worm the motion of feet that do not slip,
+as the strains give it, explains a third to a half of how the speed changes within a wave, and a fifth of the turn rate at
+best: its feet slide all the time. The mean of the centre of mass over a wave is half a wave old. And the rocking (4 mm rms)
+taken for noise is no white noise: errors were twice what the covariance said (at 100 samples a second).
 """
 
 from __future__ import annotations

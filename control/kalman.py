@@ -6,8 +6,8 @@ Its state X are the states of (R1) and, besides, how the centre of mass rocks wi
 
 with white noise on each rate. s_left is the slope of the ground to the left, as far as it is known (`control.ground`), and
 kappa what a slope makes a crawling worm yield: dry friction that is shaken by the wave gives way like a viscous one, so
-that uphill the worm loses kappa v s of its speed (found: a fifth at 3 degrees, kappa = 4.0), and across a slope it slides
-downhill in proportion likewise (found: 10 degrees of crab at 3 degrees). A sample of the centre of mass is
+that uphill the worm loses kappa v s of its speed (found: a fifth at 3 degrees, kappa = 4), and across a slope it slides
+downhill in proportion likewise (found: 10 degrees of crab at 3 degrees, kappa = 3.4). A sample of the centre of mass is
 
     (x, y) + T(h) C wave(psi)                                                                                 (K3)
 
@@ -95,7 +95,7 @@ class Uncertainty:
     drift: float = 0.0025
     drift_time: float = 1.5
     rocking: float = 0.001
-    slope_yield: float = 4.0
+    slope_yield: float = 3.6
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -60,7 +60,7 @@ class GaitMPC:
     steps : int
         H.
     iterations : int
-        At most, in each plan.
+        At most, in each plan. The search goes on in the next one; more of them make no difference that could be seen.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class GaitMPC:
     Raises
     ------
     ValueError
-        A step, or a number, that is not above 0.
+        A step that is not above 0, fewer than two steps, or no iteration.
     """
 
     def __init__(
@@ -82,11 +82,11 @@ class GaitMPC:
         tolerances: Tolerances | None = None,
         step: float = 0.4,
         steps: int = 16,
-        iterations: int = 4,
+        iterations: int = 2,
     ) -> None:
-        for name, value in (("steps", steps), ("iterations", iterations)):
-            if value < 1:
-                raise ValueError(f"{name}: got {value!r}, must be at least 1")
+        for name, value, least in (("steps", steps, 2), ("iterations", iterations, 1)):
+            if value < least:
+                raise ValueError(f"{name}: got {value!r}, must be at least {least}")
         found = identified.maps[model.mechanism]
         self.feed_forward, self.tolerances = FeedForward(found, worm.length), tolerances or Tolerances()
         self._model, self._found, self._length = model, found, worm.length

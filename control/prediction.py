@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from control.buffered import Buffered
 from control.reduced import INPUTS, STATES, ReducedModel
 
 FloatArray = NDArray[np.float64]
@@ -47,22 +48,26 @@ class Prediction:
     step : float
         [s]
     steps : int
+        At least 2.
     """
 
     def __init__(self, model: ReducedModel, step: float, steps: int) -> None:
         self.step, self.steps = step, steps
         given, missed = _stage(model, step)
-        self._roll = given["next"].mapaccum("roll", steps)
-        self._slopes = given["slopes"].map(steps)
-        self._missed, self._missed_slopes = missed["miss"].map(steps), missed["slopes"].map(steps)
+        self._roll = Buffered(given["next"].mapaccum("roll", steps))
+        self._slopes = Buffered(given["slopes"].map(steps))
+        self._missed = Buffered(missed["miss"].map(steps))
+        self._missed_slopes = Buffered(missed["slopes"].map(steps))
 
     def states(self, begin: FloatArray, inputs: FloatArray) -> FloatArray:
         """Return the states of a horizon, shape (steps + 1, 8), from inputs of shape (steps, 3)."""
-        return np.vstack([begin, np.array(self._roll(begin, inputs.T)).T])
+        (after,) = self._roll(begin, inputs.T)
+        return np.vstack([begin, after.T])
 
     def misses(self, states: FloatArray, inputs: FloatArray, wanted: FloatArray) -> FloatArray:
         """Return (H2) at the end of each step, shape (steps, 3); `wanted` has shape (steps, 5)."""
-        return np.array(self._missed(states[1:].T, inputs.T, wanted.T)).T
+        (missed,) = self._missed(states[1:].T, inputs.T, wanted.T)
+        return missed.T
 
     def miss_slopes(self, states: FloatArray, inputs: FloatArray, wanted: FloatArray) -> FloatArray:
         """Return the derivatives of (H2) to all inputs of the horizon, shape (steps, 3, 3 steps)."""
@@ -83,10 +88,9 @@ class Prediction:
             before = slopes[k]
         return slopes
 
-    def _blocks(self, side_by_side: ca.DM, columns: int) -> FloatArray:
+    def _blocks(self, side_by_side: FloatArray, columns: int) -> FloatArray:
         """Return the matrices of the steps, which a mapped function puts side by side."""
-        matrix = np.array(side_by_side)
-        return matrix.reshape(len(matrix), self.steps, columns).transpose(1, 0, 2)
+        return side_by_side.reshape(len(side_by_side), self.steps, columns).transpose(1, 0, 2)
 
 
 def _stage(model: ReducedModel, step: float) -> tuple[dict[str, ca.Function], dict[str, ca.Function]]:

@@ -46,7 +46,7 @@ clipped to the stroke, side = +1 left, -1 right; joint j belongs to its headward
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 import numpy as np
@@ -104,7 +104,7 @@ class GaitParameters:
 
     def row(self) -> FloatArray:
         """Return amplitude, frequency, bias and hinge as an array, shape (4,)."""
-        return np.array(astuple(self))
+        return np.array([self.amplitude, self.frequency, self.bias, self.hinge])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -236,7 +236,7 @@ def test_the_same_question_has_the_same_answer_after_a_reset() -> None:
     ("build", "sentence"),
     [
         (lambda: Tolerances(speed=0.0), "speed: got 0.0, must be finite and above 0"),
-        (lambda: mpc(steps=0), "steps: got 0, must be at least 1"),
+        (lambda: mpc(steps=1), "steps: got 1, must be at least 2"),
         (lambda: mpc(iterations=0), "iterations: got 0, must be at least 1"),
         (lambda: mpc(step=-0.1), "dt: got -0.1 s, must be above 0"),
     ],

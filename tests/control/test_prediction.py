@@ -1,7 +1,6 @@
 """The prediction: the reduced model step by step, its derivatives, and the sides of the misses."""
 
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose
 
 from control.identified import load
@@ -58,11 +57,9 @@ def test_later_inputs_change_nothing_before() -> None:
 
 def test_misses_of_a_worm_beside_its_path() -> None:
     """Left of the path is a positive offset, a heading to its left a positive one, and slip is taken off the speed."""
-    prediction = Prediction(model(), 0.4, 1)
     state = np.array(ReducedState(0.0, 1.3, np.pi / 2 + 0.2, 0.08, 0.0, slip=0.25))
-    upwards = np.array([[0.05, 0.1, 1.0, np.pi / 2, 0.0]])  # along y, a tenth to the right of the worm
-    seen = prediction.misses(np.vstack([state, state]), np.array([[0.3, 0.8, 0.0]]), upwards)[0]
-    assert_allclose(seen, [0.75 * 0.08 - 0.05, 0.1, 0.2], atol=1e-12)
-    upwards[0, 4] = -0.2  # standing to the left of it is wanted
-    crabbing = prediction.misses(np.vstack([state, state]), np.array([[0.3, 0.8, 0.0]]), upwards)[0]
-    assert crabbing[2] == pytest.approx(0.0, abs=1e-12)
+    upwards = [0.05, 0.1, 1.0, np.pi / 2, 0.0]  # along y, a tenth to the right of the worm
+    crabbing = [0.05, 0.1, 1.0, np.pi / 2, -0.2]  # likewise, standing across it to the left
+    states, given = np.tile(state, (3, 1)), np.tile([0.3, 0.8, 0.0], (2, 1))
+    seen = Prediction(model(), 0.4, 2).misses(states, given, np.array([upwards, crabbing]))
+    assert_allclose(seen, [[0.75 * 0.08 - 0.05, 0.1, 0.2], [0.75 * 0.08 - 0.05, 0.1, 0.0]], atol=1e-12)

@@ -1,0 +1,162 @@
+"""Sensors: noise, bias, delay, dropout and rate of each channel, and mirror images."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from control.measurement import Measurement
+from control.sensors import Channel, Sensors
+from worm3d import Observation
+
+EXACT = Channel(noise=0.0)
+N = 6
+
+
+def seen(t: float) -> Observation:
+    """Return what a worm looks like that changes all the time."""
+    strain = 0.1 * np.sin(t + np.arange(2.0 * N)).reshape(N, 2)
+    nothing = np.zeros((N, 2))
+    com = np.array([0.1 * t, np.sin(t), 0.07])
+    return Observation(t, strain, com, np.zeros(3), np.sin(t), np.zeros((N + 1, 3)), nothing, np.zeros((N, 6)))
+
+
+def run(sensors: Sensors, steps: int, dt: float = 0.01) -> list[Measurement]:
+    sensors.reset()
+    return [sensors(seen(k * dt)) for k in range(steps)]
+
+
+def test_without_errors_a_measurement_is_the_truth() -> None:
+    measured = Sensors(EXACT, EXACT, EXACT)(seen(0.3))
+    assert_array_equal(measured.strain, seen(0.3).chamber_strain)
+    assert_array_equal(measured.com, seen(0.3).com)
+    assert measured.heading == pytest.approx(seen(0.3).heading, abs=1e-15)
+    assert (measured.time, measured.strain_time, measured.com_time, measured.heading_time) == (0.3, 0.3, 0.3, 0.3)
+
+
+def test_there_is_no_heading_without_its_sensor() -> None:
+    measured = Sensors()(seen(0.0))
+    assert measured.heading is None
+    assert np.isnan(measured.heading_time)
+
+
+def test_noise_is_white_and_as_large_as_said() -> None:
+    measured = run(Sensors(Channel(noise=0.02), Channel(noise=0.005), Channel(noise=0.1), seed=1), 4000)
+    truth = [seen(each.time) for each in measured]
+    strain = np.array([each.strain - true.chamber_strain for each, true in zip(measured, truth, strict=True)])
+    com = np.array([each.com - true.com for each, true in zip(measured, truth, strict=True)])
+    heading = np.array([each.heading - true.heading for each, true in zip(measured, truth, strict=True)])
+    for error, deviation in ((strain, 0.02), (com, 0.005), (heading, 0.1)):
+        rows = error.reshape(len(error), -1)
+        count = len(rows)
+        # Four standard errors of a deviation, a mean and a correlation.
+        assert_allclose(rows.std(axis=0), deviation, rtol=4.0 / np.sqrt(2.0 * count))
+        assert_allclose(rows.mean(axis=0), 0.0, atol=4.0 * deviation / np.sqrt(count))
+        assert_allclose((rows[1:] * rows[:-1]).mean(axis=0), 0.0, atol=4.0 * deviation**2 / np.sqrt(count))
+    assert abs(np.corrcoef(com.T)[0, 1]) < 4.0 / np.sqrt(len(com))
+
+
+def test_bias_is_constant_in_a_run_and_differs_by_channel_and_seed() -> None:
+    biased = Channel(noise=0.0, bias=0.01)
+    off = {}
+    for seed in (1, 2):
+        measured = run(Sensors(biased, biased, seed=seed), 20)
+        errors = np.array([each.com - seen(each.time).com for each in measured])
+        assert_allclose(errors, errors[:1].repeat(20, axis=0), atol=1e-15)
+        off[seed] = errors[0]
+        assert_allclose(measured[3].strain - seen(0.03).chamber_strain, measured[0].strain - seen(0.0).chamber_strain)
+        assert len(np.unique(measured[0].strain - seen(0.0).chamber_strain)) == 2 * N
+    assert np.abs(off[1] - off[2]).min() > 1e-4
+    drawn = [run(Sensors(EXACT, biased, seed=seed), 1)[0].com - seen(0.0).com for seed in range(300)]
+    assert_allclose(np.std(drawn, axis=0), 0.01, rtol=0.17)
+
+
+def test_a_late_sample_is_of_its_instant() -> None:
+    measured = run(Sensors(EXACT, Channel(noise=0.0, delay=0.035)), 50)
+    assert [each.com is None for each in measured[:5]] == [True] * 4 + [False]
+    assert np.isnan(measured[3].com_time)
+    for each in measured[4:]:
+        assert each.com_time == pytest.approx(each.time - 0.04)  # the first call after the delay
+        assert_array_equal(each.com, seen(each.com_time).com)
+        assert each.strain_time == each.time
+
+
+def test_samples_come_at_their_rate() -> None:
+    measured = run(Sensors(Channel(noise=0.0, rate=50.0), Channel(noise=0.0, rate=30.0)), 301)
+    strains = [each.time for each in measured if each.strain is not None]
+    coms = [each.time for each in measured if each.com is not None]
+    assert_allclose(strains, np.arange(0.0, 3.0 + 1e-9, 0.02))
+    # Each at the first call after it is due: 30 a second in the mean, at multiples of 10 ms.
+    assert len(coms) == 91
+    assert_allclose(coms, np.ceil(np.arange(91) / 30.0 * 100.0 - 1e-6) / 100.0)
+    held = [each.com_time for each in measured]
+    assert_allclose(held, np.maximum.accumulate([each.time if each.com is not None else 0.0 for each in measured]))
+
+
+def test_dropout_loses_its_share_of_the_samples() -> None:
+    measured = run(Sensors(EXACT, Channel(noise=0.0, dropout=0.3)), 4000)
+    lost = np.mean([each.com is None for each in measured])
+    assert lost == pytest.approx(0.3, abs=4.0 * np.sqrt(0.3 * 0.7 / 4000))
+    assert all(each.com is None for each in run(Sensors(EXACT, Channel(noise=0.0, dropout=1.0)), 50))
+
+
+def test_equal_seeds_meet_equal_errors() -> None:
+    first, again, other = (run(Sensors(seed=seed), 30) for seed in (5, 5, 6))
+    for one, two, three in zip(first, again, other, strict=True):
+        assert_array_equal(one.strain, two.strain)
+        assert np.abs(one.strain - three.strain).max() > 1e-3
+
+
+def mirrored(observation: Observation) -> Observation:
+    return replace(
+        observation,
+        chamber_strain=observation.chamber_strain[:, ::-1],
+        com=observation.com * [1, -1, 1],
+        heading=-observation.heading,
+    )
+
+
+def test_mirrored_sensors_make_the_mirrored_measurement_of_the_mirrored_worm() -> None:
+    rough = [Channel(noise=0.1, bias=0.2, dropout=0.2, delay=0.02, rate=60.0) for _ in range(3)]
+    here, there = Sensors(*rough, seed=3), Sensors(*rough, seed=3, mirrored=True)
+    arrived = 0
+    for k in range(100):
+        one, two = here(seen(0.01 * k)), there(mirrored(seen(0.01 * k)))
+        assert (one.com is None, one.strain is None) == (two.com is None, two.strain is None)
+        if one.com is not None:
+            assert_allclose(two.com, one.com * [1, -1, 1], atol=1e-15)
+            arrived += 1
+        if one.strain is not None:
+            assert_allclose(two.strain, one.strain[:, ::-1], atol=1e-15)
+        if one.heading is not None:
+            assert two.heading == pytest.approx(-one.heading, abs=1e-14)
+    assert arrived > 30
+
+
+def test_measured_headings_stay_within_a_turn() -> None:
+    sensors = Sensors(EXACT, EXACT, Channel(noise=0.5), seed=2)
+    headings = np.array([sensors(replace(seen(0.01 * k), heading=np.pi)).heading for k in range(200)])
+    assert (headings > -np.pi).all()
+    assert (headings <= np.pi).all()
+    assert (headings < -2.0).any()
+    assert (headings > 2.0).any()
+
+
+@pytest.mark.parametrize(
+    ("bad", "sentence"),
+    [
+        ({"noise": -1.0}, r"noise: got -1\.0, must be finite and at least 0"),
+        ({"noise": 0.0, "delay": float("nan")}, "delay: got nan, must be finite and at least 0"),
+        ({"noise": 0.0, "dropout": 1.5}, r"dropout: got 1\.5, must be a probability, at most 1"),
+        ({"noise": 0.0, "rate": 0.0}, r"rate: got 0\.0 Hz, must be above 0; infinite for a sample at every call"),
+    ],
+)
+def test_bad_channels_are_refused(bad, sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        Channel(**bad)
+
+
+def test_a_bad_seed_is_refused() -> None:
+    with pytest.raises(ValueError, match="seed: got -1, must be at least 0"):
+        Sensors(seed=-1)
