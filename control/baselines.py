@@ -210,7 +210,9 @@ class PiLineOfSight(WaveController):
         estimator: Estimates | None = None,
         gains: Gains | None = None,
     ) -> None:
-        self._estimator = estimator or Estimator(worm, ReducedModel.of(worm, identified, mechanism), identified.schedule)
+        self._estimator = estimator or Estimator(
+            worm, ReducedModel.of(worm, identified, mechanism), identified.schedule
+        )
         self.gains = gains or Gains()
         super().__init__(worm, identified, reference, mechanism, control_period)
 

@@ -241,7 +241,8 @@ class _Window:
         self.began = np.interp(self.waves - 1.0, motion.waves - motion.waves[0], motion.time)
 
     def at_end(self, values: FloatArray) -> FloatArray:
-        return values[self._rows]
+        ends: FloatArray = values[self._rows]
+        return ends
 
     def at_begin(self, values: FloatArray) -> FloatArray:
         columns = [np.interp(self.began, self._all, column) for column in np.atleast_2d(values.T)]

@@ -117,6 +117,10 @@ class Run:
         """Take all steps, and return what came of it; the parameter is that of `worm3d.simulate`."""
         return self.result(self._go(observer) if self.begun is Status.DONE else self.begun)
 
+    def take(self) -> Status:
+        """Take the next step of a controlled run (some steps of another), and return how the run stands."""
+        return self.begun if self.begun is not Status.DONE else self._chunk()
+
     def _go(self, observer: Callable[[int], bool] | None) -> Status:
         """Take all steps; return how the run ended."""
         while self.done < self.steps:
@@ -150,7 +154,7 @@ class Run:
     def _command(self, t: float) -> FloatArray:
         """Return the command for a step that ends at t."""
         if self.driver.controller is not None:
-            return self.driver.decide(self._observation())
+            return self.driver.decide(self.observation())
         return self.driver.at(t)
 
     def _advance(self, commands: FloatArray, forces: list[FloatArray]) -> Status:
@@ -225,7 +229,7 @@ class Run:
             status = self._part(held, begin + share / 2.0, share / 2.0, halvings - 1)
         return status
 
-    def _observation(self) -> Observation:
+    def observation(self) -> Observation:
         """Return what there is to see now."""
         arrays, n, worm = self.plant.arrays, self.n, self.plant.worm
         momentum, com = mass_centre(self.core)

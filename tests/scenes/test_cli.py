@@ -127,7 +127,10 @@ def test_init_of_an_unknown_model_and_into_nowhere(worm3d) -> None:
     ended = worm3d("init", "mine.toml", "--model", "zzz")
     assert (ended.code, ended.complaints) == (
         2,
-        ["--model: got 'zzz', must be one of worm, worm_planar, planar_published, planar_linkage, planar_study"],
+        [
+            "--model: got 'zzz', must be one of worm, worm_control, worm_planar, planar_published, planar_linkage, "
+            "planar_study"
+        ],
     )
     ended = worm3d("init", "none/mine.toml")
     assert (ended.code, ended.complaints) == (1, ["cannot write none/mine.toml: no such file or directory"])

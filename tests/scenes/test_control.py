@@ -1,0 +1,245 @@
+"""Scenes with a controller: what they build, what a run leaves behind, and what is wrong with others."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from PIL import Image
+
+import worm3d as plant
+from control import identified as kept
+from control.baselines import OpenLoop, PiLineOfSight
+from control.decision import SOURCES
+from control.paths import Circle, Line, PlanView, SCurve, SplinePath, WayPoints
+from control.references import Constant, Sine, Steps
+from control.supervisor import Supervisor
+from scenes.bench.control import SCENES
+from scenes.errors import SceneError
+from scenes.kinds import worm_view
+from scenes.kinds.control_build import controller_of, path_of, reference_of, sensors_of
+from scenes.kinds.control_record import tracked
+from scenes.kinds.control_schema import ControlScene
+from scenes.kinds.worm_control import KIND
+from scenes.loader import load_scene
+from scenes.record import Record
+from scenes.runner import simulate
+from scenes.store import load, save
+
+TIMED = ("control_step_ms_p50", "control_step_ms_p99", "overruns")
+REQUIRED = (
+    *("speed_bias_relative", "speed_error_rms_relative", "heading_error_rms_deg", "cross_track_rms_bl"),
+    *("cross_track_max_bl", "settling_periods", "mpc_failures"),
+)
+BRIEF = ("run.duration_s=8", "run.record_every=2")
+
+
+def scene(name: str, *overrides: str) -> ControlScene:
+    settings = load_scene(name, overrides).settings
+    assert isinstance(settings, ControlScene)
+    return settings
+
+
+def complaints(name: str, *overrides: str) -> tuple[str, ...]:
+    with pytest.raises(SceneError) as refused:
+        load_scene(name, overrides)
+    return tuple(refused.value.lines)
+
+
+@pytest.fixture(scope="module")
+def circle() -> Record:
+    """The first eight seconds round the circle by the MPC."""
+    return simulate(load_scene("path_circle", BRIEF))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_shipped_scene_has_a_controller_and_says_what_to_see(name: str) -> None:
+    loaded = load_scene(name)
+    assert loaded.kind is KIND
+    assert len(loaded.settings.says) > 20
+    assert scene(name).controller.kind == "mpc"
+    assert isinstance(controller_of(scene(name)), Supervisor)
+
+
+def test_references_are_those_of_the_scenes() -> None:
+    kinds = {"path_line": Line, "path_circle": Circle, "path_s_curve": SCurve, "path_waypoints": WayPoints}
+    for name, kind in kinds.items():
+        assert isinstance(path_of(scene(name)), kind)
+    assert isinstance(path_of(scene("velocity_pipe")), PlanView)
+    assert isinstance(path_of(scene("path_waypoints", "reference.kind=spline", "reference.radius_m=1.5")), SplinePath)
+    assert reference_of(scene("path_line")).speed == Constant(0.08)
+    assert reference_of(scene("velocity_step")).speed == Steps(0.05, (20.0, 40.0), (0.08, 0.06))
+    assert reference_of(scene("velocity_sine")).speed == Sine(0.07, 0.02, 20.0)
+    turned = reference_of(scene("heading_hold"))
+    assert turned.path is None
+    assert turned.heading == Steps(0.0, (10.0,), (math.radians(30.0),))
+
+
+def test_paths_begin_in_the_middle_of_the_worm_and_along_it() -> None:
+    path = path_of(scene("path_circle", "start.azimuth_deg=90", "start.position_m=[1.0, 2.0]"))
+    assert isinstance(path, Circle)
+    assert_allclose((*path.start, path.azimuth), (1.0, 2.5, math.pi / 2), atol=1e-9)
+    said = path_of(scene("path_circle", "reference.start_m=[3.0, 4.0]", "reference.azimuth_deg=180"))
+    assert isinstance(said, Circle)
+    assert (said.start, said.azimuth) == ((3.0, 4.0), math.pi)
+
+
+def test_the_s_curve_is_as_long_as_the_worm_may_go() -> None:
+    path = path_of(scene("path_s_curve"))
+    assert isinstance(path, SCurve)
+    assert path.length > 60 * 0.08 + 1.0
+
+
+def test_controllers_and_sensors_are_those_asked_for() -> None:
+    assert isinstance(controller_of(scene("path_line", "controller.kind=pi_los")), PiLineOfSight)
+    other = controller_of(scene("path_line", "controller.kind=open_loop", "controller.period_s=0.4"))
+    assert isinstance(other, OpenLoop)
+    assert other.control_period == 0.4
+    noisy = scene("path_line", "sensor.com_noise_m=0.02", "sensor.heading=true", "sensor.strain_rate_Hz=50", "seed=7")
+    sensors = sensors_of(noisy)
+    assert sensors.seed == 7
+    assert sensors.channels["com"].noise == 0.02
+    assert sensors.channels["strain"].rate == 50.0
+    assert sensors.channels["heading"].noise == pytest.approx(math.radians(1.1))
+    assert "heading" not in sensors_of(scene("path_line")).channels
+    assert math.isinf(sensors_of(scene("path_line")).channels["strain"].rate)
+
+
+def test_a_run_has_the_figures_that_are_promised(circle: Record) -> None:
+    figures = circle.summary.figures
+    assert circle.status == "done"
+    assert all(name in figures for name in REQUIRED)
+    assert {v.name for v in circle.timing} >= set(TIMED)
+    assert figures["mpc_failures"] == 0
+    assert abs(figures["speed_bias_relative"]) < 0.03
+    assert figures["cross_track_rms_bl"] < 0.02
+    assert figures["settling_periods"] is None
+    assert circle.summary.reasons["settling_periods"] == "the reference speed has no step"
+
+
+def test_a_run_holds_what_was_decided_and_believed(circle: Record) -> None:
+    decisions = circle.sizes["decision"]
+    assert decisions == 40
+    assert_allclose(np.diff(circle["decision_time"]), 0.2, atol=1e-9)
+    assert set(circle["decision_source"]) <= {SOURCES.index("mpc"), SOURCES.index("gait")}
+    assert "0: mpc; 1: shifted plan" in circle.variable("decision_source").long_name
+    assert circle["decision_parameters"].shape == (decisions, 4)
+    assert circle["estimate"].shape == circle["estimate_deviation"].shape == (decisions, 8)
+    assert circle["horizon"].shape[0] == decisions
+    assert circle["waves"].shape == circle["time"].shape
+    frequency = circle["decision_parameters"][:, 1]
+    assert circle["waves"][-1] == pytest.approx(0.2 * frequency.sum(), rel=0.02)
+    assert_allclose(circle["estimate"][-1, :2], circle["com"][-1, :2], atol=0.02)
+
+
+def test_a_run_repeats_bit_for_bit_and_another_seed_does_not(circle: Record) -> None:
+    again, other = (simulate(load_scene("path_circle", (*BRIEF, *more))) for more in ((), ("seed=1",)))
+    for variable in circle.variables:
+        assert_array_equal(again[variable.name], variable.values)
+    assert not np.array_equal(other["com"], circle["com"])
+
+
+def test_a_record_survives_the_disc_and_is_drawn(circle: Record, tmp_path: Path) -> None:
+    save(circle, tmp_path / "result.nc")
+    read = load(tmp_path)
+    for stem, draw in KIND.figures.items():
+        figure, _ = draw(read)
+        figure.savefig(tmp_path / f"{stem}.png")
+        with Image.open(tmp_path / f"{stem}.png") as picture:
+            assert np.ptp(np.asarray(picture.convert("L"))) > 100
+    assert {path.stem for path in tmp_path.glob("*.png")} == set(KIND.figures)
+
+
+def test_pictures_show_the_path_and_the_horizon(circle: Record) -> None:
+    frames = worm_view.frames_of(circle)
+    assert frames.path is not None
+    assert frames.horizon is not None
+    path = path_of(scene("path_circle"))
+    assert path is not None
+    assert_allclose(np.linalg.norm(frames.path[:, :2] - [0.5, 1.5], axis=1), 1.5, atol=1e-9)
+    assert_allclose(frames.path[:, 2], 0.004)
+    assert frames.horizon.shape[0] == len(frames)
+    assert_allclose(frames.horizon[-1, 0, :2], circle["com"][-1, :2], atol=0.05)
+    assert frames.period == pytest.approx(1.25, rel=0.1)
+
+
+def test_lines_lie_on_the_slope() -> None:
+    record = simulate(load_scene("path_s_curve_slope", ("run.duration_s=1", "run.record_every=2")))
+    frames = worm_view.frames_of(record)
+    assert frames.path is not None
+    assert_allclose(frames.path[:, 2], 0.004 + math.tan(math.radians(3.0)) * frames.path[:, 0])
+
+
+def test_the_metrics_are_those_of_the_record(circle: Record) -> None:
+    seen = tracked(circle, reference_of(scene("path_circle", *BRIEF)))
+    assert seen is not None
+    aside = seen.cross_track[seen.counted]
+    assert circle.summary["cross_track_rms_bl"] == pytest.approx(np.sqrt(np.mean(aside**2)), rel=1e-3)
+
+
+def test_baselines_run_too() -> None:
+    blind = simulate(load_scene("path_circle", (*BRIEF, "controller.kind=open_loop")))
+    assert blind.summary["mpc_failures"] is None
+    assert "horizon" not in {v.name for v in blind.variables}
+    sighted = simulate(load_scene("path_circle", (*BRIEF, "controller.kind=pi_los")))
+    assert sighted["estimate"].shape == (40, 8)
+    for draw in KIND.figures.values():
+        draw(blind)
+
+
+def test_a_run_shorter_than_a_period_says_so() -> None:
+    record = simulate(load_scene("path_line", ("run.duration_s=0.5", "run.record_every=2")))
+    assert record.summary["speed_bias_relative"] is None
+    assert "3 periods" in record.summary.reasons["speed_bias_relative"]
+    for draw in KIND.figures.values():
+        draw(record)
+
+
+def test_the_command_line_runs_and_refuses_to_resume(worm3d, tmp_path: Path) -> None:
+    ended = worm3d("run", "path_line", "-o", "run.duration_s=2", "--out", "here", "--quiet")
+    assert ended.code == 0, ended.err
+    summary = json.loads((tmp_path / "here" / "summary.json").read_text())
+    assert all(name in summary for name in (*REQUIRED, *TIMED))
+    assert (tmp_path / "here" / "viewer.html").is_file()
+    assert (tmp_path / "here" / "tracking.png").is_file()
+    ended = worm3d("resume", "here", "--duration", "1")
+    assert (ended.code, ended.complaints) == (
+        2,
+        ["path_line: has no checkpoint to go on from (model 'worm_control')"],
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "sentence"),
+    [
+        ("path_line", ("reference.radius_m=2.0",), "only for reference.kind = 'circle' or 'way_points'"),
+        ("path_line", ("reference.kind=pipe",), "must be in a pipe"),
+        ("path_waypoints", ("reference.radius_m=4.0",), "too large for the leg"),
+        ("path_line", ("reference.kind=spline",), "points: got shape (0, 2)"),
+        ("path_line", ("controller.period_s=0.001",), "must be at least run.dt_s"),
+        ("velocity_step", ("reference.speed_sine_m_s=0.01",), "not both: leave one out"),
+        ("velocity_step", ("run.duration_s=30",), "must be before the end of the run"),
+        ("velocity_sine", ("reference.speed_sine_m_s=0.1",), "a speed of less than 0 cannot be asked for"),
+        ("path_line", ("worm.mass_kg=0.11",), "run 'worm3d identify'"),
+        ("path_line", ("friction.lateral=0.3",), "run 'worm3d identify'"),
+        ("path_line", ("gait.amplitude=0.3",), "gait"),
+    ],
+)
+def test_mistakes_are_told(name: str, overrides: tuple[str, ...], sentence: str) -> None:
+    (line,) = complaints(name, *overrides)
+    assert sentence in line
+
+
+def test_another_worm_may_be_driven_by_the_default_worms_map() -> None:
+    settings = scene("path_line", "worm.mass_kg=0.11", "controller.map=default")
+    assert controller_of(settings).period == controller_of(scene("path_line")).period
+
+
+def test_the_default_worm_is_identified() -> None:
+    assert kept.load(plant.Worm()) is not None
+    assert kept.load(replace(plant.Worm(), mass=0.11)) is None
