@@ -22,9 +22,9 @@ class Buffered:
         self._given = [_memory(function.size_in(k)) for k in range(function.n_in())]
         self._found = [_memory(function.size_out(k)) for k in range(function.n_out())]
         for k, given in enumerate(self._given):
-            self._buffer.set_arg(k, memoryview(given.ravel(order="K")))
+            self._buffer.set_arg(k, given.ravel(order="K").data)  # type: ignore[call-arg]  # its size is known
         for k, found in enumerate(self._found):
-            self._buffer.set_res(k, memoryview(found.ravel(order="K")))
+            self._buffer.set_res(k, found.ravel(order="K").data)  # type: ignore[call-arg]
 
     def __call__(self, *given: ArrayLike) -> list[FloatArray]:
         """Return the results, columns as vectors of shape (n,)."""

@@ -1,7 +1,7 @@
 """Whether an estimator knows how good it is: its innovations against what it expects of them.
 
-If model and noise are right, the normalised innovation squared of a sample of d numbers is chi-squared distributed with d
-degrees of freedom, independently of those before. The sum over n samples then is so with n d, and the mean
+If model and noise are right, the normalised innovation squared of a sample of d numbers is chi-squared distributed
+with d degrees of freedom, independently of those before. The sum over n samples then is so with n d, and the mean
 
     nis = sum nis_k / n   lies in   [chi2^-1(0.025; n d), chi2^-1(0.975; n d)] / n                              (K7)
 

@@ -1,20 +1,21 @@
 """The estimator: where the worm is, where it heads and what it does besides what its gait should make it do.
 
-It is an extended Kalman filter (`control.kalman`) on the reduced model (R1), fed with samples of the centre of mass at the
-instants at which they were taken: a late one takes the filter back to its instant, and those after it are taken again.
-The strains give the wave that rocks the centre of mass (`control.measured_wave`). A heading that is not told at the start
-is sought from all sides at once, by a filter for each; they agree, or die out, within a wave or so of crawling.
+It is an extended Kalman filter (`control.kalman`) on the reduced model (R1), fed with samples of the centre of mass
+at the instants at which they were taken: a late one takes the filter back to its instant, and those after it are
+taken again. The strains give the wave that rocks the centre of mass (`control.measured_wave`). A heading that is not
+told at the start is sought from all sides at once, by a filter for each; they agree, or die out, within a wave or so
+of crawling.
 
-Why not the no-slip motion of the feet, or the mean over a wave? On the default worm the motion of feet that do not slip,
-as the strains give it, explains a third to a half of how the speed changes within a wave, and a fifth of the turn rate at
-best: its feet slide all the time. The mean of the centre of mass over a wave is half a wave old. And the rocking (4 mm rms)
-taken for noise is no white noise: errors were twice what the covariance said (at 100 samples a second).
+Why not the no-slip motion of the feet, or the mean over a wave? On the default worm the motion of feet that do not
+slip, as the strains give it, explains a third to a half of how the speed changes within a wave, and a fifth of the
+turn rate at best: its feet slide all the time. The mean of the centre of mass over a wave is half a wave old. And the
+rocking (4 mm rms) taken for noise is no white noise: errors were twice what the covariance said (at 100 samples a
+second).
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -63,8 +64,8 @@ class Estimate:
     covariance : ndarray, shape (8, 8)
         Of the state's errors, in the order of its fields.
     nis : float or None
-        Normalised innovation squared, of 2 degrees of freedom, of the last sample of the centre of mass; None before the
-        first.
+        Normalised innovation squared, of 2 degrees of freedom, of the last sample of the centre of mass; None before
+        the first.
     slope : ndarray, shape (2,)
         Gradient of the ground where the worm is: what it climbs a metre in x and in y.
     slope_covariance : ndarray, shape (2, 2)
@@ -208,7 +209,7 @@ class Estimator:
 
     @property
     def innovations(self) -> list[tuple[float, float]]:
-        """Instant and normalised innovation squared of every sample of the centre of mass; see `control.consistency`."""
+        """Instant [s] and nis of every sample of the centre of mass; see `control.consistency`."""
         return self._settled + [(each.sample.time, each.nis) for each in self._past if each.nis is not None]
 
     def _look_at(self, strain: FloatArray, instant: float) -> None:
@@ -218,13 +219,19 @@ class Estimator:
         while self._heights[0][0] < instant - SPAN:
             self._heights.popleft()
 
+    def _stood(self, t: float) -> float:
+        """Return how high the body stood at an instant; 0 as long as no strains have arrived."""
+        if not self._heights:
+            return 0.0
+        times, heights = np.array(self._heights).T
+        return float(np.interp(t, times, heights))
+
     def _arrived(self, measurement: Measurement) -> list[_Sample]:
         """Return the samples of a measurement, in the order of their instants."""
         samples = []
         if measurement.com is not None:
             wave = self._wave.at(self._driven.phase(measurement.com_time))
-            standing = float(np.interp(measurement.com_time, *zip(*self._heights, strict=True))) if self._heights else 0.0
-            samples.append(_Sample(measurement.com_time, measurement.com, wave, standing))
+            samples.append(_Sample(measurement.com_time, measurement.com, wave, self._stood(measurement.com_time)))
         if measurement.heading is not None:
             samples.append(_Sample(measurement.heading_time, heading=measurement.heading))
         return sorted(samples, key=lambda sample: sample.time)
@@ -290,8 +297,8 @@ def _beginning(trust: Uncertainty, heading: float | None, deviation: float) -> l
         return [_believed(trust, heading, deviation)]
     apart = 2.0 * np.pi / SIDES
     # Mirror images of each other, so that mirrored worms are treated alike.
-    sides: Sequence[float] = (np.arange(SIDES) + 0.5 - SIDES / 2.0) * apart
-    return [_believed(trust, float(side), apart / 2.0) for side in sides]
+    sides = ((np.arange(SIDES) + 0.5 - SIDES / 2.0) * apart).tolist()
+    return [_believed(trust, side, apart / 2.0) for side in sides]
 
 
 def _believed(trust: Uncertainty, heading: float, deviation: float) -> Belief:

@@ -1,23 +1,25 @@
 """The slope of the ground, from how the centre of mass climbs along its path.
 
-A worm stands on its thickest segments. With the half-heights h_c of its chambers, which (E2) gives for measured strains,
-its axis lies about
+A worm stands on its thickest segments. With the half-heights h_c of its chambers, which (E2) gives for measured
+strains, its axis lies about
 
     H = sum h_c w_c / sum w_c,   w_c = exp(h_c / delta)                                                       (K5)
 
-above the ground, with delta a fifth of the rest half-height. (On the default worm that leaves 0.8 mm rms of 3.3 mm by which
-the centre of mass goes up and down when amplitudes change; the thickest chamber alone leaves 1.1 mm.) What is left of the
-height z of the centre of mass is that of the ground, whose gradient s is found by a Kalman filter for the way d gone
-between samples,
+above the ground, with delta a tenth of the rest half-height: on the default worm that is right to 0.2 mm in the mean,
+at rest as in a wave, and leaves 1.0 mm rms of the 3.3 mm by which the centre of mass goes up and down. What is left
+of the height z of the centre of mass is that of the ground, whose gradient s is found by a Kalman filter for the way
+d gone between samples,
 
     g -> g + s . d,   s -> s + random change, of which the variance grows with |d|;   sample: z - H = g       (K6)
 
-Only the slope along the way shows. That across it is not known before the worm has turned: the covariance says so.
+Samples are gathered over a stride, and their mean is taken for one: between single samples errors of the place are as
+long as the way itself, and point anywhere. Only the slope along the way shows; that across it is not known before the
+worm has turned, and the covariance says so.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +28,16 @@ from worm3d import Worm
 
 FloatArray = NDArray[np.float64]
 
-SHARPNESS = 0.2
+SHARPNESS = 0.1
 """delta over the mean rest half-height."""
 
 UNKNOWN = 10.0
 """Deviation of the height before the first sample [m]."""
+
+STRIDE = 0.05
+"""Way over which samples are gathered [m]."""
+MOST = 200
+"""So many samples are gathered at most: a worm at rest has no stride."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +47,9 @@ class GroundTrust:
     Attributes
     ----------
     height : float
-        Standard deviation of a sample of the height, less (K5) [m].
+        Standard deviation of the noise of a sample of the height [m].
+    standing : float
+        Standard deviation of (K5), which the mean of a stride keeps [m].
     slope : float
         That of the slope before the first sample.
     change : float
@@ -52,12 +61,13 @@ class GroundTrust:
         A value that is not finite or not above 0.
     """
 
-    height: float = 0.0052
-    slope: float = 0.03
-    change: float = 0.02
+    height: float = 0.005
+    standing: float = 0.001
+    slope: float = 0.02
+    change: float = 0.01
 
     def __post_init__(self) -> None:
-        for name in ("height", "slope", "change"):
+        for name in ("height", "standing", "slope", "change"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name}: got {value!r}, must be finite and above 0")
@@ -70,20 +80,23 @@ class Ground:
     Attributes
     ----------
     place : ndarray, shape (2,), or None
-        Where the last sample was taken [m]; None before the first.
+        Where the last stride was taken [m]; None before the first.
     mean : ndarray, shape (3,)
         Height [m] there and slope in x and y.
     covariance : ndarray, shape (3, 3)
+    gathered : ndarray, shape (n, 3)
+        Places and heights of the samples since [m].
     """
 
     place: FloatArray | None
     mean: FloatArray
     covariance: FloatArray
+    gathered: FloatArray
 
     @classmethod
     def unknown(cls, trust: GroundTrust) -> Ground:
         """Return what is believed before the first sample."""
-        return cls(None, np.zeros(3), np.diag([UNKNOWN, trust.slope, trust.slope]) ** 2)
+        return cls(None, np.zeros(3), np.diag([UNKNOWN, trust.slope, trust.slope]) ** 2, np.zeros((0, 3)))
 
     @property
     def slope(self) -> FloatArray:
@@ -92,16 +105,23 @@ class Ground:
 
     def sampled(self, place: FloatArray, height: float, trust: GroundTrust) -> Ground:
         """Return what is believed after a sample of the height less (K5) at a place (2,), (K6)."""
+        gathered = np.vstack([self.gathered, [*place, height]])
+        if np.hypot(*(place - gathered[0, :2])) < STRIDE:
+            return replace(self, gathered=gathered[-MOST:])
+        middle, variance = gathered.mean(axis=0), trust.standing**2 + trust.height**2 / len(gathered)
+        return self._fused(middle[:2], float(middle[2]), variance, trust)
+
+    def _fused(self, place: FloatArray, height: float, variance: float, trust: GroundTrust) -> Ground:
         way = np.zeros(2) if self.place is None else place - self.place
         along = np.eye(3)
         along[0, 1:] = way
         mean, P = along @ self.mean, along @ self.covariance @ along.T
         P[[1, 2], [1, 2]] += trust.change**2 * float(np.hypot(*way))
-        gain = P[:, 0] / (P[0, 0] + trust.height**2)
+        gain = P[:, 0] / (P[0, 0] + variance)
         kept = np.eye(3)
         kept[:, 0] -= gain
-        spread = kept @ P @ kept.T + trust.height**2 * np.outer(gain, gain)
-        return Ground(place, mean + gain * (height - mean[0]), spread)
+        spread = kept @ P @ kept.T + variance * np.outer(gain, gain)
+        return Ground(place, mean + gain * (height - mean[0]), spread, np.zeros((0, 3)))
 
 
 class Standing:

@@ -4,10 +4,11 @@ Its state X are the states of (R1) and, besides, how the centre of mass rocks wi
 
     (R1),   drift' = (-kappa v s_left - drift)/tau,   C' = 0                                                  (K2)
 
-with white noise on each rate. s_left is the slope of the ground to the left, as far as it is known (`control.ground`), and
-kappa what a slope makes a crawling worm yield: dry friction that is shaken by the wave gives way like a viscous one, so
-that uphill the worm loses kappa v s of its speed (found: a fifth at 3 degrees, kappa = 4), and across a slope it slides
-downhill in proportion likewise (found: 10 degrees of crab at 3 degrees, kappa = 3.4). A sample of the centre of mass is
+with white noise on each rate. s_left is the slope of the ground to the left, as far as it is known
+(`control.ground`), and kappa what a slope makes a crawling worm yield: dry friction that is shaken by the wave gives
+way like a viscous one, so that uphill the worm loses kappa v s of its speed (found: a fifth at 3 degrees, kappa = 4),
+and across a slope it slides downhill in proportion likewise (found: 10 degrees of crab at 3 degrees, kappa = 3.4). A
+sample of the centre of mass is
 
     (x, y) + T(h) C wave(psi)                                                                                 (K3)
 
@@ -18,10 +19,11 @@ Jacobians F and H of prediction and sample, noise Q dt and R, innovation e, S = 
 
 (Bar-Shalom, Li, Kirubarajan: Estimation with Applications to Tracking and Navigation, 5.4 and 10.3.)
 
-What can be known. Position, speed and course (the direction in which the centre of mass moves) follow from the samples of
-the centre of mass within a wave. The heading follows from course and drift: a constant drift that no known slope explains
-looks like a heading, and is taken for one, since the filter expects drift to pass with tau. A worm at rest has no course:
-its heading stays as uncertain as it was, and more so. Slip is known where the worm crawls, at rest it is not.
+What can be known. Position, speed and course (the direction in which the centre of mass moves) follow from the
+samples of the centre of mass within a wave. The heading follows from course and drift: a constant drift that no known
+slope explains looks like a heading, and is taken for one, since the filter expects drift to pass with tau. A worm at
+rest has no course: its heading stays as uncertain as it was, and more so. Slip is known where the worm crawls, at
+rest it is not.
 """
 
 from __future__ import annotations
@@ -83,7 +85,7 @@ class Uncertainty:
         A value that is not finite or is below 0; sensors and `drift_time` must be above 0.
     """
 
-    com: float = 0.0051
+    com: float = 0.005
     heading_sample: float = 0.025
     place: float = 0.001
     heading: float = 0.004
@@ -92,7 +94,7 @@ class Uncertainty:
     turn_rate: float = 0.02
     slip: float = 0.01
     yaw_bias: float = 0.003
-    drift: float = 0.0025
+    drift: float = 0.003
     drift_time: float = 1.5
     rocking: float = 0.001
     slope_yield: float = 3.6
@@ -137,7 +139,7 @@ class Kalman:
         return replace(belief, mean=mean, covariance=covariance)
 
     def with_com(self, belief: Belief, com: FloatArray, wave: FloatArray, gated: bool) -> Corrected:
-        """Return the belief after a sample (2,) of the centre of mass, (K4); if gated, it may be held for impossible."""
+        """Return the belief after a sample (2,) of the centre of mass, (K4); gated, it may be held for impossible."""
         mean, covariance, nis, log_det = self._com(belief.mean, belief.covariance, com, wave)
         if gated and nis[0] > IMPOSSIBLE:
             if belief.refused < PATIENCE:
@@ -190,7 +192,7 @@ def _com_correction(trust: Uncertainty) -> ca.Function:
     rocking = ca.reshape(X[ROCKING], 2, 2) @ wave
     cos, sin = ca.cos(X[HEADING]), ca.sin(X[HEADING])
     turned = ca.vertcat(cos * rocking[0] - sin * rocking[1], sin * rocking[0] + cos * rocking[1])
-    deviations = ca.vertcat(trust.com, trust.com)
+    deviations = ca.SX([trust.com, trust.com])
     return ca.Function("com", [X, P, sample, wave], _correction(X, P, sample, X[:2] + turned, deviations))
 
 

@@ -4,9 +4,9 @@ A travelling wave of contraction of wavelength lambda (body lengths) and command
 
     s_i = mean + Re(a exp(i (k x_i +- psi))) + shorter waves,   x_i = (i + 1/2)/N, k = 2 pi / lambda           (W1)
 
-(+ for a retrograde wave). Least squares over the segments give mean and a exp(+- i psi) of one sample of the strains, the
-mean of left and right; a, which is constant in a steady wave, is smoothed over a part of a wave. |a| is how far the wave
-strains, arg a how it lags behind its command. What rocks with the wave goes with
+(+ for a retrograde wave). Least squares over the segments give mean and a exp(+- i psi) of one sample of the strains,
+the mean of left and right; a, which is constant in a steady wave, is smoothed over a part of a wave. |a| is how far
+the wave strains, arg a how it lags behind its command. What rocks with the wave goes with
 
     wave(psi) = (Re, Im) a exp(+- i psi),                                                                     (W2)
 

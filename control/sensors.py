@@ -8,8 +8,8 @@ each for every number of the value. It arrives `delay` later, at the next call; 
 does. Random numbers are drawn sample by sample from a generator seeded by the seed and the channel's name, whatever is
 measured: two runs whose samples are due at the same instants meet the same errors.
 
-Mirror images: `Sensors(..., mirrored=True)` draws the same numbers, and mirrors their errors (y and azimuths change sign,
-left and right change places). What it makes of a mirrored observation is the mirrored measurement.
+Mirror images: `Sensors(..., mirrored=True)` draws the same numbers, and mirrors their errors (y and azimuths change
+sign, left and right change places). What it makes of a mirrored observation is the mirrored measurement.
 """
 
 from __future__ import annotations

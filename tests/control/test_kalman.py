@@ -117,7 +117,7 @@ def textbook(P: np.ndarray, H: np.ndarray, e: np.ndarray, deviation: float) -> t
 
 
 def test_a_sample_of_the_centre_of_mass_corrects_as_the_information_filter_does() -> None:
-    P, sample = spread(2), expected_com(MEAN) + [0.004, -0.007]
+    P, sample = spread(2), expected_com(MEAN) + np.array([0.004, -0.007])
     corrected = FILTER.with_com(Belief(MEAN, P), sample, WAVE, gated=True)
     mean, covariance, nis = textbook(P, differences(expected_com, MEAN), np.array([0.004, -0.007]), TRUST.com)
     assert_allclose(corrected.belief.mean, mean, atol=1e-9)
@@ -149,7 +149,7 @@ def test_likelier_samples_make_likelier_beliefs() -> None:
 
 
 def test_a_few_impossible_samples_are_refused_and_many_believed() -> None:
-    belief, far = Belief(MEAN, 1e-2 * spread()), expected_com(MEAN) + [0.3, 0.0]
+    belief, far = Belief(MEAN, 1e-2 * spread()), expected_com(MEAN) + np.array([0.3, 0.0])
     for count in range(PATIENCE):
         corrected = FILTER.with_com(belief, far, WAVE, gated=True)
         assert corrected.nis > IMPOSSIBLE
@@ -163,7 +163,7 @@ def test_a_few_impossible_samples_are_refused_and_many_believed() -> None:
 
 
 def test_one_impossible_sample_between_good_ones_is_forgotten() -> None:
-    good, far = expected_com(MEAN), expected_com(MEAN) + [0.3, 0.0]
+    good, far = expected_com(MEAN), expected_com(MEAN) + np.array([0.3, 0.0])
     once = FILTER.with_com(Belief(MEAN, 1e-2 * spread()), far, WAVE, gated=True).belief
     assert FILTER.with_com(once, good, WAVE, gated=True).belief.refused == 0
 

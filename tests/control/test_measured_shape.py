@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from control.driven import Driven
-from control.ground import Ground, GroundTrust, Standing
+from control.ground import MOST, STRIDE, Ground, GroundTrust, Standing
 from control.measured_wave import MeasuredWave
 from control.steering import Schedule
 from worm3d import Worm
@@ -98,27 +98,43 @@ def test_the_slope_of_a_plane_is_found_along_the_way_and_across_it_after_a_turn(
 
 
 def test_the_slope_is_as_uncertain_as_it_says() -> None:
-    """Normalised errors over runs whose slope changes by chance along the way, as the filter assumes."""
+    """Normalised errors over runs whose slope changes by chance from stride to stride, as the filter assumes."""
     random, trust, errors = np.random.default_rng(4), GroundTrust(), []
     for _ in range(200):
         slope, place, height, ground = trust.slope * random.standard_normal(2), np.zeros(2), 0.5, Ground.unknown(trust)
-        for k in range(60):
-            way = 0.02 * np.array([np.cos(0.1 * k), np.sin(0.1 * k)])
+        for k in range(40):
+            towards = np.array([np.cos(0.1 * k), np.sin(0.1 * k)])
+            way = 2.0 * STRIDE * towards
             height, place = height + slope @ way, place + way
-            slope = slope + trust.change * np.sqrt(0.02) * random.standard_normal(2)
-            ground = ground.sampled(place, height + trust.height * random.standard_normal(), trust)
+            slope = slope + trust.change * np.sqrt(2.0 * STRIDE) * random.standard_normal(2)
+            standing = height + trust.standing * random.standard_normal()
+            for side in (-0.51, 0.51):  # a stride of two samples
+                noisy = standing + trust.height * random.standard_normal()
+                ground = ground.sampled(place + side * STRIDE * towards, noisy, trust)
         off = ground.slope - slope
         errors.append(off @ np.linalg.solve(ground.covariance[1:, 1:], off))
     assert np.mean(errors) == pytest.approx(2.0, abs=4.0 * 2.0 / np.sqrt(200))
 
 
 def test_a_worm_at_rest_learns_nothing_of_the_slope() -> None:
-    ground = walked(np.zeros((100, 2)), np.full(100, 0.4))
+    ground = walked(1e-3 * np.random.default_rng(1).standard_normal((1000, 2)), np.full(1000, 0.4))
     assert_allclose(ground.slope, 0.0, atol=0.0)
-    assert_allclose(np.diag(ground.covariance)[1:], GroundTrust().slope**2)
+    assert_allclose(np.diag(ground.covariance)[1:], GroundTrust().slope ** 2)
+    assert len(ground.gathered) <= MOST
 
 
-@pytest.mark.parametrize("name", ["height", "slope", "change"])
+def test_errors_of_the_place_do_not_point_across_the_way() -> None:
+    """Samples 1 mm apart with errors as large: what lies across the way stays unknown, and is not made up."""
+    random = np.random.default_rng(2)
+    way = np.column_stack([np.linspace(0.0, 2.0, 2000), np.zeros(2000)])
+    found = [
+        walked(way + 1e-3 * random.standard_normal(way.shape), 5e-3 * random.standard_normal(2000)).slope
+        for _ in range(5)
+    ]
+    assert np.abs(np.array(found)[:, 1]).max() < 0.002
+
+
+@pytest.mark.parametrize("name", ["height", "standing", "slope", "change"])
 def test_bad_trust_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match=rf"{name}: got 0\.0, must be finite and above 0"):
         GroundTrust(**{name: 0.0})
