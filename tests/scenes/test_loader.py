@@ -57,7 +57,8 @@ def test_the_same_eight_with_an_unknown_model() -> None:
     first, *others = lines_about(text)
     assert first == (
         "line 1: model: got 'planar_publised': must be one of 'worm', 'worm_control', 'worm_planar', "
-        "'planar_published', 'planar_linkage', 'planar_study'; did you mean 'planar_published'? (the rest is checked as 'planar_published')"
+        "'planar_published', 'planar_linkage', 'planar_study'; did you mean 'planar_published'? "
+        "(the rest is checked as 'planar_published')"
     )
     assert len(others) == 8
 
