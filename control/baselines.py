@@ -2,7 +2,7 @@
 
 `OpenLoop` feeds forward only: the wave whose mean speed and turn rate are, by the map, those of the reference.
 `PiLineOfSight` adds feedback from the same estimator as the MPC's. With speed V and heading h of the estimate, the
-path's heading psi, its curvature kappa and the offset e to the left of it (P2),
+path's heading psi, its curvature kappa and the offset e to the left of it (L2),
 
     V_cmd = V_ref + K_p (V_ref - V) + K_i int (V_ref - V) dt                                                   (B1)
     h_ref = psi - arctan(e / reach)                            line of sight                                   (B2)
