@@ -245,8 +245,8 @@ def test_mirrored_path_and_noise_give_mirrored_commands(kind: str) -> None:
         ("velocity_step", ("reference.speed_sine_m_s=0.01",), "not both: leave one out"),
         ("velocity_step", ("run.duration_s=30",), "must be before the end of the run"),
         ("velocity_sine", ("reference.speed_sine_m_s=0.1",), "a speed of less than 0 cannot be asked for"),
-        ("path_line", ("worm.mass_kg=0.11",), "run 'worm3d identify'"),
-        ("path_line", ("friction.lateral=0.3",), "run 'worm3d identify'"),
+        ("path_line", ("worm.mass_kg=0.11",), "run 'worm3d identify SCENE"),
+        ("path_line", ("friction.lateral=0.3",), "run 'worm3d identify SCENE"),
         ("path_line", ("gait.amplitude=0.3",), "gait"),
     ],
 )
