@@ -60,8 +60,8 @@ def _common(
 def run(scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
     """Run a scene.
 
-    Writes result.nc, summary.json and figures, for planar worms also an animation (of the first 30 s). Ctrl-C keeps
-    what was computed.
+    Writes result.nc, summary.json, figures, and viewer.html, a page that plays the run in any browser; for planar
+    worms an animation (of the first 30 s) instead. Ctrl-C keeps what was computed.
     """
     from scenes.loader import load_scene
     from scenes.runner import run_scene
@@ -152,6 +152,40 @@ def plot(result: ResultArgument, out: Out = None) -> None:
 
 
 @app.command()
+def view(
+    result: Annotated[
+        str, typer.Argument(metavar="RESULT", help="Folder of a run, or its result.nc; with --live a scene.")
+    ],
+    live: Annotated[bool, typer.Option("--live", help="Run a scene and show it meanwhile; nothing is kept.")] = False,
+    o: Overrides = None,
+    speed: Annotated[float, typer.Option(min=0.01, max=1000.0, help="With --live: simulated over real time.")] = 1.0,
+    skin: Annotated[bool, typer.Option("--skin", help="Draw a smooth skin over the chambers.")] = False,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Only name the page.")] = False,
+) -> None:
+    """Open the page of a result in a browser, or watch a run while it goes on.
+
+    The page, viewer.html in the folder of the result, needs no network: it may be sent to others. On a machine
+    without a screen it is only named.
+    """
+    from scenes import viewing
+
+    if live:
+        from scenes.loader import load_scene
+
+        raise typer.Exit(viewing.watch(load_scene(result, o or ()), speed=speed, opens=not no_open))
+    if o:
+        raise SceneError("view: -o changes a scene, and a result has been computed; it goes with --live")
+    from scenes.folder import VIEWER
+    from scenes.store import load
+
+    path = _path(result)
+    page = viewing.write_page(load(path), _home(path) / VIEWER, skin=skin)
+    typer.echo(str(page))
+    if not no_open:
+        viewing.open_in_browser(page.resolve().as_uri())
+
+
+@app.command()
 def animate(
     result: ResultArgument,
     out: Annotated[
@@ -184,21 +218,30 @@ def export(
     npz: Annotated[
         Path | None, typer.Option(metavar="FILE", parser=_path, help="All variables, for numpy.load.")
     ] = None,
+    glb: Annotated[
+        Path | None, typer.Option(metavar="FILE", parser=_path, help="A mesh of worm and world, for 3D programs.")
+    ] = None,
+    at: Annotated[float | None, typer.Option(metavar="SECONDS", help="Instant of the mesh; left out: the end.")] = None,
     force: Force = False,
 ) -> None:
     """Write a result for other programs."""
+    from scenes import drawing
     from scenes.export import export_csv, export_npz
     from scenes.folder import require_free
     from scenes.store import load
 
-    if csv is None and npz is None:
-        raise SceneError("export: nothing to write; give --csv FILE or --npz FILE")
-    require_free([path for path in (csv, npz) if path is not None], result, force=force)
+    if csv is None and npz is None and glb is None:
+        raise SceneError("export: nothing to write; give --csv FILE, --npz FILE or --glb FILE")
+    if at is not None and glb is None:
+        raise SceneError("export: --at is the instant of a mesh; give --glb FILE too")
+    require_free([path for path in (csv, npz, glb) if path is not None], result, force=force)
     record = load(result)
     for path, write in ((csv, export_csv), (npz, export_npz)):
         if path is not None:
             write(record, path)
             typer.echo(str(path))
+    if glb is not None:
+        typer.echo(str(drawing.mesh(record, drawing.kind_of(record), at, glb)))
 
 
 @app.command()
@@ -210,6 +253,21 @@ def paper(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
     from scenes import paper as study
 
     raise typer.Exit(study.run(out, force, quiet))
+
+
+@app.command()
+def identify(
+    scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force = False, quiet: Quiet = False
+) -> None:
+    """Find out how the worm of a scene crawls and turns.
+
+    Short runs on level ground, over amplitude, frequency and steering by hinges and by unequal chambers: the map that
+    controllers need, kept for them, with its error and a figure. Takes a minute or two.
+    """
+    from scenes.identify import command
+    from scenes.loader import load_scene
+
+    raise typer.Exit(command.run(load_scene(scene, o or ()), out, force=force, quiet=quiet))
 
 
 @bench.command(name="plant")

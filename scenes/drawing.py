@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenes import kinds
 from scenes.errors import MissingPartError, SceneError
-from scenes.files import written_whole
+from scenes.files import write_bytes, written_whole
 from scenes.kinds.base import Kind, Movie
 from scenes.limits import MOVIE_S
 from scenes.record import Record
@@ -87,6 +87,29 @@ def view(record: Record, kind: Kind[Any], path: Path) -> None:
     if kind.view is not None:
         with written_whole(path) as part:
             kind.view(record, part)
+
+
+def mesh(record: Record, kind: Kind[Any], at: float | None, path: Path) -> Path:
+    """Write the worm and its world at an instant [s] (None: the end) as a GLB file, and return the path.
+
+    Raises
+    ------
+    SceneError
+        Another ending, an instant that the run does not have, no finished step, or a model without mesh.
+    DiscError
+        The file cannot be written.
+    """
+    _require_steps(record)
+    if kind.mesh is None:
+        raise SceneError(f"{record.name}: the model '{kind.name}' has no mesh")
+    if path.suffix.lower() != ".glb":
+        raise SceneError(f"{path}: the name of a mesh must end in .glb")
+    try:
+        content = kind.mesh(record, at)
+    except ValueError as error:
+        raise SceneError(f"--{error}") from error
+    write_bytes(path, content)
+    return path
 
 
 def cut_short(record: Record) -> str | None:

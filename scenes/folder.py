@@ -1,4 +1,8 @@
-"""The folder of a run: where it is, whether it may be written, and which files in it are ours."""
+"""The folder of a run: where it is, whether it may be written, and which files in it are ours.
+
+It holds `result.nc` and `summary.json`, the model's figures as PNG, and what moves: `viewer.html` of 3D worms, a page
+that plays in any browser without a network, or `animation.gif` of planar ones (of 3D worms by `worm3d animate`).
+"""
 
 from __future__ import annotations
 

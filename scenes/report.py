@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from scenes.folder import VIEWER
 from scenes.kinds.base import Kind
 from scenes.progress import counted
 from scenes.record import Record
@@ -28,9 +29,14 @@ DOUBTS = {
 def ending(record: Record, kind: Kind[Any], folder: Path) -> str:
     """Return the lines that end a run: the figures that matter, and where the files are."""
     lines = kind.table(record) if kind.table else _figures(record, kind)
+    page = folder / VIEWER
+    seen = (f"{'to look at':22}{page}",) if kind.view is not None and page.is_file() else ()
     titled = () if record.title == record.name else (f"{'title':22}{record.title}",)
     return "\n".join(
-        (f"{record.name}: {_sentence(record)}", *(f"  {line}" for line in (*lines, *titled, f"{'files':22}{folder}")))
+        (
+            f"{record.name}: {_sentence(record)}",
+            *(f"  {line}" for line in (*lines, *titled, f"{'files':22}{folder}", *seen)),
+        )
     )
 
 

@@ -10,7 +10,7 @@ from scenes import folder as folders
 from scenes import report
 from scenes.drawing import animate, cut_short, is_drawable, plot, view
 from scenes.interrupt import Interruption
-from scenes.kinds.base import Observer, Outcome
+from scenes.kinds.base import Observer, Outcome, Watch
 from scenes.loader import Scene
 from scenes.progress import busy, progress
 from scenes.record import Record, Variable
@@ -82,12 +82,15 @@ def _keep(record: Record, folder: Path) -> None:
     write_summary(record.summary, report.timing(record), folder / folders.SUMMARY)
 
 
-def simulate(scene: Scene, observer: Observer = lambda done: True, earlier: Record | None = None) -> Record:
+def simulate(
+    scene: Scene, observer: Observer = lambda done: True, earlier: Record | None = None, how: Watch | None = None
+) -> Record:
     """Run a scene and return its record; the observer is called with the number of finished steps.
 
-    With a first part of the run the simulation goes on from its end, and the record is that of the whole run.
+    With a first part of the run the simulation goes on from its end, and the record is that of the whole run. With
+    `how` it is seen in a live view, where the model has one.
     """
-    outcome = _outcome(scene, observer, earlier)
+    outcome = _outcome(scene, observer, earlier, how)
     return Record(
         name=scene.name,
         kind=scene.kind.name,
@@ -103,7 +106,11 @@ def simulate(scene: Scene, observer: Observer = lambda done: True, earlier: Reco
     )
 
 
-def _outcome(scene: Scene, observer: Observer, earlier: Record | None) -> Outcome:
+def _outcome(scene: Scene, observer: Observer, earlier: Record | None, how: Watch | None) -> Outcome:
+    if how is not None:
+        assert scene.kind.watch is not None  # `scenes.viewing` refuses the others
+        watched: Outcome = scene.kind.watch(scene.settings, observer, how)
+        return watched
     if earlier is None:
         outcome: Outcome = scene.kind.run(scene.settings, observer)
         return outcome
@@ -125,7 +132,7 @@ def _draw(record: Record, scene: Scene, folder: Path) -> None:
         return
     plot(record, scene.kind, folder)
     if record.status != "interrupted":  # who presses Ctrl-C does not want to wait; `worm3d animate` draws it
-        if scene.kind.animate is not None:
+        if scene.kind.animate is not None and scene.kind.view is None:
             animate(record, scene.kind, folder / folders.ANIMATION)
         view(record, scene.kind, folder / folders.VIEWER)
 
@@ -137,5 +144,5 @@ def _tell(record: Record, scene: Scene, folder: Path, *, quiet: bool) -> None:
         typer.echo(f"warning: {warning}", err=True)
     if not quiet:
         typer.echo(report.ending(record, scene.kind, folder))
-        if (line := cut_short(record)) and record.status != "interrupted":
+        if scene.kind.view is None and (line := cut_short(record)) and record.status != "interrupted":
             typer.echo(f"  {line}")

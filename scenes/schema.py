@@ -48,6 +48,9 @@ Pair = Annotated[tuple[float, ...], Strict(False), Field(min_length=2, max_lengt
 Triple = Annotated[tuple[float, ...], Strict(False), Field(min_length=3, max_length=3)]
 """A list of two or three numbers."""
 
+Points = Annotated[tuple[Triple, ...], Strict(False)]
+"""A list of places, [x, y, z] each."""
+
 Tables = Annotated[tuple[N, ...], Strict(False)]
 """An array of tables: `Tables[Patch]` are sections under headers [[world.patches]]."""
 

@@ -1,6 +1,7 @@
 """Every command and snippet of the README does what it says."""
 
 import json
+import os
 import re
 import shlex
 import subprocess
@@ -27,7 +28,10 @@ def commands() -> list[list[str]]:
 
 def run(arguments: list[str], folder: Path) -> str:
     program = str(BIN / Path(arguments[0]).name)
-    done = subprocess.run([program, *arguments[1:]], cwd=folder, capture_output=True, text=True, check=False)
+    no_browser = {**os.environ, "BROWSER": "true"}  # the program `true` opens nothing
+    done = subprocess.run(
+        [program, *arguments[1:]], cwd=folder, capture_output=True, text=True, check=False, env=no_browser
+    )
     assert done.returncode == 0, f"{' '.join(arguments)}\n{done.stdout}\n{done.stderr}"
     return done.stdout
 
@@ -58,6 +62,8 @@ def test_the_other_commands(tmp_path: Path) -> None:
     for folder in ("flat", "further", "slow"):
         assert (tmp_path / folder / "result.nc").is_file()
     assert (tmp_path / "segments" / "summary.json").is_file()
+    assert (tmp_path / "flat" / "viewer.html").is_file()
+    assert (tmp_path / "flat.glb").read_bytes()[:4] == b"glTF"
     assert len((tmp_path / "slow.csv").read_text().splitlines()) == 1002
 
 

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from worm3d.batch import simulate_batch
     from worm3d.friction import Friction
     from worm3d.held import Held
+    from worm3d.live import Live
     from worm3d.observation import Observation
+    from worm3d.pictures import draw, show
     from worm3d.result import Energy, Result
     from worm3d.simulate import simulate
     from worm3d.start import LimitPointError, flattening_weight
@@ -51,6 +53,7 @@ _HOMES = {
     "Heightfield": "worlds",
     "Held": "held",
     "LimitPointError": "start",
+    "Live": "live",
     "Mesh": "worlds",
     "MeshError": "worlds",
     "Observation": "observation",
@@ -65,7 +68,9 @@ _HOMES = {
     "Stop": "status",
     "Straight": "worlds",
     "Union": "worlds",
+    "draw": "pictures",
     "flattening_weight": "start",
+    "show": "pictures",
     "simulate": "simulate",
     "simulate_batch": "batch",
     "slope_into_pipe": "worlds",
@@ -83,6 +88,7 @@ __all__ = [
     "Heightfield",
     "Held",
     "LimitPointError",
+    "Live",
     "Mesh",
     "MeshError",
     "Observation",
@@ -98,7 +104,9 @@ __all__ = [
     "Straight",
     "Union",
     "Worm",
+    "draw",
     "flattening_weight",
+    "show",
     "simulate",
     "simulate_batch",
     "slope_into_pipe",

@@ -95,7 +95,7 @@ def cholesky_solve(band: FloatArray, x: FloatArray) -> bool:
 
 
 @njit
-def lu_factor(band: FloatArray, pivots: FloatArray) -> None:
+def lu_factor(band: FloatArray, pivots: FloatArray, start: int) -> None:
     """Factorise A in place by elimination without pivoting.
 
     The matrices of a step are close to positive definite ones; what is lost where they are not, Newton's next residual
@@ -107,15 +107,18 @@ def lu_factor(band: FloatArray, pivots: FloatArray) -> None:
         Columns from 2 B + 1 on must be zero; overwritten by the factors, the diagonal by its inverse.
     pivots : ndarray, shape (n,)
         Overwritten by the diagonal of A.
+    start : int
+        Rows before this one hold their factors already; A is as it was then, but for rows and columns from here on.
     """
     n, flat = len(pivots), band.ravel()
-    for k in range(n):
+    for k in range(start, n):
         pivots[k] = band[k, B]
-    for k in range(n):
-        regular = not abs(band[k, B]) <= SMALLEST_PIVOT * abs(pivots[k])  # a NaN stays one
-        inverse = 1.0 / band[k, B] if regular else 0.0
-        band[k, B] = inverse
-        for r in range(1, B + 1):  # the rows below the end are zero
+    for k in range(max(0, start - B), n):
+        if k >= start:
+            regular = not abs(band[k, B]) <= SMALLEST_PIVOT * abs(pivots[k])  # a NaN stays one
+            band[k, B] = 1.0 / band[k, B] if regular else 0.0
+        inverse = band[k, B]
+        for r in range(max(1, start - k), B + 1):  # the rows below the end are zero
             factor = band[k + r, B - r] * inverse
             band[k + r, B - r] = factor
             if factor != 0.0:

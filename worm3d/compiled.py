@@ -21,7 +21,7 @@ from worm3d.codegen.cache import default_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-COMPILED = ("banded.py", "codegen", "compiled.py", "kernels", "solver", "worlds")
+COMPILED = ("banded.py", "codegen", "compiled.py", "kernels", "solver", "vectors.py", "worlds")
 """What compiled functions are made of: modules that define them, and the layouts that they have as constants."""
 
 OPTIMISATION = 1
@@ -62,7 +62,7 @@ def announce() -> None:
         sys.stderr.write(
             "worm3d: compiling, for about half a minute (every time: no folder for a cache can be written)\n"
         )
-    elif not any(folder.glob("*.nbi")):
+    elif not any(folder.rglob("*.nbi")):
         sys.stderr.write("worm3d: compiling, once, for about half a minute\n")
     sys.stderr.flush()
 

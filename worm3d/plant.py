@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import vectors
 from worm3d.codegen import Kernel, compile_kernel, evaluate
 from worm3d.compiled import announce, cfunc
 from worm3d.friction import ContactConstants, Friction
@@ -55,6 +56,7 @@ def kernels() -> dict[str, Kernel]:
         "joint_angles": compile_kernel(joint.angles()),
         "joint_ledger": compile_kernel(joint.ledger()),
         "point_force": compile_kernel(point.force()),
+        "point_tangents": compile_kernel(point.tangents()),
         "point_yielding": compile_kernel(point.yielding()),
         "point_after": compile_kernel(point.after()),
     }
@@ -96,7 +98,7 @@ class Plant:
         self.worm, self.world, self.friction, self.gravity = worm, world, friction, gravity
         self._weight = float(np.linalg.norm(gravity if scale is None else scale))
         self.n, made = worm.segments, kernels()
-        width = max(kernel.width for kernel in made.values())
+        width = max(vectors.WIDTH, *(kernel.width for kernel in made.values()))
         lanes, joint_lanes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1)))
         self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
         parameters = self.world_kernel.parameters

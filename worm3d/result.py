@@ -204,6 +204,13 @@ class Result:
         """Displacement of the centre of mass along the initial heading, within the surface's tangent plane [m]."""
         return metrics.distance(self.com, self.joints[0], self.world)
 
+    def _repr_html_(self) -> str:
+        """Show the run in a notebook cell, and what it came to."""
+        from worm3d.pictures import show
+
+        figures = (f"{name} = {figure:.6g}" for name, figure in self.summary().items() if isinstance(figure, float))
+        return f"<p>{self.stop.sentence}: {', '.join(figures)}</p>{show(self)._repr_html_()}"
+
     def summary(self) -> dict[str, float | str | None]:
         """Return the figures of merit of the run; None where one has no value (`reasons`)."""
         return metrics.summary(self)

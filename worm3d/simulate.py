@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,8 +21,13 @@ from worm3d.status import Status
 from worm3d.worlds import ClampedGround, World
 from worm3d.worm import Worm
 
+if TYPE_CHECKING:
+    from worm3d.live import Live
+
 FloatArray = NDArray[np.float64]
 Integrator = Literal["bdf2", "implicit_euler"]
+Settling = Callable[[Worm, World, FloatArray, NDArray[np.bool_], State], tuple[State, Status]]
+"""As `worm3d.start.settle`."""
 
 
 def simulate(
@@ -42,6 +47,7 @@ def simulate(
     *,
     settle_first: bool = True,
     observer: Callable[[int], bool] | None = None,
+    live: Live | None = None,
 ) -> Result:
     """Simulate a worm.
 
@@ -78,6 +84,8 @@ def simulate(
     observer : callable, optional
         Called with the number of finished steps, every so many (after every step, if the actuation is a controller) and
         whenever it divides by `record_every`, unless rows follow closely; returning False ends the run there.
+    live : Live, optional
+        Shows the run in a browser while it goes on (`worm3d.Live`), no faster than that is to show it.
 
     Returns
     -------
@@ -109,7 +117,7 @@ def simulate(
         record_every,
         settle_first=settle_first,
     )
-    return run.finish(observer)
+    return run.finish(observer if live is None else live.follow(run, observer))
 
 
 def prepare(
@@ -128,8 +136,9 @@ def prepare(
     record_every: int,
     *,
     settle_first: bool,
+    settling: Settling = settle,
 ) -> Run:
-    """Check what `simulate` is given, and return the run before its first step."""
+    """Check what `simulate` is given, and return the run before its first step; `settling` may remember how it rests."""
     _require_kinds(world, ground, external_force)
     weight = _vector(gravity)
     steps = _steps(duration, dt, record_every, integrator)
@@ -144,7 +153,7 @@ def prepare(
         assert world is not None
         require_equilibrium(worm, float(np.linalg.norm(world.pressing(weight))))
     plant = Plant(worm, world, friction, weight, mask)
-    status = _begin(plant, start, settle_first)
+    status = _begin(plant, start, settling if settle_first else None)
     driver = Driver(actuation, worm, sensor)
     period = getattr(actuation, "period", getattr(actuation, "T_wave", None))
     return Run(plant, driver, external_force, dt, integrator == "bdf2", record_every, steps, start, status, period)
@@ -160,17 +169,17 @@ def _require_kinds(world: object, ground: object, external_force: object) -> Non
         raise ValueError(f"external_force: got {type(external_force).__name__}, must be a function of time, or None")
 
 
-def _begin(plant: Plant, start: State, settle_first: bool) -> Status:
+def _begin(plant: Plant, start: State, settling: Settling | None) -> Status:
     """Put the worm into its initial state."""
     plant.set_pose(start)
     require_clear(plant, DEEPEST if start.memory else OVERLAP)
     if start.memory:
         plant.remember(start.memory)
         return Status.DONE
-    if settle_first and not start.moves and settles(plant.world, plant.gravity, bool(start.contraction.any())):
+    if settling and not start.moves and settles(plant.world, plant.gravity, bool(start.contraction.any())):
         assert plant.world is not None
         held = plant.arrays["held"][0] != 0.0
-        rested, status = settle(plant.worm, plant.world, plant.gravity, held, start)
+        rested, status = settling(plant.worm, plant.world, plant.gravity, held, start)
         if status is not Status.DONE:
             return status
         plant.set_pose(rested)

@@ -32,6 +32,29 @@ class Movie(Protocol):
         """Write a GIF or MP4; FileNotFoundError if a program for that is missing."""
 
 
+class View(Protocol):
+    """Writes the page of a record."""
+
+    def __call__(self, record: Record, path: Path, *, skin: bool = False) -> None:
+        """Write the page that shows a record in a browser."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """How a run is watched while it goes on.
+
+    Attributes
+    ----------
+    speed : float
+        Simulated over real time.
+    began : callable
+        Called with the address to visit, once there is something to see.
+    """
+
+    speed: float
+    began: Callable[[str], None]
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What a model hands back; complete up to the last finished step, however the run ended.
@@ -88,7 +111,12 @@ class Kind(Generic[S]):
     resume : callable, optional
         Goes on from a record's checkpoint to the end of the scene; its outcome is that of the whole run.
     view : callable, optional
-        Writes the page that shows a record in a browser, given its path.
+        Writes the page that shows a record in a browser, given its path; with `skin=True`, one with a smooth skin. A
+        run then writes no animation, which would show less and take longer.
+    mesh : callable, optional
+        Returns the mesh of a record at an instant [s] (None: the end), as a GLB file.
+    watch : callable, optional
+        Runs a scene in a live view.
     """
 
     name: str
@@ -102,4 +130,6 @@ class Kind(Generic[S]):
     headlines: tuple[tuple[str, str, str], ...] = field(default=())
     table: Callable[[Record], list[str]] | None = None
     resume: Callable[[S, Record, Observer], Outcome] | None = None
-    view: Callable[[Record, Path], None] | None = None
+    view: View | None = None
+    mesh: Callable[[Record, float | None], bytes] | None = None
+    watch: Callable[[S, Observer, Watch], Outcome] | None = None

@@ -24,6 +24,12 @@ def pieces_are_one_thing(pieces: Sequence[Mapping[str, Any]]) -> str | None:
     return None
 
 
+def _points_or_pieces(points_m: Sequence[Any], pieces: Sequence[Any], tilt_deg: float) -> str | None:
+    if not points_m or (not pieces and tilt_deg == 0.0):
+        return None
+    return "the points say where the pipe goes: leave out world.pieces and world.tilt_deg"
+
+
 def _radii_follow_one_another(radii: Sequence[Mapping[str, Any]]) -> str | None:
     at = [place["at_m"] for place in radii]
     if all(a < b for a, b in pairwise(at)):
@@ -83,6 +89,7 @@ def _pipe_leads_into_the_hill(tilt_deg: float, slope_deg: float, kind: str) -> F
 PIPE_CHECKS = (
     Check(("start.position_m", "world.kind"), _across_nothing),
     Check(("world.pieces",), pieces_are_one_thing),
+    Check(("world.points_m", "world.pieces", "world.tilt_deg"), _points_or_pieces),
     Check(("world.radii",), _radii_follow_one_another),
     Check(("world.radii", "world.radius_m"), _radius_or_radii),
     Check(("world.tilt_deg", "world.slope_deg", "world.kind"), _pipe_leads_into_the_hill),

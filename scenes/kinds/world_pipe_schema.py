@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from scenes.kinds.world_plane_schema import PIPE, PIPES, SLOPE_INTO_PIPE
-from scenes.schema import Section, Tables, quantity, setting, tables
+from scenes.schema import Points, Section, Tables, quantity, setting, tables
 
 
 class Piece(Section):
@@ -37,6 +37,12 @@ class PipeKeys(Section):
         only=PIPES,
         title="pipe only: straight pieces and bends one after the other, none: straight, each a table of straight_m, "
         "or of bend_deg, bend_radius_m and towards = left, right, up or down",
+    )
+    points_m: Points = quantity(
+        (),
+        unit="m",
+        only=PIPE,
+        title="pipe only: instead of tilt_deg and pieces, places [x, y, z] that it goes through",
     )
     radii: Tables[Radius] = tables(
         only=PIPES,

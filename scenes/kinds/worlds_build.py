@@ -20,7 +20,10 @@ def _plane(world: World) -> worm3d.Plane:
 
 def _pipe(world: World) -> worm3d.Pipe:
     heading, tilt = math.radians(world.heading_deg), math.radians(world.tilt_deg)
-    line = worm3d.Centreline.of(_pieces(world), heading=heading, tilt=tilt)
+    if world.points_m:
+        line = worm3d.Centreline.through(world.points_m)
+    else:
+        line = worm3d.Centreline.of(_pieces(world), heading=heading, tilt=tilt)
     patches = tuple(map(_patch, world.patches))
     return worm3d.Pipe(line, _radius(world), patches, world.start_wall, world.end_wall)
 

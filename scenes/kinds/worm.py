@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, TypeVar
 import worm3d
 from scenes.checks import Check
 from scenes.errors import SceneError
-from scenes.kinds.base import Kind, Observer, Outcome, Status
+from scenes.kinds import worm_view
+from scenes.kinds.base import Kind, Observer, Outcome, Status, Watch
 from scenes.kinds.planar_linkage_checks import in_keys
 from scenes.kinds.worm_build import KEYS, simulate
 from scenes.kinds.worm_checks import WORM_CHECKS
@@ -40,6 +41,12 @@ def run(scene: AnyWormScene, observer: Observer) -> Outcome:
     return _outcome(_simulated(scene, observer))
 
 
+def watch(scene: AnyWormScene, observer: Observer, how: Watch) -> Outcome:
+    """Simulate a scene in a live view, in whose browser it is seen as it goes on."""
+    with worm3d.Live(speed=how.speed, began=how.began) as live:
+        return _outcome(_simulated(scene, observer, live=live))
+
+
 def resume(scene: AnyWormScene, earlier: Record, observer: Observer) -> Outcome:
     """Go on from the end of a record to the end of the scene."""
     if lacking := missing(earlier):
@@ -51,10 +58,14 @@ def resume(scene: AnyWormScene, earlier: Record, observer: Observer) -> Outcome:
 
 
 def _simulated(
-    scene: AnyWormScene, observer: Observer, state: worm3d.State | None = None, done: int = 0
+    scene: AnyWormScene,
+    observer: Observer,
+    state: worm3d.State | None = None,
+    done: int = 0,
+    live: worm3d.Live | None = None,
 ) -> worm3d.Result:
     try:
-        return simulate(scene, observer, state, done)
+        return simulate(scene, observer, state, done, live)
     except (worm3d.StateError, worm3d.LimitPointError) as error:  # what only the compiled plant can tell
         raise SceneError(in_keys(str(error), KEYS)) from error
 
@@ -94,7 +105,10 @@ def _draw(stem: str, record: Record) -> tuple[Figure, Axes]:
 
 def kind(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) -> Kind[S]:
     """Return a model of the 3D plant."""
-    figures: Mapping[str, Callable[[Record], tuple[Figure, Axes]]] = {stem: partial(_draw, stem) for stem in FIGURES}
+    figures: Mapping[str, Callable[[Record], tuple[Figure, Axes]]] = {
+        "side_and_top": worm_view.side_and_top,
+        **{stem: partial(_draw, stem) for stem in FIGURES},
+    }
     return Kind(
         name=name,
         title=title,
@@ -103,8 +117,10 @@ def kind(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) -> K
         run=run,
         resume=resume,
         figures=figures,
-        animate=None,
-        view=None,  # worm3d.viewer will write the page: give it a function of a record and the path here
+        animate=worm_view.RunMovie,
+        view=worm_view.view,
+        mesh=worm_view.mesh,
+        watch=watch,
         advice=ADVICE,
         headlines=(
             ("speed_BL_per_period", "speed", "BL/period"),

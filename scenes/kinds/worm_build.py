@@ -46,7 +46,11 @@ Force = Callable[[float], NDArray[np.float64]]
 
 
 def simulate(
-    scene: AnyWormScene, observer: Observer, state: worm3d.State | None = None, done: int = 0
+    scene: AnyWormScene,
+    observer: Observer,
+    state: worm3d.State | None = None,
+    done: int = 0,
+    live: worm3d.Live | None = None,
 ) -> worm3d.Result:
     """Run the worm of a scene to its end, from its start or from a state after so many steps.
 
@@ -72,6 +76,7 @@ def simulate(
         settle_first=scene.start.settle,
         # An end between two stored states could not be gone on from without a gap.
         observer=lambda steps: observer(steps) or steps % every != 0,
+        live=live,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from planar import figures as planar_figures
-from scenes.kinds.worm_schema import PlanarWormScene, WormScene
+from scenes.kinds.worm_view import scene_of
 from scenes.record import Record
 
 if TYPE_CHECKING:
@@ -51,7 +50,7 @@ def path(record: Record) -> tuple[Figure, Axes]:
     style: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004, "color": "C3"}
     axes.quiver(*com[rows, :2].T, *arrows, zorder=3, label="heading", **style)
     axes.plot(*com[:, :2].T, color="C0", lw=1.2, zorder=4, label="centre of mass")
-    _patches(axes, _scene(record))
+    _patches(axes, scene_of(record))
     axes.set_title(f"{record.title}: path seen from above", fontsize=10)
     axes.legend(fontsize=7)
     figure = axes.figure
@@ -131,7 +130,7 @@ def contraction(record: Record) -> tuple[Figure, Axes]:
 def loads_and_slip(record: Record) -> tuple[Figure, Axes]:
     """Draw where the worm carries its weight and where it slides: apexes, or the joints of the clamped worm."""
     time = record["time"]
-    if _scene(record).world.kind == "clamped":
+    if scene_of(record).world.kind == "clamped":
         panels = {"normal load (P9) [N]": (time, record["joint_load"])}
         return planar_figures.space_time(panels, "joint (0 = tail)", title=f"{record.title}: loads of the joints")
     load = _of_segments(record["normal_load"], record["joint_load"])
@@ -156,11 +155,6 @@ def energy_ledger(record: Record) -> tuple[Figure, Axes]:
     figure.set_size_inches(8.4, 4.0)
     axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure, axes
-
-
-def _scene(record: Record) -> AnyWormScene:
-    data = tomllib.loads(record.scene)
-    return WormScene.model_validate(data) if record.kind == "worm" else PlanarWormScene.model_validate(data)
 
 
 def _of_segments(of_apexes: FloatArray, of_faces: FloatArray) -> FloatArray:
@@ -245,7 +239,7 @@ def _rhombi(joints: FloatArray, points: FloatArray, half: FloatArray, side: int,
 
 def _ground(axes: Axes, record: Record, com: FloatArray) -> None:
     """Draw the plane where the centre of mass is above it."""
-    world = _scene(record).world
+    world = scene_of(record).world
     if world.kind != "plane":
         return
     rise, turn = math.tan(math.radians(world.slope_deg)), math.radians(world.heading_deg) - _initial_azimuth(record)

@@ -211,7 +211,10 @@ def test_export(worm3d, result: Path, record) -> None:
     )
     assert worm3d("export", result, "--csv", "x.csv", "--force").code == 0
     ended = worm3d("export", result)
-    assert (ended.code, ended.complaints) == (2, ["export: nothing to write; give --csv FILE or --npz FILE"])
+    assert (ended.code, ended.complaints) == (
+        2,
+        ["export: nothing to write; give --csv FILE, --npz FILE or --glb FILE"],
+    )
     assert worm3d("export", result, "--csv", "none/x.csv").code == 1
 
 

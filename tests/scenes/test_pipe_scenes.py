@@ -102,6 +102,9 @@ MISTAKES = [
     ("radii = [{ at_m = 1.0, radius_m = 0.1 }, { at_m = 0.5, radius_m = 0.2 }]", "line 4: world.radii: got at_m ="),
     ("radii = [{ at_m = 1.0, radius_m = 0.1 }]\nradius_m = 0.2", "line 4: world.radii: got 1 places and world."),
     ("radii = [{ at_m = 1.0, radius_m = 0.07 }]", "line 4: world.radii: the worm is 0.16 m wide at rest"),
+    ("points_m = [[0, 0, 0], [1, 0, 0]]\ntilt_deg = 3.0", "line 4: world.points_m: the points say where the pipe goes"),
+    ("points_m = [[0, 0, 0], [0, 0, 0]]", "line 2: world: points: two that follow each other coincide"),
+    ("points_m = [[0, 0], [0, 0, 0]]", "line 4: world.points_m[0]: got [0, 0]: "),
     ("slope_deg = 3.0", "line 4: world.slope_deg: only for world.kind = 'plane' or 'slope_into_pipe', which"),
     ("mouth_m = 3.0", "line 4: world.mouth_m: only for world.kind = 'slope_into_pipe', which this scene is not"),
     ("[start]\nposition_m = [0.0, 0.1]", "line 5: start.position_m: got [0.0, 0.1]: in a pipe it is"),
@@ -118,6 +121,14 @@ def test_every_mistake_in_a_pipe_gets_a_line(text: str, line: str) -> None:
     with pytest.raises(SceneError) as caught:
         parse_scene(PIPE + text + "\n", "test", [])
     assert str(caught.value).startswith(line)
+
+
+def test_a_pipe_through_points() -> None:
+    points = "[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.8, 0.3, 0.1]]"
+    scene = parse_scene(f"{PIPE}points_m = {points}\n[run]\nduration_s = 0.1\n", "test", []).settings
+    run = simulate(scene, lambda done: True)  # type: ignore[arg-type]
+    assert run.status is worm3d.Status.DONE
+    assert np.abs(pipe_of(run).distance(np.array([1.0, 0.0, 0.0])) - 0.12) < 1e-12
 
 
 def test_a_pipe_that_does_not_lead_into_the_hill() -> None:

@@ -125,6 +125,7 @@ SEGMENTS = {
     "gait.period_s": 1.6, "gait.direction": "retrograde", "gait.contract_time_s": 0.2, "gait.pulse": "square",
     "gait.alternating": "false", "gait.force_N": 9,
 }  # fmt: skip
+ANCHORS = {"gait.extension": -0.2, "gait.anchors": 2, "gait.direction": "retrograde"}
 LENGTH = "run.duration_s=0.8"
 
 
@@ -135,7 +136,7 @@ def nodes(*overrides: str) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def references() -> dict[str, np.ndarray]:
-    return {kind: nodes(f"gait.kind={kind}") for kind in ("travelling_wave", "segment_driven")}
+    return {kind: nodes(f"gait.kind={kind}") for kind in ("travelling_wave", "segment_driven", "two_anchor")}
 
 
 @pytest.mark.parametrize(
@@ -143,6 +144,7 @@ def references() -> dict[str, np.ndarray]:
     [
         *(("travelling_wave", key, value) for key, value in WAVE.items()),
         *(("segment_driven", key, value) for key, value in SEGMENTS.items()),
+        *(("two_anchor", key, value) for key, value in ANCHORS.items()),
     ],
 )
 def test_every_key_of_a_scene_changes_the_run(references, kind: str, key: str, value: object) -> None:
@@ -155,7 +157,7 @@ def test_every_key_is_among_those_tested() -> None:
     sections = ("run", "worm", "friction", "gait", "ground", "solver")
     scene = PublishedScene(model="planar_published")
     keys = {f"{section}.{key}" for section in sections for key in type(getattr(scene, section)).model_fields}
-    assert keys - {"run.duration_s", "run.record_every"} == WAVE.keys() | SEGMENTS.keys()
+    assert keys - {"run.duration_s", "run.record_every"} == WAVE.keys() | SEGMENTS.keys() | ANCHORS.keys()
 
 
 def test_the_dirac_pulse_lasts_one_time_step() -> None:

@@ -14,7 +14,7 @@ from PIL import Image
 import worm3d
 from control import gaits
 from scenes import drawing, kinds
-from scenes.errors import SceneError
+from scenes.kinds import worm_build, worm_view
 from scenes.kinds.planar_linkage_build import KEYS as PLANAR_KEYS
 from scenes.kinds.worlds_build import WORLDS, world_of
 from scenes.kinds.worlds_schema import World
@@ -35,6 +35,8 @@ from scenes.record import Record, Variable
 from scenes.runner import simulate
 from scenes.schema import choices
 from scenes.store import load, save
+from worm3d import pictures
+from worm3d.viewer import Frames
 
 REQUIRED = [
     "status", "duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J",
@@ -314,7 +316,23 @@ def test_a_run_of_one_stored_state_can_be_drawn(brief: Record, tmp_path: Path) -
     assert drawing.plot(replace(brief, variables=first), kinds.get("worm"), tmp_path)
 
 
-def test_there_is_no_animation_yet_and_a_sentence_says_so(brief: Record, tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"flat: the model 'worm' has no animation; 'worm3d plot' draws its figures"):
-        drawing.animate(brief, kinds.get("worm"), tmp_path / "a.gif")
+def test_the_movie_shows_the_first_half_minute(brief: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawing.animate(brief, kinds.get("worm"), tmp_path / "a.gif", fps=10)
+    with Image.open(tmp_path / "a.gif") as picture:
+        assert picture.n_frames == round(10 * float(brief["time"][-1])) + 1
     assert drawing.cut_short(brief) is None
+    monkeypatch.setattr(worm_view, "MOVIE_S", 0.1)
+    drawing.animate(brief, kinds.get("worm"), tmp_path / "a.gif", fps=10)
+    with Image.open(tmp_path / "a.gif") as picture:
+        assert picture.n_frames == 2
+
+
+def test_a_stored_run_shows_what_the_run_itself_shows(brief: Record) -> None:
+    scene = load_scene("flat", BRIEF).settings
+    result = worm_build.simulate(scene, lambda done: True)
+    stored, direct = worm_view.frames_of(brief), pictures.frames_of(result)
+    for field in fields(Frames):
+        if field.name != "world":
+            assert_array_equal(getattr(stored, field.name), getattr(direct, field.name), err_msg=field.name)
+    for one, other in zip(stored.world, direct.world, strict=True):
+        assert_array_equal(one.vertices, other.vertices)

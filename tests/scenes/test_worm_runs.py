@@ -17,7 +17,15 @@ from scenes.resume import lengthened
 from scenes.runner import simulate
 from scenes.store import load, save
 
-FIGURES = {"path", "centre_of_mass_and_heading", "body", "contraction", "loads_and_slip", "energy_ledger"}
+FIGURES = {
+    "side_and_top",
+    "path",
+    "centre_of_mass_and_heading",
+    "body",
+    "contraction",
+    "loads_and_slip",
+    "energy_ledger",
+}
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 WORMS = [name for name in shipped_scenes() if load_scene(name).kind.name.startswith("worm")]
 REQUIRED = {
@@ -36,8 +44,14 @@ def assert_same(ours: Record, theirs: Record) -> None:
         assert getattr(ours, name) == getattr(theirs, name)
 
 
-def test_they_begin_with_what_to_know() -> None:
-    assert {"flat", "free_fall", "planar_case", "slope", "rubble", "mesh_tunnel"} <= set(WORMS)
+PROMISED = {
+    "flat", "free_fall", "planar_case", "slope", "slope_5", "slope_15", "slope_into_pipe",
+    "pipe_straight", "pipe_bend", "pipe_narrowing", "pipe_vertical", "rubble", "mesh_tunnel",
+}  # fmt: skip
+
+
+def test_there_are_those_promised() -> None:
+    assert set(WORMS) >= PROMISED
     for name in WORMS:
         assert shipped_scenes()[name].read_text().startswith("# ")
 
@@ -47,10 +61,11 @@ def test_each_scene_runs_and_writes_what_is_promised(worm3d, tmp_path: Path, nam
     ended = worm3d("run", name, *SHORT, "--out", "x")
     assert ended.code == 0
     assert {path.name for path in (tmp_path / "x").iterdir()} == {
-        "result.nc", "summary.json", *(f"{stem}.png" for stem in FIGURES)
+        "result.nc", "summary.json", "viewer.html", *(f"{stem}.png" for stem in FIGURES)
     }  # fmt: skip
     assert ended.out.startswith(f"{name}: the run reached its end (0.2 s simulated, ")
     assert "\n  turned                " in ended.out
+    assert ended.out.endswith("\n  files                 x\n  to look at            x/viewer.html\n")
     summary = json.loads((tmp_path / "x" / "summary.json").read_text())
     assert set(summary) >= REQUIRED
     assert {key for key, figure in summary.items() if figure is None} == set(summary["reasons"])

@@ -60,11 +60,28 @@ def test_lu_solves_an_unsymmetric_system(n, sign):
     A, b = random_band(n, n)
     A += np.diag(3.0 * (B + 1) * np.where(np.arange(n) % 3 == 1, sign, 1.0))
     band, padded = banded(A), np.zeros(n + 2 * B)
-    lu_factor(band, np.zeros(n))
+    lu_factor(band, np.zeros(n), 0)
     for right in (b, b[::-1].copy()):
         x = right.copy()
         lu_solve(band, x, padded)
         np.testing.assert_allclose(A @ x, right, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("start", [0, 5, 13, 40, 59])
+def test_lu_goes_on_where_rows_have_changed(start):
+    """Factors of the rows before `start` are kept; a band that differs from there on, in rows and columns."""
+    n = 60
+    A, b = random_band(n, 3)
+    A += 3.0 * (B + 1) * np.eye(n)
+    changed, noise = A.copy(), random_band(n, 4)[0]
+    changed[start:, start:] += noise[start:, start:]
+    band, pivots = banded(A), np.zeros(n)
+    lu_factor(band, pivots, 0)
+    band[start:] = banded(changed)[start:]
+    lu_factor(band, pivots, start)
+    x = b.copy()
+    lu_solve(band, x, np.zeros(n + 2 * B))
+    np.testing.assert_allclose(changed @ x, b, rtol=1e-10, atol=1e-12)
 
 
 def test_lu_leaves_a_coordinate_that_nothing_holds():
@@ -76,7 +93,7 @@ def test_lu_leaves_a_coordinate_that_nothing_holds():
     A[12, :] = A[:, 12] = A[13, :] = A[:, 13] = 0.0
     A[12:14, 12:14], b[12:14] = [[1.0, 1.0], [1.0, 1.0]], 2.0
     x, band = b.copy(), banded(A)
-    lu_factor(band, np.zeros(20))
+    lu_factor(band, np.zeros(20), 0)
     lu_solve(band, x, np.zeros(20 + 2 * B))
     np.testing.assert_allclose(A @ x, b, rtol=1e-10, atol=1e-12)
     assert x[7] == 0.0
@@ -86,6 +103,6 @@ def test_lu_passes_nan_on():
     A = np.eye(20)
     A[7, 7] = np.nan
     band, x = banded(A), np.ones(20)
-    lu_factor(band, np.zeros(20))
+    lu_factor(band, np.zeros(20), 0)
     lu_solve(band, x, np.zeros(20 + 2 * B))
     assert np.isnan(x[7])

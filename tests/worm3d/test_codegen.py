@@ -20,6 +20,7 @@ from worm3d.codegen import (
     compile_kernel,
     emit,
     evaluate,
+    evaluate_some,
     native,
     program,
     this_host,
@@ -285,6 +286,24 @@ def test_compiled_code_calls_a_kernel_by_its_address(backend: kernels.Backend) -
             _doubled(kernel.address, *wrong)
     with pytest.raises(numba.TypingError, match="C-contiguous"):
         _doubled(kernel.address, inputs[:, ::2], outputs, 3)
+
+
+@numba.njit
+def _some(address: int, inputs: np.ndarray, outputs: np.ndarray, first: int, count: int) -> None:
+    evaluate_some(address, inputs, outputs, first, count)
+
+
+@pytest.mark.parametrize("backend", ["llvm", "casadi"])
+def test_some_lanes_alone(backend: kernels.Backend) -> None:
+    kernel = compile_kernel(rhombus(), backend=backend)
+    columns, first = rhombus_columns(3 * kernel.width), kernel.width
+    inputs, outputs = kernel.allocate(3 * kernel.width)
+    inputs[:] = columns
+    _some(kernel.address, inputs, outputs, first, kernel.width)
+    assert_array_equal(outputs[:, first : 2 * first], run(kernel, columns)[:, first : 2 * first])
+    assert not outputs[:, :first].any() and not outputs[:, 2 * first :].any()
+    with pytest.raises(ValueError, match="not enough lanes"):
+        _some(kernel.address, inputs, outputs, 3 * first, 1)
 
 
 @pytest.mark.parametrize("backend", ["llvm", "casadi"])

@@ -33,6 +33,7 @@ FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
     joint.angles,
     joint.ledger,
     point.force,
+    point.tangents,
     point.yielding,
     point.after,
 )
@@ -146,7 +147,7 @@ def test_segment_gradient_and_hessian() -> None:
 
     out = run("segment_hessian", segment.LAYOUT, values)
     assert_close(out[None, 1:9], differences(potential, values["q"], 1e-4), 1e-8)
-    hessian = out[9:].reshape(8, 8, COUNT).transpose(1, 0, 2)  # column by column
+    hessian = out[9:].reshape(8, 8, COUNT)  # row by row
     assert_close(hessian, differences(gradient, values["q"], 1e-4), 1e-8)
     assert np.abs(hessian - hessian.transpose(1, 0, 2)).max() > 1.0, "the coupled K makes it unsymmetric"
     assert_allclose(out[:9], run("segment_gradient", segment.LAYOUT, values), rtol=1e-12, atol=1e-12)
@@ -262,10 +263,9 @@ def test_joint_gradient_and_hessian() -> None:
 
     out = run("joint_hessian", joint.LAYOUT, values)
     assert_close(out[None, 1:14], differences(potential, values["q"], 1e-4), 1e-8)
-    lower = np.zeros((13, 13, COUNT))
-    columns, rows = np.triu_indices(13)  # of the lower triangle, column by column
-    lower[rows, columns] = lower[columns, rows] = out[14:]
-    assert_close(lower, differences(gradient, values["q"], 1e-4), 1e-8)
+    hessian = out[14:].reshape(13, 16, COUNT)
+    assert_close(hessian[:, :13], differences(gradient, values["q"], 1e-4), 1e-8)
+    assert not hessian[:, 13:].any()
     assert_allclose(out[:14], run("joint_gradient", joint.LAYOUT, values), rtol=1e-12, atol=1e-12)
 
 
@@ -348,6 +348,8 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
         "first": uniform(-0.01, 0.01, 3),
         "distance_n": uniform(-0.01, 0.01),
         "stored_n": uniform(0.0, 0.01),
+        "segment_tangent": units(rng),
+        "segment_director": units(rng),
     }
 
 
@@ -426,6 +428,24 @@ def test_point_force_is_that_of_the_equations() -> None:
     friction = np.sqrt(np.sum((force / (mu * np.where(load > 0, v["hold"][0] * load, 1.0))) ** 2, axis=0))
     assert (friction <= v["cap"][0] * (1 + 1e-12)).all(), "inside the set"
     assert ((share < 1.0) & (load > 0.0)).sum() > 3
+
+
+def test_tangents_are_the_segment_projected_and_its_left() -> None:
+    """Orthonormal, in the tangent plane, along the segment; where that stands upright, along its upward normal."""
+    v = some_point(coupled=True, inside=False, seed=11)
+    upright = np.arange(COUNT) % 4 == 0
+    v["segment_tangent"] = np.where(upright, v["normal"], v["segment_tangent"])
+    v["segment_director"] = across(v["segment_tangent"], np.random.default_rng(3))
+    out = run("point_tangents", point.LAYOUT, v)
+    along, left = out[:3], out[3:6]
+    pointing = np.where(upright, np.cross(v["segment_tangent"], v["segment_director"], axis=0), v["segment_tangent"])
+    for a, b, expected in ((along, along, 1.0), (left, left, 1.0), (along, left, 0.0), (along, v["normal"], 0.0)):
+        assert_allclose(np.sum(a * b, axis=0), expected, rtol=0, atol=1e-12)
+    assert_allclose(np.cross(v["normal"], along, axis=0), left, rtol=0, atol=1e-12)
+    assert (np.sum(along * pointing, axis=0) > 0.0).all(), "towards the head"
+    assert_allclose(np.sum(left * pointing, axis=0), 0.0, rtol=0, atol=1e-12)
+    away = v["x"] - v["anchor"]
+    assert_allclose(out[6:], [np.sum(along * away, axis=0), np.sum(left * away, axis=0)], rtol=0, atol=1e-13)
 
 
 def some_inputs(function: ca.Function) -> tuple[Layout, Values]:

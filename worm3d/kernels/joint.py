@@ -15,6 +15,8 @@ from worm3d.kernels import losses
 from worm3d.kernels.layout import Layout
 
 COORDINATES = 13
+ROW = 16
+"""Of the Hessian, with zeros at its end: two vectors."""
 
 LAYOUT = Layout(
     {
@@ -94,10 +96,10 @@ def gradient() -> ca.Function:
 
 
 def hessian() -> ca.Function:
-    """Return potential, gradient (13) and the lower triangle of the Hessian, column by column (91)."""
+    """Return potential, gradient (13) and the Hessian, row by row, each filled up with zeros (13 x 16)."""
     phi, slope, curve = _potential()
-    lower = [curve[c:, c] for c in range(COORDINATES)]
-    return LAYOUT.function("joint_hessian", {"phi": phi, "gradient": slope, "hessian": lower})
+    rows = ca.vertcat(curve, ca.SX.zeros(ROW - COORDINATES, COORDINATES))
+    return LAYOUT.function("joint_hessian", {"phi": phi, "gradient": slope, "hessian": ca.densify(rows)})
 
 
 def angles() -> ca.Function:

@@ -28,8 +28,8 @@ LAYOUT = Layout(
         "dt": 1,
         "depth_n": 1,
         "tangent": 6,  # along and to the left, frozen at the start of the step
-        "anchor": 3,
         "slide_n": 2,  # displacement from the anchor at the start of the step, in these tangents
+        "anchor": 3,
         "mu": 3,  # forward, backward, lateral
         "hold": 1,  # the multiplier at the start of the step
         "yield_gauge": 1,  # rho_b [m]
@@ -43,8 +43,13 @@ LAYOUT = Layout(
         "first": 3,  # (dX/dq) dq
         "distance_n": 1,
         "stored_n": 1,  # energy of the anchor at the end of the last step [J]
+        "segment_tangent": 3,  # of the segment, at the start of the step
+        "segment_director": 3,
     }
 )
+
+ALONG_NORMAL = 1e-6
+"""Sine of the angle between segment and normal below which friction's tangent is the segment's upward normal."""
 
 
 FREE, OPEN, SLIDING, STICKING = 0.0, 1.0, 2.0, 3.0
@@ -107,6 +112,18 @@ def force() -> ca.Function:
     K += grip * (T @ h_yy @ T.T) - s["coupled"] * s["hold"] * rising * (T @ h_y) @ s["normal"].T
     phi = s["inertia"] / 2.0 * ca.sumsqr(away) - ca.dot(s["weight"], s["x"]) + c.load * c.pressed / 2.0 + grip * h
     return LAYOUT.function("point_force", {"f": f, "K": ca.vec(K.T), "phi": phi, "load": c.load})
+
+
+def tangents() -> ca.Function:
+    """Return the tangents (6) at X, along the segment, projected, and to its left, and the displacement in them (2)."""
+    s = LAYOUT.symbols
+    n, t = s["normal"], s["segment_tangent"]
+    along, upward = (each - ca.dot(each, n) * n for each in (t, ca.cross(t, s["segment_director"])))
+    along = ca.if_else(ca.norm_2(along) < ALONG_NORMAL, upward, along)
+    along /= ca.norm_2(along)
+    left = ca.cross(n, along)
+    slide = [ca.dot(each, s["x"] - s["anchor"]) for each in (along, left)]
+    return LAYOUT.function("point_tangents", {"tangent": [along, left], "slide_n": slide})
 
 
 TURNED = 0.05

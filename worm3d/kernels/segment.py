@@ -157,9 +157,9 @@ def gradient() -> ca.Function:
 
 
 def hessian() -> ca.Function:
-    """Return potential and gradient as `gradient` does, and the Hessian (64), column by column."""
+    """Return potential and gradient as `gradient` does, and the Hessian (64), row by row."""
     phi, slope, curve = _potential()
-    return LAYOUT.function("segment_hessian", {"phi": phi, "gradient": slope, "hessian": curve})
+    return LAYOUT.function("segment_hessian", {"phi": phi, "gradient": slope, "hessian": curve.T})
 
 
 LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss", "work_contract_p11")

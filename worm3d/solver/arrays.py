@@ -6,6 +6,7 @@ S slot + i of point arrays. Some arrays share memory, so that one kernel writes 
     segment_shape -> REST | points      points are rows "x" of the point array
     segment_motion -> points            are its rows "first"
     world -> distance ... grip          are its rows 3 to 13
+    point_tangents -> tangent, slide_n  likewise
     point_force -> f, K | phi, load     f and K are the last rows of the segment array
 """
 
@@ -16,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import vectors
 from worm3d.banded import WIDTH, B
 from worm3d.kernels import joint, point, segment
 from worm3d.solver.block import Block, Memory
@@ -59,6 +61,7 @@ KERNELS = (
     "joint_angles",
     "joint_ledger",
     "point_force",
+    "point_tangents",
     "point_yielding",
     "point_after",
     "evaluate",  # entries, `worm3d.solver.entry`
@@ -79,6 +82,7 @@ KERNELS = (
     JOINT_ANGLES,
     JOINT_LEDGER,
     POINT_FORCE,
+    POINT_TANGENTS,
     POINT_YIELDING,
     POINT_AFTER,
     EVALUATE,
@@ -139,16 +143,20 @@ ARRAYS = (
     "segment_in",  # inputs of the segment's kernels
     "point_out",  # f (3), K (9), potential, load; begins inside segment_in
     "segment_out",
+    "segment_blocks",  # the segments' Hessians, one after the other
+    "changed",  # 1 where a contact of these segments, a vector of them, has changed what it does
     "rest",  # chamber lengths (2), tangent (3), director (3), points (24)
     "point_in",  # inputs of the point's kernels; begins inside rest
     "point_rows",  # the same memory with the lanes of segments, row 8 r + slot
     "world_in",
     "world_out",  # inside point_in
+    "tangents",  # inside point_in: tangent and slide_n
     "first",  # inside point_in, with the lanes of segments
     "yielding_out",  # y (2), excess, penetration, turn, turns, slip now (2)
     "after_out",  # slip (2), stored energy, terms of the ledger
     "joint_in",
     "joint_out",
+    "joint_blocks",
     "kinks",
     "y_start",
     "point_mass",  # (8, S) [kg]
@@ -199,16 +207,20 @@ ARRAYS = (
     SEGMENT_IN,
     POINT_OUT,
     SEGMENT_OUT,
+    SEGMENT_BLOCKS,
+    CHANGED,
     REST,
     POINT_IN,
     POINT_ROWS,
     WORLD_IN,
     WORLD_OUT,
+    TANGENTS,
     FIRST,
     YIELDING_OUT,
     AFTER_OUT,
     JOINT_IN,
     JOINT_OUT,
+    JOINT_BLOCKS,
     KINKS,
     Y_START,
     POINT_MASS,
@@ -291,7 +303,7 @@ class CoreMemory:
         Lanes for n segments and for n - 1 joints.
     world_rows : int
         Inputs of the world's kernel: x (3) and its parameters.
-    kernels : ndarray of int, shape (17,)
+    kernels : ndarray of int, shape (18,)
         Addresses.
     """
 
@@ -302,6 +314,7 @@ class CoreMemory:
         points = table[REST, 0] + POINTS * lanes  # behind lengths, tangents and directors
         table[POINT_IN, 0] = table[POINT_ROWS, 0] = points
         table[WORLD_OUT, 0] = points + 3 * POINTS * lanes
+        table[TANGENTS, 0] = points + point.LAYOUT.first("tangent") * POINTS * lanes
         table[FIRST, 0] = points + point.LAYOUT.first("first") * POINTS * lanes
         table[POINT_OUT, 0] = table[SEGMENT_IN, 0] + segment.LAYOUT.first("f") * lanes
         block, self.counters, self.kernels = self._memory.block, np.zeros(COUNTERS, dtype=np.int64), kernels
@@ -325,17 +338,21 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
         "factor": (size + B, WIDTH),
         "segment_in": (segment.LAYOUT.rows, lanes),
         "point_out": (14, p),  # what comes behind segment_in stands where it was allocated
-        "segment_out": (73, lanes),
+        "segment_out": (1 + segment.COORDINATES + segment.COORDINATES**2, lanes),
+        "segment_blocks": (lanes, segment.COORDINATES**2),
+        "changed": (1, lanes // vectors.WIDTH),
         "rest": (8 + 3 * POINTS, lanes),
         "point_in": (point.LAYOUT.rows, p),
         "point_rows": (point.LAYOUT.rows * POINTS, lanes),
         "world_in": (world_rows, p),
         "world_out": (WORLD_ROWS, p),
+        "tangents": (8, p),
         "first": (3 * POINTS, lanes),
         "yielding_out": (8, p),
         "after_out": (3 + len(point.LEDGER_TERMS), p),
         "joint_in": (joint.LAYOUT.rows, joint_lanes),
-        "joint_out": (105, joint_lanes),
+        "joint_out": (1 + joint.COORDINATES + joint.COORDINATES * joint.ROW, joint_lanes),
+        "joint_blocks": (joint_lanes, joint.COORDINATES * joint.ROW),
         "kinks": (1, p),
         "y_start": (3, p),
         "point_mass": (POINTS, lanes),

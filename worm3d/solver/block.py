@@ -114,6 +114,13 @@ def rows(block: Block, k: int, first: int, count: int) -> FloatArray:
     return found
 
 
+@inner
+def address(block: Block, k: int, row: int) -> int:
+    """Return where row `row` of array k begins."""
+    place = integers(block.table + 24 * k, 3)
+    return int(block.memory + 8 * (place[0] + row * place[2]))
+
+
 # Loops rather than array expressions, each of which would take Numba a third of a second to compile.
 
 

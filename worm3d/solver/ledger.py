@@ -24,12 +24,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import vectors
 from worm3d.codegen import evaluate as run
 from worm3d.compiled import inner
 from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, TERMS, Core
-from worm3d.solver.block import combine, matrix, rows, total, vector
+from worm3d.solver.block import address, combine, matrix, rows, vector
 from worm3d.solver.entry import kernel
 
 FloatArray = NDArray[np.float64]
@@ -98,13 +99,14 @@ def add(core: Core, dt: float, span: float, terms: FloatArray) -> None:
     run(kernel(core, a.SEGMENT_LEDGER), segment_in, segment_out, n)
     run(kernel(core, a.JOINT_LEDGER), joint_in, joint_out, n - 1)
     for k in range(len(_OF_SEGMENT)):
-        terms[_OF_SEGMENT[k]] += total(segment_out[k, :n])
+        terms[_OF_SEGMENT[k]] += vectors.total(address(core.block, a.SEGMENT_OUT, k), n)
     for k in range(len(_OF_JOINT)):
-        terms[_OF_JOINT[k]] += total(joint_out[k, : n - 1])
-    after, lanes = matrix(core.block, a.AFTER_OUT), segment_in.shape[1]
+        terms[_OF_JOINT[k]] += vectors.total(address(core.block, a.JOINT_OUT, k), n - 1)
+    lanes = segment_in.shape[1]
     for k in range(len(_OF_POINT)):
+        row = address(core.block, a.AFTER_OUT, _FIRST_TERM + k)
         for s in range(POINTS):
-            terms[_OF_POINT[k]] += total(after[_FIRST_TERM + k, s * lanes : s * lanes + n])
+            terms[_OF_POINT[k]] += vectors.total(row + 8 * s * lanes, n)
     _joints(core, dt, span, terms)
     _points(core, dt, span, terms)
     terms[WORK_POSITIVE] += max(0.0, terms[WORK_CONTRACT] - worked)
@@ -118,18 +120,27 @@ def _joints(core: Core, dt: float, span: float, terms: FloatArray) -> None:
     hat, drag_hat = matrix(core.block, a.JOINT_HAT), matrix(core.block, a.JOINT_DRAG_HAT)
     past, velocity = matrix(core.block, a.JOINTS), matrix(core.block, a.JOINT_VELOCITY)
     external, friction = matrix(core.block, a.EXTERNAL), matrix(core.block, a.JOINT_FRICTION)
+    kinetic = potential = worked = rubbed = viscous = numerical = 0.0
     for j in range(core.n + 1):
         for d in range(3):
             new = x[BLOCK * j + d]
             moved, rate = new - past[d, j], (new - drag_hat[d, j]) / span
             force = mass[j] / span**2 * (new - hat[d, j])
-            _inertia(mass[j], rate, velocity[d, j], velocity[3 + d, j], force, moved, moved, dt, span != dt, terms)
-            terms[POTENTIAL] -= mass[j] * numbers[a.GRAVITY + d] * moved
-            terms[WORK_EXTERNAL] += external[d, j] * moved
-            terms[FRICTION_LOSS] -= friction[d, j] * moved
-            terms[WORK_FRICTION] += friction[d, j] * moved
-            terms[VISCOUS_LOSS] += drag[j] * rate * rate * dt
-            terms[NUMERICAL_LOSS] += drag[j] * rate * (moved - rate * dt)
+            v_n, v_m = velocity[d, j], velocity[3 + d, j]
+            gained, lost = _inertia(mass[j], rate, v_n, v_m, force, moved, moved, dt, span != dt)
+            kinetic += gained
+            potential -= mass[j] * numbers[a.GRAVITY + d] * moved
+            worked += external[d, j] * moved
+            rubbed += friction[d, j] * moved
+            viscous += drag[j] * rate * rate * dt
+            numerical += lost + drag[j] * rate * (moved - rate * dt)
+    terms[KINETIC] += kinetic
+    terms[POTENTIAL] += potential
+    terms[WORK_EXTERNAL] += worked
+    terms[FRICTION_LOSS] -= rubbed
+    terms[WORK_FRICTION] += rubbed
+    terms[VISCOUS_LOSS] += viscous
+    terms[NUMERICAL_LOSS] += numerical
 
 
 @inner
@@ -140,6 +151,7 @@ def _points(core: Core, dt: float, span: float, terms: FloatArray) -> None:
     masses = matrix(core.block, a.POINT_MASS)
     lanes, bdf2 = masses.shape[1], span != dt
     w0, w1 = (4.0 / 3.0, -1.0 / 3.0) if bdf2 else (1.0, 0.0)
+    kinetic = potential = numerical = 0.0
     for s in range(POINTS):
         for i in range(core.n):
             mass, k = masses[s, i], s * lanes + i
@@ -150,26 +162,20 @@ def _points(core: Core, dt: float, span: float, terms: FloatArray) -> None:
                 v_n, v_m = velocity[d, k], velocity[3 + d, k]
                 v = (point_in[d, k] - w0 * past[d, k] - w1 * past[3 + d, k]) / span
                 force = mass * (v - w0 * v_n - w1 * v_m) / span
-                _inertia(mass, v, v_n, v_m, force, moved, first, dt, bdf2, terms)
-                terms[POTENTIAL] -= mass * numbers[a.GRAVITY + d] * moved
-                terms[NUMERICAL_LOSS] -= mass * numbers[a.GRAVITY + d] * (first - moved)
+                gained, lost = _inertia(mass, v, v_n, v_m, force, moved, first, dt, bdf2)
+                kinetic += gained
+                potential -= mass * numbers[a.GRAVITY + d] * moved
+                numerical += lost - mass * numbers[a.GRAVITY + d] * (first - moved)
+    terms[KINETIC] += kinetic
+    terms[POTENTIAL] += potential
+    terms[NUMERICAL_LOSS] += numerical
 
 
 @inner
 def _inertia(
-    mass: float,
-    v: float,
-    v_n: float,
-    v_m: float,
-    force: float,
-    moved: float,
-    first: float,
-    dt: float,
-    bdf2: bool,
-    terms: FloatArray,
-) -> None:
-    """Kinetic energy of one coordinate of a mass point and the integrator's loss; `force` is m A."""
+    mass: float, v: float, v_n: float, v_m: float, force: float, moved: float, first: float, dt: float, bdf2: bool
+) -> tuple[float, float]:
+    """Return a coordinate's gain of kinetic energy, and the integrator's loss; `force` is m A."""
     e_x = moved - 0.5 * dt * (v + v_n)
     e_v = 0.5 * (v - 2.0 * v_n + v_m) if bdf2 else 0.0
-    terms[KINETIC] += 0.5 * mass * (v * v - v_n * v_n)
-    terms[NUMERICAL_LOSS] += mass * e_v * 0.5 * (v + v_n) + force * e_x + force * (first - moved)
+    return 0.5 * mass * (v * v - v_n * v_n), mass * e_v * 0.5 * (v + v_n) + force * e_x + force * (first - moved)

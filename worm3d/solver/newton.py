@@ -10,15 +10,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import vectors
 from worm3d.banded import B, cholesky_solve, lu_factor, lu_solve
 from worm3d.compiled import inner
 from worm3d.kernels import point
 from worm3d.solver import arrays as a
 from worm3d.solver import regimes
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import combine, copy, fill, matrix, rows, total, vector
+from worm3d.solver.block import address, combine, copy, fill, matrix, rows, total, vector
 from worm3d.solver.entry import call, count, kernel, opened
-from worm3d.solver.evaluate import LOAD, NONE, WHOLE, WITH_KEPT_JOINTS, evaluate, hold
+from worm3d.solver.evaluate import LOAD, LOCAL, NONE, WHOLE, WITH_KEPT_JOINTS, evaluate, hold
 from worm3d.solver.regimes import Y
 
 FloatArray = NDArray[np.float64]
@@ -40,12 +41,19 @@ CURVATURE = 10.0
 """A step of size s moves a contact point otherwise than to first order by s^2 times this over the segment length."""
 DOUBT = 2.0
 """By which that error is taken to be larger each time that contacts have changed their regime."""
+SETTLED = 1e-5
+"""What slides at the static limit becomes kinetic once steps are smaller than this fraction of the segment length."""
+SEGMENTS_KEPT = 1e-3
+"""The Jacobian is kept, but for segments whose contacts change, until x has moved by this fraction of that length."""
 JOINTS_KEPT = 1e-2
 """The joints' part of the Jacobian is kept until x has moved by this fraction of the segment length."""
 FOLLOWED = 2e-15
 """Coordinate step, as a fraction of the body length, at which Newton has converged."""
 STAGNATION = 1e-12
 """A step below this fraction that no longer shrinks, with new Jacobians, is rounding: converged too."""
+
+NOTHING, TURNED, FREED, CHANGED = range(4)
+"""What has become of the contacts: a stuck one turns round, one breaks away, or one changes its regime."""
 
 _LOAD, _MU, _REGIME = point.LAYOUT.firsts("load", "mu", "regime")
 
@@ -109,45 +117,105 @@ def _follow(core: Core) -> bool:
     There is no potential to descend: it gives up where regimes go on changing or it does not come closer.
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
-    length, l0 = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.L0]
-    size, renew, fresh, changes, doubt, moved = np.inf, True, 0, 0, 1.0, np.inf
+    length = vector(core.block, a.NUMBERS_)[a.LENGTH]
+    size, moved, hessian, fresh, changes, doubt = np.inf, 0.0, WHOLE, 0, 0, 1.0
+    since_joints, since_all = 0.0, 0.0
     for _ in range(MAX_FOLLOW):
-        hessian = (WHOLE if moved > JOINTS_KEPT * l0 else WITH_KEPT_JOINTS) if renew else NONE
-        fresh, moved = fresh + 1 if renew else 0, 0.0 if hessian == WHOLE else moved
-        previous, size = size, _newton_step(core, hessian)
+        previous, size = size, _newton_step(core, hessian, moved > 0.0)
         if not size <= 0.1 * length:
             return False
-        regimes.look_ahead(core, step)
-        error = doubt * CURVATURE * size * size / l0
-        lands = regimes.lands(core, error)
-        changed, turned = regimes.change(core, error, lands)
-        if changed:
+        news, lands = _news(core, size, doubt)
+        renewed = hessian in (WHOLE, WITH_KEPT_JOINTS)
+        fresh = fresh + 1 if renewed else 0
+        if news == CHANGED:
             changes += 1
             doubt *= DOUBT
             if changes > MAX_CHANGES:
                 return False
-        elif size < FOLLOWED * length or (fresh > 1 and size < STAGNATION * length and size > 0.5 * previous):
+        elif news != FREED and _converged(size, previous, fresh, length):
             return True
-        renew = changed or turned or size > CONTRACTION * previous
+        moved = 0.0 if lands else size
         if not lands:
+            copy(vector(core.block, a.TRIAL), step)
             combine(x, 1.0, x, -1.0, step)
-            moved += size
+        since_joints = moved + (0.0 if hessian == WHOLE else since_joints)
+        since_all = moved + (0.0 if renewed else since_all)
+        slow = size > CONTRACTION * previous and hessian != LOCAL
+        hessian = _renewal(core, since_joints, since_all, slow, news)
     return False
 
 
 @inner
-def _newton_step(core: Core, hessian: int) -> float:
-    """Put Newton's step into "direction"; return its size, infinite where there is none."""
+def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
+    """Return what becomes of the contacts in a step of this size, and whether an open one lands in it."""
+    l0 = vector(core.block, a.NUMBERS_)[a.L0]
+    regimes.look_ahead(core, vector(core.block, a.DIRECTION))
+    error = doubt * CURVATURE * size * size / l0
+    lands = regimes.lands(core, error)
+    changed, turned = regimes.change(core, error, lands)
+    if changed:
+        return CHANGED, lands
+    if not lands and size < SETTLED * l0 and regimes.free(core):
+        count(core, 2)
+        return FREED, lands
+    return TURNED if turned else NOTHING, lands
+
+
+@inner
+def _converged(size: float, previous: float, fresh: int, length: float) -> bool:
+    """Return whether a step is rounding, the last one or one that no longer shrinks."""
+    return size < FOLLOWED * length or (fresh > 1 and size < STAGNATION * length and size > 0.5 * previous)
+
+
+@inner
+def _renewal(core: Core, since_joints: float, since_all: float, slow: bool, news: int) -> int:
+    """Return what of the Jacobian is made anew, after motions since that was done last."""
+    l0 = vector(core.block, a.NUMBERS_)[a.L0]
+    if since_joints > JOINTS_KEPT * l0:
+        return WHOLE
+    if slow or since_all > SEGMENTS_KEPT * l0:
+        return WITH_KEPT_JOINTS
+    return NONE if news == NOTHING else LOCAL
+
+
+@inner
+def _newton_step(core: Core, hessian: int, follows: bool) -> float:
+    """Put Newton's step into "direction"; return its size, infinite where there is none.
+
+    Where it follows another one ("trial") with the same Jacobian it is corrected by what that one has shown.
+    """
+    begin = _first_changed(core) if hessian == LOCAL else 0
     if not np.isfinite(evaluate(core, a.X, True, hessian)):
         return np.inf
     hold(core, hessian != NONE)
     factor, step = matrix(core.block, a.FACTOR), vector(core.block, a.DIRECTION)
     copy(step, vector(core.block, a.GRADIENT))
     if hessian != NONE:
-        copy(vector(core.block, a.FACTOR), vector(core.block, a.BAND))
-        lu_factor(factor, vector(core.block, a.PIVOTS))
+        left = factor.size - begin * factor.shape[1]
+        vectors.move(address(core.block, a.FACTOR, begin), address(core.block, a.BAND, begin), left)
+        lu_factor(factor, vector(core.block, a.PIVOTS), begin)
     lu_solve(factor, step, vector(core.block, a.PADDED))
+    if hessian == NONE and follows:
+        _correct(step, vector(core.block, a.TRIAL))
     return float(_size(core, step))
+
+
+@inner
+def _correct(step: FloatArray, before: FloatArray) -> None:
+    """Broyden's correction of a step with a kept Jacobian, from the step before."""
+    left = np.dot(before, step) / np.dot(before, before)
+    if abs(left) < CONTRACTION:
+        combine(step, 1.0 / (1.0 - left), step, 0.0, step)
+
+
+@inner
+def _first_changed(core: Core) -> int:
+    """Return the first row of the band that the contacts' changes concern."""
+    changed = vector(core.block, a.CHANGED)
+    for k in range(len(changed)):
+        if changed[k] != 0.0:
+            return BLOCK * vectors.WIDTH * k
+    return 0
 
 
 @inner
@@ -191,7 +259,7 @@ def _descent_direction(core: Core) -> bool:
         if k % BLOCK < 3:
             scale = max(scale, abs(band[k, B]))
     while shift < 1e6 * scale:
-        copy(vector(core.block, a.FACTOR), vector(core.block, a.BAND))
+        vectors.move(address(core.block, a.FACTOR, 0), address(core.block, a.BAND, 0), factor.size)
         if shift > 0.0:
             for k in range(len(direction)):
                 factor[k, B] += shift * (square if k % BLOCK > 2 else 1.0)

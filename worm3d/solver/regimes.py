@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import vectors
 from worm3d.codegen import evaluate as run
 from worm3d.compiled import inner, njit
 from worm3d.kernels import point, segment
@@ -15,7 +16,7 @@ from worm3d.solver.entry import kernel
 
 FloatArray = NDArray[np.float64]
 
-_LOAD_N, _REGIME, _STIFFNESS = point.LAYOUT.firsts("load_n", "regime", "stiffness")
+_LOAD_N, _REGIME, _STIFFNESS, _CAP = point.LAYOUT.firsts("load_n", "regime", "stiffness", "cap")
 _DQ, _FIRST = segment.LAYOUT.first("dq"), point.LAYOUT.first("first")
 Y, EXCESS, TOUCHING, _TURN, _TURNS, SLIP = 0, 2, 3, 4, 5, 6
 """Rows of "yielding_out"."""
@@ -85,20 +86,22 @@ def change(core: Core, error: float, lands: bool) -> tuple[bool, bool]:
         Whether the step will not be taken: what sticks does not begin to slide yet, for the way is not known.
     """
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
-    lanes, changed, turned = p.shape[1] // POINTS, False, False
+    lanes, changed, turned, concerned = p.shape[1] // POINTS, False, False, vector(core.block, a.CHANGED)
     for s in range(POINTS):
-        for k in range(s * lanes, s * lanes + core.n):
+        for i in range(core.n):
+            k = s * lanes + i
             if p[_STIFFNESS, k] == 0.0:
                 continue
             regime = p[_REGIME, k]
             new = _by_law(regime, out[TOUCHING, k], out[EXCESS, k], out[_TURN, k], error)
             if regime == point.STICKING and new != point.OPEN:
-                turned = turned or out[_TURNS, k] != 0.0
+                if out[_TURNS, k] != 0.0:
+                    turned, concerned[i // vectors.WIDTH] = True, 1.0
                 if lands or out[_TURNS, k] != 0.0:
                     new = regime
             if new != regime:
                 p[_REGIME, k] = new
-                changed = True
+                changed, concerned[i // vectors.WIDTH] = True, 1.0
     return changed, turned
 
 
@@ -114,3 +117,16 @@ def _by_law(regime: float, touching: float, excess: float, turn: float, error: f
     if regime == point.SLIDING:
         return point.STICKING if turn < 0.0 or excess < -error else point.SLIDING
     return point.SLIDING if excess > error else point.STICKING
+
+
+@inner
+def free(core: Core) -> bool:
+    """Let what slides at the static limit slide at the kinetic one; return whether there was such a contact."""
+    p, stuck, freed = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK), False
+    lanes, concerned = p.shape[1] // POINTS, vector(core.block, a.CHANGED)
+    for s in range(POINTS):
+        for i in range(core.n):
+            k = s * lanes + i
+            if p[_CAP, k] > 1.0 and p[_REGIME, k] == point.SLIDING:
+                stuck[k], p[_CAP, k], freed, concerned[i // vectors.WIDTH] = 0.0, 1.0, True, 1.0
+    return freed

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import vectors
 from worm3d.codegen import evaluate as run
 from worm3d.compiled import inner
 from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver import ledger
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import combine, copy, fill, matrix, rows, vector
+from worm3d.solver.block import address, combine, copy, fill, matrix, rows, vector
 from worm3d.solver.clamped import solve_clamped
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import DIRECTOR, LENGTHS, LOAD, TANGENT, place
@@ -24,9 +25,6 @@ FloatArray = NDArray[np.float64]
 
 MAX_BREAKAWAYS = 50
 """Rounds of contacts going from stuck to kinetic within a step; each frees at least one, so it ends anyway."""
-ALONG_NORMAL = 1e-6
-"""Sine of the angle between segment and normal below which friction's tangent is the segment's upward normal."""
-
 _T_REF, _D_REF = segment.LAYOUT.firsts("t_ref", "d_ref")
 _SPAN, _DT, _COMMANDED, _COMMANDED_N = segment.LAYOUT.firsts("span", "dt", "commanded", "commanded_n")
 _L_HAT, _A_HAT, _L_N, _A_N = segment.LAYOUT.firsts("length_hat", "angle_hat", "length_n", "angle_n")
@@ -35,7 +33,8 @@ _HINGE, _HINGE_N, _WEIGHTS, _ANGLES_N = joint.LAYOUT.firsts("hinge", "hinge_n", 
 _DISTANCE, _POINT_NORMAL, _GRIP, _X_HAT = point.LAYOUT.firsts("distance", "normal", "grip", "x_hat")
 _STIFFNESS, _WEIGHT = point.LAYOUT.firsts("stiffness", "weight")
 _INERTIA, _P_DT, _DEPTH_N = point.LAYOUT.firsts("inertia", "dt", "depth_n")
-_TANGENTS, _ANCHOR, _SLIDE_N, _HOLD, _CAP = point.LAYOUT.firsts("tangent", "anchor", "slide_n", "hold", "cap")
+_TANGENTS, _ANCHOR, _HOLD, _CAP = point.LAYOUT.firsts("tangent", "anchor", "hold", "cap")
+_OF_SEGMENT = point.LAYOUT.first("segment_tangent")
 _LOAD, _LOAD_N, _DISTANCE_N, _STORED_N = point.LAYOUT.firsts("load", "load_n", "distance_n", "stored_n")
 _TERMS_OF_SEGMENT = len(segment.LEDGER_TERMS)
 
@@ -190,44 +189,17 @@ def _begin_points(core: Core, dt: float, span: float) -> None:
 @inner
 def _begin_contacts(core: Core) -> None:
     """Freeze the tangents and what else friction remembers of the start of the step."""
-    p = matrix(core.block, a.POINT_IN)
-    lanes = p.shape[1] // POINTS
-    for s in range(POINTS):
-        for i in range(core.n):
-            k = s * lanes + i
-            _freeze_tangents(core, i, k)
-            for b in range(2):
-                along = 0.0
-                for d in range(3):
-                    along += p[_TANGENTS + 3 * b + d, k] * (p[d, k] - p[_ANCHOR + d, k])
-                p[_SLIDE_N + b, k] = along
+    p, lanes = matrix(core.block, a.POINT_IN), matrix(core.block, a.REST).shape[1]
+    for row in range(6):  # tangent and director follow each other in both arrays
+        here = address(core.block, a.REST, TANGENT + row)
+        for s in range(POINTS):
+            vectors.move(address(core.block, a.POINT_IN, _OF_SEGMENT + row) + 8 * s * lanes, here, lanes)
+    run(kernel(core, a.POINT_TANGENTS), p, matrix(core.block, a.TANGENTS), p.shape[1])
     for new, old in ((_HOLD, _GRIP), (_DISTANCE_N, _DISTANCE), (_LOAD, _LOAD_N)):
         copy(p[new], p[old])
     copy(p[_STORED_N], vector(core.block, a.STORED))
     for k in range(p.shape[1]):
         p[_DEPTH_N, k] = max(0.0, -p[_DISTANCE, k])
-
-
-@inner
-def _freeze_tangents(core: Core, i: int, k: int) -> None:
-    """Tangents of contact k of segment i: along the segment, projected, and normal x along (to the left)."""
-    p, r = matrix(core.block, a.POINT_IN), matrix(core.block, a.REST)
-    nx, ny, nz = p[_POINT_NORMAL, k], p[_POINT_NORMAL + 1, k], p[_POINT_NORMAL + 2, k]
-    tx, ty, tz = r[TANGENT, i], r[TANGENT + 1, i], r[TANGENT + 2, i]
-    dot = tx * nx + ty * ny + tz * nz
-    ax, ay, az = tx - dot * nx, ty - dot * ny, tz - dot * nz
-    size = np.sqrt(ax * ax + ay * ay + az * az)
-    if size < ALONG_NORMAL:
-        dx, dy, dz = r[DIRECTOR, i], r[DIRECTOR + 1, i], r[DIRECTOR + 2, i]
-        ax, ay, az = ty * dz - tz * dy, tz * dx - tx * dz, tx * dy - ty * dx  # u = t x d
-        dot = ax * nx + ay * ny + az * nz
-        ax, ay, az = ax - dot * nx, ay - dot * ny, az - dot * nz
-        size = np.sqrt(ax * ax + ay * ay + az * az)
-    ax, ay, az = ax / size, ay / size, az / size
-    p[_TANGENTS, k], p[_TANGENTS + 1, k], p[_TANGENTS + 2, k] = ax, ay, az
-    p[_TANGENTS + 3, k] = ny * az - nz * ay
-    p[_TANGENTS + 4, k] = nz * ax - nx * az
-    p[_TANGENTS + 5, k] = nx * ay - ny * ax
 
 
 @inner

@@ -5,6 +5,6 @@ Heavy libraries are imported where they are used: take `pictures`, `movie`, `mes
 
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.html import write_html
-from worm3d.viewer.world import WorldMesh, heightfield, mesh, pipe, plane
+from worm3d.viewer.world import WorldMesh, banded_pipe, chequered, heightfield, mesh, pipe, plane
 
-__all__ = ["Frames", "WorldMesh", "heightfield", "mesh", "pipe", "plane", "write_html"]
+__all__ = ["Frames", "WorldMesh", "banded_pipe", "chequered", "heightfield", "mesh", "pipe", "plane", "write_html"]

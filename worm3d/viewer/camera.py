@@ -8,41 +8,45 @@ from worm3d.viewer.arrays import FloatArray
 from worm3d.viewer.frames import Frames
 
 AHEAD = 0.4
-"""Distance of the camera from the head, in body lengths."""
+"""Distance of the camera inside a pipe from the head, in body lengths."""
+
+FRONT = (0.9, 0.3)
+"""Where there is no pipe it stands so far ahead of the head, and so far above it, in body lengths."""
 
 
 def inside(frames: Frames) -> tuple[FloatArray, FloatArray]:
     """Return where the camera is and where it looks in every frame, each of shape (T, 3) [m].
 
-    It stands just above the path (the centre line of the pipe) if the head is near it, or else where the head points.
+    It stands just above the centre line of the pipe if the head is near it, or else where the head points, further away
+    and higher.
     """
-    heads, reach = frames.joints[:, -1], AHEAD * frames.body_length
+    heads, size = frames.joints[:, -1], frames.body_length
     pointing = heads - frames.joints[:, max(frames.segments - 2, 0)]
     pointing = pointing / np.linalg.norm(pointing, axis=1, keepdims=True)
-    eyes = heads + reach * pointing
-    if frames.path is not None:
-        for k, (head, direction) in enumerate(zip(heads, pointing, strict=True)):
-            place = _ahead_on(frames.path, head, direction, reach)
-            if place is not None:
-                eyes[k] = place
     up = np.cross(pointing, frames.directors[:, -1])
-    return eyes + 0.03 * frames.body_length * up, heads
+    eyes = heads + size * (FRONT[0] * pointing + FRONT[1] * up)
+    if frames.centreline is not None:
+        for k, (head, direction) in enumerate(zip(heads, pointing, strict=True)):
+            place = _ahead_on(frames.centreline, head, direction, AHEAD * size)
+            if place is not None:
+                eyes[k] = place + 0.03 * size * up[k]
+    return eyes, heads
 
 
-def _ahead_on(path: FloatArray, head: FloatArray, direction: FloatArray, reach: float) -> FloatArray | None:
-    """Return the point of the path a distance `reach` ahead of the head along it; None if the head is far from it."""
-    edges = np.diff(path, axis=0)
+def _ahead_on(line: FloatArray, head: FloatArray, direction: FloatArray, reach: float) -> FloatArray | None:
+    """Return the point of the line a distance `reach` ahead of the head along it; None if the head is far from it."""
+    edges = np.diff(line, axis=0)
     square = np.maximum(np.sum(edges**2, axis=1), 1e-300)
-    share = np.clip(np.sum((head - path[:-1]) * edges, axis=1) / square, 0.0, 1.0)
-    away = np.linalg.norm(path[:-1] + share[:, None] * edges - head, axis=1)
+    share = np.clip(np.sum((head - line[:-1]) * edges, axis=1) / square, 0.0, 1.0)
+    away = np.linalg.norm(line[:-1] + share[:, None] * edges - head, axis=1)
     k = int(away.argmin())
     if away[k] > 0.5 * reach:
         return None
     arc = np.concatenate([[0.0], np.cumsum(np.sqrt(square))])
     here = arc[k] + share[k] * np.sqrt(square[k])
     there = here + (reach if edges[k] @ direction >= 0.0 else -reach)
-    place = np.array([np.interp(there, arc, x) for x in path.T])
-    # Beyond an end of the path: straight on.
+    place = np.array([np.interp(there, arc, x) for x in line.T])
+    # Beyond an end of the line: straight on.
     beyond = there - float(np.clip(there, 0.0, arc[-1]))
     last = edges[-1] / np.sqrt(square[-1]) if beyond > 0.0 else edges[0] / np.sqrt(square[0])
     return np.asarray(place + beyond * last)

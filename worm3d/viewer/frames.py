@@ -17,7 +17,8 @@ _PER_FRAME: dict[str, Shape] = {
     "joints": ("T", "N+1", 3),
     "apexes": ("T", "N", 6, 3),
     "chamber_strain": ("T", "N", 2),
-    "contact_force": ("T", "N", 6, 3),
+    "faces": ("T", "N", 2, 3),
+    "contact_force": ("T", "N", "K", 3),
     "com": ("T", 3),
     "horizon": ("T", "H", 3),
 }
@@ -41,16 +42,20 @@ class Frames:
         Unit directors d of the segments, normal to them, to the left.
     chamber_strain : ndarray, shape (T, N, 2)
         Left and right chamber: (length - rest length) / rest length, negative is shorter; it gives the colour.
-    contact_force : ndarray, shape (T, N, 6, 3), optional
-        Forces of the world on the apexes [N].
-    anchored : ndarray of bool, shape (T, N, 6), optional
-        Which apexes stick.
+    faces : ndarray, shape (T, N, 2, 3), optional
+        Where the tail and the head end of each segment touch the world [m].
+    contact_force : ndarray, shape (T, N, K, 3), optional
+        Forces of the world on the K contact points of a segment, its 6 apexes and then its faces, if given [N].
+    anchored : ndarray of bool, shape (T, N, K), optional
+        Which of them stick.
     com : ndarray, shape (T, 3), optional
         Centre of mass [m]; gives the trail and the speed.
     period : float, optional
         Commanded period [s]: the speed shown is an average over it, since a wave rocks the centre of mass.
     path : ndarray, shape (P, 3), optional
-        Reference path or centre line of the pipe [m].
+        Reference path, which is drawn [m].
+    centreline : ndarray, shape (P, 3), optional
+        Of the pipe, on which the camera inside it stands [m].
     horizon : ndarray, shape (T, H, 3), optional
         Points the controller expects to pass [m].
     world : tuple of WorldMesh
@@ -67,23 +72,26 @@ class Frames:
     apexes: FloatArray
     directors: FloatArray
     chamber_strain: FloatArray
+    faces: FloatArray | None = None
     contact_force: FloatArray | None = None
     anchored: NDArray[np.bool_] | None = None
     com: FloatArray | None = None
     period: float | None = None
     path: FloatArray | None = None
+    centreline: FloatArray | None = None
     horizon: FloatArray | None = None
     world: tuple[WorldMesh, ...] = ()
 
     def __post_init__(self) -> None:
-        sizes: dict[str, int] = {}
+        sizes = {"K": 6 if self.faces is None else 8}
         for name, shape in _PER_FRAME.items():
             if getattr(self, name) is not None:
                 self._set(name, frozen(name, getattr(self, name), shape, sizes))
         if min(sizes["T"], sizes["N"]) < 1:
             raise ValueError(f"frames: got {sizes['T']} frames of {sizes['N']} segments, must be at least 1 of each")
         self._set_anchored(sizes)
-        self._set_path()
+        self._set_line("path")
+        self._set_line("centreline")
         self._set("world", tuple(_as_mesh(mesh) for mesh in self.world))
         self._check_time()
         self._check_frame()
@@ -96,19 +104,19 @@ class Frames:
         if self.anchored is None:
             return
         anchored = np.array(self.anchored)
-        check_shape("anchored", anchored.shape, ("T", "N", 6), sizes)
+        check_shape("anchored", anchored.shape, ("T", "N", "K"), sizes)
         if anchored.dtype != np.bool_:
-            raise ValueError(f"anchored: got {anchored.dtype}, must be bool: which apexes stick")
+            raise ValueError(f"anchored: got {anchored.dtype}, must be bool: which contact points stick")
         anchored.setflags(write=False)
         self._set("anchored", anchored)
 
-    def _set_path(self) -> None:
-        if self.path is None:
+    def _set_line(self, name: str) -> None:
+        if getattr(self, name) is None:
             return
-        path = frozen("path", self.path, ("P", 3), {})
-        if len(path) < 2:
-            raise ValueError(f"path: got {len(path)} points, must be at least 2")
-        self._set("path", path)
+        line = frozen(name, getattr(self, name), ("P", 3), {})
+        if len(line) < 2:
+            raise ValueError(f"{name}: got {len(line)} points, must be at least 2")
+        self._set(name, line)
 
     def _check_time(self) -> None:
         if (np.diff(self.time) <= 0.0).any():
@@ -157,6 +165,11 @@ class Frames:
     def segments(self) -> int:
         """N."""
         return int(self.directors.shape[1])
+
+    @property
+    def contacts(self) -> FloatArray:
+        """Contact points of the segments: apexes and then faces, if given, shape (T, N, K, 3) [m]."""
+        return self.apexes if self.faces is None else np.concatenate([self.apexes, self.faces], axis=2)
 
     @property
     def body_length(self) -> float:

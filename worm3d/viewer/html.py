@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from worm3d.viewer import camera, colours, pieces
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import Piece
-from worm3d.viewer.pieces import ARROW, LAYERS, TRAIL_SIDES, Scales
+from worm3d.viewer.pieces import LAYERS, TRAIL_SIDES, Scales
 from worm3d.viewer.skin import skin as make_skin
 
 _SWATCHES = {
@@ -35,7 +35,7 @@ def write_html(
     frames: Frames,
     path: str | Path,
     *,
-    fps: float = 25.0,
+    fps: float | None = 25.0,
     skin: bool = False,
     play: bool = False,
     title: str = "worm3d",
@@ -43,16 +43,16 @@ def write_html(
     """Write the run as one HTML file that needs nothing else; the same frames give the same bytes.
 
     An address may say what is seen first:
-    `viewer.html#t=2.5&camera=top&hide=links,world&show=skin&world=0.3&play=1`; cameras are side, top, follow and
-    inside, layers those of `LAYERS`, `world` is its opacity (0.5 as given).
+    `viewer.html#t=2.5&camera=top&hide=links,world&show=skin&world=0.3&play=1&bare=1`; cameras are side, top, follow
+    and inside, layers those of `LAYERS`, `world` is its opacity (0.5 as given), `bare` leaves the scene alone.
 
     Parameters
     ----------
     frames : Frames
     path : str or Path
         Replaced if it exists.
-    fps : float
-        Frames a second that are taken of the run; between them things move on straight lines.
+    fps : float or None
+        Frames a second that are taken of the run, None: all; between them things move on straight lines.
     skin : bool
         Whether a smooth skin is drawn over the chambers.
     play : bool
@@ -63,9 +63,11 @@ def write_html(
     Path(path).write_text(html(frames, fps=fps, skin=skin, play=play, title=title), encoding="utf-8", newline="\n")
 
 
-def html(frames: Frames, *, fps: float = 25.0, skin: bool = False, play: bool = False, title: str = "worm3d") -> str:
+def html(
+    frames: Frames, *, fps: float | None = 25.0, skin: bool = False, play: bool = False, title: str = "worm3d"
+) -> str:
     """Return what `write_html` writes."""
-    shown = frames.at_rate(fps)
+    shown = frames if fps is None else frames.at_rate(fps)
     scales = Scales.of(shown)
     parts = [
         *pieces.worm(shown, scales),
@@ -126,8 +128,10 @@ def _scene(frames: Frames, parts: list[Piece], scales: Scales, play: bool) -> di
         "eye": _floats(eye),
         "look": _floats(look),
         "speed": None if speed is None else _floats(speed),
+        "centreline": frames.centreline is not None,
         "heading": frames.heading.tolist(),
         "size": _size(frames),
+        "tall": float(np.ptp(frames.apexes[..., 2].reshape(len(frames), -1), axis=1).max()),
         "low": low.tolist(),
         "high": high.tolist(),
         "layers": _layers(parts),
@@ -164,7 +168,7 @@ def _legend(frames: Frames, scales: Scales) -> dict[str, Any]:
         "strain": scales.strain,
         "colours": [colours.as_hex(colour) for colour in (colours.SHORTER, colours.REST, colours.LONGER)],
         "force": None if frames.contact_force is None else scales.force,
-        "arrow": ARROW * frames.body_length,
+        "arrow": pieces.arrow_length(frames.body_length),
     }
 
 

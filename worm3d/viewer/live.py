@@ -84,6 +84,7 @@ class LiveView:
         directors: FloatArray,
         chamber_strain: FloatArray,
         *,
+        faces: FloatArray | None = None,
         contact_force: FloatArray | None = None,
         anchored: NDArray[np.bool_] | None = None,
         horizon: FloatArray | None = None,
@@ -98,9 +99,11 @@ class LiveView:
             [m].
         directors : ndarray, shape (N, 3)
         chamber_strain : ndarray, shape (N, 2)
-        contact_force : ndarray, shape (N, 6, 3), optional
+        faces : ndarray, shape (N, 2, 3), optional
+            [m].
+        contact_force : ndarray, shape (N, K, 3), optional
             [N].
-        anchored : ndarray of bool, shape (N, 6), optional
+        anchored : ndarray of bool, shape (N, K), optional
         horizon : ndarray, shape (H, 3), optional
             [m].
         """
@@ -114,6 +117,7 @@ class LiveView:
             apexes=apexes[None],
             directors=directors[None],
             chamber_strain=chamber_strain[None],
+            faces=None if faces is None else faces[None],
             contact_force=None if contact_force is None else contact_force[None],
             anchored=None if anchored is None else anchored[None],
             horizon=None if horizon is None else horizon[None],

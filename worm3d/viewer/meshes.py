@@ -65,9 +65,14 @@ def export_glb(frames: Frames, index: int, path: str | Path) -> None:
     """
     if Path(path).suffix.lower() != ".glb":
         raise ValueError(f"mesh file: got {Path(path).name!r}, the ending must be .glb")
+    Path(path).write_bytes(glb(frames, index))
+
+
+def glb(frames: Frames, index: int) -> bytes:
+    """Return what `export_glb` writes."""
     shown = scene(frames, index)
     shown.apply_transform(_Y_UP)  # type: ignore[no-untyped-call]
-    Path(path).write_bytes(shown.export(file_type="glb"))  # type: ignore[no-untyped-call]
+    return cast(bytes, shown.export(file_type="glb"))  # type: ignore[no-untyped-call]
 
 
 def _one(frames: Frames, index: int) -> tuple[Frames, Scales]:

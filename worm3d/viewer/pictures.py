@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,11 +19,12 @@ from worm3d.viewer import colours
 from worm3d.viewer.arrays import FloatArray
 from worm3d.viewer.body import Body
 from worm3d.viewer.frames import Frames
-from worm3d.viewer.pieces import ARROW, FULLNESS, Scales
+from worm3d.viewer.pieces import FULLNESS, Scales, arrow_length
 from worm3d.viewer.projection import Projection
+from worm3d.viewer.world import GROUND, WorldMesh
 
 DPI = 100
-_LEFT, _RIGHT, _ABOVE, _BETWEEN, _BELOW = 80, 110, 30, 26, 50
+_LEFT, _RIGHT, _ABOVE, _BETWEEN, _BELOW = 80, 116, 30, 26, 50
 """Margins around the two views [pixels]."""
 _WIDE, _HIGH = 760, 760
 """The most that the views take [pixels]."""
@@ -75,10 +76,11 @@ class Stage:
         bottom = (_BELOW + scale * wide + _BETWEEN) / height
         side = figure.add_axes((_LEFT / width, bottom, scale * long / width, scale * high / height))
         self._label(side, top)
-        bar = figure.add_axes((1.0 - 78 / width, _BELOW / height, 12 / width, 1.0 - (_BELOW + _ABOVE) / height))
+        bar = figure.add_axes((1.0 - 94 / width, _BELOW / height, 12 / width, 1.0 - (_BELOW + _ABOVE) / height))
         limit = self.scales.strain
         ramp = LinearSegmentedColormap.from_list("strain", [colours.SHORTER, colours.REST, colours.LONGER])
-        figure.colorbar(ScalarMappable(Normalize(-limit, limit), ramp), cax=bar, label="chamber strain [-]")
+        mapped = ScalarMappable(Normalize(-100.0 * limit, 100.0 * limit), ramp)
+        figure.colorbar(mapped, cax=bar).set_label("chamber strain [%]", fontsize=9)
         return figure, (side, top)
 
     def _label(self, side: Axes, top: Axes) -> None:
@@ -133,7 +135,7 @@ class Stage:
         if self._speed is not None:
             text += f"   speed {self._speed[index]:.3g} m/s"
         if self.frames.contact_force is not None:
-            text += f"   arrow of {ARROW * self.frames.body_length:.3g} m: {self.scales.force:.3g} N"
+            text += f"   an arrow of {arrow_length(self.frames.body_length):.3g} m is {self.scales.force:.3g} N"
         return text
 
     def outlines(self, view: Projection, index: int) -> tuple[list[FloatArray], FloatArray]:
@@ -160,17 +162,23 @@ class _View:
         self._stage, self._view, self._axes = stage, view, axes
         frames = stage.frames
         axes.set_aspect("equal", adjustable="box")
-        self._world = LineCollection([], colors="0.45", lw=2.0)
+        # What one can see through is a wall; below anything else is ground, which fills the view from the side.
+        self._grounds = [mesh for mesh in frames.world if mesh.opacity == 1.0]
+        self._ground = PolyCollection([], facecolors=[GROUND], lw=0.0, antialiaseds=False)
+        if self._grounds and view.up[2] == 0.0:
+            axes.set_facecolor((*GROUND, 0.35))
+        self._world = LineCollection([], colors="0.45", lw=1.5)
         if frames.path is not None:
             axes.plot(*view.points(frames.path).T, color=colours.PATH, lw=1.2, ls="--", scalex=False, scaley=False)
         self._trail = axes.plot([], [], color=colours.TRAIL, lw=1.2)[0]
         self._worm = PolyCollection([], lw=0.3, edgecolors="0.25")
         self._forces = PolyCollection([], facecolors=[colours.FORCE], lw=0.0)
-        for collection in (self._world, self._worm, self._forces):
+        for collection in (self._ground, self._world, self._worm, self._forces):
             axes.add_collection(collection, autolim=False)
         self._anchors = axes.plot([], [], "o", color=colours.ANCHOR, ms=4.0)[0]
         self._horizon = axes.plot([], [], ".", color=colours.HORIZON, ms=5.0)[0]
         self.artists: list[Artist] = [
+            self._ground,
             self._world,
             self._trail,
             self._worm,
@@ -186,22 +194,34 @@ class _View:
         shapes, paint = self._stage.outlines(view, index)
         self._worm.set_verts(shapes)
         self._worm.set_facecolor([tuple(colour) for colour in paint])
-        cuts = [view.cut(mesh.vertices, mesh.faces, frames.centre[index]) for mesh in frames.world]
-        self._world.set_segments([line for lines in cuts for line in lines])
+        self._world.set_segments(self._cuts(frames.world, index))
+        if view.up[2] > 0.0:
+            self._ground.set_verts([_down(line, self._axes.get_ylim()[0]) for line in self._cuts(self._grounds, index)])
         if frames.com is not None:
             self._trail.set_data(*view.points(frames.com[: index + 1]).T)
         if frames.horizon is not None:
             self._horizon.set_data(*view.points(frames.horizon[index]).T)
         if frames.anchored is not None:
-            self._anchors.set_data(*view.points(frames.apexes[index][frames.anchored[index]]).T)
+            self._anchors.set_data(*view.points(frames.contacts[index][frames.anchored[index]]).T)
         if frames.contact_force is not None:
-            self._draw_forces(frames.apexes[index].reshape(-1, 3), frames.contact_force[index].reshape(-1, 3))
+            self._draw_forces(frames.contacts[index].reshape(-1, 3), frames.contact_force[index].reshape(-1, 3))
+
+    def _cuts(self, meshes: Iterable[WorldMesh], index: int) -> list[FloatArray]:
+        """Return where meshes meet the plane of the picture through the centre of mass, as lines of shape (2, 2)."""
+        through = self._stage.frames.centre[index]
+        return [line for mesh in meshes for line in self._view.cut(mesh.vertices, mesh.faces, through)]
 
     def _draw_forces(self, places: FloatArray, force: FloatArray) -> None:
         size = self._stage.frames.body_length
-        vector = ARROW * size / self._stage.scales.force * force
+        vector = arrow_length(size) / self._stage.scales.force * force
         seen = np.linalg.norm(vector, axis=1) > 1e-3 * size
         self._forces.set_verts(list(self._view.arrows(places[seen], vector[seen], 0.025 * size)))
+
+
+def _down(line: FloatArray, bottom: float) -> FloatArray:
+    """Return the area between a line and the bottom of the picture, shape (4, 2)."""
+    (x, _), (other_x, _) = line
+    return np.array([*line, [other_x, bottom], [x, bottom]])
 
 
 def figure(frames: Frames, index: int = 0) -> tuple[Figure, tuple[Axes, Axes]]:

@@ -30,7 +30,7 @@ LAYERS = {
 FULLNESS = 0.74
 """Semi-axes of a chamber's ellipsoid over half the diagonals of its linkage; 0.71 touches the links."""
 ARROW = 0.2
-"""Length of the arrow of `Scales.force`, in body lengths."""
+"""Length of the arrow of `Scales.force` in body lengths, roughly: it is 1, 2 or 5 times a power of ten [m]."""
 TRAIL_SIDES = 6
 
 
@@ -43,7 +43,7 @@ class Scales:
     strain : float
         Strain at full colour.
     force : float
-        Force [N] drawn as an arrow of `ARROW` body lengths.
+        Force [N] drawn as an arrow of `arrow_length`.
     """
 
     strain: float
@@ -60,9 +60,18 @@ def _round_force(force: FloatArray | None) -> float:
     size = size[size > 0.0]
     if not size.size:
         return 1.0
-    most = float(np.quantile(size, 0.98))
-    power = 10.0 ** np.floor(np.log10(most))
-    return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= 0.999 * most))
+    return rounded_up(float(np.quantile(size, 0.98)))
+
+
+def arrow_length(body_length: float) -> float:
+    """Return the length of the arrow of `Scales.force` [m]."""
+    return rounded_up(0.9 * ARROW * body_length)
+
+
+def rounded_up(value: float) -> float:
+    """Return the next number that is 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= 0.999 * value))
 
 
 def worm(frames: Frames, scales: Scales) -> list[Piece]:
@@ -108,12 +117,12 @@ def _chambers(body: Body, strain: FloatArray, scales: Scales) -> list[Piece]:
 
 
 def contact(frames: Frames, scales: Scales) -> list[Piece]:
-    """Return contact forces as arrows from the apexes, and anchored apexes as dots."""
-    places = frames.apexes.reshape(len(frames), -1, 3)
+    """Return contact forces as arrows, and the contact points that stick as dots."""
+    places = frames.contacts.reshape(len(frames), -1, 3)
     pieces = []
     if frames.contact_force is not None:
         force = frames.contact_force.reshape(places.shape)
-        pieces += _arrows(places, force, ARROW * frames.body_length / scales.force, frames.body_length)
+        pieces += _arrows(places, force, arrow_length(frames.body_length) / scales.force, frames.body_length)
     if frames.anchored is not None:
         sticks = frames.anchored.reshape(places.shape[:2])
         pieces += _dots(places, np.where(sticks, 0.014 * frames.body_length, HIDDEN))

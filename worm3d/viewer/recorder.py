@@ -175,11 +175,11 @@ def stage(window: Window) -> None:
         top[f"/{name}"].set_property("visible", False)
     top["/Background"].set_property("top_color", _TOP)
     top["/Background"].set_property("bottom_color", _BOTTOM)
-    sky = {"type": "HemisphereLight", "color": 0xFFFFFF, "groundColor": 0x8A7F78, "intensity": 0.35}
+    sky = {"type": "HemisphereLight", "color": 0xFFFFFF, "groundColor": 0x8A7F78, "intensity": 0.2}
     sun = {
         "type": "DirectionalLight",
         "color": 0xFFFFFF,
-        "intensity": 0.3,
+        "intensity": 0.4,
         "matrix": [*np.eye(4).ravel()[:12], -2, -3, 4, 1],
     }
     for name, light in (("Sky", sky), ("Sun", sun)):
@@ -229,15 +229,18 @@ def remove(window: Window, path: str) -> None:
 
 
 def look_at(window: Window, place: FloatArray) -> None:
-    """Move what the camera turns about to a place, shape (3,) [m]."""
+    """Move everything so that a place, shape (3,) [m], is where the camera looks and what it turns about, the origin.
+
+    The page's camera turns about the origin wherever it is: one that moved along would look back.
+    """
     transform = np.eye(4)
-    transform[:3, 3] = place
-    meshcat.Visualizer(window=window)["/Cameras/default"].set_transform(transform)
+    transform[:3, 3] = -place
+    meshcat.Visualizer(window=window).set_transform(transform)
 
 
 def stand(window: Window, axes: FloatArray, body_length: float) -> None:
     """Put the camera behind, to the right and above of what it turns about; `axes` as in `Frames`."""
-    x, y, z = body_length * np.array([-0.6, -1.1, 0.7]) @ axes
+    x, y, z = body_length * np.array([-0.45, -0.8, 0.5]) @ axes
     camera = meshcat.Visualizer(window=window)["/Cameras/default/rotated/<object>"]
     camera.set_property("position", [x, z, -y])
 

@@ -16,7 +16,7 @@ def capsule(length: float, radius: float, *, sides: int = 8) -> Mesh:
     )
 
 
-def ball(*, rings: int = 13, sides: int = 20) -> Mesh:
+def ball(*, rings: int = 17, sides: int = 28) -> Mesh:
     """Return a ball of radius 1."""
     angle = np.pi * (np.arange(rings) + 0.5) / rings
     return _turned(list(zip(-np.cos(angle), np.sin(angle), strict=True)), sides, pole=1.0)

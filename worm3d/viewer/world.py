@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,8 @@ Colour = tuple[float, float, float]
 
 GROUND: Colour = (0.80, 0.82, 0.78)
 TILE: Colour = (0.70, 0.73, 0.68)
-PIPE: Colour = (0.55, 0.66, 0.75)
+PIPE: Colour = (0.62, 0.72, 0.80)
+BAND: Colour = (0.36, 0.48, 0.60)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +134,51 @@ def pipe(
     """
     mesh = tube(np.asarray(centreline, dtype=float), radius, sides=sides, capped=False)
     return WorldMesh("pipe", mesh.vertices, mesh.faces, colour, opacity)
+
+
+def banded_pipe(
+    centreline: FloatArray, radius: float | FloatArray, *, band: float, sides: int = 32, opacity: float = 0.3
+) -> tuple[WorldMesh, WorldMesh]:
+    """Return the wall of a pipe in light and dark bands, so that one sees the worm move and the pipe bend.
+
+    Parameters
+    ----------
+    centreline : ndarray, shape (P, 3)
+        [m]; its points should be closer together than the bands are wide.
+    radius : float or ndarray, shape (P,)
+        [m].
+    band : float
+        Width of a band [m].
+    """
+    line = np.asarray(centreline, dtype=float)
+    whole = pipe(line, radius, sides=sides, opacity=opacity)
+    edges = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    middle = np.cumsum(edges) - 0.5 * edges
+    dark = np.repeat(np.floor(middle / band) % 2 == 1, 2 * sides)
+    return _split(whole, dark, BAND)
+
+
+def chequered(mesh: WorldMesh, tile: float, *, together: int = 1) -> tuple[WorldMesh, WorldMesh]:
+    """Return a mesh in light and dark squares, seen from above, as its faces allow.
+
+    Parameters
+    ----------
+    mesh : WorldMesh
+    tile : float
+        Side of a square [m].
+    together : int
+        How many successive faces stay together: 2 where they are the halves of quadrilaterals.
+    """
+    x, y, _ = mesh.vertices[mesh.faces].mean(axis=1).reshape(-1, together, 3).mean(axis=1).T
+    dark = (np.floor(x / tile) + np.floor(y / tile)) % 2 == 1
+    return _split(mesh, np.repeat(dark, together), TILE)
+
+
+def _split(mesh: WorldMesh, dark: NDArray[np.bool_], colour: Colour) -> tuple[WorldMesh, WorldMesh]:
+    """Return the light and the dark faces of a mesh, each shaded as if they were one."""
+    return replace(mesh, faces=mesh.faces[~dark]), replace(
+        mesh, name=f"{mesh.name}, dark", faces=mesh.faces[dark], colour=colour
+    )
 
 
 def mesh(

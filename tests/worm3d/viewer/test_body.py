@@ -92,9 +92,9 @@ def test_arrows_have_the_length_of_their_force(make_crawl: Callable[..., Frames]
     arrows = {part.path: part for part in pieces.contact(frames, scales)}
     assert list(arrows) == ["forces/009", "forces/012"], "what never pushes has no arrow"
     tip = arrows["forces/012"].matrix(0) @ [0.0, 1.0, 0.0, 1.0]
-    assert_allclose(tip[:3] - frames.apexes[0, 2, 0], [0.2 * frames.body_length, 0.0, 0.0], atol=1e-12)
+    assert_allclose(tip[:3] - frames.apexes[0, 2, 0], [0.2, 0.0, 0.0], atol=1e-12)
     lower = arrows["forces/009"].matrix(0) @ [0.0, 1.0, 0.0, 1.0]
-    assert_allclose(lower[:3] - frames.apexes[0, 1, 3], [0.0, 0.0, 0.1 * frames.body_length], atol=1e-12)
+    assert_allclose(lower[:3] - frames.apexes[0, 1, 3], [0.0, 0.0, 0.1], atol=1e-12)
     assert arrows["forces/012"].scale is not None
     assert (arrows["forces/012"].scale[3:] == HIDDEN).all()
 
@@ -146,10 +146,15 @@ def windings(triangles: NDArray[np.float64], points: NDArray[np.float64]) -> NDA
 def test_the_camera_inside_the_pipe_stays_on_its_centre_line(make_crawl: Callable[..., Frames]) -> None:
     s = np.linspace(-0.5, 1.2, 100)
     line = np.stack([s, 0.0 * s, 0.09 + 0.0 * s], axis=1)
-    frames = make_crawl(duration=2.0, turn=0.0, path=line)
+    frames = make_crawl(duration=2.0, turn=0.0, centreline=line)
     eye, look = inside(frames)
     assert_allclose(look, frames.joints[:, -1])
-    assert_allclose(eye[:, 0] - look[:, 0], 0.4 * frames.body_length, atol=1e-9, err_msg="at the path's end")
+    assert_allclose(
+        eye[:, 0] - look[:, 0], 0.4 * frames.body_length, atol=1e-9, err_msg="beyond the end of the line, too"
+    )
     assert_allclose(eye[:, 1], 0.0, atol=1e-9)
-    bent = make_crawl(duration=2.0, turn=0.0, path=line + np.array([0.0, 5.0, 0.0]))
-    assert_allclose(inside(bent)[0], eye, atol=1e-9, err_msg="a path far away is not that of a pipe")
+    elsewhere = make_crawl(duration=2.0, turn=0.0, centreline=line + np.array([0.0, 5.0, 0.0]))
+    in_the_open = make_crawl(duration=2.0, turn=0.0)
+    ahead = frames.body_length * np.array([0.9, 0.0, 0.3])
+    assert_allclose(inside(in_the_open)[0], look + ahead, atol=1e-9)
+    assert_allclose(inside(elsewhere)[0], look + ahead, atol=1e-9, err_msg="the worm is not in this pipe")

@@ -35,6 +35,9 @@ def test_arrays_are_copies_that_nobody_can_change(make_crawl: Callable[..., Fram
         ("path", (1, 3), r"path: got 1 points, must be at least 2"),
         ("anchored", (11, 6, 6), r"anchored: got float64, must be bool"),
         ("anchored", (11, 6), r"anchored: got shape"),
+        ("faces", (11, 6, 3), r"faces: got shape \(11, 6, 3\), must be \(T, N, 2, 3\)"),
+        ("faces", (11, 6, 2, 3), r"contact_force: got shape \(11, 6, 6, 3\), must be \(T, N, K, 3\) with K = 8"),
+        ("centreline", (1, 3), r"centreline: got 1 points, must be at least 2"),
     ],
 )
 def test_a_wrong_shape_is_named(

@@ -80,7 +80,7 @@
   /** Pixels that the panel covers on the left, and the bar below. */
   function covered() {
     const panel = element("panel").getBoundingClientRect(), bar = element("bar");
-    return [element("panel").open && window.innerWidth > 1.8 * panel.right ? panel.right : 0, bar.hidden ? 0 : 60];
+    return [element("panel").open && !element("panel").hidden && window.innerWidth > 1.8 * panel.right ? panel.right : 0, bar.hidden ? 0 : 60];
   }
 
   /** Put the middle of the picture into the middle of what is not covered. */
@@ -122,20 +122,22 @@
   }
 
   const cameras = {
-    side: () => flat(left.map((x) => -x), 2, [0, 0, 0]),
+    // From a little above the ground, so that it is seen.
+    side: () => flat(left.map((x, i) => 0.14 * up[i] - x), 2, [0, 0, 0]),
     top: () => flat(up, 1, left.map((x) => -x)),
     follow: () => {
       const to = at(centre, now);
-      const far = size * Math.max(1, 1.3 * window.innerHeight / (window.innerWidth - covered()[0]));
-      aim(plus(plus(plus(to, ahead, -0.75 * far), left, -1.35 * far), up, 0.85 * far), to);
+      const far = Math.max(1.2 * scene.tall, 0.9 * size) * Math.max(1, 1.3 * window.innerHeight / (window.innerWidth - covered()[0]));
+      aim(plus(plus(plus(to, ahead, -0.75 * far), left, -1.35 * far), up, 0.75 * far), to);
       follows = to;
     },
     inside: () => { follows = null; },
   };
   const titles = {
     side: "from the right of the worm", top: "from above, head to the right",
-    follow: "from behind, moving along with the worm", inside: "inside the pipe, from ahead of the worm",
+    follow: "from behind, moving along with the worm", inside: scene.centreline ? "inside the pipe, from ahead of the worm" : "from ahead of the worm",
   };
+  const labels = { inside: scene.centreline ? "inside" : "front" };
 
   function choose(name) {
     preset = name;
@@ -171,7 +173,7 @@
     viewer.camera.far = 100 * size + 2 * Math.hypot(...scene.low.map((x, i) => scene.high[i] - x));
     for (const name of Object.keys(cameras)) {
       const button = document.createElement("button");
-      Object.assign(button, { type: "button", value: name, textContent: name, title: titles[name] });
+      Object.assign(button, { type: "button", value: name, textContent: labels[name] || name, title: titles[name] });
       button.addEventListener("click", () => choose(name));
       element("cameras").append(button);
     }
@@ -181,6 +183,32 @@
       if (preset === "inside") preset = "";
       clear_sight();
     });
+  }
+
+  // ---------------------------------------------------------------- shadows
+  // They show what touches the ground, and what hangs above it.
+  const sun = viewer.scene_tree.find(["Lights", "Sun", "<object>"]).object;
+  const to_sun = [-0.9, -1.4, 2.6];
+
+  function make_shadows() {
+    const reach = 0.8 * size, frustum = sun.shadow.camera;
+    sun.castShadow = true;
+    sun.shadow.mapSize.set(2048, 2048);
+    sun.shadow.normalBias = 0.004 * size;
+    Object.assign(frustum, { left: -reach, right: reach, bottom: -reach, top: reach, near: 0.1 * size, far: 8 * size });
+    frustum.updateProjectionMatrix();
+    viewer.scene.add(sun.target);
+    for (const name of ["links", "chambers", "skin", "trail", "path", "forces", "anchors", "horizon", "world"]) {
+      const casts = ["links", "chambers", "skin"].includes(name);
+      layer(name).traverse((part) => { part.castShadow = casts; part.receiveShadow = casts || name === "world"; });
+    }
+  }
+
+  /** The sun moves along: its shadows reach a worm's length only. */
+  function shine() {
+    const to = at(centre, now);
+    sun.position.set(...plus(to, to_sun, size));
+    sun.target.position.set(...to);
   }
 
   // ---------------------------------------------------------------- layers
@@ -237,7 +265,7 @@
     ends[0].textContent = `\u2212${Math.round(100 * strain)} %`;
     ends[2].textContent = `+${Math.round(100 * strain)} %`;
     if (force === null) element("forces").remove();
-    else element("forces").textContent = `arrow of ${rounded(arrow)} m: ${rounded(force)} N`;
+    else element("forces").textContent = `an arrow of ${rounded(arrow)} m is ${rounded(force)} N`;
   }
 
   const rounded = (value) => String(Number(value.toPrecision(3)));
@@ -255,6 +283,7 @@
         0, Math.max(rings - 1, 0) * scene.trail.faces * 3);
     }
     carry();
+    shine();
     element("time").value = now;
     element("now").textContent = `${now.toFixed(2)} / ${duration.toFixed(2)} s`;
     element("clock").textContent = `t = ${(scene.start + now).toFixed(2)} s`;
@@ -288,6 +317,14 @@
     }
   }
 
+  /** Only the scene, for a picture of it. */
+  function bare(on) {
+    element("panel").hidden = on;
+    element("bar").hidden = on || duration === 0;
+    centre_view();
+    if (preset) choose(preset);
+  }
+
   function make_bar() {
     element("time").max = duration || 1;
     element("time").addEventListener("input", (event) => { play(false); show(Number(event.target.value)); });
@@ -299,10 +336,9 @@
       const does = { " ": () => play(!playing), ArrowRight: () => show(now + step), ArrowLeft: () => show(now - step) };
       if (does[event.key]) { event.preventDefault(); does[event.key](); }
     });
-    if (duration === 0) element("bar").hidden = true;
   }
 
-  /** `viewer.html#t=2.5&camera=top&hide=links,world&show=skin&world=0.3&play=1` */
+  /** `viewer.html#t=2.5&camera=top&hide=links,world&show=skin&world=0.3&play=1&bare=1` */
   function obey(hash) {
     const asked = new URLSearchParams(hash.replace(/^#/, ""));
     const names = (key) => (asked.get(key) || "").split(",").filter(Boolean);
@@ -310,11 +346,13 @@
     for (const name of names("hide")) show_layer(name, false);
     for (const name of names("show")) show_layer(name, true);
     if (asked.has("world")) world_opacity(Number(asked.get("world")));
+    if (asked.has("bare")) bare(asked.get("bare") !== "0");
     if (cameras[asked.get("camera")]) choose(asked.get("camera"));
     if (asked.has("play")) play(asked.get("play") !== "0");
   }
 
   make_cameras();
+  make_shadows();
   make_layers();
   make_opacity();
   make_legend();

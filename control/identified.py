@@ -1,0 +1,109 @@
+"""Where identified worms are kept: the default worm's with this package, others in the user's cache.
+
+A file is named by a key of everything that it depends on: the parameters of worm, ground and schedule, and the design
+of the runs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from control.identification import Design, Identified
+from control.steering import Mechanism, Schedule
+from worm3d import Friction, Worm
+from worm3d.codegen.cache import default_folder
+
+FORMAT = 1
+"""Of the files."""
+SHIPPED = Path(__file__).parent / "identified_worms"
+"""Folder of the files that come with the package."""
+
+GREATEST: dict[Mechanism, float] = {"hinge": 0.12, "bias": 0.06}
+"""Steering up to which the default worm is identified: it stays on its feet with room to spare."""
+
+
+def key(worm: Worm, ground: Friction, schedule: Schedule, design: Design) -> str:
+    """Return what names the file of a worm on a ground."""
+    content = {
+        "format": FORMAT,
+        "worm": parameters(worm),
+        "ground": parameters(ground),
+        "schedule": asdict(schedule),
+        "design": asdict(design),
+        "greatest": GREATEST,
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:24]
+
+
+def parameters(thing: Worm | Friction) -> dict[str, Any]:
+    """Return the fields of a worm or ground as JSON can hold them; equal entries of an array become one number."""
+    return {field.name: _plain(getattr(thing, field.name)) for field in fields(thing)}
+
+
+def load(
+    worm: Worm, ground: Friction | None = None, schedule: Schedule | None = None, design: Design | None = None
+) -> Identified | None:
+    """Return what is known of a worm on a ground; None if it has not been identified (`worm3d identify`).
+
+    Parameters
+    ----------
+    worm : Worm
+    ground : Friction, optional
+    schedule : Schedule, optional
+    design : Design, optional
+        The defaults if left out.
+    """
+    name = f"{key(worm, ground or Friction(), schedule or Schedule(), design or Design())}.json"
+    for folder in (SHIPPED, _cache()):
+        if folder is not None and (folder / name).is_file():
+            with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+                return Identified.from_dict(json.loads((folder / name).read_text("utf-8")))
+    return None
+
+
+def store(identified: Identified, worm: Worm, ground: Friction, design: Design, folder: Path | None = None) -> bool:
+    """Keep what was found, in the user's cache or another folder; return whether that was possible."""
+    home = folder if folder is not None else _cache()
+    if home is None:
+        return False
+    text = json.dumps(identified.as_dict(), indent=1, allow_nan=False)
+    try:
+        home.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _write_whole(home / f"{key(worm, ground, identified.schedule, design)}.json", f"{text}\n")
+    except OSError:
+        return False
+    return True
+
+
+def _cache() -> Path | None:
+    kernels = default_folder()
+    return None if kernels is None else kernels.parent / "identified"
+
+
+def _write_whole(path: Path, text: str) -> None:
+    handle, aside = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.replace(aside, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(aside)
+        raise
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return float(value.flat[0]) if value.size and (value == value.flat[0]).all() else value.tolist()
+    if isinstance(value, tuple):
+        return list(map(_plain, value))
+    return value if isinstance(value, bool | int) or np.isfinite(value) else repr(value)

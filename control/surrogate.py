@@ -1,0 +1,164 @@
+"""Surrogates: polynomials fitted to what a plant did, in NumPy and in CasADi alike.
+
+A quantity y of amplitude A, frequency f and steering s is, with each of the three scaled to [-1, 1] over its range
+(s to s/s_max),
+
+    y = sum_{i+j <= degree, k} c_ijk a^i g^j s^k,   k = 0, 2, 4 if y is even in s, 1, 3, 5 if it is odd       (I1)
+
+Left and right are mirror images: distance is even in the steering, turn and drift are odd, exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+Parity = Literal["even", "odd"]
+
+DEGREE = 4
+"""In amplitude and frequency together."""
+POWERS: dict[Parity, tuple[int, ...]] = {"even": (0, 2, 4), "odd": (1, 3, 5)}
+"""Of the steering."""
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Where a surrogate holds.
+
+    Attributes
+    ----------
+    amplitude, frequency : tuple of float
+        Least and greatest, [1] and [Hz].
+    steering : float
+        Greatest magnitude.
+
+    Raises
+    ------
+    ValueError
+        An empty range.
+    """
+
+    amplitude: tuple[float, float]
+    frequency: tuple[float, float]
+    steering: float
+
+    def __post_init__(self) -> None:
+        for name in ("amplitude", "frequency"):
+            low, high = getattr(self, name)
+            if not low < high:
+                raise ValueError(f"{name}: got {(low, high)!r}, must be (least, greatest) with least < greatest")
+        if not self.steering > 0.0:
+            raise ValueError(f"steering: got {self.steering!r}, must be above 0")
+
+    def scaled(self, amplitude: Any, frequency: Any, steering: Any) -> tuple[Any, Any, Any]:
+        """Return the three scaled to [-1, 1]; numbers, arrays or CasADi's symbols."""
+        return (_centred(amplitude, self.amplitude), _centred(frequency, self.frequency), steering / self.steering)
+
+    def contain(self, amplitude: float, frequency: float, steering: float) -> bool:
+        """Return whether the surrogate holds there."""
+        return all(abs(value) <= 1.0 + 1e-9 for value in self.scaled(amplitude, frequency, steering))
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """One quantity over amplitude, frequency and steering, (I1).
+
+    Attributes
+    ----------
+    ranges : Ranges
+    parity : str
+        "even" or "odd" in the steering.
+    coefficients : tuple of float
+        In the order of `exponents(parity)`.
+
+    Raises
+    ------
+    ValueError
+        Another number of coefficients.
+    """
+
+    ranges: Ranges
+    parity: Parity
+    coefficients: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        wanted = len(exponents(self.parity))
+        if len(self.coefficients) != wanted:
+            raise ValueError(f"coefficients: got {len(self.coefficients)}, must be {wanted} for {self.parity}")
+
+    def __call__(self, amplitude: Any, frequency: Any, steering: Any) -> Any:
+        """Return the quantity; numbers, arrays or CasADi's symbols."""
+        a, g, s = self.ranges.scaled(amplitude, frequency, steering)
+        return sum(
+            c * a**i * g**j * s**k for c, (i, j, k) in zip(self.coefficients, exponents(self.parity), strict=True)
+        )
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """How far a surrogate is from the samples.
+
+    Attributes
+    ----------
+    rms, worst : float
+        In the unit of the quantity.
+    rms_percent : float
+        rms over the root mean square of the quantity itself.
+    """
+
+    rms: float
+    worst: float
+    rms_percent: float
+
+
+def exponents(parity: Parity) -> tuple[tuple[int, int, int], ...]:
+    """Return the exponents (i, j, k) of the terms of (I1)."""
+    plane = [(i, n - i) for n in range(DEGREE + 1) for i in range(n, -1, -1)]
+    return tuple((i, j, k) for k in POWERS[parity] for i, j in plane)
+
+
+def fit(ranges: Ranges, parity: Parity, where: ArrayLike, values: ArrayLike) -> Polynomial:
+    """Return the polynomial that is nearest to samples, by least squares.
+
+    Parameters
+    ----------
+    ranges : Ranges
+    parity : str
+        "even" or "odd" in the steering.
+    where : array_like, shape (M, 3)
+        Amplitude, frequency [Hz] and steering of each sample.
+    values : array_like, shape (M,)
+
+    Raises
+    ------
+    ValueError
+        The samples do not determine the coefficients.
+    """
+    a, g, s = ranges.scaled(*np.asarray(where, dtype=float).T)
+    terms = exponents(parity)
+    columns = np.column_stack([a**i * g**j * s**k for i, j, k in terms])
+    coefficients, _, rank, _ = np.linalg.lstsq(columns, np.asarray(values, dtype=float), rcond=None)
+    if rank < len(terms):
+        raise ValueError(
+            f"fit: the samples determine {rank} of {len(terms)} coefficients; give at least {DEGREE + 1} amplitudes "
+            f"and frequencies and {len(POWERS[parity])} magnitudes of steering"
+        )
+    return Polynomial(ranges, parity, tuple(map(float, coefficients)))
+
+
+def misfit(polynomial: Polynomial, where: ArrayLike, values: Sequence[float] | FloatArray) -> Misfit:
+    """Return how far a polynomial is from samples; arguments as for `fit`."""
+    true = np.asarray(values, dtype=float)
+    off = polynomial(*np.asarray(where, dtype=float).T) - true
+    rms, size = float(np.sqrt(np.mean(off**2))), float(np.sqrt(np.mean(true**2)))
+    return Misfit(rms, float(np.abs(off).max()), 100.0 * rms / size if size > 0.0 else 0.0)
+
+
+def _centred(value: Any, bounds: tuple[float, float]) -> Any:
+    low, high = bounds
+    return (2.0 * value - (low + high)) / (high - low)

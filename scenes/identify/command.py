@@ -1,0 +1,90 @@
+"""`worm3d identify`: run the plant, fit, keep, and write `identified.json`, `steering.md` and `steering.png`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import typer
+
+import worm3d
+from control import identified as kept
+from control.identification import Design, Identified
+from control.steering import MECHANISMS, Schedule
+from scenes import folder as folders
+from scenes.drawing import save_figure
+from scenes.errors import SceneError
+from scenes.files import write_bytes
+from scenes.identify import figure, plant, report
+from scenes.identify import phases as phases_of
+from scenes.identify import study as studies
+from scenes.identify.phases import Phases
+from scenes.identify.study import Curve
+from scenes.kinds.worm_build import friction_of, worm_of
+from scenes.kinds.worm_schema import WormScene
+from scenes.loader import Scene
+from scenes.progress import progress
+from scenes.summary import without_nan
+
+CONTENT, TABLES, PICTURE = "identified.json", "steering.md", "steering.png"
+Measured = tuple[Identified, tuple[Curve, ...], tuple[Phases, ...]]
+
+
+def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
+    """Identify the worm of a scene on level ground with the scene's friction, and return the exit code.
+
+    Parameters
+    ----------
+    scene : Scene
+    out : Path, optional
+        Folder to write to; `runs/identify-<scene>-<time>` if left out.
+    force : bool
+        Whether to write into a folder that has something in it.
+    quiet : bool
+        Whether to print nothing.
+
+    Raises
+    ------
+    SceneError
+        The scene is not of the 3D worm, or its worm does not crawl on its feet.
+    """
+    settings = scene.settings
+    if not isinstance(settings, WormScene):
+        raise SceneError(f"{scene.name}: a scene of the model '{scene.kind.name}' does not steer, must be of 'worm'")
+    worm, ground = worm_of(settings), friction_of(settings)
+    folder = folders.prepared(out, f"identify-{scene.name}", force=force)
+    found, curves, phases = _measure(worm, ground, quiet)
+    cached = kept.store(found, worm, ground, Design())
+    _write(folder, found, curves, phases, worm, ground)
+    if not quiet:
+        for line in report.terminal_lines(found, curves, worm.length):
+            typer.echo(line)
+        typer.echo(
+            f"Written to {folder}: {TABLES}, {CONTENT}, {PICTURE}" + ("; kept for controllers" if cached else "")
+        )
+    return 0
+
+
+def _measure(worm: worm3d.Worm, ground: worm3d.Friction, quiet: bool) -> Measured:
+    schedule = Schedule()
+    with progress("maps", len(MECHANISMS), quiet=quiet, what="mechanism") as show:
+        found = plant.identify(worm, ground, schedule, Design(), show)
+    with progress("schedules", studies.CURVES, quiet=quiet, what="curve") as show:
+        curves = studies.study(worm, ground, schedule, show)
+    with progress("phases", phases_of.COUNT, quiet=quiet, what="wave") as show:
+        return found, curves, phases_of.study(worm, ground, schedule, show)
+
+
+def _write(
+    folder: Path,
+    found: Identified,
+    curves: tuple[Curve, ...],
+    phases: tuple[Phases, ...],
+    worm: worm3d.Worm,
+    ground: worm3d.Friction,
+) -> None:
+    content = report.content(found, curves, phases, kept.parameters(worm), kept.parameters(ground))
+    text = json.dumps(without_nan(content), indent=1, ensure_ascii=False, allow_nan=False)
+    write_bytes(folder / CONTENT, f"{text}\n".encode())
+    write_bytes(folder / TABLES, report.markdown(found, curves, PICTURE).encode())
+    save_figure(figure.draw(curves, phases, found), folder / PICTURE)

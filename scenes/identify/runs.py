@@ -1,0 +1,144 @@
+"""Short runs of the plant: steady waves, and steps of the gait parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import worm3d
+from control.gaits import TravellingWave
+from control.generator import PlannedWave, WaveGenerator
+from control.identification import Lags, Motion, Sample, lag, steady_motion
+from control.steering import GaitParameters, Mechanism, Schedule, SteeredWave
+
+FloatArray = NDArray[np.float64]
+
+DT = 0.01
+"""Time step of the runs, that of the closed loop [s]."""
+TIPPED = np.deg2rad(20.0)
+"""Mean roll of the segments beyond which a worm no longer stands on its feet: at rest it tips at 31 degrees."""
+BEFORE, AFTER = 8, 8
+"""Waves before and after a step of the parameters."""
+
+
+@dataclass(frozen=True)
+class Steady:
+    """What a steady wave does.
+
+    Attributes
+    ----------
+    motion : Motion or None
+        None where the run did not end, or has no heading.
+    slip : float
+        Way that the feet slide a wave, summed over them [body lengths].
+    roll : float
+        Greatest mean roll of the segments [rad].
+    """
+
+    motion: Motion | None
+    slip: float
+    roll: float
+
+    @property
+    def tipped(self) -> bool:
+        """Whether the worm does not stand on its feet."""
+        return self.motion is None or not self.roll <= TIPPED
+
+
+def steady(
+    worm: worm3d.Worm,
+    ground: worm3d.Friction,
+    gaits: Sequence[SteeredWave | TravellingWave],
+    waves: int,
+    skipped: int,
+) -> list[Steady]:
+    """Run waves of constant parameters on level ground, and measure those after the first `skipped`."""
+    return [_steady(worm, ground, gait, waves, skipped) for gait in gaits]
+
+
+def _steady(
+    worm: worm3d.Worm, ground: worm3d.Friction, gait: SteeredWave | TravellingWave, waves: int, skipped: int
+) -> Steady:
+    rows = round(gait.period / DT)
+    run = worm3d.simulate(worm, worm3d.Plane(), ground, actuation=gait, duration=waves * rows * DT, dt=DT)
+    if run.status is not worm3d.Status.DONE:
+        return Steady(None, float("nan"), float("nan"))
+    first = skipped * rows + 1
+    motion = steady_motion(run.com, run.heading, rows, skipped, worm.length)
+    roll = float(np.abs(np.arcsin(np.clip(run.directors[first:, :, 2], -1.0, 1.0)).mean(axis=1)).max())
+    return Steady(motion, float(run.slip[first:].sum()) / (waves - skipped) / worm.length, roll)
+
+
+def samples(found: Sequence[Steady], parameters: Sequence[GaitParameters]) -> list[Sample] | None:
+    """Return the motions with their parameters; None if the worm tipped in one of the runs."""
+    pairs = [(given, each.motion) for given, each in zip(parameters, found, strict=True) if not each.tipped]
+    if len(pairs) < len(found):
+        return None
+    return [Sample(given, motion) for given, motion in pairs if motion is not None]
+
+
+def measure_lags(
+    worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, mechanism: Mechanism, steering: float
+) -> Lags:
+    """Measure how many waves speed and turn rate lag behind a step of the gait parameters.
+
+    Parameters
+    ----------
+    worm : worm3d.Worm
+    ground : worm3d.Friction
+    schedule : Schedule
+    mechanism : str
+    steering : float
+        The steering steps from 0 to this.
+    """
+    slow, long = GaitParameters(0.2, 0.625), GaitParameters(0.3, 0.625)
+    quick, turning = GaitParameters(0.3, 1.0), long.steered(mechanism, steering)
+
+    def response(begin: GaitParameters, end: GaitParameters) -> tuple[FloatArray, FloatArray]:
+        return step_response(worm, ground, schedule, begin, end)
+
+    return Lags(
+        amplitude=lag(response(slow, long)[0], BEFORE),
+        frequency=lag(response(long, quick)[0], BEFORE),
+        steering=lag(response(long, turning)[1], BEFORE),
+    )
+
+
+def step_response(
+    worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, begin: GaitParameters, end: GaitParameters
+) -> tuple[FloatArray, FloatArray]:
+    """Return speed [m/s] and turn rate [rad/s] in each wave of a step of the parameters after `BEFORE` waves.
+
+    A wave lasts from one return of its phase to the next, so that the worm has the same shape at both ends.
+    """
+    generator = WaveGenerator(schedule, worm)
+    phases: list[float] = []
+
+    def plan(t: float) -> GaitParameters:
+        phases.append(generator.waves)
+        return begin if generator.waves < BEFORE else end
+
+    duration = (BEFORE / begin.frequency) + (AFTER + 1) / end.frequency
+    steps = round(duration / DT)
+    run = worm3d.simulate(
+        worm, worm3d.Plane(), ground, actuation=PlannedWave(plan, generator), duration=steps * DT, dt=DT
+    )
+    return _wave_rates(run, np.array(phases))
+
+
+def _wave_rates(run: worm3d.Result, phases: FloatArray) -> tuple[FloatArray, FloatArray]:
+    # A command given at the beginning of a step is in force at its end: entry k is the phase of row k's shape.
+    times, waves = run.time[1 : len(phases)], phases[1:]
+    ends = np.interp(np.arange(BEFORE + AFTER + 1), waves, times)
+
+    def at(values: FloatArray) -> FloatArray:
+        return np.interp(ends, run.time, values)
+
+    h = at(run.heading)
+    step = np.diff(np.column_stack([at(run.com[:, 0]), at(run.com[:, 1])]), axis=0)
+    along = (h[1:] + h[:-1]) / 2.0
+    spans = np.diff(ends)
+    return (step[:, 0] * np.cos(along) + step[:, 1] * np.sin(along)) / spans, np.diff(h) / spans

@@ -1,0 +1,155 @@
+"""The reduced model: its derivatives, limits and symmetry, and how well it foretells the plant."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from control.generator import PlannedWave, WaveGenerator
+from control.identification import Identified
+from control.identified import load
+from control.reduced import INPUTS, STATES, ReducedInput, ReducedModel, ReducedState, body_shape
+from control.steering import GaitParameters, Schedule, SteeredWave
+from worm3d import Plane, Worm, simulate
+from worm3d.metrics import averaged
+
+WORM = Worm()
+STATE = ReducedState(0.3, -0.2, 0.7, 0.06, 0.1, slip=0.1, yaw_bias=0.02, drift=0.005)
+INPUT = ReducedInput(0.27, 0.9, 0.05)
+
+
+def known() -> Identified:
+    found = load(WORM)
+    assert found is not None
+    return found
+
+
+def model(mechanism="hinge") -> ReducedModel:
+    return ReducedModel.of(WORM, known(), mechanism)
+
+
+def values(function: ca.Function, *given) -> np.ndarray:
+    return np.array(function(*given)).ravel()
+
+
+def test_the_dynamics_are_their_formula() -> None:
+    found, rate = known().maps["hinge"], values(model().dynamics, STATE, INPUT)
+    lags, f = known().lags["hinge"], INPUT.frequency
+    v, u = 0.9 * 0.06, found.drift_speed(*INPUT) + 0.005
+    c, s = np.cos(0.7), np.sin(0.7)
+    assert_allclose(rate[:3], [v * c - u * s, v * s + u * c, 0.12], atol=1e-15)
+    assert rate[3] == pytest.approx((found.speed(*INPUT) - 0.06) * f / lags.amplitude)
+    assert rate[4] == pytest.approx((found.turn_rate(*INPUT) - 0.1) * f / lags.steering)
+    assert_allclose(rate[5:], 0.0, atol=0.0)
+    assert_allclose(values(model().output, STATE, INPUT), rate[:3])
+
+
+def test_jacobians_against_central_differences() -> None:
+    step = model().step(0.3)
+    symbols = [ca.SX.sym("x", STATES), ca.SX.sym("u", INPUTS)]
+    jacobian = ca.Function("J", symbols, [ca.jacobian(step(*symbols), ca.vertcat(*symbols))])
+    at, h = np.array([*STATE, *INPUT]), 1e-6
+    for column, exact in enumerate(np.array(jacobian(STATE, INPUT)).T):
+        ends = [at + side * h * np.eye(len(at))[column] for side in (1.0, -1.0)]
+        ahead, behind = (values(step, end[:STATES], end[STATES:]) for end in ends)
+        assert_allclose(exact, (ahead - behind) / (2.0 * h), atol=1e-8)
+
+
+def test_the_step_is_of_fourth_order() -> None:
+    """Steps so short that none is divided."""
+    truth = steps(model(), 0.6, 128)
+    errors = [np.abs(steps(model(), 0.6, parts) - truth).max() for parts in (8, 16)]
+    assert 12.0 < errors[0] / errors[1] < 20.0
+    assert errors[0] < 1e-5
+
+
+def test_a_long_step_is_divided() -> None:
+    assert_allclose(steps(model(), 2.0, 1), steps(model(), 2.0, 400), atol=1e-5)
+
+
+def steps(reduced: ReducedModel, duration: float, parts: int) -> np.ndarray:
+    state = np.array(STATE)
+    for _ in range(parts):
+        state = values(reduced.step(duration / parts), state, INPUT)
+    return state
+
+
+def test_it_settles_on_the_map() -> None:
+    reduced, found, state = model(), known().maps["hinge"], np.zeros(STATES)
+    for _ in range(200):
+        state = values(reduced.step(0.1), state, INPUT)
+    assert_allclose(state[3:5], [found.speed(*INPUT), found.turn_rate(*INPUT)], rtol=1e-9)
+
+
+def test_mirrored_input_gives_the_mirrored_path() -> None:
+    step = model("bias").step(0.2)
+    sides = np.array([1, -1, -1, 1, -1, 1, -1, -1.0])
+    left, right = np.array(STATE), sides * STATE
+    for _ in range(50):
+        left, right = values(step, left, [0.3, 0.8, 0.03]), values(step, right, [0.3, 0.8, -0.03])
+    assert_allclose(right, sides * left, atol=1e-13)
+
+
+def test_shapes_in_closed_form() -> None:
+    shape, n, l0, b = body_shape(WORM), WORM.segments, WORM.l0, WORM.chamber_offset
+    straight = np.array(shape(np.full((n, 2), l0), np.zeros(n - 1)))
+    assert_allclose(straight, np.column_stack([np.arange(n + 1) * l0 - 0.5, np.zeros(n + 1)]), atol=1e-12)
+    # Bends and hinges of one angle each: a regular polygon, turned to its chord.
+    for bend, hinge in ((0.1, 0.0), (0.0, 0.1), (0.25, -0.1)):
+        angle = bend + hinge
+        bent = np.array(shape(np.full((n, 2), l0) + bend * b * np.array([-1.0, 1.0]), np.full(n - 1, hinge)))
+        radius = l0 / (2.0 * np.sin(angle / 2.0))
+        assert np.linalg.norm(bent[-1] - bent[0]) == pytest.approx(2.0 * radius * np.sin(n * angle / 2.0))
+        assert_allclose(np.linalg.norm(np.diff(bent, axis=0), axis=1), l0)
+        assert bent[0, 1] == pytest.approx(bent[-1, 1])
+        assert bent[n // 2, 1] < 0.0 < bent[0, 1], "bent to the left, its middle lies to the right of the chord"
+
+
+@pytest.mark.parametrize(
+    ("given", "error"), [(GaitParameters(0.3, 0.8, bias=0.06), 0.004), (GaitParameters(0.3, 0.8, hinge=0.1), 0.012)]
+)
+def test_strains_give_the_plants_shape(given: GaitParameters, error: float) -> None:
+    """Of 36 mm sideways to 4 mm; with hinges, which the ground holds back against the yaw joints, to 12 mm."""
+    run, shape = simulate(WORM, Plane(), actuation=SteeredWave(given), duration=6.0), body_shape(WORM)
+    sideways = 0.0
+    for k in range(300, 600, 23):
+        h = run.heading[k]
+        turned = np.array([[np.cos(h), np.sin(h)], [-np.sin(h), np.cos(h)]])
+        seen = (run.joints[k, :, :2] - run.com[k, :2]) @ turned.T
+        sideways = max(sideways, np.abs(seen[:, 1]).max())
+        assert_allclose(np.array(shape(run.chamber_length[k], run.hinge[k])), seen, atol=error)
+    assert sideways > 0.03
+
+
+def test_it_foretells_half_a_minute_of_the_plant() -> None:
+    """Steps of amplitude, frequency and steering, open loop: 2 m of way to 0.03 m and 4 degrees."""
+    steered = ((8.0, GaitParameters(0.3, 0.8)), (20.0, GaitParameters(0.25, 0.9, 0.0, 0.06)))
+
+    def plan(t: float) -> GaitParameters:
+        return next((given for end, given in steered if t < end), GaitParameters(0.35, 0.7, 0.0, -0.08))
+
+    run = simulate(
+        WORM, Plane(), actuation=PlannedWave(plan, WaveGenerator(Schedule(), WORM)), duration=32.0, record_every=5
+    )
+    rows, dt = 25, 0.05
+    com, h = averaged(run.com, rows), np.convolve(run.heading, np.full(rows, 1.0 / rows), "valid")
+    state, step = np.array([*run.com[0, :2], *np.zeros(STATES - 2)]), model().step(dt)
+    states = [state]
+    for k in range(640):
+        given = plan(k * dt)
+        states.append(values(step, states[-1], [given.amplitude, given.frequency, given.hinge]))
+    for k in range(100, 600, 20):
+        assert_allclose(states[k + rows // 2][:2], com[k, :2], atol=0.03)
+        assert np.rad2deg(states[k + rows // 2][2] - h[k]) == pytest.approx(0.0, abs=4.0)
+    assert np.rad2deg(h.max()) > 70.0
+
+
+def test_parameters_and_refusals() -> None:
+    assert model("bias").parameters(ReducedInput(0.3, 0.8, 0.04)) == GaitParameters(0.3, 0.8, bias=0.04)
+    only = Identified(Schedule(), {"hinge": known().maps["hinge"]}, known().lags)
+    with pytest.raises(ValueError, match="mechanism: got 'bias', must be one of those identified: 'hinge'"):
+        ReducedModel.of(WORM, only, "bias")
+    with pytest.raises(ValueError, match=r"dt: got 0\.0 s, must be above 0"):
+        model().step(0.0)
+    with pytest.raises(ValueError, match="chamber_offset: got 0, must be above 0"):
+        body_shape(Worm.planar())

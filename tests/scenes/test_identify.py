@@ -1,0 +1,173 @@
+"""`worm3d identify`: its runs, what it does with worms that tip, and what it writes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from control.gaits import TravellingWave
+from control.identification import Design
+from control.identified import load
+from control.steering import GaitParameters, Schedule, SteeredWave
+from control.surrogate import Ranges
+from scenes.errors import SceneError
+from scenes.identify import command, figure, phases, plant, report, runs
+from scenes.identify import study as studies
+from scenes.loader import load_scene
+from worm3d import Friction, Worm
+
+WORM, GROUND, SCHEDULE = Worm(), Friction(), Schedule()
+FEW = {"hinge": (0.0, 0.08, 0.3), "bias": (0.0, 0.05, 0.2)}
+
+
+@pytest.fixture(scope="module")
+def curves() -> tuple[studies.Curve, ...]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(studies, "STEERINGS", FEW)
+        return studies.study(WORM, GROUND, SCHEDULE)
+
+
+@pytest.fixture(scope="module")
+def turned() -> tuple[phases.Phases, ...]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(phases, "PHASES_DEG", (0, 60, 120))
+        return phases.study(WORM, GROUND, SCHEDULE)
+
+
+def test_the_phase_decides_between_turning_and_shuffling(turned: tuple[phases.Phases, ...]) -> None:
+    """A long bending wave turns with the cosine of the phase; one as long as the contraction's hardly does."""
+    assert [(each.mechanism, each.steering_wavelength) for each in turned] == [
+        ("hinge", 1.4),
+        ("hinge", 0.7),
+        ("bias", 1.4),
+        ("bias", 0.7),
+    ]
+    for long, short in (turned[:2], turned[2:]):
+        assert max(np.abs(short.turn_deg)) < 0.4 * max(np.abs(long.turn_deg))
+        np.testing.assert_allclose(np.add(long.turn_deg[:3], long.turn_deg[3:]), 0.0, atol=1e-12)
+        first, second, third = long.turn_deg[:3]
+        assert second == pytest.approx(first + third, abs=2.0), "a cosine of the phase: y(60) = y(0) + y(120)"
+        assert long.chosen_deg == pytest.approx({"hinge": 90.0, "bias": 105.0}[long.mechanism] + 0.8 * 72.0)
+
+
+def test_steady_runs_tell_a_worm_that_tips_from_one_that_stands() -> None:
+    gaits = [SteeredWave(GaitParameters(0.3, 0.8, hinge=0.1)), TravellingWave(amplitude=0.3, bias=0.1)]
+    stands, lies = runs.steady(WORM, GROUND, gaits, 7, 4)
+    assert not stands.tipped
+    assert np.rad2deg(stands.roll) < 5.0
+    assert lies.tipped
+    assert np.rad2deg(lies.roll) == pytest.approx(45.0, abs=1.0)
+    assert lies.slip > 3.0 * stands.slip > 0.0
+    parameters = [GaitParameters(0.3, 0.8, hinge=0.1)] * 2
+    assert runs.samples([stands, lies], parameters) is None
+    assert runs.samples([stands], parameters[:1])[0].motion == stands.motion
+
+
+def test_a_run_that_folds_counts_as_tipped() -> None:
+    (folded,) = runs.steady(WORM, GROUND, [TravellingWave(amplitude=0.3, hinge=2.0)], 7, 4)
+    assert folded.motion is None
+    assert folded.tipped
+
+
+def test_lags_are_a_fraction_of_a_wave() -> None:
+    lags = runs.measure_lags(WORM, GROUND, SCHEDULE, "hinge", 0.06)
+    assert 0.05 < lags.amplitude < 0.4
+    assert 0.05 < lags.frequency < 0.4
+    assert 0.2 < lags.steering < 0.8
+    known = load(WORM)
+    assert known is not None
+    assert lags.steering == pytest.approx(known.lags["hinge"].steering, abs=0.1)
+
+
+def test_a_worm_that_tips_is_identified_over_less_steering(monkeypatch) -> None:
+    """Hinges of 0.3 rad tip the default worm, 0.7 times as much does not at this amplitude."""
+    asked = []
+
+    def run(*given) -> list[object] | None:
+        asked.append(max(abs(each.hinge) for each in given[-1]))
+        return None if asked[-1] > 0.2 else [asked[-1]]
+
+    monkeypatch.setattr(plant, "GREATEST", {"hinge": 0.3})
+    monkeypatch.setattr(plant, "_run", run)
+    monkeypatch.setattr(plant, "fit_map", lambda mechanism, ranges, fitted, checks: ranges)
+    assert plant._map(WORM, GROUND, SCHEDULE, Design(), "hinge").steering == pytest.approx(0.3 * 0.7**2)
+    monkeypatch.setattr(plant, "_run", lambda *given: None)
+    with pytest.raises(SceneError, match=r"tips over, folds or flattens even when it steers by 0\.103"):
+        plant._map(WORM, GROUND, SCHEDULE, Design(), "hinge")
+
+
+def test_check_runs_lie_within_the_ranges_and_last_whole_steps() -> None:
+    ranges = Ranges((0.15, 0.4), (0.5, 1.25), 0.12)
+    parameters = plant.check_parameters(ranges, "hinge")
+    assert parameters == plant.check_parameters(ranges, "hinge")
+    assert len(parameters) == plant.CHECKS
+    for each in parameters:
+        assert ranges.contain(each.amplitude, min(each.frequency, 1.25), each.hinge)
+        assert 100.0 / each.frequency == pytest.approx(round(100.0 / each.frequency), abs=1e-9)
+
+
+def test_curves_show_what_steers(curves: tuple[studies.Curve, ...]) -> None:
+    assert len(curves) == studies.CURVES
+    for curve in curves:
+        middle = curve.points[1]
+        assert not middle.tipped
+        if curve.name == studies.IN_STEP:
+            assert abs(middle.turn_deg) < 2.0
+        elif curve.name == "its own yaw joints":
+            assert len(curve.useful) == 2, "the last steering is too much: the worm lies on its side"
+            assert curve.speed_kept is not None
+            assert curve.speed_kept > 1.0
+            assert middle.turn_deg > 10.0
+
+
+def test_the_command_writes_what_controllers_and_people_need(
+    curves: tuple[studies.Curve, ...], turned: tuple[phases.Phases, ...], tmp_path: Path, monkeypatch, capsys
+) -> None:
+    known = load(WORM)
+    monkeypatch.setattr(command, "_measure", lambda *given: (known, curves, turned))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert command.run(load_scene("flat"), tmp_path / "out", force=False, quiet=False) == 0
+    said = capsys.readouterr().out
+    assert "hinge: steering up to 0.12" in said
+    assert "kept for controllers" in said
+    content = json.loads((tmp_path / "out" / "identified.json").read_text("utf-8"))
+    assert content["worm"]["k_yaw"] == 0.5
+    assert content["maps"].keys() == content["speed_range_bl_s"].keys() == {"hinge", "bias"}
+    assert len(content["curves"]) == studies.CURVES
+    assert len(content["phases"]) == phases.COUNT
+    tables = (tmp_path / "out" / "steering.md").read_text("utf-8").splitlines()
+    assert sum(line.startswith(("| hinge |", "| bias |")) for line in tables) == studies.CURVES + 6
+    assert (tmp_path / "out" / "steering.png").stat().st_size > 10_000
+    assert len(list((tmp_path / "cache" / "worm3d" / "identified").glob("*.json"))) == 1
+    with pytest.raises(SceneError, match="exists and is not empty"):
+        command.run(load_scene("flat"), tmp_path / "out", force=False, quiet=True)
+
+
+def test_the_figure_has_a_panel_for_each_quantity(
+    curves: tuple[studies.Curve, ...], turned: tuple[phases.Phases, ...]
+) -> None:
+    known = load(WORM)
+    assert known is not None
+    axes = figure.draw(curves, turned, known).axes
+    assert len(axes) == 8
+    ours = next(c for c in curves if (c.mechanism, c.name) == ("bias", "its own yaw joints"))
+    drawn = next(line for line in axes[4].lines if line.get_label() == "its own yaw joints")
+    np.testing.assert_allclose(drawn.get_ydata()[:2], [p.turn_deg for p in ours.points[:2]])
+
+
+def test_the_report_says_how_good_the_map_is(curves: tuple[studies.Curve, ...]) -> None:
+    known = load(WORM)
+    assert known is not None
+    lines = report.terminal_lines(known, curves, 1.0)
+    assert sum("rms of the fit (fresh runs)" in line for line in lines) == 2
+    assert any("hinge, its own yaw joints: 10° at 1" in line for line in lines)
+    low, high = report.speeds(known.maps["hinge"])
+    assert low < 0.04 < 0.104 < high
+
+
+def test_a_planar_scene_does_not_steer(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="planar_wave: a scene of the model 'planar_linkage' does not steer"):
+        command.run(load_scene("planar_wave"), tmp_path / "out", force=False, quiet=True)

@@ -1,0 +1,149 @@
+"""A run seen in a browser while it goes on.
+
+with worm3d.Live() as live:
+    worm3d.simulate(worm, world, actuation=gait, live=live)
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from worm3d import pictures
+from worm3d.scenery import Window, scenery
+from worm3d.status import Status
+from worm3d.viewer import Frames
+from worm3d.viewer.live import LiveView
+from worm3d.viewer.pieces import rounded_up
+
+if TYPE_CHECKING:
+    from worm3d.result import Result
+    from worm3d.run import Run
+
+AHEAD = 3.0
+"""The world is drawn so many body lengths around the start."""
+
+FPS = 25.0
+"""Pictures in a second of real time."""
+
+FASTEST = 1e6
+"""Simulated over real time, beyond which only the last row at hand is shown."""
+
+
+class Live:
+    """Shows runs in a browser while they go on; use it in a `with` statement, which leaves no port and no process.
+
+    Parameters
+    ----------
+    speed : float
+        Simulated over real time: the run waits for the picture. Infinity: as fast as it goes.
+    open_browser : bool
+        Whether a browser is opened; the address to visit is given to `began` in any case.
+    began : callable, optional
+        Called with the address, once there is something to see; it is printed if left out.
+    address : str, optional
+        Of a meshcat server that runs already, e.g. "tcp://127.0.0.1:6000"; one is started if left out.
+
+    Raises
+    ------
+    ValueError
+        A speed that is not above 0.
+    ConnectionError
+        When a run begins: the server does not start, or does not answer. Later the run goes on, with a warning.
+    """
+
+    def __init__(
+        self,
+        *,
+        speed: float = 1.0,
+        open_browser: bool = False,
+        began: Callable[[str], None] = print,
+        address: str | None = None,
+    ) -> None:
+        if not speed > 0.0:
+            raise ValueError(f"speed: got {speed!r}, must be above 0 (simulated over real time)")
+        self.speed, self.open_browser, self.began, self.address = speed, open_browser, began, address
+        self._view: LiveView | None = None
+        self._rows = 0
+        self._clock = 0.0
+
+    def follow(self, run: Run, observer: Callable[[int], bool] | None = None) -> Callable[[int], bool]:
+        """Show the start of a run, and return an observer that shows how it goes on and then calls another."""
+        self._begin(run)
+
+        def look(done: int) -> bool:
+            try:
+                self._show(run.result(Status.DONE))
+            except ConnectionError as error:
+                warnings.warn(f"{error}; the run goes on unseen", RuntimeWarning, stacklevel=2)
+                self.close()
+            return observer is None or observer(done)
+
+        return look
+
+    def _begin(self, run: Run) -> None:
+        self.close()
+        start = run.result(Status.DONE)
+        corners = start.com[0] + AHEAD * start.worm.length * np.array([[-1.0, -1.0, -0.1], [1.0, 1.0, 0.1]])
+        places = np.concatenate([corners, start.points[0].reshape(-1, 3)])
+        weight = start.worm.mass * float(np.linalg.norm(start.gravity))
+        self._view = LiveView(
+            scenery(start.world, Window(places, start.worm.length)).meshes,
+            address=self.address,
+            strain_limit=max(start.worm.stroke[1], 0.05),
+            force_scale=rounded_up(max(0.5 * weight, 1e-9)),
+            open_browser=self.open_browser,
+        )
+        self._rows, self._clock = 0, time.monotonic() - float(start.time[0]) / self.speed
+        self._show(start)
+        self.began(self._view.url)
+
+    def _show(self, result: Result) -> None:
+        """Show the rows that are new, each at its time."""
+        rows = range(self._rows, len(result.time))
+        if self._view is None or not rows:
+            return
+        new = {name: getattr(result, name)[rows.start :] for name in pictures.SERIES}
+        frames = pictures.arrays(new, result.worm, None, result.period, fps=FPS / min(self.speed, FASTEST))
+        for k in range(len(frames)):
+            wait = self._clock + float(frames.time[k]) / self.speed - time.monotonic()
+            if wait > 0.0:
+                time.sleep(wait)
+            elif -wait > 2.0 / FPS and k < len(frames) - 1:
+                continue  # the picture is late: it leaves out what it cannot show
+            self._show_frame(frames, k)
+        self._rows = rows.stop
+
+    def _show_frame(self, frames: Frames, k: int) -> None:
+        assert self._view is not None
+        assert frames.faces is not None
+        assert frames.contact_force is not None
+        assert frames.anchored is not None
+        self._view.show(
+            frames.joints[k],
+            frames.apexes[k],
+            frames.directors[k],
+            frames.chamber_strain[k],
+            faces=frames.faces[k],
+            contact_force=frames.contact_force[k],
+            anchored=frames.anchored[k],
+        )
+
+    def close(self) -> None:
+        """Close the view and stop its server; may be called twice."""
+        if self._view is not None:
+            self._view.close()
+            self._view = None
+
+    def __enter__(self) -> Live:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

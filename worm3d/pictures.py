@@ -1,0 +1,242 @@
+"""Pictures of runs: a result becomes plain arrays for `worm3d.viewer`, and a page, a figure, a movie or a mesh of it.
+
+worm3d.draw(result, "viewer.html")  # or .png, .gif, .mp4, .glb
+worm3d.show(result)                 # at the end of a notebook cell
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from worm3d.result import Result
+from worm3d.scenery import Window, scenery
+from worm3d.viewer import Frames
+from worm3d.viewer.frames import instants
+from worm3d.worlds import World
+from worm3d.worm import Worm
+
+if TYPE_CHECKING:
+    from worm3d.viewer.notebook import NotebookView
+
+FloatArray = NDArray[np.float64]
+
+FPS = 25.0
+"""Frames a second of a page or movie, at most."""
+
+MOST_SEGMENTS = 12_000
+"""Segments in all frames of a page together: one of a longer run, or of a longer worm, has fewer frames a second."""
+
+SERIES = (
+    *("time", "joints", "points", "directors", "chamber_length", "com", "contact_force"),
+    *("normal_load", "slip", "joint_load", "joint_slip"),
+)
+"""What pictures take of a result, at each instant."""
+
+ENDINGS = (".html", ".png", ".gif", ".mp4", ".glb")
+
+
+def draw(
+    result: Result,
+    path: str | Path,
+    *,
+    at: float | None = None,
+    fps: float | None = None,
+    skin: bool = False,
+    reference: ArrayLike | None = None,
+    horizon: ArrayLike | None = None,
+    title: str = "worm3d",
+) -> None:
+    """Write a picture of a run; the ending of the file says which.
+
+    `.html` is a page that plays the run in any browser, without a network; `.png` the worm from the side and from above
+    at one instant; `.gif` and `.mp4` (needs ffmpeg) such a movie, in real time; `.glb` a mesh of worm and world at one
+    instant.
+
+    Parameters
+    ----------
+    result : Result
+    path : str or Path
+        Replaced if it exists.
+    at : float, optional
+        Instant of a `.png` or `.glb`, the end if left out [s].
+    fps : float, optional
+        Frames a second of a page or movie; 25 if left out, fewer for long runs and long worms.
+    skin : bool
+        Whether a page has a smooth skin over the chambers.
+    reference : array_like, shape (P, 3), optional
+        Path that the worm was to follow [m].
+    horizon : array_like, shape (T, H, 3), optional
+        Points that a controller expected to pass, at the instants of the result [m].
+    title : str
+        Of a page.
+
+    Raises
+    ------
+    ValueError
+        Another ending, or an instant that the run does not have.
+    FileNotFoundError
+        No such folder, or no ffmpeg for an MP4.
+    """
+    require_ending(Path(path))
+    shown = frames_of(result, fps=fps, at=at, reference=reference, horizon=horizon)
+    write(shown, Path(path), at=at, skin=skin, title=title)
+
+
+def show(
+    result: Result,
+    *,
+    fps: float | None = None,
+    skin: bool = False,
+    reference: ArrayLike | None = None,
+    horizon: ArrayLike | None = None,
+    height: int = 520,
+) -> NotebookView:
+    """Return the page for the end of a notebook cell; its `open()` opens it in a browser instead.
+
+    Parameters
+    ----------
+    result : Result
+    fps, skin, reference, horizon
+        As in `draw`.
+    height : int
+        Of the cell [pixels].
+    """
+    from worm3d.viewer import notebook
+
+    return notebook.show(
+        frames_of(result, fps=fps, reference=reference, horizon=horizon), height=height, fps=None, skin=skin
+    )
+
+
+def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = False, title: str = "worm3d") -> None:
+    """Write frames, all of them, by the ending of the file; parameters and errors of `draw`."""
+    require_ending(path)
+    ending = path.suffix.lower()
+    if ending == ".html":
+        from worm3d.viewer import write_html
+
+        write_html(frames, path, fps=None, skin=skin, title=title)
+    elif ending == ".png":
+        from worm3d.viewer.pictures import write_png
+
+        write_png(frames, path, nearest(frames.time, at))
+    elif ending == ".glb":
+        from worm3d.viewer.meshes import export_glb
+
+        export_glb(frames, nearest(frames.time, at), path)
+    else:
+        from worm3d.viewer.movie import write_movie
+
+        write_movie(frames, path, fps=rate_of(frames.time))
+
+
+def require_ending(path: Path) -> None:
+    """Raise ValueError for a file that is none of these pictures."""
+    if path.suffix.lower() not in ENDINGS:
+        raise ValueError(f"picture file: got {path.name!r}, the ending must be one of {', '.join(ENDINGS)}")
+
+
+def nearest(time: FloatArray, at: float | None) -> int:
+    """Return the index of the instant next to `at` [s], the last one if it is None.
+
+    Raises
+    ------
+    ValueError
+        The run has not got there, or had passed it.
+    """
+    if at is None:
+        return len(time) - 1
+    slack = 1e-9 * max(1.0, abs(float(time[-1])))
+    if not time[0] - slack <= at <= time[-1] + slack:
+        raise ValueError(f"at: got {at:g} s, must be between {time[0]:g} and {time[-1]:g} s, where the run is known")
+    return int(np.abs(time - at).argmin())
+
+
+def frames_of(
+    result: Result,
+    *,
+    fps: float | None = None,
+    at: float | None = None,
+    reference: ArrayLike | None = None,
+    horizon: ArrayLike | None = None,
+) -> Frames:
+    """Return a result as plain arrays for pictures; parameters as in `draw`, `at` is among the instants."""
+    series = {name: getattr(result, name) for name in SERIES}
+    return arrays(
+        series, result.worm, result.world, result.period, fps=fps, at=at, reference=reference, horizon=horizon
+    )
+
+
+def arrays(
+    series: Mapping[str, FloatArray],
+    worm: Worm,
+    world: World | None,
+    period: float | None,
+    *,
+    fps: float | None = None,
+    at: float | None = None,
+    reference: ArrayLike | None = None,
+    horizon: ArrayLike | None = None,
+) -> Frames:
+    """Return arrays of a run, stored or not, as plain arrays for pictures.
+
+    Parameters
+    ----------
+    series : mapping
+        The arrays named in `SERIES`, as in `Result`.
+    worm : Worm
+    world : World or None
+    period : float or None
+        Over which the speed shown is averaged [s].
+    fps, at, reference, horizon
+        As in `frames_of`.
+    """
+    rows = rows_shown(series["time"], worm.segments, fps, at)
+    of = {name: series[name][rows] for name in SERIES}
+    points, joints = of["points"], of["joints"]
+    places = np.concatenate([points[:, :, :6].reshape(-1, 3), joints.reshape(-1, 3)])
+    around = scenery(world, Window(places, worm.length))
+    return Frames(
+        time=of["time"],
+        joints=joints,
+        apexes=points[:, :, :6],
+        directors=of["directors"],
+        chamber_strain=of["chamber_length"] / worm.l0 - 1.0,
+        faces=points[:, :, 6:],
+        contact_force=of["contact_force"],
+        anchored=anchored(of),
+        com=of["com"],
+        period=period,
+        path=None if reference is None else np.asarray(reference, dtype=float),
+        centreline=around.centreline,
+        horizon=None if horizon is None else np.asarray(horizon, dtype=float)[rows],
+        world=around.meshes,
+    )
+
+
+def rows_shown(time: FloatArray, segments: int, fps: float | None, at: float | None) -> list[int]:
+    """Return the indices of the instants to show."""
+    if len(time) < 2:
+        return list(range(len(time)))
+    if fps is None:
+        fps = min(FPS, MOST_SEGMENTS / segments / float(time[-1] - time[0]))
+    return sorted({*instants(time, fps), nearest(time, at)})
+
+
+def rate_of(time: FloatArray) -> float:
+    """Return how many frames a second there are [1/s]."""
+    return 1.0 / float(np.median(np.diff(time))) if len(time) > 1 else FPS
+
+
+def anchored(series: Mapping[str, FloatArray]) -> NDArray[np.bool_]:
+    """Return which contact points stick: carry load, and have not slid since the row before, shape (T, N, 8)."""
+    of_apexes = (series["normal_load"] > 0.0) & (series["slip"] == 0.0)
+    of_joints = (series["joint_load"] > 0.0) & (series["joint_slip"] == 0.0)
+    faces = np.zeros((*of_apexes.shape[:2], 2), dtype=bool)
+    faces[:, :, 0], faces[:, -1, 1] = of_joints[:, :-1], of_joints[:, -1]
+    return np.concatenate([of_apexes, faces], axis=2)

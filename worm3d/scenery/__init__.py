@@ -1,0 +1,10 @@
+"""What worlds look like: the part of each that surrounds a worm, as meshes for pictures.
+
+A further world is a further file with a function under `@scenery.register`, imported here. A world without one is drawn
+from its signed distance.
+"""
+
+from worm3d.scenery import mesh, pipe, plane, terrain, union
+from worm3d.scenery.base import Scenery, Window, scenery, tile_size
+
+__all__ = ["Scenery", "Window", "mesh", "pipe", "plane", "scenery", "terrain", "tile_size", "union"]
