@@ -12,13 +12,15 @@ from typing import Literal, Protocol
 import numpy as np
 
 from control.decision import Decision
-from control.estimator import Estimate
+from control.estimator import Estimate, Estimator
 from control.generator import WaveGenerator
+from control.identification import Identified
 from control.ladder import Ladder, Planner
 from control.measurement import Measurement
+from control.mpc import GaitMPC
 from control.reduced import ReducedModel
 from control.references import Reference
-from control.steering import GaitParameters, Schedule
+from control.steering import GaitParameters, Mechanism, Schedule
 from worm3d import Command, Worm
 
 Deadline = Literal["iterations", "wall"]
@@ -85,6 +87,21 @@ class Supervisor:
         self._ladder = Ladder(model, mpc, reference, control_period if deadline == "wall" else np.inf)
         self._frequency = mpc.feed_forward.frequency
         self.reset()
+
+    @classmethod
+    def of(
+        cls,
+        worm: Worm,
+        reference: Reference,
+        identified: Identified,
+        mechanism: Mechanism = "hinge",
+        control_period: float = 0.2,
+        deadline: Deadline = "iterations",
+    ) -> Supervisor:
+        """Return the supervisor of a worm that was identified, with the defaults of all its parts."""
+        model = ReducedModel.of(worm, identified, mechanism)
+        estimator, mpc = Estimator(worm, model, identified.schedule), GaitMPC(worm, identified, model)
+        return cls(worm, reference, model, estimator, mpc, identified.schedule, control_period, deadline)
 
     def reset(self) -> None:
         """Begin anew."""
