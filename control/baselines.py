@@ -2,7 +2,7 @@
 
 `OpenLoop` feeds forward only: the wave whose mean speed and turn rate are, by the map, those of the reference.
 `PiLineOfSight` adds feedback from the same estimator as the MPC's. With speed V and heading h of the estimate, the
-path's heading psi, its curvature kappa and the offset e to the left of it (P2),
+path's heading psi, its curvature kappa and the offset e to the left of it (L2),
 
     V_cmd = V_ref + K_p (V_ref - V) + K_i int (V_ref - V) dt                                                   (B1)
     h_ref = psi - arctan(e / reach)                            line of sight                                   (B2)
@@ -156,7 +156,12 @@ class OpenLoop(WaveController):
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains of (B1) to (B3), tuned on the default worm at 0.08 m/s.
+    """Gains of (B1) to (B3).
+
+    Tuned on the default worm at 0.08 m/s with the sensors' default noise, by runs of a minute with two seeds: 13 pairs
+    of reach (0.15 to 0.6) and K_h (0.2 to 1.2) for the least offset from line, circle and S-curve, the worst rms of
+    which goes from 0.007 body lengths (chosen) to 0.024; then four pairs of K_p (0.3, 0.6) and K_i (0.15, 0.3) for the
+    least error of the speed in steps, in a sine and in a pipe.
 
     Attributes
     ----------
@@ -170,10 +175,10 @@ class Gains:
         Look-ahead distance of (B2) [body lengths].
     """
 
-    speed: float = 0.3
-    speed_integral: float = 0.15
-    heading: float = 0.3
-    reach: float = 0.5
+    speed: float = 0.6
+    speed_integral: float = 0.3
+    heading: float = 1.2
+    reach: float = 0.15
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -2,7 +2,7 @@
 
 A curve r(u) is given with its first two derivatives. With s the arc length,
 
-    ds/du = |r'|,   t = r'/|r'|,   kappa = (x' y'' - y' x'') / |r'|^3                                          (P1)
+    ds/du = |r'|,   t = r'/|r'|,   kappa = (x' y'' - y' x'') / |r'|^3                                          (L1)
 
 and the point of a curve that is nearest to p solves (r(s) - p) . t(s) = 0, a function of slope 1 - kappa n . (p - r),
 n to the left of t. An open curve goes straight on beyond both ends; a closed one repeats.
@@ -75,7 +75,7 @@ class Curve(ABC):
         return whole
 
     def curvature(self, s: ArrayLike) -> FloatArray:
-        """Return the curvatures at arc lengths of shape (...), positive to the left, (P1) [1/m]."""
+        """Return the curvatures at arc lengths of shape (...), positive to the left, (L1) [1/m]."""
         inside, beyond, _ = self._inside(s)
         _, d, dd = self._at(inside)
         kappa = (d[..., 0] * dd[..., 1] - d[..., 1] * dd[..., 0]) / np.linalg.norm(d, axis=-1) ** 3

@@ -1,9 +1,9 @@
 """Paths to follow: lines, circles, S-curves, splines, way points, and pipes seen from above.
 
-A path is a curve in the plane by its arc length s [m], (P1). An open one goes straight on beyond both ends (s < 0 and
+A path is a curve in the plane by its arc length s [m], (L1). An open one goes straight on beyond both ends (s < 0 and
 s > length), a closed one repeats, its heading counting on. Places lie to the left of a path at a positive distance
 
-    e = (p - r(s)) . n(s),   n = (-sin(heading), cos(heading)),   s the projection of p                       (P2)
+    e = (p - r(s)) . n(s),   n = (-sin(heading), cos(heading)),   s the projection of p                       (L2)
 """
 
 from __future__ import annotations
@@ -241,7 +241,7 @@ class SplinePath(Curve):
 
 
 def offset(path: Path, xy: ArrayLike, s: ArrayLike) -> FloatArray:
-    """Return how far places (..., 2) lie to the left of a path at their projections s (...), (P2) [m]."""
+    """Return how far places (..., 2) lie to the left of a path at their projections s (...), (L2) [m]."""
     azimuth = path.heading(s)
     off = np.asarray(xy, dtype=float) - path.point(s)
     return np.asarray(off[..., 1] * np.cos(azimuth) - off[..., 0] * np.sin(azimuth))

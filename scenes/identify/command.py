@@ -21,7 +21,7 @@ from scenes.identify import study as studies
 from scenes.identify.phases import Phases
 from scenes.identify.study import Curve
 from scenes.kinds.worm_build import friction_of, worm_of
-from scenes.kinds.worm_schema import WormScene
+from scenes.kinds.worm_schema import SpatialScene
 from scenes.loader import Scene
 from scenes.progress import progress
 from scenes.summary import without_nan
@@ -49,7 +49,7 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
         The scene is not of the 3D worm, or its worm does not crawl on its feet.
     """
     settings = scene.settings
-    if not isinstance(settings, WormScene):
+    if not isinstance(settings, SpatialScene):
         raise SceneError(f"{scene.name}: a scene of the model '{scene.kind.name}' does not steer, must be of 'worm'")
     worm, ground = worm_of(settings), friction_of(settings)
     folder = folders.prepared(out, f"identify-{scene.name}", force=force)

@@ -30,8 +30,8 @@ WaveDriver = Supervisor | WaveController
 """Controllers of scenes: each has `generator`, `decisions`, `control_period` and `period`."""
 
 NOT_IDENTIFIED = (
-    "has not been identified on this friction, so that no controller knows what its wave does: run 'worm3d identify' "
-    'on this scene once (some minutes), or set controller.map to "default"'
+    "has not been identified on this friction, so that no controller knows what its wave does: run 'worm3d identify "
+    "SCENE -o controller.map=default' once (some minutes), or keep controller.map = \"default\", the default worm's map"
 )
 
 

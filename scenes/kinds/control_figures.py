@@ -32,28 +32,15 @@ UNITS = ("m", "m", "deg", "m/s", "deg/s", "1", "deg/s", "m/s")
 
 def tracking(record: Record) -> tuple[Figure, Axes]:
     """Draw the way seen from above with the path, and the offset from it and the heading's error over time."""
-    scene, seen = _scene(record), _tracked(record)
-    reference = reference_of(scene)
-    figure = Figure(figsize=(6.8, 8.0), layout="constrained", dpi=120)
+    seen, figure = _tracked(record), Figure(figsize=(6.8, 8.0), layout="constrained", dpi=120)
     way, aside, turned = figure.subplots(3, 1, height_ratios=(2.2, 1, 1))
-    com, joints = record["com"][:, :2], record["joints"][..., :2]
-    if reference.path is not None:
-        way.plot(*drawn(reference.path, com).T, color="0.6", lw=3, alpha=0.6, label="path")
-    way.plot(*com.T, color="C0", lw=0.6, alpha=0.6, label="centre of mass")
-    for row, colour in ((0, "0.75"), (-1, "0.35")):
-        way.plot(*joints[row].T, "o-", color=colour, ms=2, lw=1.5)
-        way.plot(*joints[row, -1], "o", color=colour, ms=6)
-    if _has(record, "estimate"):
-        way.plot(*record["estimate"][:, :2].T, color="C3", lw=0.9, label="estimate")
+    _from_above(way, record, seen)
     if seen is not None:
-        way.plot(*seen.place.T, color="C0", lw=1.6, label="its mean over a period")
         aside.plot(seen.time, 1e3 * seen.cross_track, color="C0")
         turned.plot(seen.time, np.rad2deg(seen.heading_error), color="C0")
-        for axes in (aside, turned):
+        for axes, least in ((aside, 10.0), (turned, 2.0)):
+            _at_least(axes, least)
             _shade(axes, seen)
-    way.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=f"{record.title}: seen from above")
-    _square(way)
-    way.legend(fontsize=7)
     for axes, label in ((aside, "left of the path [mm]"), (turned, "heading error [deg]")):
         axes.axhline(0.0, color="0.6", lw=0.8)
         axes.set(ylabel=label, xlim=_span(record))
@@ -62,35 +49,64 @@ def tracking(record: Record) -> tuple[Figure, Axes]:
     return figure, way
 
 
+def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
+    """Draw the path, the centre of mass, its mean over a period, its estimate, and the body at both ends."""
+    path, com, joints = reference_of(_scene(record)).path, record["com"][:, :2], record["joints"][..., :2]
+    if path is not None:
+        axes.plot(*drawn(path, com).T, color="0.6", lw=3, alpha=0.6, label="path")
+    axes.plot(*com.T, color="C0", lw=0.6, alpha=0.6, label="centre of mass")
+    for row, colour in ((0, "0.75"), (-1, "0.35")):
+        axes.plot(*joints[row].T, "o-", color=colour, ms=2, lw=1.5)
+        axes.plot(*joints[row, -1], "o", color=colour, ms=6)
+    if _has(record, "estimate"):
+        axes.plot(*record["estimate"][:, :2].T, color="C3", lw=0.9, label="estimate")
+    if seen is not None:
+        axes.plot(*seen.place.T, color="C0", lw=1.6, label="its mean over a period")
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=f"{record.title}: seen from above")
+    _square(axes)
+    axes.legend(fontsize=7)
+
+
 def speed_and_heading(record: Record) -> tuple[Figure, Axes]:
     """Draw speed and heading, averaged over a period, with what was asked for and what was estimated."""
-    scene, seen, time = _scene(record), _tracked(record), record["time"]
-    reference = reference_of(scene)
-    figure = Figure(figsize=(6.8, 5.6), layout="constrained", dpi=120)
+    seen, figure = _tracked(record), Figure(figsize=(6.8, 5.6), layout="constrained", dpi=120)
     speed, heading = figure.subplots(2, 1, sharex=True)
-    wanted = np.asarray(reference.speed(time), dtype=float)
-    speed.fill_between(time, (1 - SETTLED) * wanted, (1 + SETTLED) * wanted, color="0.85", lw=0, label="10 % of it")
-    speed.plot(time, wanted, color="0.4", lw=1.2, label="asked for")
-    if _has(record, "estimate"):
-        state, bound, at = record["estimate"], BOUND * record["estimate_deviation"], record["decision_time"]
-        lost = 1.0 - state[:, _index("slip")]
-        _band(speed, at, lost * state[:, _index("speed")], lost * bound[:, _index("speed")])
-        turn = _unwrapped_to(state[:, _index("heading")], record)
-        _band(heading, at, np.rad2deg(turn), np.rad2deg(bound[:, _index("heading")]))
-    if seen is not None:
-        speed.plot(seen.time, seen.speed, color="C0", label="worm, mean over a period")
-        heading.plot(seen.time, np.rad2deg(seen.heading), color="C0", label="worm, mean over a period")
-        if np.isfinite(seen.wanted_heading).all():
-            asked = seen.heading - seen.heading_error
-            heading.plot(seen.time, np.rad2deg(asked), color="0.4", lw=1.2, label="asked for")
-        heading.set_ylim(*_around(np.rad2deg(seen.heading)))
-        speed.set_ylim(min(0.0, float(seen.speed.min())), 1.35 * max(float(wanted.max()), float(seen.speed.max())))
+    _speed(speed, record, seen)
+    _heading(heading, record, seen)
     speed.set(ylabel="speed [m/s]", title=f"{record.title}: speed and heading", xlim=_span(record))
     heading.set(ylabel="heading [deg]", xlabel="time [s]")
     for axes in (speed, heading):
-        axes.legend(fontsize=7)
+        if axes.lines:
+            axes.legend(fontsize=7)
     _grids(figure)
     return figure, speed
+
+
+def _speed(axes: Axes, record: Record, seen: Tracking | None) -> None:
+    time = record["time"]
+    wanted = np.asarray(reference_of(_scene(record)).speed(time), dtype=float)
+    axes.fill_between(time, (1 - SETTLED) * wanted, (1 + SETTLED) * wanted, color="0.85", lw=0, label="10 % of it")
+    axes.plot(time, wanted, color="0.4", lw=1.2, label="asked for")
+    if _has(record, "estimate"):
+        state, bound = record["estimate"], BOUND * record["estimate_deviation"]
+        kept, k = 1.0 - state[:, _index("slip")], _index("speed")
+        _band(axes, record["decision_time"], kept * state[:, k], kept * bound[:, k])
+    if seen is not None:
+        axes.plot(seen.time, seen.speed, color="C0", label="worm, mean over a period")
+        axes.set_ylim(min(0.0, float(seen.speed.min())), 1.35 * max(float(wanted.max()), float(seen.speed.max())))
+
+
+def _heading(axes: Axes, record: Record, seen: Tracking | None) -> None:
+    if _has(record, "estimate"):
+        bound = BOUND * record["estimate_deviation"][:, _index("heading")]
+        turn = _unwrapped_to(record["estimate"][:, _index("heading")], record)
+        _band(axes, record["decision_time"], np.rad2deg(turn), np.rad2deg(bound))
+    if seen is not None:
+        axes.plot(seen.time, np.rad2deg(seen.heading), color="C0", label="worm, mean over a period")
+        if np.isfinite(seen.wanted_heading).all():
+            asked = seen.heading - seen.heading_error
+            axes.plot(seen.time, np.rad2deg(asked), color="0.4", lw=1.2, label="asked for")
+        axes.set_ylim(*_around(np.rad2deg(seen.heading)))
 
 
 def commands(record: Record) -> tuple[Figure, Axes]:
@@ -222,6 +238,12 @@ def _around(values: FloatArray, least: float = 1.0) -> tuple[float, float]:
 
 def _span(record: Record) -> tuple[float, float]:
     return float(record["time"][0]), float(record["time"][-1])
+
+
+def _at_least(axes: Axes, half: float) -> None:
+    """Widen the vertical range to both sides of 0, so that noise does not fill the picture."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, -half), max(high, half))
 
 
 def _square(axes: Axes) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
-from control.paths import Path
 from scenes.kinds.control_schema import ControlScene
 from scenes.record import Record
+
+if TYPE_CHECKING:
+    from control.paths import Path
 
 FloatArray = NDArray[np.float64]
 

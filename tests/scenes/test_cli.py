@@ -234,7 +234,7 @@ def test_a_result_of_a_model_we_do_not_know(worm3d, record, tmp_path: Path) -> N
 
     save(replace(record, kind="octopus"), tmp_path / "result.nc")
     assert worm3d("plot", tmp_path).complaints == [
-        "planar_published: made by the model 'octopus', this worm3d knows only worm, worm_planar, "
+        "planar_published: made by the model 'octopus', this worm3d knows only worm, worm_control, worm_planar, "
         "planar_published, planar_linkage, planar_study"
     ]
 

@@ -18,6 +18,7 @@ from control.baselines import OpenLoop, PiLineOfSight
 from control.decision import SOURCES
 from control.paths import Circle, Line, PlanView, SCurve, SplinePath, WayPoints
 from control.references import Constant, Sine, Steps
+from control.sensors import Sensors
 from control.supervisor import Supervisor
 from scenes.bench.control import SCENES
 from scenes.errors import SceneError
@@ -214,6 +215,25 @@ def test_the_command_line_runs_and_refuses_to_resume(worm3d, tmp_path: Path) -> 
     )
 
 
+@pytest.mark.parametrize("kind", ["mpc", "pi_los"])
+def test_mirrored_path_and_noise_give_mirrored_commands(kind: str) -> None:
+    def commands(towards: str, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
+        settings = scene("path_circle", f"controller.kind={kind}", f"reference.towards={towards}")
+        run = plant.simulate(
+            plant.Worm(),
+            plant.Plane(),
+            actuation=controller_of(settings),
+            sensor=Sensors(seed=5, mirrored=mirrored),
+            duration=8.0,
+        )
+        return run.command, run.hinge
+
+    (left, bent), (right, other) = commands("left", False), commands("right", True)
+    assert_allclose(right, left[..., ::-1], atol=1e-6)
+    assert_allclose(other, -bent, atol=1e-6)
+    assert np.abs(bent).max() > 0.01
+
+
 @pytest.mark.parametrize(
     ("name", "overrides", "sentence"),
     [
@@ -225,8 +245,8 @@ def test_the_command_line_runs_and_refuses_to_resume(worm3d, tmp_path: Path) -> 
         ("velocity_step", ("reference.speed_sine_m_s=0.01",), "not both: leave one out"),
         ("velocity_step", ("run.duration_s=30",), "must be before the end of the run"),
         ("velocity_sine", ("reference.speed_sine_m_s=0.1",), "a speed of less than 0 cannot be asked for"),
-        ("path_line", ("worm.mass_kg=0.11",), "run 'worm3d identify'"),
-        ("path_line", ("friction.lateral=0.3",), "run 'worm3d identify'"),
+        ("path_line", ("worm.mass_kg=0.11",), "run 'worm3d identify SCENE"),
+        ("path_line", ("friction.lateral=0.3",), "run 'worm3d identify SCENE"),
         ("path_line", ("gait.amplitude=0.3",), "gait"),
     ],
 )

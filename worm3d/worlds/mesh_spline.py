@@ -18,10 +18,12 @@ where what vanishes with d is left out of the Hessian.
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import casadi as ca
 
 from worm3d.codegen import Kernel, compile_kernel
+from worm3d.worlds import table
 
 NARROW = 0.2
 """w of (M1), in cells."""
@@ -33,13 +35,10 @@ ROWS_IN, ROWS_OUT = SIDE**3 + 3, 10
 """Coefficients, those along z next to one another, and the place between the middle ones along each axis; see `Jet`."""
 
 
-def cubic(t: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+def cubic(t: ca.SX) -> list[ca.SX]:
     """Return the weights of (T1) and their first and second derivatives with respect to t, shape (4,) each."""
-    s = 1.0 - t
-    middle = [(3.0 * u**3 - 6.0 * u**2 + 4.0) / 6.0 for u in (t, s)]
-    w = ca.vertcat(s**3 / 6.0, *middle, t**3 / 6.0)
-    first = ca.jacobian(w, t)
-    return w, first, ca.jacobian(first, t)
+    formula: Any = table.cubic  # arithmetic alone: of symbols as of numbers
+    return [ca.vertcat(*weights) for weights in formula.py_func(t)]
 
 
 def spline(coefficients: ca.SX, place: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
