@@ -1,4 +1,4 @@
-"""The whole loop on the full plant: noisy strains and centre of mass, estimator, MPC, wave; bars of one seed, and mirrors.
+"""The whole loop on the full plant, with noisy sensors: bars of one seed, injected failures, mirror images.
 
 All seeds and scenes, and the baselines beside them: `worm3d bench control`.
 """
