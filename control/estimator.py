@@ -16,13 +16,14 @@ second).
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from control.belief import HEADING, Belief, merged, reduced
 from control.driven import Driven
+from control.estimate import Estimate
 from control.ground import Ground, GroundTrust, Standing
 from control.kalman import ROCKING, SIZE, Kalman, Uncertainty
 from control.measured_wave import MeasuredWave
@@ -30,6 +31,8 @@ from control.measurement import Measurement
 from control.reduced import STATES, ReducedModel, ReducedState
 from control.steering import GaitParameters, Schedule
 from worm3d import Worm
+
+__all__ = ["Estimate", "Estimator"]
 
 FloatArray = NDArray[np.float64]
 
@@ -49,60 +52,6 @@ BEGIN = {"speed": 0.02, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.03}
 """Deviations at the start, from a worm at rest that does what its map says [m/s], [rad/s], [1], [rad/s]."""
 BEGIN_ROCKING = 0.05
 """[m] a unit of strain."""
-
-
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """State of the reduced model at an instant; motion is averaged over a wave.
-
-    Attributes
-    ----------
-    time : float
-        [s]
-    state : ReducedState
-        Numbers.
-    covariance : ndarray, shape (8, 8)
-        Of the state's errors, in the order of its fields.
-    nis : float or None
-        Normalised innovation squared, of 2 degrees of freedom, of the last sample of the centre of mass; None before
-        the first.
-    slope : ndarray, shape (2,)
-        Gradient of the ground where the worm is: what it climbs a metre in x and in y.
-    slope_covariance : ndarray, shape (2, 2)
-    """
-
-    time: float
-    state: ReducedState
-    covariance: FloatArray
-    nis: float | None
-    slope: FloatArray = field(default_factory=lambda: np.zeros(2))
-    slope_covariance: FloatArray = field(default_factory=lambda: np.zeros((2, 2)))
-
-    @property
-    def position(self) -> FloatArray:
-        """Centre of mass without what a wave rocks it by, shape (2,) [m]."""
-        return np.array([self.state.x, self.state.y], dtype=float)
-
-    @property
-    def heading(self) -> float:
-        """Azimuth, unwrapped; its whole turns are arbitrary [rad]."""
-        return float(self.state.heading)
-
-    @property
-    def speed(self) -> float:
-        """Along the heading, less what slips [m/s]."""
-        return float((1.0 - self.state.slip) * self.state.speed)
-
-    @property
-    def turn_rate(self) -> float:
-        """To the left, whatever makes it [rad/s]."""
-        return float(self.state.turn_rate + self.state.yaw_bias)
-
-    @property
-    def deviations(self) -> FloatArray:
-        """Standard deviations of the state, shape (8,)."""
-        deviations: FloatArray = np.sqrt(np.diagonal(self.covariance))
-        return deviations
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,10 @@
 """The reduced model: a worm as its controller sees it, averaged over a wave; symbolic, for MPC and estimator alike.
 
-Pose and motion, with d, c and the turn omega a wave from the identified map (`control.identification`), lags n_v and
-n_w in waves, f the frequency, L the body length:
+Pose and motion, with d, c and the turn omega a wave from the identified map (`control.identification`), the lags n_v in
+waves and T_w in seconds, f the frequency, L the body length:
 
     x'  = (1 - slip) v cos(h) - u sin(h)        v' = (L f d(A, f, s) - v) f / n_v
-    y'  = (1 - slip) v sin(h) + u cos(h)        w' = (f omega(A, f, s) - w) f / n_w                           (R1)
+    y'  = (1 - slip) v sin(h) + u cos(h)        w' = (f omega(A, f, s) - w) / T_w                             (R1)
     h'  = w + yaw_bias                          u  = L f c(A, f, s) + drift
 
 Below the least amplitude that was identified d, c and omega fade in proportion to it: without contraction a worm rests.
@@ -111,7 +111,7 @@ class ReducedModel:
         rate = _rate(_state(state), _input(given), worm, identified, mechanism)
         names = ["state", "input"]
         lags = identified.lags[mechanism]
-        fastest = identified.maps[mechanism].ranges.frequency[1] / min(lags.amplitude, lags.steering)
+        fastest = max(identified.maps[mechanism].ranges.frequency[1] / lags.amplitude, 1.0 / lags.steering)
         return cls(
             mechanism,
             ca.Function("dynamics", [state, given], [rate], names, ["rate"]),
@@ -164,7 +164,7 @@ def _rate(s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, 
     forward = (1.0 - s.slip) * s.speed
     sideways = fading * worm.length * found.drift_speed(*known) + s.drift
     speed_rate = (fading * worm.length * found.speed(*known) - s.speed) * u.frequency / lags.amplitude
-    turn_acceleration = (fading * found.turn_rate(*known) - s.turn_rate) * u.frequency / lags.steering
+    turn_acceleration = (fading * found.turn_rate(*known) - s.turn_rate) / lags.steering
     return ca.vertcat(
         forward * ca.cos(s.heading) - sideways * ca.sin(s.heading),
         forward * ca.sin(s.heading) + sideways * ca.cos(s.heading),

@@ -26,7 +26,7 @@ def terminal_lines(identified: Identified, curves: Sequence[Curve], length: floa
             f"({check['distance'].rms_percent:.1f} %), "
             f"turn {fit['turn'].rms_percent:.1f} % ({check['turn'].rms_percent:.1f} %), that is "
             f"{np.rad2deg(fit['turn'].rms):.2f}° ({np.rad2deg(check['turn'].rms):.2f}°) a wave",
-            f"  lag: speed {lags.amplitude:.2f}, turn rate {lags.steering:.2f} waves",
+            f"  lag: speed {lags.amplitude:.2f} waves, turn rate {lags.steering:.2f} s",
         ]
     lines += [_line(curve) for curve in curves]
     return lines

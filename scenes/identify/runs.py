@@ -22,6 +22,10 @@ TIPPED = np.deg2rad(20.0)
 """Mean roll of the segments beyond which a worm no longer stands on its feet: at rest it tips at 31 degrees."""
 BEFORE, AFTER = 8, 8
 """Waves before and after a step of the parameters."""
+SHIFTS = (0.0, 1.0 / 3.0, 2.0 / 3.0)
+"""Parts of a wave at which the steps come: what follows depends on which feet stand just then."""
+FREQUENCY = 0.875
+"""Of the wave whose steps give the lags, in the middle of the map [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,7 @@ def samples(found: Sequence[Steady], parameters: Sequence[GaitParameters]) -> li
 def measure_lags(
     worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, mechanism: Mechanism, steering: float
 ) -> Lags:
-    """Measure how many waves speed and turn rate lag behind a step of the gait parameters.
+    """Measure how long speed and turn rate lag behind a step of the gait parameters.
 
     Parameters
     ----------
@@ -94,51 +98,62 @@ def measure_lags(
     steering : float
         The steering steps from 0 to this.
     """
-    slow, long = GaitParameters(0.2, 0.625), GaitParameters(0.3, 0.625)
-    quick, turning = GaitParameters(0.3, 1.0), long.steered(mechanism, steering)
+    slow, long = GaitParameters(0.2, FREQUENCY), GaitParameters(0.3, FREQUENCY)
+    quick, turning = GaitParameters(0.3, 1.2 * FREQUENCY), long.steered(mechanism, steering)
 
-    def response(begin: GaitParameters, end: GaitParameters) -> tuple[FloatArray, FloatArray]:
-        return step_response(worm, ground, schedule, begin, end)
+    def mean_lag(begin: GaitParameters, end: GaitParameters, quantity: int) -> float:
+        rates = [step_response(worm, ground, schedule, begin, end, shift)[quantity] for shift in SHIFTS]
+        # From mean to mean of two waves: the first rate after the step stands for half a wave before it.
+        return float(np.mean([lag(each, BEFORE - 1) - 0.5 for each in rates]))
 
     return Lags(
-        amplitude=lag(response(slow, long)[0], BEFORE),
-        frequency=lag(response(long, quick)[0], BEFORE),
-        steering=lag(response(long, turning)[1], BEFORE),
+        amplitude=mean_lag(slow, long, 0),
+        frequency=mean_lag(long, quick, 0),
+        steering=mean_lag(long, turning, 1) / FREQUENCY,
     )
 
 
 def step_response(
-    worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, begin: GaitParameters, end: GaitParameters
+    worm: worm3d.Worm,
+    ground: worm3d.Friction,
+    schedule: Schedule,
+    begin: GaitParameters,
+    end: GaitParameters,
+    shift: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return speed [m/s] and turn rate [rad/s] in each wave of a step of the parameters after `BEFORE` waves.
+    """Return speed [m/s] and turn rate [rad/s] from wave to wave, around a step of the parameters.
 
-    A wave lasts from one return of its phase to the next, so that the worm has the same shape at both ends.
+    The step comes after `BEFORE` waves and the part `shift` of one, and waves are counted from there. Place and heading
+    are averaged over each, since a step changes by how much a wave rocks them; rate k is from wave k to wave k + 1, so
+    that number `BEFORE` - 1 spans the step.
     """
     generator = WaveGenerator(schedule, worm)
     phases: list[float] = []
 
     def plan(t: float) -> GaitParameters:
         phases.append(generator.waves)
-        return begin if generator.waves < BEFORE else end
+        return begin if generator.waves < BEFORE + shift else end
 
-    duration = (BEFORE / begin.frequency) + (AFTER + 1) / end.frequency
+    duration = (BEFORE + shift) / begin.frequency + (AFTER + 1) / end.frequency
     steps = round(duration / DT)
     run = worm3d.simulate(
         worm, worm3d.Plane(), ground, actuation=PlannedWave(plan, generator), duration=steps * DT, dt=DT
     )
-    return _wave_rates(run, np.array(phases))
+    return _wave_rates(run, np.array(phases), shift)
 
 
-def _wave_rates(run: worm3d.Result, phases: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _wave_rates(run: worm3d.Result, phases: FloatArray, shift: float) -> tuple[FloatArray, FloatArray]:
     # A command given at the beginning of a step is in force at its end: entry k is the phase of row k's shape.
     times, waves = run.time[1 : len(phases)], phases[1:]
-    ends = np.interp(np.arange(BEFORE + AFTER + 1), waves, times)
+    ends = np.interp(np.arange(BEFORE + AFTER + 1) + shift, waves, times)
 
-    def at(values: FloatArray) -> FloatArray:
-        return np.interp(ends, run.time, values)
+    def mean(values: FloatArray) -> FloatArray:
+        parts = DT * (values[1:] + values[:-1]) / 2.0
+        summed = np.concatenate([[0.0], np.cumsum(parts)])
+        means: FloatArray = np.diff(np.interp(ends, run.time, summed)) / np.diff(ends)
+        return means
 
-    h = at(run.heading)
-    step = np.diff(np.column_stack([at(run.com[:, 0]), at(run.com[:, 1])]), axis=0)
+    h, spans = mean(run.heading), np.diff((ends[1:] + ends[:-1]) / 2.0)
+    step = np.diff(np.column_stack([mean(run.com[:, 0]), mean(run.com[:, 1])]), axis=0)
     along = (h[1:] + h[:-1]) / 2.0
-    spans = np.diff(ends)
     return (step[:, 0] * np.cos(along) + step[:, 1] * np.sin(along)) / spans, np.diff(h) / spans

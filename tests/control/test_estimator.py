@@ -170,12 +170,12 @@ def test_nominal_runs_that_wind_are_known_within_their_bounds() -> None:
     for seed in range(5):
         off = errors(run, estimated(run, Sensors(seed=seed), estimator))
         assert rms(off.place) < 0.002
-        assert rms(off.heading) < np.deg2rad(3.5)
+        assert rms(off.heading) < np.deg2rad(2.5)
         assert abs(off.speed.mean()) < 0.005 * 0.08
         assert rms(off.place_share) < 1.0
         shares.append(off.heading_share)
         nis.append(nis_of(estimator))
-    assert rms(np.array(shares)) < 1.2
+    assert rms(np.array(shares)) < 1.0
     assert sum(consistency(each).holds for each in nis) >= 4
 
 

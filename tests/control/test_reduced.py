@@ -39,7 +39,7 @@ def test_the_dynamics_are_their_formula() -> None:
     c, s = np.cos(0.7), np.sin(0.7)
     assert_allclose(rate[:3], [v * c - u * s, v * s + u * c, 0.12], atol=1e-15)
     assert rate[3] == pytest.approx((found.speed(*INPUT) - 0.06) * f / lags.amplitude)
-    assert rate[4] == pytest.approx((found.turn_rate(*INPUT) - 0.1) * f / lags.steering)
+    assert rate[4] == pytest.approx((found.turn_rate(*INPUT) - 0.1) / lags.steering)
     assert_allclose(rate[5:], 0.0, atol=0.0)
     assert_allclose(values(model().output, STATE, INPUT), rate[:3])
 

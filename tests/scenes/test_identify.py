@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from control.gaits import TravellingWave
+from control.generator import PlannedWave, WaveGenerator
 from control.identification import Design
 from control.identified import load
 from control.steering import GaitParameters, Schedule, SteeredWave
@@ -17,7 +18,7 @@ from scenes.errors import SceneError
 from scenes.identify import command, figure, phases, plant, report, runs
 from scenes.identify import study as studies
 from scenes.loader import load_scene
-from worm3d import Friction, Worm
+from worm3d import Friction, Plane, Worm, simulate
 
 WORM, GROUND, SCHEDULE = Worm(), Friction(), Schedule()
 FEW = {"hinge": (0.0, 0.08, 0.3), "bias": (0.0, 0.05, 0.2)}
@@ -72,14 +73,33 @@ def test_a_run_that_folds_counts_as_tipped() -> None:
     assert folded.tipped
 
 
-def test_lags_are_a_fraction_of_a_wave() -> None:
+def test_lags_are_those_of_the_file_and_of_a_winding_run() -> None:
+    """The lag of turning is also what makes the turn rates of another run fit best, asked for by a sine."""
     lags = runs.measure_lags(WORM, GROUND, SCHEDULE, "hinge", 0.06)
-    assert 0.05 < lags.amplitude < 0.4
-    assert 0.05 < lags.frequency < 0.4
-    assert 0.2 < lags.steering < 0.8
     known = load(WORM)
     assert known is not None
-    assert lags.steering == pytest.approx(known.lags["hinge"].steering, abs=0.1)
+    for name in ("amplitude", "frequency", "steering"):
+        assert getattr(lags, name) == pytest.approx(getattr(known.lags["hinge"], name), abs=1e-6)
+    assert 0.25 < lags.amplitude < 0.55
+    for frequency in (0.6, 0.9, 1.1):
+        assert winding_lag(frequency, 0.08, 0.1) == pytest.approx(lags.steering, abs=0.15)
+
+
+def winding_lag(frequency: float, hinge: float, winding: float) -> float:
+    """Return the time constant T [s] by which the heading follows a sine of the hinges, from its phase.
+
+    A first-order response lags behind a sine of w rad/s by arctan(w T); the heading is the integral of the turn rate.
+    """
+    w = 2.0 * np.pi * winding
+    generator = WaveGenerator(SCHEDULE, WORM)
+    plan = PlannedWave(lambda t: GaitParameters(0.28, frequency, hinge=hinge * np.sin(w * t)), generator)
+    run = simulate(WORM, Plane(), GROUND, actuation=plan, duration=30.0)
+    late = run.time >= 10.0  # two windings
+    t, h = run.time[late][:-1], run.heading[late][:-1]
+    waves = np.column_stack([np.sin(w * t), np.cos(w * t), np.ones_like(t), t])
+    (sine, cosine, _, _), *_ = np.linalg.lstsq(waves, h, rcond=None)
+    behind = np.arctan2(-sine, -cosine)  # the heading is -cos(w t - behind)
+    return float(np.tan(behind) / w)
 
 
 def test_a_worm_that_tips_is_identified_over_less_steering(monkeypatch) -> None:
