@@ -139,7 +139,7 @@ def test_a_step_of_the_speed_is_there_within_two_waves() -> None:
     ("path", "within"), [(Line(), 3e-4), (Circle(1.5), 3e-4), (Circle(1.5, towards="right"), 3e-4), (SCurve(), 1e-3)]
 )
 def test_paths_are_followed_whatever_slips_turns_and_drifts(path, within: float, disturbed: dict[str, float]) -> None:
-    run = closed_loop(Reference(Constant(0.08), path=path), REST._replace(**disturbed), 20.0)
+    run = closed_loop(Reference(Constant(0.08), path=path), REST._replace(**disturbed), 25.0)
     s = track(path, run.states[:, :2])
     assert np.abs(offset(path, run.states[:, :2], s))[-10:].max() < within
     assert (s[-1] - s[-41]) / 8.0 == pytest.approx(0.08, rel=5e-3)
