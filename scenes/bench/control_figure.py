@@ -28,7 +28,7 @@ def draw(found: Sequence[Found]) -> Figure:
     for axes, panel in zip(figure.subplots(1, len(PANELS), sharey=True), PANELS, strict=True):
         _panel(axes, found, trials, *panel)
     figure.axes[0].set_yticks(range(len(trials)), trials)
-    figure.axes[0].invert_yaxis()
+    figure.axes[0].set_ylim(len(trials) - 0.4, -0.6)
     handles, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), fontsize=9)
     return figure
