@@ -121,6 +121,10 @@ def __getattr__(name: str) -> Any:
     return value
 
 
+def __dir__() -> list[str]:
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})
+
+
 class _Package(ModuleType):
     """Keeps `worm3d.simulate` the function: importing the module of that name does not put it in its place."""
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import traceback
 from collections.abc import Callable
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -305,8 +307,9 @@ def _of_joints(of_points: FloatArray) -> FloatArray:
 
 
 def _complaint(error: Exception) -> str:
-    """Return what an error of the user's code says; one that is no complaint about its values is logged in full."""
-    if isinstance(error, ValueError):
+    """Return what an error says; one that the user's code raises, no complaint of ours about its values, is logged."""
+    raised_in = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
+    if isinstance(error, ValueError) and raised_in.is_relative_to(Path(__file__).parent):
         return str(error)
     _LOG.error("the actuation or the external force failed", exc_info=error)
     return f"{type(error).__name__}: {error}"
