@@ -22,7 +22,7 @@ from worm3d.worlds import table
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-Shift = tuple[float, float, float]
+Shift = tuple[float, ...]
 
 TOLERANCE = 0.1
 """e of (M3), in cells; what lies between the samples, and (M1), add up to as much."""
