@@ -23,6 +23,7 @@ from worm3d.worlds import table
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Shift = tuple[float, ...]
+"""Along x, y and z."""
 
 TOLERANCE = 0.1
 """e of (M3), in cells; what lies between the samples, and (M1), add up to as much."""
@@ -43,15 +44,15 @@ def fit(coefficients: FloatArray, samples: Sequence[tuple[Shift, IntArray, Float
         (M,) [cells].
     """
     for _ in range(SWEEPS):
-        missed = [_sweep(coefficients, *shift, nodes, distance) for shift, nodes, distance in samples]
+        missed = [_sweep(coefficients, shift, nodes, distance) for shift, nodes, distance in samples]
         if not any(missed):
             return
 
 
 @njit
-def _sweep(c: FloatArray, x: float, y: float, z: float, nodes: IntArray, distance: FloatArray) -> int:
+def _sweep(c: FloatArray, shift: Shift, nodes: IntArray, distance: FloatArray) -> int:
     """Take (M3) for each sample, and return for how many it changed something."""
-    w, missed = _weights(x, y, z), 0
+    w, missed = _weights(shift), 0
     square = np.sum(w * w)
     for m in range(len(nodes)):
         i, j, k = nodes[m, 0] - 1, nodes[m, 1] - 1, nodes[m, 2] - 1
@@ -71,9 +72,9 @@ def _sweep(c: FloatArray, x: float, y: float, z: float, nodes: IntArray, distanc
 
 
 @inner
-def _weights(x: float, y: float, z: float) -> FloatArray:
+def _weights(shift: Shift) -> FloatArray:
     """Return the weights of the coefficients about a place between nodes, shape (4, 4, 4)."""
-    along, across, up = table.cubic(x)[0], table.cubic(y)[0], table.cubic(z)[0]
+    along, across, up = table.cubic(shift[0])[0], table.cubic(shift[1])[0], table.cubic(shift[2])[0]
     w = np.empty((4, 4, 4))
     for a in range(4):
         for b in range(4):
