@@ -35,8 +35,8 @@ def formula(world: World) -> Formula | None:
 
 def compiled(function: ca.Function, parameters: FloatArray) -> WorldKernel:
     """Return a compiled world."""
-    kernel = _kernel(function)
-    return WorldKernel(kernel.address, parameters, kernel)
+    whole = kernel(function)
+    return WorldKernel(whole.address, parameters, whole)
 
 
 def distances(world: WorldKernel, points: FloatArray) -> FloatArray:
@@ -51,5 +51,6 @@ def rows(world: WorldKernel, points: FloatArray) -> FloatArray:
 
 
 @lru_cache(maxsize=64)
-def _kernel(function: ca.Function) -> Kernel:
+def kernel(function: ca.Function) -> Kernel:
+    """Return a compiled function, the same one for the same function."""
     return compile_kernel(function)
