@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import map_coordinates, spline_filter, white_tophat
+from scipy.ndimage import map_coordinates, maximum_filter, spline_filter, white_tophat
 
 from worm3d.compiled import cfunc
 from worm3d.worlds import heightfield_kernel, table, terrain
@@ -150,19 +150,28 @@ class Heightfield:
         padded = np.pad(self.heights / self.spacing, EDGE, mode="edge")
         return np.ascontiguousarray(spline_filter(padded, order=3)), np.pad(grips, EDGE, mode="edge")
 
+    @cached_property
+    def _tops(self) -> FloatArray:
+        """Return what the surface in each cell lies below: the largest coefficient about it."""
+        tops: FloatArray = maximum_filter(self._tables[0], size=4, origin=-1)
+        return np.ascontiguousarray(tops)
+
     def kernel(self, band: float = heightfield_kernel.CONTACT) -> WorldKernel:
-        """Return the compiled world, which looks for foot points of points so many cells above the surface."""
+        """Return the compiled world, which looks for foot points of points less than so many cells above a cell."""
         first = np.asarray(self.origin) - EDGE * self.spacing
-        coefficients, grips = self._tables
+        (coefficients, grips), tops = self._tables, self._tops
         parameters = [
             *table.halves(coefficients.ctypes.data),
+            *table.halves(tops.ctypes.data),
             *table.halves(grips.ctypes.data),
             *coefficients.shape,
             *first,
             self.spacing,
             band,
         ]
-        return WorldKernel(_compiled().address, np.array(parameters, dtype=float), (_compiled(), coefficients, grips))
+        return WorldKernel(
+            _compiled().address, np.array(parameters, dtype=float), (_compiled(), coefficients, tops, grips)
+        )
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
