@@ -183,7 +183,7 @@ def _begin(plant: Plant, start: State, settling: Settling | None) -> Status:
         if status is not Status.DONE:
             return status
         plant.set_pose(rested)
-        plant.loads()[:] = rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n]
+        plant.bear(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
     return Status.DONE
 
 
