@@ -254,7 +254,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
         r"the worm would reach to \[3.5, 0.0\] m, beyond the terrain, which spans \[0.0, -0.7",
     ),
     "too fine": (
-        lambda: State.straight(Worm(), Heightfield.rubble(3.0, 1.5, 0.01, height=0.08, size=0.05), START),
+        lambda: worm3d.simulate(Worm(), FINE, state=State(joints=ROW + np.array([0.0, 0.0, 0.2])), duration=0.1),
         r"finer than the worm's contact points: it has bumps of 0.0\d* m within 0.167 m, the distance of its feet",
     ),
     "inside": (
@@ -262,6 +262,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
         r"state: segment \d lies 0.0\d* m inside the world; lift or move the worm",
     ),
 }
+FINE = Heightfield.rubble(3.0, 1.5, 0.01, height=0.08, size=0.05)
 ROW = np.column_stack([0.5 + np.arange(7) / 6, np.zeros(7), np.full(7, 0.02)])
 
 

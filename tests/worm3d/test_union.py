@@ -121,6 +121,15 @@ def test_a_worm_is_placed_on_the_first_world() -> None:
     assert_allclose(on.joints, State.straight(Worm(), Plane(SLOPE), (0.1, 0.05), 0.3).joints, rtol=0, atol=1e-15)
 
 
+def test_bumps_of_any_of_its_worlds_are_seen() -> None:
+    fine = Heightfield.rubble(3.0, 1.5, 0.01, height=0.08, size=0.05)
+    world = Union([Plane(), fine])
+    assert world.bumps(0.1) == fine.bumps(0.1) > 0.05
+    assert Union([Plane()]).bumps(0.1) == 0.0
+    with pytest.raises(ValueError, match="state: the terrain is finer than the worm's contact points"):
+        worm3d.simulate(Worm(), world, duration=0.1)
+
+
 def test_what_is_no_union_is_refused() -> None:
     with pytest.raises(ValueError, match="worlds: got none, must be at least one"):
         Union([])

@@ -90,6 +90,10 @@ class Union:
         """Return gravity, or what presses a worm to the only world, shape (3,) [m/s^2]."""
         return np.array(gravity, dtype=float) if len(self.worlds) > 1 else self.worlds[0].pressing(gravity)
 
+    def bumps(self, within: float) -> float:
+        """Return how high bumps of any of its worlds are that stand within a distance [m]."""
+        return max(world.bumps(within) if hasattr(world, "bumps") else 0.0 for world in self.worlds)
+
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
     ) -> tuple[FloatArray, FloatArray]:
