@@ -42,7 +42,7 @@ def load_scene(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scene
     Parameters
     ----------
     name_or_path : str or Path
-        Name of a shipped scene, or a TOML file.
+        Name of a shipped scene, or a TOML file. A file named in it is looked up beside it first.
     overrides : iterable of str
         `section.key=value` each; the value is TOML, a bare word is a text.
 
@@ -52,12 +52,14 @@ def load_scene(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scene
         With one line for each mistake.
     """
     path = find_scene(str(name_or_path))
-    return parse_scene(read_text(path), path.stem, overrides)
+    return parse_scene(read_text(path), path.stem, overrides, path.parent)
 
 
-def parse_scene(text: str, name: str, overrides: Iterable[str] = ()) -> Scene:
-    """Check a scene given as TOML text; see `load_scene`."""
+def parse_scene(text: str, name: str, overrides: Iterable[str] = (), folder: Path | None = None) -> Scene:
+    """Check a scene given as TOML text; see `load_scene`. Files that it names are looked up in a folder first."""
     written = parse(text)
+    if folder is not None and folder != SHIPPED:
+        _look_beside(written, folder)
     data, overridden, mistakes = apply_overrides(written, overrides)
     kind, model_mistakes = _kind_of(data)
     data = _with_every_section(kind, {**data, "model": kind.name})
@@ -66,6 +68,13 @@ def parse_scene(text: str, name: str, overrides: Iterable[str] = ()) -> Scene:
     if mistakes:
         raise SceneError(*report(mistakes, key_lines(text), overridden))
     return Scene(name, kind, kind.schema.model_validate(data))
+
+
+def _look_beside(data: dict[str, Any], folder: Path) -> None:
+    """Give the file of a scene's world its whole path, if it is in a folder."""
+    world = data.get("world")
+    if isinstance(world, dict) and isinstance(world.get("file"), str) and (folder / world["file"]).is_file():
+        world["file"] = str((folder / world["file"]).resolve())
 
 
 def shipped_scenes() -> dict[str, Path]:

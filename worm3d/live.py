@@ -116,10 +116,10 @@ class Live:
                 time.sleep(wait)
             elif -wait > 2.0 / FPS and k < len(frames) - 1:
                 continue  # the picture is late: it leaves out what it cannot show
-            self._show_frame(frames, k)
+            self._show_frame(frames, k, caption(result, float(frames.time[k])))
         self._rows = rows.stop
 
-    def _show_frame(self, frames: Frames, k: int) -> None:
+    def _show_frame(self, frames: Frames, k: int, words: str) -> None:
         assert self._view is not None
         assert frames.faces is not None
         assert frames.contact_force is not None
@@ -132,6 +132,7 @@ class Live:
             faces=frames.faces[k],
             contact_force=frames.contact_force[k],
             anchored=frames.anchored[k],
+            caption=words,
         )
 
     def close(self) -> None:
@@ -147,3 +148,14 @@ class Live:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def caption(result: Result, time: float) -> str:
+    """Return the time of a row, and the speed over the gait's period before it: a wave rocks the centre of mass."""
+    last = int(np.searchsorted(result.time, time))
+    since = time - result.period if result.period else time - result.dt
+    first = min(int(np.searchsorted(result.time, since - 1e-9)), max(last - 1, 0))
+    if last == first:
+        return f"{time:.2f} s"
+    speed = float(np.linalg.norm(result.com[last] - result.com[first]) / (time - result.time[first]))
+    return f"{time:.2f} s   {1e3 * speed:.0f} mm/s"

@@ -297,6 +297,12 @@ class Plant:
         self.set_pose(self.state(0.0).with_changes(joint_velocity=0.0))
         self.loads()[:] = load
 
+    def bear(self, load: FloatArray) -> None:
+        """Take over the normal loads of a worm at rest, shape (8, N) [N]; friction begins at none."""
+        self.loads()[:] = load
+        force = self.arrays["contact_force"].reshape(3, POINTS, -1)
+        force[:, :, : self.n] = load * self._point_row("normal")[:, :, : self.n]
+
     def loads(self) -> FloatArray:
         """Return the normal load of each contact point at the end of the last step, not a copy, shape (8, N) [N]."""
         return self._point_row("load_n")[0, :, : self.n]

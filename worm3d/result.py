@@ -115,7 +115,7 @@ class Result:
     joint_load, joint_slip : ndarray, shape (T, N+1)
         Likewise of end faces and inner joints (of all joints, (P9), for the clamped worm).
     contact_force : ndarray, shape (T, N, 8, 3)
-        Of the world on each point: normal load and friction together [N].
+        Of the world on each point: normal load and friction together; at the start of a run without friction [N].
     joint_friction : ndarray, shape (T, N+1, 3)
         (P10) on the joints of the clamped worm; else 0 [N].
     anchors : ndarray, shape (T, N, 8, 3)

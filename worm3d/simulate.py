@@ -15,7 +15,7 @@ from worm3d.plant import DEEPEST, Plant
 from worm3d.result import Result
 from worm3d.run import Force, Run
 from worm3d.solver.arrays import POINTS
-from worm3d.start import OVERLAP, require_clear, require_equilibrium, require_shape, settle, settles
+from worm3d.start import OVERLAP, require_clear, require_equilibrium, require_felt, require_shape, settle, settles
 from worm3d.state import State
 from worm3d.status import Status
 from worm3d.worlds import ClampedGround, World
@@ -97,7 +97,7 @@ def simulate(
     worm3d.LimitPointError
         The weight would flatten the chambers.
     worm3d.StateError
-        A state that does not fit the worm, or lies inside the world.
+        A state that does not fit the worm, or lies inside the world; terrain finer than the worm's contact points.
     ValueError
         Another argument out of range or of the wrong shape.
     """
@@ -149,6 +149,7 @@ def prepare(
         raise ValueError("chamber_offset: got 0 with bends that are free; hold them (held.bend) or give it a width")
     start = State.straight(worm, world) if state is None else state
     require_shape(worm, start)
+    require_felt(worm, world)
     if settles(world, weight):
         assert world is not None
         require_equilibrium(worm, float(np.linalg.norm(world.pressing(weight))))
@@ -183,7 +184,7 @@ def _begin(plant: Plant, start: State, settling: Settling | None) -> Status:
         if status is not Status.DONE:
             return status
         plant.set_pose(rested)
-        plant.loads()[:] = rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n]
+        plant.bear(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
     return Status.DONE
 
 

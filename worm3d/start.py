@@ -134,6 +134,18 @@ def require_shape(worm: Worm, state: State) -> None:
         )
 
 
+def require_felt(worm: Worm, world: World | None) -> None:
+    """Raise StateError for terrain with bumps that would pass between contact points and through the worm's axis."""
+    bumps = getattr(world, "bumps", None)
+    bump, clearance = bumps(worm.l0) if bumps else 0.0, float(np.max(worm.half_height))
+    if bump > clearance:
+        raise StateError(
+            f"state: the terrain is finer than the worm's contact points: it has bumps of {bump:.3g} m within "
+            f"{worm.l0:.3g} m, the distance of its feet, which are {clearance:.3g} m below its axis; smooth or lower "
+            "it, or take more segments"
+        )
+
+
 def require_clear(plant: Plant, overlap: float) -> None:
     """Raise StateError where a contact point lies deeper in the world than this fraction of the segment length."""
     depth = plant.depth()

@@ -53,7 +53,7 @@ class MeshKeys(Section):
     file: str = setting(
         NO_FILE,
         only=FILES,
-        title="mesh and picture only: an STL, OBJ, PLY or GLB file, or a PNG; shipped ones go by their name alone",
+        title="mesh and picture only: an STL, OBJ, PLY or GLB file, or a PNG: beside the scene, shipped, or a path",
         aka=("path", "mesh", "image"),
     )
     units: Literal["unknown", "m", "cm", "mm", "in", "ft"] = setting(

@@ -47,6 +47,7 @@ def refusal(scene: AnyWormScene) -> Found:
     try:
         with np.errstate(all="ignore"):
             worm, world, gravity = worm_of(scene), world_of(scene.world), gravity_of(scene)
+            start.require_felt(worm, world)
             start.require_shape(worm, start_of(scene, worm, world))
             if world is not None and start.settles(world, gravity):
                 start.require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))))

@@ -125,6 +125,20 @@ def test_mistakes_get_their_line(section: str, lines: list[str]) -> None:
         assert line.startswith(expected)
 
 
+def test_a_mesh_is_looked_up_beside_its_scene_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also from another folder, where a file of that name is something else; shipped ones keep their short names."""
+    (tmp_path / "mine").mkdir()
+    shipped = Path(load_scene.__code__.co_filename).parent / "mesh_tunnel.stl"
+    (tmp_path / "mine" / "rock.stl").write_bytes(shipped.read_bytes())
+    (tmp_path / "rock.stl").write_text("no mesh")
+    monkeypatch.chdir(tmp_path)
+    scene = 'kind = "mesh"\nunits = "m"\nsolid = "outside"\ncell_m = 0.03\n[start]\nposition_m = [0.1, 0.0]'
+    for file, found in (("rock.stl", str(tmp_path / "mine" / "rock.stl")), ("mesh_tunnel.stl", "mesh_tunnel.stl")):
+        (tmp_path / "mine" / "scene.toml").write_text(f'{MODEL}file = "{file}"\n{scene}')
+        settings = load_scene(tmp_path / "mine" / "scene.toml").settings
+        assert settings.world.file == found  # type: ignore[attr-defined]
+
+
 def test_terrain_that_the_worm_cannot_start_on() -> None:
     high = lines_about(f'{MODEL}kind = "heightfield"\nheight_m = 0.08\nsize_m = 0.08')
     assert len(high) == 1

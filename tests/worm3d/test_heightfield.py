@@ -71,7 +71,7 @@ def test_distances_are_those_of_trimesh() -> None:
 
 @TERRAINS
 def test_normals_and_curvature_are_the_derivatives_of_the_distance(world: Heightfield) -> None:
-    points, h, kernel = near(world, 2000, 0.5), 1e-6, world.kernel()
+    points, h, kernel = near(world, 2000, 0.5), 1e-6, world.kernel(1.0)
     rows = looked_up(kernel, points)
     moved = [[looked_up(kernel, points + sign * h * axis) for sign in (1, -1)] for axis in np.eye(3)]
     gradient = np.array([(up[0] - down[0]) / (2 * h) for up, down in moved])
@@ -91,11 +91,23 @@ def test_the_surface_goes_through_the_heights_and_on_beyond_its_edges() -> None:
     assert_allclose(RUBBLE.height(np.array([-50.0, RUBBLE.y[40]])), RUBBLE.heights[0, 40], rtol=0, atol=1e-6)
 
 
+def test_what_may_touch_gets_its_foot_point_and_what_is_far_is_told_to_be_outside() -> None:
+    """Also on ground as rough as its grid allows, of which the surface lies far from what is linear between nodes."""
+    rough = Heightfield(np.random.default_rng(8).uniform(0.0, 0.1, (50, 40)), 0.02, (0.0, -0.4))
+    for world in (RUBBLE, STAIRS, rough):
+        points = near(world, 20_000, 0.5)
+        quick, exact = looked_up(world.kernel(), points), looked_up(world.kernel(np.inf), points)
+        differs = (quick != exact).any(axis=0)
+        assert 0.01 < differs.mean() < 0.9
+        assert (points[differs, 2] > world.height(points[differs, :2])).all()
+        assert (quick[0, differs] > 0.0).mean() > 0.999
+
+
 def test_waves_have_the_curvature_of_their_crests() -> None:
     """A k^2 on the crest of A cos(k x), 1/r of the osculating circle, and 1/(r + g) above it; the spline's to 1 %."""
     curvature, x = 0.01 * (2 * np.pi / 0.5) ** 2, 1.0
     for g in (0.0, 0.01):
-        rows = looked_up(WAVES.kernel(), np.array([[x, 0.0, 0.01 + g]]))[:, 0]
+        rows = looked_up(WAVES.kernel(1.0), np.array([[x, 0.0, 0.01 + g]]))[:, 0]
         assert_allclose(rows[0], g, rtol=0, atol=1e-5)
         assert_allclose(rows[4], 1.0 / (1.0 / curvature + g), rtol=1e-2)
         assert_allclose(rows[7], 0.0, rtol=0, atol=1e-9)
@@ -242,7 +254,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
         r"the worm would reach to \[3.5, 0.0\] m, beyond the terrain, which spans \[0.0, -0.7",
     ),
     "too fine": (
-        lambda: State.straight(Worm(), Heightfield.rubble(3.0, 1.5, 0.01, height=0.08, size=0.05), START),
+        lambda: worm3d.simulate(Worm(), FINE, state=State(joints=ROW + np.array([0.0, 0.0, 0.2])), duration=0.1),
         r"finer than the worm's contact points: it has bumps of 0.0\d* m within 0.167 m, the distance of its feet",
     ),
     "inside": (
@@ -250,6 +262,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
         r"state: segment \d lies 0.0\d* m inside the world; lift or move the worm",
     ),
 }
+FINE = Heightfield.rubble(3.0, 1.5, 0.01, height=0.08, size=0.05)
 ROW = np.column_stack([0.5 + np.arange(7) / 6, np.zeros(7), np.full(7, 0.02)])
 
 

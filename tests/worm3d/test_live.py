@@ -42,10 +42,12 @@ def test_a_run_that_is_watched_is_the_same_run_in_real_time() -> None:
 
 def test_every_picture_is_one_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[np.ndarray] = []
+    captions: list[object] = []
     show = module.LiveView.show
 
     def look(view: module.LiveView, joints: np.ndarray, *others: object, **more: object) -> None:
         shown.append(joints)
+        captions.append(more["caption"])
         show(view, joints, *others, **more)  # type: ignore[arg-type]
 
     monkeypatch.setattr(module.LiveView, "show", look)
@@ -56,6 +58,18 @@ def test_every_picture_is_one_of_the_run(monkeypatch: pytest.MonkeyPatch) -> Non
     assert rows[0] == 0
     assert rows[-1] == 60
     assert rows == sorted(rows)
+    assert captions == [module.caption(result, float(result.time[row])) for row in rows]
+
+
+def test_the_caption_has_time_and_speed() -> None:
+    """Over the period before: 0.5 s; a worm without a gait, over a step."""
+    result = crawl(duration=2.0)
+    moved = np.linalg.norm(result.com[150] - result.com[100]) / 0.5
+    assert module.caption(result, 0.0) == "0.00 s"
+    assert module.caption(result, 1.5) == f"1.50 s   {1e3 * moved:.0f} mm/s"
+    assert 1e3 * moved > 20.0
+    fall = worm3d.simulate(worm3d.Worm(), None, duration=0.1)
+    assert module.caption(fall, 0.1) == f"0.10 s   {1e3 * 9.81 * 0.095:.0f} mm/s"
 
 
 def test_an_interrupted_run_closes_its_view() -> None:

@@ -42,6 +42,18 @@ def test_a_settled_worm_is_in_equilibrium_under_the_pressing_weight(slope: float
         assert np.abs(run.joints[1] - run.joints[0]).max() < 1e-11
 
 
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+def test_the_forces_of_the_world_are_there_from_the_first_instant(slope: float) -> None:
+    """Normal loads of 0.981 N cos(slope) against the plane, no friction yet; 5 s later all of the weight."""
+    worm, plane = Worm(), Plane(slope, 0.7)
+    run = worm3d.simulate(worm, plane, Friction(2.0, 2.0, 2.0), duration=5.0, record_every=500)
+    weight = np.array([0.0, 0.0, worm.mass * 9.81])
+    force = run.contact_force.sum(axis=(1, 2))
+    assert_allclose(force[0], weight @ plane.axes[2] * plane.axes[2], rtol=0, atol=1e-8)
+    assert_allclose(force[1], weight, rtol=0, atol=1e-8)
+    assert_allclose(run.contact_force[0, :, :6] @ plane.axes[2], run.normal_load[0], rtol=0, atol=1e-15)
+
+
 def test_settled_loads_and_pose_do_not_depend_on_how_high_it_starts() -> None:
     """It is let down, not dropped."""
     runs = [

@@ -11,6 +11,7 @@ from worm3d import (
     Centreline,
     ClampedGround,
     Friction,
+    Heightfield,
     Patch,
     Pipe,
     Plane,
@@ -34,6 +35,30 @@ def test_the_distance_is_the_greatest_and_the_rows_are_those_of_its_world() -> N
     first = each[0, 0] >= each[1, 0]
     assert 100 < first.sum() < 400
     assert_array_equal(rows(Union(parts).kernel(), points), np.where(first, each[0], each[1]))
+
+
+def test_worlds_of_tables_and_of_formulas_join() -> None:
+    """Rubble with a shaft in it, and a union within a union; more points than are handed over at once."""
+    rubble = Heightfield.rubble(2.0, 1.0, 0.02, height=0.03, size=0.1)
+    shaft = Pipe(Centreline.of([Straight(1.0)], start=(1.0, 0.0, 0.2), tilt=-np.pi / 2), 0.3)
+    points = np.random.default_rng(4).uniform([-0.8, -0.4, -0.2], [1.8, 0.4, 0.08], (333, 3))
+    each = np.array([rows(part.kernel(), points) for part in (rubble, shaft, Plane(0.1))])
+    expected = each[each[:, 0].argmax(axis=0), :, np.arange(len(points))].T
+    assert all((expected[0] == part[0]).sum() > 20 for part in each)
+    for union in (Union([rubble, shaft, Plane(0.1)]), Union([Union([rubble, shaft]), Plane(0.1)])):
+        assert_array_equal(rows(union.kernel(), points), expected)
+
+
+def test_a_worm_falls_through_a_hole_in_the_ground() -> None:
+    """Onto the pipe's end wall, 0.4 m down; on the ground alone it stays."""
+    ground = Heightfield(np.zeros((40, 40)), 0.1, (-2.0, -2.0))
+    hole = Pipe(Centreline.of([Straight(2.0)], start=(0.5, 0.0, -0.4), tilt=np.pi / 2), 0.8, start_wall=True)
+    start = State.straight(Worm(), ground)
+    ends = [
+        worm3d.simulate(Worm(), world, duration=1.0, state=start, settle_first=False, record_every=10).com[-1, 2]
+        for world in (ground, Union([ground, hole]))
+    ]
+    assert_allclose(ends[1] - ends[0], -0.4, rtol=0, atol=1e-3)
 
 
 def test_inside_the_solid_the_distance_is_exact() -> None:
@@ -96,10 +121,19 @@ def test_a_worm_is_placed_on_the_first_world() -> None:
     assert_allclose(on.joints, State.straight(Worm(), Plane(SLOPE), (0.1, 0.05), 0.3).joints, rtol=0, atol=1e-15)
 
 
+def test_bumps_of_any_of_its_worlds_are_seen() -> None:
+    fine = Heightfield.rubble(3.0, 1.5, 0.01, height=0.08, size=0.05)
+    world = Union([Plane(), fine])
+    assert world.bumps(0.1) == fine.bumps(0.1) > 0.05
+    assert Union([Plane()]).bumps(0.1) == 0.0
+    with pytest.raises(ValueError, match="state: the terrain is finer than the worm's contact points"):
+        worm3d.simulate(Worm(), world, duration=0.1)
+
+
 def test_what_is_no_union_is_refused() -> None:
     with pytest.raises(ValueError, match="worlds: got none, must be at least one"):
         Union([])
-    with pytest.raises(ValueError, match="worlds: got ClampedGround, must be Plane, Pipe or Union"):
+    with pytest.raises(ValueError, match="worlds: got ClampedGround, must be worlds with a distance: Plane, Pipe"):
         Union([ClampedGround()])
     with pytest.raises(ValueError, match=r"tilt: got 0.3 rad, must be less than the slope \(0.2 rad\)"):
         slope_into_pipe(0.2, 1.0, [Straight(1.0)], 0.1, tilt=0.3)

@@ -88,6 +88,7 @@ class LiveView:
         contact_force: FloatArray | None = None,
         anchored: NDArray[np.bool_] | None = None,
         horizon: FloatArray | None = None,
+        caption: str = "",
     ) -> None:
         """Show the worm at one instant; arrays as in `Frames`, without the first axis.
 
@@ -106,6 +107,8 @@ class LiveView:
         anchored : ndarray of bool, shape (N, K), optional
         horizon : ndarray, shape (H, 3), optional
             [m].
+        caption : str
+            At the top of the picture.
         """
         if self._window is None:
             raise ConnectionError("the live view is closed: open a new one")
@@ -127,6 +130,8 @@ class LiveView:
             recorder.stand(self._window, frames.axes, frames.body_length)
         self._send(self._window, {part.path: part for part in parts})
         recorder.look_at(self._window, frames.centre[0])
+        if caption:
+            recorder.caption(self._window, caption)
         self._window.settle()
 
     def _send(self, window: Connection, parts: dict[str, Piece]) -> None:

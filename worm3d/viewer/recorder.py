@@ -24,11 +24,27 @@ with warnings.catch_warnings():
     import meshcat
     import umsgpack
     from meshcat.commands import SetAnimation
-    from meshcat.geometry import Geometry, Mesh, MeshPhongMaterial, Object, TriangularMeshGeometry, pack_numpy_array
+    from meshcat.geometry import (
+        Geometry,
+        Mesh,
+        MeshBasicMaterial,
+        MeshPhongMaterial,
+        Object,
+        Texture,
+        TriangularMeshGeometry,
+        pack_numpy_array,
+    )
 
 _DISCRETE = 2300
 """three.js: InterpolateDiscrete."""
 _TOP, _BOTTOM = [0.93, 0.95, 0.97], [0.72, 0.76, 0.80]
+
+
+FONT = 22
+"""Of a caption, in pixels of a picture 256 wide; longer ones get a smaller one."""
+
+CAPTION_SIZE, CAPTION_AT = 0.6, (0.0, 0.68, -1.0)
+"""Side of the square in whose middle a caption stands; its place before the camera, which sees from -0.77 to 0.77."""
 
 
 class Window(Protocol):
@@ -126,6 +142,28 @@ class _Light(Object):  # type: ignore[misc]  # meshcat has no types
             "materials": [],
             "object": {"uuid": self.uuid, **self.properties},
         }
+
+
+class _Text(Texture):  # type: ignore[misc]  # meshcat has no types
+    """A picture of a line of text, which meshcat's viewer makes and its Python side does not know."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.text = text
+
+    def lower(self, _object_data: dict[str, Any]) -> dict[str, Any]:
+        return {"uuid": self.uuid, "type": "_text", "text": self.text, "font_size": FONT, "font_face": "sans-serif"}
+
+
+class _Square(Geometry):  # type: ignore[misc]  # meshcat has no types
+    """A square that looks along z, for a picture; meshcat's viewer knows it and its Python side does not."""
+
+    def __init__(self, side: float) -> None:
+        super().__init__()
+        self.side = side
+
+    def lower(self, _object_data: dict[str, Any]) -> dict[str, Any]:
+        return {"uuid": self.uuid, "type": "PlaneGeometry", "width": self.side, "height": self.side}
 
 
 class _Property:
@@ -226,6 +264,16 @@ def move(window: Window, piece: Piece) -> None:
 def remove(window: Window, path: str) -> None:
     """Take a piece away."""
     meshcat.Visualizer(window=window)[path].delete()
+
+
+def caption(window: Window, text: str) -> None:
+    """Write a line of text at the top of the picture, in the place of the last one."""
+    picture = MeshBasicMaterial(map=_Text(text), transparent=True, depthTest=False)
+    node = meshcat.Visualizer(window=window)["/Cameras/default/rotated/<object>/caption"]
+    node.set_object(Mesh(_Square(CAPTION_SIZE), picture))
+    place = np.eye(4)
+    place[:3, 3] = CAPTION_AT
+    node.set_transform(place)
 
 
 def look_at(window: Window, place: FloatArray) -> None:

@@ -3,18 +3,21 @@
 Near the surface each node has its exact distance to the triangles about it; the others have that to the triangle of
 the nearest such node, which is the nearest one or almost. The sign is that of the winding number along rows of the
 grid, counted by crossings (Bridson's scan conversion): edges and corners that a row hits exactly count once, because
-orientations of equal points are broken by one rule for all triangles.
+orientations of equal points are broken by one rule for all triangles. The spline through the nodes is then fitted to
+exact distances between them (`distance_fit`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, spline_filter
 
 from worm3d.compiled import inner, njit
+from worm3d.worlds import distance_fit
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -23,6 +26,9 @@ Vector = tuple[float, float, float]
 
 NEAR = 3.0
 """Cells from a triangle within which nodes get their exact distance to it."""
+
+FITTED = 1.25
+"""Cells from a triangle within which the spline is fitted between the nodes."""
 
 MARGIN = 6
 """Cells between the mesh and the edge of its grid."""
@@ -71,22 +77,42 @@ def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     first = middle - cell * (np.array(size) - 1.0) / 2.0
     corners = np.ascontiguousarray((vertices[faces] - first) / cell)
+    coefficients = spline_filter(_everywhere(corners, size), order=3)
+    distance_fit.fit(coefficients, [(shift, *_close(corners - shift, size)) for shift in product((0.0, 0.5), repeat=3)])
+    return Grid(coefficients.astype(np.float32), first, cell)
+
+
+def _everywhere(corners: FloatArray, size: tuple[int, int, int]) -> FloatArray:
+    """Return the signed distance of all nodes."""
     distance, nearest = np.full(size, FAR), np.full(size, -1, dtype=np.int32)
-    winding = np.zeros(size, dtype=np.int32)
-    _near(corners, distance, nearest)
-    _crossings(corners, winding)
+    _near(corners, NEAR, distance, nearest)
     unknown = nearest < 0
     owner = distance_transform_edt(unknown, return_distances=False, return_indices=True)
     places = np.flatnonzero(unknown)
     _far(corners, places, nearest[tuple(axis.ravel()[places] for axis in owner)], distance)
-    inside = np.cumsum(winding, axis=0) > 0
-    signed = np.where(inside, -1.0, 1.0) * np.sqrt(distance)
-    return Grid(spline_filter(signed, order=3).astype(np.float32), first, cell)
+    signed: FloatArray = np.where(_inside(corners, size), -1.0, 1.0) * np.sqrt(distance)
+    return signed
+
+
+def _close(corners: FloatArray, size: tuple[int, int, int]) -> tuple[IntArray, FloatArray]:
+    """Return the nodes to which the spline is fitted, shape (M, 3), and their signed distances, shape (M,)."""
+    distance, nearest = np.full(size, FAR), np.full(size, -1, dtype=np.int32)
+    _near(corners, FITTED, distance, nearest)
+    nodes = np.argwhere(nearest >= 0)
+    at = tuple(nodes.T)
+    return nodes, np.where(_inside(corners, size)[at], -1.0, 1.0) * np.sqrt(distance[at])
+
+
+def _inside(corners: FloatArray, size: tuple[int, int, int]) -> NDArray[np.bool_]:
+    winding = np.zeros(size, dtype=np.int32)
+    _crossings(corners, winding)
+    inside: NDArray[np.bool_] = np.cumsum(winding, axis=0, dtype=np.int32) > 0
+    return inside
 
 
 @njit
-def _near(corners: FloatArray, distance: FloatArray, nearest: NDArray[np.int32]) -> None:
-    """Write squared distances and triangles of the nodes near each triangle."""
+def _near(corners: FloatArray, reach: float, distance: FloatArray, nearest: NDArray[np.int32]) -> None:
+    """Write squared distances and triangles of the nodes within reach of each triangle."""
     pieces = np.empty((PIECES, 3, 3))
     for k in range(len(corners)):
         _copy(pieces, 0, corners, k)
@@ -101,7 +127,7 @@ def _near(corners: FloatArray, distance: FloatArray, nearest: NDArray[np.int32])
                     pieces[count, edge, d] = pieces[count + 1, (edge + 1) % 3, d] = middle
                 count += 2
             else:
-                _near_one(pieces, count, k, distance, nearest)
+                _near_one(pieces, count, k, reach, distance, nearest)
 
 
 @inner
@@ -133,17 +159,19 @@ def _span(corners: FloatArray, k: int, d: int, reach: float, nodes: int) -> tupl
 
 
 @inner
-def _near_one(pieces: FloatArray, i: int, k: int, distance: FloatArray, nearest: NDArray[np.int32]) -> None:
+def _near_one(
+    pieces: FloatArray, i: int, k: int, reach: float, distance: FloatArray, nearest: NDArray[np.int32]
+) -> None:
     """Write squared distances to piece i, of triangle k, where they are the least so far."""
     nodes = distance.shape
     a, b, c = _corner(pieces, i, 0), _corner(pieces, i, 1), _corner(pieces, i, 2)
-    (x_0, x_1), (y_0, y_1) = _span(pieces, i, 0, NEAR, nodes[0]), _span(pieces, i, 1, NEAR, nodes[1])
-    z_0, z_1 = _span(pieces, i, 2, NEAR, nodes[2])
+    (x_0, x_1), (y_0, y_1) = _span(pieces, i, 0, reach, nodes[0]), _span(pieces, i, 1, reach, nodes[1])
+    z_0, z_1 = _span(pieces, i, 2, reach, nodes[2])
     for x in range(x_0, x_1):
         for y in range(y_0, y_1):
             for z in range(z_0, z_1):
                 square = _to_triangle((float(x), float(y), float(z)), a, b, c)
-                if square <= NEAR**2 and square < distance[x, y, z]:
+                if square <= reach**2 and square < distance[x, y, z]:
                     distance[x, y, z] = square
                     nearest[x, y, z] = k
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import map_coordinates, spline_filter, white_tophat
+from scipy.ndimage import map_coordinates, maximum_filter, spline_filter, white_tophat
 
 from worm3d.compiled import cfunc
 from worm3d.worlds import heightfield_kernel, table, terrain
@@ -150,19 +150,28 @@ class Heightfield:
         padded = np.pad(self.heights / self.spacing, EDGE, mode="edge")
         return np.ascontiguousarray(spline_filter(padded, order=3)), np.pad(grips, EDGE, mode="edge")
 
+    @cached_property
+    def _tops(self) -> FloatArray:
+        """Return what the surface in each cell lies below: the largest coefficient about it."""
+        tops: FloatArray = maximum_filter(self._tables[0], size=4, origin=-1)
+        return np.ascontiguousarray(tops)
+
     def kernel(self, band: float = heightfield_kernel.CONTACT) -> WorldKernel:
-        """Return the compiled world, which looks for foot points of points so many cells above the surface."""
+        """Return the compiled world, which looks for foot points of points less than so many cells above a cell."""
         first = np.asarray(self.origin) - EDGE * self.spacing
-        coefficients, grips = self._tables
+        (coefficients, grips), tops = self._tables, self._tops
         parameters = [
             *table.halves(coefficients.ctypes.data),
+            *table.halves(tops.ctypes.data),
             *table.halves(grips.ctypes.data),
             *coefficients.shape,
             *first,
             self.spacing,
             band,
         ]
-        return WorldKernel(_compiled().address, np.array(parameters, dtype=float), (_compiled(), coefficients, grips))
+        return WorldKernel(
+            _compiled().address, np.array(parameters, dtype=float), (_compiled(), coefficients, tops, grips)
+        )
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
@@ -192,9 +201,8 @@ class Heightfield:
         Raises
         ------
         ValueError
-            The tail or the head would lie beyond the grid, or the terrain is finer than the worm's contact points.
+            The tail or the head would lie beyond the grid.
         """
-        self._require_felt(float(along[1] - along[0]), clearance)
         ends = position + along[[0, -1], None] * [np.cos(azimuth), np.sin(azimuth)]
         corners = np.array([[self.x[0], self.y[0]], [self.x[-1], self.y[-1]]])
         if (ends < corners[0]).any() or (ends > corners[1]).any():
@@ -204,18 +212,16 @@ class Heightfield:
             )
         return laid(self.height, along, clearance, position, azimuth)
 
-    def _require_felt(self, contacts: float, clearance: float) -> None:
-        """Raise ValueError for bumps that would pass between contact points and through the worm's axis."""
-        nodes = 2 * round(contacts / self.spacing / 2.0) + 1
+    @lru_cache(maxsize=8)  # noqa: B019 - a few worlds are kept
+    def bumps(self, within: float) -> float:
+        """Return how high bumps are that stand within a distance [m] along x and y, 0 where the grid has none [m].
+
+        What an opening by a square of that side takes away (Serra, Image Analysis and Mathematical Morphology, 1982).
+        """
+        nodes = 2 * round(within / self.spacing / 2.0) + 1
         if min(nodes, *self.heights.shape) < 3:
-            return
-        bump = float(white_tophat(self.heights, size=(nodes, nodes)).max())
-        if bump > clearance:
-            raise ValueError(
-                f"the terrain is finer than the worm's contact points: it has bumps of {bump:.3g} m within "
-                f"{contacts:.3g} m, the distance of its feet, which are {clearance:.3g} m below its axis; smooth or "
-                "lower it, or take more segments"
-            )
+            return 0.0
+        return float(white_tophat(self.heights, size=(nodes, nodes)).max())
 
 
 @cache

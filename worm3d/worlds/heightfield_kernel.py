@@ -10,8 +10,9 @@ fundamental forms I = J'J and II = Hess(h)/|N|,
     g = (P - S) . n,     grad g = n,     Hess g = -J I^-1 II (I - g II)^-1 J'                        (H2)
 
 (do Carmo, Differential Geometry of Curves and Surfaces, 3-3: Weingarten's equations, and the derivative of (H1)).
-I - g II is also Newton's matrix; where it is not positive definite P lies beyond a focus. There, and farther than so
-many cells above the surface, a parameter, g is the distance to the tangent plane below P: it only tells that it is far.
+I - g II is also Newton's matrix; where it is not positive definite P lies beyond a focus. There, and where P is so many
+cells, a parameter, above all coefficients of the spline about it, which its surface is below, g is the distance to the
+tangent plane below P: it only tells that it is far.
 """
 
 from __future__ import annotations
@@ -28,20 +29,22 @@ FloatArray = NDArray[np.float64]
 Height = tuple[float, float, float, float, float, float]
 """h, h_u, h_v, h_uu, h_uv, h_vv."""
 
-CONTACT = 1.0
-"""Cells above the surface within which a worm's contacts need the foot point; the parameter in a simulation."""
+CONTACT = 0.05
+"""Cells above all coefficients about a cell, and so above its surface, up to which a worm's contacts get the foot
+point; the parameter in a simulation."""
 
 ITERATIONS = 20
 """Of Newton's method for a foot point."""
 
 CLOSE = 1e-5
-"""Cells that the foot moves at the last iteration: its error, and the normal's, is then about the square of that, the
-distance's its fourth power."""
+"""Cells that the foot moves at the last iteration, which takes the surface from its Taylor series: the error of foot
+and normal is then about the square of that, the distance's its third power."""
 
-ROWS_IN, ROWS_OUT = 3 + 10, 11
-"""Point; address of coefficients and grips (2 each), nodes along x and y, first x and y, spacing, `CONTACT`."""
+ROWS_IN, ROWS_OUT = 3 + 12, 11
+"""Point; addresses of coefficients, of the largest about each cell, and of grips (2 each), nodes along x and y, first x
+and y, spacing, `CONTACT`."""
 
-_COEFFICIENTS, _GRIPS, _NODES, _FIRST, _SPACING, _CONTACT = 3, 5, 7, 9, 11, 12
+_COEFFICIENTS, _TOPS, _GRIPS, _NODES, _FIRST, _SPACING, _CONTACT = 3, 5, 7, 9, 11, 13, 14
 
 
 @inner
@@ -80,6 +83,8 @@ def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Height) 
             uu, uv, vv = 1.0 + at[1] * at[1], at[1] * at[2], 1.0 + at[2] * at[2]
         det = uu * vv - uv * uv
         d_u, d_v = (vv * r_u - uv * r_v) / det, (uu * r_v - uv * r_u) / det
+        if abs(d_u) + abs(d_v) < CLOSE:
+            return True, u + d_u, v + d_v, _moved(at, d_u, d_v)
         share = 1.0
         for _half in range(6):
             new = height(coefficients, u + share * d_u, v + share * d_v)
@@ -88,9 +93,16 @@ def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Height) 
                 break
             share *= 0.5
         u, v, at, gap = u + share * d_u, v + share * d_v, new, now
-        if abs(d_u) + abs(d_v) < CLOSE:
-            return True, u, v, at
     return False, u, v, at
+
+
+@inner
+def _moved(at: Height, d_u: float, d_v: float) -> Height:
+    """Return the surface a small way from a place, by its Taylor series."""
+    h, h_u, h_v, h_uu, h_uv, h_vv = at
+    rise_u, rise_v = h_uu * d_u + h_uv * d_v, h_uv * d_u + h_vv * d_v
+    h += (h_u + 0.5 * rise_u) * d_u + (h_v + 0.5 * rise_v) * d_v
+    return h, h_u + rise_u, h_v + rise_v, h_uu, h_uv, h_vv
 
 
 @inner
@@ -109,11 +121,11 @@ def _rough(coefficients: FloatArray, u: float, v: float) -> Height:
 
 
 @inner
-def look(coefficients: FloatArray, x: float, y: float, z: float, contact: float) -> Jet:
+def look(coefficients: FloatArray, tops: FloatArray, x: float, y: float, z: float, contact: float) -> Jet:
     """Return distance, normal and curvature at a point, a spacing as unit."""
-    rough = _rough(coefficients, x, y)
-    size = np.sqrt(1.0 + rough[1] * rough[1] + rough[2] * rough[2])
-    if z - rough[0] > contact * size:
+    if z > tops[table.cell(x, tops.shape[0])[0], table.cell(y, tops.shape[1])[0]] + contact:
+        rough = _rough(coefficients, x, y)
+        size = np.sqrt(1.0 + rough[1] * rough[1] + rough[2] * rough[2])
         return _level(rough, (z - rough[0]) / size, size)
     below = height(coefficients, x, y)
     found, u, v, at = foot(coefficients, x, y, z, below)
@@ -172,6 +184,7 @@ def heightfield(
         return FINE
     nodes = int(p[_NODES, 0]), int(p[_NODES + 1, 0])
     coefficients = table.doubles(table.address(p[_COEFFICIENTS, 0], p[_COEFFICIENTS + 1, 0]), nodes[0], nodes[1])
+    tops = table.doubles(table.address(p[_TOPS, 0], p[_TOPS + 1, 0]), nodes[0], nodes[1])
     grips = table.doubles(table.address(p[_GRIPS, 0], p[_GRIPS + 1, 0]), nodes[0], nodes[1])
     first_x, first_y, spacing, contact = p[_FIRST, 0], p[_FIRST + 1, 0], p[_SPACING, 0], p[_CONTACT, 0]
     share = 1.0 / spacing
@@ -181,5 +194,5 @@ def heightfield(
             continue
         x, y = (p[0, k] - first_x) * share, (p[1, k] - first_y) * share
         grip = grip_at(grips, x, y)
-        table.write(out, k, look(coefficients, x, y, p[2, k] * share, contact), spacing, 1.0, share, grip)
+        table.write(out, k, look(coefficients, tops, x, y, p[2, k] * share, contact), spacing, 1.0, share, grip)
     return FINE

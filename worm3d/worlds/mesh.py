@@ -32,7 +32,7 @@ NODES = 1_000_000
 COARSER = 1.05
 """Steps in which such a cell is sought."""
 
-VERSION = b"worm3d grid 1"
+VERSION = b"worm3d grid 2"
 """Of what `distance_grid.filled` computes; a change of it makes grids on disk those of another version."""
 
 KEPT = 20

@@ -25,7 +25,7 @@ import casadi as ca
 from worm3d.codegen import Kernel, compile_kernel
 from worm3d.worlds import table
 
-NARROW = 0.2
+NARROW = 0.1
 """w of (M1), in cells."""
 
 SIDE = 4

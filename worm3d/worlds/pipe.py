@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from worm3d.worlds import placing
+from worm3d.compiled import cfunc
+from worm3d.worlds import pipe_table, placing, symbolic, table
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.centreline import Centreline
-from worm3d.worlds.pipe_kernel import pipe, place
+from worm3d.worlds.pipe_kernel import Bends, piece, pipe, place
 from worm3d.worlds.plane import Patch
 from worm3d.worlds.profile import Profile
-from worm3d.worlds.symbolic import compiled, distances
+from worm3d.worlds.symbolic import Formula
 
 FloatArray = NDArray[np.float64]
 
+Kind = tuple[Bends, int, bool, bool]
+
 MOST_GIVEN = 8
-"""Pieces of the centre line that are parameters of the compiled code; more are compiled into it, which is faster to run
-and takes a moment for each new pipe."""
+"""Pieces of the centre line that are compared in the formula; of more the one that counts is looked up."""
 
 BENT = 1e-9
 """Slack in comparing places along the pipe [m]."""
@@ -121,18 +124,21 @@ class Pipe:
         """Return the radius at distances of shape (...) along the centre line, shape (...) [m]."""
         return self.profile.at(along)
 
-    def symbolic(self) -> tuple[ca.Function, FloatArray]:
-        """Return the world's rows as a function of a point and parameters, and the parameters."""
+    def symbolic(self) -> Formula | None:
+        """Return the world's rows as a function of a point and parameters, and the parameters; None if looked up."""
         line = self._pieces()
-        constant = self.profile.constant
-        wall = self.profile.pieces()[:1] if constant else self.profile.pieces()
+        if len(line) > MOST_GIVEN:
+            return None
+        kind, parameters = self._wall()
+        return pipe(_bent(line[:, 10]), *kind), np.concatenate([line.ravel(), parameters])
+
+    def _wall(self) -> tuple[Kind, FloatArray]:
+        """Return what kind of wall it is, as `pipe` has it, and the parameters of `pipe` after the centre line's."""
+        wall = self.profile.pieces()[:1] if self.profile.constant else self.profile.pieces()
         largest = np.finfo(float).max  # stands for infinity
         grips = [[*np.clip(patch.along, -largest, largest), patch.grip] for patch in self.patches]
-        closed = (bool(self.start_wall), bool(self.end_wall))
-        fixed = tuple(line.ravel().tolist()) if len(line) > MOST_GIVEN else ()
-        function = pipe(_bent(line[:, 10]), _bent(wall[:, 4]), len(grips), *closed, fixed)
-        pieces = np.zeros(0) if fixed else line.ravel()
-        return function, np.concatenate([pieces, wall.ravel(), [0.0, self.centreline.total], np.ravel(grips)])
+        kind = _bent(wall[:, 4]), len(grips), bool(self.start_wall), bool(self.end_wall)
+        return kind, np.concatenate([wall.ravel(), [0.0, self.centreline.total], np.ravel(grips)])
 
     def _pieces(self) -> FloatArray:
         """Return the chain of the centre line with its straight ends, shape (K, 11)."""
@@ -152,11 +158,25 @@ class Pipe:
 
     def kernel(self) -> WorldKernel:
         """Return the compiled world."""
-        return compiled(*self.symbolic())
+        whole = self.symbolic()
+        return self._looked_up() if whole is None else symbolic.compiled(*whole)
+
+    def _looked_up(self) -> WorldKernel:
+        """Return the world of which a table is looked up in."""
+        kind, parameters = self._wall()
+        one, line = symbolic.kernel(piece(*kind)), self._pieces()
+        inputs = np.zeros((pipe_table.FIRST + len(parameters), pipe_table.TOGETHER))
+        inputs[pipe_table.FIRST :] = parameters[:, None]
+        outputs = np.zeros((pipe_table.ROWS, pipe_table.TOGETHER))
+        planes = np.ascontiguousarray([*line[:, 3:6].T, np.sum(line[:, :3] * line[:, 3:6], axis=1)])
+        arrays = line, planes, inputs, outputs  # of this kernel alone: others may run beside it
+        places = (line.ctypes.data, planes.ctypes.data, one.address, inputs.ctypes.data, outputs.ctypes.data)
+        numbers = [*(half for place in places for half in table.halves(place)), len(line), len(inputs)]
+        return WorldKernel(_compiled().address, np.array(numbers, dtype=float), (_compiled(), one, arrays))
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), positive inside the pipe, shape (...,) [m]."""
-        return distances(self.kernel(), points)
+        return symbolic.distances(self.kernel(), points)
 
     def along(self, points: FloatArray) -> FloatArray:
         """Return how far along the centre line the places nearest to points of shape (..., 3) are, shape (...,) [m]."""
@@ -214,3 +234,8 @@ class Pipe:
 
 def _bent(curvature: FloatArray) -> tuple[bool, ...]:
     return tuple(bool(each) for each in curvature != 0.0)
+
+
+@cache
+def _compiled() -> Any:
+    return cfunc(table.SIGNATURE, pipe_table.pipe, table.OPTIMISATION)

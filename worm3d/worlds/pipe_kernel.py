@@ -69,13 +69,12 @@ class _Chain(NamedTuple):
 class _Tube(NamedTuple):
     surface: Surface
     s: ca.SX
+    d: ca.SX
     tangent: ca.SX
 
 
 @cache
-def pipe(
-    bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool, fixed: tuple[float, ...] = ()
-) -> ca.Function:
+def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca.Function:
     """Return the rows of a world for a point and the parameters of a pipe.
 
     Parameters
@@ -87,14 +86,26 @@ def pipe(
         With another friction.
     at_start, at_end : bool
         Whether there are walls across the ends.
-    fixed : tuple of float
-        Numbers of all pieces of the centre line, one after the other, if they are no parameters.
     """
-    x, given = ca.SX.sym("x", 3), ca.SX.sym("pieces", PIECE, 0 if fixed else len(bent))
-    rows = ca.reshape(ca.SX(ca.DM(fixed)), PIECE, len(bent)) if fixed else given
+    inputs, rows, _ = _world(bent, bent_walls, stretches, at_start, at_end)
+    return ca.Function("pipe", inputs, [rows])
+
+
+@cache
+def piece(bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca.Function:
+    """Return the rows of `pipe` with one piece, and the distance from its centre line (1)."""
+    inputs, rows, d = _world((True,), bent_walls, stretches, at_start, at_end)
+    return ca.Function("pipe_piece", inputs, [ca.vertcat(rows, d)])
+
+
+def _world(
+    bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool
+) -> tuple[list[ca.SX], ca.SX, ca.SX]:
+    """Return point and parameters, the rows of the world, and the distance from the centre line."""
+    x, line = ca.SX.sym("x", 3), ca.SX.sym("pieces", PIECE, len(bent))
     wall, grips = ca.SX.sym("wall", WALL, len(bent_walls)), ca.SX.sym("grips", GRIP, stretches)
     ends = ca.SX.sym("ends", 2)
-    tube = _tube(x, _Chain(rows, bent), _Chain(wall, bent_walls))
+    tube = _tube(x, _Chain(line, bent), _Chain(wall, bent_walls))
     surface = tube.surface
     if at_start:
         surface = _closed(surface, Surface(tube.s - ends[0], tube.tangent, ca.SX.zeros(3, 3)))
@@ -106,8 +117,8 @@ def pipe(
         grip = ca.if_else(inside, grips[2, k], grip)
     H = surface.H
     upper = ca.vertcat(H[0, 0], H[0, 1], H[0, 2], H[1, 1], H[1, 2], H[2, 2])
-    out = ca.densify(ca.vertcat(surface.g, surface.n, upper, grip))
-    return ca.Function("pipe", [x, ca.vertcat(ca.vec(given), ca.vec(wall), ends, ca.vec(grips))], [out])
+    rows = ca.densify(ca.vertcat(surface.g, surface.n, upper, grip))
+    return [x, ca.vertcat(ca.vec(line), ca.vec(wall), ends, ca.vec(grips))], rows, tube.d
 
 
 @cache
@@ -130,7 +141,7 @@ def _tube(x: ca.SX, line: _Chain, wall: _Chain) -> _Tube:
     around, along = ca.cross(T, e), N[1] * T - N[0] * e
     bent = ca.fmin(0.0, ca.dot(normal, outward) * c.kappa / chain.stretch(c))
     H = -N[1] / d * around @ around.T + ca.fmin(0.0, bulge) * along @ along.T + bent * T @ T.T
-    return _Tube(Surface(g, normal, H), s, T)
+    return _Tube(Surface(g, normal, H), s, d, T)
 
 
 def _local(x: ca.SX, piece: ca.SX) -> Local:

@@ -10,23 +10,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.codegen import Kernel, compile_kernel
-from worm3d.worlds.base import WorldKernel
+from worm3d.worlds import table
+from worm3d.worlds.base import World, WorldKernel
 
 FloatArray = NDArray[np.float64]
 
 
+Formula = tuple[ca.Function, FloatArray]
+"""A world's rows (11) as a function of a point (3) and parameters (m), and the parameters, shape (m,)."""
+
+
 @runtime_checkable
 class SymbolicWorld(Protocol):
-    """A world that has its kernel's rows as a function."""
+    """A world that has its kernel's rows as a formula."""
 
-    def symbolic(self) -> tuple[ca.Function, FloatArray]:
-        """Return the rows (11) as a function of a point (3) and parameters (m), and the parameters, shape (m,)."""
+    def symbolic(self) -> Formula | None:
+        """Return the formula; None where there is none, or a table is faster."""
+
+
+def formula(world: World) -> Formula | None:
+    """Return a world's formula, if it has one."""
+    return world.symbolic() if isinstance(world, SymbolicWorld) else None
 
 
 def compiled(function: ca.Function, parameters: FloatArray) -> WorldKernel:
     """Return a compiled world."""
-    kernel = _kernel(function)
-    return WorldKernel(kernel.address, parameters, kernel)
+    whole = kernel(function)
+    return WorldKernel(whole.address, parameters, whole)
 
 
 def distances(world: WorldKernel, points: FloatArray) -> FloatArray:
@@ -37,15 +47,10 @@ def distances(world: WorldKernel, points: FloatArray) -> FloatArray:
 
 def rows(world: WorldKernel, points: FloatArray) -> FloatArray:
     """Return the rows of a compiled world at points of shape (..., 3), shape (11, ...)."""
-    kernel = world.owner
-    assert isinstance(kernel, Kernel)
-    flat = np.asarray(points, dtype=float).reshape(-1, 3)
-    inputs, outputs = kernel.allocate(len(flat))
-    inputs[:3, : len(flat)], inputs[3:] = flat.T, world.parameters[:, None]
-    kernel(inputs, outputs, len(flat))
-    return outputs[:, : len(flat)].reshape(-1, *np.shape(points)[:-1])
+    return table.looked_up(world, points).reshape(-1, *np.shape(points)[:-1])
 
 
 @lru_cache(maxsize=64)
-def _kernel(function: ca.Function) -> Kernel:
+def kernel(function: ca.Function) -> Kernel:
+    """Return a compiled function, the same one for the same function."""
     return compile_kernel(function)

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d.compiled import cfunc
+from worm3d.worlds import symbolic, table, union_kernel
 from worm3d.worlds.base import World, WorldKernel
 from worm3d.worlds.centreline import Bend, Centreline, Straight
+from worm3d.worlds.clamped import ClampedGround
 from worm3d.worlds.pipe import Pipe
 from worm3d.worlds.plane import Plane
 from worm3d.worlds.profile import Profile
-from worm3d.worlds.symbolic import SymbolicWorld, compiled, distances
+from worm3d.worlds.symbolic import Formula
 
 FloatArray = NDArray[np.float64]
 
@@ -31,7 +36,7 @@ class Union:
     Attributes
     ----------
     worlds : tuple of World
-        At least one, symbolic each (`Plane`, `Pipe`, `Union`). A worm is placed on the first.
+        At least one; any but the `ClampedGround`, which is no matter of distance. A worm is placed on the first.
 
     Raises
     ------
@@ -46,17 +51,23 @@ class Union:
         if not self.worlds:
             raise ValueError("worlds: got none, must be at least one")
         for world in self.worlds:
-            if not (isinstance(world, World) and isinstance(world, SymbolicWorld)):
-                raise ValueError(f"worlds: got {type(world).__name__}, must be Plane, Pipe or Union")
+            if not isinstance(world, World) or isinstance(world, ClampedGround):
+                raise ValueError(
+                    f"worlds: got {type(world).__name__}, must be worlds with a distance: Plane, Pipe, Heightfield, "
+                    "Mesh, Union"
+                )
 
     @property
     def uneven(self) -> bool:
         """Whether a worm without friction would slide away though `pressing` is all that acts on it."""
         return len(self.worlds) > 1 or bool(getattr(self.worlds[0], "uneven", False))
 
-    def symbolic(self) -> tuple[ca.Function, FloatArray]:
-        """Return the world's rows as a function of a point and parameters, and the parameters."""
-        x, each = ca.SX.sym("x", 3), [world.symbolic() for world in self.worlds if isinstance(world, SymbolicWorld)]
+    def symbolic(self) -> Formula | None:
+        """Return the world's rows as a function of a point and parameters, and the parameters; None without formula."""
+        each = [formula for formula in map(symbolic.formula, self.worlds) if formula is not None]
+        if len(each) < len(self.worlds):
+            return None
+        x = ca.SX.sym("x", 3)
         given = [ca.SX.sym("parameters", len(parameters)) for _, parameters in each]
         rows = [function(x, p) for (function, _), p in zip(each, given, strict=True)]
         greatest = rows[0]
@@ -66,22 +77,53 @@ class Union:
         return function, np.concatenate([parameters for _, parameters in each])
 
     def kernel(self) -> WorldKernel:
-        """Return the compiled world."""
-        return compiled(*self.symbolic())
+        """Return the compiled world: of formulas one kernel, else those of all worlds one after the other."""
+        whole = self.symbolic()
+        return _joined([world.kernel() for world in self.worlds]) if whole is None else symbolic.compiled(*whole)
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        return distances(self.kernel(), points)
+        greatest: FloatArray = np.max([world.distance(points) for world in self.worlds], axis=0)
+        return greatest
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return gravity, or what presses a worm to the only world, shape (3,) [m/s^2]."""
         return np.array(gravity, dtype=float) if len(self.worlds) > 1 else self.worlds[0].pressing(gravity)
+
+    def bumps(self, within: float) -> float:
+        """Return how high bumps of any of its worlds are that stand within a distance [m]."""
+        return max(world.bumps(within) if hasattr(world, "bumps") else 0.0 for world in self.worlds)
 
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
     ) -> tuple[FloatArray, FloatArray]:
         """Return joints of a worm on the first world, and its directors to the left; see `World.placed`."""
         return self.worlds[0].placed(along, clearance, position, azimuth)
+
+
+def _joined(kernels: Sequence[WorldKernel]) -> WorldKernel:
+    memory = [_memory(kernel) for kernel in kernels]
+    members = np.array([_member(kernel, *arrays) for kernel, arrays in zip(kernels, memory, strict=True)])
+    parameters = np.array([*table.halves(members.ctypes.data), len(members)])
+    return WorldKernel(_compiled().address, parameters, (_compiled(), members, memory, kernels))
+
+
+def _memory(kernel: WorldKernel) -> tuple[FloatArray, FloatArray]:
+    """Return inputs and outputs of a world within a union, of this union's kernel alone: others may run beside it."""
+    inputs = np.zeros((3 + len(kernel.parameters), union_kernel.TOGETHER))
+    inputs[3:] = kernel.parameters[:, None]
+    return inputs, np.zeros((table.WORLD_ROWS, union_kernel.TOGETHER))
+
+
+def _member(kernel: WorldKernel, inputs: FloatArray, outputs: FloatArray) -> list[float]:
+    """Return a row of `union_kernel.MEMBER`."""
+    places = (kernel.address, inputs.ctypes.data, outputs.ctypes.data)
+    return [*(half for place in places for half in table.halves(place)), float(len(inputs))]
+
+
+@cache
+def _compiled() -> Any:
+    return cfunc(table.SIGNATURE, union_kernel.union, table.OPTIMISATION)
 
 
 def slope_into_pipe(
