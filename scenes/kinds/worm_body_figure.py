@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from scenes.kinds.worlds_build import world_of
@@ -49,7 +50,7 @@ def body(record: Record) -> tuple[Figure, Axes]:
     joints, points = (in_its_frame(record, record[name][rows]) for name in ("joints", "points"))
     low, high = points.reshape(-1, 3).min(axis=0), points.reshape(-1, 3).max(axis=0)
     climbs = bool((high - low)[2] > STEEP * (high - low)[:2].max())
-    margin = float((high - low)[[0, 2]].max()) * (np.array([0.05, 0.02, 0.02]) if not climbs else 0.03)
+    margin = float((high - low)[[0, 2]].max()) * (np.array([0.05, 0.02, 0.02]) if not climbs else 0.06)
     low, high = low - margin, high + margin
     figure, grid, bar = (_tall_stage if climbs else _stage)(high - low, len(rows))
     most = 1.3 * float(np.abs(record["contraction"]).max()) or 1.0  # the darkest colours would hide the lines
@@ -117,7 +118,7 @@ def _tall_stage(span: FloatArray, instants: int) -> tuple[Figure, NDArray[Any], 
     scale = min(5.0 / span[2], 10.0 / (instants * span[0]))
     figure, grid, bar = _frame((1, instants), max(scale * span[0], 0.9), scale * span[2], gaps=(0.25, 0.0), top=0.8)
     for axes in grid[0]:
-        axes.locator_params(axis="x", nbins=2)
+        axes.xaxis.set_major_locator(MaxNLocator(2, steps=[1, 2, 5, 10], min_n_ticks=1))
         axes.locator_params(axis="y", nbins=8)
         axes.tick_params(labelleft=axes is grid[0, 0])
     return figure, grid.T, bar
@@ -127,7 +128,7 @@ def _frame(
     shape: tuple[int, int], wide: float, high: float, gaps: tuple[float, float], top: float
 ) -> tuple[Figure, NDArray[Any], Axes]:
     """Return a figure with axes of one size, sizes in inches, and a colour bar that is not taller than needed."""
-    (rows, columns), left, right, bottom = shape, 0.6, 0.9, 0.55
+    (rows, columns), left, right, bottom = shape, 0.6, 1.0, 0.55
     width = left + columns * wide + (columns - 1) * gaps[0] + right
     height = bottom + rows * high + (rows - 1) * gaps[1] + top
     figure = Figure(figsize=(width, height), dpi=120)
