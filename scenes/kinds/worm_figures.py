@@ -7,25 +7,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from planar import figures as planar_figures
+from scenes.kinds.worm_body_figure import body, in_its_frame
 from scenes.kinds.worm_view import scene_of
 from scenes.record import Record
 
 if TYPE_CHECKING:
     from scenes.kinds.worm_schema import AnyWormScene
 
+__all__ = ["body", "centre_of_mass_and_heading", "contraction", "energy_ledger", "loads_and_slip", "path"]
+
 FloatArray = NDArray[np.float64]
 
 ARROWS = 8
 """Headings drawn along the path."""
-
-INSTANTS = 5
-"""Bodies drawn one below the other."""
 
 ALWAYS = ("work_contract", "kinetic")
 """Of the ledger, terms that are drawn even if they are zero all along."""
@@ -60,7 +59,7 @@ def path(record: Record) -> tuple[Figure, Axes]:
 
 def centre_of_mass_and_heading(record: Record) -> tuple[Figure, Axes]:
     """Draw the displacement of the centre of mass, its height and the heading over time."""
-    time, moved, heading = record["time"], _in_its_frame(record, record["com"]), np.rad2deg(record["heading"])
+    time, moved, heading = record["time"], in_its_frame(record, record["com"]), np.rad2deg(record["heading"])
     figure = Figure(figsize=(6.4, 6.0), layout="constrained", dpi=120)
     way, height, turned = figure.subplots(3, 1, sharex=True, height_ratios=(2, 1, 1))
     way.plot(time, moved[:, 0] - moved[0, 0], label="along the initial heading")
@@ -78,40 +77,6 @@ def centre_of_mass_and_heading(record: Record) -> tuple[Figure, Axes]:
     way.set_title(f"{record.title}: centre of mass and heading", fontsize=10)
     turned.set_xlabel("time [s]")
     return figure, turned
-
-
-def body(record: Record) -> tuple[Figure, Axes]:
-    """Draw the worm from the side and from above at a few instants, coloured by the contraction of its chambers."""
-    rows = np.unique(np.linspace(0, len(record["time"]) - 1, INSTANTS).round().astype(int))
-    joints, points = (_in_its_frame(record, record[name][rows]) for name in ("joints", "points"))
-    low, high = points.reshape(-1, 3).min(axis=0), points.reshape(-1, 3).max(axis=0)
-    margin = float((high - low)[0]) * np.array([0.05, 0.02, 0.02])
-    low, high = low - margin, high + margin
-    figure, grid, bar = _stage(high - low, len(rows))
-    most = 1.3 * float(np.abs(record["contraction"]).max()) or 1.0  # the darkest colours would hide the lines
-    for k, row in enumerate(rows):
-        half = 0.5 * record["chamber_length"][row]
-        for axes, across, order in ((grid[k, 0], 2, (1, 0)), (grid[k, 1], 1, (0, 1))):
-            shapes = PolyCollection(
-                [r for side in order for r in _rhombi(joints[k], points[k], half[:, side], side, across)],
-                array=np.concatenate([record["contraction"][row, :, side] for side in order]),
-                cmap="RdBu_r",
-                clim=(-most, most),
-                edgecolors="0.2",
-                lw=0.7,
-            )
-            axes.add_collection(shapes)
-            axes.plot(joints[k, :, 0], joints[k, :, across], "o-", color="0.1", ms=2, lw=0.8)
-            axes.set(xlim=(low[0], high[0]), ylim=(low[across], high[across]))
-        _ground(grid[k, 0], record, record["com"][row])
-        grid[k, 0].set_ylabel(f"{record['time'][row]:.2f} s", fontsize=8)
-    figure.suptitle(record.title, fontsize=10, y=1.0 - 0.08 / figure.get_figheight(), va="top")
-    for axes, title in zip(grid[0], ("from the side, z [m]", "from above, y [m]"), strict=True):
-        axes.set_title(title, fontsize=8)
-    for axes in grid[-1]:
-        axes.set_xlabel("along the initial heading [m]", fontsize=8)
-    figure.colorbar(shapes, cax=bar).set_label("contraction of the chamber", fontsize=8)
-    return figure, grid[-1, 0]
 
 
 def contraction(record: Record) -> tuple[Figure, Axes]:
@@ -181,71 +146,6 @@ def _at_least(axes: Axes, span: float) -> None:
     low, high = axes.get_ylim()
     if high - low < span:
         axes.set_ylim(0.5 * (low + high - span), 0.5 * (low + high + span))
-
-
-def _initial_azimuth(record: Record) -> float:
-    """Return the heading at the start; 0 for a vertical body."""
-    azimuth = float(record["heading"][0])
-    return 0.0 if math.isnan(azimuth) else azimuth
-
-
-def _in_its_frame(record: Record, places: FloatArray) -> FloatArray:
-    """Return places, shape (..., 3), along the initial heading, to its left, and up [m]."""
-    c, s = math.cos(_initial_azimuth(record)), math.sin(_initial_azimuth(record))
-    turned: FloatArray = places @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return turned
-
-
-def _stage(span: FloatArray, instants: int) -> tuple[Figure, NDArray[Any], Axes]:
-    """Return a figure with a side and a top view for each instant, all in one scale, their axes, and a colour bar's.
-
-    The places are counted in inches: matplotlib's own layout of so many axes takes longer than a run.
-    """
-    tall = float(max(span[1], span[2]))
-    scale = min(4.2 / span[0], 10.0 / (instants * tall))
-    wide, high = max(scale * span[0], 1.8), scale * tall
-    left, gap, right, bottom, top, between = 0.6, 0.45, 0.9, 0.55, 0.6, 0.2
-    width = left + 2 * wide + gap + right
-    height = bottom + instants * high + (instants - 1) * between + top
-    figure = Figure(figsize=(width, height), dpi=120)
-    places = {"left": left / width, "right": 1.0 - right / width, "bottom": bottom / height, "top": 1.0 - top / height}
-    grid = figure.subplots(
-        *(instants, 2),
-        sharex=True,
-        squeeze=False,
-        gridspec_kw={**places, "wspace": gap / wide, "hspace": between / high},
-    )
-    for axes in grid.flat:
-        axes.set_aspect("equal")
-        axes.tick_params(labelsize=7)
-        axes.locator_params(axis="y", nbins=3)
-    bar = figure.add_axes((1.0 - (right - 0.15) / width, bottom / height, 0.12 / width, 1.0 - (bottom + top) / height))
-    bar.tick_params(labelsize=7)
-    return figure, grid, bar
-
-
-def _rhombi(joints: FloatArray, points: FloatArray, half: FloatArray, side: int, across: int) -> FloatArray:
-    """Return the outlines of one side's chambers (0 left, 1 right), seen along an axis, shape (N, 4, 2).
-
-    Seen from the side two corners are the apexes above and below; from above, the outward one and its mirror image.
-    """
-    below, above, outward = (points[:, 3 * side + k] for k in range(3))
-    centre = 0.5 * (below + above)
-    edge = np.diff(joints, axis=0)
-    reach = half[:, None] * edge / np.linalg.norm(edge, axis=1)[:, None]
-    one, other = (above, below) if across == 2 else (outward, 2.0 * centre - outward)
-    return np.stack([centre - reach, one, centre + reach, other], axis=1)[:, :, [0, across]]
-
-
-def _ground(axes: Axes, record: Record, com: FloatArray) -> None:
-    """Draw the plane where the centre of mass is above it."""
-    world = scene_of(record).world
-    if world.kind != "plane":
-        return
-    rise, turn = math.tan(math.radians(world.slope_deg)), math.radians(world.heading_deg) - _initial_azimuth(record)
-    x, y = np.array(axes.get_xlim()), float(_in_its_frame(record, com)[1])
-    z = rise * (math.cos(turn) * x + math.sin(turn) * y)
-    axes.fill_between(x, z, z - FAR, color="0.85", lw=0, zorder=0)
 
 
 def _patches(axes: Axes, scene: AnyWormScene) -> None:

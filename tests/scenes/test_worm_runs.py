@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.contour import ContourSet
 from numpy.testing import assert_array_equal
 
 from scenes import kinds, runner
 from scenes.errors import SceneError
+from scenes.kinds import worm_figures
 from scenes.loader import load_scene, shipped_scenes
 from scenes.record import Record, Variable
 from scenes.resume import lengthened
@@ -48,6 +52,21 @@ PROMISED = {
     "flat", "free_fall", "planar_case", "slope", "slope_5", "slope_15", "slope_into_pipe",
     "rubble", "mesh_tunnel", "pipe_straight", "pipe_bend", "pipe_narrowing", "pipe_vertical",
 }  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "columns"), [("pipe_vertical", 5), ("pipe_bend", 2), ("rubble", 2)])
+def test_the_figure_of_the_body_can_be_read(name: str, columns: int) -> None:
+    """Bodies that climb stand side by side; tick labels do not meet, and what is solid is seen in every side view."""
+    figure, _ = worm_figures.body(simulate(load_scene(name, ["run.duration_s=0.2"])))
+    FigureCanvasAgg(figure).draw()
+    *views, bar = figure.axes
+    assert len({round(view.get_position().x0, 6) for view in views}) == columns
+    assert bar.get_position().height * figure.get_figheight() < 2.6
+    for k, view in enumerate(views):
+        labels = [label.get_window_extent() for label in view.get_xticklabels() if label.get_text()]
+        assert all(left.x1 < right.x0 for left, right in pairwise(labels))
+        if columns == 5 or k % 2 == 0:
+            assert any(isinstance(each, ContourSet) and each.get_paths()[0].vertices.size for each in view.collections)
 
 
 def test_there_are_those_promised() -> None:

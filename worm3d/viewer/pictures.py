@@ -26,6 +26,8 @@ from worm3d.viewer.world import GROUND, WorldMesh
 DPI = 100
 _LEFT, _RIGHT, _ABOVE, _BETWEEN, _BELOW = 80, 116, 30, 26, 50
 """Margins around the two views [pixels]."""
+_BAR = 260
+"""Length of the colour bar at most [pixels]."""
 _WIDE, _HIGH = 760, 760
 """The most that the views take [pixels]."""
 
@@ -76,7 +78,8 @@ class Stage:
         bottom = (_BELOW + scale * wide + _BETWEEN) / height
         side = figure.add_axes((_LEFT / width, bottom, scale * long / width, scale * high / height))
         self._label(side, top)
-        bar = figure.add_axes((1.0 - 94 / width, _BELOW / height, 12 / width, 1.0 - (_BELOW + _ABOVE) / height))
+        tall, left = min(_BAR, height - _BELOW - _ABOVE), _LEFT + scale * long + 22
+        bar = figure.add_axes((left / width, 1.0 - (_ABOVE + tall) / height, 12 / width, tall / height))
         limit = self.scales.strain
         ramp = LinearSegmentedColormap.from_list("strain", [colours.SHORTER, colours.REST, colours.LONGER])
         mapped = ScalarMappable(Normalize(-100.0 * limit, 100.0 * limit), ramp)

@@ -233,5 +233,6 @@ def heightfield(
     vertices = np.stack([grid_x, grid_y, z], axis=-1).reshape(-1, 3)
     index = np.arange(len(vertices)).reshape(grid_x.shape)
     a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
-    faces = np.stack([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]).reshape(-1, 3)
+    halves = [np.stack(corners, axis=-1) for corners in ((a, b, c), (a, c, d))]
+    faces = np.stack(halves, axis=-2).reshape(-1, 3)  # halves of a square follow each other
     return WorldMesh("heightfield", vertices, faces, colour, opacity)
