@@ -39,7 +39,10 @@ SHARE = 0.1
 
 @dataclass(frozen=True)
 class Verdict:
-    """A bar, what was found, and whether it is kept; None: it was not run."""
+    """A bar, what was found, and whether it is kept; None: it was not run.
+
+    Where a run lacks a figure (a speed that never settles) or did not reach its end, the bar is not kept.
+    """
 
     trial: str
     says: str
@@ -52,23 +55,21 @@ def verdicts(rows: Sequence[Row]) -> Iterator[Verdict]:
     """Yield what became of each bar."""
     of = {(row.trial, row.controller): row for row in rows}
     for bar in BARS:
-        row = of.get((bar.trial, MPC))
-        yield _verdict(bar.trial, bar.says, None if row is None else row.figures[bar.figure], bar.most)
+        yield _verdict(bar.trial, bar.says, of.get((bar.trial, MPC)), bar.figure, bar.most)
     for trial in PATHS:
-        ours, theirs = (of.get((trial, name)) for name in (MPC, RIVAL))
-        key = "cross_track_rms_bl"
+        theirs, key = of.get((trial, RIVAL)), "cross_track_rms_bl"
         most = None if theirs is None else theirs.figures[key]
-        yield _verdict(
-            trial, "rms offset below that of line-of-sight", None if ours is None else ours.figures[key], most
-        )
-    for trial, controller in of:
+        yield _verdict(trial, "rms offset below that of line-of-sight", of.get((trial, MPC)), key, most, below=True)
+    for (trial, controller), row in of.items():
         if controller == MPC:
-            figures = of[trial, controller].figures
-            period = figures["control_period_ms"]
+            period = row.figures["control_period_ms"]
             most = None if period is None else SHARE * period
-            yield _verdict(trial, "99th percentile of the control steps [ms]", figures["control_step_ms_p99"], most)
+            yield _verdict(trial, "99th percentile of the control steps [ms]", row, "control_step_ms_p99", most)
 
 
-def _verdict(trial: str, says: str, found: Value, most: Value) -> Verdict:
-    kept = None if found is None or most is None else abs(found) <= most
-    return Verdict(trial, says, found, most, kept)
+def _verdict(trial: str, says: str, row: Row | None, figure: str, most: Value, *, below: bool = False) -> Verdict:
+    found = None if row is None else row.figures[figure]
+    if row is None or most is None:
+        return Verdict(trial, says, found, most, None)
+    reached = found is not None and row.failed == 0 and (abs(found) < most or (abs(found) == most and not below))
+    return Verdict(trial, says, found, most, reached)

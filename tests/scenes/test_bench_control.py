@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 import json
 from pathlib import Path
 
@@ -91,6 +92,15 @@ def test_bars_are_kept_or_not() -> None:
     assert verdict(rows, "path_line", "control steps").most == pytest.approx(20.0)
     assert verdict(rows, "path_line", "control steps").kept is False
     assert verdict(rows, "path_circle", "rms offset from the circle").kept is None
+
+
+def test_what_never_settles_and_what_does_not_reach_its_end_keeps_no_bar() -> None:
+    """Neither counts as "not run"; good figures of a run that stopped early flatter."""
+    unsettled = found("velocity_step", "mpc", 0, settling_periods=None)
+    stopped = replace(found("path_line", "mpc", 0, cross_track_rms_bl=0.001), status="diverged")
+    rows = list(control.rows([unsettled, stopped]))
+    assert verdict(rows, "velocity_step", "settled").kept is False
+    assert verdict(rows, "path_line", "rms offset from the line").kept is False
 
 
 def test_the_report_has_every_row_and_every_run() -> None:
