@@ -1,4 +1,4 @@
-"""Where the scenes of slopes and pipes stop working: the parameter at which each fails, measured.
+"""Where the scenes of slopes, pipes and terrain stop working: the parameter at which each fails, measured.
 
     python -m scenes.world_limits
 
@@ -108,6 +108,8 @@ LIMITS = (
     Limit("pipe_vertical", "radius [m], down", 0.092, -0.001, _key("world.radius_m")),
     Limit("pipe_vertical", "mass [kg]", 0.1, 0.1, _key("worm.mass_kg")),
     Limit("slope_into_pipe", "slope [deg]", 10.0, 1.0, _key("world.slope_deg"), lambda value: 0.0),
+    Limit("rubble", "stones [m]", 0.03, 0.005, _key("world.height_m")),
+    Limit("mesh_tunnel", "amplitude, down", 0.2, -0.01, _key("gait.amplitude")),
 )
 
 
