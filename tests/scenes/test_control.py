@@ -135,7 +135,8 @@ def test_a_run_holds_what_was_decided_and_believed(circle: Record) -> None:
     assert circle["waves"].shape == circle["time"].shape
     frequency = circle["decision_parameters"][:, 1]
     assert circle["waves"][-1] == pytest.approx(0.2 * frequency.sum(), rel=0.02)
-    assert_allclose(circle["estimate"][-1, :2], circle["com"][-1, :2], atol=0.02)
+    later, rocked = 0.2 * 0.08, 0.015  # the last decision is 0.2 s old, and a wave rocks the centre of mass
+    assert_allclose(circle["estimate"][-1, :2], circle["com"][-1, :2], atol=later + rocked)
 
 
 def test_a_run_repeats_bit_for_bit_and_another_seed_does_not(circle: Record) -> None:

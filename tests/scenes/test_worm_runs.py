@@ -31,7 +31,7 @@ FIGURES = {
     "energy_ledger",
 }
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
-WORMS = [name for name in shipped_scenes() if load_scene(name).kind.name.startswith("worm")]
+WORMS = [name for name in shipped_scenes() if load_scene(name).kind.name in ("worm", "worm_planar")]
 REQUIRED = {
     "status", "duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J",
     "work_friction_J", "cost_of_transport", "energy_balance_error", "newton_iterations_mean", "real_time_factor",
