@@ -22,7 +22,7 @@ class Estimate:
         [s]
     state : ReducedState
         Numbers.
-    covariance : ndarray, shape (8, 8)
+    covariance : ndarray, shape (9, 9)
         Of the state's errors, in the order of its fields.
     nis : float or None
         Normalised innovation squared, of 2 degrees of freedom, of the last sample of the centre of mass; None before
@@ -61,6 +61,6 @@ class Estimate:
 
     @property
     def deviations(self) -> FloatArray:
-        """Standard deviations of the state, shape (8,)."""
+        """Standard deviations of the state, shape (9,)."""
         deviations: FloatArray = np.sqrt(np.diagonal(self.covariance))
         return deviations

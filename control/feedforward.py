@@ -19,7 +19,11 @@ FloatArray = NDArray[np.float64]
 PREFERRED = 0.8
 """Frequency at which the default worm has most of its speeds [Hz]; one outside a range gives way to its middle."""
 POINTS = 33
-"""On each part of the line, and over the steering."""
+"""On each part of the line."""
+STEERINGS = 97
+"""Values of the steering: weak steering hardly turns the worm, so that they have to be close."""
+RISE = 1e-6
+"""Turn rate that a unit of steering adds to the map's [rad/s], so that only no steering at all has none."""
 REPEATS = 3
 """Steering changes the speed a little, and speed the steering: found in turns."""
 
@@ -45,11 +49,11 @@ class FeedForward:
         low, high = found.ranges.frequency
         self.frequency = PREFERRED if low <= PREFERRED <= high else (low + high) / 2.0
         self._amplitudes, self._frequencies = _line(found.ranges, self.frequency)
-        self._steerings = np.linspace(0.0, found.ranges.steering, POINTS)
+        self._steerings = np.linspace(0.0, found.ranges.steering, STEERINGS)
         wave = ca.SX.sym("amplitude"), ca.SX.sym("frequency"), ca.SX.sym("steering")
         speed, rate = length * found.speed(*wave), found.turn_rate(*wave)
         self._speed = ca.Function("speed", [*wave], ca.cse([speed])).map(len(self._amplitudes))
-        self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(POINTS)
+        self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(STEERINGS)
         self.slowest = 0.5 * float(self._speeds(0.0)[0])
 
     def __call__(self, speed: float, turn_rate: float) -> ReducedInput:
@@ -60,7 +64,8 @@ class FeedForward:
             amplitude = float(np.interp(speed, along, self._amplitudes))
             frequency = float(np.interp(speed, along, self._frequencies))
             rates = np.array(self._turn_rate(amplitude, frequency, self._steerings[None])).ravel()
-            steering = float(np.interp(abs(turn_rate), np.maximum.accumulate(rates), self._steerings))
+            rising = np.maximum.accumulate(rates) + RISE * self._steerings
+            steering = float(np.interp(abs(turn_rate), rising, self._steerings))
         return ReducedInput(amplitude, frequency, float(np.copysign(steering, turn_rate)))
 
     def _speeds(self, steering: float) -> FloatArray:

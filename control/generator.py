@@ -11,6 +11,10 @@ from control.steering import GaitParameters, Schedule
 from worm3d import Command
 
 
+BLEND = 0.25
+"""Waves in which a parameter covers 63 % of a change, if nothing else is said."""
+
+
 class WaveGenerator:
     """The wave at run time: its phase accumulates, and its parameters move towards what is asked for without jumps.
 
@@ -38,7 +42,7 @@ class WaveGenerator:
         `blend` out of range.
     """
 
-    def __init__(self, schedule: Schedule, body: Body, blend: float = 0.25) -> None:
+    def __init__(self, schedule: Schedule, body: Body, blend: float = BLEND) -> None:
         if not (np.isfinite(blend) and blend > 0.0):
             raise ValueError(f"blend: got {blend!r} waves, must be finite and above 0")
         self.schedule, self.blend, self._body = schedule, blend, body

@@ -11,7 +11,8 @@ y_k the rate (of distance, or of turning) in wave k after the step,
 
     lag = sum_k (y_end - y_k) / (y_end - y_begin)   [waves]                                                   (I3)
 
-which is the time constant of a first-order response, or its delay, or their sum.
+which is the time constant of a first-order response, or its delay, or their sum. What of it is due to the steering's
+own change, which `control.generator` blends, is known and taken off.
 
 The simulator is not touched here: `scenes.identify` runs the plant.
 """
@@ -81,7 +82,7 @@ class Design:
 
     amplitudes: tuple[float, ...] = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
     periods: tuple[float, ...] = (2.0, 1.6, 1.25, 1.0, 0.8)
-    steerings: tuple[float, ...] = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)
+    steerings: tuple[float, ...] = (0.0, 0.04, 0.08, 0.125, 0.25, 0.5, 0.75, 1.0)
     waves: int = 7
     skipped: int = 4
 
@@ -147,8 +148,9 @@ class Lags:
     amplitude, frequency : float
         Speed after a step of the amplitude, and of the frequency [waves].
     steering : float
-        Turn rate after a step of the steering [s]. (On the default worm, by sines of the steering, 0.8 to 0.95 s from
-        0.6 to 1.1 Hz, which is 0.5 to 0.9 waves: a time, not a part of a wave.)
+        Turn rate after a step of the steering, less the lag of that steering in the wave generator [s]. (On the default
+        worm, by sines of the steering, 0.8 to 0.95 s with that lag, from 0.6 to 1.1 Hz, which is 0.5 to 0.9 waves: a
+        time, not a part of a wave.)
     """
 
     amplitude: float

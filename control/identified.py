@@ -22,7 +22,7 @@ from control.steering import Mechanism, Schedule
 from worm3d import Friction, Worm
 from worm3d.codegen.cache import default_folder
 
-FORMAT = 1
+FORMAT = 2
 """Of the files."""
 SHIPPED = Path(__file__).parent / "identified_worms"
 """Folder of the files that come with the package."""

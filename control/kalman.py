@@ -43,6 +43,7 @@ FloatArray = NDArray[np.float64]
 
 ROCKING = slice(STATES, STATES + 4)
 SIZE = STATES + 4
+DRIFT = ReducedState._fields.index("drift")
 
 IMPOSSIBLE = 25.0
 """A sample with a greater nis is held for impossible: of two normal numbers, one pair in 270 000 is."""
@@ -87,15 +88,15 @@ class Uncertainty:
 
     com: float = 0.005
     heading_sample: float = 0.025
-    place: float = 0.001
+    place: float = 0.0005
     heading: float = 0.004
     turning: float = 0.12
-    speed: float = 0.01
-    turn_rate: float = 0.02
+    speed: float = 0.003
+    turn_rate: float = 0.008
     slip: float = 0.01
     yaw_bias: float = 0.003
-    drift: float = 0.003
-    drift_time: float = 1.5
+    drift: float = 0.0008
+    drift_time: float = 2.0
     rocking: float = 0.001
     slope_yield: float = 3.6
 
@@ -163,8 +164,8 @@ def _prediction(model: ReducedModel, trust: Uncertainty) -> ca.Function:
     s = ReducedState(*ca.vertsplit(X[:STATES]))
     moved = model.advance(X[:STATES], given, dt)
     towards = -trust.slope_yield * s.speed * (slope[1] * ca.cos(s.heading) - slope[0] * ca.sin(s.heading))
-    drift = towards + (s.drift - towards) * ca.exp(-dt / trust.drift_time)
-    after = ca.vertcat(moved[: STATES - 1], drift, X[ROCKING])
+    moved[DRIFT] = towards + (s.drift - towards) * ca.exp(-dt / trust.drift_time)
+    after = ca.vertcat(moved, X[ROCKING])
     F = ca.jacobian(after, X)
     spread = F @ P @ F.T + ca.diag(_noise(s, trust)) * dt
     return ca.Function("predict", [X, P, given, slope, dt], [after, ca.densify((spread + spread.T) / 2.0)])

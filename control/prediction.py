@@ -60,7 +60,7 @@ class Prediction:
         self._missed_slopes = Buffered(missed["slopes"].map(steps))
 
     def states(self, begin: FloatArray, inputs: FloatArray) -> FloatArray:
-        """Return the states of a horizon, shape (steps + 1, 8), from inputs of shape (steps, 3)."""
+        """Return the states of a horizon, shape (steps + 1, 9), from inputs of shape (steps, 3)."""
         (after,) = self._roll(begin, inputs.T)
         return np.vstack([begin, after.T])
 
@@ -78,7 +78,7 @@ class Prediction:
         return slopes
 
     def _state_slopes(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
-        """Return dX/dU, (H1), shape (steps, 8, 3 steps)."""
+        """Return dX/dU, (H1), shape (steps, 9, 3 steps)."""
         to_state, to_input = self._slopes(states[:-1].T, inputs.T)
         slopes = np.zeros((self.steps, STATES, INPUTS * self.steps))
         before = slopes[0]

@@ -98,7 +98,7 @@ class Problem:
     tolerances : Tolerances
     length : float
         Of the body [m].
-    state : ndarray, shape (8,)
+    state : ndarray, shape (9,)
         Estimated, of the reduced model.
     preview : Preview
     crab : ndarray, shape (H,)
@@ -137,7 +137,7 @@ class Problem:
         return np.concatenate([misses.ravel(), self._own @ z - self._own_target])
 
     def states(self, inputs: FloatArray) -> FloatArray:
-        """Return the predicted states, shape (H + 1, 8)."""
+        """Return the predicted states, shape (H + 1, 9)."""
         return self.prediction.states(self.state, inputs)
 
     @cached_property

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import worm3d
 from control.gaits import TravellingWave
-from control.generator import PlannedWave, WaveGenerator
+from control.generator import BLEND, PlannedWave, WaveGenerator
 from control.identification import Lags, Motion, Sample, lag, steady_motion
 from control.steering import GaitParameters, Mechanism, Schedule, SteeredWave
 
@@ -26,6 +26,9 @@ SHIFTS = (0.0, 1.0 / 3.0, 2.0 / 3.0)
 """Parts of a wave at which the steps come: what follows depends on which feet stand just then."""
 FREQUENCY = 0.875
 """Of the wave whose steps give the lags, in the middle of the map [Hz]."""
+
+LEAST_LAG = 0.1
+"""Of the steering beyond that of the generator [s]; shorter ones make no difference over a wave."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,7 @@ def measure_lags(
     return Lags(
         amplitude=mean_lag(slow, long, 0),
         frequency=mean_lag(long, quick, 0),
-        steering=mean_lag(long, turning, 1) / FREQUENCY,
+        steering=max(mean_lag(long, turning, 1) / FREQUENCY - BLEND / FREQUENCY, LEAST_LAG),
     )
 
 
