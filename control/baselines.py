@@ -25,7 +25,7 @@ from control.estimator import Estimate, Estimator
 from control.feedforward import FeedForward
 from control.generator import WaveGenerator
 from control.identification import Identified
-from control.ladder import KNOWN, LONGEST_START
+from control.ladder import KNOWN, LONGEST_START, turn_of_path
 from control.measurement import Measurement
 from control.paths import offset
 from control.preview import turn_rate
@@ -252,11 +252,11 @@ class PiLineOfSight(WaveController):
         return abs(made - speed) <= REACHED * abs(speed)
 
     def _turn(self, t: float, estimate: Estimate) -> float:
-        """Return w_cmd, (B2) and (B3); like the MPC it goes straight until the heading is known."""
+        """Return w_cmd, (B2) and (B3); like the MPC it turns as the path does until the heading is known."""
         reference = self.reference
         self._known |= estimate.deviations[HEADING] < KNOWN or self.generator.waves >= LONGEST_START
         if not self._known:
-            return 0.0
+            return turn_of_path(reference, t, estimate)
         if reference.path is not None:
             self._near = s = float(reference.path.project(estimate.position, self._near))
             aside = float(offset(reference.path, estimate.position, s))

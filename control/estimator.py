@@ -48,7 +48,7 @@ SIDES = 12
 ANYWHERE = 10.0
 """Deviation of the position before the first sample [m]."""
 
-BEGIN = {"speed": 0.02, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.03}
+BEGIN = {"speed": 0.02, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01}
 """Deviations at the start, from a worm at rest that does what its map says [m/s], [rad/s], [1], [rad/s]."""
 BEGIN_ROCKING = 0.05
 """[m] a unit of strain."""

@@ -10,7 +10,6 @@ from control.gaits import Body
 from control.steering import GaitParameters, Schedule
 from worm3d import Command
 
-
 BLEND = 0.25
 """Waves in which a parameter covers 63 % of a change, if nothing else is said."""
 

@@ -59,6 +59,11 @@ MOVED = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
 class Uncertainty:
     """How far sensors and model are trusted; the defaults suit the default worm and `control.sensors`.
 
+    Place, speed, turn rate and drift are about where the innovations of nine runs of a minute are likeliest (line,
+    circle, S-curve, way points, steps of the speed, and 3 degrees uphill; seeds 11 to 13), a little above where those
+    of level ground alone would have them; on paths on level ground the offset is then known to 1.5 mm and the heading
+    to 0.9 degrees, of which the filter says 1.4 mm and 1.1 degrees.
+
     Attributes
     ----------
     com : float

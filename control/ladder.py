@@ -4,7 +4,8 @@ The first of these that there is:
 
 1. an accepted plan ("mpc"): finite, no worse than the plan before and the plain wave, and in time;
 2. the last accepted plan as it goes on ("shifted plan"), at most five times in a row;
-3. the plain wave, the feed-forward of the identified map ("gait"); while the heading is not known yet it goes straight;
+3. the plain wave, the feed-forward of the identified map ("gait"), and nothing else until the heading is known: it
+   turns as the path does, or goes straight;
 4. the parameters in force ("gait"), at most five times in a row;
 5. rest ("stop"), as also where the reference asks for (almost) no speed.
 
@@ -23,6 +24,7 @@ from control.decision import Source
 from control.estimator import Estimate
 from control.feedforward import FeedForward
 from control.plan import Plan
+from control.preview import turn_rate
 from control.reduced import ReducedInput, ReducedModel, ReducedState
 from control.references import Reference
 from control.steering import GaitParameters
@@ -33,12 +35,12 @@ MOST_HELD = 5
 """Times in a row that parameters are kept for want of anything better."""
 FORGET = 3
 """Failures in a row after which the search begins anew."""
-KNOWN = 0.15
-"""Standard deviation below which the heading counts as known [rad]."""
+KNOWN = 0.08
+"""Standard deviation below which the heading counts as known [rad]: whoever steers by a worse one leaves its path."""
 LONGEST_START = 3.0
 """Waves after which it is steered with whatever is known."""
 
-STRAIGHT = "the heading is not known yet: straight on"
+UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
 STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
 LATE = "the plan came too late"
 LOST = "nothing is known to go by"
@@ -117,9 +119,9 @@ class Ladder:
         """
         if float(self._reference.speed(t)) < self.planner.feed_forward.slowest:
             return Choice("stop", _rest(in_force), STANDS)
-        straight = self._straight(t, estimate, waves)
-        if straight is not None:
-            return Choice("gait", straight, STRAIGHT)
+        blind = self._blind(t, estimate, waves)
+        if blind is not None:
+            return Choice("gait", blind, UNKNOWN)
         plan, complaint = self._plan(t, estimate)
         if plan is None or complaint:
             return self._without(t, estimate, in_force, complaint, plan)
@@ -127,11 +129,14 @@ class Ladder:
         self._accepted, self._failures, self._held = plan, 0, 0
         return Choice("mpc", plan.parameters, plan.status.value, plan)
 
-    def _straight(self, t: float, estimate: Estimate, waves: float) -> GaitParameters | None:
-        """Return the plain wave straight on, until the heading has become known or has had time enough for that."""
+    def _blind(self, t: float, estimate: Estimate, waves: float) -> GaitParameters | None:
+        """Return the wave that turns as the path does, until the heading is known or has had time enough for that."""
         variance = float(estimate.covariance[_HEADING, _HEADING])
         self._steers = self._steers or variance <= KNOWN**2 or waves >= LONGEST_START
-        return None if self._steers else self._plain(t, 0.0, Reference(self._reference.speed))
+        if self._steers:
+            return None
+        speed, turn = float(self._reference.speed(t)), turn_of_path(self._reference, t, estimate)
+        return self._finite(self.planner.feed_forward(speed, turn))
 
     def _plan(self, t: float, estimate: Estimate) -> tuple[Plan | None, str]:
         """Return a plan, if one is made, and why it is not accepted."""
@@ -155,7 +160,7 @@ class Ladder:
             shifted = self._model.parameters(ReducedInput(*self._accepted.at(t)))
             return Choice("shifted plan", shifted, complaint, plan, failed=True)
         slip = float(estimate.state.slip)
-        plain = self._plain(t, slip if isfinite(slip) else 0.0, self._reference)
+        plain = self._finite(self.planner.plain(t, slip if isfinite(slip) else 0.0, self._reference))
         if plain is not None:
             return Choice("gait", plain, complaint, plan, failed=True)
         self._held += 1
@@ -163,10 +168,16 @@ class Ladder:
             return Choice("gait", in_force, complaint, plan, failed=True)
         return Choice("stop", _rest(in_force), LOST, plan, failed=True)
 
-    def _plain(self, t: float, slip: float, reference: Reference) -> GaitParameters | None:
-        """Return the plain wave, if the reference is finite."""
-        wave = self.planner.plain(t, slip, reference)
+    def _finite(self, wave: ReducedInput) -> GaitParameters | None:
+        """Return the parameters of a wave, if the reference of which it comes is finite."""
         return self._model.parameters(wave) if all(isfinite(part) for part in wave) else None
+
+
+def turn_of_path(reference: Reference, t: float, estimate: Estimate) -> float:
+    """Return the turn rate of the path where the worm is [rad/s]; 0 without a path."""
+    if reference.path is None or not np.isfinite(estimate.position).all():
+        return 0.0
+    return turn_rate(reference, t, float(reference.path.project(estimate.position)))
 
 
 def _rest(in_force: GaitParameters) -> GaitParameters:

@@ -9,8 +9,10 @@ waves and T_w in seconds, f the frequency, L the body length:
                                                 s' = (s_asked - s) f / blend
 
 s is the steering in force, which `control.generator` leads to what is asked for: weak steering turns a worm out of
-proportion (`control.surrogate`), so that it matters whether a change goes through the map before or after it is
-smoothed. Both lags together as one of 0.95 s miss the turn rate on paths by 0.008 rad/s, (R1) by 0.005. Below the least amplitude that was identified d, c and omega fade in proportion to it: without contraction a worm rests.
+proportion (`control.surrogate`), so that it matters whether a change goes through the map before it is smoothed or
+after. (By what the default worm did on paths, (R1) misses the turn rate by 0.005 rad/s; one lag of 0.95 s after a map
+that is odd powers of the steering does by 0.008.) Below the least amplitude that was identified d, c and omega fade in
+proportion to it: without contraction a worm rests.
 slip, yaw_bias and drift are what the map does not know (a slope, another ground); they are constant in the model, and
 estimated. x, y is the centre of mass and h the heading, both without what a wave rocks them by; that part is a matter
 of the body's shape, which the strains give: with the inverse of (E2) and no strain in yaw (E5),

@@ -13,7 +13,7 @@ from control.baselines import Gains, OpenLoop, PiLineOfSight
 from control.estimator import Estimate
 from control.measurement import Measurement
 from control.paths import Circle, Line, SCurve
-from control.reduced import ReducedState
+from control.reduced import STATES, ReducedState
 from control.references import Constant, Reference, Sine, Steps
 from control.steering import GaitParameters
 from worm3d import Worm
@@ -29,7 +29,7 @@ class Told:
     """An estimator that is told the state."""
 
     def __init__(self, state: ReducedState, deviation: float = 0.01) -> None:
-        self.state, self.covariance = state, deviation**2 * np.eye(8)
+        self.state, self.covariance = state, deviation**2 * np.eye(STATES)
 
     def reset(self) -> None:
         """Nothing to forget."""
@@ -117,6 +117,11 @@ def test_a_turning_heading_is_fed_forward() -> None:
     reference = Reference(Constant(0.08), heading=Sine(0.0, 0.5, 40.0))
     rate = 0.5 * 2 * math.pi / 40.0
     assert made(first(pi_los(reference, at())))[1] == pytest.approx(rate, rel=1e-2)
+
+
+def test_it_turns_as_the_path_does_until_the_heading_is_known() -> None:
+    unknown = pi_los(Reference(Constant(0.08), path=Circle(1.5)), at(y=0.3, heading=0.5), deviation=1.0)
+    assert made(first(unknown)) == pytest.approx((0.08, 0.08 / 1.5), rel=1e-2)
 
 
 def test_it_goes_straight_until_the_heading_is_known() -> None:

@@ -44,14 +44,15 @@ def noise(seconds: float) -> np.ndarray:
     t = TRUST
     heading = t.heading**2 + (t.turning * MEAN[4]) ** 2
     drift = 2.0 * t.drift**2 / t.drift_time
-    rates = [t.place**2, t.place**2, heading, t.speed**2, t.turn_rate**2, t.slip**2, t.yaw_bias**2, drift]
+    rates = [t.place**2, t.place**2, heading, t.speed**2, t.turn_rate**2, t.slip**2, t.yaw_bias**2, drift, 0.0]
     return np.diag([*rates, *[t.rocking**2] * 4]) * seconds
 
 
 def test_the_prediction_is_that_of_the_reduced_model_with_a_drift_that_yields_to_the_slope() -> None:
     after = FILTER.predicted(Belief(MEAN, spread()), GIVEN, SLOPE, 0.05).mean
     expected = np.array(MODEL.step(0.05)(MEAN[:STATES], GIVEN)).ravel()
-    assert_allclose(after[: STATES - 1], expected[: STATES - 1], atol=1e-15)
+    others = np.delete(np.arange(STATES), 7)
+    assert_allclose(after[others], expected[others], atol=1e-15)
     left = np.array([-np.sin(0.7), np.cos(0.7)])
     target = -TRUST.slope_yield * 0.06 * (SLOPE @ left)
     assert after[7] == pytest.approx(target + (0.005 - target) * np.exp(-0.05 / TRUST.drift_time))

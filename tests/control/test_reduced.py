@@ -14,7 +14,7 @@ from worm3d import Plane, Worm, simulate
 from worm3d.metrics import averaged
 
 WORM = Worm()
-STATE = ReducedState(0.3, -0.2, 0.7, 0.06, 0.1, slip=0.1, yaw_bias=0.02, drift=0.005)
+STATE = ReducedState(0.3, -0.2, 0.7, 0.06, 0.1, slip=0.1, yaw_bias=0.02, drift=0.005, steering=0.04)
 INPUT = ReducedInput(0.27, 0.9, 0.05)
 
 
@@ -89,9 +89,20 @@ def test_it_settles_on_the_map() -> None:
     assert_allclose(state[3:5], [found.speed(*INPUT), found.turn_rate(*INPUT)], rtol=1e-9)
 
 
+def test_the_steering_in_force_is_the_generators() -> None:
+    generator, target, state = WaveGenerator(Schedule(), WORM), GaitParameters(0.3, 0.8, 0.0, 0.06), np.zeros(STATES)
+    generator.step(0.0, GaitParameters(0.3, 0.8))
+    for _ in range(20):
+        generator.step(0.05, target)
+        state = values(model().step(0.05), state, [0.3, 0.8, 0.06])
+    assert generator.parameters is not None
+    assert state[ReducedState._fields.index("steering")] == pytest.approx(generator.parameters.hinge, rel=1e-3)
+    assert 0.05 < generator.parameters.hinge < 0.059
+
+
 def test_mirrored_input_gives_the_mirrored_path() -> None:
     step = model("bias").step(0.2)
-    sides = np.array([1, -1, -1, 1, -1, 1, -1, -1.0])
+    sides = np.array([1, -1, -1, 1, -1, 1, -1, -1, -1.0])
     left, right = np.array(STATE), sides * STATE
     for _ in range(50):
         left, right = values(step, left, [0.3, 0.8, 0.03]), values(step, right, [0.3, 0.8, -0.03])

@@ -10,11 +10,12 @@ from control.estimator import Estimate
 from control.feedforward import FeedForward
 from control.identification import Identified
 from control.identified import load
-from control.ladder import FORGET, LATE, LONGEST_START, LOST, MOST_HELD, MOST_SHIFTED, STANDS, STRAIGHT
+from control.ladder import FORGET, LATE, LONGEST_START, LOST, MOST_HELD, MOST_SHIFTED, STANDS, UNKNOWN
 from control.measurement import Measurement
 from control.mpc import GaitMPC
 from control.paths import Circle, Line
 from control.plan import Plan, PlanStatus
+from control.preview import turn_rate
 from control.reduced import STATES, ReducedInput, ReducedModel, ReducedState
 from control.references import Constant, Reference, Steps
 from control.steering import GaitParameters
@@ -200,10 +201,15 @@ def test_a_lost_estimate_leaves_the_plain_wave() -> None:
     assert supervisor.decisions[-1].parameters.amplitude > 0.2
 
 
-def test_it_goes_straight_until_the_heading_is_known() -> None:
-    supervisor = run(Unreliable(lambda call: False), 6.0, worm=ReducedWorm(variance=1.0))
+@pytest.mark.parametrize("reference", [CIRCLE, Reference(CIRCLE.speed, path=Line()), Reference(CIRCLE.speed)])
+def test_it_goes_straight_or_as_the_path_turns_until_the_heading_is_known(reference: Reference) -> None:
+    supervisor = run(Unreliable(lambda call: False), 6.0, reference, ReducedWorm(heading=1.0, variance=1.0))
     waiting = [d for d in supervisor.decisions if d.source == "gait"]
-    assert {(d.status, d.parameters.hinge) for d in waiting} == {(STRAIGHT, 0.0)}
+    assert {d.status for d in waiting} == {UNKNOWN}
+    turn = turn_rate(reference, 0.0, 0.0)
+    assert (turn > 0.04) == (reference is CIRCLE)
+    expected = GaitMPC(WORM, known(), model()).feed_forward(float(reference.speed(0.0)), turn)
+    assert {d.parameters for d in waiting} == {model().parameters(expected)}
     assert waiting[-1].time == pytest.approx(LONGEST_START / 0.8, abs=0.2)
     assert set(sources(supervisor)[len(waiting) :]) == {"mpc"}
     assert supervisor.failures == 0

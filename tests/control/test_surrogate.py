@@ -71,7 +71,7 @@ def test_too_few_samples_are_refused() -> None:
     [
         (lambda: Ranges((0.4, 0.1), (0.5, 1.5), 0.2), r"amplitude: got \(0.4, 0.1\), must be \(least, greatest\)"),
         (lambda: Ranges((0.1, 0.4), (0.5, 1.5), 0.0), "steering: got 0.0, must be above 0"),
-        (lambda: Polynomial(RANGES, "odd", (1.0,)), "coefficients: got 1, must be 45 for odd"),
+        (lambda: Polynomial(RANGES, "odd", (1.0,)), "coefficients: got 1, must be 60 for odd"),
     ],
 )
 def test_bad_surrogates(build, sentence: str) -> None:
