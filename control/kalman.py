@@ -59,10 +59,9 @@ MOVED = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
 class Uncertainty:
     """How far sensors and model are trusted; the defaults suit the default worm and `control.sensors`.
 
-    Place, speed, turn rate and drift are about where the innovations of nine runs of a minute are likeliest (line,
-    circle, S-curve, way points, steps of the speed, and 3 degrees uphill; seeds 11 to 13), a little above where those
-    of level ground alone would have them; on paths on level ground the offset is then known to 1.5 mm and the heading
-    to 0.9 degrees, of which the filter says 1.4 mm and 1.1 degrees.
+    Place, speed and turn rate are about where the innovations of nine runs of a minute are likeliest (line, circle,
+    S-curve, way points, steps of the speed, and 3 degrees uphill; seeds 11 to 13). For those the drift could be half of
+    what it is; that is what makes the filter know how wrong its heading is where a worm winds.
 
     Attributes
     ----------
@@ -100,7 +99,7 @@ class Uncertainty:
     turn_rate: float = 0.008
     slip: float = 0.01
     yaw_bias: float = 0.003
-    drift: float = 0.0008
+    drift: float = 0.0015
     drift_time: float = 2.0
     rocking: float = 0.001
     slope_yield: float = 3.6

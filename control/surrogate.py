@@ -103,11 +103,10 @@ class Polynomial:
     def __call__(self, amplitude: Any, frequency: Any, steering: Any) -> Any:
         """Return the quantity; numbers, arrays or CasADi's symbols."""
         a, g, s = self.ranges.scaled(amplitude, frequency, steering)
-        of_steering = _of_steering(self.parity, s)
-        return sum(
-            c * a**i * g**j * of_steering[k]
-            for c, (i, j, k) in zip(self.coefficients, exponents(self.parity), strict=True)
-        )
+        plane = dict.fromkeys(POWERS[self.parity], 0.0)  # apart: a graph of many steerings then has it once
+        for c, (i, j, k) in zip(self.coefficients, exponents(self.parity), strict=True):
+            plane[k] = plane[k] + c * a**i * g**j
+        return sum(plane[k] * of_steering for k, of_steering in _of_steering(self.parity, s).items())
 
 
 @dataclass(frozen=True)

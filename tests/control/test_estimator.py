@@ -338,7 +338,7 @@ def test_the_mirrored_worm_has_the_mirrored_estimate(heading: float | None) -> N
     there = Estimator(WORM, model(), heading=None if heading is None else -heading)
     one = estimated(run, Sensors(seed=9), here, 1000)
     two = estimated(image, Sensors(seed=9, mirrored=True), there, 1000)
-    signs = ReducedState(1, -1, -1, 1, -1, 1, -1, -1)
+    signs = ReducedState(1, -1, -1, 1, -1, 1, -1, -1, -1)
     for k in (0, 1, 5, 20, 60, 100, 300, 999):
         assert_allclose(two[k].state, np.array(signs) * one[k].state, atol=1e-9)
         assert_allclose(two[k].deviations, one[k].deviations, rtol=1e-6)
