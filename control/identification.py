@@ -11,8 +11,8 @@ y_k the rate (of distance, or of turning) in wave k after the step,
 
     lag = sum_k (y_end - y_k) / (y_end - y_begin)   [waves]                                                   (I3)
 
-which is the time constant of a first-order response, or its delay, or their sum. What of it is due to the steering's
-own change, which `control.generator` blends, is known and taken off.
+which is the time constant of a first-order response, or its delay, or their sum. That of the steering is found by sines
+of it instead: behind a step the soft start of turning looks like a lag.
 
 The simulator is not touched here: `scenes.identify` runs the plant.
 """
@@ -148,9 +148,8 @@ class Lags:
     amplitude, frequency : float
         Speed after a step of the amplitude, and of the frequency [waves].
     steering : float
-        Turn rate after a step of the steering, less the lag of that steering in the wave generator [s]. (On the default
-        worm, by sines of the steering, 0.8 to 0.95 s with that lag, from 0.6 to 1.1 Hz, which is 0.5 to 0.9 waves: a
-        time, not a part of a wave.)
+        Turn rate behind the steering in force, by sines of it [s]. (On the default worm 0.4 to 0.6 s from 0.6 to 1.1
+        Hz; with the wave generator's own lag, 0.8 to 0.95 s.)
     """
 
     amplitude: float

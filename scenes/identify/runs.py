@@ -29,6 +29,10 @@ FREQUENCY = 0.875
 
 LEAST_LAG = 0.1
 """Of the steering beyond that of the generator [s]; shorter ones make no difference over a wave."""
+WINDING = 0.1
+"""Frequency of the sines of the steering that give its lag [Hz]."""
+WINDING_WAVES = (0.6, 0.9, 1.1)
+"""Frequencies of the waves that wind so [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -99,10 +103,11 @@ def measure_lags(
     schedule : Schedule
     mechanism : str
     steering : float
-        The steering steps from 0 to this.
+        The amplitude of the sines that it winds by.
     """
     slow, long = GaitParameters(0.2, FREQUENCY), GaitParameters(0.3, FREQUENCY)
-    quick, turning = GaitParameters(0.3, 1.2 * FREQUENCY), long.steered(mechanism, steering)
+    quick = GaitParameters(0.3, 1.2 * FREQUENCY)
+    winding = [winding_lag(worm, ground, schedule, mechanism, steering, frequency) for frequency in WINDING_WAVES]
 
     def mean_lag(begin: GaitParameters, end: GaitParameters, quantity: int) -> float:
         rates = [step_response(worm, ground, schedule, begin, end, shift)[quantity] for shift in SHIFTS]
@@ -112,8 +117,33 @@ def measure_lags(
     return Lags(
         amplitude=mean_lag(slow, long, 0),
         frequency=mean_lag(long, quick, 0),
-        steering=max(mean_lag(long, turning, 1) / FREQUENCY - BLEND / FREQUENCY, LEAST_LAG),
+        steering=max(float(np.mean(winding)), LEAST_LAG),
     )
+
+
+def winding_lag(
+    worm: worm3d.Worm,
+    ground: worm3d.Friction,
+    schedule: Schedule,
+    mechanism: Mechanism,
+    steering: float,
+    frequency: float,
+) -> float:
+    """Return the time constant T [s] by which the turn rate follows a sine of the steering in force, from its phase.
+
+    A first-order response lags behind a sine of w rad/s by arctan(w T), the steering in force likewise behind that
+    asked for with T = blend/f; the heading is the integral of the turn rate.
+    """
+    w = 2.0 * np.pi * WINDING
+    wave, generator = GaitParameters(0.28, frequency), WaveGenerator(schedule, worm)
+    plan = PlannedWave(lambda t: wave.steered(mechanism, steering * float(np.sin(w * t))), generator)
+    run = worm3d.simulate(worm, worm3d.Plane(), ground, actuation=plan, duration=3.0 / WINDING, dt=DT)
+    late = run.time >= 1.0 / WINDING  # two windings
+    t, h = run.time[late][:-1], run.heading[late][:-1]
+    waves = np.column_stack([np.sin(w * t), np.cos(w * t), np.ones_like(t), t])
+    (sine, cosine, _, _), *_ = np.linalg.lstsq(waves, h, rcond=None)
+    behind = np.arctan2(-sine, -cosine) - np.arctan(w * BLEND / frequency)  # the heading is -cos(w t - behind)
+    return float(np.tan(behind) / w)
 
 
 def step_response(

