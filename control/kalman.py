@@ -99,7 +99,7 @@ class Uncertainty:
     turn_rate: float = 0.008
     slip: float = 0.01
     yaw_bias: float = 0.003
-    drift: float = 0.0015
+    drift: float = 0.0018
     drift_time: float = 2.0
     rocking: float = 0.001
     slope_yield: float = 3.6

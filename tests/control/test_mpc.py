@@ -148,9 +148,7 @@ def test_paths_are_followed_whatever_slips_turns_and_drifts(path, within: float,
 
 def test_an_offset_dies_away_over_the_way_that_the_tolerances_say() -> None:
     """With e' = V delta and the heading delta free, (e/a_e)^2 + (delta/a_h)^2 is least for e ~ exp(-a_h/a_e s)."""
-    free = Tolerances(steering_rate=10.0)
-    begin = REST._replace(y=0.03, speed=0.08)
-    run = closed_loop(Reference(Constant(0.08), path=Line()), begin, 12.0, tolerances=free)
+    run = closed_loop(Reference(Constant(0.08), path=Line()), REST._replace(y=0.03, speed=0.08), 12.0)
     x, y = run.states[10:, :2].T
     decay = np.polyfit(x, np.log(y), 1)[0]
     assert -1.0 / decay == pytest.approx(Tolerances().offset / Tolerances().heading, rel=0.15)
