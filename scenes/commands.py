@@ -265,9 +265,8 @@ def identify(
     controllers need, kept for them, with its error and a figure. Takes a minute or two.
     """
     from scenes.identify import command
-    from scenes.loader import load_scene
 
-    raise typer.Exit(command.run(load_scene(scene, o or ()), out, force=force, quiet=quiet))
+    raise typer.Exit(command.run(command.load(scene, o or ()), out, force=force, quiet=quiet))
 
 
 @bench.command(name="plant")

@@ -235,6 +235,13 @@ def test_mirrored_path_and_noise_give_mirrored_commands(kind: str) -> None:
     assert np.abs(bent).max() > 0.01
 
 
+SHORTER = (
+    "override run.duration_s: got 6 s: must be more than 40 s, when the last of reference.speed_steps comes; let the "
+    "run last longer, or leave out steps (reference.speed_steps = [] leaves out all)"
+)
+TOO_LATE = "override reference.speed_steps: got a step at 70 s: must be before the end of the run (run.duration_s = "
+
+
 @pytest.mark.parametrize(
     ("name", "overrides", "sentence"),
     [
@@ -244,16 +251,21 @@ def test_mirrored_path_and_noise_give_mirrored_commands(kind: str) -> None:
         ("path_line", ("reference.kind=spline",), "points: got shape (0, 2)"),
         ("path_line", ("controller.period_s=0.001",), "must be at least run.dt_s"),
         ("velocity_step", ("reference.speed_sine_m_s=0.01",), "not both: leave one out"),
-        ("velocity_step", ("run.duration_s=30",), "must be before the end of the run"),
+        ("velocity_step", ("run.duration_s=6",), SHORTER),
+        ("velocity_step", ("reference.speed_steps=[{at_s = 70.0, speed_m_s = 0.1}]",), TOO_LATE),
         ("velocity_sine", ("reference.speed_sine_m_s=0.1",), "a speed of less than 0 cannot be asked for"),
-        ("path_line", ("worm.mass_kg=0.11",), "run 'worm3d identify SCENE"),
-        ("path_line", ("friction.lateral=0.3",), "run 'worm3d identify SCENE"),
+        ("path_line", ("worm.mass_kg=0.11",), "identify it once by 'worm3d identify SCENE' with the same options"),
+        ("path_line", ("friction.lateral=0.3",), "identify it once by 'worm3d identify SCENE' with the same options"),
         ("path_line", ("gait.amplitude=0.3",), "gait"),
     ],
 )
 def test_mistakes_are_told(name: str, overrides: tuple[str, ...], sentence: str) -> None:
     (line,) = complaints(name, *overrides)
     assert sentence in line
+
+
+def test_a_shorter_run_without_its_steps() -> None:
+    assert scene("velocity_step", "run.duration_s=6", "reference.speed_steps=[]").reference.speed_steps == ()
 
 
 def test_another_worm_may_be_driven_by_the_default_worms_map() -> None:
