@@ -23,6 +23,7 @@ from control.supervisor import Supervisor
 from scenes.bench.control import SCENES
 from scenes.errors import SceneError
 from scenes.kinds import worm_view
+from scenes.kinds.base import Watch
 from scenes.kinds.control_build import controller_of, path_of, reference_of, sensors_of
 from scenes.kinds.control_record import tracked
 from scenes.kinds.control_schema import ControlScene
@@ -31,6 +32,7 @@ from scenes.loader import load_scene
 from scenes.record import Record
 from scenes.runner import simulate
 from scenes.store import load, save
+from worm3d.viewer.live import LiveView
 
 TIMED = ("control_step_ms_p50", "control_step_ms_p99", "overruns")
 REQUIRED = (
@@ -155,6 +157,34 @@ def test_a_record_survives_the_disc_and_is_drawn(circle: Record, tmp_path: Path)
         with Image.open(tmp_path / f"{stem}.png") as picture:
             assert np.ptp(np.asarray(picture.convert("L"))) > 100
     assert {path.stem for path in tmp_path.glob("*.png")} == set(KIND.figures)
+
+
+def test_a_run_that_is_watched_shows_the_horizon_as_its_page_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each picture has the way that the latest decision before it predicted, and none before there is one."""
+    seen: list[np.ndarray | None] = []
+    places: list[np.ndarray] = []
+    show = LiveView.show
+
+    def look(view: LiveView, joints: np.ndarray, *others: object, **more: object) -> None:
+        seen.append(more["horizon"])  # type: ignore[arg-type]
+        places.append(joints)
+        show(view, joints, *others, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(LiveView, "show", look)
+    watched = load_scene("path_circle", ["run.duration_s=5"])
+    record = simulate(watched, how=Watch(1e9, lambda address: None))
+    page = worm_view.frames_of(record)
+    assert page.horizon is not None
+    assert seen[0] is None
+    known = [way is not None for way in seen]
+    assert known == sorted(known)
+    assert sum(known) > 10
+    for joints, way in zip(places, seen, strict=True):
+        if way is not None:
+            row = int(np.argmin(np.abs(record["joints"] - joints).max(axis=(1, 2))))
+            k = int(np.searchsorted(record["decision_time"], record["time"][row] - 1e-9)) - 1
+            assert_allclose(way[:, :2], record["horizon"][k], rtol=0, atol=0)
+            assert_allclose(way[:, 2], page.horizon[-1, 0, 2], rtol=0, atol=0)
 
 
 def test_pictures_show_the_path_and_the_horizon(circle: Record) -> None:
