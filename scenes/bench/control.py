@@ -25,8 +25,9 @@ BLIND = "open_loop"
 """Looks at nothing: noise does not matter to it, and one seed is enough."""
 
 METRICS = (
-    *("speed_bias_relative", "speed_error_rms_relative", "settling_periods", "heading_error_mean_deg"),
-    *("heading_error_rms_deg", "cross_track_rms_bl", "cross_track_max_bl", "mpc_failures"),
+    *("speed_bias_relative", "speed_error_rms_relative", "speed_bias_settled_relative"),
+    *("speed_error_rms_settled_relative", "settling_periods", "heading_error_mean_deg", "heading_error_rms_deg"),
+    *("cross_track_rms_bl", "cross_track_max_bl", "mpc_failures"),
 )
 TIMES = ("control_step_ms_p50", "control_step_ms_p99", "overruns")
 """Wall-clock figures."""

@@ -148,11 +148,15 @@ def test_trials_without_a_bar_say_so_with_their_figures() -> None:
 
 
 def test_the_report_has_every_row_and_every_run() -> None:
-    runs = [found("path_line", name, seed, speed_bias_relative=0.0123) for name in ("mpc", "pi_los") for seed in (0, 1)]
+    runs = [
+        found("path_line", name, seed, speed_bias_relative=0.0123, speed_bias_settled_relative=0.0456)
+        for name in ("mpc", "pi_los")
+        for seed in (0, 1)
+    ]
     rows = list(control.rows(runs))
     machine = {"cpu": "a processor", "system": "Linux", "date": "today"}
     text = control_report.markdown(rows, machine, "control.png")
-    assert "| path_line | mpc | 2 | 1.23 |" in text
+    assert "| path_line | mpc | 2 | 1.23 | - | 4.56 |" in text
     assert "![the worst of the seeds](control.png)" in text
     assert "| path_line | bias of the speed | 1.23 % | 2.00 % | kept |" in text
     assert "kept" not in control_report.markdown(rows, machine, "control.png", judged=False).replace("kept to", "")
