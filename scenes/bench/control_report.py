@@ -38,7 +38,7 @@ SAYS = (
     "The worst of all seeds, on the full 3D plant, without a sensor of the heading unless the scene has one. All is "
     "averaged over a moving window of one commanded period; the first three periods are left out, and from the settled "
     "bias and rms of the speed also three after each of its steps. BL: body lengths. A control step is all that a "
-    "controller computes in a control period, its estimates included. open_loop looks at nothing, so one seed is enough."
+    "controller computes in a control period, its estimates included. open_loop looks at nothing: one seed is enough."
 )
 SHORT = ("cross_track_rms_bl", "heading_error_rms_deg", "speed_error_rms_relative")
 """What a trial is about: the first of these that its MPC has."""
