@@ -212,7 +212,7 @@ def hold(plant: Plant) -> bool:
         here = plant.arrays["joints"][:3].copy()
         _, end = advance(plant.core, records.block, counters, command, none, 0, 0, HOLDING_DT, False, False)
         moved, away = (np.abs(plant.arrays["joints"][:3] - there).max() / plant.worm.length for there in (here, start))
-        holds = end == OK and moved < RESTS
+        holds = end == OK and moved < RESTS and away <= SLIDES
         if end != OK or away > SLIDES or moved < SETTLED:
             break
     if not holds:
