@@ -34,6 +34,9 @@ FLAT = 0.02
 DEEPEST = 0.1
 """A joint deeper in the world than this fraction of the segment length is sunk (0 where joints do not touch it)."""
 
+HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
+"""Arrays that hold two instants, first the present one."""
+
 _ROWS_REMEMBERED = (
     (segment.LAYOUT, "segment_in", ("t_ref", "d_ref", "rim", "commanded_n")),
     (point.LAYOUT, "point_in", ("anchor", "load_n")),
@@ -302,6 +305,14 @@ class Plant:
         self.loads()[:] = load
         force = self.arrays["contact_force"].reshape(3, POINTS, -1)
         force[:, :, : self.n] = load * self._point_row("normal")[:, :, : self.n]
+
+    def halt(self) -> None:
+        """Take all motion from the worm where it is: its loads and anchors stay, nothing is in the ledger."""
+        for name in HISTORIES:
+            rows = self.arrays[name]
+            rows[len(rows) // 2 :] = rows[: len(rows) // 2]
+        for name in ("joint_velocity", "point_velocity", "last", "curve", "terms", "slid"):
+            self.arrays[name][:] = 0.0
 
     def loads(self) -> FloatArray:
         """Return the normal load of each contact point at the end of the last step, not a copy, shape (8, N) [N]."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.actuation import Driver
 from worm3d.metrics import heading
 from worm3d.observation import Observation
-from worm3d.plant import Plant
+from worm3d.plant import HISTORIES, Plant
 from worm3d.result import Energy, Result
 from worm3d.solver.advance import advance, worst_residual
 from worm3d.solver.arrays import COUNTERS, POINTS
@@ -35,8 +35,6 @@ CHUNK = 50
 """Steps between two looks at the outside world, where nothing depends on the state."""
 
 _LOG = logging.getLogger(__name__)
-
-_HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
 
 
 class Run:
@@ -192,7 +190,7 @@ class Run:
         """Take one step in parts, by implicit Euler; the past is then that of one whole step."""
         arrays = self.plant.arrays
         before = self.plant.memory()
-        past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in _HISTORIES}
+        past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in HISTORIES}
         try:
             status = self._part(command, self.done, 0.5, HALVINGS - 1)
             if status is Status.DONE:

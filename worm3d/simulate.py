@@ -15,7 +15,7 @@ from worm3d.plant import DEEPEST, Plant
 from worm3d.result import Result
 from worm3d.run import Force, Run
 from worm3d.solver.arrays import POINTS
-from worm3d.start import OVERLAP, require_clear, require_equilibrium, require_felt, require_shape, settle, settles
+from worm3d.start import OVERLAP, hold, require_clear, require_equilibrium, require_felt, require_shape, settle, settles
 from worm3d.state import State
 from worm3d.status import Status
 from worm3d.worlds import ClampedGround, World
@@ -80,7 +80,7 @@ def simulate(
         Steps between two rows of the result; a divisor of their number.
     settle_first : bool
         Whether a worm that starts at rest is first brought to equilibrium on its world, under the weight that presses
-        it there. A state with memory never is.
+        it there; on uneven worlds by its friction too, unless that lets it slide away. A state with memory never is.
     observer : callable, optional
         Called with the number of finished steps, every so many (after every step, if the actuation is a controller) and
         whenever it divides by `record_every`, unless rows follow closely; returning False ends the run there.
@@ -185,6 +185,8 @@ def _begin(plant: Plant, start: State, settling: Settling | None) -> Status:
             return status
         plant.set_pose(rested)
         plant.bear(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
+        if getattr(plant.world, "uneven", False):
+            hold(plant)
     return Status.DONE
 
 

@@ -43,6 +43,12 @@ SETTLED = 1e-13
 RESTS = 1e-9
 """And that at which it rests well enough where rounding keeps it from coming closer."""
 
+HOLDING_DT, HOLDING_MOST = 0.01, 2000
+"""Time step [s] and steps at most in which a worm comes to rest by the friction of its run."""
+
+SLIDES = 0.03
+"""A worm that moves by this fraction of its length meanwhile is not held: where it slides to is the run's to tell."""
+
 OVERLAP = 10.0 * RESTING_PENETRATION
 """A start with a contact point deeper in the world than this fraction of the segment length is refused."""
 
@@ -192,6 +198,27 @@ def _settled(
             break
     plant.stop()
     return plant.state(state.time), Status.DONE if moved < RESTS * worm.length else Status.UNSETTLED
+
+
+def hold(plant: Plant) -> bool:
+    """Let the run's own friction take over the weight of a worm that is at rest, and return whether it holds the worm.
+
+    Steps of implicit Euler until it rests again, with its anchors where they are then; if it does not it is put back.
+    """
+    before, start = plant.memory(), plant.arrays["joints"][:3].copy()
+    records, counters = record_memory(plant.n, 1), np.zeros((0, 3), dtype=np.int64)
+    command, none, holds = plant.arrays["asked"][:1].copy(), np.zeros((0, 3, plant.n + 1)), False
+    for _ in range(HOLDING_MOST):
+        here = plant.arrays["joints"][:3].copy()
+        _, end = advance(plant.core, records.block, counters, command, none, 0, 0, HOLDING_DT, False, False)
+        moved, away = (np.abs(plant.arrays["joints"][:3] - there).max() / plant.worm.length for there in (here, start))
+        holds = end == OK and moved < RESTS and away <= SLIDES
+        if end != OK or away > SLIDES or moved < SETTLED:
+            break
+    if not holds:
+        plant.remember(before)
+    plant.halt()
+    return holds
 
 
 def settles(world: World | None, gravity: FloatArray, contracted: bool = False) -> bool:

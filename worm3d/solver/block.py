@@ -8,15 +8,14 @@ Compiled code gets a block as two addresses, of the numbers and of a table that 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
-from numba.core import types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from worm3d.compiled import inner
+from worm3d.vectors import doubles_at, integers_at
 
 FloatArray = NDArray[np.float64]
 
@@ -67,25 +66,10 @@ class Memory:
         return views
 
 
-def _pointer_type(to: Any) -> Any:
-    def type_pointer(_context: Any, _address: Any) -> Any:
-        def generate(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-            return builder.inttoptr(args[0], context.get_value_type(to).as_pointer())
-
-        pointer: Any = types.CPointer
-        return pointer(to)(types.int64), generate
-
-    return type_pointer
-
-
-_numbers_at: Any = intrinsic(_pointer_type(types.float64))
-_integers_at: Any = intrinsic(_pointer_type(types.int64))
-
-
 @inner
 def integers(address: int, count: int) -> NDArray[np.int64]:
     """Return the whole numbers that stand at an address, not a copy."""
-    found: NDArray[np.int64] = carray(_integers_at(address), (count,))
+    found: NDArray[np.int64] = carray(integers_at(address), (count,))
     return found
 
 
@@ -93,7 +77,7 @@ def integers(address: int, count: int) -> NDArray[np.int64]:
 def matrix(block: Block, k: int) -> FloatArray:
     """Return array k, shape (rows, columns), not a copy."""
     place = integers(block.table + 24 * k, 3)
-    found: FloatArray = carray(_numbers_at(block.memory + 8 * place[0]), (place[1], place[2]))
+    found: FloatArray = carray(doubles_at(block.memory + 8 * place[0]), (place[1], place[2]))
     return found
 
 
@@ -101,7 +85,7 @@ def matrix(block: Block, k: int) -> FloatArray:
 def vector(block: Block, k: int) -> FloatArray:
     """Return array k, all rows one after the other, not a copy."""
     place = integers(block.table + 24 * k, 3)
-    found: FloatArray = carray(_numbers_at(block.memory + 8 * place[0]), (place[1] * place[2],))
+    found: FloatArray = carray(doubles_at(block.memory + 8 * place[0]), (place[1] * place[2],))
     return found
 
 
@@ -110,7 +94,7 @@ def rows(block: Block, k: int, first: int, count: int) -> FloatArray:
     """Return some rows of array k, one after the other, not a copy, shape (count * columns,)."""
     place = integers(block.table + 24 * k, 3)
     start = block.memory + 8 * (place[0] + first * place[2])
-    found: FloatArray = carray(_numbers_at(start), (count * place[2],))
+    found: FloatArray = carray(doubles_at(start), (count * place[2],))
     return found
 
 
