@@ -1,12 +1,8 @@
 """Model predictive control of the gait's parameters: amplitude, frequency and steering over some waves ahead.
 
 The problem is (G2), `control.problem`. Slip, yaw bias and drift are those of the estimate and constant over the
-horizon: what they stand for leaves no lasting error. The body stands across its path by
-
-    crab = (drift + L f c(A, f, s)) / V_ref                                                                    (M1)
-
-so that its centre of mass follows the path although it is carried sideways. The search begins at the better of two
-waves, the plan before and the plain wave of the feed-forward, and is never worse than either.
+horizon: what they stand for leaves no lasting error. The search begins at the better of two waves, the plan before and
+the plain wave of the feed-forward, and is never worse than either.
 """
 
 from __future__ import annotations
@@ -31,8 +27,6 @@ from worm3d import Worm
 
 FloatArray = NDArray[np.float64]
 
-GREATEST_CRAB = 0.3
-"""By which the body may stand across its path [rad]."""
 LEAST_SHARE = 0.5
 """Of the speed that the gait makes, whatever the estimate of the slip says: more than that is not made up for."""
 
@@ -89,7 +83,7 @@ class GaitMPC:
                 raise ValueError(f"{name}: got {value!r}, must be at least {least}")
         found = identified.maps[model.mechanism]
         self.feed_forward, self.tolerances = FeedForward(found, worm.length), tolerances or Tolerances()
-        self._model, self._found, self._length = model, found, worm.length
+        self._model, self._length = model, worm.length
         self._prediction, self._scale = Prediction(model, step, steps), Scale(found.ranges)
         self._search = GaussNewton(INPUTS * steps, iterations)
         self.reset()
@@ -115,7 +109,7 @@ class GaitMPC:
         if preview is None:
             return self._no_plan(t, perf_counter() - began)
         waves = self._candidates(t, estimate, reference)
-        problem = self._problem(t, estimate.state, preview, waves[0])
+        problem = self._problem(t, estimate.state, preview, waves[-1])
         found, plain_cost = self._searched(problem, waves)
         plan = self._made(t, problem, found, plain_cost, began)
         if plan.status.ok:
@@ -145,14 +139,8 @@ class GaitMPC:
         plain = np.tile(wave, (len(instants), 1))
         return [plain] if self._last is None else [self._last.at(instants), plain]
 
-    def _problem(self, t: float, state: ReducedState, preview: Preview, expected: FloatArray) -> Problem:
-        """Return (G2); the wave that is expected, shape (H, 3), gives the angle across the path, (M1)."""
-        crab = np.zeros(len(expected))
-        if preview.follows:
-            slowest = self.feed_forward.slowest
-            aside = self._length * self._found.drift_speed(*expected.T) + float(state.drift)
-            crab = np.clip(aside / np.maximum(preview.speed, slowest), -GREATEST_CRAB, GREATEST_CRAB)
-        scaled = self._scale.scaled(expected)
+    def _problem(self, t: float, state: ReducedState, preview: Preview, plain: FloatArray) -> Problem:
+        """Return (G2); `plain` is the plain wave, shape (H, 3)."""
         preferred = self._scale.scaled(np.array([[0.0, self.feed_forward.frequency, 0.0]]))[1]
         return Problem(
             prediction=self._prediction,
@@ -161,8 +149,8 @@ class GaitMPC:
             length=self._length,
             state=np.array(state, dtype=float),
             preview=preview,
-            crab=crab,
-            before=scaled[:INPUTS] if self._last is None else self._scale.scaled(self._last.at(t)),
+            crab=preview.follows / np.maximum(preview.speed, self.feed_forward.slowest),
+            before=self._scale.scaled(plain[:1]) if self._last is None else self._scale.scaled(self._last.at(t)),
             preferred=float(preferred),
         )
 

@@ -2,11 +2,14 @@
 
     X_{k+1} = F(X_k, U_k),   dX_{k+1}/dU = A_k dX_k/dU + B_k dU_k/dU,   A_k = dF/dX, B_k = dF/dU at (X_k, U_k)   (H1)
 
-What is wanted of a state (speed V_ref; point r, heading psi of the path and the angle crab to it) is missed by
+What is wanted of a state (speed V_ref; point r and heading psi of the path) is missed by
 
-    V - V_ref,   e = (p - r) . n(psi),   h - psi + crab                                                        (H2)
+    V - V_ref,   e = (p - r) . n(psi),   h - psi + crab,   crab = u / V_ref                                    (H2)
 
-V being the speed along the heading h, less what slips, and n(psi) = (-sin psi, cos psi) the left of the path.
+V being the speed along the heading h, less what slips, and n(psi) = (-sin psi, cos psi) the left of the path. The body
+stands across its path by the angle crab, so that its centre of mass follows the path although it is carried to the left
+by u. Steering itself carries it so, hence u is that of the state: held at what an earlier plan made of it, crab and plan
+chase each other, and a worm comes back to its line along another way than the cost says.
 """
 
 from __future__ import annotations
@@ -22,6 +25,9 @@ from control.reduced import INPUTS, STATES, ReducedModel
 
 FloatArray = NDArray[np.float64]
 
+GREATEST_CRAB = 0.3
+"""By which the body may stand across its path [rad]."""
+
 
 class Wanted(NamedTuple):
     """What is wanted at the end of a step."""
@@ -31,7 +37,7 @@ class Wanted(NamedTuple):
     y: ca.SX
     heading: ca.SX
     crab: ca.SX
-    """By which the body stands to the right of that heading [rad]."""
+    """By which the body stands to the right of that heading, for each m/s that it is carried to the left [s/m]."""
 
 
 WANTED = len(Wanted._fields)
@@ -118,5 +124,7 @@ def _miss(model: ReducedModel, state: ca.SX, given: ca.SX, wanted: Wanted) -> ca
     """Return (H2)."""
     velocity, heading = model.output(state, given), state[2]
     speed = velocity[0] * ca.cos(heading) + velocity[1] * ca.sin(heading)
+    aside = velocity[1] * ca.cos(heading) - velocity[0] * ca.sin(heading)
+    crab = ca.fmax(-GREATEST_CRAB, ca.fmin(GREATEST_CRAB, wanted.crab * aside))
     offset = (state[1] - wanted.y) * ca.cos(wanted.heading) - (state[0] - wanted.x) * ca.sin(wanted.heading)
-    return ca.vertcat(speed - wanted.speed, offset, heading - wanted.heading + wanted.crab)
+    return ca.vertcat(speed - wanted.speed, offset, heading - wanted.heading + crab)

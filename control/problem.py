@@ -35,6 +35,9 @@ class Tolerances:
     to 0.1) and steering rate (0.25 to 1), as many as `control.baselines.Gains` had. The mean rms offset of the three
     goes from 0.0018 (chosen) to 0.0022 body lengths.
 
+    An offset dies away as exp(-s/L) over the way s, L = a_e/a_h body lengths, once the worm has turned (two seconds), as
+    long as its horizon reaches 2 L or further.
+
     Attributes
     ----------
     speed : float
@@ -104,7 +107,8 @@ class Problem:
         Estimated, of the reduced model.
     preview : Preview
     crab : ndarray, shape (H,)
-        By which the body is to stand to the right of the path's heading [rad].
+        By which the body is to stand to the right of the path's heading, for each m/s that it is carried to the left
+        [s/m].
     before : ndarray, shape (3,)
         u_{-1}
     preferred : float

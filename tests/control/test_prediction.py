@@ -56,10 +56,15 @@ def test_later_inputs_change_nothing_before() -> None:
 
 
 def test_misses_of_a_worm_beside_its_path() -> None:
-    """Left of the path is a positive offset, a heading to its left a positive one, and slip is taken off the speed."""
-    state = np.array(ReducedState(0.0, 1.3, np.pi / 2 + 0.2, 0.08, 0.0, slip=0.25))
+    """Left of the path is a positive offset, a heading to its left a positive one, and slip is taken off the speed.
+
+    A worm that is carried to the right by 0.016 m/s stands to the left, by 0.2 rad at 0.08 m/s, and never by more than
+    0.3 rad.
+    """
+    state = np.array(ReducedState(0.0, 1.3, np.pi / 2 + 0.2, 0.08, 0.0, slip=0.25, drift=-0.016))
     upwards = [0.05, 0.1, 1.0, np.pi / 2, 0.0]  # along y, a tenth to the right of the worm
-    crabbing = [0.05, 0.1, 1.0, np.pi / 2, -0.2]  # likewise, standing across it to the left
-    states, given = np.tile(state, (3, 1)), np.tile([0.3, 0.8, 0.0], (2, 1))
-    seen = Prediction(model(), 0.4, 2).misses(states, given, np.array([upwards, crabbing]))
-    assert_allclose(seen, [[0.75 * 0.08 - 0.05, 0.1, 0.2], [0.75 * 0.08 - 0.05, 0.1, 0.0]], atol=1e-12)
+    wanted = np.tile(upwards, (3, 1))
+    wanted[:, 4] = [0.0, 1.0 / 0.08, 1.0 / 0.01]
+    states, given = np.tile(state, (4, 1)), np.tile([0.3, 0.8, 0.0], (3, 1))
+    seen = Prediction(model(), 0.4, 3).misses(states, given, wanted)
+    assert_allclose(seen, [[0.75 * 0.08 - 0.05, 0.1, heading] for heading in (0.2, 0.0, -0.1)], atol=1e-12)
