@@ -8,8 +8,8 @@ What is wanted of a state (speed V_ref; point r and heading psi of the path) is 
 
 V being the speed along the heading h, less what slips, and n(psi) = (-sin psi, cos psi) the left of the path. The body
 stands across its path by the angle crab, so that its centre of mass follows the path although it is carried to the left
-by u. Steering itself carries it so, hence u is that of the state: held at what an earlier plan made of it, crab and plan
-chase each other, and a worm comes back to its line along another way than the cost says.
+by u. Steering itself carries it so, hence u is that of the state: with the u of an earlier plan, crab and plan chase
+each other, and a worm comes back to its line along another way than the cost says.
 """
 
 from __future__ import annotations

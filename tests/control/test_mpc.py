@@ -152,7 +152,7 @@ def test_paths_are_followed_whatever_slips_turns_and_drifts(path, within: float,
         (0.01, Tolerances(), 16),
         (0.03, Tolerances(), 16),
         (0.1, Tolerances(), 16),
-        (0.03, Tolerances(offset=0.01), 16),
+        (0.03, Tolerances(offset=0.02), 24),
         (0.03, Tolerances(offset=0.035), 40),
     ],
 )
