@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
@@ -106,13 +107,23 @@ class Plant:
         addresses |= {name: entry.address for name, entry in entries().items()}
         table = np.array([addresses[name] for name in arrays.KERNELS], dtype=np.int64)
         self.memory_of_core = CoreMemory(self.n, lanes, joint_lanes, 3 + len(parameters), table)
-        self.core, self.arrays = self.memory_of_core.core, self.memory_of_core.arrays
+        self._open()
         self.arrays["world_in"][3:] = parameters[:, None]
         self.arrays["held"][0] = held
         self._fill_numbers()
         self._fill_segments()
         self._fill_joints()
         self._fill_points()
+
+    def _open(self) -> None:
+        self.core, self.arrays = self.memory_of_core.core, self.memory_of_core.arrays
+
+    def copy(self) -> Plant:
+        """Return another worm in the very same state, which goes its own way from there."""
+        other = copy.copy(self)
+        other.memory_of_core = self.memory_of_core.copy()
+        other._open()
+        return other
 
     @property
     def clamped(self) -> bool:

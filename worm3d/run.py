@@ -34,6 +34,9 @@ HALVINGS = 6
 CHUNK = 50
 """Steps between two looks at the outside world, where nothing depends on the state."""
 
+UNSEEN = 1000
+"""And where nobody looks, the commands are known at once, and no forces are asked for."""
+
 _LOG = logging.getLogger(__name__)
 
 _HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
@@ -125,22 +128,32 @@ class Run:
 
     def _go(self, observer: Callable[[int], bool] | None) -> Status:
         """Take all steps; return how the run ended."""
+        known = self.driver.tabular and self.external_force is None
+        most = UNSEEN if known and observer is None else CHUNK
         while self.done < self.steps:
-            status = self._chunk()
+            status = self._chunk(most)
             if status is not Status.DONE:
                 return status
             if observer is not None and not observer(self.done) and self.done < self.steps:
                 return Status.INTERRUPTED
         return Status.DONE
 
-    def _chunk(self) -> Status:
-        """Ask for commands and forces and take the steps."""
+    def _chunk(self, most: int = CHUNK) -> Status:
+        """Ask for commands and forces and take the steps, at most so many."""
         controlled = self.driver.controller is not None
         # A chunk ends on a row of the result, unless there are more steps than that between two rows.
-        whole = CHUNK // self.every * self.every or min(CHUNK, self.every - self.done % self.every)
+        whole = most // self.every * self.every or min(most, self.every - self.done % self.every)
         count = 1 if controlled else min(whole, self.steps - self.done)
         times = [self.time(self.done + k + 1) for k in range(count)]
-        table = self.driver.table(np.array(times))
+        forces: list[FloatArray] = []
+        commands = self.driver.table(np.array(times))
+        if commands is None or self.external_force is not None:
+            commands, forces = self._ask(times, commands)
+        status = self._advance(np.ascontiguousarray(commands), forces)
+        return Status.BAD_COMMAND if status is Status.DONE and self.complaint else status
+
+    def _ask(self, times: list[float], table: FloatArray | None) -> tuple[FloatArray, list[FloatArray]]:
+        """Ask for forces, and for commands that are in no table, one by one up to the first that is wrong."""
         commands: list[FloatArray] = []
         forces: list[FloatArray] = []
         try:
@@ -150,8 +163,7 @@ class Run:
                 commands.append(self._command(t) if table is None else table[k])
         except Exception as error:
             self.complaint = _complaint(error)
-        status = self._advance(np.array(commands).reshape(-1, 5 * self.n), forces[: len(commands)])
-        return Status.BAD_COMMAND if status is Status.DONE and self.complaint else status
+        return np.array(commands).reshape(-1, 5 * self.n), forces[: len(commands)]
 
     def _command(self, t: float) -> FloatArray:
         """Return the command for a step that ends at t."""

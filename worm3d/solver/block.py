@@ -59,6 +59,10 @@ class Memory:
         """For compiled code, as long as this object lives."""
         return Block(self._numbers.ctypes.data, self.table.ctypes.data)
 
+    def take(self, other: Memory) -> None:
+        """Take over the numbers of a block of the same shapes."""
+        self._numbers[:] = other._numbers
+
     def arrays(self) -> dict[str, FloatArray]:
         """Return the arrays by name, not copies."""
         views = {}
