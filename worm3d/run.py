@@ -100,6 +100,11 @@ class Run:
         """Return the time after k steps [s]."""
         return (self.first + k) * self.dt + self.offset
 
+    def times(self, first: int, every: int, count: int) -> FloatArray:
+        """Return the times after `first` steps and every so many more, as `time` does [s]."""
+        times: FloatArray = (self.first + first + every * np.arange(count)) * self.dt + self.offset
+        return times
+
     def _ask_at_start(self) -> None:
         """Take the command at the start as that from which the actuators' ramp begins."""
         if self.driver.controller is None:
@@ -144,11 +149,11 @@ class Run:
         # A chunk ends on a row of the result, unless there are more steps than that between two rows.
         whole = most // self.every * self.every or min(most, self.every - self.done % self.every)
         count = 1 if controlled else min(whole, self.steps - self.done)
-        times = [self.time(self.done + k + 1) for k in range(count)]
+        times = self.times(self.done + 1, 1, count)
         forces: list[FloatArray] = []
-        commands = self.driver.table(np.array(times))
+        commands = self.driver.table(times)
         if commands is None or self.external_force is not None:
-            commands, forces = self._ask(times, commands)
+            commands, forces = self._ask(times.tolist(), commands)
         status = self._advance(np.ascontiguousarray(commands), forces)
         return Status.BAD_COMMAND if status is Status.DONE and self.complaint else status
 
@@ -275,7 +280,7 @@ class Run:
             gravity=self.plant.gravity,
             dt=self.dt,
             period=self.period,
-            time=np.array([self.time(k * self.every) for k in range(rows)]),
+            time=self.times(0, self.every, rows),
             joints=raw["joints"].reshape(rows, n + 1, 3),
             joint_velocity=raw["joint_velocity"].reshape(rows, n + 1, 3),
             points=raw["points"].reshape(rows, n, POINTS, 3),

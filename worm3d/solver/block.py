@@ -45,11 +45,11 @@ class Memory:
 
     def __init__(self, names: Sequence[str], shapes: Sequence[tuple[int, int]]) -> None:
         self._names = tuple(names)
-        self.table = np.zeros((len(shapes), 3), dtype=np.int64)
-        start = 0
-        for k, (rows, columns) in enumerate(shapes):
-            self.table[k] = start, rows, columns
+        places, start = [], 0
+        for rows, columns in shapes:
+            places.append((start, rows, columns))
             start += -(-rows * columns // LINE) * LINE
+        self.table = np.array(places, dtype=np.int64)
         raw = np.zeros(start + LINE)
         first = -raw.ctypes.data % (8 * LINE) // 8
         self._numbers = raw[first : first + start]
@@ -66,7 +66,7 @@ class Memory:
     def arrays(self) -> dict[str, FloatArray]:
         """Return the arrays by name, not copies."""
         views = {}
-        for name, (start, rows, columns) in zip(self._names, self.table, strict=True):
+        for name, (start, rows, columns) in zip(self._names, self.table.tolist(), strict=True):
             views[name] = self._numbers[start : start + rows * columns].reshape(rows, columns)
         return views
 
