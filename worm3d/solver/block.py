@@ -34,23 +34,25 @@ class Block(NamedTuple):
 
 
 class Memory:
-    """A block of zero arrays, each on a cache line.
+    """A block of arrays of zeros, each on a cache line.
 
     Parameters
     ----------
     names : sequence of str
     shapes : sequence of tuple of int
         Rows and columns of each array.
+    cleared : bool
+        False leaves in them what the memory holds: all of it is to be written before it is read.
     """
 
-    def __init__(self, names: Sequence[str], shapes: Sequence[tuple[int, int]]) -> None:
+    def __init__(self, names: Sequence[str], shapes: Sequence[tuple[int, int]], *, cleared: bool = True) -> None:
         self._names = tuple(names)
         places, start = [], 0
         for rows, columns in shapes:
             places.append((start, rows, columns))
             start += -(-rows * columns // LINE) * LINE
         self.table = np.array(places, dtype=np.int64)
-        raw = np.zeros(start + LINE)
+        raw = np.zeros(start + LINE) if cleared else np.empty(start + LINE)
         first = -raw.ctypes.data % (8 * LINE) // 8
         self._numbers = raw[first : first + start]
 
