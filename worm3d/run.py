@@ -102,8 +102,8 @@ class Run:
 
     def times(self, first: int, every: int, count: int) -> FloatArray:
         """Return the times after `first` steps and every so many more, as `time` does [s]."""
-        times: FloatArray = (self.first + first + every * np.arange(count)) * self.dt + self.offset
-        return times
+        steps = np.array(self.first + first + every * np.arange(count), dtype=float)
+        return steps * self.dt + self.offset
 
     def _ask_at_start(self) -> None:
         """Take the command at the start as that from which the actuators' ramp begins."""
