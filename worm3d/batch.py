@@ -47,8 +47,8 @@ def simulate_batch(
 ) -> list[Result]:
     """Simulate many worms; the results are those of `simulate`, bit for bit.
 
-    Equal worms on the same world are brought to rest once. The lanes of the processor's vectors are filled by the
-    segments of one worm already, so that a batch gains little beyond that on one thread.
+    Equal worms on the same world are put there and brought to rest once: on one thread that is what a batch gains, the
+    more the shorter the runs. The vectors' lanes are those of one worm's segments (`scenes.bench.lanes`).
 
     Parameters
     ----------

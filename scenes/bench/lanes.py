@@ -25,6 +25,10 @@ BAR = 1.5
 """Throughput of a batch over that of single runs that is asked for."""
 
 
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
 def main(
     out: Annotated[Path, typer.Option(help="Folder for lanes.md and lanes.png.")],
     runs: Annotated[int, typer.Option(help="Worms; a multiple of 8.")] = 64,
@@ -73,4 +77,4 @@ def sentence(study: LaneStudy) -> str:
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    app()
