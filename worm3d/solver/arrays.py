@@ -324,9 +324,9 @@ class CoreMemory:
         self.core = Core(n, kernels.ctypes.data, block, self.counters.ctypes.data, self._handle.ctypes.data)
         self.arrays = self._memory.arrays()
 
-    def copy(self) -> CoreMemory:
-        """Return another core that holds the same numbers."""
-        other = CoreMemory(*self._sizes, self.kernels)
+    def copy(self, kernels: NDArray[np.int64]) -> CoreMemory:
+        """Return another core with the same numbers, and these addresses."""
+        other = CoreMemory(*self._sizes, kernels)
         other._memory.take(self._memory)
         return other
 
