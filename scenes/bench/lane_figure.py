@@ -23,7 +23,7 @@ def draw(study: LaneStudy, bar: float) -> Figure:
     _bars(axes, [study.now, *(bound.us for bound in bounds)], gains)
     allowed = sum(study.now.values()) * study.allowed(bar)
     label = f"allowed if the batch is to have\n{bar:g} times the throughput of single runs"
-    axes.axhline(allowed, color="black", lw=1.2, ls="--", label=label)
+    axes.axhline(allowed, color="black", lw=1.2, ls="--", label=label, zorder=0)
     axes.set_xticks(range(len(labels)), labels, fontsize=8)
     axes.set_ylabel("time of a step of one worm [µs]")
     axes.set_title(
@@ -42,5 +42,6 @@ def _bars(axes: Axes, steps: list[dict[str, float]], gains: list[float]) -> None
         texts = [f"{height:.1f}" if height >= LEAST_LABELLED else "" for height in heights]
         axes.bar_label(bars, texts, label_type="center", fontsize=7, color="white" if colour in DARK else "black")
         bottom += heights
-    axes.bar_label(bars, [f"{gain:.2f}x" for gain in gains], padding=3, fontsize=9)
+    plain = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
+    axes.bar_label(bars, [f"{gain:.2f}x" for gain in gains], padding=4, fontsize=9, bbox=plain)
     axes.set_ylim(0.0, 1.12 * bottom.max())
