@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
@@ -23,6 +24,7 @@ from worm3d.solver.newton import solve_entry
 from worm3d.solver.step import step_entry
 from worm3d.state import State, StateError
 from worm3d.worlds import ClampedGround, World
+from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.plane import Plane
 from worm3d.worm import Worm
 
@@ -73,6 +75,13 @@ def entries() -> dict[str, Any]:
     return {name: cfunc(SIGNATURE, function) for name, function in functions.items()}
 
 
+def _addresses(world: WorldKernel) -> NDArray[np.int64]:
+    """Return the addresses of `worm3d.solver.arrays.KERNELS`."""
+    addresses = {"world": world.address, **{name: kernel.address for name, kernel in kernels().items()}}
+    addresses |= {name: entry.address for name, entry in entries().items()}
+    return np.array([addresses[name] for name in arrays.KERNELS], dtype=np.int64)
+
+
 class Plant:
     """The arrays of one worm on one world, and what fills and reads them.
 
@@ -100,22 +109,28 @@ class Plant:
     ) -> None:
         self.worm, self.world, self.friction, self.gravity = worm, world, friction, gravity
         self._weight = float(np.linalg.norm(gravity if scale is None else scale))
-        self.n, made = worm.segments, kernels()
-        width = max(vectors.WIDTH, *(kernel.width for kernel in made.values()))
+        self.n = worm.segments
+        width = max(vectors.WIDTH, *(kernel.width for kernel in kernels().values()))
         lanes, joint_lanes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1)))
         self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
-        parameters = self.world_kernel.parameters
-        addresses = {"world": self.world_kernel.address, **{name: kernel.address for name, kernel in made.items()}}
-        addresses |= {name: entry.address for name, entry in entries().items()}
-        table = np.array([addresses[name] for name in arrays.KERNELS], dtype=np.int64)
-        self.memory_of_core = CoreMemory(self.n, lanes, joint_lanes, 3 + len(parameters), table)
-        self.core, self.arrays = self.memory_of_core.core, self.memory_of_core.arrays
-        self.arrays["world_in"][3:] = parameters[:, None]
+        world_rows = 3 + len(self.world_kernel.parameters)
+        self._open(CoreMemory(self.n, lanes, joint_lanes, world_rows, _addresses(self.world_kernel)))
         self.arrays["held"][0] = held
         self._fill_numbers()
         self._fill_segments()
         self._fill_joints()
         self._fill_points()
+
+    def _open(self, memory: CoreMemory) -> None:
+        self.memory_of_core, self.core, self.arrays = memory, memory.core, memory.arrays
+        self.arrays["world_in"][3:] = self.world_kernel.parameters[:, None]
+
+    def copy(self) -> Plant:
+        """Return another worm in the very same state, which goes its own way from there."""
+        other = copy.copy(self)
+        other.world_kernel = (self.world or Plane()).kernel()  # it may have working memory, which none can share
+        other._open(self.memory_of_core.copy(_addresses(other.world_kernel)))
+        return other
 
     @property
     def clamped(self) -> bool:

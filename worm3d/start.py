@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -12,8 +13,9 @@ from scipy.optimize import minimize_scalar
 
 from worm3d import elements
 from worm3d.friction import RESTING_PENETRATION, Friction
-from worm3d.plant import Plant
+from worm3d.plant import DEEPEST, Plant
 from worm3d.solver.advance import advance
+from worm3d.solver.arrays import POINTS
 from worm3d.solver.guard import OK
 from worm3d.solver.records import record_memory
 from worm3d.state import State, StateError
@@ -22,6 +24,8 @@ from worm3d.worlds import ClampedGround, World
 from worm3d.worm import Worm
 
 FloatArray = NDArray[np.float64]
+Settling = Callable[[Worm, World, FloatArray, NDArray[np.bool_], State], tuple[State, Status]]
+"""As `settle`."""
 
 
 class _Settling(NamedTuple):
@@ -226,3 +230,49 @@ def settles(world: World | None, gravity: FloatArray, contracted: bool = False) 
     if world is None or isinstance(world, ClampedGround):
         return False
     return contracted or bool(np.any(world.pressing(gravity)))
+
+
+def place(
+    worm: Worm,
+    world: World | None,
+    friction: Friction,
+    gravity: FloatArray,
+    held: NDArray[np.bool_],
+    state: State | None,
+    settle_first: bool,
+    settling: Settling = settle,
+) -> tuple[Plant, State, Status]:
+    """Return the worm before its first step, the state it starts from, and DONE or why it cannot start.
+
+    Raises
+    ------
+    LimitPointError, StateError
+        As `worm3d.simulate`.
+    """
+    start = State.straight(worm, world) if state is None else state
+    require_shape(worm, start)
+    require_felt(worm, world)
+    if settles(world, gravity):
+        assert world is not None
+        require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))))
+    plant = Plant(worm, world, friction, gravity, held)
+    return plant, start, _begin(plant, start, held, settling if settle_first else None)
+
+
+def _begin(plant: Plant, start: State, held: NDArray[np.bool_], settling: Settling | None) -> Status:
+    """Put the worm into its initial state."""
+    plant.set_pose(start)
+    require_clear(plant, DEEPEST if start.memory else OVERLAP)
+    if start.memory:
+        plant.remember(start.memory)
+        return Status.DONE
+    if settling and not start.moves and settles(plant.world, plant.gravity, bool(start.contraction.any())):
+        assert plant.world is not None
+        rested, status = settling(plant.worm, plant.world, plant.gravity, held, start)
+        if status is not Status.DONE:
+            return status
+        plant.set_pose(rested)
+        plant.bear(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
+        if getattr(plant.world, "uneven", False):
+            hold(plant)
+    return Status.DONE

@@ -33,23 +33,25 @@ class Block(NamedTuple):
 
 
 class Memory:
-    """A block of zero arrays, each on a cache line.
+    """A block of arrays of zeros, each on a cache line.
 
     Parameters
     ----------
     names : sequence of str
     shapes : sequence of tuple of int
         Rows and columns of each array.
+    cleared : bool
+        False leaves in them what the memory holds: all of it is to be written before it is read.
     """
 
-    def __init__(self, names: Sequence[str], shapes: Sequence[tuple[int, int]]) -> None:
+    def __init__(self, names: Sequence[str], shapes: Sequence[tuple[int, int]], *, cleared: bool = True) -> None:
         self._names = tuple(names)
-        self.table = np.zeros((len(shapes), 3), dtype=np.int64)
-        start = 0
-        for k, (rows, columns) in enumerate(shapes):
-            self.table[k] = start, rows, columns
+        places, start = [], 0
+        for rows, columns in shapes:
+            places.append((start, rows, columns))
             start += -(-rows * columns // LINE) * LINE
-        raw = np.zeros(start + LINE)
+        self.table = np.array(places, dtype=np.int64)
+        raw = np.zeros(start + LINE) if cleared else np.empty(start + LINE)
         first = -raw.ctypes.data % (8 * LINE) // 8
         self._numbers = raw[first : first + start]
 
@@ -58,10 +60,14 @@ class Memory:
         """For compiled code, as long as this object lives."""
         return Block(self._numbers.ctypes.data, self.table.ctypes.data)
 
+    def take(self, other: Memory) -> None:
+        """Take over the numbers of a block of the same shapes."""
+        self._numbers[:] = other._numbers
+
     def arrays(self) -> dict[str, FloatArray]:
         """Return the arrays by name, not copies."""
         views = {}
-        for name, (start, rows, columns) in zip(self._names, self.table, strict=True):
+        for name, (start, rows, columns) in zip(self._names, self.table.tolist(), strict=True):
             views[name] = self._numbers[start : start + rows * columns].reshape(rows, columns)
         return views
 
