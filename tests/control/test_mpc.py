@@ -99,7 +99,7 @@ def test_slopes_of_the_residuals_against_central_differences(reference: Referenc
 
 @pytest.mark.parametrize("mechanism", ["hinge", "bias"])
 def test_an_optimal_plan_has_no_better_neighbour(mechanism) -> None:
-    controller = mpc(mechanism, iterations=40)
+    controller = mpc(mechanism, iterations=80)
     plan = controller.plan(0.0, exact(0.0, np.array(MOVING)), CIRCLE)
     assert plan.status is PlanStatus.OPTIMAL
     assert plan.cost < plan.plain_cost
