@@ -36,7 +36,7 @@ DEEPEST = 0.1
 
 _ROWS_REMEMBERED = (
     (segment.LAYOUT, "segment_in", ("t_ref", "d_ref", "rim", "commanded_n")),
-    (point.LAYOUT, "point_in", ("anchor", "load_n")),
+    (point.LAYOUT, "point_in", ("anchor", "load_n", "pull")),
     (joint.LAYOUT, "joint_in", ("hinge_n",)),
 )
 
@@ -287,7 +287,7 @@ class Plant:
         self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = commanded
         self._joint_row("hinge")[:] = self._joint_row("hinge_n")[:] = 0.0
         self._point_row("anchor")[:] = self._point_row("x")
-        self._point_row("load_n")[:] = 0.0
+        self._point_row("load_n")[:] = self._point_row("pull")[:] = 0.0
         a["stuck"][:], a["stored"][:], a["joint_load"][:] = 1.0, 0.0, 0.0
         a["last"][:], a["curve"][:] = 0.0, 0.0
 

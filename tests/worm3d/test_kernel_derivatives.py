@@ -12,7 +12,7 @@ from worm3d.codegen import Kernel, compile_kernel
 from worm3d.kernels import joint, point, segment
 from worm3d.kernels.layout import Layout
 from worm3d.plant import kernels
-from worm3d.solver.regimes import EXCESS, SLIP, TOUCHING, Y
+from worm3d.solver.regimes import EXCESS, PULL, SLIP, SWING, TOUCHING, Y
 
 COUNT = 40
 """Random states of each kernel."""
@@ -341,6 +341,7 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
         "gauge_damping": uniform(1.0, 4.0),
         "cap": uniform(1.0, 1.3),
         "load": uniform(0.0, 2.0),
+        "pull": uniform(-0.3, 0.3, 2),
         "regime": np.where(np.arange(COUNT) < COUNT - 12, point.FREE, np.arange(COUNT) % 3 + point.OPEN)[None],
         "coupled": np.full((1, COUNT), float(coupled)),
         "load_n": uniform(0.0, 2.0),
@@ -353,11 +354,19 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
     }
 
 
+def with_pull_of_the_law(values: Values) -> Values:
+    """Return the values with the friction (C3) of the place itself: that which (C5) foresees for a step of nothing."""
+    return values | {"pull": run("point_yielding", point.LAYOUT, values | AT_REST)[PULL:SWING]}
+
+
 @pytest.mark.parametrize("inside", [False, True])
 @pytest.mark.parametrize("coupled", [False, True])
 def test_point_force_and_its_derivative_on_a_curved_world(coupled: bool, inside: bool) -> None:
-    """The world is a ball or a hollow one, whose distance is |x - c| - R: normal and curvature turn with x."""
-    values = some_point(coupled, inside)
+    """The world is a ball or a hollow one, whose distance is |x - c| - R: normal and curvature turn with x.
+
+    With a regime K is the derivative where Newton's own friction is that of the law.
+    """
+    values = with_pull_of_the_law(some_point(coupled, inside))
 
     def at(x: np.ndarray) -> np.ndarray:
         return run("point_force", point.LAYOUT, values | {"x": x} | on_sphere(x, inside))
@@ -377,7 +386,7 @@ def test_point_force_and_its_derivative_on_a_curved_world(coupled: bool, inside:
 
 def test_a_regime_that_the_law_confirms_changes_nothing() -> None:
     """Newton's regimes OPEN, SLIDING and STICKING give force, derivative, potential and load of the law itself."""
-    values = some_point(coupled=True, inside=False) | {"regime": np.full((1, COUNT), point.FREE)}
+    values = with_pull_of_the_law(some_point(coupled=True, inside=False) | {"regime": np.full((1, COUNT), point.FREE)})
     law, yielding = run("point_force", point.LAYOUT, values), run("point_yielding", point.LAYOUT, values | AT_REST)
     held = np.where(yielding[EXCESS] > 0.0, point.SLIDING, point.STICKING)
     regime = np.where(yielding[TOUCHING] > 0.0, held, point.OPEN)
@@ -404,7 +413,36 @@ def test_looking_ahead_is_looking_from_there() -> None:
     turns = (now[Y] * ahead[Y] < 0.0) & (rho > point.TURNED * values["cap"][0] * r)
     assert_allclose(ahead[5], turns)
     assert 0 < turns.sum() < COUNT
-    assert_allclose(ahead[SLIP:], now[SLIP:], rtol=0, atol=0)
+    assert_allclose(ahead[SLIP:PULL], now[SLIP:PULL], rtol=0, atol=0)
+
+
+def test_newtons_own_friction_is_that_of_its_linear_equation() -> None:
+    """(C5) against (C3): m f = cap M^2 y, made linear in f and y, holds for f' and y + dy; f' is inside the set."""
+    v = some_point(coupled=True, inside=False, seed=8) | {"regime": np.full((1, COUNT), point.SLIDING)}
+    out, now = run("point_yielding", point.LAYOUT, v), run("point_yielding", point.LAYOUT, v | AT_REST)
+    y, dy, f, cap = now[Y : Y + 2], out[Y : Y + 2] - now[Y : Y + 2], v["pull"], v["cap"][0]
+    mu = np.array([np.where(y[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
+    limit = cap / (1.0 / v["yield_gauge"][0] + v["gauge_damping"][0] / v["dt"][0])
+
+    def m(at: np.ndarray) -> np.ndarray:
+        return np.maximum(limit, np.hypot(*(mu * at)))
+
+    h = 1e-6
+    slope = (m(y + h * dy) - m(y - h * dy)) / (2.0 * h)  # of m along dy
+    expected = (cap * mu**2 * (y + dy) - f * slope) / m(y)
+    of = np.array([np.where(expected[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
+    size = np.hypot(*(expected / of))
+    sliding = m(y) > limit
+    assert 5 < sliding.sum() < COUNT - 5
+    assert 5 < (size > cap).sum() < COUNT - 5
+    assert_allclose(out[PULL:SWING], expected * np.minimum(1.0, cap / size), rtol=1e-7, atol=1e-9)
+    assert_allclose(out[SWING], np.where(sliding, np.hypot(*(mu * dy)) / m(y), 0.0), rtol=1e-12)
+    force = run("point_force", point.LAYOUT, with_pull_of_the_law(v))[:3]
+    without = run("point_force", point.LAYOUT, v | {"hold": np.zeros((1, COUNT))})[:3]
+    load = run("point_force", point.LAYOUT, v)[13]
+    own = with_pull_of_the_law(v)["pull"]
+    friction = v["hold"][0] * load * (own[0] * v["tangent"][:3] + own[1] * v["tangent"][3:])
+    assert_allclose(force - without, friction, rtol=0, atol=1e-12)
 
 
 def test_point_force_is_that_of_the_equations() -> None:

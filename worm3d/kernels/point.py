@@ -36,6 +36,7 @@ LAYOUT = Layout(
         "gauge_damping": 1,  # D [s/m]
         "cap": 1,
         "load": 1,  # normal load for friction while it is not coupled
+        "pull": 2,  # f of (C5), friction per unit of normal load, along and to the left
         "regime": 1,  # FREE, or what the contact is taken for, whatever X says
         "coupled": 1,  # 1: friction takes the normal load of X itself
         "load_n": 1,
@@ -53,7 +54,10 @@ ALONG_NORMAL = 1e-6
 
 
 FREE, OPEN, SLIDING, STICKING = 0.0, 1.0, 2.0, 3.0
-"""Regimes: the law decides; no contact; contact, loaded even where apart; and stuck, even beyond the yield surface."""
+"""Regimes: the law decides; no contact; contact, loaded even where apart; and stuck, even beyond the yield surface.
+
+With a regime and coupled, K is Newton's of (C5), else the derivative of f.
+"""
 
 
 class _Contact(NamedTuple):
@@ -105,6 +109,8 @@ def force() -> ca.Function:
     potential = contact.friction_potential(y, c.mu, c.law, s["regime"] == STICKING)
     curve, slope = ca.hessian(potential, y)
     h, h_y, h_yy = (ca.substitute(each, y, c.slide - c.law.centre) for each in (potential, slope, curve))
+    own, _, _ = contact.pulled(c.slide - c.law.centre, ca.SX.zeros(2), s["pull"], c.mu, c.law, s["regime"] == STICKING)
+    h_yy = ca.if_else(ca.logic_and(s["coupled"] != 0.0, s["regime"] != FREE), own, h_yy)
     grip = s["hold"] * ca.if_else(s["coupled"] != 0.0, c.load, s["load"])
     f = s["inertia"] * away - s["weight"] - c.load * s["normal"] + grip * (T @ h_y)
     rising = ca.if_else(ca.logic_or(c.pressed > 0.0, s["regime"] >= SLIDING), c.stiff, 0.0)
@@ -135,11 +141,14 @@ def yielding() -> ca.Function:
 
     y = s - s* (2); by how much it is beyond the yield limit, for the largest coefficient; the penetration -g - d*
     (negative where nothing touches); the product of y at X with y, negative where the displacement turns round; whether
-    forward and backward stiffness change places in that; and the slip of the anchor (2) at X itself.
+    forward and backward stiffness change places in that; the slip of the anchor (2) at X itself; f' (2) of (C5), and by
+    what fraction of itself a sliding contact's y changes.
     """
     s, c = LAYOUT.symbols, _contact()
     now = c.slide - c.law.centre
-    y = now + ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
+    dy = ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
+    y = now + dy
+    _, pull, swing = contact.pulled(now, dy, s["pull"], c.mu, c.law, s["regime"] == STICKING)
     rho, limit = ca.sqrt(contact.gauge_squared(y, c.mu)), c.law.cap * c.law.r
     largest = ca.fmax(ca.mmax(s["mu"]), 1e-30)  # without friction nothing yields
     turn = ca.dot(contact.directional(now, c.mu) ** 2 * now, y)
@@ -151,6 +160,8 @@ def yielding() -> ca.Function:
         "turn": turn,
         "turns": turns,
         "slip": _slip(),
+        "pull": ca.if_else(s["regime"] == OPEN, 0.0, pull),
+        "swing": swing,
     }
     return LAYOUT.function("point_yielding", rows)
 

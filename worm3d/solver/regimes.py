@@ -11,15 +11,18 @@ from worm3d.compiled import inner, njit
 from worm3d.kernels import point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import fill, matrix, rows, vector
+from worm3d.solver.block import copy, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
 
 FloatArray = NDArray[np.float64]
 
 _LOAD_N, _REGIME, _STIFFNESS, _CAP = point.LAYOUT.firsts("load_n", "regime", "stiffness", "cap")
-_DQ, _FIRST = segment.LAYOUT.first("dq"), point.LAYOUT.first("first")
-Y, EXCESS, TOUCHING, _TURN, _TURNS, SLIP = 0, 2, 3, 4, 5, 6
+_DQ, _FIRST, _PULL = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull")
+Y, EXCESS, TOUCHING, _TURN, _TURNS, SLIP, PULL, SWING = 0, 2, 3, 4, 5, 6, 8, 10
 """Rows of "yielding_out"."""
+
+SWUNG = 0.1
+"""Fraction of itself by which a sliding contact's displacement changes in a step that makes its Jacobian useless."""
 
 
 @inner
@@ -39,6 +42,13 @@ def own(core: Core) -> None:
     for k in range(p.shape[1]):
         touching = point.SLIDING if out[EXCESS, k] > 0.0 else point.STICKING
         p[_REGIME, k] = touching if out[TOUCHING, k] > 0.0 else point.OPEN
+    pull(core)
+
+
+@inner
+def pull(core: Core) -> None:
+    """Take over the friction that the last look foresees."""
+    copy(rows(core.block, a.POINT_IN, _PULL, 2), rows(core.block, a.YIELDING_OUT, PULL, 2))
 
 
 @njit
@@ -74,9 +84,10 @@ def lands(core: Core, error: float) -> bool:
 
 @inner
 def change(core: Core, error: float, lands: bool) -> tuple[bool, bool]:
-    """Change the regimes that the law denies; return whether there was one, and whether what sticks turns round.
+    """Change the regimes that the law denies; return whether there was one, and whether a Jacobian is out of date.
 
     Forward and backward, a stuck contact has different stiffnesses: once it turns, the step says little of its force.
+    Nor does it of the force of one that slides, once the direction turns in which it does.
 
     Parameters
     ----------
@@ -86,6 +97,8 @@ def change(core: Core, error: float, lands: bool) -> tuple[bool, bool]:
         Whether the step will not be taken: what sticks does not begin to slide yet, for the way is not known.
     """
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
+    if not lands:
+        pull(core)
     lanes, changed, turned, concerned = p.shape[1] // POINTS, False, False, vector(core.block, a.CHANGED)
     for s in range(POINTS):
         for i in range(core.n):
@@ -99,6 +112,8 @@ def change(core: Core, error: float, lands: bool) -> tuple[bool, bool]:
                     turned, concerned[i // vectors.WIDTH] = True, 1.0
                 if lands or out[_TURNS, k] != 0.0:
                     new = regime
+            if regime == point.SLIDING and out[SWING, k] > SWUNG:
+                turned, concerned[i // vectors.WIDTH] = True, 1.0
             if new != regime:
                 p[_REGIME, k] = new
                 changed, concerned[i // vectors.WIDTH] = True, 1.0
@@ -115,7 +130,7 @@ def _by_law(regime: float, touching: float, excess: float, turn: float, error: f
     if touching < -error:
         return point.OPEN
     if regime == point.SLIDING:
-        return point.STICKING if turn < 0.0 or excess < -error else point.SLIDING
+        return point.STICKING if excess < -error else point.SLIDING
     return point.SLIDING if excess > error else point.STICKING
 
 
