@@ -136,12 +136,16 @@ def _by_law(regime: float, touching: float, excess: float, turn: float, error: f
 
 @inner
 def free(core: Core) -> bool:
-    """Let what slides at the static limit slide at the kinetic one; return whether there was such a contact."""
+    """Let what slides at the static limit slide at the kinetic one; return whether there was such a contact.
+
+    What is still about to come to rest does not count: its displacement changes by much of itself.
+    """
     p, stuck, freed = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK), False
+    swing = matrix(core.block, a.YIELDING_OUT)[SWING]
     lanes, concerned = p.shape[1] // POINTS, vector(core.block, a.CHANGED)
     for s in range(POINTS):
         for i in range(core.n):
             k = s * lanes + i
-            if p[_CAP, k] > 1.0 and p[_REGIME, k] == point.SLIDING:
+            if p[_CAP, k] > 1.0 and p[_REGIME, k] == point.SLIDING and swing[k] < SWUNG:
                 stuck[k], p[_CAP, k], freed, concerned[i // vectors.WIDTH] = 0.0, 1.0, True, 1.0
     return freed
