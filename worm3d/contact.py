@@ -85,7 +85,7 @@ def friction_potential(y: ca.SX, mu: Coefficients, law: Law, sticks: ca.SX | flo
 
 
 def pulled(y: ca.SX, dy: ca.SX, force: ca.SX, mu: Coefficients, law: Law, sticks: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return K (2, 2) and f' (2) of (C5) for f and a step dy, and the change of y over what slides, in the gauge."""
+    """Return K (2, 2) and f' (2) of (C5) for f and a step dy, and by what part of m the gauge of y changes at most."""
     square, z = directional(y, mu) ** 2, directional(y, mu) ** 2 * y
     rho, limit = ca.sqrt(gauge_squared(y, mu)), law.cap * law.r
     slides = ca.logic_and(rho > limit, ca.logic_not(sticks))
@@ -93,8 +93,7 @@ def pulled(y: ca.SX, dy: ca.SX, force: ca.SX, mu: Coefficients, law: Law, sticks
     z = ca.if_else(slides, z / m, 0.0)
     K = (law.cap * ca.diag(square) - force @ z.T) / m
     beyond = (law.cap * square * (y + dy) - force * ca.dot(z, dy)) / m
-    change = ca.if_else(slides, ca.sqrt(ca.sumsqr(directional(y, mu) * dy)) / m, 0.0)
-    return K, _back(beyond, mu, law.cap), change
+    return K, _back(beyond, mu, law.cap), ca.sqrt(ca.sumsqr(directional(y, mu) * dy)) / m
 
 
 def _back(force: ca.SX, mu: Coefficients, cap: ca.SX) -> ca.SX:

@@ -142,7 +142,7 @@ def yielding() -> ca.Function:
     y = s - s* (2); by how much it is beyond the yield limit, for the largest coefficient; the penetration -g - d*
     (negative where nothing touches); the product of y at X with y, negative where the displacement turns round; whether
     forward and backward stiffness change places in that; the slip of the anchor (2) at X itself; f' (2) of (C5), and by
-    what fraction of itself a sliding contact's y changes.
+    what fraction of itself, or of the yield limit, y changes.
     """
     s, c = LAYOUT.symbols, _contact()
     now = c.slide - c.law.centre

@@ -22,7 +22,7 @@ Y, EXCESS, TOUCHING, _TURN, _TURNS, SLIP, PULL, SWING = 0, 2, 3, 4, 5, 6, 8, 10
 """Rows of "yielding_out"."""
 
 SWUNG = 0.1
-"""Fraction of itself by which a sliding contact's displacement changes in a step that makes its Jacobian useless."""
+"""A Jacobian is useless after a step in which a sliding contact's displacement changes by this fraction of itself."""
 
 
 @inner
@@ -138,14 +138,27 @@ def _by_law(regime: float, touching: float, excess: float, turn: float, error: f
 def free(core: Core) -> bool:
     """Let what slides at the static limit slide at the kinetic one; return whether there was such a contact.
 
-    What is still about to come to rest does not count: its displacement changes by much of itself.
+    As long as one that slides is about to come to rest - its displacement changes by much of itself - nothing is freed.
     """
     p, stuck, freed = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK), False
-    swing = matrix(core.block, a.YIELDING_OUT)[SWING]
     lanes, concerned = p.shape[1] // POINTS, vector(core.block, a.CHANGED)
+    if _swings(core):
+        return False
     for s in range(POINTS):
         for i in range(core.n):
             k = s * lanes + i
-            if p[_CAP, k] > 1.0 and p[_REGIME, k] == point.SLIDING and swing[k] < SWUNG:
+            if p[_CAP, k] > 1.0 and p[_REGIME, k] == point.SLIDING:
                 stuck[k], p[_CAP, k], freed, concerned[i // vectors.WIDTH] = 0.0, 1.0, True, 1.0
     return freed
+
+
+@inner
+def _swings(core: Core) -> bool:
+    """Return whether, of a contact that slides, the displacement changes by much of itself."""
+    p, swing = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)[SWING]
+    lanes = p.shape[1] // POINTS
+    for s in range(POINTS):
+        for k in range(s * lanes, s * lanes + core.n):
+            if p[_REGIME, k] == point.SLIDING and p[_STIFFNESS, k] > 0.0 and swing[k] > SWUNG:
+                return True
+    return False
