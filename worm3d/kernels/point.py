@@ -37,6 +37,7 @@ LAYOUT = Layout(
         "cap": 1,
         "load": 1,  # normal load for friction while it is not coupled
         "pull": 2,  # f of (C5), friction per unit of normal load, along and to the left
+        "foreseen": 1,  # normal load, as the last step of Newton foresaw it
         "regime": 1,  # FREE, or what the contact is taken for, whatever X says
         "coupled": 1,  # 1: friction takes the normal load of X itself
         "load_n": 1,
@@ -110,14 +111,19 @@ def force() -> ca.Function:
     curve, slope = ca.hessian(potential, y)
     h, h_y, h_yy = (ca.substitute(each, y, c.slide - c.law.centre) for each in (potential, slope, curve))
     own, _, _ = contact.pulled(c.slide - c.law.centre, ca.SX.zeros(2), s["pull"], c.mu, c.law, s["regime"] == STICKING)
-    h_yy = ca.if_else(ca.logic_and(s["coupled"] != 0.0, s["regime"] != FREE), own, h_yy)
-    grip = s["hold"] * ca.if_else(s["coupled"] != 0.0, c.load, s["load"])
-    f = s["inertia"] * away - s["weight"] - c.load * s["normal"] + grip * (T @ h_y)
+    mixed = ca.logic_and(s["coupled"] != 0.0, s["regime"] != FREE)
+    load = ca.if_else(ca.logic_and(mixed, s["regime"] != OPEN), s["foreseen"], c.load)
+    pull, h_yy = ca.if_else(mixed, s["pull"], h_y), ca.if_else(mixed, own, h_yy)
+    grip, held = (s["hold"] * ca.if_else(s["coupled"] != 0.0, each, s["load"]) for each in (c.load, load))
+    still = s["inertia"] * away - s["weight"]
+    f = still - c.load * s["normal"] + grip * (T @ h_y)
+    f_ahead = still - load * s["normal"] + held * (T @ pull)
     rising = ca.if_else(ca.logic_or(c.pressed > 0.0, s["regime"] >= SLIDING), c.stiff, 0.0)
-    K = s["inertia"] * ca.SX.eye(3) + rising * s["normal"] @ s["normal"].T - c.load * _curvature()
-    K += grip * (T @ h_yy @ T.T) - s["coupled"] * s["hold"] * rising * (T @ h_y) @ s["normal"].T
+    K = s["inertia"] * ca.SX.eye(3) + rising * s["normal"] @ s["normal"].T - load * _curvature()
+    K += ca.fmax(held, 0.0) * (T @ h_yy @ T.T) - s["coupled"] * s["hold"] * rising * (T @ pull) @ s["normal"].T
     phi = s["inertia"] / 2.0 * ca.sumsqr(away) - ca.dot(s["weight"], s["x"]) + c.load * c.pressed / 2.0 + grip * h
-    return LAYOUT.function("point_force", {"f": f, "K": ca.vec(K.T), "phi": phi, "load": c.load})
+    outputs = {"f": f, "f_ahead": f_ahead, "K": ca.vec(K.T), "phi": phi, "load": c.load}
+    return LAYOUT.function("point_force", outputs)
 
 
 def tangents() -> ca.Function:
@@ -153,14 +159,16 @@ def yielding() -> ca.Function:
     largest = ca.fmax(ca.mmax(s["mu"]), 1e-30)  # without friction nothing yields
     turn = ca.dot(contact.directional(now, c.mu) ** 2 * now, y)
     turns = ca.logic_and(ca.logic_and(now[0] * y[0] < 0.0, rho > TURNED * limit), c.mu.forward != c.mu.backward)
+    touching = c.touching - ca.dot(s["normal"], s["first"])
     rows = {
         "y": y,
         "excess": (rho - limit * (1.0 + contact.YIELD_TOLERANCE)) / largest,
-        "touching": c.touching - ca.dot(s["normal"], s["first"]),
+        "touching": touching,
         "turn": turn,
         "turns": turns,
         "slip": _slip(),
         "pull": ca.if_else(s["regime"] == OPEN, 0.0, pull),
+        "foreseen": c.stiff * ca.if_else(s["regime"] >= SLIDING, touching, ca.if_else(s["regime"] == OPEN, 0.0, ca.fmax(0.0, touching))),
         "swing": swing,
     }
     return LAYOUT.function("point_yielding", rows)

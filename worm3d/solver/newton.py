@@ -24,6 +24,9 @@ from worm3d.solver.regimes import Y
 
 FloatArray = NDArray[np.float64]
 
+import os
+_E = lambda n, d: type(d)(os.environ.get(n, d))
+S1 = _E("S1", 0)
 MAX_DESCENT = 60
 MAX_SEARCH = 40
 MAX_FOLLOW = 40
@@ -51,7 +54,7 @@ SEGMENTS_KEPT = 1e-3
 """The Jacobian is kept, but for segments whose contacts change, until x has moved by this fraction of that length."""
 JOINTS_KEPT = 1e-2
 """The joints' part of the Jacobian is kept until x has moved by this fraction of the segment length."""
-FOLLOWED = 2e-15
+FOLLOWED = _E("FOLLOWED", 1e-10)
 """Coordinate step, as a fraction of the body length, at which Newton has converged."""
 STAGNATION = 1e-12
 """A step below this fraction that no longer shrinks, with new Jacobians, is rounding: converged too."""
@@ -88,7 +91,11 @@ def _solve(core: Core, again: bool) -> bool:
         regimes.own(core)
     else:
         regimes.last(core)
-    found = _follow(core)
+    found = _follow(core, not again)
+    if not found and not again:
+        copy(vector(core.block, a.X), vector(core.block, a.X_N))
+        regimes.last(core)
+        found = _follow(core, False)
     fill(regime, point.FREE)
     if found:
         return True
@@ -101,7 +108,7 @@ def _solve(core: Core, again: bool) -> bool:
             copy(best, x)
             evaluate(core, a.X, True, NONE)
             regimes.own(core)
-            found = _follow(core)
+            found = _follow(core, False)
             fill(regime, point.FREE)
             if found:
                 return True
@@ -113,7 +120,7 @@ def _solve(core: Core, again: bool) -> bool:
 
 
 @inner
-def _follow(core: Core) -> bool:
+def _follow(core: Core, first: bool) -> bool:
     """Newton with the loads of the iterate itself, whose Jacobian is exact but unsymmetric; it is kept while it serves.
 
     Every contact keeps its regime until the step, to first order, leads where the law denies it by more than the step's
@@ -128,7 +135,7 @@ def _follow(core: Core) -> bool:
         previous, size = size, _newton_step(core, hessian, moved > 0.0)
         far = max(far, WILD * vector(core.block, a.NUMBERS_)[a.L0]) if far > 0.0 else size
         strays += size > far
-        if not size <= 0.1 * length or strays > MAX_STRAYS:
+        if not size <= 0.1 * length or strays > (S1 if first else MAX_STRAYS):
             return False
         news, lands = _news(core, size, doubt)
         renewed = hessian in (WHOLE, WITH_KEPT_JOINTS)

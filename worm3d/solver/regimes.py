@@ -17,8 +17,8 @@ from worm3d.solver.entry import kernel
 FloatArray = NDArray[np.float64]
 
 _LOAD_N, _REGIME, _STIFFNESS, _CAP = point.LAYOUT.firsts("load_n", "regime", "stiffness", "cap")
-_DQ, _FIRST, _PULL = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull")
-Y, EXCESS, TOUCHING, _TURN, _TURNS, SLIP, PULL, SWING = 0, 2, 3, 4, 5, 6, 8, 10
+_DQ, _FIRST, _PULL, _FORESEEN = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull", "foreseen")
+Y, EXCESS, TOUCHING, _TURN, _TURNS, SLIP, PULL, SWING = 0, 2, 3, 4, 5, 6, 8, 11
 """Rows of "yielding_out"."""
 
 SWUNG = 0.1
@@ -29,6 +29,8 @@ SWUNG = 0.1
 def last(core: Core) -> None:
     """Take every contact for what it was in the last step."""
     p, stuck = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK)
+    copy(rows(core.block, a.POINT_IN, _PULL, 2), vector(core.block, a.PULL_N))
+    copy(p[_FORESEEN], p[_LOAD_N])
     for k in range(p.shape[1]):
         touched = p[_LOAD_N, k] > 0.0
         p[_REGIME, k] = (point.STICKING if stuck[k] > 0.0 else point.SLIDING) if touched else point.OPEN
@@ -48,7 +50,7 @@ def own(core: Core) -> None:
 @inner
 def pull(core: Core) -> None:
     """Take over the friction that the last look foresees."""
-    copy(rows(core.block, a.POINT_IN, _PULL, 2), rows(core.block, a.YIELDING_OUT, PULL, 2))
+    copy(rows(core.block, a.POINT_IN, _PULL, 3), rows(core.block, a.YIELDING_OUT, PULL, 3))
 
 
 @njit
