@@ -54,8 +54,9 @@ ALONG_NORMAL = 1e-6
 """Sine of the angle between segment and normal below which friction's tangent is the segment's upward normal."""
 
 
-FREE, OPEN, SLIDING, STICKING = 0.0, 1.0, 2.0, 3.0
-"""Regimes: the law decides; no contact; contact, loaded even where apart; and stuck, even beyond the yield surface.
+FREE, OPEN, SLIDING, STICKING, STICKING_BACK = 0.0, 1.0, 2.0, 3.0, 4.0
+"""Regimes: the law decides; no contact; contact, loaded even where apart; and stuck, even beyond the yield surface, with
+the stiffness against motion towards the head or, the last one, towards the tail, wherever y leads.
 
 With a regime and coupled, K is Newton's of (C5), else the derivative of f.
 """
@@ -107,10 +108,10 @@ def force() -> ca.Function:
     s, c = LAYOUT.symbols, _contact()
     away, T = s["x"] - s["x_hat"], ca.horzcat(*_tangents())
     y = ca.SX.sym("y", 2)
-    potential = contact.friction_potential(y, c.mu, c.law, s["regime"] == STICKING)
+    potential = contact.friction_potential(y, _sided(c.mu), c.law, s["regime"] >= STICKING)
     curve, slope = ca.hessian(potential, y)
     h, h_y, h_yy = (ca.substitute(each, y, c.slide - c.law.centre) for each in (potential, slope, curve))
-    own, _, _ = contact.pulled(c.slide - c.law.centre, ca.SX.zeros(2), s["pull"], c.mu, c.law, s["regime"] == STICKING)
+    own, _, _ = contact.pulled(c.slide - c.law.centre, ca.SX.zeros(2), s["pull"], _sided(c.mu), c.law, s["regime"] >= STICKING)
     mixed = ca.logic_and(s["coupled"] != 0.0, s["regime"] != FREE)
     load = ca.if_else(ca.logic_and(mixed, s["regime"] != OPEN), s["foreseen"], c.load)
     pull, h_yy = ca.if_else(mixed, s["pull"], h_y), ca.if_else(mixed, own, h_yy)
@@ -126,6 +127,13 @@ def force() -> ca.Function:
     return LAYOUT.function("point_force", outputs)
 
 
+def _sided(mu: contact.Coefficients) -> contact.Coefficients:
+    """Return the coefficients of a regime: where a contact sticks, the same for both directions along the segment."""
+    regime = LAYOUT.symbols["regime"]
+    forward = ca.if_else(regime == STICKING_BACK, mu.backward, mu.forward)
+    return contact.Coefficients(forward, ca.if_else(regime == STICKING, mu.forward, mu.backward), mu.lateral)
+
+
 def tangents() -> ca.Function:
     """Return the tangents (6) at X, along the segment, projected, and to its left, and the displacement in them (2)."""
     s = LAYOUT.symbols
@@ -138,8 +146,8 @@ def tangents() -> ca.Function:
     return LAYOUT.function("point_tangents", {"tangent": [along, left], "slide_n": slide})
 
 
-TURNED = 0.05
-"""Fraction of the yield limit that the force of a stuck contact has to exceed where it counts that it turns round."""
+TURNED = 1e-7
+"""Fraction of the yield limit up to which it does not count on which side of 0 the force of a stuck contact is."""
 
 
 def yielding() -> ca.Function:
@@ -154,18 +162,20 @@ def yielding() -> ca.Function:
     now = c.slide - c.law.centre
     dy = ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
     y = now + dy
-    _, pull, swing = contact.pulled(now, dy, s["pull"], c.mu, c.law, s["regime"] == STICKING)
+    _, pull, swing = contact.pulled(now, dy, s["pull"], _sided(c.mu), c.law, s["regime"] >= STICKING)
     rho, limit = ca.sqrt(contact.gauge_squared(y, c.mu)), c.law.cap * c.law.r
     largest = ca.fmax(ca.mmax(s["mu"]), 1e-30)  # without friction nothing yields
     turn = ca.dot(contact.directional(now, c.mu) ** 2 * now, y)
-    turns = ca.logic_and(ca.logic_and(now[0] * y[0] < 0.0, rho > TURNED * limit), c.mu.forward != c.mu.backward)
+    counts = ca.logic_and(
+        ca.fabs(contact.directional(y, c.mu)[0] * y[0]) > TURNED * limit, c.mu.forward != c.mu.backward
+    )
     touching = c.touching - ca.dot(s["normal"], s["first"])
     rows = {
         "y": y,
         "excess": (rho - limit * (1.0 + contact.YIELD_TOLERANCE)) / largest,
         "touching": touching,
         "turn": turn,
-        "turns": turns,
+        "side": ca.if_else(counts, y[0], 0.0),
         "slip": _slip(),
         "pull": ca.if_else(s["regime"] == OPEN, 0.0, pull),
         "foreseen": c.stiff * ca.if_else(s["regime"] >= SLIDING, touching, ca.if_else(s["regime"] == OPEN, 0.0, ca.fmax(0.0, touching))),

@@ -145,7 +145,7 @@ def _follow(core: Core, first: bool) -> bool:
             doubt *= DOUBT
             if changes > MAX_CHANGES:
                 return False
-        elif news != FREED and _converged(size, previous, fresh, length):
+        elif news == NOTHING and _converged(size, previous, fresh, length):
             return True
         moved = 0.0 if lands else size
         if not lands:

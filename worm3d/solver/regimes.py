@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 
 _LOAD_N, _REGIME, _STIFFNESS, _CAP = point.LAYOUT.firsts("load_n", "regime", "stiffness", "cap")
 _DQ, _FIRST, _PULL, _FORESEEN = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull", "foreseen")
-Y, EXCESS, TOUCHING, _TURN, _TURNS, SLIP, PULL, SWING = 0, 2, 3, 4, 5, 6, 8, 11
+Y, EXCESS, TOUCHING, _TURN, _SIDE, SLIP, PULL, SWING = 0, 2, 3, 4, 5, 6, 8, 11
 """Rows of "yielding_out"."""
 
 SWUNG = 0.1
@@ -33,7 +33,8 @@ def last(core: Core) -> None:
     copy(p[_FORESEEN], p[_LOAD_N])
     for k in range(p.shape[1]):
         touched = p[_LOAD_N, k] > 0.0
-        p[_REGIME, k] = (point.STICKING if stuck[k] > 0.0 else point.SLIDING) if touched else point.OPEN
+        sticking = _sticking(p[_PULL, k])
+        p[_REGIME, k] = (sticking if stuck[k] > 0.0 else point.SLIDING) if touched else point.OPEN
 
 
 @inner
@@ -42,7 +43,7 @@ def own(core: Core) -> None:
     look(core)
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     for k in range(p.shape[1]):
-        touching = point.SLIDING if out[EXCESS, k] > 0.0 else point.STICKING
+        touching = point.SLIDING if out[EXCESS, k] > 0.0 else _sticking(out[Y, k])
         p[_REGIME, k] = touching if out[TOUCHING, k] > 0.0 else point.OPEN
     pull(core)
 
@@ -108,32 +109,43 @@ def change(core: Core, error: float, lands: bool) -> tuple[bool, bool]:
             if p[_STIFFNESS, k] == 0.0:
                 continue
             regime = p[_REGIME, k]
-            new = _by_law(regime, out[TOUCHING, k], out[EXCESS, k], out[_TURN, k], error)
-            if regime == point.STICKING and new != point.OPEN:
-                if out[_TURNS, k] != 0.0:
-                    turned, concerned[i // vectors.WIDTH] = True, 1.0
-                if lands or out[_TURNS, k] != 0.0:
-                    new = regime
+            new = _by_law(core, k, regime, error)
+            if regime >= point.STICKING and new != point.OPEN and lands:
+                new = regime
             if regime == point.SLIDING and out[SWING, k] > SWUNG:
                 turned, concerned[i // vectors.WIDTH] = True, 1.0
             if new != regime:
                 p[_REGIME, k] = new
-                changed, concerned[i // vectors.WIDTH] = True, 1.0
+                concerned[i // vectors.WIDTH] = 1.0
+                if regime >= point.STICKING and new >= point.STICKING:
+                    turned = True
+                else:
+                    changed = True
     return changed, turned
 
 
 @inner
-def _by_law(regime: float, touching: float, excess: float, turn: float, error: float) -> float:
+def _sticking(y: float) -> float:
+    """Return the regime of a stuck contact with this displacement, or force against it, along the segment."""
+    return point.STICKING if y >= 0.0 else point.STICKING_BACK
+
+
+@inner
+def _by_law(core: Core, k: int, regime: float, error: float) -> float:
     """Return the regime that follows where the law denies one by more than the error."""
+    out = matrix(core.block, a.YIELDING_OUT)
+    touching, excess, turn, side = out[TOUCHING, k], out[EXCESS, k], out[_TURN, k], out[_SIDE, k]
     if regime == point.OPEN:
         if touching <= error:
             return point.OPEN
-        return point.SLIDING if turn > 0.0 and excess > error else point.STICKING
+        return point.SLIDING if turn > 0.0 and excess > error else _sticking(out[Y, k])
     if touching < -error:
         return point.OPEN
     if regime == point.SLIDING:
-        return point.STICKING if excess < -error else point.SLIDING
-    return point.SLIDING if excess > error else point.STICKING
+        return _sticking(out[Y, k]) if excess < -error else point.SLIDING
+    if (side if regime == point.STICKING_BACK else -side) > error:
+        return _sticking(side)
+    return point.SLIDING if excess > error else regime
 
 
 @inner
