@@ -162,10 +162,12 @@ def yielding() -> ca.Function:
     now = c.slide - c.law.centre
     dy = ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
     y = now + dy
-    _, pull, swing = contact.pulled(now, dy, s["pull"], _sided(c.mu), c.law, s["regime"] >= STICKING)
+    _, pull, swing = contact.pulled(now, dy, s["pull"], _sided(c.mu), c.law, ca.logic_or(s["regime"] >= STICKING, s["regime"] == OPEN))
     rho, limit = ca.sqrt(contact.gauge_squared(y, c.mu)), c.law.cap * c.law.r
     largest = ca.fmax(ca.mmax(s["mu"]), 1e-30)  # without friction nothing yields
-    turn = ca.dot(contact.directional(now, c.mu) ** 2 * now, y)
+    there, here = contact.directional(y, c.mu) * y, contact.directional(now, c.mu) * now
+    sizes = ca.norm_2(there) * ca.norm_2(here)
+    turn = ca.if_else(sizes > 0.0, ca.dot(there, here) / sizes, 0.0)
     counts = ca.logic_and(
         ca.fabs(contact.directional(y, c.mu)[0] * y[0]) > TURNED * limit, c.mu.forward != c.mu.backward
     )
@@ -177,7 +179,7 @@ def yielding() -> ca.Function:
         "turn": turn,
         "side": ca.if_else(counts, y[0], 0.0),
         "slip": _slip(),
-        "pull": ca.if_else(s["regime"] == OPEN, 0.0, pull),
+        "pull": pull,
         "foreseen": c.stiff * ca.if_else(s["regime"] >= SLIDING, touching, ca.if_else(s["regime"] == OPEN, 0.0, ca.fmax(0.0, touching))),
         "swing": swing,
     }

@@ -36,23 +36,23 @@ SLOPE_LEFT = 0.9
 """A line search ends where the slope has fallen to this fraction."""
 DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends the descent, as a fraction of the body length."""
-WILD = 0.02
+WILD = _E("WILD", 0.02)
 """A step that is longer than the first one and than this fraction of the segment length strays."""
-MAX_STRAYS = 2
+MAX_STRAYS = _E("MAX_STRAYS", 2)
 """Steps that stray before Newton gives up: where contacts let go all at once the descent finds them sooner."""
-MAX_CHANGES = 16
+MAX_CHANGES = _E("MAX_CHANGES", 16)
 """Iterations in which contacts change their regime before Newton gives up."""
-CONTRACTION = 0.1
+CONTRACTION = _E("CONTRACTION", 0.1)
 """A Jacobian is kept while steps shrink to this fraction."""
-CURVATURE = 10.0
+CURVATURE = _E("CURVATURE", 10.0)
 """A step of size s moves a contact point otherwise than to first order by s^2 times this over the segment length."""
-DOUBT = 2.0
+DOUBT = _E("DOUBT", 2.0)
 """By which that error is taken to be larger each time that contacts have changed their regime."""
-SETTLED = 1e-5
+SETTLED = _E("SETTLED", 1e-5)
 """What slides at the static limit becomes kinetic once steps are smaller than this fraction of the segment length."""
-SEGMENTS_KEPT = 1e-3
+SEGMENTS_KEPT = _E("SEGMENTS_KEPT", 1e-3)
 """The Jacobian is kept, but for segments whose contacts change, until x has moved by this fraction of that length."""
-JOINTS_KEPT = 1e-2
+JOINTS_KEPT = _E("JOINTS_KEPT", 1e-2)
 """The joints' part of the Jacobian is kept until x has moved by this fraction of the segment length."""
 FOLLOWED = _E("FOLLOWED", 1e-10)
 """Coordinate step, as a fraction of the body length, at which Newton has converged."""

@@ -21,7 +21,11 @@ _DQ, _FIRST, _PULL, _FORESEEN = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts
 Y, EXCESS, TOUCHING, _TURN, _SIDE, SLIP, PULL, SWING = 0, 2, 3, 4, 5, 6, 8, 11
 """Rows of "yielding_out"."""
 
-SWUNG = 0.1
+import os
+REV = float(os.environ.get("REV", -2.0))
+NOMINAL = float(os.environ.get("NOMINAL", 1e-4))
+STALE = float(os.environ.get("STALE", 0.1))
+SWUNG = float(os.environ.get("SWUNG", 0.1))
 """A Jacobian is useless after a step in which a sliding contact's displacement changes by this fraction of itself."""
 
 
@@ -112,10 +116,13 @@ def change(core: Core, error: float, lands: bool) -> tuple[bool, bool]:
             new = _by_law(core, k, regime, error)
             if regime >= point.STICKING and new != point.OPEN and lands:
                 new = regime
-            if regime == point.SLIDING and out[SWING, k] > SWUNG:
+            if regime == point.SLIDING and out[SWING, k] > STALE:
                 turned, concerned[i // vectors.WIDTH] = True, 1.0
             if new != regime:
                 p[_REGIME, k] = new
+                if regime == point.OPEN:
+                    p[_PULL, k], p[_PULL + 1, k] = out[PULL, k], out[PULL + 1, k]
+                    p[_FORESEEN, k] = NOMINAL * p[_STIFFNESS, k] * vector(core.block, a.NUMBERS_)[a.L0]
                 concerned[i // vectors.WIDTH] = 1.0
                 if regime >= point.STICKING and new >= point.STICKING:
                     turned = True
@@ -142,7 +149,7 @@ def _by_law(core: Core, k: int, regime: float, error: float) -> float:
     if touching < -error:
         return point.OPEN
     if regime == point.SLIDING:
-        return _sticking(out[Y, k]) if excess < -error else point.SLIDING
+        return _sticking(out[Y, k]) if excess < -error or turn < REV else point.SLIDING
     if (side if regime == point.STICKING_BACK else -side) > error:
         return _sticking(side)
     return point.SLIDING if excess > error else regime
