@@ -93,14 +93,14 @@ def pulled(y: ca.SX, dy: ca.SX, force: ca.SX, mu: Coefficients, law: Law, sticks
     z = ca.if_else(slides, z / m, 0.0)
     K = (law.cap * ca.diag(square) - force @ z.T) / m
     beyond = (law.cap * square * (y + dy) - force * ca.dot(z, dy)) / m
-    return K, _back(beyond, mu, law.cap), ca.sqrt(ca.sumsqr(directional(y, mu) * dy)) / m
+    return K, beyond, ca.sqrt(ca.sumsqr(directional(y, mu) * dy)) / m
 
 
-def _back(force: ca.SX, mu: Coefficients, cap: ca.SX) -> ca.SX:
+def back(force: ca.SX, mu: Coefficients, cap: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Return a force per unit of load scaled back on to the yield surface, if it is beyond."""
     of = directional(force, mu)
     size = ca.norm_2(ca.if_else(of > 0.0, force / ca.if_else(of > 0.0, of, 1.0), 0.0))
-    return force * ca.if_else(size > cap, cap / size, 1.0)
+    return force * ca.if_else(size > cap, cap / size, 1.0), size / cap
 
 
 def left_after_return(y: ca.SX, mu: Coefficients, law: Law, yield_gauge: ca.SX) -> ca.SX:

@@ -163,6 +163,7 @@ def yielding() -> ca.Function:
     dy = ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
     y = now + dy
     _, pull, swing = contact.pulled(now, dy, s["pull"], _sided(c.mu), c.law, ca.logic_or(s["regime"] >= STICKING, s["regime"] == OPEN))
+    pull, bound = contact.back(pull, _sided(c.mu), c.law.cap)
     rho, limit = ca.sqrt(contact.gauge_squared(y, c.mu)), c.law.cap * c.law.r
     largest = ca.fmax(ca.mmax(s["mu"]), 1e-30)  # without friction nothing yields
     there, here = contact.directional(y, c.mu) * y, contact.directional(now, c.mu) * now
@@ -182,6 +183,7 @@ def yielding() -> ca.Function:
         "pull": pull,
         "foreseen": c.stiff * ca.if_else(s["regime"] >= SLIDING, touching, ca.if_else(s["regime"] == OPEN, 0.0, ca.fmax(0.0, touching))),
         "swing": swing,
+        "bound": bound,
     }
     return LAYOUT.function("point_yielding", rows)
 

@@ -23,7 +23,8 @@ Y, EXCESS, TOUCHING, _TURN, _SIDE, SLIP, PULL, SWING = 0, 2, 3, 4, 5, 6, 8, 11
 
 import os
 REV = float(os.environ.get("REV", -2.0))
-NOMINAL = float(os.environ.get("NOMINAL", 1e-4))
+NOMINAL = float(os.environ.get("NOMINAL", 1e-3))
+BOUND = float(os.environ.get("BOUND", 0.9))
 STALE = float(os.environ.get("STALE", 0.1))
 SWUNG = float(os.environ.get("SWUNG", 0.1))
 """A Jacobian is useless after a step in which a sliding contact's displacement changes by this fraction of itself."""
@@ -149,7 +150,7 @@ def _by_law(core: Core, k: int, regime: float, error: float) -> float:
     if touching < -error:
         return point.OPEN
     if regime == point.SLIDING:
-        return _sticking(out[Y, k]) if excess < -error or turn < REV else point.SLIDING
+        return _sticking(out[Y, k]) if excess < -error or turn < REV or out[SWING + 1, k] < BOUND else point.SLIDING
     if (side if regime == point.STICKING_BACK else -side) > error:
         return _sticking(side)
     return point.SLIDING if excess > error else regime
