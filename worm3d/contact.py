@@ -85,22 +85,27 @@ def friction_potential(y: ca.SX, mu: Coefficients, law: Law, sticks: ca.SX | flo
 
 
 def pulled(y: ca.SX, dy: ca.SX, force: ca.SX, mu: Coefficients, law: Law, sticks: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return K (2, 2) and f' (2) of (C5) for f and a step dy, and by what part of m the gauge of y changes at most."""
-    square, z = directional(y, mu) ** 2, directional(y, mu) ** 2 * y
+    """Return K (2, 2) and f' (2) of (C5) for f and a step dy, and the square of the part of m by which y changes.
+
+    f' is not scaled back yet.
+    """
+    of = directional(y, mu)
     rho, limit = ca.sqrt(gauge_squared(y, mu)), law.cap * law.r
     slides = ca.logic_and(rho > limit, ca.logic_not(sticks))
-    m = ca.if_else(slides, rho, limit)
-    z = ca.if_else(slides, z / m, 0.0)
-    K = (law.cap * ca.diag(square) - force @ z.T) / m
-    beyond = (law.cap * square * (y + dy) - force * ca.dot(z, dy)) / m
-    return K, beyond, ca.sqrt(ca.sumsqr(directional(y, mu) * dy)) / m
+    per_m = 1.0 / ca.if_else(slides, rho, limit)
+    z = ca.if_else(slides, of**2 * y * per_m, 0.0)
+    K = (law.cap * ca.diag(of**2) - force @ z.T) * per_m
+    beyond = (law.cap * of**2 * (y + dy) - force * ca.dot(z, dy)) * per_m
+    return K, beyond, ca.sumsqr(of * dy) * per_m**2
 
 
-def back(force: ca.SX, mu: Coefficients, cap: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return a force per unit of load scaled back on to the yield surface, if it is beyond."""
-    of = directional(force, mu)
-    size = ca.norm_2(ca.if_else(of > 0.0, force / ca.if_else(of > 0.0, of, 1.0), 0.0))
-    return force * ca.if_else(size > cap, cap / size, 1.0), size / cap
+def bounded(force: ca.SX, mu: Coefficients, cap: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return a force per unit of load scaled back on to the yield surface, and the square of its share of that."""
+    square = directional(force, mu) ** 2
+    surface = cap**2 * square[0] * square[1]
+    share = (force[0] ** 2 * square[1] + force[1] ** 2 * square[0]) / ca.if_else(surface > 0.0, surface, 1.0)
+    share = ca.if_else(surface > 0.0, share, 0.0)
+    return force / ca.sqrt(ca.fmax(share, 1.0)), share
 
 
 def left_after_return(y: ca.SX, mu: Coefficients, law: Law, yield_gauge: ca.SX) -> ca.SX:

@@ -163,12 +163,10 @@ def yielding() -> ca.Function:
     dy = ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
     y = now + dy
     _, pull, swing = contact.pulled(now, dy, s["pull"], _sided(c.mu), c.law, ca.logic_or(s["regime"] >= STICKING, s["regime"] == OPEN))
-    pull, bound = contact.back(pull, _sided(c.mu), c.law.cap)
+    pull, bound = contact.bounded(pull, _sided(c.mu), c.law.cap)
     rho, limit = ca.sqrt(contact.gauge_squared(y, c.mu)), c.law.cap * c.law.r
     largest = ca.fmax(ca.mmax(s["mu"]), 1e-30)  # without friction nothing yields
-    there, here = contact.directional(y, c.mu) * y, contact.directional(now, c.mu) * now
-    sizes = ca.norm_2(there) * ca.norm_2(here)
-    turn = ca.if_else(sizes > 0.0, ca.dot(there, here) / sizes, 0.0)
+    turn = ca.dot(contact.directional(now, c.mu) ** 2 * now, y)
     counts = ca.logic_and(
         ca.fabs(contact.directional(y, c.mu)[0] * y[0]) > TURNED * limit, c.mu.forward != c.mu.backward
     )

@@ -18,15 +18,15 @@ FloatArray = NDArray[np.float64]
 
 _LOAD_N, _REGIME, _STIFFNESS, _CAP = point.LAYOUT.firsts("load_n", "regime", "stiffness", "cap")
 _DQ, _FIRST, _PULL, _FORESEEN = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull", "foreseen")
-Y, EXCESS, TOUCHING, _TURN, _SIDE, SLIP, PULL, SWING = 0, 2, 3, 4, 5, 6, 8, 11
+Y, EXCESS, TOUCHING, _TURN, _SIDE, SLIP, PULL, SWING, BOUND = 0, 2, 3, 4, 5, 6, 8, 11, 12
 """Rows of "yielding_out"."""
 
 import os
-REV = float(os.environ.get("REV", -2.0))
 NOMINAL = float(os.environ.get("NOMINAL", 1e-3))
-BOUND = float(os.environ.get("BOUND", 0.9))
-STALE = float(os.environ.get("STALE", 0.1))
-SWUNG = float(os.environ.get("SWUNG", 0.1))
+HELD = float(os.environ.get("HELD", 0.25))
+SHALLOW = float(os.environ.get("SHALLOW", 1e-5))
+STALE = float(os.environ.get("STALE", 0.01))
+SWUNG = float(os.environ.get("SWUNG", 0.01))
 """A Jacobian is useless after a step in which a sliding contact's displacement changes by this fraction of itself."""
 
 
@@ -82,10 +82,10 @@ def look_ahead(core: Core, step: FloatArray) -> None:
 def lands(core: Core, error: float) -> bool:
     """Return whether an open contact will touch: the step, which knows nothing of that, would drive it deep."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
-    lanes = p.shape[1] // POINTS
+    lanes, deep = p.shape[1] // POINTS, max(error, SHALLOW * vector(core.block, a.NUMBERS_)[a.L0])
     for s in range(POINTS):
         for k in range(s * lanes, s * lanes + core.n):
-            if p[_REGIME, k] == point.OPEN and out[TOUCHING, k] > error and p[_STIFFNESS, k] > 0.0:
+            if p[_REGIME, k] == point.OPEN and out[TOUCHING, k] > deep and p[_STIFFNESS, k] > 0.0:
                 return True
     return False
 
@@ -150,7 +150,7 @@ def _by_law(core: Core, k: int, regime: float, error: float) -> float:
     if touching < -error:
         return point.OPEN
     if regime == point.SLIDING:
-        return _sticking(out[Y, k]) if excess < -error or turn < REV or out[SWING + 1, k] < BOUND else point.SLIDING
+        return _sticking(out[Y, k]) if excess < -error or out[BOUND, k] < HELD else point.SLIDING
     if (side if regime == point.STICKING_BACK else -side) > error:
         return _sticking(side)
     return point.SLIDING if excess > error else regime
