@@ -39,6 +39,7 @@ LAYOUT = Layout(
         "pull": 2,  # f of (C5), friction per unit of normal load, along and to the left
         "foreseen": 1,  # normal load, as the last step of Newton foresaw it
         "regime": 1,  # FREE, or what the contact is taken for, whatever X says
+        "error": 1,  # of what is foreseen [m]
         "coupled": 1,  # 1: friction takes the normal load of X itself
         "load_n": 1,
         "motion": 3,  # X - X_n
@@ -146,6 +147,12 @@ def tangents() -> ca.Function:
     return LAYOUT.function("point_tangents", {"tangent": [along, left], "slide_n": slide})
 
 
+SWUNG = 0.01
+"""Square of the change of y, as a fraction of itself, after which the Jacobian of a contact that slides is useless."""
+
+HELD = 0.25
+"""Square of the share of the yield limit below which the force of what slides is foreseen where it sticks."""
+
 TURNED = 1e-7
 """Fraction of the yield limit up to which it does not count on which side of 0 the force of a stuck contact is."""
 
@@ -154,36 +161,61 @@ def yielding() -> ca.Function:
     """Return what a contact does at X + `first`, to first order, in metres.
 
     y = s - s* (2); by how much it is beyond the yield limit, for the largest coefficient; the penetration -g - d*
-    (negative where nothing touches); the product of y at X with y, negative where the displacement turns round; whether
-    forward and backward stiffness change places in that; the slip of the anchor (2) at X itself; f' (2) of (C5), and by
-    what fraction of itself, or of the yield limit, y changes.
+    (negative where nothing touches); the slip of the anchor (2) at X itself; f' (2) of (C5) and the normal load; the
+    square of the fraction of itself, or of the yield limit, by which y changes; the regime that follows where the law
+    denies one by more than `error`; and whether a Jacobian of before is out of date: with another regime, or where y
+    changes by much.
     """
     s, c = LAYOUT.symbols, _contact()
     now = c.slide - c.law.centre
     dy = ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
-    y = now + dy
-    _, pull, swing = contact.pulled(now, dy, s["pull"], _sided(c.mu), c.law, ca.logic_or(s["regime"] >= STICKING, s["regime"] == OPEN))
-    pull, bound = contact.bounded(pull, _sided(c.mu), c.law.cap)
-    rho, limit = ca.sqrt(contact.gauge_squared(y, c.mu)), c.law.cap * c.law.r
+    y, opens = now + dy, s["regime"] == OPEN
+    bound = ca.logic_or(s["regime"] >= STICKING, opens)
+    _, pull, swing = contact.pulled(now, dy, s["pull"], _sided(c.mu), c.law, bound)
+    pull, share = contact.bounded(pull, _sided(c.mu), c.law.cap)
+    rho = ca.sqrt(contact.gauge_squared(y, c.mu))
     largest = ca.fmax(ca.mmax(s["mu"]), 1e-30)  # without friction nothing yields
-    turn = ca.dot(contact.directional(now, c.mu) ** 2 * now, y)
-    counts = ca.logic_and(
-        ca.fabs(contact.directional(y, c.mu)[0] * y[0]) > TURNED * limit, c.mu.forward != c.mu.backward
-    )
+    excess = (rho - c.law.cap * c.law.r * (1.0 + contact.YIELD_TOLERANCE)) / largest
     touching = c.touching - ca.dot(s["normal"], s["first"])
+    backs = ca.dot(contact.directional(now, c.mu) ** 2 * now, y) <= 0.0
+    regime = _next(y, excess, touching, share, backs)
+    swings = ca.logic_and(s["regime"] == SLIDING, swing > SWUNG)
     rows = {
         "y": y,
-        "excess": (rho - limit * (1.0 + contact.YIELD_TOLERANCE)) / largest,
+        "excess": excess,
         "touching": touching,
-        "turn": turn,
-        "side": ca.if_else(counts, y[0], 0.0),
         "slip": _slip(),
         "pull": pull,
-        "foreseen": c.stiff * ca.if_else(s["regime"] >= SLIDING, touching, ca.if_else(s["regime"] == OPEN, 0.0, ca.fmax(0.0, touching))),
+        "foreseen": c.stiff * _pressed(touching),
         "swing": swing,
-        "bound": bound,
+        "regime": regime,
+        "stale": ca.logic_or(regime != s["regime"], swings),
     }
     return LAYOUT.function("point_yielding", rows)
+
+
+def _pressed(touching: ca.SX) -> ca.SX:
+    """Return the penetration that carries load: less than none in a regime of contact, which may be wrong."""
+    regime = LAYOUT.symbols["regime"]
+    return ca.if_else(regime >= SLIDING, touching, ca.if_else(regime == OPEN, 0.0, ca.fmax(0.0, touching)))
+
+
+def _next(y: ca.SX, excess: ca.SX, touching: ca.SX, share: ca.SX, backs: ca.SX) -> ca.SX:
+    """Return the regime that follows where the law denies one by more than the error."""
+    s, c = LAYOUT.symbols, _contact()
+    error, regime = s["error"], s["regime"]
+    sticking = ca.if_else(y[0] >= 0.0, STICKING, STICKING_BACK)
+    side = ca.if_else(regime == STICKING_BACK, y[0], -y[0])  # how far it is on the other side
+    counts = ca.fabs(contact.directional(y, c.mu)[0] * y[0]) > TURNED * c.law.cap * c.law.r
+    turned = ca.logic_and(ca.logic_and(side > error, counts), c.mu.forward != c.mu.backward)
+    of_stuck = ca.if_else(turned, sticking, ca.if_else(excess > error, SLIDING, regime))
+    rests = ca.logic_or(excess < -error, share < HELD)
+    of_touching = ca.if_else(regime == SLIDING, ca.if_else(rests, sticking, SLIDING), of_stuck)
+    of_open = ca.if_else(ca.logic_or(backs, excess <= error), sticking, SLIDING)
+    free = ca.if_else(touching > 0.0, ca.if_else(excess > 0.0, SLIDING, sticking), OPEN)
+    found = ca.if_else(touching < -error, OPEN, of_touching)
+    found = ca.if_else(regime == OPEN, ca.if_else(touching > error, of_open, OPEN), found)
+    return ca.if_else(s["stiffness"] > 0.0, ca.if_else(regime == FREE, free, found), OPEN)
 
 
 @cache

@@ -152,7 +152,7 @@ ARRAYS = (
     "world_out",  # inside point_in
     "tangents",  # inside point_in: tangent and slide_n
     "first",  # inside point_in, with the lanes of segments
-    "yielding_out",  # y (2), excess, penetration, turn, turns, slip now (2), pull (2), load, swing
+    "yielding_out",  # y (2), excess, penetration, slip now (2), pull (2), load, swing, regime, whether stale
     "after_out",  # slip (2), stored energy, terms of the ledger
     "joint_in",
     "joint_out",
@@ -350,7 +350,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
         "world_out": (WORLD_ROWS, p),
         "tangents": (8, p),
         "first": (3 * POINTS, lanes),
-        "yielding_out": (13, p),
+        "yielding_out": (12, p),
         "after_out": (3 + len(point.LEDGER_TERMS), p),
         "joint_in": (joint.LAYOUT.rows, joint_lanes),
         "joint_out": (1 + joint.COORDINATES + joint.COORDINATES * joint.ROW, joint_lanes),

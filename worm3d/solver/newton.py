@@ -162,10 +162,9 @@ def _follow(core: Core, first: bool) -> bool:
 def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
     """Return what becomes of the contacts in a step of this size, and whether an open one lands in it."""
     l0 = vector(core.block, a.NUMBERS_)[a.L0]
-    regimes.look_ahead(core, vector(core.block, a.DIRECTION))
-    error = doubt * CURVATURE * size * size / l0
-    lands = regimes.lands(core, error)
-    changed, turned = regimes.change(core, error, lands)
+    regimes.look_ahead(core, vector(core.block, a.DIRECTION), doubt * CURVATURE * size * size / l0)
+    lands = regimes.lands(core)
+    changed, turned = regimes.change(core, lands)
     if changed:
         return CHANGED, lands
     if not lands and size < SETTLED * l0 and regimes.free(core):

@@ -17,17 +17,16 @@ from worm3d.solver.entry import kernel
 FloatArray = NDArray[np.float64]
 
 _LOAD_N, _REGIME, _STIFFNESS, _CAP = point.LAYOUT.firsts("load_n", "regime", "stiffness", "cap")
-_DQ, _FIRST, _PULL, _FORESEEN = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull", "foreseen")
-Y, EXCESS, TOUCHING, _TURN, _SIDE, SLIP, PULL, SWING, BOUND = 0, 2, 3, 4, 5, 6, 8, 11, 12
+_DQ, _FIRST, _PULL = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull")
+_FORESEEN, _ERROR = point.LAYOUT.firsts("foreseen", "error")
+Y, EXCESS, TOUCHING, SLIP, PULL, SWING, NEXT, STALE = 0, 2, 3, 4, 6, 9, 10, 11
 """Rows of "yielding_out"."""
 
-import os
-NOMINAL = float(os.environ.get("NOMINAL", 1e-3))
-HELD = float(os.environ.get("HELD", 0.25))
-SHALLOW = float(os.environ.get("SHALLOW", 1e-5))
-STALE = float(os.environ.get("STALE", 0.01))
-SWUNG = float(os.environ.get("SWUNG", 0.01))
-"""A Jacobian is useless after a step in which a sliding contact's displacement changes by this fraction of itself."""
+SHALLOW = 1e-5
+"""A step that drives what lands no deeper than this fraction of the segment length is taken."""
+
+PRESSED = 1e-3
+"""What lands is taken for pressed in by this fraction of the segment length until a step foresees its load."""
 
 
 @inner
@@ -47,9 +46,7 @@ def own(core: Core) -> None:
     """Take every contact for what the law says at the last evaluation."""
     look(core)
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
-    for k in range(p.shape[1]):
-        touching = point.SLIDING if out[EXCESS, k] > 0.0 else _sticking(out[Y, k])
-        p[_REGIME, k] = touching if out[TOUCHING, k] > 0.0 else point.OPEN
+    copy(p[_REGIME], out[NEXT])
     pull(core)
 
 
@@ -68,67 +65,55 @@ def look(core: Core) -> None:
 
 
 @inner
-def look_ahead(core: Core, step: FloatArray) -> None:
-    """Ask what the contacts will do, to first order, once a step is subtracted from x."""
+def look_ahead(core: Core, step: FloatArray, error: float) -> None:
+    """Ask what the contacts will do, to first order, once a step is subtracted from x; that may be off by `error`."""
     p, segments = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN)
     for r in range(segment.COORDINATES):
         for i in range(core.n):
             segments[_DQ + r, i] = -step[BLOCK * i + r]
+    fill(rows(core.block, a.POINT_IN, _ERROR, 1), error)
     run(kernel(core, a.SEGMENT_MOTION), segments, matrix(core.block, a.FIRST), core.n)
     run(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
 
 
 @inner
-def lands(core: Core, error: float) -> bool:
+def lands(core: Core) -> bool:
     """Return whether an open contact will touch: the step, which knows nothing of that, would drive it deep."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
-    lanes, deep = p.shape[1] // POINTS, max(error, SHALLOW * vector(core.block, a.NUMBERS_)[a.L0])
-    for s in range(POINTS):
-        for k in range(s * lanes, s * lanes + core.n):
-            if p[_REGIME, k] == point.OPEN and out[TOUCHING, k] > deep and p[_STIFFNESS, k] > 0.0:
-                return True
+    deep = SHALLOW * vector(core.block, a.NUMBERS_)[a.L0]
+    for k in range(p.shape[1]):
+        if out[STALE, k] != 0.0 and p[_REGIME, k] == point.OPEN and out[TOUCHING, k] > deep:
+            return True
     return False
 
 
 @inner
-def change(core: Core, error: float, lands: bool) -> tuple[bool, bool]:
+def change(core: Core, lands: bool) -> tuple[bool, bool]:
     """Change the regimes that the law denies; return whether there was one, and whether a Jacobian is out of date.
-
-    Forward and backward, a stuck contact has different stiffnesses: once it turns, the step says little of its force.
-    Nor does it of the force of one that slides, once the direction turns in which it does.
 
     Parameters
     ----------
-    error : float
-        Up to which nothing is denied [m].
     lands : bool
-        Whether the step will not be taken: what sticks does not begin to slide yet, for the way is not known.
+        Whether the step will not be taken: what sticks goes on as it is, for the way is not known.
     """
-    p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
+    p, out, changed, turned = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT), False, False
+    lanes, concerned = p.shape[1] // POINTS, vector(core.block, a.CHANGED)
     if not lands:
         pull(core)
-    lanes, changed, turned, concerned = p.shape[1] // POINTS, False, False, vector(core.block, a.CHANGED)
-    for s in range(POINTS):
-        for i in range(core.n):
-            k = s * lanes + i
-            if p[_STIFFNESS, k] == 0.0:
-                continue
-            regime = p[_REGIME, k]
-            new = _by_law(core, k, regime, error)
-            if regime >= point.STICKING and new != point.OPEN and lands:
-                new = regime
-            if regime == point.SLIDING and out[SWING, k] > STALE:
-                turned, concerned[i // vectors.WIDTH] = True, 1.0
-            if new != regime:
-                p[_REGIME, k] = new
-                if regime == point.OPEN:
-                    p[_PULL, k], p[_PULL + 1, k] = out[PULL, k], out[PULL + 1, k]
-                    p[_FORESEEN, k] = NOMINAL * p[_STIFFNESS, k] * vector(core.block, a.NUMBERS_)[a.L0]
-                concerned[i // vectors.WIDTH] = 1.0
-                if regime >= point.STICKING and new >= point.STICKING:
-                    turned = True
-                else:
-                    changed = True
+    for k in range(p.shape[1]):
+        if out[STALE, k] == 0.0:
+            continue
+        old, new = p[_REGIME, k], out[NEXT, k]
+        if lands and old >= point.STICKING and new != point.OPEN:
+            continue
+        if old == point.OPEN:
+            p[_PULL, k], p[_PULL + 1, k] = out[PULL, k], out[PULL + 1, k]
+            p[_FORESEEN, k] = PRESSED * p[_STIFFNESS, k] * vector(core.block, a.NUMBERS_)[a.L0]
+        p[_REGIME, k], concerned[k % lanes // vectors.WIDTH] = new, 1.0
+        if old == new or (old >= point.STICKING and new >= point.STICKING):
+            turned = True
+        else:
+            changed = True
     return changed, turned
 
 
@@ -136,24 +121,6 @@ def change(core: Core, error: float, lands: bool) -> tuple[bool, bool]:
 def _sticking(y: float) -> float:
     """Return the regime of a stuck contact with this displacement, or force against it, along the segment."""
     return point.STICKING if y >= 0.0 else point.STICKING_BACK
-
-
-@inner
-def _by_law(core: Core, k: int, regime: float, error: float) -> float:
-    """Return the regime that follows where the law denies one by more than the error."""
-    out = matrix(core.block, a.YIELDING_OUT)
-    touching, excess, turn, side = out[TOUCHING, k], out[EXCESS, k], out[_TURN, k], out[_SIDE, k]
-    if regime == point.OPEN:
-        if touching <= error:
-            return point.OPEN
-        return point.SLIDING if turn > 0.0 and excess > error else _sticking(out[Y, k])
-    if touching < -error:
-        return point.OPEN
-    if regime == point.SLIDING:
-        return _sticking(out[Y, k]) if excess < -error or out[BOUND, k] < HELD else point.SLIDING
-    if (side if regime == point.STICKING_BACK else -side) > error:
-        return _sticking(side)
-    return point.SLIDING if excess > error else regime
 
 
 @inner
@@ -181,6 +148,6 @@ def _swings(core: Core) -> bool:
     lanes = p.shape[1] // POINTS
     for s in range(POINTS):
         for k in range(s * lanes, s * lanes + core.n):
-            if p[_REGIME, k] == point.SLIDING and p[_STIFFNESS, k] > 0.0 and swing[k] > SWUNG:
+            if p[_REGIME, k] == point.SLIDING and p[_STIFFNESS, k] > 0.0 and swing[k] > point.SWUNG:
                 return True
     return False
