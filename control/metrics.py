@@ -7,9 +7,9 @@ w(t) in waves, the window that ends at t begins at b with w(b) = w(t) - 1, and
 
 for centre of mass x, heading h and offset e from the path. Speed is V along the path's tangent at the mean place, or
 without a path along the mean heading; the reference speed is averaged over the same window, and so is that heading.
-Windows that reach into the first three periods of the run, or into the three after a step of the reference speed, are
-left out of bias, rms and greatest values; the step itself is measured by the periods until the speed has come within
-10 % for good.
+Windows that reach into the first three periods of the run are left out of bias, rms and greatest values. The speed has
+a second bias and rms, `..._settled_relative`, which leave out those that reach into the three periods after a step of
+the reference speed, too; the step itself is measured by the periods until the speed has come within 10 % for good.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 DROPPED = 3.0
-"""Periods at the beginning, and after a step, that are left out."""
+"""Periods at the beginning, and for `SETTLED_METRICS` after a step, that are left out."""
 
 ROUNDING = 1e-6
 """By which two times may differ and be the same [s]."""
@@ -78,6 +78,8 @@ class Tracking:
         Mean offset to the left of the path [m]; NaN without a path.
     counted : ndarray of bool, shape (K,)
         Windows that the metrics take.
+    settled : ndarray of bool, shape (K,)
+        Those of them that lie beyond the steps of the reference speed, too.
     """
 
     time: FloatArray
@@ -89,6 +91,7 @@ class Tracking:
     wanted_heading: FloatArray
     cross_track: FloatArray
     counted: Bools
+    settled: Bools
 
     @property
     def heading_error(self) -> FloatArray:
@@ -121,7 +124,8 @@ def tracking(motion: Motion, reference: Reference) -> Tracking:
         heading,
         wanted_heading,
         cross_track,
-        _counted(motion, reference, window),
+        _beyond(window, motion, ()),
+        _beyond(window, motion, step_times(reference)),
     )
 
 
@@ -155,23 +159,30 @@ def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dic
     length : float
         Of the body [m].
     """
-    taken, size = tracked.counted, float(np.abs(tracked.wanted_speed).mean())
+    taken = tracked.counted
+    if not taken.any():
+        return dict.fromkeys(METRICS), dict.fromkeys(METRICS, TOO_SHORT)
     figures: dict[str, float | None] = dict.fromkeys(METRICS)
     settling, why = settling_periods(tracked, reference)
-    reasons = {"settling_periods": why}
-    if not taken.any():
-        return figures, dict.fromkeys(METRICS, TOO_SHORT)
-    miss = (tracked.speed - tracked.wanted_speed)[taken]
-    size = float(np.abs(tracked.wanted_speed[taken]).mean())
-    if size > 0.0:
-        figures |= {"speed_bias_relative": float(miss.mean()) / size, "speed_error_rms_relative": _rms(miss) / size}
+    figures |= dict(zip(SPEED_METRICS, _of_speed(tracked, taken), strict=True))
+    figures |= dict(zip(SETTLED_METRICS, _of_speed(tracked, tracked.settled), strict=True))
     error, aside = np.rad2deg(tracked.heading_error[taken]), tracked.cross_track[taken] / length
     if np.isfinite(error).all():
         figures |= {"heading_error_mean_deg": float(error.mean()), "heading_error_rms_deg": _rms(error)}
     if np.isfinite(aside).all():
         figures |= {"cross_track_rms_bl": _rms(aside), "cross_track_max_bl": float(np.abs(aside).max())}
     figures["settling_periods"] = settling
-    return figures, {**{name: _because(name) for name in METRICS}, **reasons}
+    reasons = {**{name: _because(name) for name in METRICS}, "settling_periods": why}
+    return figures, reasons if tracked.settled.any() else {**reasons, **dict.fromkeys(SETTLED_METRICS, UNSETTLED)}
+
+
+def _of_speed(tracked: Tracking, taken: Bools) -> tuple[float | None, float | None]:
+    """Return bias and rms error of the speed over some windows, relative to the mean reference there."""
+    size = float(np.abs(tracked.wanted_speed[taken]).mean()) if taken.any() else 0.0
+    if size == 0.0:
+        return None, None
+    miss = (tracked.speed - tracked.wanted_speed)[taken]
+    return float(miss.mean()) / size, _rms(miss) / size
 
 
 def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | None, str]:
@@ -204,13 +215,19 @@ def step_times(reference: Reference) -> Sequence[float]:
     return reference.speed.times if isinstance(reference.speed, Steps) else ()
 
 
+SPEED_METRICS = ("speed_bias_relative", "speed_error_rms_relative")
+SETTLED_METRICS = ("speed_bias_settled_relative", "speed_error_rms_settled_relative")
 METRICS = (
-    *("speed_bias_relative", "speed_error_rms_relative", "heading_error_mean_deg", "heading_error_rms_deg"),
-    *("cross_track_rms_bl", "cross_track_max_bl", "settling_periods"),
+    *SPEED_METRICS,
+    *SETTLED_METRICS,
+    *("heading_error_mean_deg", "heading_error_rms_deg", "cross_track_rms_bl", "cross_track_max_bl"),
+    "settling_periods",
 )
 """Names of what `summary` returns."""
 
 TOO_SHORT = f"the run is shorter than the {DROPPED:g} periods that are left out and one more"
+
+UNSETTLED = f"no window lies beyond the {DROPPED:g} periods after each step of the reference speed"
 
 
 def _because(name: str) -> str:
@@ -220,13 +237,13 @@ def _because(name: str) -> str:
     return "there is no path to follow" if name.startswith("cross") else "there is no heading and no path to keep to"
 
 
-def _counted(motion: Motion, reference: Reference, window: _Window) -> Bools:
-    """Return which windows lie beyond the periods that are left out."""
-    begins = [motion.time[0], *(t for t in step_times(reference) if t <= motion.time[-1])]
-    first = np.interp(begins, motion.time, motion.waves)
+def _beyond(window: _Window, motion: Motion, steps: Sequence[float]) -> Bools:
+    """Return which windows lie beyond the periods that are left out at the beginning, and after steps [s]."""
+    begins = [motion.time[0], *(t for t in steps if t <= motion.time[-1])]
+    first = np.interp(begins, motion.time, motion.waves - motion.waves[0])
     since = np.searchsorted(np.asarray(begins) + ROUNDING, window.time, side="left") - 1
-    counted: Bools = window.waves - 1.0 - first[np.maximum(since, 0)] >= DROPPED - 1e-9
-    return counted
+    beyond: Bools = window.waves - 1.0 - first[np.maximum(since, 0)] >= DROPPED - 1e-9
+    return beyond
 
 
 class _Window:

@@ -29,3 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(error.exit_code)
     except KeyboardInterrupt:  # during the imports; while a command runs, typer ends with the same code
         sys.exit(INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()

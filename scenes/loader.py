@@ -63,7 +63,7 @@ def parse_scene(text: str, name: str, overrides: Iterable[str] = (), folder: Pat
     data, overridden, mistakes = apply_overrides(written, overrides)
     kind, model_mistakes = _kind_of(data)
     data = _with_every_section(kind, {**data, "model": kind.name})
-    mistakes += model_mistakes + schema_mistakes(kind.schema, data)
+    mistakes += model_mistakes + schema_mistakes(kind.schema, data, _models_with)
     mistakes += cross_mistakes(kind.checks, kind.schema, data, mistakes, overridden)
     if mistakes:
         raise SceneError(*report(mistakes, key_lines(text), overridden))
@@ -129,6 +129,10 @@ def _kind_of(data: Mapping[str, Any]) -> tuple[Kind[Any], list[Mistake]]:
     allowed = ", ".join(f"'{name}'" for name in known)
     text = f"{found}: must be one of {allowed}{guess} (the rest is checked as '{kind.name}')"
     return kind, [Mistake(("model",), text)]
+
+
+def _models_with(section: str) -> list[str]:
+    return [name for name in kinds.names() if section in kinds.get(name).schema.model_fields]
 
 
 def _shared_sections(kind: Kind[Any], data: Mapping[str, Any]) -> int:

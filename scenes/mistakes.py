@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
@@ -41,12 +41,16 @@ class Mistake:
         return self.spoils or self.path
 
 
-def schema_mistakes(schema: type[Section], data: Mapping[str, Any]) -> list[Mistake]:
+Models = Callable[[str], Sequence[str]]
+"""Name of a section -> names of the models that have it."""
+
+
+def schema_mistakes(schema: type[Section], data: Mapping[str, Any], models: Models = lambda name: ()) -> list[Mistake]:
     """Return what is wrong with each key on its own: unknown, missing, of the wrong type, out of range."""
     try:
         schema.model_validate(data)
     except ValidationError as error:
-        return [_translated(schema, detail) for detail in error.errors(include_url=False)]
+        return [_translated(schema, detail, models) for detail in error.errors(include_url=False)]
     return []
 
 
@@ -57,10 +61,10 @@ def did_you_mean(word: str, known: Iterable[tuple[str, str]]) -> str | None:
     return next((name for tried, name in meaning.items() if [tried.lower()] == close), None)
 
 
-def _translated(schema: type[Section], detail: Any) -> Mistake:
+def _translated(schema: type[Section], detail: Any, models: Models) -> Mistake:
     path, found = tuple(part for part in detail["loc"] if part not in FORMS), detail["input"]
     if detail["type"] == "extra_forbidden":
-        return _unknown(schema, path, "section" if isinstance(found, dict) else "key")
+        return _unknown(schema, path, "section" if isinstance(found, dict) else "key", models)
     field = field_at(schema, path)
     if field is None:
         raise AssertionError(f"pydantic names a key that the schema does not have: {path}")
@@ -78,13 +82,15 @@ def _translated(schema: type[Section], detail: Any) -> Mistake:
     return Mistake(path, f"got {shown(found)}: {message}{advice}{describe(field)}")
 
 
-def _unknown(schema: type[Section], path: KeyPath, what: str) -> Mistake:
+def _unknown(schema: type[Section], path: KeyPath, what: str, models: Models) -> Mistake:
     parent = field_at(schema, path[:-1]) if path[:-1] else None
     home = ((section_type(parent) or table_type(parent)) if parent else None) or schema
     meant = did_you_mean(str(path[-1]), names(home))
     if meant:
         return Mistake(path, f"unknown {what}; did you mean '{meant}'?", spoils=(*path[:-1], meant))
-    return Mistake(path, f"unknown {what}; known here: {', '.join(home.model_fields)}")
+    owners = models(str(path[0])) if len(path) == 1 else ()
+    hint = f"; scenes with model = {' or '.join(map(repr, owners))} have it" if owners else ""
+    return Mistake(path, f"unknown {what}; known here: {', '.join(home.model_fields)}{hint}")
 
 
 def _suggestion(word: str, known: Iterable[tuple[str, str]]) -> str:

@@ -86,15 +86,16 @@ class Driver:
         if sensor is not None and self.controller is None:
             raise ValueError("sensor: only a controller takes measurements; the actuation has no reset and step")
 
-    def table(self, times: FloatArray) -> FloatArray | None:
-        """Return the commands at K times as rows, shape (K, 5 N); None if they have to be asked for one by one.
+    @property
+    def tabular(self) -> bool:
+        """Whether `table` gives commands at once: the actuation has a method `commands`, as bound gaits have."""
+        return self.controller is None and hasattr(self._at, "commands")
 
-        An actuation gives them at once if it has a method `commands`, as bound gaits have.
-        """
-        ask = getattr(self._at, "commands", None)
-        if ask is None or self.controller is not None:
+    def table(self, times: FloatArray) -> FloatArray | None:
+        """Return the commands at K times as rows, shape (K, 5 N); None if they have to be asked for one by one."""
+        if not self.tabular:
             return None
-        given: Commands = ask(times)
+        given: Commands = self._at.commands(times)  # type: ignore[attr-defined]
         k = len(times)
         parts = (given.contraction.reshape(k, -1), given.force.reshape(k, -1), np.zeros((k, 1)), given.hinge)
         rows = np.hstack(parts)

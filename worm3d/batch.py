@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from threading import Lock
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,16 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.actuation import Actuation
 from worm3d.friction import Friction
 from worm3d.held import Held
+from worm3d.plant import Plant
 from worm3d.result import Result
 from worm3d.run import Force, Run
 from worm3d.simulate import Integrator, prepare
-from worm3d.start import settle
+from worm3d.start import place, settle
 from worm3d.state import State
 from worm3d.status import Status
 from worm3d.worlds import World
 from worm3d.worm import Worm
 
 FloatArray = NDArray[np.float64]
+T = TypeVar("T")
 
 
 def simulate_batch(
@@ -45,8 +47,8 @@ def simulate_batch(
 ) -> list[Result]:
     """Simulate many worms; the results are those of `simulate`, bit for bit.
 
-    Equal worms on the same world are brought to rest once. The lanes of the processor's vectors are filled by the
-    segments of one worm already, so that a batch gains little beyond that on one thread.
+    Equal worms on the same world are put there and brought to rest once: on one thread that is what a batch gains, the
+    more the shorter the runs. The vectors' lanes are those of one worm's segments (`scenes.bench.lanes`).
 
     Parameters
     ----------
@@ -80,7 +82,7 @@ def simulate_batch(
     count = _count(each)
     given = {name: _spread(value, count) for name, value in each.items()}
 
-    settling = _Settling()
+    places = _Places()
 
     def prepared(k: int) -> Run:
         own = {name: values[k] for name, values in given.items()}
@@ -95,7 +97,7 @@ def simulate_batch(
                 sensor=None,
                 record_every=record_every,
                 settle_first=settle_first,
-                settling=settling,
+                placing=places.place,
             )
         except ValueError as error:
             raise type(error)(f"run {k}: {error}") from error
@@ -105,28 +107,55 @@ def simulate_batch(
         return list(pool.map(Run.finish, runs))
 
 
-class _Settling:
-    """Brings worms to rest, equal ones on the same world once."""
+class _Once(Generic[T]):
+    """Keeps what several threads ask for, each made by the first that does."""
 
     def __init__(self) -> None:
-        self._lock, self._found = Lock(), dict[tuple[object, ...], Future[tuple[State, Status]]]()
+        self._lock, self._found = Lock(), dict[Hashable, Future[T]]()
 
-    def __call__(
-        self, worm: Worm, world: World, gravity: FloatArray, held: NDArray[np.bool_], state: State
-    ) -> tuple[State, Status]:
-        """Return what `worm3d.start.settle` returns."""
-        key = pickle.dumps(worm), id(world), gravity.tobytes(), held.tobytes(), pickle.dumps(state)
+    def __call__(self, key: Hashable, make: Callable[[], T]) -> T:
         with self._lock:
             found, first = self._found.get(key), key not in self._found
             if found is None:
                 found = self._found[key] = Future()
         if first:
             try:
-                found.set_result(settle(worm, world, gravity, held, state))
+                found.set_result(make())
             except BaseException as error:
                 found.set_exception(error)
                 raise
         return found.result()
+
+
+class _Places:
+    """Puts worms on their worlds: equal ones are copies of one, and come to rest together whatever their friction."""
+
+    def __init__(self) -> None:
+        self._placed, self._rested = _Once[tuple[Plant, State, Status]](), _Once[tuple[State, Status]]()
+
+    def place(
+        self,
+        worm: Worm,
+        world: World | None,
+        friction: Friction,
+        gravity: FloatArray,
+        held: NDArray[np.bool_],
+        state: State | None,
+        settle_first: bool,
+    ) -> tuple[Plant, State, Status]:
+        """Return what `worm3d.start.place` returns."""
+        key = id(world), gravity.tobytes(), held.tobytes(), settle_first, pickle.dumps((worm, friction, state))
+        given = worm, world, friction, gravity, held, state, settle_first
+        plant, start, status = self._placed(key, lambda: place(*given, self._settle))
+        own = plant.copy()
+        own.worm, own.friction = worm, friction
+        return own, start, status
+
+    def _settle(
+        self, worm: Worm, world: World, gravity: FloatArray, held: NDArray[np.bool_], state: State
+    ) -> tuple[State, Status]:
+        key = id(world), gravity.tobytes(), held.tobytes(), pickle.dumps((worm, state))
+        return self._rested(key, lambda: settle(worm, world, gravity, held, state))
 
 
 def _count(each: Mapping[str, object]) -> int:

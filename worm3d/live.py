@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from worm3d import pictures
 from worm3d.scenery import Window, scenery
@@ -25,8 +26,13 @@ if TYPE_CHECKING:
     from worm3d.result import Result
     from worm3d.run import Run
 
+FloatArray = NDArray[np.float64]
+
 AHEAD = 3.0
 """The world is drawn so many body lengths around the start."""
+
+Horizon = Callable[[float, FloatArray], FloatArray | None]
+"""Time [s] and centre of mass, shape (3,) [m] -> points that a controller expects to pass, (H, 3) [m], or None."""
 
 FPS = 25.0
 """Pictures in a second of real time."""
@@ -48,6 +54,9 @@ class Live:
         Called with the address, once there is something to see; it is printed if left out.
     address : str, optional
         Of a meshcat server that runs already, e.g. "tcp://127.0.0.1:6000"; one is started if left out.
+    horizon : callable, optional
+        Called with the time [s] and the centre of mass, shape (3,) [m], of each picture; returns the points that a
+        controller expects to pass, shape (H, 3) [m], which are shown, or None.
 
     Raises
     ------
@@ -64,10 +73,12 @@ class Live:
         open_browser: bool = False,
         began: Callable[[str], None] = print,
         address: str | None = None,
+        horizon: Horizon | None = None,
     ) -> None:
         if not speed > 0.0:
             raise ValueError(f"speed: got {speed!r}, must be above 0 (simulated over real time)")
         self.speed, self.open_browser, self.began, self.address = speed, open_browser, began, address
+        self.horizon = horizon
         self._view: LiveView | None = None
         self._rows = 0
         self._clock = 0.0
@@ -124,6 +135,8 @@ class Live:
         assert frames.faces is not None
         assert frames.contact_force is not None
         assert frames.anchored is not None
+        assert frames.com is not None
+        ahead = None if self.horizon is None else self.horizon(float(frames.time[k]), frames.com[k])
         self._view.show(
             frames.joints[k],
             frames.apexes[k],
@@ -132,6 +145,7 @@ class Live:
             faces=frames.faces[k],
             contact_force=frames.contact_force[k],
             anchored=frames.anchored[k],
+            horizon=ahead,
             caption=words,
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
@@ -23,6 +24,7 @@ from worm3d.solver.newton import solve_entry
 from worm3d.solver.step import step_entry
 from worm3d.state import State, StateError
 from worm3d.worlds import ClampedGround, World
+from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.plane import Plane
 from worm3d.worm import Worm
 
@@ -33,6 +35,9 @@ FLAT = 0.02
 
 DEEPEST = 0.1
 """A joint deeper in the world than this fraction of the segment length is sunk (0 where joints do not touch it)."""
+
+HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
+"""Arrays that hold two instants, first the present one."""
 
 _ROWS_REMEMBERED = (
     (segment.LAYOUT, "segment_in", ("t_ref", "d_ref", "rim", "commanded_n")),
@@ -70,6 +75,13 @@ def entries() -> dict[str, Any]:
     return {name: cfunc(SIGNATURE, function) for name, function in functions.items()}
 
 
+def _addresses(world: WorldKernel) -> NDArray[np.int64]:
+    """Return the addresses of `worm3d.solver.arrays.KERNELS`."""
+    addresses = {"world": world.address, **{name: kernel.address for name, kernel in kernels().items()}}
+    addresses |= {name: entry.address for name, entry in entries().items()}
+    return np.array([addresses[name] for name in arrays.KERNELS], dtype=np.int64)
+
+
 class Plant:
     """The arrays of one worm on one world, and what fills and reads them.
 
@@ -97,22 +109,28 @@ class Plant:
     ) -> None:
         self.worm, self.world, self.friction, self.gravity = worm, world, friction, gravity
         self._weight = float(np.linalg.norm(gravity if scale is None else scale))
-        self.n, made = worm.segments, kernels()
-        width = max(vectors.WIDTH, *(kernel.width for kernel in made.values()))
+        self.n = worm.segments
+        width = max(vectors.WIDTH, *(kernel.width for kernel in kernels().values()))
         lanes, joint_lanes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1)))
         self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
-        parameters = self.world_kernel.parameters
-        addresses = {"world": self.world_kernel.address, **{name: kernel.address for name, kernel in made.items()}}
-        addresses |= {name: entry.address for name, entry in entries().items()}
-        table = np.array([addresses[name] for name in arrays.KERNELS], dtype=np.int64)
-        self.memory_of_core = CoreMemory(self.n, lanes, joint_lanes, 3 + len(parameters), table)
-        self.core, self.arrays = self.memory_of_core.core, self.memory_of_core.arrays
-        self.arrays["world_in"][3:] = parameters[:, None]
+        world_rows = 3 + len(self.world_kernel.parameters)
+        self._open(CoreMemory(self.n, lanes, joint_lanes, world_rows, _addresses(self.world_kernel)))
         self.arrays["held"][0] = held
         self._fill_numbers()
         self._fill_segments()
         self._fill_joints()
         self._fill_points()
+
+    def _open(self, memory: CoreMemory) -> None:
+        self.memory_of_core, self.core, self.arrays = memory, memory.core, memory.arrays
+        self.arrays["world_in"][3:] = self.world_kernel.parameters[:, None]
+
+    def copy(self) -> Plant:
+        """Return another worm in the very same state, which goes its own way from there."""
+        other = copy.copy(self)
+        other.world_kernel = (self.world or Plane()).kernel()  # it may have working memory, which none can share
+        other._open(self.memory_of_core.copy(_addresses(other.world_kernel)))
+        return other
 
     @property
     def clamped(self) -> bool:
@@ -302,6 +320,14 @@ class Plant:
         self.loads()[:] = load
         force = self.arrays["contact_force"].reshape(3, POINTS, -1)
         force[:, :, : self.n] = load * self._point_row("normal")[:, :, : self.n]
+
+    def halt(self) -> None:
+        """Take all motion from the worm where it is: its loads and anchors stay, nothing is in the ledger."""
+        for name in HISTORIES:
+            rows = self.arrays[name]
+            rows[len(rows) // 2 :] = rows[: len(rows) // 2]
+        for name in ("joint_velocity", "point_velocity", "last", "curve", "terms", "slid"):
+            self.arrays[name][:] = 0.0
 
     def loads(self) -> FloatArray:
         """Return the normal load of each contact point at the end of the last step, not a copy, shape (8, N) [N]."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.actuation import Driver
 from worm3d.metrics import heading
 from worm3d.observation import Observation
-from worm3d.plant import Plant
+from worm3d.plant import HISTORIES, Plant
 from worm3d.result import Energy, Result
 from worm3d.solver.advance import advance, worst_residual
 from worm3d.solver.arrays import COUNTERS, POINTS
@@ -34,9 +34,10 @@ HALVINGS = 6
 CHUNK = 50
 """Steps between two looks at the outside world, where nothing depends on the state."""
 
-_LOG = logging.getLogger(__name__)
+UNSEEN = 1000
+"""And where nobody looks, the commands are known at once, and no forces are asked for."""
 
-_HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
+_LOG = logging.getLogger(__name__)
 
 
 class Run:
@@ -97,6 +98,11 @@ class Run:
         """Return the time after k steps [s]."""
         return (self.first + k) * self.dt + self.offset
 
+    def times(self, first: int, every: int, count: int) -> FloatArray:
+        """Return the times after `first` steps and every so many more, as `time` does [s]."""
+        steps = np.array(self.first + first + every * np.arange(count), dtype=float)
+        return steps * self.dt + self.offset
+
     def _ask_at_start(self) -> None:
         """Take the command at the start as that from which the actuators' ramp begins."""
         if self.driver.controller is None:
@@ -125,22 +131,32 @@ class Run:
 
     def _go(self, observer: Callable[[int], bool] | None) -> Status:
         """Take all steps; return how the run ended."""
+        known = self.driver.tabular and self.external_force is None
+        most = UNSEEN if known and observer is None else CHUNK
         while self.done < self.steps:
-            status = self._chunk()
+            status = self._chunk(most)
             if status is not Status.DONE:
                 return status
             if observer is not None and not observer(self.done) and self.done < self.steps:
                 return Status.INTERRUPTED
         return Status.DONE
 
-    def _chunk(self) -> Status:
-        """Ask for commands and forces and take the steps."""
+    def _chunk(self, most: int = CHUNK) -> Status:
+        """Ask for commands and forces and take the steps, at most so many."""
         controlled = self.driver.controller is not None
         # A chunk ends on a row of the result, unless there are more steps than that between two rows.
-        whole = CHUNK // self.every * self.every or min(CHUNK, self.every - self.done % self.every)
+        whole = most // self.every * self.every or min(most, self.every - self.done % self.every)
         count = 1 if controlled else min(whole, self.steps - self.done)
-        times = [self.time(self.done + k + 1) for k in range(count)]
-        table = self.driver.table(np.array(times))
+        times = self.times(self.done + 1, 1, count)
+        forces: list[FloatArray] = []
+        commands = self.driver.table(times)
+        if commands is None or self.external_force is not None:
+            commands, forces = self._ask(times.tolist(), commands)
+        status = self._advance(np.ascontiguousarray(commands), forces)
+        return Status.BAD_COMMAND if status is Status.DONE and self.complaint else status
+
+    def _ask(self, times: list[float], table: FloatArray | None) -> tuple[FloatArray, list[FloatArray]]:
+        """Ask for forces, and for commands that are in no table, one by one up to the first that is wrong."""
         commands: list[FloatArray] = []
         forces: list[FloatArray] = []
         try:
@@ -150,8 +166,7 @@ class Run:
                 commands.append(self._command(t) if table is None else table[k])
         except Exception as error:
             self.complaint = _complaint(error)
-        status = self._advance(np.array(commands).reshape(-1, 5 * self.n), forces[: len(commands)])
-        return Status.BAD_COMMAND if status is Status.DONE and self.complaint else status
+        return np.array(commands).reshape(-1, 5 * self.n), forces[: len(commands)]
 
     def _command(self, t: float) -> FloatArray:
         """Return the command for a step that ends at t."""
@@ -192,7 +207,7 @@ class Run:
         """Take one step in parts, by implicit Euler; the past is then that of one whole step."""
         arrays = self.plant.arrays
         before = self.plant.memory()
-        past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in _HISTORIES}
+        past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in HISTORIES}
         try:
             status = self._part(command, self.done, 0.5, HALVINGS - 1)
             if status is Status.DONE:
@@ -263,7 +278,7 @@ class Run:
             gravity=self.plant.gravity,
             dt=self.dt,
             period=self.period,
-            time=np.array([self.time(k * self.every) for k in range(rows)]),
+            time=self.times(0, self.every, rows),
             joints=raw["joints"].reshape(rows, n + 1, 3),
             joint_velocity=raw["joint_velocity"].reshape(rows, n + 1, 3),
             points=raw["points"].reshape(rows, n, POINTS, 3),

@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.actuation import Actuation, Driver, Sensor
 from worm3d.friction import Friction
 from worm3d.held import Held, held_mask
-from worm3d.plant import DEEPEST, Plant
+from worm3d.plant import Plant
 from worm3d.result import Result
 from worm3d.run import Force, Run
-from worm3d.solver.arrays import POINTS
-from worm3d.start import OVERLAP, require_clear, require_equilibrium, require_felt, require_shape, settle, settles
+from worm3d.start import place
 from worm3d.state import State
 from worm3d.status import Status
 from worm3d.worlds import ClampedGround, World
@@ -26,8 +25,10 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 Integrator = Literal["bdf2", "implicit_euler"]
-Settling = Callable[[Worm, World, FloatArray, NDArray[np.bool_], State], tuple[State, Status]]
-"""As `worm3d.start.settle`."""
+Placing = Callable[
+    [Worm, World | None, Friction, FloatArray, NDArray[np.bool_], State | None, bool], tuple[Plant, State, Status]
+]
+"""As `worm3d.start.place`."""
 
 
 def simulate(
@@ -80,7 +81,7 @@ def simulate(
         Steps between two rows of the result; a divisor of their number.
     settle_first : bool
         Whether a worm that starts at rest is first brought to equilibrium on its world, under the weight that presses
-        it there. A state with memory never is.
+        it there; on uneven worlds by its friction too, unless that lets it slide away. A state with memory never is.
     observer : callable, optional
         Called with the number of finished steps, every so many (after every step, if the actuation is a controller) and
         whenever it divides by `record_every`, unless rows follow closely; returning False ends the run there.
@@ -136,9 +137,9 @@ def prepare(
     record_every: int,
     *,
     settle_first: bool,
-    settling: Settling = settle,
+    placing: Placing = place,
 ) -> Run:
-    """Check what `simulate` is given, and return the run before its first step; `settling` brings it to rest."""
+    """Check what `simulate` is given, and return the run before its first step; `placing` puts the worm there."""
     _require_kinds(world, ground, external_force)
     weight = _vector(gravity)
     steps = _steps(duration, dt, record_every, integrator)
@@ -147,14 +148,7 @@ def prepare(
     mask = held_mask(held, worm.segments, flat=worm.flat, clamped=clamped)
     if worm.chamber_offset == 0.0 and not mask.reshape(-1, 5)[:, 4].all():
         raise ValueError("chamber_offset: got 0 with bends that are free; hold them (held.bend) or give it a width")
-    start = State.straight(worm, world) if state is None else state
-    require_shape(worm, start)
-    require_felt(worm, world)
-    if settles(world, weight):
-        assert world is not None
-        require_equilibrium(worm, float(np.linalg.norm(world.pressing(weight))))
-    plant = Plant(worm, world, friction, weight, mask)
-    status = _begin(plant, start, settling if settle_first else None)
+    plant, start, status = placing(worm, world, friction, weight, mask, state, settle_first)
     driver = Driver(actuation, worm, sensor)
     period = getattr(actuation, "period", getattr(actuation, "T_wave", None))
     return Run(plant, driver, external_force, dt, integrator == "bdf2", record_every, steps, start, status, period)
@@ -168,24 +162,6 @@ def _require_kinds(world: object, ground: object, external_force: object) -> Non
         raise ValueError(f"ground: got {type(ground).__name__}, must be a worm3d.Friction, or None for the default")
     if not (external_force is None or callable(external_force)):
         raise ValueError(f"external_force: got {type(external_force).__name__}, must be a function of time, or None")
-
-
-def _begin(plant: Plant, start: State, settling: Settling | None) -> Status:
-    """Put the worm into its initial state."""
-    plant.set_pose(start)
-    require_clear(plant, DEEPEST if start.memory else OVERLAP)
-    if start.memory:
-        plant.remember(start.memory)
-        return Status.DONE
-    if settling and not start.moves and settles(plant.world, plant.gravity, bool(start.contraction.any())):
-        assert plant.world is not None
-        held = plant.arrays["held"][0] != 0.0
-        rested, status = settling(plant.worm, plant.world, plant.gravity, held, start)
-        if status is not Status.DONE:
-            return status
-        plant.set_pose(rested)
-        plant.bear(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
-    return Status.DONE
 
 
 def _vector(gravity: ArrayLike) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -12,8 +13,9 @@ from scipy.optimize import minimize_scalar
 
 from worm3d import elements
 from worm3d.friction import RESTING_PENETRATION, Friction
-from worm3d.plant import Plant
+from worm3d.plant import DEEPEST, Plant
 from worm3d.solver.advance import advance
+from worm3d.solver.arrays import POINTS
 from worm3d.solver.guard import OK
 from worm3d.solver.records import record_memory
 from worm3d.state import State, StateError
@@ -22,6 +24,8 @@ from worm3d.worlds import ClampedGround, World
 from worm3d.worm import Worm
 
 FloatArray = NDArray[np.float64]
+Settling = Callable[[Worm, World, FloatArray, NDArray[np.bool_], State], tuple[State, Status]]
+"""As `settle`."""
 
 
 class _Settling(NamedTuple):
@@ -42,6 +46,12 @@ SETTLED = 1e-13
 
 RESTS = 1e-9
 """And that at which it rests well enough where rounding keeps it from coming closer."""
+
+HOLDING_DT, HOLDING_MOST = 0.01, 2000
+"""Time step [s] and steps at most in which a worm comes to rest by the friction of its run."""
+
+SLIDES = 0.03
+"""A worm that moves by this fraction of its length meanwhile is not held: where it slides to is the run's to tell."""
 
 OVERLAP = 10.0 * RESTING_PENETRATION
 """A start with a contact point deeper in the world than this fraction of the segment length is refused."""
@@ -194,8 +204,75 @@ def _settled(
     return plant.state(state.time), Status.DONE if moved < RESTS * worm.length else Status.UNSETTLED
 
 
+def hold(plant: Plant) -> bool:
+    """Let the run's own friction take over the weight of a worm that is at rest, and return whether it holds the worm.
+
+    Steps of implicit Euler until it rests again, with its anchors where they are then; if it does not it is put back.
+    """
+    before, start = plant.memory(), plant.arrays["joints"][:3].copy()
+    records, counters = record_memory(plant.n, 1), np.zeros((0, 3), dtype=np.int64)
+    command, none, holds = plant.arrays["asked"][:1].copy(), np.zeros((0, 3, plant.n + 1)), False
+    for _ in range(HOLDING_MOST):
+        here = plant.arrays["joints"][:3].copy()
+        _, end = advance(plant.core, records.block, counters, command, none, 0, 0, HOLDING_DT, False, False)
+        moved, away = (np.abs(plant.arrays["joints"][:3] - there).max() / plant.worm.length for there in (here, start))
+        holds = end == OK and moved < RESTS and away <= SLIDES
+        if end != OK or away > SLIDES or moved < SETTLED:
+            break
+    if not holds:
+        plant.remember(before)
+    plant.halt()
+    return holds
+
+
 def settles(world: World | None, gravity: FloatArray, contracted: bool = False) -> bool:
     """Return whether a worm can be settled: there is a world, not the clamped one, and what presses it there."""
     if world is None or isinstance(world, ClampedGround):
         return False
     return contracted or bool(np.any(world.pressing(gravity)))
+
+
+def place(
+    worm: Worm,
+    world: World | None,
+    friction: Friction,
+    gravity: FloatArray,
+    held: NDArray[np.bool_],
+    state: State | None,
+    settle_first: bool,
+    settling: Settling = settle,
+) -> tuple[Plant, State, Status]:
+    """Return the worm before its first step, the state it starts from, and DONE or why it cannot start.
+
+    Raises
+    ------
+    LimitPointError, StateError
+        As `worm3d.simulate`.
+    """
+    start = State.straight(worm, world) if state is None else state
+    require_shape(worm, start)
+    require_felt(worm, world)
+    if settles(world, gravity):
+        assert world is not None
+        require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))))
+    plant = Plant(worm, world, friction, gravity, held)
+    return plant, start, _begin(plant, start, held, settling if settle_first else None)
+
+
+def _begin(plant: Plant, start: State, held: NDArray[np.bool_], settling: Settling | None) -> Status:
+    """Put the worm into its initial state."""
+    plant.set_pose(start)
+    require_clear(plant, DEEPEST if start.memory else OVERLAP)
+    if start.memory:
+        plant.remember(start.memory)
+        return Status.DONE
+    if settling and not start.moves and settles(plant.world, plant.gravity, bool(start.contraction.any())):
+        assert plant.world is not None
+        rested, status = settling(plant.worm, plant.world, plant.gravity, held, start)
+        if status is not Status.DONE:
+            return status
+        plant.set_pose(rested)
+        plant.bear(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
+        if getattr(plant.world, "uneven", False):
+            hold(plant)
+    return Status.DONE

@@ -1,6 +1,7 @@
-"""Vector instructions for compiled code, on addresses: what Numba makes of such loops is several times slower.
+"""Pointers and vector instructions for compiled code, on addresses.
 
-Vectors are of eight doubles; LLVM splits them where the processor has shorter ones.
+Numba makes of loops over eight doubles what is several times slower. Vectors are of eight doubles; LLVM splits them
+where the processor has shorter ones.
 """
 
 from __future__ import annotations
@@ -116,6 +117,23 @@ def _type_total(_context: Any, source: Any, count: Any) -> Any:
     return types.float64(types.int64, types.int64), generate
 
 
+def _type_pointer(to: Any) -> Any:
+    def typed(_context: Any, _address: Any) -> Any:
+        def generate(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            return builder.inttoptr(args[0], context.get_value_type(to).as_pointer())
+
+        pointer: Any = types.CPointer
+        return pointer(to)(types.int64), generate
+
+    return typed
+
+
+doubles_at: Any = intrinsic(_type_pointer(types.float64))
+"""(address): the pointer to doubles there, for `numba.carray`."""
+singles_at: Any = intrinsic(_type_pointer(types.float32))
+"""(address): the pointer to numbers of single precision there."""
+integers_at: Any = intrinsic(_type_pointer(types.int64))
+"""(address): the pointer to whole numbers there."""
 transpose: Any = intrinsic(_type_transpose)
 """(to, stride, source, stride): write 8 rows of 8 doubles as columns; addresses, and strides of rows in doubles."""
 add_8: Any = intrinsic(_type_add(1, "fadd"))

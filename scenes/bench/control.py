@@ -1,18 +1,19 @@
 """`worm3d bench control`: scenes with controllers, each with several seeds, by the MPC and by the baselines.
 
-A case is one run. Its figures are kept in a file of its own, with the scene that they are of, so that a study that was
-stopped goes on where it was.
+A case is one run. Its figures are kept in a file of its own, with the scene that they are of and a digest of all else
+that they depend on (`scenes.bench.basis`), so that a study that was stopped goes on where it was.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from scenes.bench.basis import basis
 from scenes.files import write_bytes
 from scenes.loader import Scene, load_scene
 from scenes.report import timing
@@ -24,8 +25,9 @@ BLIND = "open_loop"
 """Looks at nothing: noise does not matter to it, and one seed is enough."""
 
 METRICS = (
-    *("speed_bias_relative", "speed_error_rms_relative", "settling_periods", "heading_error_mean_deg"),
-    *("heading_error_rms_deg", "cross_track_rms_bl", "cross_track_max_bl", "mpc_failures"),
+    *("speed_bias_relative", "speed_error_rms_relative", "speed_bias_settled_relative"),
+    *("speed_error_rms_settled_relative", "settling_periods", "heading_error_mean_deg", "heading_error_rms_deg"),
+    *("cross_track_rms_bl", "cross_track_max_bl", "mpc_failures"),
 )
 TIMES = ("control_step_ms_p50", "control_step_ms_p99", "overruns")
 """Wall-clock figures."""
@@ -125,7 +127,26 @@ QUICK = tuple(Trial(name, name, SHORT) for name in ("path_line", "path_circle"))
 """To try it out: too short to say much."""
 
 
-def study(plan: Plan, folder: Path, watch: Callable[[int], None] = lambda done: None) -> list[Found]:
+@dataclass(frozen=True)
+class Study:
+    """What all cases came to.
+
+    Attributes
+    ----------
+    found : tuple of Found
+    kept : int
+        Cases that were in the folder already.
+    outdated : int
+        Cases in the folder that were run again: their scene, a program or the identified map has changed since, or
+        their file cannot be read.
+    """
+
+    found: tuple[Found, ...]
+    kept: int
+    outdated: int
+
+
+def study(plan: Plan, folder: Path, watch: Callable[[int], None] = lambda done: None) -> Study:
     """Run all cases that are not in the folder yet; `watch` is called with the number of those that are done.
 
     Raises
@@ -133,31 +154,34 @@ def study(plan: Plan, folder: Path, watch: Callable[[int], None] = lambda done: 
     SceneError
         A scene is wrong, or the disc refused a file.
     """
-    found = []
+    found, kept, outdated = [], 0, 0
     for done, case in enumerate(plan.cases(), start=1):
-        found.append(_kept(case, folder) or _measured(case, folder))
+        scene, there = case.load(), _file(case, folder).exists()
+        earlier = _kept(case, scene, folder)
+        kept += earlier is not None
+        outdated += earlier is None and there
+        found.append(earlier or _measured(case, scene, folder))
         watch(done)
-    return found
+    return Study(tuple(found), kept, outdated)
 
 
-def _measured(case: Case, folder: Path) -> Found:
+def _measured(case: Case, scene: Scene, folder: Path) -> Found:
     """Run a case and keep what it came to."""
-    scene = case.load()
     record = simulate(scene)
     seen: dict[str, Any] = {**record.summary.figures, **timing(record)}
     figures = {name: seen.get(name) for name in (*METRICS, *TIMES)}
     figures["control_period_ms"] = 1e3 * scene.settings.controller.period_s  # type: ignore[attr-defined]
     found = Found(case.trial.name, case.controller, case.seed, record.status, figures)
-    content = json.dumps(without_nan({"scene": scene.to_toml(), **asdict(found)}), indent=1, allow_nan=False)
-    write_bytes(_file(case, folder), f"{content}\n".encode())
+    content = without_nan({"scene": scene.to_toml(), "basis": basis(scene), **asdict(found)})
+    write_bytes(_file(case, folder), f"{json.dumps(content, indent=1, allow_nan=False)}\n".encode())
     return found
 
 
-def _kept(case: Case, folder: Path) -> Found | None:
-    """Return what an earlier study found of the very same scene."""
+def _kept(case: Case, scene: Scene, folder: Path) -> Found | None:
+    """Return what an earlier study found of the very same scene by the very same programs."""
     with suppress(OSError, ValueError, TypeError, KeyError):
         content = json.loads(_file(case, folder).read_text("utf-8"))
-        if content.pop("scene") == case.load().to_toml():
+        if content.pop("scene") == scene.to_toml() and content.pop("basis") == basis(scene):
             return Found(**content)
     return None
 
@@ -187,7 +211,7 @@ class Row:
     figures: dict[str, Value]
 
 
-def rows(found: list[Found]) -> Iterator[Row]:
+def rows(found: Sequence[Found]) -> Iterator[Row]:
     """Yield the worst of each trial and controller, in their order."""
     for trial, controller in dict.fromkeys((each.trial, each.controller) for each in found):
         of = [each for each in found if (each.trial, each.controller) == (trial, controller)]

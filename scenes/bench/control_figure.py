@@ -1,4 +1,7 @@
-"""The figure of `worm3d bench control`: how well each controller did in each scene, every seed a point."""
+"""The figure of `worm3d bench control`: how well each controller did in each scene, every seed a point.
+
+The scales are logarithmic and go down to a true zero: a point on the left edge is a zero, no point is no value.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from scenes.bench.control import CONTROLLERS, Found
 
@@ -17,8 +21,13 @@ PANELS = (
     ("control_step_ms_p99", 1.0, "control step, 99th percentile [ms]"),
 )
 COLOURS = dict(zip(CONTROLLERS, ("#1f5a94", "#d9793a", "#a0a0a0"), strict=True))
-LEAST = {"cross_track_rms_bl": 1e-4, "heading_error_rms_deg": 1e-2, "speed_error_rms_relative": 1e-3}
-"""What is less lies at the edge of the logarithmic picture."""
+LEAST = {
+    "speed_error_rms_relative": 0.1,
+    "cross_track_rms_bl": 1e-3,
+    "heading_error_rms_deg": 0.1,
+    "control_step_ms_p99": 0.1,
+}
+"""Where the logarithmic scale of a panel begins; below it is linear and goes down to zero."""
 
 
 def draw(found: Sequence[Found]) -> Figure:
@@ -29,8 +38,9 @@ def draw(found: Sequence[Found]) -> Figure:
         _panel(axes, found, trials, *panel)
     figure.axes[0].set_yticks(range(len(trials)), trials)
     figure.axes[0].set_ylim(len(trials) - 0.4, -0.6)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), fontsize=9)
+    there = [name for name in CONTROLLERS if name in {each.controller for each in found}]
+    handles = [Patch(color=COLOURS[name], alpha=0.6, label=name) for name in there]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=9)
     return figure
 
 
@@ -42,11 +52,11 @@ def _panel(axes: Axes, found: Sequence[Found], trials: list[str], name: str, sca
             values = _values(found, trial, controller, name)
             if len(values) == 0:
                 continue
-            seen = scale * np.maximum(np.abs(values), LEAST.get(name, 0.0))
-            title = controller if place == 0 else None
-            axes.barh(place + aside, seen.max(), height, color=COLOURS[controller], alpha=0.6, label=title)
-            axes.plot(seen, np.full(len(seen), place + aside), ".", color="black", ms=2.5)
-    axes.set_xscale("log")
+            seen = scale * np.abs(values)
+            axes.barh(place + aside, seen.max(), height, color=COLOURS[controller], alpha=0.6)
+            axes.plot(seen, np.full(len(seen), place + aside), ".", color="black", ms=2.5, clip_on=False)
+    axes.set_xscale("symlog", linthresh=LEAST[name], linscale=0.4)
+    axes.set_xlim(left=0.0)
     axes.set_xlabel(label, fontsize=9)
     axes.grid(True, axis="x", alpha=0.3)
 

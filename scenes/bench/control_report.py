@@ -7,24 +7,42 @@ import io
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from scenes.bench.control import METRICS, TIMES, Found, Row, Value
-from scenes.bench.control_bars import Verdict, verdicts
+from control.metrics import SETTLED_METRICS, SPEED_METRICS
+from scenes.bench.control import BLIND, METRICS, TIMES, Found, Row, Value
+from scenes.bench.control_bars import MPC, RIVAL, Verdict, verdicts
 from scenes.bench.tables import Cells, aligned, markdown_table
 
 HEADER = (
-    *("scene", "controller", "seeds", "speed bias [%]", "speed rms [%]", "settling [periods]", "heading mean [deg]"),
-    *("heading rms [deg]", "offset rms [BL]", "offset max [BL]", "MPC failures", "step p50 [ms]", "step p99 [ms]"),
-    "overruns",
+    *("scene", "controller", "seeds", "speed bias [%]", "speed rms [%]", "settled bias [%]", "settled rms [%]"),
+    *("settling [periods]", "heading mean [deg]", "heading rms [deg]", "offset rms [BL]", "offset max [BL]"),
+    *("MPC failures [steps]", "step p50 [ms]", "step p99 [ms]", "overruns [steps]"),
 )
-SCALES = {"speed_bias_relative": 100.0, "speed_error_rms_relative": 100.0}
+SCALES = dict.fromkeys((*SPEED_METRICS, *SETTLED_METRICS), 100.0)
+UNITS = {
+    **dict.fromkeys(SCALES, "%"),
+    **dict.fromkeys(("heading_error_mean_deg", "heading_error_rms_deg"), "deg"),
+    **dict.fromkeys(("cross_track_rms_bl", "cross_track_max_bl"), "BL"),
+    "settling_periods": "periods",
+    "control_step_ms_p99": "ms",
+}
 FORMS = {"cross_track_rms_bl": ".4f", "cross_track_max_bl": ".4f", "mpc_failures": ".0f", "overruns": ".0f"}
 
 SAYS = (
     "The worst of all seeds, on the full 3D plant, without a sensor of the heading unless the scene has one. All is "
-    "averaged over a moving window of one commanded period; the first three periods, and three after each step of the "
-    "speed, are left out. BL: body lengths. A control step is all that a controller computes in a control period, its "
-    "estimates included. open_loop looks at nothing, so one seed is enough."
+    "averaged over a moving window of one commanded period; the first three periods are left out, and from the settled "
+    "bias and rms of the speed also three after each of its steps. BL: body lengths. A control step is all that a "
+    "controller computes in a control period, its estimates included. open_loop looks at nothing: one seed is enough."
 )
+SHORT = ("cross_track_rms_bl", "heading_error_rms_deg", "speed_error_rms_relative")
+"""What a trial is about: the first of these that its MPC has, but of those of the velocity the last."""
+TITLES = {
+    "cross_track_rms_bl": "offset from the path, rms",
+    "heading_error_rms_deg": "heading error, rms",
+    "speed_error_rms_relative": "speed error, rms",
+}
+TOLD = {MPC: "MPC", RIVAL: "line-of-sight", BLIND: "open loop"}
+NO_VERDICTS = "These runs are too short to be held to any bar."
+VERDICTS = ("scene", "what", "found", "at most", "")
 
 
 def as_csv(found: Sequence[Found]) -> str:
@@ -38,40 +56,53 @@ def as_csv(found: Sequence[Found]) -> str:
     return text.getvalue()
 
 
-def markdown(rows: Sequence[Row], machine: dict[str, Any], picture: str) -> str:
-    """Return the report; `picture` is the file beside it, which it shows."""
+def markdown(rows: Sequence[Row], machine: dict[str, Any], picture: str, *, judged: bool = True) -> str:
+    """Return the report; `picture` is the file beside it, which it shows; bars are left out unless `judged`."""
+    bars = markdown_table(VERDICTS, map(_verdict_cells, verdicts(rows))) if judged else (NO_VERDICTS,)
     lines = (
         *("# How well worms keep to their references", "", SAYS, "", f"![the worst of the seeds]({picture})", ""),
         *markdown_table(HEADER, map(_cells, rows)),
-        *("", "## What the MPC is held to", ""),
-        *markdown_table(("scene", "what", "found", "at most", ""), map(_verdict_cells, verdicts(rows))),
+        *("", "## In short", "", *markdown_table(("scene", "what", *TOLD.values()), _short(rows))),
+        *("", "## What the MPC is held to", "", *bars),
         *("", f"{machine['cpu']}, {machine['system']}, {machine['date']}, one core."),
     )
     return "\n".join(lines) + "\n"
 
 
-def terminal_lines(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield the lines to print."""
+def terminal_lines(rows: Sequence[Row], *, judged: bool = True) -> Iterator[str]:
+    """Yield the lines to print; bars are left out unless `judged`."""
     yield from aligned(HEADER, map(_cells, rows))
     yield ""
-    yield from aligned(("scene", "what", "found", "at most", ""), map(_verdict_cells, verdicts(rows)))
+    yield from aligned(VERDICTS, map(_verdict_cells, verdicts(rows))) if judged else (NO_VERDICTS,)
+
+
+def _short(rows: Sequence[Row]) -> Iterator[Cells]:
+    """Yield one figure of each trial, of every controller."""
+    of = {(row.trial, row.controller): row.figures for row in rows}
+    for trial in dict.fromkeys(row.trial for row in rows):
+        mine = of.get((trial, MPC), {})
+        places = () if trial.startswith("velocity") else SHORT
+        name = next((name for name in places if mine.get(name) is not None), SHORT[-1])
+        yield trial, TITLES[name], *(_with_unit(name, of.get((trial, kind), {}).get(name)) for kind in TOLD)
 
 
 def _cells(row: Row) -> Cells:
     failed = f" ({row.failed} failed)" if row.failed else ""
     values = (_number(name, row.figures[name]) for name in (*METRICS, *TIMES))
-    bias, rms, settling, *rest = values
-    return (row.trial, row.controller, f"{row.seeds}{failed}", bias, rms, settling, *rest)
+    return (row.trial, row.controller, f"{row.seeds}{failed}", *values)
 
 
 def _number(name: str, value: Value) -> str:
     return "-" if value is None else f"{SCALES.get(name, 1.0) * value:{FORMS.get(name, '.2f')}}"
 
 
+def _with_unit(name: str, value: Value) -> str:
+    return "-" if value is None else f"{_number(name, value)} {UNITS[name]}"
+
+
 def _verdict_cells(verdict: Verdict) -> Cells:
-    numbers = ("-" if value is None else f"{value:.4g}" for value in (verdict.found, verdict.most))
-    word = {True: "kept", False: "NOT KEPT", None: "not run"}[verdict.kept]
-    return (verdict.trial, verdict.says, *numbers, word)
+    numbers = (_with_unit(verdict.figure, value) for value in (verdict.found, verdict.most))
+    return (verdict.trial, verdict.says, *numbers, verdict.word)
 
 
 def _cell(value: Value) -> str:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from worm3d import vectors
 from worm3d.banded import lu_factor, lu_solve
+from worm3d.codegen import evaluate as run
 from worm3d.compiled import njit
 from worm3d.solver import arrays as a
 from worm3d.solver import ledger, regimes
@@ -98,3 +99,10 @@ def record_loop(core: Core, records: Block, times: int) -> None:
     for _ in range(times):
         reset(core)
         record(core, records, 1)
+
+
+@njit
+def kernel_loop(address: int, inputs: FloatArray, outputs: FloatArray, count: int, times: int) -> None:
+    """Run one kernel."""
+    for _ in range(times):
+        run(address, inputs, outputs, count)

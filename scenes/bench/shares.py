@@ -135,11 +135,11 @@ def measure_shares(segments: int, duration: float) -> Shares:
         whole = min(whole, us_per_step(crawl(segments, duration)))
         for name, loop in timed.items():
             us[name] = min(us[name], bed.us(loop))
-    parts = _parts(us, counts)
+    parts = parts_of_step(us, counts)
     return Shares(segments, whole, {**parts, "other": whole - sum(parts.values())})
 
 
-def _parts(us: Mapping[str, float], counts: Counts) -> dict[str, float]:
+def parts_of_step(us: Mapping[str, float], counts: Counts) -> dict[str, float]:
     """Return the time of each part in a step [µs]: every solve begins with the joints' part of the Jacobian."""
     iterations, whole = counts.jacobians + counts.residuals, min(counts.solves, counts.jacobians)
     kept = counts.jacobians - whole

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import typer
@@ -22,12 +23,27 @@ from scenes.identify.phases import Phases
 from scenes.identify.study import Curve
 from scenes.kinds.worm_build import friction_of, worm_of
 from scenes.kinds.worm_schema import SpatialScene
-from scenes.loader import Scene
+from scenes.loader import Scene, find_scene, load_scene, read_text
 from scenes.progress import progress
 from scenes.summary import without_nan
+from scenes.toml_syntax import parse
 
+WORM_CONTROL = "worm_control"
+"""Model of the scenes with a controller."""
 CONTENT, TABLES, PICTURE = "identified.json", "steering.md", "steering.png"
 Measured = tuple[Identified, tuple[Curve, ...], tuple[Phases, ...]]
+
+
+def load(name: str, overrides: Sequence[str]) -> Scene:
+    """Return the scene of a worm that nobody has identified yet, which a controller's own map would ask for.
+
+    Raises
+    ------
+    SceneError
+        With one line for each mistake.
+    """
+    controlled = parse(read_text(find_scene(name))).get("model") == WORM_CONTROL
+    return load_scene(name, (*overrides, "controller.map=default") if controlled else overrides)
 
 
 def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:

@@ -90,15 +90,11 @@ UNITS = {
 }
 
 
-NEVER = "turns the other way, or not, from the start"
-
-
 def _row(curve: Curve) -> str:
     kept, last = curve.speed_kept, curve.useful[-1]
     share = "not reached" if kept is None else f"{100.0 * kept:.0f} %"
-    end = (
-        f"{last.turn_deg:.1f}° | {last.steering:g} | {last.roll_deg:.0f}°" if len(curve.useful) > 1 else f"{NEVER} | |"
-    )
+    grows = len(curve.useful) > 1
+    end = f"{last.turn_deg:.1f}° | {last.steering:g} | {last.roll_deg:.0f}°" if grows else f"{_astray(curve)} | |"
     return f"| {curve.mechanism} | {curve.name} | {share} | {end} |"
 
 
@@ -106,8 +102,23 @@ def _line(curve: Curve) -> str:
     kept, last = curve.speed_kept, curve.useful[-1]
     name = f"{curve.mechanism}, {curve.name}"
     if len(curve.useful) == 1:
-        return f"{name}: {NEVER}"
+        return f"{name}: {_astray(curve)}"
     reached = f"less than {GOAL_DEG:g}°" if kept is None else f"{GOAL_DEG:g}° at {100.0 * kept:.0f} % of the speed"
     return (
         f"{name}: {reached}; grows up to {last.turn_deg:.1f}° a wave at {last.steering:g} (roll {last.roll_deg:.0f}°)"
+    )
+
+
+def _astray(curve: Curve) -> str:
+    """Return where a schedule turns that does not turn to the left from the start."""
+    steered = curve.standing[1:]
+    if not steered:
+        return "the worm tips over from the start"
+    least, most = (choose(steered, key=lambda point: point.turn_deg) for choose in (min, max))
+    if most.turn_deg <= 0.0:
+        return f"turns the other way, by up to {-least.turn_deg:.1f}° a wave at {least.steering:g}"
+    wrong = max((point.steering for point in steered if point.turn_deg <= 0.0), default=0.0)
+    return (
+        f"turns the other way, or not, up to {wrong:g}; then to the left, by up to {most.turn_deg:.1f}° a wave at "
+        f"{most.steering:g} (roll {most.roll_deg:.0f}°)"
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,11 @@ class Curve:
     mechanism: Mechanism
     name: str
     points: tuple[Point, ...]
+
+    @property
+    def standing(self) -> tuple[Point, ...]:
+        """The points from no steering on as long as the worm stands on its feet."""
+        return tuple(takewhile(lambda point: not point.tipped, self.points))
 
     @property
     def useful(self) -> tuple[Point, ...]:

@@ -30,8 +30,9 @@ WaveDriver = Supervisor | WaveController
 """Controllers of scenes: each has `generator`, `decisions`, `control_period` and `period`."""
 
 NOT_IDENTIFIED = (
-    "has not been identified on this friction, so that no controller knows what its wave does: run 'worm3d identify "
-    "SCENE -o controller.map=default' once (some minutes), or keep controller.map = \"default\", the default worm's map"
+    "has not been identified on this friction, so that no controller knows what its wave does: identify it once by "
+    "'worm3d identify SCENE' with the same options -o (some minutes), or take the default worm's map by "
+    "-o controller.map=default"
 )
 
 

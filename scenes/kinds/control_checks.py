@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -35,13 +36,18 @@ def _scene(names: Sequence[str], sections: Sequence[Mapping[str, Any]]) -> Contr
     return ControlScene.model_validate({"model": "worm_control", **dict(zip(names, sections, strict=True))})
 
 
-def _steps_in_turn(steps: Sequence[Mapping[str, Any]], duration_s: float) -> str | None:
+def _steps_in_turn(steps: Sequence[Mapping[str, Any]], duration_s: float, *, key: str) -> Found:
     times = [step["at_s"] for step in steps]
     if any(later <= sooner for sooner, later in pairwise(times)):
         return f"got steps at {', '.join(f'{t:g}' for t in times)} s: each must be later than the one before"
-    if times and times[-1] >= duration_s:
-        return f"got a step at {times[-1]:g} s: must be before the end of the run (run.duration_s = {duration_s:g} s)"
-    return None
+    if not times or times[-1] < duration_s:
+        return None
+    last = f"{times[-1]:g} s"
+    mend = f"let the run last longer, or leave out steps ({key} = [] leaves out all)"
+    return {
+        key: f"got a step at {last}: must be before the end of the run (run.duration_s = {duration_s:g} s); {mend}",
+        "run.duration_s": f"got {duration_s:g} s: must be more than {last}, when the last of {key} comes; {mend}",
+    }
 
 
 def _steps_or_a_sine(speed_steps: Sequence[Any], speed_sine_m_s: float) -> Found:
@@ -70,13 +76,14 @@ def _decides_no_more_than_once_a_step(period_s: float, dt_s: float) -> Found:
     }
 
 
+STEPS = ("reference.speed_steps", "reference.heading_steps")
 CONTROL_CHECKS = (
     *WORLD_CHECKS,
     *SPATIAL_CHECKS,
     *kind_checks(Reference, "reference"),
     *kind_checks(Controller, "controller"),
     Check(("controller.period_s", "run.dt_s"), _decides_no_more_than_once_a_step),
-    *(Check((f"reference.{key}", "run.duration_s"), _steps_in_turn) for key in ("speed_steps", "heading_steps")),
+    *(Check((key, "run.duration_s"), partial(_steps_in_turn, key=key)) for key in STEPS),
     Check(("reference.speed_steps", "reference.speed_sine_m_s"), _steps_or_a_sine),
     Check(("reference.speed_sine_m_s", "reference.speed_m_s"), _never_backwards),
     Check(("reference", "world", "worm", "start", "run"), _there_is_such_a_path),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
@@ -12,7 +13,9 @@ from scenes.kinds.control_schema import ControlScene
 from scenes.record import Record
 
 if TYPE_CHECKING:
+    from control.decision import Decision
     from control.paths import Path
+    from worm3d.live import Horizon
 
 FloatArray = NDArray[np.float64]
 
@@ -66,13 +69,28 @@ def _horizons(record: Record) -> FloatArray:
     return np.where(np.isfinite(at), at, here)
 
 
+def horizon_of(decisions: Callable[[], Sequence[Decision]], scene: ControlScene) -> Horizon:
+    """Return what shows, while a run goes on, the way that the latest decision predicted, if it predicted one."""
+
+    def horizon(time: float, com: FloatArray) -> FloatArray | None:
+        latest = next((each for each in reversed(decisions()) if each.time <= time + 1e-9), None)
+        way = None if latest is None else latest.horizon
+        return None if way is None or not np.isfinite(way).all() else _in_space(way, float(com[2]), scene)
+
+    return horizon
+
+
 def _raised(places: FloatArray, record: Record, scene: ControlScene) -> FloatArray:
+    return _in_space(places, float(record["com"][:, 2].mean()), scene)
+
+
+def _in_space(places: FloatArray, height: float, scene: ControlScene) -> FloatArray:
     """Return places (..., 2) in space: a little above a plane, or at the height of the worm's centre of mass."""
     world = scene.world
     if world.kind != "plane":
-        height = np.full(places.shape[:-1], float(record["com"][:, 2].mean()))
+        heights = np.full(places.shape[:-1], height)
     else:
         azimuth = math.radians(world.heading_deg)
         ascent = places @ np.array([math.cos(azimuth), math.sin(azimuth)])
-        height = ABOVE + math.tan(math.radians(world.slope_deg)) * ascent
-    return np.concatenate([places, height[..., None]], axis=-1)
+        heights = ABOVE + math.tan(math.radians(world.slope_deg)) * ascent
+    return np.concatenate([places, heights[..., None]], axis=-1)

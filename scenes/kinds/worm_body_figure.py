@@ -41,7 +41,7 @@ DEEP = -1e3
 
 
 def body(record: Record) -> tuple[Figure, Axes]:
-    """Draw the worm at a few instants, coloured by the contraction of its chambers.
+    """Draw the worm at a few instants, coloured by the contraction that the actuators give (not by its strain).
 
     From the side and from above, one instant below the other; one that climbs steeply from the side alone, one instant
     beside the other.
@@ -65,7 +65,7 @@ def body(record: Record) -> tuple[Figure, Axes]:
     figure.suptitle(record.title, fontsize=10, y=1.0 - 0.08 / figure.get_figheight(), va="top")
     times = [f"{time:.2f} s" for time in record["time"][rows]]
     (_label_tall if climbs else _label)(grid, times)
-    figure.colorbar(shapes, cax=bar).set_label("contraction of the chamber", fontsize=8)
+    figure.colorbar(shapes, cax=bar).set_label("contraction given\nby the actuators", fontsize=8)
     return figure, grid[-1][0]
 
 

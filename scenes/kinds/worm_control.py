@@ -15,7 +15,7 @@ from control.measurement import Measurement
 from control.metrics import measured
 from control.references import Reference
 from control.supervisor import Supervisor
-from scenes.kinds import worm, worm_view
+from scenes.kinds import control_view, worm, worm_view
 from scenes.kinds.base import Kind, Observer, Outcome, Watch
 from scenes.kinds.control_build import WaveDriver, controller_of, reference_of, sensors_of
 from scenes.kinds.control_checks import CONTROL_CHECKS
@@ -81,17 +81,18 @@ class Phased:
 
 def run(scene: ControlScene, observer: Observer) -> Outcome:
     """Simulate a scene."""
-    return _run(scene, observer)
+    return _run(scene, observer, Phased(controller_of(scene)))
 
 
 def watch(scene: ControlScene, observer: Observer, how: Watch) -> Outcome:
     """Simulate a scene in a live view, in whose browser it is seen as it goes on."""
-    with worm3d.Live(speed=how.speed, began=how.began) as live:
-        return _run(scene, observer, live)
-
-
-def _run(scene: ControlScene, observer: Observer, live: worm3d.Live | None = None) -> Outcome:
     driver = Phased(controller_of(scene))
+    horizon = control_view.horizon_of(lambda: driver.controller.decisions, scene)
+    with worm3d.Live(speed=how.speed, began=how.began, horizon=horizon) as live:
+        return _run(scene, observer, driver, live)
+
+
+def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.Live | None = None) -> Outcome:
     result = worm.simulated(scene, observer, live=live, drive=(driver, sensors_of(scene)))
     waves = driver.at_rows(len(result.time), scene.run.record_every)
     return _with_control(worm.outcome(result), result, driver.controller, waves, reference_of(scene))

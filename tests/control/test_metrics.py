@@ -76,6 +76,45 @@ def test_the_first_three_periods_are_left_out() -> None:
     assert found["speed_error_rms_relative"] == pytest.approx(0.0, abs=1e-9)
 
 
+def test_windows_after_a_step_count_but_not_for_the_settled_figures() -> None:
+    """The worm goes on at 0.05 m/s for two periods after a step to 0.08 m/s, and then keeps to that."""
+    step, late = 10.005, 10.0 + 2.0 * PERIOD  # between two rows: a window never has a part of it
+    place = np.column_stack([np.where(late > TIME, 0.05 * TIME, 0.05 * late + 0.08 * (TIME - late)), 0.0 * TIME])
+    reference = Reference(Steps(0.05, (step,), (0.08,)), path=Line())
+    tracked, found = tracking(motion(place), reference), figures(motion(place), reference)
+    assert found["speed_bias_settled_relative"] == pytest.approx(0.0, abs=1e-9)
+    assert found["speed_error_rms_settled_relative"] == pytest.approx(0.0, abs=1e-9)
+    lost = -0.03 * (late - step)  # [m], of all windows together
+    wanted = 0.01 * tracked.wanted_speed[tracked.counted].sum()
+    assert found["speed_bias_relative"] == pytest.approx(lost / wanted, rel=1e-3)
+    assert found["speed_error_rms_relative"] > 0.1
+    after = (tracked.time > step) & (tracked.time < step + 4.0 * PERIOD)
+    np.testing.assert_array_equal(tracked.counted & ~tracked.settled, after)
+
+
+def test_without_a_step_the_settled_figures_are_the_same() -> None:
+    found = figures(motion(along_x(0.082)), Reference(Constant(0.08), path=Line()))
+    assert found["speed_bias_settled_relative"] == found["speed_bias_relative"]
+    assert found["speed_error_rms_settled_relative"] == found["speed_error_rms_relative"]
+
+
+def test_steps_that_come_too_fast_leave_no_settled_figures() -> None:
+    times = tuple(float(t) for t in range(1, 30, 3))
+    reference = Reference(Steps(0.05, times, (0.05, 0.06) * 5), path=Line())
+    found, reasons = summary(tracking(motion(along_x(0.05)), reference), reference, 1.0)
+    assert found["speed_bias_relative"] is not None
+    assert found["speed_bias_settled_relative"] is None
+    assert "no window lies beyond the 3 periods after each step" in reasons["speed_bias_settled_relative"]
+
+
+def test_the_phase_at_the_beginning_does_not_matter() -> None:
+    place, reference = along_x(0.082, rocking=0.02), Reference(Steps(0.08, (15.0,), (0.09,)), path=Line())
+    made = motion(place)
+    later = Motion(made.time, made.com, made.heading, made.waves + 0.75)
+    assert tracking(made, reference).counted.sum() == tracking(later, reference).counted.sum()
+    assert tracking(made, reference).settled.sum() == tracking(later, reference).settled.sum()
+
+
 def test_a_reference_that_changes_slowly_is_averaged_like_the_worm() -> None:
     place = np.column_stack([0.06 * TIME - 0.02 * 10 / (2 * np.pi) * (np.cos(2 * np.pi * TIME / 10) - 1), 0 * TIME])
     found = figures(motion(place), Reference(Sine(0.06, 0.02, 10.0)))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from scenes.bench import control, control_bars, control_figure, control_report
+from scenes.bench import basis, control, control_bars, control_command, control_figure, control_report
 from scenes.bench.control import FULL, QUICK, SCENES, Found, Plan, Row, Trial
 from scenes.kinds.worm_control import KIND
 from scenes.loader import load_scene, shipped_scenes
@@ -36,11 +36,13 @@ def test_the_cases_are_all_seeds_but_of_the_blind_controller() -> None:
 
 
 def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It runs again what is broken, of another scene, or by other programs; the rest it keeps."""
     (tmp_path / "cases").mkdir()
     seen: list[int] = []
     first = control.study(TINY, tmp_path, seen.append)
     assert seen == [1, 2, 3]
-    assert [each.status for each in first] == ["done"] * 3
+    assert (first.kept, first.outdated) == (0, 0)
+    assert [each.status for each in first.found] == ["done"] * 3
     (tmp_path / "cases" / "tiny-pi_los-1.json").write_text("cut sh")
     changed = json.loads((tmp_path / "cases" / "tiny-open_loop-0.json").read_text())
     changed["scene"] += "# an older one"
@@ -55,10 +57,44 @@ def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(control, "simulate", counted)
     again = control.study(TINY, tmp_path)
     assert ran == ["pi_los", "open_loop"]
-    for one, other in zip(first, again, strict=True):
+    assert (again.kept, again.outdated) == (1, 2)
+    for one, other in zip(first.found, again.found, strict=True):
         assert {name: one.figures[name] for name in control.METRICS} == {
             name: other.figures[name] for name in control.METRICS
         }
+
+
+def test_what_other_programs_found_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cases").mkdir()
+    plan = replace(TINY, controllers=("open_loop",))
+    control.study(plan, tmp_path)
+    assert (control.study(plan, tmp_path).kept, control.study(plan, tmp_path).outdated) == (1, 0)
+    monkeypatch.setattr(basis, "versions", lambda: {"numpy": "0.1"})
+    assert (control.study(plan, tmp_path).kept, control.study(plan, tmp_path).kept) == (0, 1)
+
+
+def test_sources_and_the_identified_map_are_what_a_case_depends_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = load_scene("path_line")
+    now = basis.basis(scene)
+    assert basis.basis(load_scene("path_line", ["seed=3"])) == now
+    with monkeypatch.context() as patch:
+        patch.setattr(basis, "identified_of", lambda settings: None)
+        assert basis.basis(scene) != now
+    package = tmp_path / "package"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "one.py").write_text("x = 1")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(basis, "PACKAGES", ("package",))
+    digests = []
+    for text in ("x = 1", "x = 2", "x = 1"):
+        (package / "one.py").write_text(text)
+        basis.sources.cache_clear()
+        digests.append(basis.basis(scene))
+    basis.sources.cache_clear()
+    assert digests[0] == digests[2] != digests[1]
 
 
 def test_the_worst_seed_counts_by_its_magnitude() -> None:
@@ -86,12 +122,12 @@ def test_bars_are_kept_or_not() -> None:
             ]
         )
     )
-    assert verdict(rows, "path_line", "rms offset from the line").kept is True
-    assert verdict(rows, "path_line", "below that of line-of-sight").kept is False
-    assert verdict(rows, "path_line", "bias of the speed").kept is False
+    assert verdict(rows, "path_line", "rms offset from the line").word == "kept"
+    assert verdict(rows, "path_line", "below that of line-of-sight").word == "NOT KEPT"
+    assert verdict(rows, "path_line", "bias of the speed").word == "NOT KEPT"
     assert verdict(rows, "path_line", "control steps").most == pytest.approx(20.0)
-    assert verdict(rows, "path_line", "control steps").kept is False
-    assert verdict(rows, "path_circle", "rms offset from the circle").kept is None
+    assert verdict(rows, "path_line", "control steps").word == "NOT KEPT"
+    assert verdict(rows, "path_circle", "rms offset from the circle").word == "not run"
 
 
 def test_what_never_settles_and_what_does_not_reach_its_end_keeps_no_bar() -> None:
@@ -99,21 +135,49 @@ def test_what_never_settles_and_what_does_not_reach_its_end_keeps_no_bar() -> No
     unsettled = found("velocity_step", "mpc", 0, settling_periods=None)
     stopped = replace(found("path_line", "mpc", 0, cross_track_rms_bl=0.001), status="diverged")
     rows = list(control.rows([unsettled, stopped]))
-    assert verdict(rows, "velocity_step", "settled").kept is False
-    assert verdict(rows, "path_line", "rms offset from the line").kept is False
+    assert verdict(rows, "velocity_step", "settled").word == "NOT KEPT"
+    assert verdict(rows, "path_line", "rms offset from the line").word == "NOT KEPT"
+
+
+def test_trials_without_a_bar_say_so_with_their_figures() -> None:
+    runs = [found("heading_hold", "mpc", 0, heading_error_rms_deg=2.345, speed_bias_relative=0.01)]
+    lines = [" ".join(line.split()) for line in control_report.terminal_lines(list(control.rows(runs)))]
+    assert "heading_hold rms error of the heading 2.35 deg - no bar" in lines
+    assert "heading_hold bias of the speed 1.00 % - no bar" in lines
+    assert not any("heading_hold" in line and "offset" in line for line in lines)
 
 
 def test_the_report_has_every_row_and_every_run() -> None:
-    runs = [found("path_line", name, seed, speed_bias_relative=0.0123) for name in ("mpc", "pi_los") for seed in (0, 1)]
+    runs = [
+        found("path_line", name, seed, speed_bias_relative=0.0123, speed_bias_settled_relative=0.0456)
+        for name in ("mpc", "pi_los")
+        for seed in (0, 1)
+    ]
     rows = list(control.rows(runs))
-    text = control_report.markdown(rows, {"cpu": "a processor", "system": "Linux", "date": "today"}, "control.png")
-    assert "| path_line | mpc | 2 | 1.23 |" in text
+    machine = {"cpu": "a processor", "system": "Linux", "date": "today"}
+    text = control_report.markdown(rows, machine, "control.png")
+    assert "| path_line | mpc | 2 | 1.23 | - | 4.56 |" in text
     assert "![the worst of the seeds](control.png)" in text
+    assert "| path_line | bias of the speed | 1.23 % | 2.00 % | kept |" in text
+    assert "kept" not in control_report.markdown(rows, machine, "control.png", judged=False).replace("kept to", "")
     table = list(csv.DictReader(control_report.as_csv(runs).splitlines()))
     assert len(table) == 4
     assert float(table[0]["speed_bias_relative"]) == 0.0123
     assert table[0]["settling_periods"] == ""
-    assert any("NOT KEPT" in line or "kept" in line for line in control_report.terminal_lines(rows))
+
+
+def test_in_short_each_trial_has_its_own_figure() -> None:
+    runs = [
+        found("path_line", "mpc", 0, cross_track_rms_bl=0.004, heading_error_rms_deg=1.0),
+        found("path_line", "pi_los", 0, cross_track_rms_bl=0.01234),
+        found("heading_hold", "mpc", 0, heading_error_rms_deg=2.0, speed_error_rms_relative=0.01),
+        found("heading_hold", "open_loop", 0, heading_error_rms_deg=20.0),
+        found("velocity_sine", "mpc", 0, speed_error_rms_relative=0.05, cross_track_rms_bl=0.001),
+    ]
+    text = control_report.markdown(list(control.rows(runs)), {"cpu": "", "system": "", "date": ""}, "control.png")
+    assert "| path_line | offset from the path, rms | 0.0040 BL | 0.0123 BL | - |" in text
+    assert "| heading_hold | heading error, rms | 2.00 deg | - | 20.00 deg |" in text
+    assert "| velocity_sine | speed error, rms | 5.00 % | - | - |" in text
 
 
 def test_the_figure_shows_every_controller() -> None:
@@ -122,6 +186,43 @@ def test_the_figure_shows_every_controller() -> None:
     assert [text.get_text() for text in figure.legends[0].get_texts()] == list(control.CONTROLLERS)
 
 
+def test_the_figure_shows_zeros_as_zeros_and_nothing_where_there_is_no_value() -> None:
+    runs = [
+        found("path_line", "mpc", 0, cross_track_rms_bl=0.0),
+        found("path_line", "pi_los", 0, cross_track_rms_bl=5e-5),
+        found("path_line", "open_loop", 0),
+    ]
+    axes = control_figure.draw(runs).axes[1]
+    assert sorted(bar.get_width() for bar in axes.patches) == [0.0, 5e-5]
+    assert [line.get_xdata().tolist() for line in axes.lines] == [[0.0], [5e-5]]
+    assert axes.get_xlim()[0] == 0.0
+    left, zero, small = axes.transData.transform([(axes.get_xlim()[0], 0.0), (0.0, 0.0), (5e-5, 0.0)])[:, 0]
+    assert zero == left < small - 1.0  # pixels
+    assert not axes.lines[0].get_clip_on()
+
+
 def test_the_command_line(worm3d, tmp_path: Path) -> None:
     ended = worm3d("bench", "control", "--seeds", "0")
     assert (ended.code, ended.complaints) == (2, ["--seeds: got 0, must be at least 1"])
+
+
+@pytest.mark.parametrize(("bias", "status", "code"), [(0.01, "done", 0), (0.03, "done", 6), (0.03, "diverged", 5)])
+def test_it_ends_with_a_code_after_everything_is_written(
+    worm3d, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bias: float, status: str, code: int
+) -> None:
+    run = found("path_line_uphill", "mpc", 0, speed_bias_relative=2.0 * bias, control_step_ms_p99=1.0)
+    study = control.Study((replace(run, status=status),), kept=1, outdated=0)
+    monkeypatch.setattr(control_command.control, "study", lambda *args: study)
+    ended = worm3d("bench", "control", "--out", "bench")
+    assert ended.code == code
+    assert "Of 1 run 1 kept from before, 0 run again (scene, programs or map have changed since), 0 new" in ended.out
+    assert {path.name for path in (tmp_path / "bench").iterdir()} == {
+        "cases",
+        "control.csv",
+        "control.md",
+        "control.png",
+    }
+    assert ("NOT KEPT" in ended.out) == (code != 0)
+    quick = worm3d("bench", "control", "--out", "bench", "--quick")
+    assert quick.code == (code if code == 5 else 0)
+    assert "too short to be held to any bar" in quick.out

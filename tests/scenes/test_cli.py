@@ -267,3 +267,9 @@ def test_ctrl_c_outside_a_run_is_130(worm3d, monkeypatch: pytest.MonkeyPatch) ->
     ended = worm3d("info")
     assert ended.code == 130
     assert "Traceback" not in ended.err
+
+
+def test_it_runs_as_a_module_too(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "scenes.cli", "list"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "flat  the default worm crawls" in done.stdout

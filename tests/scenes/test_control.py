@@ -23,6 +23,7 @@ from control.supervisor import Supervisor
 from scenes.bench.control import SCENES
 from scenes.errors import SceneError
 from scenes.kinds import worm_view
+from scenes.kinds.base import Watch
 from scenes.kinds.control_build import controller_of, path_of, reference_of, sensors_of
 from scenes.kinds.control_record import tracked
 from scenes.kinds.control_schema import ControlScene
@@ -31,6 +32,7 @@ from scenes.loader import load_scene
 from scenes.record import Record
 from scenes.runner import simulate
 from scenes.store import load, save
+from worm3d.viewer.live import LiveView
 
 TIMED = ("control_step_ms_p50", "control_step_ms_p99", "overruns")
 REQUIRED = (
@@ -157,6 +159,34 @@ def test_a_record_survives_the_disc_and_is_drawn(circle: Record, tmp_path: Path)
     assert {path.stem for path in tmp_path.glob("*.png")} == set(KIND.figures)
 
 
+def test_a_run_that_is_watched_shows_the_horizon_as_its_page_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each picture has the way that the latest decision before it predicted, and none before there is one."""
+    seen: list[np.ndarray | None] = []
+    places: list[np.ndarray] = []
+    show = LiveView.show
+
+    def look(view: LiveView, joints: np.ndarray, *others: object, **more: object) -> None:
+        seen.append(more["horizon"])  # type: ignore[arg-type]
+        places.append(joints)
+        show(view, joints, *others, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(LiveView, "show", look)
+    watched = load_scene("path_circle", ["run.duration_s=5"])
+    record = simulate(watched, how=Watch(1e9, lambda address: None))
+    page = worm_view.frames_of(record)
+    assert page.horizon is not None
+    assert seen[0] is None
+    known = [way is not None for way in seen]
+    assert known == sorted(known)
+    assert sum(known) > 10
+    for joints, way in zip(places, seen, strict=True):
+        if way is not None:
+            row = int(np.argmin(np.abs(record["joints"] - joints).max(axis=(1, 2))))
+            k = int(np.searchsorted(record["decision_time"], record["time"][row] - 1e-9)) - 1
+            assert_allclose(way[:, :2], record["horizon"][k], rtol=0, atol=0)
+            assert_allclose(way[:, 2], page.horizon[-1, 0, 2], rtol=0, atol=0)
+
+
 def test_pictures_show_the_path_and_the_horizon(circle: Record) -> None:
     frames = worm_view.frames_of(circle)
     assert frames.path is not None
@@ -235,6 +265,13 @@ def test_mirrored_path_and_noise_give_mirrored_commands(kind: str) -> None:
     assert np.abs(bent).max() > 0.01
 
 
+SHORTER = (
+    "override run.duration_s: got 6 s: must be more than 40 s, when the last of reference.speed_steps comes; let the "
+    "run last longer, or leave out steps (reference.speed_steps = [] leaves out all)"
+)
+TOO_LATE = "override reference.speed_steps: got a step at 70 s: must be before the end of the run (run.duration_s = "
+
+
 @pytest.mark.parametrize(
     ("name", "overrides", "sentence"),
     [
@@ -244,16 +281,21 @@ def test_mirrored_path_and_noise_give_mirrored_commands(kind: str) -> None:
         ("path_line", ("reference.kind=spline",), "points: got shape (0, 2)"),
         ("path_line", ("controller.period_s=0.001",), "must be at least run.dt_s"),
         ("velocity_step", ("reference.speed_sine_m_s=0.01",), "not both: leave one out"),
-        ("velocity_step", ("run.duration_s=30",), "must be before the end of the run"),
+        ("velocity_step", ("run.duration_s=6",), SHORTER),
+        ("velocity_step", ("reference.speed_steps=[{at_s = 70.0, speed_m_s = 0.1}]",), TOO_LATE),
         ("velocity_sine", ("reference.speed_sine_m_s=0.1",), "a speed of less than 0 cannot be asked for"),
-        ("path_line", ("worm.mass_kg=0.11",), "run 'worm3d identify SCENE"),
-        ("path_line", ("friction.lateral=0.3",), "run 'worm3d identify SCENE"),
+        ("path_line", ("worm.mass_kg=0.11",), "identify it once by 'worm3d identify SCENE' with the same options"),
+        ("path_line", ("friction.lateral=0.3",), "identify it once by 'worm3d identify SCENE' with the same options"),
         ("path_line", ("gait.amplitude=0.3",), "gait"),
     ],
 )
 def test_mistakes_are_told(name: str, overrides: tuple[str, ...], sentence: str) -> None:
     (line,) = complaints(name, *overrides)
     assert sentence in line
+
+
+def test_a_shorter_run_without_its_steps() -> None:
+    assert scene("velocity_step", "run.duration_s=6", "reference.speed_steps=[]").reference.speed_steps == ()
 
 
 def test_another_worm_may_be_driven_by_the_default_worms_map() -> None:

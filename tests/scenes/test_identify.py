@@ -17,6 +17,7 @@ from control.surrogate import Ranges
 from scenes.errors import SceneError
 from scenes.identify import command, figure, phases, plant, report, runs
 from scenes.identify import study as studies
+from scenes.kinds.worm_build import worm_of
 from scenes.loader import load_scene
 from worm3d import Friction, Plane, Worm, simulate
 
@@ -141,6 +142,35 @@ def test_curves_show_what_steers(curves: tuple[studies.Curve, ...]) -> None:
             assert curve.speed_kept is not None
             assert curve.speed_kept > 1.0
             assert middle.turn_deg > 10.0
+
+
+def told(*turns: tuple[float, float, bool]) -> list[str]:
+    """What is said of a schedule that turns so far at such steerings, and tips."""
+    points = [
+        studies.Point(s, turn, 0.1, 0.0, 0.0, 10.0 * s, tipped) for s, turn, tipped in ((0.0, 0.0, False), *turns)
+    ]
+    curve = studies.Curve("hinge", studies.IN_STEP, tuple(points))
+    return [report._line(curve), report._row(curve)]
+
+
+def test_what_is_said_of_a_schedule_is_what_its_figure_shows() -> None:
+    """Hinges in step turn the default worm the other way at first, and then to the left by 8.5 degrees."""
+    for text in told((0.04, -0.1, False), (0.06, 0.3, False), (0.25, 8.51, False), (0.3, 2.2, True)):
+        assert (
+            "turns the other way, or not, up to 0.04; then to the left, by up to 8.5° a wave at 0.25 (roll 2°)" in text
+        )
+    for text in told((0.04, -0.3, False), (0.1, -1.57, False), (0.15, 3.3, True)):
+        assert "turns the other way, by up to 1.6° a wave at 0.1" in text
+    for text in told((0.04, -9.0, True), (0.1, 9.0, True)):
+        assert "the worm tips over from the start" in text
+
+
+def test_a_worm_that_is_not_identified_yet_can_be_identified_with_a_scene_of_a_controller() -> None:
+    with pytest.raises(SceneError, match="has not been identified on this friction"):
+        load_scene("path_line", ["worm.mass_kg=0.12"])
+    settings = command.load("path_line", ["worm.mass_kg=0.12"]).settings
+    assert worm_of(settings).mass == 0.12  # type: ignore[arg-type]
+    assert command.load("flat", ["worm.mass_kg=0.12"]).kind.name == "worm"
 
 
 def test_the_command_writes_what_controllers_and_people_need(

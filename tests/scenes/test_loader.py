@@ -201,6 +201,11 @@ def test_a_section_written_twice_is_named_as_it_is_written(key: str) -> None:
         ("gait.period_s=2 s", "override gait.period_s: got '2 s': input should be a valid number [s], 0 < …"),
         ("gait.perido_s=3", "override gait.perido_s: unknown key; did you mean 'period_s'?"),
         ("gaits.period_s=3", "override gaits.period_s: gaits: unknown section; did you mean 'gait'?"),
+        (
+            "controller.kind=mpc",
+            "override controller.kind: controller: unknown section; known here: model, title, says, seed, run, worm, "
+            "friction, gait, ground, solver; scenes with model = 'worm_control' have it",
+        ),
         ("worm=3", "override worm: got 3: must be a section of keys under the header [worm]"),
         ("seed.x=3", "override seed.x: seed: got {x = 3}: input should be a valid integer"),
         ("gait.period_s", "override gait.period_s: must be written as section.key=value"),

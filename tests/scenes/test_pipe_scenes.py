@@ -38,6 +38,14 @@ def test_the_vertical_pipe_is_climbed() -> None:
     assert np.diff(run.com[::300, 2]).min() > 0.06  # in every single wave
 
 
+def test_the_climbing_worm_sinks_but_little_within_a_wave() -> None:
+    """By 6.4 mm in each of the ten, as its rear lets go; it climbs by 131 mm a wave."""
+    height = run_of("pipe_vertical").com[:, 2]
+    sinks = [(np.maximum.accumulate(wave) - wave).max() for wave in np.split(height[1:], 10)]
+    assert f"sinks by {1e3 * max(sinks):.0f} mm" in says("pipe_vertical")
+    assert max(sinks) < 9.7e-3
+
+
 def test_the_bend_is_passed() -> None:
     """Its radius is three times the body's diameter; half a metre behind it the worm is straight again."""
     run = run_of("pipe_bend")
@@ -59,14 +67,24 @@ def test_the_tunnel_is_reached() -> None:
     assert f"ends {tail(run_of('slope_into_pipe')):.1f} m inside" in says("slope_into_pipe")
 
 
-@pytest.mark.parametrize("scene", ["pipe_straight", "pipe_vertical", "pipe_bend", "pipe_narrowing", "slope_into_pipe"])
+DEPTHS = {
+    "pipe_straight": 2e-5,
+    "pipe_vertical": 7e-4,
+    "pipe_bend": 9e-4,
+    "pipe_narrowing": 7e-4,
+    "slope_into_pipe": 3e-5,
+}
+"""By which apexes may be in the wall [m], twice what they are: anchors press it with up to 22 N."""
+
+
+@pytest.mark.parametrize("scene", DEPTHS)
 def test_the_ledger_closes_and_nothing_goes_through_the_wall(scene: str) -> None:
     run = run_of(scene)
     assert run.status is worm3d.Status.DONE
     assert run.energy.balance_error < 1e-9
     assert run.halved_steps < 0.002 * len(run.newton_iterations)
     assert run.world is not None
-    assert run.world.distance(run.points[:, :, :6]).min() > -2e-3  # anchors press with 10 to 20 N
+    assert run.world.distance(run.points[:, :, :6]).min() > -DEPTHS[scene]
 
 
 FAILS = {

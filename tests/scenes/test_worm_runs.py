@@ -7,8 +7,10 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
 from matplotlib.contour import ContourSet
 from numpy.testing import assert_array_equal
 
@@ -67,6 +69,17 @@ def test_the_figure_of_the_body_can_be_read(name: str, columns: int) -> None:
         assert all(left.x1 < right.x0 for left, right in pairwise(labels))
         if columns == 5 or k % 2 == 0:
             assert any(isinstance(each, ContourSet) and each.get_paths()[0].vertices.size for each in view.collections)
+
+
+def test_the_figure_of_the_body_shows_what_its_label_says() -> None:
+    """At 1 s what the actuators give differs from the chambers' strain by as much as 0.027."""
+    record = simulate(load_scene("flat", ["run.duration_s=1"]))
+    figure, axes = worm_figures.body(record)
+    assert figure.axes[-1].get_ylabel() == "contraction given\nby the actuators"
+    (shapes,) = (each for each in axes.collections if isinstance(each, PolyCollection) and each.get_array() is not None)
+    np.testing.assert_array_equal(np.sort(shapes.get_array()), np.sort(record["contraction"][-1].ravel()))
+    strain = 6.0 * record["chamber_length"][-1] - 1.0  # of the default worm: six segments, one metre
+    assert np.abs(record["contraction"][-1] + strain).max() > 0.02
 
 
 def test_there_are_those_promised() -> None:

@@ -31,8 +31,8 @@ def lines_about(text: str, *overrides: str) -> list[str]:
 
 
 def test_rubble_is_crossed_as_the_scene_says() -> None:
-    """About 0.8 m; each stone counts, so that rounding shows: 0.76 or 0.79 m by how the kernel rounds."""
-    assert run("rubble").distance == pytest.approx(0.79, abs=0.2)
+    """About 0.8 m; each stone counts, so that rounding shows, by several centimetres."""
+    assert run("rubble").distance == pytest.approx(0.84, abs=0.2)
     assert run("rubble", "world.height_m=0.02").distance > 1.3
     assert abs(run("rubble", "world.height_m=0.05").distance) < 0.3
 
@@ -40,7 +40,7 @@ def test_rubble_is_crossed_as_the_scene_says() -> None:
 def test_the_tunnel_is_followed_as_the_scene_says() -> None:
     result = run("mesh_tunnel")
     assert result.distance == pytest.approx(1.31, abs=0.05)
-    assert np.rad2deg(result.heading[-1] - result.heading[0]) == pytest.approx(10.0, abs=5.0)
+    assert np.rad2deg(result.heading[-1] - result.heading[0]) == pytest.approx(11.0, abs=5.0)
     assert result.com[-1, 2] - result.com[0, 2] == pytest.approx(0.055, abs=0.01)
     assert result.world is not None
     assert -result.world.distance(result.points[::50]).min() < 1e-3 * result.worm.l0, "it stays in the air"

@@ -1,10 +1,13 @@
 """Many runs at once are the runs one by one."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from control.gaits import TravellingWave
-from worm3d import Friction, LimitPointError, Plane, State, Status, Worm, simulate, simulate_batch
+from worm3d import Friction, LimitPointError, Plane, State, Status, Worm, batch, simulate, simulate_batch
+from worm3d.start import place
 
 WORMS = [Worm(), Worm(segments=8), Worm(mass=0.15)]
 GAITS = [TravellingWave(), TravellingWave(amplitude=0.3, bias=0.3), TravellingWave(period=1.0)]
@@ -20,6 +23,32 @@ def test_each_run_is_that_of_simulate(threads: int) -> None:
         for name in ("joints", "contact_force", "newton_iterations"):
             np.testing.assert_array_equal(getattr(run, name), getattr(alone, name))
         np.testing.assert_array_equal(run.energy.numerical_loss, alone.energy.numerical_loss)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_equal_worms_are_put_there_once_and_go_their_own_ways(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    places = []
+
+    def counted(*given: Any) -> Any:
+        places.append(given)
+        return place(*given)
+
+    monkeypatch.setattr(batch, "place", counted)
+    worms = [Worm() for _ in range(5)]
+    grounds = [Friction(), Friction(), Friction(), Friction(forward=0.1), Friction()]
+    gaits = [*GAITS, GAITS[0], None]
+    ahead = simulate(worms[0], Plane(), duration=0.3, actuation=GAITS[0]).state
+    states = [None, None, None, None, ahead]
+    plane = Plane()
+    runs = simulate_batch(worms, plane, grounds, gaits, state=states, duration=1.0, threads=threads)
+    assert len(places) == 3, "one of three equal worms, one on other ground, one from another state"
+    for k, run in enumerate(runs):
+        alone = simulate(worms[k], plane, grounds[k], gaits[k], state=states[k], duration=1.0)
+        assert run.worm is worms[k]
+        for name in ("joints", "contact_force", "newton_iterations"):
+            np.testing.assert_array_equal(getattr(run, name), getattr(alone, name))
+        for name, memory in alone.state.memory.items():
+            np.testing.assert_array_equal(run.state.memory[name], memory)
 
 
 def test_one_run_that_stops_does_not_stop_the_others() -> None:

@@ -11,7 +11,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 import worm3d
 from control.gaits import ContractionEngine_segmentdriven, TravellingWave
 from worm3d import ClampedGround, Command, Friction, Plane, State, Status, Worm
+from worm3d import run as run_module
 from worm3d.result import Energy
+from worm3d.simulate import prepare
 
 BOTH = pytest.mark.parametrize("integrator", ["bdf2", "implicit_euler"])
 TURNING = TravellingWave(amplitude=0.3, bias=0.3, hinge=0.5, force=0.1)
@@ -283,6 +285,34 @@ def test_a_bad_force_ends_the_run_with_its_reason() -> None:
     assert run.status is Status.BAD_COMMAND
     assert "external_force: got shape (6, 3)" in run.stop.reason
     assert len(run.time) == 50
+
+
+@pytest.mark.parametrize("every", [1, 125, 1250])
+def test_a_run_that_is_watched_is_the_same(every: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It goes on in smaller chunks."""
+    given = {"actuation": TURNING, "duration": 12.5, "record_every": every}
+    chunks: list[int] = []
+    advance = run_module.advance
+    monkeypatch.setattr(run_module, "advance", lambda *a: (chunks.append(len(a[3])), advance(*a))[1])
+    alone = worm3d.simulate(Worm(), Plane(), **given)
+    assert max(chunks) == run_module.UNSEEN
+    chunks.clear()
+    watched = worm3d.simulate(Worm(), Plane(), **given, observer=lambda done: True)
+    assert max(chunks) == run_module.CHUNK
+    assert_array_equal(alone.time, [k * every * alone.dt for k in range(1250 // every + 1)])
+    for name in ("time", "joints", "contact_force", "newton_iterations"):
+        assert_array_equal(getattr(alone, name), getattr(watched, name))
+
+
+def test_every_number_of_a_row_is_written() -> None:
+    run = prepare(
+        *(Worm(), Plane(), None, TURNING, 0.1, 0.01, "bdf2", (0.0, 0.0, -9.81), None, None, None, None, 5),
+        settle_first=True,
+    )
+    for array in run.records.arrays().values():
+        array[1:] = np.nan
+    assert run.finish().status is Status.DONE
+    assert all(np.isfinite(array).all() for array in run.records.arrays().values())
 
 
 def test_an_observer_may_end_the_run() -> None:

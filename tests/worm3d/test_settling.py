@@ -1,11 +1,30 @@
 """Before a run the worm is brought to rest on its world: equilibrium, from wherever it starts."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 import worm3d
-from worm3d import Friction, Plane, State, Status, Worm
+from worm3d import (
+    Bend,
+    Centreline,
+    Command,
+    Friction,
+    Heightfield,
+    Mesh,
+    Pipe,
+    Plane,
+    Profile,
+    State,
+    Status,
+    Straight,
+    Worm,
+)
+from worm3d.worlds import World
+
+SHIPPED = Path(__file__).parents[2] / "scenes"
 
 SLOPES = [
     (0.46877909731787637, np.deg2rad(37.0)),
@@ -52,6 +71,54 @@ def test_the_forces_of_the_world_are_there_from_the_first_instant(slope: float) 
     assert_allclose(force[0], weight @ plane.axes[2] * plane.axes[2], rtol=0, atol=1e-8)
     assert_allclose(force[1], weight, rtol=0, atol=1e-8)
     assert_allclose(run.contact_force[0, :, :6] @ plane.axes[2], run.normal_load[0], rtol=0, atol=1e-15)
+
+
+RUBBLE = Heightfield.rubble(4.0, 2.0, 0.02, height=0.03, size=0.15)
+BEND = Pipe(Centreline.of([Straight(1.2), Bend(np.pi / 2, 0.48), Straight(1.2)]), 0.12)
+NARROWING = Pipe(Centreline.of([Straight(3.0)]), Profile([0.3, 0.6], [0.12, 0.1]))
+
+
+@pytest.mark.parametrize(
+    ("world", "at"), [(RUBBLE, 0.4), (RUBBLE, 1.7), (BEND, 0.9), (NARROWING, 0.0)], ids=["one", "two", "bend", "narrow"]
+)
+def test_the_runs_own_friction_holds_it_from_the_first_instant(world: World, at: float) -> None:
+    """The default worm with the default friction: without that it slides by 6, 12, 16 and 8 mm after the start."""
+    run = worm3d.simulate(Worm(), world, duration=60.0, state=State.straight(Worm(), world, position=(at, 0.0)))
+    assert run.status is Status.DONE
+    assert np.abs(run.joints - run.joints[0]).max() < 1e-11
+    assert np.abs(run.joint_velocity[0]).max() == 0.0
+    for row in (0, -1):
+        force = run.contact_force[row].sum(axis=(0, 1))
+        assert_allclose(force, [0.0, 0.0, 0.981], rtol=0, atol=1e-8)
+    assert run.energy.residual[0] == run.energy.friction_loss[0] == 0.0
+
+
+def test_so_it_does_in_a_tunnel_from_a_mesh() -> None:
+    tunnel = Mesh(SHIPPED / "mesh_tunnel.stl", units="m", solid="outside", cell=0.015)
+    run = worm3d.simulate(Worm(), tunnel, duration=60.0, state=State.straight(Worm(), tunnel, position=(0.1, 0.0)))
+    assert run.status is Status.DONE
+    assert np.abs(run.joints - run.joints[0]).max() < 1e-11
+
+
+@pytest.mark.parametrize("friction", [Friction(), Friction(0.3, 0.8, 0.8)])
+def test_so_it_does_wedged_in_a_vertical_pipe(friction: Friction) -> None:
+    worm, pipe = Worm(k_spring=100.0), Pipe(Centreline.of([Straight(3.0)], tilt=np.pi / 2), 0.092)
+    state = State.straight(worm, pipe, contraction=0.2)
+    kept = Command(state.contraction)
+    run = worm3d.simulate(worm, pipe, friction, actuation=lambda t: kept, duration=60.0, state=state, record_every=10)
+    assert run.status is Status.DONE
+    assert np.abs(run.joints - run.joints[0]).max() < 3e-8
+
+
+def test_where_friction_does_not_hold_it_it_starts_where_it_was_put_and_slides() -> None:
+    """0.3 rad up, friction of 0.2 and 0.05: both start in the same place."""
+    x, y = np.arange(0.0, 4.01, 0.05), np.arange(-1.0, 1.01, 0.05)
+    hill = Heightfield(0.3 * x[:, None] + 0.01 * np.sin(6.0 * x)[:, None] * np.cos(6.0 * y), 0.05)
+    state = State.straight(Worm(), hill, position=(1.5, 0.0))
+    runs = [worm3d.simulate(Worm(), hill, Friction(mu, mu, mu), duration=0.5, state=state) for mu in (0.05, 0.2)]
+    assert_array_equal(runs[0].joints[0], runs[1].joints[0])
+    assert runs[0].distance < -0.2
+    assert runs[1].distance < -0.05
 
 
 def test_settled_loads_and_pose_do_not_depend_on_how_high_it_starts() -> None:

@@ -310,6 +310,7 @@ class CoreMemory:
     """
 
     def __init__(self, n: int, lanes: int, joint_lanes: int, world_rows: int, kernels: NDArray[np.int64]) -> None:
+        self._sizes = n, lanes, joint_lanes, world_rows
         shapes = _shapes(n, lanes, joint_lanes, world_rows)
         self._memory = Memory(ARRAYS, [shapes[name] for name in ARRAYS])
         table = self._memory.table
@@ -324,6 +325,12 @@ class CoreMemory:
         self._handle = np.array([n, *at], dtype=np.int64)
         self.core = Core(n, kernels.ctypes.data, block, self.counters.ctypes.data, self._handle.ctypes.data)
         self.arrays = self._memory.arrays()
+
+    def copy(self, kernels: NDArray[np.int64]) -> CoreMemory:
+        """Return another core with the same numbers, and these addresses."""
+        other = CoreMemory(*self._sizes, kernels)
+        other._memory.take(self._memory)
+        return other
 
 
 def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, tuple[int, int]]:

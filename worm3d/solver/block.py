@@ -8,15 +8,14 @@ Compiled code gets a block as two addresses, of the numbers and of a table that 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
-from numba.core import types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from worm3d.compiled import inner
+from worm3d.vectors import doubles_at, integers_at
 
 FloatArray = NDArray[np.float64]
 
@@ -34,23 +33,25 @@ class Block(NamedTuple):
 
 
 class Memory:
-    """A block of zero arrays, each on a cache line.
+    """A block of arrays of zeros, each on a cache line.
 
     Parameters
     ----------
     names : sequence of str
     shapes : sequence of tuple of int
         Rows and columns of each array.
+    cleared : bool
+        False leaves in them what the memory holds: all of it is to be written before it is read.
     """
 
-    def __init__(self, names: Sequence[str], shapes: Sequence[tuple[int, int]]) -> None:
+    def __init__(self, names: Sequence[str], shapes: Sequence[tuple[int, int]], *, cleared: bool = True) -> None:
         self._names = tuple(names)
-        self.table = np.zeros((len(shapes), 3), dtype=np.int64)
-        start = 0
-        for k, (rows, columns) in enumerate(shapes):
-            self.table[k] = start, rows, columns
+        places, start = [], 0
+        for rows, columns in shapes:
+            places.append((start, rows, columns))
             start += -(-rows * columns // LINE) * LINE
-        raw = np.zeros(start + LINE)
+        self.table = np.array(places, dtype=np.int64)
+        raw = np.zeros(start + LINE) if cleared else np.empty(start + LINE)
         first = -raw.ctypes.data % (8 * LINE) // 8
         self._numbers = raw[first : first + start]
 
@@ -59,33 +60,22 @@ class Memory:
         """For compiled code, as long as this object lives."""
         return Block(self._numbers.ctypes.data, self.table.ctypes.data)
 
+    def take(self, other: Memory) -> None:
+        """Take over the numbers of a block of the same shapes."""
+        self._numbers[:] = other._numbers
+
     def arrays(self) -> dict[str, FloatArray]:
         """Return the arrays by name, not copies."""
         views = {}
-        for name, (start, rows, columns) in zip(self._names, self.table, strict=True):
+        for name, (start, rows, columns) in zip(self._names, self.table.tolist(), strict=True):
             views[name] = self._numbers[start : start + rows * columns].reshape(rows, columns)
         return views
-
-
-def _pointer_type(to: Any) -> Any:
-    def type_pointer(_context: Any, _address: Any) -> Any:
-        def generate(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-            return builder.inttoptr(args[0], context.get_value_type(to).as_pointer())
-
-        pointer: Any = types.CPointer
-        return pointer(to)(types.int64), generate
-
-    return type_pointer
-
-
-_numbers_at: Any = intrinsic(_pointer_type(types.float64))
-_integers_at: Any = intrinsic(_pointer_type(types.int64))
 
 
 @inner
 def integers(address: int, count: int) -> NDArray[np.int64]:
     """Return the whole numbers that stand at an address, not a copy."""
-    found: NDArray[np.int64] = carray(_integers_at(address), (count,))
+    found: NDArray[np.int64] = carray(integers_at(address), (count,))
     return found
 
 
@@ -93,7 +83,7 @@ def integers(address: int, count: int) -> NDArray[np.int64]:
 def matrix(block: Block, k: int) -> FloatArray:
     """Return array k, shape (rows, columns), not a copy."""
     place = integers(block.table + 24 * k, 3)
-    found: FloatArray = carray(_numbers_at(block.memory + 8 * place[0]), (place[1], place[2]))
+    found: FloatArray = carray(doubles_at(block.memory + 8 * place[0]), (place[1], place[2]))
     return found
 
 
@@ -101,7 +91,7 @@ def matrix(block: Block, k: int) -> FloatArray:
 def vector(block: Block, k: int) -> FloatArray:
     """Return array k, all rows one after the other, not a copy."""
     place = integers(block.table + 24 * k, 3)
-    found: FloatArray = carray(_numbers_at(block.memory + 8 * place[0]), (place[1] * place[2],))
+    found: FloatArray = carray(doubles_at(block.memory + 8 * place[0]), (place[1] * place[2],))
     return found
 
 
@@ -110,7 +100,7 @@ def rows(block: Block, k: int, first: int, count: int) -> FloatArray:
     """Return some rows of array k, one after the other, not a copy, shape (count * columns,)."""
     place = integers(block.table + 24 * k, 3)
     start = block.memory + 8 * (place[0] + first * place[2])
-    found: FloatArray = carray(_numbers_at(start), (count * place[2],))
+    found: FloatArray = carray(doubles_at(start), (count * place[2],))
     return found
 
 

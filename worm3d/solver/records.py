@@ -58,11 +58,11 @@ _LOAD_N, _ANCHOR = point.LAYOUT.firsts("load_n", "anchor")
 
 
 def record_memory(n: int, rows: int) -> Memory:
-    """Return records for n segments and `rows` instants."""
+    """Return records for n segments and `rows` instants; `record` writes every number of a row."""
     joints, points = 3 * (n + 1), 3 * POINTS * n
     segments = (3 * n, n, 2 * n, 5 * n, 5 * n, 8 * n)
     widths = (joints, joints, points, *segments, points, points, n + 1, joints, 8 * n, 6, 3, len(TERMS))
-    return Memory(NAMES, [(rows, width) for width in widths])
+    return Memory(NAMES, [(rows, width) for width in widths], cleared=False)
 
 
 @njit

@@ -45,8 +45,9 @@ class World(Protocol):
     """Something to crawl on or in.
 
     A world may have an attribute `uneven`: True where a worm without friction could slide away under `pressing`. There
-    it is brought to rest with contacts that stick. And it may have a method `bumps(within) -> float`: how high bumps
-    are that stand within a distance [m]; a run is refused where they could pass between a worm's contact points.
+    it is brought to rest with contacts that stick, and then by the friction of its run. And it may have a method
+    `bumps(within) -> float`: how high bumps are that stand within a distance [m]; a run is refused where they could
+    pass between a worm's contact points.
     """
 
     def kernel(self) -> WorldKernel:

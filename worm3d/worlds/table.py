@@ -10,16 +10,13 @@ Cubic B-spline (T1), for 0 <= t < 1 between nodes 1 and 2 of four (de Boor, A Pr
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
-from numba.core import types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from worm3d.codegen import evaluate
 from worm3d.compiled import inner
+from worm3d.vectors import doubles_at, singles_at
 from worm3d.worlds.base import WorldKernel
 
 FloatArray = NDArray[np.float64]
@@ -48,21 +45,6 @@ def halves(place: int) -> list[float]:
     return [float(place >> HALF), float(place & ((1 << HALF) - 1))]
 
 
-def _pointer_type(to: Any) -> Any:
-    def type_pointer(_context: Any, _address: Any) -> Any:
-        def generate(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-            return builder.inttoptr(args[0], context.get_value_type(to).as_pointer())
-
-        pointer: Any = types.CPointer
-        return pointer(to)(types.int64), generate
-
-    return type_pointer
-
-
-_doubles_at: Any = intrinsic(_pointer_type(types.float64))
-_singles_at: Any = intrinsic(_pointer_type(types.float32))
-
-
 @inner
 def address(high: float, low: float) -> int:
     """Return the address of which these are the halves."""
@@ -72,14 +54,14 @@ def address(high: float, low: float) -> int:
 @inner
 def doubles(at: int, rows: int, columns: int) -> FloatArray:
     """Return the matrix that stands at an address, not a copy."""
-    found: FloatArray = carray(_doubles_at(at), (rows, columns))
+    found: FloatArray = carray(doubles_at(at), (rows, columns))
     return found
 
 
 @inner
 def singles(at: int, count: int) -> NDArray[np.float32]:
     """Return the numbers of single precision that stand at an address, not a copy."""
-    found: NDArray[np.float32] = carray(_singles_at(at), (count,))
+    found: NDArray[np.float32] = carray(singles_at(at), (count,))
     return found
 
 
