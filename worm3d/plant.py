@@ -36,6 +36,9 @@ FLAT = 0.02
 DEEPEST = 0.1
 """A joint deeper in the world than this fraction of the segment length is sunk (0 where joints do not touch it)."""
 
+ROUNDING = 2e-15
+"""Least tolerance of Newton: a step of this fraction of the body length is rounding."""
+
 HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
 """Arrays that hold two instants, first the present one."""
 
@@ -148,6 +151,7 @@ class Plant:
             "least": worm.stroke[0],
             "greatest": worm.stroke[1],
             "length": worm.length,
+            "tolerance": ROUNDING,
             "lever": 0.5 * worm.l0,
             "clamped": float(self.clamped),
             "threshold": self.world.velocity_threshold if isinstance(self.world, ClampedGround) else 0.0,

@@ -56,10 +56,10 @@ ALONG_NORMAL = 1e-6
 
 
 FREE, OPEN, SLIDING, STICKING, STICKING_BACK = 0.0, 1.0, 2.0, 3.0, 4.0
-"""Regimes: the law decides; no contact; contact, loaded even where apart; and stuck, even beyond the yield surface, with
-the stiffness against motion towards the head or, the last one, towards the tail, wherever y leads.
+"""Regimes: the law decides; no contact; contact, loaded even where apart; and stuck, even beyond the yield surface.
 
-With a regime and coupled, K is Newton's of (C5), else the derivative of f.
+What sticks has the coefficient against motion towards the head or, the last one, towards the tail, wherever y leads.
+With a regime and coupled, K is Newton's of (C5) with the forces that were foreseen, else the derivative of f.
 """
 
 
@@ -112,7 +112,9 @@ def force() -> ca.Function:
     potential = contact.friction_potential(y, _sided(c.mu), c.law, s["regime"] >= STICKING)
     curve, slope = ca.hessian(potential, y)
     h, h_y, h_yy = (ca.substitute(each, y, c.slide - c.law.centre) for each in (potential, slope, curve))
-    own, _, _ = contact.pulled(c.slide - c.law.centre, ca.SX.zeros(2), s["pull"], _sided(c.mu), c.law, s["regime"] >= STICKING)
+    own, _, _ = contact.pulled(
+        c.slide - c.law.centre, ca.SX.zeros(2), s["pull"], _sided(c.mu), c.law, s["regime"] >= STICKING
+    )
     mixed = ca.logic_and(s["coupled"] != 0.0, s["regime"] != FREE)
     load = ca.if_else(ca.logic_and(mixed, s["regime"] != OPEN), s["foreseen"], c.load)
     pull, h_yy = ca.if_else(mixed, s["pull"], h_y), ca.if_else(mixed, own, h_yy)

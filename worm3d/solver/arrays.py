@@ -99,6 +99,7 @@ NUMBERS = (
     "least",  # of the stroke
     "greatest",
     "length",  # of the body, the unit of Newton's tolerances [m]
+    "tolerance",  # of Newton: the last step, as a fraction of the body length
     "lever",  # metres per radian in Newton's tolerances
     "clamped",  # 1: the ground is the paper's, (P9) and (P10)
     "threshold",  # eps of (P10) [m/s]
@@ -116,6 +117,7 @@ NUMBERS = (
     LEAST,
     GREATEST,
     LENGTH,
+    TOLERANCE,
     LEVER,
     CLAMPED,
     THRESHOLD,

@@ -1,8 +1,8 @@
 """Newton-Raphson (P1), (P2) with exact derivatives and a line search, compiled.
 
-First it follows the residual with the normal loads of the iterate itself, whose Jacobian is exact but unsymmetric, from
-the first guess. Where that does not converge, passes begin that minimise the potential of the step for given loads (it
-always descends) and follow from there; after each, the loads are updated.
+First it follows the residual with the normal loads of the iterate itself, whose Jacobian is unsymmetric, from the first
+guess, and again from the start of the step. Where that does not converge, passes begin that minimise the potential of
+the step for given loads (it always descends) and follow from there; after each, the loads are updated.
 """
 
 from __future__ import annotations
@@ -24,9 +24,6 @@ from worm3d.solver.regimes import Y
 
 FloatArray = NDArray[np.float64]
 
-import os
-_E = lambda n, d: type(d)(os.environ.get(n, d))
-S1 = _E("S1", 0)
 MAX_DESCENT = 60
 MAX_SEARCH = 40
 MAX_FOLLOW = 40
@@ -36,26 +33,24 @@ SLOPE_LEFT = 0.9
 """A line search ends where the slope has fallen to this fraction."""
 DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends the descent, as a fraction of the body length."""
-WILD = _E("WILD", 0.02)
+WILD = 0.02
 """A step that is longer than the first one and than this fraction of the segment length strays."""
-MAX_STRAYS = _E("MAX_STRAYS", 2)
+MAX_STRAYS = 2
 """Steps that stray before Newton gives up: where contacts let go all at once the descent finds them sooner."""
-MAX_CHANGES = _E("MAX_CHANGES", 16)
+MAX_CHANGES = 16
 """Iterations in which contacts change their regime before Newton gives up."""
-CONTRACTION = _E("CONTRACTION", 0.1)
+CONTRACTION = 0.1
 """A Jacobian is kept while steps shrink to this fraction."""
-CURVATURE = _E("CURVATURE", 10.0)
+CURVATURE = 10.0
 """A step of size s moves a contact point otherwise than to first order by s^2 times this over the segment length."""
-DOUBT = _E("DOUBT", 2.0)
+DOUBT = 2.0
 """By which that error is taken to be larger each time that contacts have changed their regime."""
-SETTLED = _E("SETTLED", 1e-5)
+SETTLED = 1e-5
 """What slides at the static limit becomes kinetic once steps are smaller than this fraction of the segment length."""
-SEGMENTS_KEPT = _E("SEGMENTS_KEPT", 1e-3)
+SEGMENTS_KEPT = 1e-3
 """The Jacobian is kept, but for segments whose contacts change, until x has moved by this fraction of that length."""
-JOINTS_KEPT = _E("JOINTS_KEPT", 1e-2)
+JOINTS_KEPT = 1e-2
 """The joints' part of the Jacobian is kept until x has moved by this fraction of the segment length."""
-FOLLOWED = _E("FOLLOWED", 1e-10)
-"""Coordinate step, as a fraction of the body length, at which Newton has converged."""
 STAGNATION = 1e-12
 """A step below this fraction that no longer shrinks, with new Jacobians, is rounding: converged too."""
 
@@ -91,11 +86,11 @@ def _solve(core: Core, again: bool) -> bool:
         regimes.own(core)
     else:
         regimes.last(core)
-    found = _follow(core, not again)
-    if not found and not again:
+    found = _follow(core)
+    if not found and not again:  # the first guess may lie where other contacts hold than at the start of the step
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         regimes.last(core)
-        found = _follow(core, False)
+        found = _follow(core)
     fill(regime, point.FREE)
     if found:
         return True
@@ -108,7 +103,7 @@ def _solve(core: Core, again: bool) -> bool:
             copy(best, x)
             evaluate(core, a.X, True, NONE)
             regimes.own(core)
-            found = _follow(core, False)
+            found = _follow(core)
             fill(regime, point.FREE)
             if found:
                 return True
@@ -120,22 +115,26 @@ def _solve(core: Core, again: bool) -> bool:
 
 
 @inner
-def _follow(core: Core, first: bool) -> bool:
-    """Newton with the loads of the iterate itself, whose Jacobian is exact but unsymmetric; it is kept while it serves.
+def _follow(core: Core) -> bool:
+    """Newton with the loads of the iterate itself, whose Jacobian is unsymmetric; it is kept while it serves.
+
+    The residual is exact. In the Jacobian stand, where it depends on forces, those of the contacts that the step before
+    has foreseen: those of the iterate are far off where contacts are stiff, for a step along the curved way on which
+    they hold presses them by its square (Magisano, Leonetti, Garcea 2017, Comput. Methods Appl. Mech. Eng. 313, 986).
 
     Every contact keeps its regime until the step, to first order, leads where the law denies it by more than the step's
     own error: contacts stick within nanometres, and by the law alone the iterates would jump to and fro over that.
     There is no potential to descend: it gives up where regimes go on changing or it does not come closer.
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
-    length = vector(core.block, a.NUMBERS_)[a.LENGTH]
+    length, tolerance = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.TOLERANCE]
     size, moved, hessian, fresh, changes, doubt = np.inf, 0.0, WHOLE, 0, 0, 1.0
     since_joints, since_all, far, strays = 0.0, 0.0, 0.0, 0
     for _ in range(MAX_FOLLOW):
         previous, size = size, _newton_step(core, hessian, moved > 0.0)
         far = max(far, WILD * vector(core.block, a.NUMBERS_)[a.L0]) if far > 0.0 else size
         strays += size > far
-        if not size <= 0.1 * length or strays > (S1 if first else MAX_STRAYS):
+        if not size <= 0.1 * length or strays > MAX_STRAYS:
             return False
         news, lands = _news(core, size, doubt)
         renewed = hessian in (WHOLE, WITH_KEPT_JOINTS)
@@ -145,7 +144,7 @@ def _follow(core: Core, first: bool) -> bool:
             doubt *= DOUBT
             if changes > MAX_CHANGES:
                 return False
-        elif news == NOTHING and _converged(size, previous, fresh, length):
+        elif news == NOTHING and _converged(size / length, previous / length, fresh, tolerance):
             return True
         moved = 0.0 if lands else size
         if not lands:
@@ -174,9 +173,9 @@ def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
 
 
 @inner
-def _converged(size: float, previous: float, fresh: int, length: float) -> bool:
-    """Return whether a step is rounding, the last one or one that no longer shrinks."""
-    return size < FOLLOWED * length or (fresh > 1 and size < STAGNATION * length and size > 0.5 * previous)
+def _converged(size: float, previous: float, fresh: int, tolerance: float) -> bool:
+    """Return whether a step, as a fraction of the body length, is small enough, or one that no longer shrinks."""
+    return size < tolerance or (fresh > 1 and size < STAGNATION and size > 0.5 * previous)
 
 
 @inner
