@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.actuation import Actuation
 from worm3d.friction import Friction
 from worm3d.held import Held
-from worm3d.plant import Plant
+from worm3d.plant import ROUNDING, Plant
 from worm3d.result import Result
 from worm3d.run import Force, Run
-from worm3d.simulate import TOLERANCE, Integrator, prepare
+from worm3d.simulate import Integrator, prepare
 from worm3d.start import place, settle
 from worm3d.state import State
 from worm3d.status import Status
@@ -43,7 +43,7 @@ def simulate_batch(
     record_every: int = 1,
     *,
     settle_first: bool = True,
-    tolerance: float = TOLERANCE,
+    tolerance: float = ROUNDING,
     threads: int = 1,
 ) -> list[Result]:
     """Simulate many worms; the results are those of `simulate`, bit for bit.

@@ -102,9 +102,8 @@ def pulled(y: ca.SX, dy: ca.SX, force: ca.SX, mu: Coefficients, law: Law, sticks
 def bounded(force: ca.SX, mu: Coefficients, cap: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Return a force per unit of load scaled back on to the yield surface, and the square of its share of that."""
     square = directional(force, mu) ** 2
-    surface = cap**2 * square[0] * square[1]
-    share = (force[0] ** 2 * square[1] + force[1] ** 2 * square[0]) / ca.if_else(surface > 0.0, surface, 1.0)
-    share = ca.if_else(surface > 0.0, share, 0.0)
+    of = ca.if_else(square > 0.0, force**2 / ca.if_else(square > 0.0, square, 1.0), 0.0)
+    share = ca.sum1(of) / cap**2
     return force / ca.sqrt(ca.fmax(share, 1.0)), share
 
 

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 Integrator = Literal["bdf2", "implicit_euler"]
 
-TOLERANCE = 1e-12
-"""Of Newton, where none is asked for."""
 COARSEST = 1e-7
 """Greatest tolerance: contacts stick within a tenth of a micrometre."""
 
@@ -54,7 +52,7 @@ def simulate(
     record_every: int = 1,
     *,
     settle_first: bool = True,
-    tolerance: float = TOLERANCE,
+    tolerance: float = ROUNDING,
     observer: Callable[[int], bool] | None = None,
     live: Live | None = None,
 ) -> Result:
@@ -146,7 +144,7 @@ def prepare(
     record_every: int,
     *,
     settle_first: bool,
-    tolerance: float = TOLERANCE,
+    tolerance: float = ROUNDING,
     placing: Placing = place,
 ) -> Run:
     """Check what `simulate` is given, and return the run before its first step; `placing` puts the worm there."""
