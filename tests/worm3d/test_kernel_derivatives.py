@@ -380,10 +380,12 @@ def test_point_force_and_its_derivative_on_a_curved_world(coupled: bool, inside:
 
     With a regime K is the derivative where what Newton foresaw is what the law says.
     """
-    values = with_pull_of_the_law(some_point(coupled, inside))
-    back = run("point_yielding", point.LAYOUT, values | AT_REST)[Y] < 0.0
-    stuck_back = (values["regime"] == point.STICKING) & back
-    values["regime"] = np.where(stuck_back, point.STICKING_BACK, values["regime"])
+    values = some_point(coupled, inside)
+    own = run("point_yielding", point.LAYOUT, values | AT_REST)
+    held = np.where(own[Y] < 0.0, point.STICKING_BACK, point.STICKING)
+    held = np.where(own[EXCESS] > 0.0, point.SLIDING, held)
+    values["regime"] = np.where(values["regime"] == point.STICKING, held, values["regime"])
+    values = with_pull_of_the_law(values)
 
     def at(x: np.ndarray) -> np.ndarray:
         return run("point_force", point.LAYOUT, values | {"x": x} | on_sphere(x, inside))

@@ -153,6 +153,8 @@ def _follow(core: Core) -> bool:
         since_joints = moved + (0.0 if hessian == WHOLE else since_joints)
         since_all = moved + (0.0 if renewed else since_all)
         slow = size > CONTRACTION * previous and hessian != LOCAL
+        if slow and hessian == WITH_KEPT_JOINTS and news == NOTHING:  # the joints it has kept are too stiff for that
+            since_joints = np.inf
         hessian = _renewal(core, since_joints, since_all, slow, news)
     return False
 
