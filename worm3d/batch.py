@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.actuation import Actuation
 from worm3d.friction import Friction
 from worm3d.held import Held
-from worm3d.plant import Plant
+from worm3d.plant import ROUNDING, Plant
 from worm3d.result import Result
 from worm3d.run import Force, Run
 from worm3d.simulate import Integrator, prepare
@@ -43,6 +43,7 @@ def simulate_batch(
     record_every: int = 1,
     *,
     settle_first: bool = True,
+    tolerance: float = ROUNDING,
     threads: int = 1,
 ) -> list[Result]:
     """Simulate many worms; the results are those of `simulate`, bit for bit.
@@ -54,7 +55,7 @@ def simulate_batch(
     ----------
     worm, world, ground, actuation, external_force, state
         As in `simulate`: one for all runs, or a list or tuple with one for each; at least one of them.
-    duration, dt, integrator, gravity, held, record_every, settle_first
+    duration, dt, integrator, gravity, held, record_every, settle_first, tolerance
         As in `simulate`, for all runs.
     threads : int
         Runs that go on at once. An actuation or force that is shared is then called from several threads.
@@ -97,6 +98,7 @@ def simulate_batch(
                 sensor=None,
                 record_every=record_every,
                 settle_first=settle_first,
+                tolerance=tolerance,
                 placing=places.place,
             )
         except ValueError as error:

@@ -21,6 +21,15 @@ puts a damper beside the anchor's spring, both capped together. cap is 1, and st
 
 Return (C4): after the step the anchor moves until the force is back on the yield surface: what is left of s is
 s* + y min(1, cap r/rho(y)), and the anchor moves by the rest. Where mu = 0 it follows freely.
+
+Newton (C5): f = grad h obeys m f = cap M^2 y with M = diag(mu_x, mu_l), m = max(cap r, rho). Where little slides, the
+direction of y turns about within a step, and grad h, made linear, says little of what comes. Newton therefore takes f
+for an unknown of its own that obeys the equation made linear; it leads to the same root and is as fast near to it:
+
+    K = (cap M^2 - f z^T)/m,   f' = (cap M^2 (y + dy) - f (z.dy))/m,   z = M^2 y/rho  (0 where rho <= cap r)
+
+f' is scaled back on to the yield surface (Chan, Golub, Mulet 1999, SIAM J. Sci. Comput. 20, 1964; Hintermueller,
+Stadler 2006, SIAM J. Sci. Comput. 28, 1: the same functional, the total variation of a picture).
 """
 
 from __future__ import annotations
@@ -73,6 +82,29 @@ def friction_potential(y: ca.SX, mu: Coefficients, law: Law, sticks: ca.SX | flo
     rho, limit = ca.sqrt(square), law.cap * law.r
     elastic = ca.logic_or(square <= limit**2, sticks)
     return ca.if_else(elastic, square / (2.0 * law.r), law.cap * (rho - 0.5 * limit))
+
+
+def pulled(y: ca.SX, dy: ca.SX, force: ca.SX, mu: Coefficients, law: Law, sticks: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return K (2, 2) and f' (2) of (C5) for f and a step dy, and the square of the part of m by which y changes.
+
+    f' is not scaled back yet.
+    """
+    of = directional(y, mu)
+    rho, limit = ca.sqrt(gauge_squared(y, mu)), law.cap * law.r
+    slides = ca.logic_and(rho > limit, ca.logic_not(sticks))
+    per_m = 1.0 / ca.if_else(slides, rho, limit)
+    z = ca.if_else(slides, of**2 * y * per_m, 0.0)
+    K = (law.cap * ca.diag(of**2) - force @ z.T) * per_m
+    beyond = (law.cap * of**2 * (y + dy) - force * ca.dot(z, dy)) * per_m
+    return K, beyond, ca.sumsqr(of * dy) * per_m**2
+
+
+def bounded(force: ca.SX, mu: Coefficients, cap: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return a force per unit of load scaled back on to the yield surface, and the square of its share of that."""
+    square = directional(force, mu) ** 2
+    of = ca.if_else(square > 0.0, force**2 / ca.if_else(square > 0.0, square, 1.0), 0.0)
+    share = ca.sum1(of) / cap**2
+    return force / ca.sqrt(ca.fmax(share, 1.0)), share
 
 
 def left_after_return(y: ca.SX, mu: Coefficients, law: Law, yield_gauge: ca.SX) -> ca.SX:

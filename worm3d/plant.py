@@ -36,12 +36,15 @@ FLAT = 0.02
 DEEPEST = 0.1
 """A joint deeper in the world than this fraction of the segment length is sunk (0 where joints do not touch it)."""
 
+ROUNDING = 2e-15
+"""Least tolerance of Newton: a step of this fraction of the body length is rounding."""
+
 HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
 """Arrays that hold two instants, first the present one."""
 
 _ROWS_REMEMBERED = (
     (segment.LAYOUT, "segment_in", ("t_ref", "d_ref", "rim", "commanded_n")),
-    (point.LAYOUT, "point_in", ("anchor", "load_n")),
+    (point.LAYOUT, "point_in", ("anchor", "load_n", "pull")),
     (joint.LAYOUT, "joint_in", ("hinge_n",)),
 )
 
@@ -148,6 +151,7 @@ class Plant:
             "least": worm.stroke[0],
             "greatest": worm.stroke[1],
             "length": worm.length,
+            "tolerance": ROUNDING,
             "lever": 0.5 * worm.l0,
             "clamped": float(self.clamped),
             "threshold": self.world.velocity_threshold if isinstance(self.world, ClampedGround) else 0.0,
@@ -305,7 +309,7 @@ class Plant:
         self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = commanded
         self._joint_row("hinge")[:] = self._joint_row("hinge_n")[:] = 0.0
         self._point_row("anchor")[:] = self._point_row("x")
-        self._point_row("load_n")[:] = 0.0
+        self._point_row("load_n")[:] = self._point_row("pull")[:] = 0.0
         a["stuck"][:], a["stored"][:], a["joint_load"][:] = 1.0, 0.0, 0.0
         a["last"][:], a["curve"][:] = 0.0, 0.0
 

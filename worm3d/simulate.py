@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.actuation import Actuation, Driver, Sensor
 from worm3d.friction import Friction
 from worm3d.held import Held, held_mask
-from worm3d.plant import Plant
+from worm3d.plant import ROUNDING, Plant
 from worm3d.result import Result
 from worm3d.run import Force, Run
+from worm3d.solver import arrays
 from worm3d.start import place
 from worm3d.state import State
 from worm3d.status import Status
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 Integrator = Literal["bdf2", "implicit_euler"]
+
+COARSEST = 1e-7
+"""Greatest tolerance: contacts stick within a tenth of a micrometre."""
+
 Placing = Callable[
     [Worm, World | None, Friction, FloatArray, NDArray[np.bool_], State | None, bool], tuple[Plant, State, Status]
 ]
@@ -47,6 +52,7 @@ def simulate(
     record_every: int = 1,
     *,
     settle_first: bool = True,
+    tolerance: float = ROUNDING,
     observer: Callable[[int], bool] | None = None,
     live: Live | None = None,
 ) -> Result:
@@ -117,6 +123,7 @@ def simulate(
         sensor,
         record_every,
         settle_first=settle_first,
+        tolerance=tolerance,
     )
     return run.finish(observer if live is None else live.follow(run, observer))
 
@@ -137,18 +144,22 @@ def prepare(
     record_every: int,
     *,
     settle_first: bool,
+    tolerance: float = ROUNDING,
     placing: Placing = place,
 ) -> Run:
     """Check what `simulate` is given, and return the run before its first step; `placing` puts the worm there."""
     _require_kinds(world, ground, external_force)
     weight = _vector(gravity)
     steps = _steps(duration, dt, record_every, integrator)
+    if not ROUNDING <= tolerance <= COARSEST:
+        raise ValueError(f"tolerance: got {tolerance!r}, must be between {ROUNDING:g} and {COARSEST:g} (body lengths)")
     friction = ground if ground is not None else Friction()
     clamped = isinstance(world, ClampedGround)
     mask = held_mask(held, worm.segments, flat=worm.flat, clamped=clamped)
     if worm.chamber_offset == 0.0 and not mask.reshape(-1, 5)[:, 4].all():
         raise ValueError("chamber_offset: got 0 with bends that are free; hold them (held.bend) or give it a width")
     plant, start, status = placing(worm, world, friction, weight, mask, state, settle_first)
+    plant.arrays["numbers"][0, arrays.TOLERANCE] = tolerance
     driver = Driver(actuation, worm, sensor)
     period = getattr(actuation, "period", getattr(actuation, "T_wave", None))
     return Run(plant, driver, external_force, dt, integrator == "bdf2", record_every, steps, start, status, period)

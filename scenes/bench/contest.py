@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from time import perf_counter
 
+from scenes.bench.crawl import TOLERANCE as NEWTON
 from scenes.bench.crawl import crawl
 from scenes.bench.rivals import DURATION, REPEATS, TOLERANCE, WARM_UP, Measured, Rival, measure
 from scenes.bench.search import NotConvergedError, relative_error
@@ -75,7 +76,7 @@ def ours(segments: int) -> Contender:
     dt = DURATION / steps_of(DURATION, dt)
     return Contender(
         name=f"{OURS} {metadata.version(OURS)}",
-        settings="BDF2, every step recorded, ledger on",
+        settings=f"BDF2, every step recorded, ledger on, Newton to {NEWTON:g}",
         segments=segments,
         dt_s=dt,
         error=error,

@@ -16,6 +16,9 @@ FINER = 20
 """By which the step of the reference is smaller."""
 
 
+TOLERANCE = 1e-9
+"""Of Newton: distances change by less than 1e-6 of themselves."""
+
 FLATTENED = 3
 """The default worm of so few segments is pressed flat by its own weight."""
 STIFFER = 3.0
@@ -50,6 +53,7 @@ def crawl(segments: int, duration: float, dt: float = DT, *, recorded: bool = Tr
         duration=duration,
         dt=duration / steps,
         record_every=1 if recorded else steps,
+        tolerance=TOLERANCE,
     )
     if result.status is not Status.DONE:
         raise StoppedError(f"bench: the worm of {segments} segments at dt = {dt:.4g} s: {result.stop.sentence}")

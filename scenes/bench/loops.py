@@ -56,8 +56,8 @@ def linear_loop(core: Core, factorise: bool, times: int) -> None:
 def ahead_loop(core: Core, times: int) -> None:
     """Ask what contacts do next, in an iteration; the error is so large that nothing changes."""
     for _ in range(times):
-        regimes.look_ahead(core, vector(core.block, a.DIRECTION))
-        regimes.change(core, 1e9, regimes.lands(core, 1e9))
+        regimes.look_ahead(core, vector(core.block, a.DIRECTION), 1e9)
+        regimes.change(core, regimes.lands(core))
 
 
 @njit

@@ -11,7 +11,7 @@ import numpy as np
 
 import worm3d
 from control.gaits import TravellingWave
-from scenes.bench.crawl import DT
+from scenes.bench.crawl import DT, TOLERANCE
 from worm3d import Plane, Result, Worm
 
 SEGMENTS = 6
@@ -80,12 +80,16 @@ def measure_throughput(
 
 def _singles(gaits: list[TravellingWave], duration: float) -> list[Result]:
     worm = Worm(segments=SEGMENTS)
-    return [worm3d.simulate(worm, Plane(), actuation=gait, duration=duration, dt=DT) for gait in gaits]
+    return [
+        worm3d.simulate(worm, Plane(), actuation=gait, duration=duration, dt=DT, tolerance=TOLERANCE) for gait in gaits
+    ]
 
 
 def _batch(gaits: list[TravellingWave], duration: float, threads: int) -> list[Result]:
     worms = [Worm(segments=SEGMENTS) for _ in gaits]
-    return worm3d.simulate_batch(worms, Plane(), actuation=gaits, duration=duration, dt=DT, threads=threads)
+    return worm3d.simulate_batch(
+        worms, Plane(), actuation=gaits, duration=duration, dt=DT, tolerance=TOLERANCE, threads=threads
+    )
 
 
 def _fastest_in_turns(

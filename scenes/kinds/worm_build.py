@@ -90,6 +90,7 @@ def simulate(
         sensor=sensor,
         record_every=every,
         settle_first=scene.start.settle,
+        tolerance=run.tolerance,
         # An end between two stored states could not be gone on from without a gap.
         observer=lambda steps: observer(steps) or steps % every != 0,
         live=live,

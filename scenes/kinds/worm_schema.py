@@ -195,6 +195,9 @@ class WormRun(Run):
     integrator: Literal["bdf2", "implicit_euler"] = setting(
         "bdf2", title="bdf2 is of second order, implicit_euler the paper's"
     )
+    tolerance: float = quantity(
+        2e-15, ge=2e-15, le=1e-7, title="of Newton: motion as a fraction of the body length; 1e-9 is a fifth faster"
+    )
     gravity_m_s2: Each[float] = quantity(9.81, unit="m/s^2", title="g, downwards; or a list of x, y, z", aka=("g",))
 
 

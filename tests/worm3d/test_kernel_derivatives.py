@@ -12,7 +12,8 @@ from worm3d.codegen import Kernel, compile_kernel
 from worm3d.kernels import joint, point, segment
 from worm3d.kernels.layout import Layout
 from worm3d.plant import kernels
-from worm3d.solver.regimes import EXCESS, SLIP, TOUCHING, Y
+from worm3d.solver.evaluate import LOAD, PHI
+from worm3d.solver.regimes import EXCESS, NEXT, PULL, SLIP, STALE, SWING, TOUCHING, Y
 
 COUNT = 40
 """Random states of each kernel."""
@@ -120,6 +121,7 @@ def some_segment(seed: int = 0) -> Values:
         "length_n": uniform(0.14, 0.17, 2),
         "angle_n": uniform(1.3, 1.9, 2),
         "f": uniform(-1, 1, 24),
+        "f_ahead": uniform(-1, 1, 24),
         "K": uniform(-50, 50, 72),
     }
 
@@ -134,8 +136,12 @@ def points_potential(values: Values, at: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def test_segment_gradient_and_hessian() -> None:
-    """d/dq of phi(q) + f.X(q) at constant f; then d/dq of that gradient with f = f0 + K (X(q) - X0)."""
-    values = some_segment()
+    """d/dq of phi(q) + f.X(q) at constant f; then d/dq of that gradient with f = f0 + K (X(q) - X0).
+
+    The second derivatives of the points go with the force that was foreseen.
+    """
+    foreseen = some_segment()
+    values = foreseen | {"f_ahead": foreseen["f"]}
 
     def potential(q: np.ndarray) -> np.ndarray:
         x, _ = points_potential(values, q)
@@ -151,6 +157,11 @@ def test_segment_gradient_and_hessian() -> None:
     assert_close(hessian, differences(gradient, values["q"], 1e-4), 1e-8)
     assert np.abs(hessian - hessian.transpose(1, 0, 2)).max() > 1.0, "the coupled K makes it unsymmetric"
     assert_allclose(out[:9], run("segment_gradient", segment.LAYOUT, values), rtol=1e-12, atol=1e-12)
+    other = run("segment_hessian", segment.LAYOUT, foreseen)
+    of_foreseen = run("segment_hessian", segment.LAYOUT, foreseen | {"f": foreseen["f_ahead"]})
+    assert_allclose(other[:9], out[:9], rtol=1e-12, atol=1e-12)
+    assert_allclose(other[9:], of_foreseen[9:], rtol=1e-12, atol=1e-12)
+    assert np.abs(other[9:] - out[9:]).max() > 0.01
 
 
 def test_segment_motion_is_the_points_derivative_along_dq() -> None:
@@ -341,6 +352,9 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
         "gauge_damping": uniform(1.0, 4.0),
         "cap": uniform(1.0, 1.3),
         "load": uniform(0.0, 2.0),
+        "pull": uniform(-0.3, 0.3, 2),
+        "foreseen": uniform(0.5, 2.0),
+        "error": uniform(0.0, 0.002),
         "regime": np.where(np.arange(COUNT) < COUNT - 12, point.FREE, np.arange(COUNT) % 3 + point.OPEN)[None],
         "coupled": np.full((1, COUNT), float(coupled)),
         "load_n": uniform(0.0, 2.0),
@@ -353,23 +367,37 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
     }
 
 
+def with_pull_of_the_law(values: Values) -> Values:
+    """Return the values with friction (C3) and load of the place itself: what is foreseen for a step of nothing."""
+    own = run("point_yielding", point.LAYOUT, values | AT_REST)
+    return values | {"pull": own[PULL : PULL + 2], "foreseen": own[PULL + 2 : SWING]}
+
+
 @pytest.mark.parametrize("inside", [False, True])
 @pytest.mark.parametrize("coupled", [False, True])
 def test_point_force_and_its_derivative_on_a_curved_world(coupled: bool, inside: bool) -> None:
-    """The world is a ball or a hollow one, whose distance is |x - c| - R: normal and curvature turn with x."""
+    """The world is a ball or a hollow one, whose distance is |x - c| - R: normal and curvature turn with x.
+
+    With a regime K is the derivative where what Newton foresaw is what the law says.
+    """
     values = some_point(coupled, inside)
+    own = run("point_yielding", point.LAYOUT, values | AT_REST)
+    held = np.where(own[Y] < 0.0, point.STICKING_BACK, point.STICKING)
+    held = np.where(own[EXCESS] > 0.0, point.SLIDING, held)
+    values["regime"] = np.where(values["regime"] == point.STICKING, held, values["regime"])
+    values = with_pull_of_the_law(values)
 
     def at(x: np.ndarray) -> np.ndarray:
         return run("point_force", point.LAYOUT, values | {"x": x} | on_sphere(x, inside))
 
     out, h = at(values["x"]), 1e-6
-    K = out[3:12].reshape(3, 3, COUNT)
+    K = out[6:15].reshape(3, 3, COUNT)
     assert_close(K, differences(lambda x: at(x)[:3], values["x"], h), 1e-6)
     if not coupled:
-        assert_close(out[None, :3], differences(lambda x: at(x)[12:13], values["x"], h), 1e-6)
+        assert_close(out[None, :3], differences(lambda x: at(x)[PHI : PHI + 1], values["x"], h), 1e-6)
     assert (np.abs(K - K.transpose(1, 0, 2)).max() > 1.0) == coupled
     yielding = run("point_yielding", point.LAYOUT, values | AT_REST)
-    free, touching = values["regime"][0] == point.FREE, (out[13] > 0.0)
+    free, touching = values["regime"][0] == point.FREE, (out[LOAD] > 0.0)
     touching, sliding, ahead = free & touching, yielding[EXCESS] > 0.0, yielding[Y] > 0.0
     for kind in (touching & sliding & ahead, touching & sliding & ~ahead, touching & ~sliding, free & ~touching):
         assert kind.sum() >= 3, "every branch is among the states"
@@ -377,11 +405,12 @@ def test_point_force_and_its_derivative_on_a_curved_world(coupled: bool, inside:
 
 def test_a_regime_that_the_law_confirms_changes_nothing() -> None:
     """Newton's regimes OPEN, SLIDING and STICKING give force, derivative, potential and load of the law itself."""
-    values = some_point(coupled=True, inside=False) | {"regime": np.full((1, COUNT), point.FREE)}
+    values = with_pull_of_the_law(some_point(coupled=True, inside=False) | {"regime": np.full((1, COUNT), point.FREE)})
     law, yielding = run("point_force", point.LAYOUT, values), run("point_yielding", point.LAYOUT, values | AT_REST)
-    held = np.where(yielding[EXCESS] > 0.0, point.SLIDING, point.STICKING)
+    sticking = np.where(yielding[Y] < 0.0, point.STICKING_BACK, point.STICKING)
+    held = np.where(yielding[EXCESS] > 0.0, point.SLIDING, sticking)
     regime = np.where(yielding[TOUCHING] > 0.0, held, point.OPEN)
-    assert len(set(regime)) == 3
+    assert len(set(regime)) == 4
     assert_allclose(run("point_force", point.LAYOUT, values | {"regime": regime[None]}), law, rtol=1e-12, atol=1e-12)
     wrong = run("point_force", point.LAYOUT, values | {"regime": np.where(regime == point.OPEN, 2.0, 1.0)[None]})
     assert (np.abs(wrong - law).max(axis=0) > 1e-6).all(), "and one that it denies does"
@@ -396,15 +425,70 @@ def test_looking_ahead_is_looking_from_there() -> None:
     seen = run("point_yielding", point.LAYOUT, values | AT_REST | {"x": there, "distance": closer})
     now = run("point_yielding", point.LAYOUT, values | AT_REST)
     assert_allclose(ahead[: TOUCHING + 1], seen[: TOUCHING + 1], rtol=1e-9, atol=1e-12)
-    mu_n, mu = (np.where(way[Y] > 0.0, values["mu"][0], values["mu"][1]) for way in (now, ahead))
-    turn = mu_n**2 * now[Y] * ahead[Y] + values["mu"][2] ** 2 * now[Y + 1] * ahead[Y + 1]
-    assert_allclose(ahead[4], turn, rtol=1e-9, atol=1e-15)
-    r = 1.0 / (1.0 / values["yield_gauge"][0] + values["gauge_damping"][0] / values["dt"][0])
-    rho = np.hypot(mu * ahead[Y], values["mu"][2] * ahead[Y + 1])
-    turns = (now[Y] * ahead[Y] < 0.0) & (rho > point.TURNED * values["cap"][0] * r)
-    assert_allclose(ahead[5], turns)
-    assert 0 < turns.sum() < COUNT
-    assert_allclose(ahead[SLIP:], now[SLIP:], rtol=0, atol=0)
+    assert_allclose(ahead[SLIP:PULL], now[SLIP:PULL], rtol=0, atol=0)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.003])
+def test_regimes_change_where_the_law_denies_them(error: float) -> None:
+    """Each regime of each state, by the rules in words; what is denied by less than the error stays."""
+    kinds = (point.OPEN, point.SLIDING, point.STICKING, point.STICKING_BACK)
+    seen = set()
+    for regime in kinds:
+        more = {"regime": np.full((1, COUNT), regime), "error": np.full((1, COUNT), error)}
+        v = some_point(coupled=True, inside=False, seed=9) | more
+        v["distance"] = np.random.default_rng(3).uniform(-0.02, 0.01, (1, COUNT))
+        out, now = run("point_yielding", point.LAYOUT, v), run("point_yielding", point.LAYOUT, v | AT_REST)
+        f = out[PULL : PULL + 2] / np.array([np.where(out[PULL] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
+        inside = np.sum(f**2, axis=0) < point.HELD * v["cap"][0] ** 2
+        mu_n, mu = (np.where(way[Y] > 0.0, v["mu"][0], v["mu"][1]) for way in (now, out))
+        back = mu_n**2 * now[Y] * out[Y] + v["mu"][2] ** 2 * now[Y + 1] * out[Y + 1] <= 0.0
+        for k in range(COUNT):
+            side = point.STICKING if out[Y, k] >= 0.0 else point.STICKING_BACK
+            if regime == point.OPEN:
+                slides = out[EXCESS, k] > error and not back[k]
+                expected = (point.SLIDING if slides else side) if out[TOUCHING, k] > error else point.OPEN
+            elif out[TOUCHING, k] < -error:
+                expected = point.OPEN
+            elif regime == point.SLIDING:
+                expected = side if out[EXCESS, k] < -error or inside[k] else point.SLIDING
+            elif regime != side and abs(out[Y, k]) > error and mu[k] > 0.0:
+                expected = side
+            else:
+                expected = point.SLIDING if out[EXCESS, k] > error else regime
+            assert out[NEXT, k] == expected, (k, regime, side)
+            changed = expected != regime or (regime == point.SLIDING and out[SWING, k] > point.SWUNG)
+            assert out[STALE, k] == changed
+            seen.add((regime, expected))
+    assert len(seen) > 10, seen
+
+
+def test_newtons_own_friction_is_that_of_its_linear_equation() -> None:
+    """(C5) against (C3): m f = cap M^2 y, made linear in f and y, holds for f' and y + dy; f' is inside the set."""
+    v = some_point(coupled=True, inside=False, seed=8) | {"regime": np.full((1, COUNT), point.SLIDING)}
+    out, now = run("point_yielding", point.LAYOUT, v), run("point_yielding", point.LAYOUT, v | AT_REST)
+    y, dy, f, cap = now[Y : Y + 2], out[Y : Y + 2] - now[Y : Y + 2], v["pull"], v["cap"][0]
+    mu = np.array([np.where(y[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
+    limit = cap / (1.0 / v["yield_gauge"][0] + v["gauge_damping"][0] / v["dt"][0])
+
+    def m(at: np.ndarray) -> np.ndarray:
+        return np.maximum(limit, np.hypot(*(mu * at)))
+
+    h = 1e-6
+    slope = (m(y + h * dy) - m(y - h * dy)) / (2.0 * h)  # of m along dy
+    expected = (cap * mu**2 * (y + dy) - f * slope) / m(y)
+    of = np.array([np.where(expected[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
+    size = np.hypot(*(expected / of))
+    sliding = m(y) > limit
+    assert 5 < sliding.sum() < COUNT - 5
+    assert 5 < (size > cap).sum() < COUNT - 5
+    assert_allclose(out[PULL : PULL + 2], expected * np.minimum(1.0, cap / size), rtol=1e-7, atol=1e-9)
+    assert_allclose(out[SWING], np.sum((mu * dy) ** 2, axis=0) / m(y) ** 2, rtol=1e-12)
+    force = run("point_force", point.LAYOUT, with_pull_of_the_law(v))[:3]
+    without = run("point_force", point.LAYOUT, v | {"hold": np.zeros((1, COUNT))})[:3]
+    load = run("point_force", point.LAYOUT, v)[LOAD]
+    own = with_pull_of_the_law(v)["pull"]
+    friction = v["hold"][0] * load * (own[0] * v["tangent"][:3] + own[1] * v["tangent"][3:])
+    assert_allclose(force - without, friction, rtol=0, atol=1e-12)
 
 
 def test_point_force_is_that_of_the_equations() -> None:
@@ -423,7 +507,7 @@ def test_point_force_is_that_of_the_equations() -> None:
     force = v["hold"][0] * load * share * mu**2 * elastic
     expected = v["inertia"] * (v["x"] - v["x_hat"]) - v["weight"] - load * n + force[0] * along + force[1] * left
     out = run("point_force", point.LAYOUT, v)
-    assert_allclose(out[13], load, rtol=1e-12)
+    assert_allclose(out[LOAD], load, rtol=1e-12)
     assert_allclose(out[:3], expected, rtol=0, atol=1e-12)
     friction = np.sqrt(np.sum((force / (mu * np.where(load > 0, v["hold"][0] * load, 1.0))) ** 2, axis=0))
     assert (friction <= v["cap"][0] * (1 + 1e-12)).all(), "inside the set"

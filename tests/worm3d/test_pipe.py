@@ -109,7 +109,7 @@ def test_normals_are_the_gradient_and_unit_vectors(pipe: Pipe) -> None:
     assert_allclose(found, differences(pipe, points, 0, 1)[:, 0], rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize("pipe", [Pipe(CROOKED, 0.1), Pipe(CROOKED, NARROW)], ids="cn")
+@pytest.mark.parametrize("pipe", [Pipe(CROOKED, 0.1), Pipe(CROOKED, NARROW), Pipe(SPLINE, 0.1)], ids="cns")
 def test_the_hessian_is_that_of_the_distance_without_what_bulges(pipe: Pipe) -> None:
     """H = H+ + H- of the true Hessian: its negative part H- is kept."""
     points, _, _ = sampled(pipe.centreline, 0.13, 1000)
@@ -121,6 +121,48 @@ def test_the_hessian_is_that_of_the_distance_without_what_bulges(pipe: Pipe) -> 
     # A few points lie within the differences' step of an edge between two pieces, where curvature jumps.
     off = np.abs(found - np.array([kept[:, i, j] for i, j in HESSIAN])).max(axis=0)
     assert np.quantile(off, 0.99) < 1e-6
+
+
+@pytest.mark.parametrize("side", [-1e-5, 1e-5])
+def test_beside_a_seam_of_two_arcs_the_hessian_is_that_of_the_arc(side: float) -> None:
+    """Across it the normal is continuous, and only the curvature along the pipe jumps: by that of the two arcs."""
+    seams = SPLINE.ends[:-1]
+    points, tangents = SPLINE.at(seams + side)
+    walls = points + 0.1 * across(tangents, np.random.default_rng(2))
+    pipe = Pipe(SPLINE, 0.1)
+    true = np.moveaxis(differences(pipe, walls, 1, 4), 2, 0)
+    along = np.einsum("ki,kij,kj->k", tangents, true, tangents)
+    found = rows(pipe.kernel(), walls)
+    kept = true + np.where(along > 0.0, -along, 0.0)[:, None, None] * tangents[:, :, None] * tangents[:, None, :]
+    assert_allclose(found[4:10], [kept[:, i, j] for i, j in HESSIAN], rtol=0, atol=1e-6)
+    beyond = walls - 2.0 * side * tangents
+    moved = found[1:4] - rows(pipe.kernel(), beyond)[1:4]
+    assert np.linalg.norm(moved, axis=0).max() < 4.0 * abs(side) / 0.1
+
+
+def test_the_reach_of_known_lines() -> None:
+    """The least radius, or half of the way to the next turn; never more, and no less than 0.7 of it."""
+    turn = np.linspace(0.0, 8.0 * np.pi, 80)
+    coil = Centreline.through(np.column_stack([2.0 * np.cos(turn), 2.0 * np.sin(turn), 0.1 * turn]))
+    legs = Centreline.of([Straight(1.0), Bend(np.pi / 2, 0.2), Straight(0.2), Bend(np.pi / 2, 0.2), Straight(1.0)])
+    apart = 0.1 * np.pi * 2.0 / np.hypot(2.0, 0.1)
+    for line, reach in ((SPLINE, 1.0 / SPLINE.curvature.max()), (coil, apart), (legs, 0.2)):
+        assert 0.7 * reach < line.reach <= reach
+    assert Centreline.of([Straight(1.0), Bend(3.0 * np.pi / 2, 0.5), Straight(1.0)]).reach == 0.0, "it crosses itself"
+    assert Centreline.of([Straight(3.0)]).reach > 2.0
+
+
+@pytest.mark.parametrize("gap", [0.63, 0.16], ids=["apart", "touching"])
+def test_in_a_coil_the_nearest_of_all_turns_counts(gap: float) -> None:
+    """Turns a `gap` apart: of points one after the other on different turns, and farther away than the reach."""
+    turn = np.linspace(0.0, 8.0 * np.pi, 80)
+    line = Centreline.through(np.column_stack([2.0 * np.cos(turn), 2.0 * np.sin(turn), gap / 2.0 / np.pi * turn]))
+    points, _, _ = sampled(line, 0.4, 600)
+    places = line.at(np.linspace(-3.0, line.total + 3.0, 60_001))[0]  # 1 mm apart
+    brute = np.array([np.linalg.norm(places - p, axis=1).min() for p in points])
+    assert_allclose(0.1 - Pipe(line, 0.1).distance(points), brute, rtol=0, atol=1.3e-4)
+    assert (brute < line.reach).any()
+    assert (brute > line.reach).any()
 
 
 def test_centre_lines() -> None:

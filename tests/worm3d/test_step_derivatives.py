@@ -11,7 +11,7 @@ from worm3d.plant import Plant
 from worm3d.solver import arrays
 from worm3d.solver.advance import OK, advance
 from worm3d.solver.arrays import BLOCK
-from worm3d.solver.evaluate import NONE, WHOLE, evaluate
+from worm3d.solver.evaluate import LOAD, NONE, WHOLE, evaluate
 from worm3d.solver.records import record_memory
 from worm3d.solver.regimes import EXCESS, look
 from worm3d.state import State
@@ -91,7 +91,7 @@ def test_whole_step_against_central_differences(coupled: bool) -> None:
     soften(plant, rng)
     evaluate(plant.core, arrays.X, coupled, WHOLE)
     matrix, residual = dense(plant.arrays["band"][:size]), gradient.copy()
-    loads, out = plant.arrays["point_out"][13], plant.arrays["yielding_out"]
+    loads, out = plant.arrays["point_out"][LOAD], plant.arrays["yielding_out"]
     look(plant.core)
     sliding = (out[EXCESS] > 0.0) & (loads > 0.0)
     assert sliding.sum() >= 3

@@ -36,7 +36,10 @@ LAYOUT = Layout(
         "gauge_damping": 1,  # D [s/m]
         "cap": 1,
         "load": 1,  # normal load for friction while it is not coupled
+        "pull": 2,  # f of (C5), friction per unit of normal load, along and to the left
+        "foreseen": 1,  # normal load, as the last step of Newton foresaw it
         "regime": 1,  # FREE, or what the contact is taken for, whatever X says
+        "error": 1,  # of what is foreseen [m]
         "coupled": 1,  # 1: friction takes the normal load of X itself
         "load_n": 1,
         "motion": 3,  # X - X_n
@@ -52,8 +55,12 @@ ALONG_NORMAL = 1e-6
 """Sine of the angle between segment and normal below which friction's tangent is the segment's upward normal."""
 
 
-FREE, OPEN, SLIDING, STICKING = 0.0, 1.0, 2.0, 3.0
-"""Regimes: the law decides; no contact; contact, loaded even where apart; and stuck, even beyond the yield surface."""
+FREE, OPEN, SLIDING, STICKING, STICKING_BACK = 0.0, 1.0, 2.0, 3.0, 4.0
+"""Regimes: the law decides; no contact; contact, loaded even where apart; and stuck, even beyond the yield surface.
+
+What sticks has the coefficient against motion towards the head or, the last one, towards the tail, wherever y leads.
+With a regime and coupled, K is Newton's of (C5) with the forces that were foreseen, else the derivative of f.
+"""
 
 
 class _Contact(NamedTuple):
@@ -102,16 +109,32 @@ def force() -> ca.Function:
     s, c = LAYOUT.symbols, _contact()
     away, T = s["x"] - s["x_hat"], ca.horzcat(*_tangents())
     y = ca.SX.sym("y", 2)
-    potential = contact.friction_potential(y, c.mu, c.law, s["regime"] == STICKING)
+    potential = contact.friction_potential(y, _sided(c.mu), c.law, s["regime"] >= STICKING)
     curve, slope = ca.hessian(potential, y)
     h, h_y, h_yy = (ca.substitute(each, y, c.slide - c.law.centre) for each in (potential, slope, curve))
-    grip = s["hold"] * ca.if_else(s["coupled"] != 0.0, c.load, s["load"])
-    f = s["inertia"] * away - s["weight"] - c.load * s["normal"] + grip * (T @ h_y)
+    own, _, _ = contact.pulled(
+        c.slide - c.law.centre, ca.SX.zeros(2), s["pull"], _sided(c.mu), c.law, s["regime"] >= STICKING
+    )
+    mixed = ca.logic_and(s["coupled"] != 0.0, s["regime"] != FREE)
+    load = ca.if_else(ca.logic_and(mixed, s["regime"] != OPEN), s["foreseen"], c.load)
+    pull, h_yy = ca.if_else(mixed, s["pull"], h_y), ca.if_else(mixed, own, h_yy)
+    grip, held = (s["hold"] * ca.if_else(s["coupled"] != 0.0, each, s["load"]) for each in (c.load, load))
+    still = s["inertia"] * away - s["weight"]
+    f = still - c.load * s["normal"] + grip * (T @ h_y)
+    f_ahead = still - load * s["normal"] + held * (T @ pull)
     rising = ca.if_else(ca.logic_or(c.pressed > 0.0, s["regime"] >= SLIDING), c.stiff, 0.0)
-    K = s["inertia"] * ca.SX.eye(3) + rising * s["normal"] @ s["normal"].T - c.load * _curvature()
-    K += grip * (T @ h_yy @ T.T) - s["coupled"] * s["hold"] * rising * (T @ h_y) @ s["normal"].T
+    K = s["inertia"] * ca.SX.eye(3) + rising * s["normal"] @ s["normal"].T - load * _curvature()
+    K += ca.fmax(held, 0.0) * (T @ h_yy @ T.T) - s["coupled"] * s["hold"] * rising * (T @ pull) @ s["normal"].T
     phi = s["inertia"] / 2.0 * ca.sumsqr(away) - ca.dot(s["weight"], s["x"]) + c.load * c.pressed / 2.0 + grip * h
-    return LAYOUT.function("point_force", {"f": f, "K": ca.vec(K.T), "phi": phi, "load": c.load})
+    outputs = {"f": f, "f_ahead": f_ahead, "K": ca.vec(K.T), "phi": phi, "load": c.load}
+    return LAYOUT.function("point_force", outputs)
+
+
+def _sided(mu: contact.Coefficients) -> contact.Coefficients:
+    """Return the coefficients of a regime: where a contact sticks, the same for both directions along the segment."""
+    regime = LAYOUT.symbols["regime"]
+    forward = ca.if_else(regime == STICKING_BACK, mu.backward, mu.forward)
+    return contact.Coefficients(forward, ca.if_else(regime == STICKING, mu.forward, mu.backward), mu.lateral)
 
 
 def tangents() -> ca.Function:
@@ -126,33 +149,75 @@ def tangents() -> ca.Function:
     return LAYOUT.function("point_tangents", {"tangent": [along, left], "slide_n": slide})
 
 
-TURNED = 0.05
-"""Fraction of the yield limit that the force of a stuck contact has to exceed where it counts that it turns round."""
+SWUNG = 0.01
+"""Square of the change of y, as a fraction of itself, after which the Jacobian of a contact that slides is useless."""
+
+HELD = 0.25
+"""Square of the share of the yield limit below which the force of what slides is foreseen where it sticks."""
+
+TURNED = 1e-7
+"""Fraction of the yield limit up to which it does not count on which side of 0 the force of a stuck contact is."""
 
 
 def yielding() -> ca.Function:
     """Return what a contact does at X + `first`, to first order, in metres.
 
     y = s - s* (2); by how much it is beyond the yield limit, for the largest coefficient; the penetration -g - d*
-    (negative where nothing touches); the product of y at X with y, negative where the displacement turns round; whether
-    forward and backward stiffness change places in that; and the slip of the anchor (2) at X itself.
+    (negative where nothing touches); the slip of the anchor (2) at X itself; f' (2) of (C5) and the normal load; the
+    square of the fraction of itself, or of the yield limit, by which y changes; the regime that follows where the law
+    denies one by more than `error`; and whether a Jacobian of before is out of date: with another regime, or where y
+    changes by much.
     """
     s, c = LAYOUT.symbols, _contact()
     now = c.slide - c.law.centre
-    y = now + ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
-    rho, limit = ca.sqrt(contact.gauge_squared(y, c.mu)), c.law.cap * c.law.r
+    dy = ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
+    y, opens = now + dy, s["regime"] == OPEN
+    bound = ca.logic_or(s["regime"] >= STICKING, opens)
+    _, pull, swing = contact.pulled(now, dy, s["pull"], _sided(c.mu), c.law, bound)
+    pull, share = contact.bounded(pull, _sided(c.mu), c.law.cap)
+    rho = ca.sqrt(contact.gauge_squared(y, c.mu))
     largest = ca.fmax(ca.mmax(s["mu"]), 1e-30)  # without friction nothing yields
-    turn = ca.dot(contact.directional(now, c.mu) ** 2 * now, y)
-    turns = ca.logic_and(ca.logic_and(now[0] * y[0] < 0.0, rho > TURNED * limit), c.mu.forward != c.mu.backward)
+    excess = (rho - c.law.cap * c.law.r * (1.0 + contact.YIELD_TOLERANCE)) / largest
+    touching = c.touching - ca.dot(s["normal"], s["first"])
+    backs = ca.dot(contact.directional(now, c.mu) ** 2 * now, y) <= 0.0
+    regime = _next(y, excess, touching, share, backs)
+    swings = ca.logic_and(s["regime"] == SLIDING, swing > SWUNG)
     rows = {
         "y": y,
-        "excess": (rho - limit * (1.0 + contact.YIELD_TOLERANCE)) / largest,
-        "touching": c.touching - ca.dot(s["normal"], s["first"]),
-        "turn": turn,
-        "turns": turns,
+        "excess": excess,
+        "touching": touching,
         "slip": _slip(),
+        "pull": pull,
+        "foreseen": c.stiff * _pressed(touching),
+        "swing": swing,
+        "regime": regime,
+        "stale": ca.logic_or(regime != s["regime"], swings),
     }
     return LAYOUT.function("point_yielding", rows)
+
+
+def _pressed(touching: ca.SX) -> ca.SX:
+    """Return the penetration that carries load: less than none in a regime of contact, which may be wrong."""
+    regime = LAYOUT.symbols["regime"]
+    return ca.if_else(regime >= SLIDING, touching, ca.if_else(regime == OPEN, 0.0, ca.fmax(0.0, touching)))
+
+
+def _next(y: ca.SX, excess: ca.SX, touching: ca.SX, share: ca.SX, backs: ca.SX) -> ca.SX:
+    """Return the regime that follows where the law denies one by more than the error."""
+    s, c = LAYOUT.symbols, _contact()
+    error, regime = s["error"], s["regime"]
+    sticking = ca.if_else(y[0] >= 0.0, STICKING, STICKING_BACK)
+    side = ca.if_else(regime == STICKING_BACK, y[0], -y[0])  # how far it is on the other side
+    counts = ca.fabs(contact.directional(y, c.mu)[0] * y[0]) > TURNED * c.law.cap * c.law.r
+    turned = ca.logic_and(ca.logic_and(side > error, counts), c.mu.forward != c.mu.backward)
+    of_stuck = ca.if_else(turned, sticking, ca.if_else(excess > error, SLIDING, regime))
+    rests = ca.logic_or(excess < -error, share < HELD)
+    of_touching = ca.if_else(regime == SLIDING, ca.if_else(rests, sticking, SLIDING), of_stuck)
+    of_open = ca.if_else(ca.logic_or(backs, excess <= error), sticking, SLIDING)
+    free = ca.if_else(touching > 0.0, ca.if_else(excess > 0.0, SLIDING, sticking), OPEN)
+    found = ca.if_else(touching < -error, OPEN, of_touching)
+    found = ca.if_else(regime == OPEN, ca.if_else(touching > error, of_open, OPEN), found)
+    return ca.if_else(s["stiffness"] > 0.0, ca.if_else(regime == FREE, free, found), OPEN)
 
 
 @cache

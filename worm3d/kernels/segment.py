@@ -45,6 +45,7 @@ LAYOUT = Layout(
         "length_n": 2,
         "angle_n": 2,
         "f": 3 * POINTS,  # gradient of the potential in the points
+        "f_ahead": 3 * POINTS,  # the same as Newton foresaw it, for the second derivatives
         "K": 9 * POINTS,  # its Hessian, row 8 (3 r + c) + point
     }
 )
@@ -117,7 +118,8 @@ def _potential() -> tuple[ca.SX, ca.SX, ca.SX]:
         stretch, turn = x.lengths[c] - s["length_hat"][c], x.angles[c] - s["angle_hat"][c]
         phi += _chamber(x.lengths[c], s["commanded"][c]) + s["force"][c] * x.lengths[c] + _hinge(x.angles[c])
         phi += (_chamber_damping() * stretch**2 + _hinge_damping() * turn**2) / (2.0 * s["span"])
-    curve, slope = ca.hessian(phi + ca.dot(s["f"], x.points), _REDUCED)
+    slope = ca.gradient(phi + ca.dot(s["f"], x.points), _REDUCED)
+    curve, _ = ca.hessian(phi + ca.dot(s["f_ahead"], x.points), _REDUCED)
     jacobian = ca.jacobian(x.points, _REDUCED)
     curve += jacobian.T @ _point_hessian() @ jacobian
     L = ca.jacobian(_reduced(), s["q"])

@@ -99,6 +99,7 @@ NUMBERS = (
     "least",  # of the stroke
     "greatest",
     "length",  # of the body, the unit of Newton's tolerances [m]
+    "tolerance",  # of Newton: the last step, as a fraction of the body length
     "lever",  # metres per radian in Newton's tolerances
     "clamped",  # 1: the ground is the paper's, (P9) and (P10)
     "threshold",  # eps of (P10) [m/s]
@@ -116,6 +117,7 @@ NUMBERS = (
     LEAST,
     GREATEST,
     LENGTH,
+    TOLERANCE,
     LEVER,
     CLAMPED,
     THRESHOLD,
@@ -141,7 +143,7 @@ ARRAYS = (
     "joint_band",  # what the joints contribute to it
     "factor",
     "segment_in",  # inputs of the segment's kernels
-    "point_out",  # f (3), K (9), potential, load; begins inside segment_in
+    "point_out",  # f (3), f foreseen (3), K (9), potential, load; begins inside segment_in
     "segment_out",
     "segment_blocks",  # the segments' Hessians, one after the other
     "changed",  # 1 where a contact of these segments, a vector of them, has changed what it does
@@ -152,7 +154,7 @@ ARRAYS = (
     "world_out",  # inside point_in
     "tangents",  # inside point_in: tangent and slide_n
     "first",  # inside point_in, with the lanes of segments
-    "yielding_out",  # y (2), excess, penetration, turn, turns, slip now (2)
+    "yielding_out",  # y (2), excess, penetration, slip now (2), pull (2), load, swing, regime, whether stale
     "after_out",  # slip (2), stored energy, terms of the ledger
     "joint_in",
     "joint_out",
@@ -173,6 +175,7 @@ ARRAYS = (
     "joint_load",  # (P9) [N]
     "stuck",  # 1 where the static coefficient holds
     "stuck_n",
+    "pull_n",  # f of (C5) at the start of the step
     "stored",  # energy of the anchors at the end of the last step [J]
     "contact_force",  # of the world on each point at the end of the last step [N]
     "asked",  # of the actuators: contraction (2 N), force (2 N), hinge (N, the first unused)
@@ -237,6 +240,7 @@ ARRAYS = (
     JOINT_LOAD,
     STUCK,
     STUCK_N,
+    PULL_N,
     STORED,
     CONTACT_FORCE,
     ASKED,
@@ -344,7 +348,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
         "joint_band": (size + B, WIDTH),
         "factor": (size + B, WIDTH),
         "segment_in": (segment.LAYOUT.rows, lanes),
-        "point_out": (14, p),  # what comes behind segment_in stands where it was allocated
+        "point_out": (17, p),  # what comes behind segment_in stands where it was allocated
         "segment_out": (1 + segment.COORDINATES + segment.COORDINATES**2, lanes),
         "segment_blocks": (lanes, segment.COORDINATES**2),
         "changed": (1, lanes // vectors.WIDTH),
@@ -355,7 +359,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
         "world_out": (WORLD_ROWS, p),
         "tangents": (8, p),
         "first": (3 * POINTS, lanes),
-        "yielding_out": (8, p),
+        "yielding_out": (12, p),
         "after_out": (3 + len(point.LEDGER_TERMS), p),
         "joint_in": (joint.LAYOUT.rows, joint_lanes),
         "joint_out": (1 + joint.COORDINATES + joint.COORDINATES * joint.ROW, joint_lanes),
@@ -368,6 +372,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
         **dict.fromkeys(("joint_mu", "joint_hat", "joint_drag_hat", "external", "joint_friction"), (3, n + 1)),
         **dict.fromkeys(("stuck", "stuck_n", "stored"), (1, p)),
         "contact_force": (3, p),
+        "pull_n": (2, p),
         **dict.fromkeys(("asked", "given"), (1, 5 * n)),
         **dict.fromkeys(("joints", "joint_velocity"), (6, n + 1)),
         **dict.fromkeys(("points", "point_velocity"), (6, p)),

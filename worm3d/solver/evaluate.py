@@ -29,7 +29,7 @@ LENGTHS, TANGENT, DIRECTOR = 0, 2, 5
 """Rows of "rest"."""
 NONE, WHOLE, WITH_KEPT_JOINTS, LOCAL, HESSIANS = 0, 1, 2, 3, 4
 """What `evaluate` fills of the band, and how many such ways there are."""
-PHI, LOAD = 12, 13
+PHI, LOAD = 15, 16
 """Rows of "point_out"."""
 
 

@@ -1,8 +1,8 @@
 """Newton-Raphson (P1), (P2) with exact derivatives and a line search, compiled.
 
-First it follows the residual with the normal loads of the iterate itself, whose Jacobian is exact but unsymmetric, from
-the first guess. Where that does not converge, passes begin that minimise the potential of the step for given loads (it
-always descends) and follow from there; after each, the loads are updated.
+First it follows the residual with the normal loads of the iterate itself, whose Jacobian is unsymmetric, from the first
+guess, and again from the start of the step. Where that does not converge, passes begin that minimise the potential of
+the step for given loads (it always descends) and follow from there; after each, the loads are updated.
 """
 
 from __future__ import annotations
@@ -51,8 +51,6 @@ SEGMENTS_KEPT = 1e-3
 """The Jacobian is kept, but for segments whose contacts change, until x has moved by this fraction of that length."""
 JOINTS_KEPT = 1e-2
 """The joints' part of the Jacobian is kept until x has moved by this fraction of the segment length."""
-FOLLOWED = 2e-15
-"""Coordinate step, as a fraction of the body length, at which Newton has converged."""
 STAGNATION = 1e-12
 """A step below this fraction that no longer shrinks, with new Jacobians, is rounding: converged too."""
 
@@ -89,6 +87,10 @@ def _solve(core: Core, again: bool) -> bool:
     else:
         regimes.last(core)
     found = _follow(core)
+    if not found and not again:  # the first guess may lie where other contacts hold than at the start of the step
+        copy(vector(core.block, a.X), vector(core.block, a.X_N))
+        regimes.last(core)
+        found = _follow(core)
     fill(regime, point.FREE)
     if found:
         return True
@@ -114,14 +116,18 @@ def _solve(core: Core, again: bool) -> bool:
 
 @inner
 def _follow(core: Core) -> bool:
-    """Newton with the loads of the iterate itself, whose Jacobian is exact but unsymmetric; it is kept while it serves.
+    """Newton with the loads of the iterate itself, whose Jacobian is unsymmetric; it is kept while it serves.
+
+    The residual is exact. In the Jacobian stand, where it depends on forces, those of the contacts that the step before
+    has foreseen: those of the iterate are far off where contacts are stiff, for a step along the curved way on which
+    they hold presses them by its square (Magisano, Leonetti, Garcea 2017, Comput. Methods Appl. Mech. Eng. 313, 986).
 
     Every contact keeps its regime until the step, to first order, leads where the law denies it by more than the step's
     own error: contacts stick within nanometres, and by the law alone the iterates would jump to and fro over that.
     There is no potential to descend: it gives up where regimes go on changing or it does not come closer.
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
-    length = vector(core.block, a.NUMBERS_)[a.LENGTH]
+    length, tolerance = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.TOLERANCE]
     size, moved, hessian, fresh, changes, doubt = np.inf, 0.0, WHOLE, 0, 0, 1.0
     since_joints, since_all, far, strays = 0.0, 0.0, 0.0, 0
     for _ in range(MAX_FOLLOW):
@@ -138,7 +144,7 @@ def _follow(core: Core) -> bool:
             doubt *= DOUBT
             if changes > MAX_CHANGES:
                 return False
-        elif news != FREED and _converged(size, previous, fresh, length):
+        elif news == NOTHING and _converged(size / length, previous / length, fresh, tolerance):
             return True
         moved = 0.0 if lands else size
         if not lands:
@@ -147,6 +153,8 @@ def _follow(core: Core) -> bool:
         since_joints = moved + (0.0 if hessian == WHOLE else since_joints)
         since_all = moved + (0.0 if renewed else since_all)
         slow = size > CONTRACTION * previous and hessian != LOCAL
+        if slow and hessian == WITH_KEPT_JOINTS and news == NOTHING:  # the joints it has kept are too stiff for that
+            since_joints = np.inf
         hessian = _renewal(core, since_joints, since_all, slow, news)
     return False
 
@@ -155,10 +163,9 @@ def _follow(core: Core) -> bool:
 def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
     """Return what becomes of the contacts in a step of this size, and whether an open one lands in it."""
     l0 = vector(core.block, a.NUMBERS_)[a.L0]
-    regimes.look_ahead(core, vector(core.block, a.DIRECTION))
-    error = doubt * CURVATURE * size * size / l0
-    lands = regimes.lands(core, error)
-    changed, turned = regimes.change(core, error, lands)
+    regimes.look_ahead(core, vector(core.block, a.DIRECTION), doubt * CURVATURE * size * size / l0)
+    lands = regimes.lands(core)
+    changed, turned = regimes.change(core, lands)
     if changed:
         return CHANGED, lands
     if not lands and size < SETTLED * l0 and regimes.free(core):
@@ -168,9 +175,9 @@ def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
 
 
 @inner
-def _converged(size: float, previous: float, fresh: int, length: float) -> bool:
-    """Return whether a step is rounding, the last one or one that no longer shrinks."""
-    return size < FOLLOWED * length or (fresh > 1 and size < STAGNATION * length and size > 0.5 * previous)
+def _converged(size: float, previous: float, fresh: int, tolerance: float) -> bool:
+    """Return whether a step, as a fraction of the body length, is small enough, or one that no longer shrinks."""
+    return size < tolerance or (fresh > 1 and size < STAGNATION and size > 0.5 * previous)
 
 
 @inner

@@ -11,24 +11,34 @@ from worm3d.compiled import inner, njit
 from worm3d.kernels import point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import fill, matrix, rows, vector
+from worm3d.solver.block import copy, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
 
 FloatArray = NDArray[np.float64]
 
 _LOAD_N, _REGIME, _STIFFNESS, _CAP = point.LAYOUT.firsts("load_n", "regime", "stiffness", "cap")
-_DQ, _FIRST = segment.LAYOUT.first("dq"), point.LAYOUT.first("first")
-Y, EXCESS, TOUCHING, _TURN, _TURNS, SLIP = 0, 2, 3, 4, 5, 6
+_DQ, _FIRST, _PULL = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull")
+_FORESEEN, _ERROR = point.LAYOUT.firsts("foreseen", "error")
+Y, EXCESS, TOUCHING, SLIP, PULL, SWING, NEXT, STALE = 0, 2, 3, 4, 6, 9, 10, 11
 """Rows of "yielding_out"."""
+
+SHALLOW = 1e-5
+"""A step that drives what lands no deeper than this fraction of the segment length is taken."""
+
+PRESSED = 1e-3
+"""What lands is taken for pressed in by this fraction of the segment length until a step foresees its load."""
 
 
 @inner
 def last(core: Core) -> None:
     """Take every contact for what it was in the last step."""
     p, stuck = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK)
+    copy(rows(core.block, a.POINT_IN, _PULL, 2), vector(core.block, a.PULL_N))
+    copy(p[_FORESEEN], p[_LOAD_N])
     for k in range(p.shape[1]):
         touched = p[_LOAD_N, k] > 0.0
-        p[_REGIME, k] = (point.STICKING if stuck[k] > 0.0 else point.SLIDING) if touched else point.OPEN
+        sticking = _sticking(p[_PULL, k])
+        p[_REGIME, k] = (sticking if stuck[k] > 0.0 else point.SLIDING) if touched else point.OPEN
 
 
 @inner
@@ -36,9 +46,14 @@ def own(core: Core) -> None:
     """Take every contact for what the law says at the last evaluation."""
     look(core)
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
-    for k in range(p.shape[1]):
-        touching = point.SLIDING if out[EXCESS, k] > 0.0 else point.STICKING
-        p[_REGIME, k] = touching if out[TOUCHING, k] > 0.0 else point.OPEN
+    copy(p[_REGIME], out[NEXT])
+    pull(core)
+
+
+@inner
+def pull(core: Core) -> None:
+    """Take over the friction that the last look foresees."""
+    copy(rows(core.block, a.POINT_IN, _PULL, 3), rows(core.block, a.YIELDING_OUT, PULL, 3))
 
 
 @njit
@@ -50,83 +65,89 @@ def look(core: Core) -> None:
 
 
 @inner
-def look_ahead(core: Core, step: FloatArray) -> None:
-    """Ask what the contacts will do, to first order, once a step is subtracted from x."""
+def look_ahead(core: Core, step: FloatArray, error: float) -> None:
+    """Ask what the contacts will do, to first order, once a step is subtracted from x; that may be off by `error`."""
     p, segments = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN)
     for r in range(segment.COORDINATES):
         for i in range(core.n):
             segments[_DQ + r, i] = -step[BLOCK * i + r]
+    fill(rows(core.block, a.POINT_IN, _ERROR, 1), error)
     run(kernel(core, a.SEGMENT_MOTION), segments, matrix(core.block, a.FIRST), core.n)
     run(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
 
 
 @inner
-def lands(core: Core, error: float) -> bool:
+def lands(core: Core) -> bool:
     """Return whether an open contact will touch: the step, which knows nothing of that, would drive it deep."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
-    lanes = p.shape[1] // POINTS
-    for s in range(POINTS):
-        for k in range(s * lanes, s * lanes + core.n):
-            if p[_REGIME, k] == point.OPEN and out[TOUCHING, k] > error and p[_STIFFNESS, k] > 0.0:
-                return True
+    deep = SHALLOW * vector(core.block, a.NUMBERS_)[a.L0]
+    for k in range(p.shape[1]):
+        if out[STALE, k] != 0.0 and p[_REGIME, k] == point.OPEN and out[TOUCHING, k] > deep:
+            return True
     return False
 
 
 @inner
-def change(core: Core, error: float, lands: bool) -> tuple[bool, bool]:
-    """Change the regimes that the law denies; return whether there was one, and whether what sticks turns round.
-
-    Forward and backward, a stuck contact has different stiffnesses: once it turns, the step says little of its force.
+def change(core: Core, lands: bool) -> tuple[bool, bool]:
+    """Change the regimes that the law denies; return whether there was one, and whether a Jacobian is out of date.
 
     Parameters
     ----------
-    error : float
-        Up to which nothing is denied [m].
     lands : bool
-        Whether the step will not be taken: what sticks does not begin to slide yet, for the way is not known.
+        Whether the step will not be taken: what sticks goes on as it is, for the way is not known.
     """
-    p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
-    lanes, changed, turned, concerned = p.shape[1] // POINTS, False, False, vector(core.block, a.CHANGED)
-    for s in range(POINTS):
-        for i in range(core.n):
-            k = s * lanes + i
-            if p[_STIFFNESS, k] == 0.0:
-                continue
-            regime = p[_REGIME, k]
-            new = _by_law(regime, out[TOUCHING, k], out[EXCESS, k], out[_TURN, k], error)
-            if regime == point.STICKING and new != point.OPEN:
-                if out[_TURNS, k] != 0.0:
-                    turned, concerned[i // vectors.WIDTH] = True, 1.0
-                if lands or out[_TURNS, k] != 0.0:
-                    new = regime
-            if new != regime:
-                p[_REGIME, k] = new
-                changed, concerned[i // vectors.WIDTH] = True, 1.0
+    p, out, changed, turned = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT), False, False
+    lanes, concerned = p.shape[1] // POINTS, vector(core.block, a.CHANGED)
+    if not lands:
+        pull(core)
+    for k in range(p.shape[1]):
+        if out[STALE, k] == 0.0:
+            continue
+        old, new = p[_REGIME, k], out[NEXT, k]
+        if lands and old >= point.STICKING and new != point.OPEN:
+            continue
+        if old == point.OPEN:
+            p[_PULL, k], p[_PULL + 1, k] = out[PULL, k], out[PULL + 1, k]
+            p[_FORESEEN, k] = PRESSED * p[_STIFFNESS, k] * vector(core.block, a.NUMBERS_)[a.L0]
+        p[_REGIME, k], concerned[k % lanes // vectors.WIDTH] = new, 1.0
+        if old == new or (old >= point.STICKING and new >= point.STICKING):
+            turned = True
+        else:
+            changed = True
     return changed, turned
 
 
 @inner
-def _by_law(regime: float, touching: float, excess: float, turn: float, error: float) -> float:
-    """Return the regime that follows where the law denies one by more than the error."""
-    if regime == point.OPEN:
-        if touching <= error:
-            return point.OPEN
-        return point.SLIDING if turn > 0.0 and excess > error else point.STICKING
-    if touching < -error:
-        return point.OPEN
-    if regime == point.SLIDING:
-        return point.STICKING if turn < 0.0 or excess < -error else point.SLIDING
-    return point.SLIDING if excess > error else point.STICKING
+def _sticking(y: float) -> float:
+    """Return the regime of a stuck contact with this displacement, or force against it, along the segment."""
+    return point.STICKING if y >= 0.0 else point.STICKING_BACK
 
 
 @inner
 def free(core: Core) -> bool:
-    """Let what slides at the static limit slide at the kinetic one; return whether there was such a contact."""
+    """Let what slides at the static limit slide at the kinetic one; return whether there was such a contact.
+
+    As long as one that slides is about to come to rest - its displacement changes by much of itself - nothing is freed.
+    """
     p, stuck, freed = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK), False
     lanes, concerned = p.shape[1] // POINTS, vector(core.block, a.CHANGED)
+    if _swings(core):
+        return False
     for s in range(POINTS):
         for i in range(core.n):
             k = s * lanes + i
             if p[_CAP, k] > 1.0 and p[_REGIME, k] == point.SLIDING:
                 stuck[k], p[_CAP, k], freed, concerned[i // vectors.WIDTH] = 0.0, 1.0, True, 1.0
     return freed
+
+
+@inner
+def _swings(core: Core) -> bool:
+    """Return whether, of a contact that slides, the displacement changes by much of itself."""
+    p, swing = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)[SWING]
+    lanes = p.shape[1] // POINTS
+    for s in range(POINTS):
+        for k in range(s * lanes, s * lanes + core.n):
+            if p[_REGIME, k] == point.SLIDING and p[_STIFFNESS, k] > 0.0 and swing[k] > point.SWUNG:
+                return True
+    return False

@@ -31,6 +31,7 @@ _L_HAT, _A_HAT, _L_N, _A_N = segment.LAYOUT.firsts("length_hat", "angle_hat", "l
 _JOINT_T, _JOINT_D, _J_SPAN, _J_DT = joint.LAYOUT.firsts("t_ref", "d_ref", "span", "dt")
 _HINGE, _HINGE_N, _WEIGHTS, _ANGLES_N = joint.LAYOUT.firsts("hinge", "hinge_n", "weights", "angles_n")
 _DISTANCE, _POINT_NORMAL, _GRIP, _X_HAT = point.LAYOUT.firsts("distance", "normal", "grip", "x_hat")
+_PULL = point.LAYOUT.first("pull")
 _STIFFNESS, _WEIGHT = point.LAYOUT.firsts("stiffness", "weight")
 _INERTIA, _P_DT, _DEPTH_N = point.LAYOUT.firsts("inertia", "dt", "depth_n")
 _TANGENTS, _ANCHOR, _HOLD, _CAP = point.LAYOUT.firsts("tangent", "anchor", "hold", "cap")
@@ -198,6 +199,7 @@ def _begin_contacts(core: Core) -> None:
     for new, old in ((_HOLD, _GRIP), (_DISTANCE_N, _DISTANCE), (_LOAD, _LOAD_N)):
         copy(p[new], p[old])
     copy(p[_STORED_N], vector(core.block, a.STORED))
+    copy(vector(core.block, a.PULL_N), rows(core.block, a.POINT_IN, _PULL, 2))
     for k in range(p.shape[1]):
         p[_DEPTH_N, k] = max(0.0, -p[_DISTANCE, k])
 

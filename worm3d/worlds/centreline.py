@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import KDTree
 
 from worm3d.worlds import biarc
 
@@ -16,6 +18,12 @@ Side = Literal["left", "right", "up", "down"]
 
 LONGEST_ARC = np.pi / 2.0
 """Longer arcs are kept in equal parts: the nearest point is looked for between the normal planes at a piece's ends."""
+
+SAMPLED = 0.05
+"""Places by which a reach is looked for are apart by this fraction of it."""
+
+LESS = 0.8
+"""A reach that is too large is tried anew times this."""
 
 KINK = 1e-9
 """Two pieces meet if positions (in metres) and tangents differ by no more than this."""
@@ -185,6 +193,29 @@ class Centreline:
     def straight(self) -> bool:
         """Whether there is no bend."""
         return not bool(self.curvature.any())
+
+    @cached_property
+    def reach(self) -> float:
+        """A distance below which each point's nearest place is the only one in whose normal plane it lies [m].
+
+        It holds (Federer 1959, Curvature measures) where no bend is sharper, and where places that are pi times as far
+        apart along the line are twice as far apart in space: the chord between closer ones is not normal to both. A
+        line that crosses itself has no reach: 0.
+        """
+        least = SAMPLED * float(self.length.min())
+        longest = min(self.total, 1.0 / float(self.curvature.max())) if self.curvature.any() else self.total
+        reach = (1.0 - SAMPLED) * longest
+        while reach > least and not self._is_apart(reach):
+            reach *= LESS
+        return reach if reach > least else 0.0
+
+    def _is_apart(self, reach: float) -> bool:
+        """Return whether places that are pi times the reach apart along the line are twice as far apart in space."""
+        beyond = float(np.linalg.norm(np.ptp(self.start, axis=0))) + self.total / len(self.length) + 4.0 * reach
+        count = int(np.ceil((self.total + 2.0 * beyond) / (SAMPLED * reach))) + 1
+        along, step = np.linspace(-beyond, self.total + beyond, count, retstep=True)
+        pairs = KDTree(self.at(along)[0]).query_pairs(2.0 * reach + float(step), output_type="ndarray")
+        return bool(((pairs[:, 1] - pairs[:, 0]) * step < np.pi * reach - step).all())
 
     @property
     def mirrored(self) -> Centreline:

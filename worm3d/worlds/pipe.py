@@ -168,10 +168,15 @@ class Pipe:
         inputs = np.zeros((pipe_table.FIRST + len(parameters), pipe_table.TOGETHER))
         inputs[pipe_table.FIRST :] = parameters[:, None]
         outputs = np.zeros((pipe_table.ROWS, pipe_table.TOGETHER))
-        planes = np.ascontiguousarray([*line[:, 3:6].T, np.sum(line[:, :3] * line[:, 3:6], axis=1)])
+        planes = np.column_stack([line[:, 3:6], np.sum(line[:, :3] * line[:, 3:6], axis=1)])
         arrays = line, planes, inputs, outputs  # of this kernel alone: others may run beside it
         places = (line.ctypes.data, planes.ctypes.data, one.address, inputs.ctypes.data, outputs.ctypes.data)
-        numbers = [*(half for place in places for half in table.halves(place)), len(line), len(inputs)]
+        numbers = [
+            *(half for place in places for half in table.halves(place)),
+            len(line),
+            len(inputs),
+            self.centreline.reach,
+        ]
         return WorldKernel(_compiled().address, np.array(numbers, dtype=float), (_compiled(), one, arrays))
 
     def distance(self, points: FloatArray) -> FloatArray:

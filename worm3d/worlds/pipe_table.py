@@ -1,7 +1,8 @@
 """The compiled pipe of many pieces: those that come into question are looked up, and the formula read for many at once.
 
 The formulas are in `worm3d.worlds.pipe_kernel`. Of the pieces between whose end planes a point lies (see
-`worm3d.worlds.chain`) the one with the smallest distance from the centre line counts; mostly there is one only.
+`worm3d.worlds.chain`) the one with the smallest distance from the centre line counts; mostly there is one only. A point
+closer to the line than its reach (`Centreline.reach`) has one only: it is found from that of the point before, on foot.
 """
 
 from __future__ import annotations
@@ -27,18 +28,34 @@ FIRST = 3 + PIECE
 ROWS = table.WORLD_ROWS + 1
 """Of the formula's outputs: the world's, and the distance from the centre line."""
 
-ROWS_IN = 3 + 10 + 2
-"""Point; addresses of the pieces, of the planes at which they begin (normal and distance from the origin, a column
-each), of the formula's kernel, its inputs and its outputs (2 each); number of pieces, and of rows of the inputs."""
+ROWS_IN = 3 + 10 + 3
+"""Point; addresses of the pieces, of the planes at which they begin (normal and distance from the origin, a row each),
+of the formula's kernel, its inputs and its outputs (2 each); number of pieces, and of rows of the inputs; reach [m]."""
 
-_PIECES, _PLANES, _KERNEL, _INPUTS, _OUTPUTS, _COUNT, _ROWS = 3, 5, 7, 9, 11, 13, 14
+_PIECES, _PLANES, _KERNEL, _INPUTS, _OUTPUTS, _COUNT, _ROWS, _REACH = 3, 5, 7, 9, 11, 13, 14, 15
 
 
 @inner
-def _ahead(planes: FloatArray, x: float, y: float, z: float, ahead: FloatArray) -> None:
-    """Write how far a point lies beyond each plane at which a piece begins [m]."""
-    for k in range(len(ahead)):
-        ahead[k] = planes[0, k] * x + planes[1, k] * y + planes[2, k] * z - planes[3, k]
+def _ahead(planes: FloatArray, k: int, p: FloatArray, lane: int) -> float:
+    """Return how far a point lies beyond the plane at which a piece begins [m]."""
+    return float(planes[k, 0] * p[0, lane] + planes[k, 1] * p[1, lane] + planes[k, 2] * p[2, lane] - planes[k, 3])
+
+
+@inner
+def _walk(planes: FloatArray, k: int, p: FloatArray, lane: int) -> int:
+    """Return a piece between whose end planes a point lies, the first one on the way from a piece."""
+    while k > 0 and _ahead(planes, k, p, lane) < 0.0:
+        k -= 1
+    while k < len(planes) - 1 and _ahead(planes, k + 1, p, lane) >= 0.0:
+        k += 1
+    return k
+
+
+@inner
+def _close(pieces: FloatArray, k: int, p: FloatArray, lane: int, reach: float) -> bool:
+    """Return whether a point is closer than the reach to where a piece begins, so that its nearest piece is known."""
+    x, y, z = p[0, lane] - pieces[k, 0], p[1, lane] - pieces[k, 1], p[2, lane] - pieces[k, 2]
+    return bool(x * x + y * y + z * z < reach * reach)
 
 
 @inner
@@ -71,18 +88,20 @@ def pipe(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, 
     pieces = table.doubles(table.address(p[_PIECES, 0], p[_PIECES + 1, 0]), int(p[_COUNT, 0]), PIECE)
     given = table.doubles(table.address(p[_INPUTS, 0], p[_INPUTS + 1, 0]), int(p[_ROWS, 0]), TOGETHER)
     found = table.doubles(table.address(p[_OUTPUTS, 0], p[_OUTPUTS + 1, 0]), ROWS, TOGETHER)
-    planes = table.doubles(table.address(p[_PLANES, 0], p[_PLANES + 1, 0]), 4, len(pieces))
-    formula = table.address(p[_KERNEL, 0], p[_KERNEL + 1, 0])
+    planes = table.doubles(table.address(p[_PLANES, 0], p[_PLANES + 1, 0]), len(pieces), 4)
+    formula, reach = table.address(p[_KERNEL, 0], p[_KERNEL + 1, 0]), p[_REACH, 0]
     lanes, nearest, collected, last = np.empty(TOGETHER, np.int64), np.full(count, np.inf), 0, len(pieces) - 1
-    ahead = np.empty(len(pieces))
+    here = 0
     for lane in range(count):
         if table.repeats(p, lane):
             continue
-        _ahead(planes, p[0, lane], p[1, lane], p[2, lane], ahead)
-        here = True
-        for k in range(len(pieces)):
-            after = k < last and ahead[k + 1] >= 0.0
-            if here and not after:
+        here = _walk(planes, here, p, lane)
+        known = _close(pieces, here, p, lane, reach)
+        first, end = (here, here + 1) if known else (0, last + 1)
+        begun = True
+        for k in range(first, end):
+            ended = not known and k < last and _ahead(planes, k + 1, p, lane) >= 0.0
+            if begun and not ended:
                 _collect(given, collected, pieces, k, p, lane)
                 lanes[collected] = lane
                 collected += 1
@@ -90,7 +109,7 @@ def pipe(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, 
                     evaluate(formula, given, found, collected)
                     _read(found, lanes, collected, nearest, out)
                     collected = 0
-            here = after
+            begun = ended
     evaluate(formula, given, found, collected)
     _read(found, lanes, collected, nearest, out)
     for lane in range(count):
