@@ -83,7 +83,7 @@ def _contact() -> _Contact:
     stiff = s["stiffness"] + s["damping"] / s["dt"]
     centre = ca.if_else(stiff > 0.0, s["damping"] / s["dt"] * s["depth_n"] / stiff, 0.0)
     touching = contact.pressing(s["distance"], centre)
-    pressed = ca.if_else(s["regime"] >= SLIDING, touching, ca.if_else(s["regime"] == OPEN, 0.0, ca.fmax(0.0, touching)))
+    pressed = _pressed(touching)
     viscous = s["gauge_damping"] / s["dt"]
     r = 1.0 / (1.0 / s["yield_gauge"] + viscous)
     law = contact.Law(r, s["cap"], viscous * r * s["slide_n"])
@@ -104,7 +104,8 @@ def _curvature() -> ca.SX:
 def force() -> ca.Function:
     """Return the gradient f (3) of a point's potential, its Hessian K (9, row by row), the potential and the load.
 
-    With `coupled` f is the true residual and K its unsymmetric derivative; the potential then means nothing.
+    With `coupled` f is the true residual and K its unsymmetric derivative; the potential then means nothing. Behind f
+    stands what it is with the forces that were foreseen (3), for the second derivatives of the points.
     """
     s, c = LAYOUT.symbols, _contact()
     away, T = s["x"] - s["x_hat"], ca.horzcat(*_tangents())

@@ -7,7 +7,7 @@ S slot + i of point arrays. Some arrays share memory, so that one kernel writes 
     segment_motion -> points            are its rows "first"
     world -> distance ... grip          are its rows 3 to 13
     point_tangents -> tangent, slide_n  likewise
-    point_force -> f, K | phi, load     f and K are the last rows of the segment array
+    point_force -> f, f_ahead, K | ...  are the last rows of the segment array; phi and load follow
 """
 
 from __future__ import annotations
