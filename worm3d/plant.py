@@ -66,6 +66,7 @@ def kernels() -> dict[str, Kernel]:
         "point_force": compile_kernel(point.force()),
         "point_tangents": compile_kernel(point.tangents()),
         "point_yielding": compile_kernel(point.yielding()),
+        "point_slip": compile_kernel(point.slip()),
         "point_after": compile_kernel(point.after()),
     }
 

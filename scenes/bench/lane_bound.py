@@ -44,7 +44,7 @@ KERNELS_OF: Mapping[str, tuple[str, ...]] = {
     "kept": (*PLACED, "joint_gradient", "segment_hessian"),
     "residual": (*PLACED, "joint_gradient", "segment_gradient"),
     "ahead": ("segment_motion", "point_yielding"),
-    "look": ("point_yielding",),
+    "look": ("point_slip",),
     "start": ("segment_shape", "world", "segment_rims", "segment_shape", "point_tangents"),
     "end": ("joint_angles",),
     "ledger": ("segment_motion", "point_after", "segment_ledger", "joint_ledger"),

@@ -14,7 +14,7 @@ from worm3d.solver import ledger, regimes
 from worm3d.solver.advance import actuate
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import Block, address, copy, matrix, vector
-from worm3d.solver.entry import reset
+from worm3d.solver.entry import kernel, reset
 from worm3d.solver.evaluate import WHOLE, evaluate, hold
 from worm3d.solver.newton import _newton_step
 from worm3d.solver.records import record
@@ -65,7 +65,8 @@ def look_loop(core: Core, times: int) -> None:
     """Ask what contacts were before the first iteration, and whether they yield after the last."""
     for _ in range(times):
         regimes.last(core)
-        regimes.look(core)
+        p = matrix(core.block, a.POINT_IN)
+        run(kernel(core, a.POINT_SLIP), p, matrix(core.block, a.AFTER_OUT)[:2], p.shape[1])
 
 
 @njit

@@ -32,8 +32,8 @@ class Plan:
     ----------
     segments, shares_of, rivals_at : tuple of int
         Segments of the worms whose speed, shares, and rivals are measured.
-    duration_s, duration_of_long_s : float
-        Simulated, by worms below and from 50 segments on [s].
+    duration_s : float
+        Simulated [s].
     repeats : int
         Runs of which the fastest counts.
     batch : int
@@ -50,16 +50,11 @@ class Plan:
     shares_of: tuple[int, ...] = (6, 100)
     rivals_at: tuple[int, ...] = (6, 100)
     duration_s: float = 10.0
-    duration_of_long_s: float = 4.0
     repeats: int = 3
     batch: int = 64
     batch_s: float = 10.0
     steps: int = 100_000
     search_s: float = 60.0
-
-    def duration(self, segments: int) -> float:
-        """Return the simulated time of a worm [s]."""
-        return self.duration_s if segments < LONG_WORM else self.duration_of_long_s
 
 
 FULL = Plan()
@@ -122,9 +117,9 @@ def study(plan: Plan, *, with_rivals: bool, quiet: bool) -> Study:
         A run or a process failed.
     """
     speeds = _each(
-        "speeds", plan.segments, lambda n: measure_speed(n, plan.duration(n), plan.repeats), quiet, what="worm"
+        "speeds", plan.segments, lambda n: measure_speed(n, plan.duration_s, plan.repeats), quiet, what="worm"
     )
-    shares = _each("shares", plan.shares_of, lambda n: measure_shares(n, plan.duration(n)), quiet, what="worm")
+    shares = _each("shares", plan.shares_of, lambda n: measure_shares(n, plan.duration_s), quiet, what="worm")
     batch = _one("batch", lambda: measure_throughput(plan.batch, plan.batch_s, min(2, plan.repeats)), quiet)
     start = _one("cold and warm start, in fresh processes", measure_start, quiet)
     memory = _one("memory of a long run, in a fresh process", lambda: measure_memory(plan.steps), quiet)

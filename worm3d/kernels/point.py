@@ -164,10 +164,9 @@ def yielding() -> ca.Function:
     """Return what a contact does at X + `first`, to first order, in metres.
 
     y = s - s* (2); by how much it is beyond the yield limit, for the largest coefficient; the penetration -g - d*
-    (negative where nothing touches); the slip of the anchor (2) at X itself; f' (2) of (C5) and the normal load; the
-    square of the fraction of itself, or of the yield limit, by which y changes; the regime that follows where the law
-    denies one by more than `error`; and whether a Jacobian of before is out of date: with another regime, or where y
-    changes by much.
+    (negative where nothing touches); f' (2) of (C5) and the normal load; the square of the fraction of itself, or of
+    the yield limit, by which y changes; the regime that follows where the law denies one by more than `error`; and
+    whether a Jacobian of before is out of date: with another regime, or where y changes by much.
     """
     s, c = LAYOUT.symbols, _contact()
     now = c.slide - c.law.centre
@@ -187,7 +186,6 @@ def yielding() -> ca.Function:
         "y": y,
         "excess": excess,
         "touching": touching,
-        "slip": _slip(),
         "pull": pull,
         "foreseen": c.stiff * _pressed(touching),
         "swing": swing,
@@ -219,6 +217,11 @@ def _next(y: ca.SX, excess: ca.SX, touching: ca.SX, share: ca.SX, backs: ca.SX) 
     found = ca.if_else(touching < -error, OPEN, of_touching)
     found = ca.if_else(regime == OPEN, ca.if_else(touching > error, of_open, OPEN), found)
     return ca.if_else(s["stiffness"] > 0.0, ca.if_else(regime == FREE, free, found), OPEN)
+
+
+def slip() -> ca.Function:
+    """Return the slip of the anchor (2) at X."""
+    return LAYOUT.function("point_slip", {"slip": _slip()})
 
 
 @cache

@@ -63,6 +63,7 @@ KERNELS = (
     "point_force",
     "point_tangents",
     "point_yielding",
+    "point_slip",
     "point_after",
     "evaluate",  # entries, `worm3d.solver.entry`
     "solve",
@@ -84,6 +85,7 @@ KERNELS = (
     POINT_FORCE,
     POINT_TANGENTS,
     POINT_YIELDING,
+    POINT_SLIP,
     POINT_AFTER,
     EVALUATE,
     SOLVE,
@@ -154,7 +156,7 @@ ARRAYS = (
     "world_out",  # inside point_in
     "tangents",  # inside point_in: tangent and slide_n
     "first",  # inside point_in, with the lanes of segments
-    "yielding_out",  # y (2), excess, penetration, slip now (2), pull (2), load, swing, regime, whether stale
+    "yielding_out",  # y (2), excess, penetration, pull (2), load, swing, regime, whether stale
     "after_out",  # slip (2), stored energy, terms of the ledger
     "joint_in",
     "joint_out",
@@ -307,7 +309,7 @@ class CoreMemory:
         Lanes for n segments and for n - 1 joints.
     world_rows : int
         Inputs of the world's kernel: x (3) and its parameters.
-    kernels : ndarray of int, shape (18,)
+    kernels : ndarray of int, shape (19,)
         Addresses.
     """
 
@@ -359,7 +361,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
         "world_out": (WORLD_ROWS, p),
         "tangents": (8, p),
         "first": (3 * POINTS, lanes),
-        "yielding_out": (12, p),
+        "yielding_out": (10, p),
         "after_out": (3 + len(point.LEDGER_TERMS), p),
         "joint_in": (joint.LAYOUT.rows, joint_lanes),
         "joint_out": (1 + joint.COORDINATES + joint.COORDINATES * joint.ROW, joint_lanes),

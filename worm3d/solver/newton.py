@@ -87,7 +87,8 @@ def _solve(core: Core, again: bool) -> bool:
     else:
         regimes.last(core)
     found = _follow(core)
-    if not found and not again:  # the first guess may lie where other contacts hold than at the start of the step
+    guessed = total(vector(core.block, a.LAST)) != 0.0
+    if not found and guessed and not again:  # other contacts may hold there than at the start of the step
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         regimes.last(core)
         found = _follow(core)

@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 _LOAD_N, _REGIME, _STIFFNESS, _CAP = point.LAYOUT.firsts("load_n", "regime", "stiffness", "cap")
 _DQ, _FIRST, _PULL = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull")
 _FORESEEN, _ERROR = point.LAYOUT.firsts("foreseen", "error")
-Y, EXCESS, TOUCHING, SLIP, PULL, SWING, NEXT, STALE = 0, 2, 3, 4, 6, 9, 10, 11
+Y, EXCESS, TOUCHING, PULL, SWING, NEXT, STALE = 0, 2, 3, 4, 7, 8, 9
 """Rows of "yielding_out"."""
 
 SHALLOW = 1e-5

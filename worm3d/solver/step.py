@@ -19,7 +19,6 @@ from worm3d.solver.evaluate import DIRECTOR, LENGTHS, LOAD, TANGENT, place
 from worm3d.solver.faces import turn_faces
 from worm3d.solver.guard import NO_CONVERGENCE, OK, guard
 from worm3d.solver.newton import solve
-from worm3d.solver.regimes import SLIP, look
 
 FloatArray = NDArray[np.float64]
 
@@ -207,7 +206,7 @@ def _begin_contacts(core: Core) -> None:
 @inner
 def _solve_contact(core: Core) -> bool:
     """Solve with the static limit where stuck; contacts that yield become kinetic, and again."""
-    p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
+    p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.AFTER_OUT)
     stuck, ratio = vector(core.block, a.STUCK), vector(core.block, a.NUMBERS_)[a.STATIC_RATIO]
     lanes = p.shape[1] // POINTS
     for attempt in range(MAX_BREAKAWAYS):
@@ -217,11 +216,11 @@ def _solve_contact(core: Core) -> bool:
             return False
         if ratio == 1.0:
             return True
-        look(core)
+        run(kernel(core, a.POINT_SLIP), p, out[:2], p.shape[1])
         yielding = False
         for s in range(POINTS):
             for k in range(s * lanes, s * lanes + core.n):
-                if stuck[k] > 0.0 and (out[SLIP, k] != 0.0 or out[SLIP + 1, k] != 0.0):
+                if stuck[k] > 0.0 and (out[0, k] != 0.0 or out[1, k] != 0.0):
                     stuck[k] = 0.0
                     yielding = True
         if not yielding:
