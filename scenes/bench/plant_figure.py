@@ -55,7 +55,8 @@ def _times(axes: Axes, speeds: Sequence[Speed], growth: Growth) -> None:
 def _bars(axes: Axes, shares: Sequence[Shares]) -> None:
     places, bottom = np.arange(len(shares)), np.zeros(len(shares))
     for part, colour in zip(shares[0].us if shares else (), COLOURS, strict=False):
-        heights = np.array([100.0 * each.fractions[part] for each in shares])
+        # Parts timed alone may add up to more than the step, where only some segments are evaluated anew.
+        heights = np.array([max(0.0, 100.0 * each.fractions[part]) for each in shares])
         bars = axes.bar(places, heights, 0.55, bottom=bottom, color=colour, label=part)
         texts = [f"{height:.0f} %" if height >= 100.0 * LEAST_LABELLED else "" for height in heights]
         dark = colour in DARK
