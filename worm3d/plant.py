@@ -44,7 +44,7 @@ HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", 
 
 _ROWS_REMEMBERED = (
     (segment.LAYOUT, "segment_in", ("t_ref", "d_ref", "rim", "commanded_n")),
-    (point.LAYOUT, "point_in", ("anchor", "load_n", "pull")),
+    (point.LAYOUT, "point_in", ("anchor", "load_n", "load_m", "pull", "pull_m")),
     (joint.LAYOUT, "joint_in", ("hinge_n",)),
 )
 
@@ -66,6 +66,7 @@ def kernels() -> dict[str, Kernel]:
         "point_force": compile_kernel(point.force()),
         "point_tangents": compile_kernel(point.tangents()),
         "point_yielding": compile_kernel(point.yielding()),
+        "point_expected": compile_kernel(point.expected()),
         "point_slip": compile_kernel(point.slip()),
         "point_after": compile_kernel(point.after()),
     }

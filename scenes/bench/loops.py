@@ -10,7 +10,7 @@ from worm3d.banded import lu_factor, lu_solve
 from worm3d.codegen import evaluate as run
 from worm3d.compiled import njit
 from worm3d.solver import arrays as a
-from worm3d.solver import ledger, regimes
+from worm3d.solver import fronts, ledger, regimes
 from worm3d.solver.advance import actuate
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import Block, address, copy, matrix, vector
@@ -67,6 +67,15 @@ def look_loop(core: Core, times: int) -> None:
         regimes.last(core)
         p = matrix(core.block, a.POINT_IN)
         run(kernel(core, a.POINT_SLIP), p, matrix(core.block, a.AFTER_OUT)[:2], p.shape[1])
+
+
+@njit
+def expect_loop(core: Core, times: int) -> None:
+    """Take contacts for what is expected of them, and note what they do: before the first iteration, after the last."""
+    for _ in range(times):
+        regimes.last(core)
+        fronts.expect(core)
+        fronts.note(core)
 
 
 @njit

@@ -107,6 +107,7 @@ class Bed:
             "solve": lambda times: loops.linear_loop(core, False, times),
             "ahead": lambda times: loops.ahead_loop(core, times),
             "look": lambda times: loops.look_loop(core, times),
+            "expect": lambda times: loops.expect_loop(core, times),
             "start": lambda times: loops.start_loop(core, self.command, DT, SPAN, times),
             "end": lambda times: loops.end_loop(core, DT, SPAN, times),
             "ledger": lambda times: loops.ledger_loop(core, DT, SPAN, times),

@@ -40,6 +40,9 @@ LAYOUT = Layout(
         "foreseen": 1,  # normal load, as the last step of Newton foresaw it
         "regime": 1,  # FREE, or what the contact is taken for, whatever X says
         "error": 1,  # of what is foreseen [m]
+        "breaks": 1,  # square of the share of the yield limit beyond which what sticks slides, whatever the error
+        "pull_m": 2,  # pull and load a step before the last
+        "load_m": 1,
         "coupled": 1,  # 1: friction takes the normal load of X itself
         "load_n": 1,
         "motion": 3,  # X - X_n
@@ -209,7 +212,8 @@ def _next(y: ca.SX, excess: ca.SX, touching: ca.SX, share: ca.SX, backs: ca.SX) 
     side = ca.if_else(regime == STICKING_BACK, y[0], -y[0])  # how far it is on the other side
     counts = ca.fabs(contact.directional(y, c.mu)[0] * y[0]) > TURNED * c.law.cap * c.law.r
     turned = ca.logic_and(ca.logic_and(side > error, counts), c.mu.forward != c.mu.backward)
-    of_stuck = ca.if_else(turned, sticking, ca.if_else(excess > error, SLIDING, regime))
+    far = contact.gauge_squared(y, c.mu) > s["breaks"] * (c.law.cap * c.law.r) ** 2
+    of_stuck = ca.if_else(turned, sticking, ca.if_else(ca.logic_or(far, excess > error), SLIDING, regime))
     rests = ca.logic_or(excess < -error, share < HELD)
     of_touching = ca.if_else(regime == SLIDING, ca.if_else(rests, sticking, SLIDING), of_stuck)
     of_open = ca.if_else(ca.logic_or(backs, excess <= error), sticking, SLIDING)
@@ -217,6 +221,30 @@ def _next(y: ca.SX, excess: ca.SX, touching: ca.SX, share: ca.SX, backs: ca.SX) 
     found = ca.if_else(touching < -error, OPEN, of_touching)
     found = ca.if_else(regime == OPEN, ca.if_else(touching > error, of_open, OPEN), found)
     return ca.if_else(s["stiffness"] > 0.0, ca.if_else(regime == FREE, free, found), OPEN)
+
+
+def expected() -> ca.Function:
+    """Return f of (C5), load and regime that a contact will have if it goes on as in the last two steps.
+
+    X and `regime` are those of the start of the step, `first` is the motion that is expected; what lands is taken for
+    pressed in by `error`.
+    """
+    s, c = LAYOUT.symbols, _contact()
+    y = c.slide - c.law.centre + ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
+    rho, limit = ca.sqrt(contact.gauge_squared(y, c.mu)), c.law.cap * c.law.r
+    against = c.law.cap * contact.directional(y, c.mu) ** 2 * y / ca.fmax(rho, limit)
+    trend, share = contact.bounded(2.0 * s["pull"] - s["pull_m"], c.mu, c.law.cap)
+    known, stuck = s["load_m"] > 0.0, s["regime"] >= STICKING
+    lands = ca.logic_and(s["regime"] == OPEN, c.touching - ca.dot(s["normal"], s["first"]) > 0.0)
+    lands = ca.logic_and(lands, s["stiffness"] > 0.0)
+    lifts = ca.logic_and(known, 2.0 * s["load_n"] < s["load_m"])
+    breaks = ca.logic_and(stuck, ca.logic_and(known, share > 1.0))
+    turns = ca.logic_and(s["regime"] == SLIDING, ca.logic_and(rho > limit, ca.dot(y, s["pull"]) < 0.0))
+    regime = ca.if_else(ca.logic_or(breaks, lands), SLIDING, s["regime"])
+    regime = ca.if_else(ca.logic_and(s["regime"] >= SLIDING, lifts), OPEN, regime)
+    pull = ca.if_else(breaks, trend, ca.if_else(ca.logic_or(turns, lands), against, s["pull"]))
+    load = ca.if_else(lands, c.stiff * s["error"], s["load_n"])
+    return LAYOUT.function("point_expected", {"pull": pull, "foreseen": load, "regime": regime})
 
 
 def slip() -> ca.Function:

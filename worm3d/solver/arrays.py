@@ -63,6 +63,7 @@ KERNELS = (
     "point_force",
     "point_tangents",
     "point_yielding",
+    "point_expected",
     "point_slip",
     "point_after",
     "evaluate",  # entries, `worm3d.solver.entry`
@@ -85,6 +86,7 @@ KERNELS = (
     POINT_FORCE,
     POINT_TANGENTS,
     POINT_YIELDING,
+    POINT_EXPECTED,
     POINT_SLIP,
     POINT_AFTER,
     EVALUATE,
@@ -162,7 +164,7 @@ ARRAYS = (
     "joint_out",
     "joint_blocks",
     "kinks",
-    "y_start",
+    "y_start",  # working memory of the line search, and of `worm3d.solver.fronts`
     "point_mass",  # (8, S) [kg]
     "longest",  # length of a chamber at which its rhombus counts as flattened [m]
     "joint_mass",  # [kg]
@@ -178,6 +180,7 @@ ARRAYS = (
     "stuck",  # 1 where the static coefficient holds
     "stuck_n",
     "pull_n",  # f of (C5) at the start of the step
+    "fronts",  # of each contact, `worm3d.solver.fronts`
     "stored",  # energy of the anchors at the end of the last step [J]
     "contact_force",  # of the world on each point at the end of the last step [N]
     "asked",  # of the actuators: contraction (2 N), force (2 N), hinge (N, the first unused)
@@ -243,6 +246,7 @@ ARRAYS = (
     STUCK,
     STUCK_N,
     PULL_N,
+    FRONTS,
     STORED,
     CONTACT_FORCE,
     ASKED,
@@ -264,6 +268,7 @@ REMEMBERED = (
     "last",
     "stuck",
     "stored",
+    "fronts",
     "contact_force",
     "asked",
     "given",
@@ -309,7 +314,7 @@ class CoreMemory:
         Lanes for n segments and for n - 1 joints.
     world_rows : int
         Inputs of the world's kernel: x (3) and its parameters.
-    kernels : ndarray of int, shape (19,)
+    kernels : ndarray of int, shape (20,)
         Addresses.
     """
 
@@ -375,6 +380,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
         **dict.fromkeys(("stuck", "stuck_n", "stored"), (1, p)),
         "contact_force": (3, p),
         "pull_n": (2, p),
+        "fronts": (6, p),
         **dict.fromkeys(("asked", "given"), (1, 5 * n)),
         **dict.fromkeys(("joints", "joint_velocity"), (6, n + 1)),
         **dict.fromkeys(("points", "point_velocity"), (6, p)),

@@ -15,7 +15,7 @@ from worm3d.banded import B, cholesky_solve, lu_factor, lu_solve
 from worm3d.compiled import inner
 from worm3d.kernels import point
 from worm3d.solver import arrays as a
-from worm3d.solver import regimes
+from worm3d.solver import fronts, regimes
 from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import address, combine, copy, fill, matrix, rows, total, vector
 from worm3d.solver.entry import call, count, kernel, opened
@@ -47,6 +47,10 @@ DOUBT = 2.0
 """By which that error is taken to be larger each time that contacts have changed their regime."""
 SETTLED = 1e-5
 """What slides at the static limit becomes kinetic once steps are smaller than this fraction of the segment length."""
+CERTAIN = 10.0
+"""And before, where it is beyond the limit by this many times the step's own error."""
+BREAKS = 25.0
+"""Square of the share of the yield limit beyond which what sticks slides at once, where there is no guess to trust."""
 SEGMENTS_KEPT = 1e-3
 """The Jacobian is kept, but for segments whose contacts change, until x has moved by this fraction of that length."""
 JOINTS_KEPT = 1e-2
@@ -57,7 +61,7 @@ STAGNATION = 1e-12
 NOTHING, TURNED, FREED, CHANGED = range(4)
 """What has become of the contacts: a stuck one turns round, one breaks away, or one changes its regime."""
 
-_LOAD, _MU, _REGIME = point.LAYOUT.firsts("load", "mu", "regime")
+_LOAD, _MU, _REGIME, _BREAKS = point.LAYOUT.firsts("load", "mu", "regime", "breaks")
 
 
 @inner
@@ -86,11 +90,16 @@ def _solve(core: Core, again: bool) -> bool:
         regimes.own(core)
     else:
         regimes.last(core)
-    found = _follow(core)
     guessed = total(vector(core.block, a.LAST)) != 0.0
+    if guessed and not again:
+        fronts.expect(core)
+    breaks = rows(core.block, a.POINT_IN, _BREAKS, 1)
+    fill(breaks, np.inf if guessed or again else BREAKS)
+    found = _follow(core)
     if not found and guessed and not again:  # other contacts may hold there than at the start of the step
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         regimes.last(core)
+        fill(breaks, BREAKS)
         found = _follow(core)
     fill(regime, point.FREE)
     if found:
@@ -164,13 +173,18 @@ def _follow(core: Core) -> bool:
 def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
     """Return what becomes of the contacts in a step of this size, and whether an open one lands in it."""
     l0 = vector(core.block, a.NUMBERS_)[a.L0]
-    regimes.look_ahead(core, vector(core.block, a.DIRECTION), doubt * CURVATURE * size * size / l0)
+    error = doubt * CURVATURE * size * size / l0
+    regimes.look_ahead(core, vector(core.block, a.DIRECTION), error)
     lands = regimes.lands(core)
+    freed = not lands and regimes.free(core, CERTAIN * error)
     changed, turned = regimes.change(core, lands)
+    if not lands and not changed and not freed and size < SETTLED * l0:
+        freed = regimes.free(core, 0.0)
+    if freed:
+        count(core, 2)
     if changed:
         return CHANGED, lands
-    if not lands and size < SETTLED * l0 and regimes.free(core):
-        count(core, 2)
+    if freed:
         return FREED, lands
     return TURNED if turned else NOTHING, lands
 

@@ -37,8 +37,8 @@ def last(core: Core) -> None:
     copy(p[_FORESEEN], p[_LOAD_N])
     for k in range(p.shape[1]):
         touched = p[_LOAD_N, k] > 0.0
-        sticking = _sticking(p[_PULL, k])
-        p[_REGIME, k] = (sticking if stuck[k] > 0.0 else point.SLIDING) if touched else point.OPEN
+        resting = sticking(p[_PULL, k])
+        p[_REGIME, k] = (resting if stuck[k] > 0.0 else point.SLIDING) if touched else point.OPEN
 
 
 @inner
@@ -118,25 +118,32 @@ def change(core: Core, lands: bool) -> tuple[bool, bool]:
 
 
 @inner
-def _sticking(y: float) -> float:
+def sticking(y: float) -> float:
     """Return the regime of a stuck contact with this displacement, or force against it, along the segment."""
     return point.STICKING if y >= 0.0 else point.STICKING_BACK
 
 
 @inner
-def free(core: Core) -> bool:
+def free(core: Core, least: float) -> bool:
     """Let what slides at the static limit slide at the kinetic one; return whether there was such a contact.
 
-    As long as one that slides is about to come to rest - its displacement changes by much of itself - nothing is freed.
+    Parameters
+    ----------
+    least : float
+        How far beyond the limit the displacement is at least, while it changes little; 0 for all that slide, but none
+        as long as one is about to come to rest: its displacement changes by much of itself.
     """
-    p, stuck, freed = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK), False
+    p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
+    stuck, freed = vector(core.block, a.STUCK), False
     lanes, concerned = p.shape[1] // POINTS, vector(core.block, a.CHANGED)
-    if _swings(core):
+    if least == 0.0 and _swings(core):
         return False
     for s in range(POINTS):
         for i in range(core.n):
             k = s * lanes + i
-            if p[_CAP, k] > 1.0 and p[_REGIME, k] == point.SLIDING:
+            if not (p[_CAP, k] > 1.0 and p[_REGIME, k] == point.SLIDING):
+                continue
+            if least == 0.0 or (out[NEXT, k] == point.SLIDING and out[EXCESS, k] > least and out[SWING, k] < point.SWUNG):
                 stuck[k], p[_CAP, k], freed, concerned[i // vectors.WIDTH] = 0.0, 1.0, True, 1.0
     return freed
 

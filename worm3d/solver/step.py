@@ -10,7 +10,7 @@ from worm3d.codegen import evaluate as run
 from worm3d.compiled import inner
 from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays as a
-from worm3d.solver import ledger
+from worm3d.solver import fronts, ledger
 from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import address, combine, copy, fill, matrix, rows, vector
 from worm3d.solver.clamped import solve_clamped
@@ -30,16 +30,13 @@ _L_HAT, _A_HAT, _L_N, _A_N = segment.LAYOUT.firsts("length_hat", "angle_hat", "l
 _JOINT_T, _JOINT_D, _J_SPAN, _J_DT = joint.LAYOUT.firsts("t_ref", "d_ref", "span", "dt")
 _HINGE, _HINGE_N, _WEIGHTS, _ANGLES_N = joint.LAYOUT.firsts("hinge", "hinge_n", "weights", "angles_n")
 _DISTANCE, _POINT_NORMAL, _GRIP, _X_HAT = point.LAYOUT.firsts("distance", "normal", "grip", "x_hat")
-_PULL = point.LAYOUT.first("pull")
+_PULL, _PULL_M, _LOAD_M = point.LAYOUT.firsts("pull", "pull_m", "load_m")
 _STIFFNESS, _WEIGHT = point.LAYOUT.firsts("stiffness", "weight")
 _INERTIA, _P_DT, _DEPTH_N = point.LAYOUT.firsts("inertia", "dt", "depth_n")
 _TANGENTS, _ANCHOR, _HOLD, _CAP = point.LAYOUT.firsts("tangent", "anchor", "hold", "cap")
 _OF_SEGMENT = point.LAYOUT.first("segment_tangent")
 _LOAD, _LOAD_N, _DISTANCE_N, _STORED_N = point.LAYOUT.firsts("load", "load_n", "distance_n", "stored_n")
 _TERMS_OF_SEGMENT = len(segment.LEDGER_TERMS)
-
-STEADY = 0.02
-"""The first guess takes the last step's change of motion into account while that is small: squares, in coordinates."""
 
 IMPACT = 1e-3
 """A point that would get deeper than this fraction of the segment length, and than gravity alone moves it in a step,
@@ -139,9 +136,8 @@ def begin(core: Core, dt: float, span: float) -> None:
     _begin_contacts(core)
     x = vector(core.block, a.X)
     combine(x, 1.0, x, 1.0, vector(core.block, a.LAST))
-    last, curve = vector(core.block, a.LAST), vector(core.block, a.CURVE)
-    if np.dot(curve, curve) < STEADY * np.dot(last, last):
-        combine(x, 1.0, x, 1.0, curve)
+    if fronts.goes_on(core):
+        combine(x, 1.0, x, 1.0, vector(core.block, a.CURVE))
 
 
 @inner
@@ -248,7 +244,9 @@ def _commit(core: Core, dt: float, span: float) -> None:
     _remember(core, a.HINGES, rows(core.block, a.SEGMENT_OUT, _TERMS_OF_SEGMENT, 2))
     _remember(core, a.JOINT_ANGLES_PAST, rows(core.block, a.JOINT_OUT, 0, 4))
     _keep_contact_forces(core)
+    _keep_past(core)
     _move_anchors(core)
+    fronts.note(core)
     _carry_directors(core)
     last, curve = vector(core.block, a.LAST), vector(core.block, a.CURVE)
     combine(curve, 0.0, curve, -1.0, last)
@@ -278,6 +276,13 @@ def _keep_contact_forces(core: Core) -> None:
     for d in range(3):
         for k in range(p.shape[1]):
             force[d, k] = p[_INERTIA, k] * (p[d, k] - p[_X_HAT + d, k]) - p[_WEIGHT + d, k] - out[d, k]
+
+
+@inner
+def _keep_past(core: Core) -> None:
+    """Keep friction and loads of the start of the step, from which their trend is seen."""
+    copy(rows(core.block, a.POINT_IN, _PULL_M, 2), vector(core.block, a.PULL_N))
+    copy(rows(core.block, a.POINT_IN, _LOAD_M, 1), rows(core.block, a.POINT_IN, _LOAD_N, 1))
 
 
 @inner

@@ -1,0 +1,150 @@
+"""What the contacts will do in a step, by what they and their neighbours have done: Newton begins there.
+
+A wave runs along the body, and contacts change one after the other where its fronts pass. A contact that changes notes
+by how many steps its neighbour was ahead of it; where two in a row agree, the next contact is expected to change as
+many steps later. All others go on as in their last two steps. A wrong guess costs iterations, nothing else.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.codegen import evaluate as run
+from worm3d.compiled import inner
+from worm3d.kernels import point
+from worm3d.solver import arrays as a
+from worm3d.solver import regimes
+from worm3d.solver.arrays import POINTS, Core
+from worm3d.solver.block import combine, copy, fill, matrix, rows, vector
+from worm3d.solver.entry import kernel
+
+FloatArray = NDArray[np.float64]
+
+DOES, DID, SINCE, AHEAD, STEADY, DUE = range(6)
+"""Rows of "fronts": what a contact does and did before, a slide towards the tail being negative; steps since; by how
+many steps its neighbour was ahead, negative for the one behind it; 1 where that one's own was ahead by as many; and
+steps until a front arrives, 0 where none is awaited."""
+LONGEST = 20.0
+"""Steps from contact to contact up to which a front is awaited."""
+SMOOTH = 0.02
+"""Greatest change of motion that goes on: squares, in coordinates."""
+
+_LOAD_N, _REGIME, _PULL = point.LAYOUT.firsts("load_n", "regime", "pull")
+_FORESEEN, _ERROR, _FIRST, _DT = point.LAYOUT.firsts("foreseen", "error", "first", "dt")
+
+
+@inner
+def goes_on(core: Core) -> bool:
+    """Return whether the last step's change of motion is small enough to be expected once more."""
+    last, curve = vector(core.block, a.LAST), vector(core.block, a.CURVE)
+    return bool(np.dot(curve, curve) < SMOOTH * np.dot(last, last))
+
+
+@inner
+def expect(core: Core) -> None:
+    """Take contacts for what they are expected to be; so far they are taken for what they were in the last step."""
+    p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
+    first, now = rows(core.block, a.POINT_IN, _FIRST, 3), rows(core.block, a.POINTS_PAST, 0, 3)
+    before = rows(core.block, a.POINTS_PAST, 3, 3)
+    if goes_on(core):  # BDF2: the last motion and its change
+        combine(first, 2.0 * p[_DT, 0], rows(core.block, a.POINT_VELOCITY, 0, 3), -1.0, now)
+        combine(first, 1.0, first, 1.0, before)
+    else:
+        combine(first, 1.0, now, -1.0, before)
+    fill(rows(core.block, a.POINT_IN, _ERROR, 1), regimes.PRESSED * vector(core.block, a.NUMBERS_)[a.L0])
+    run(kernel(core, a.POINT_EXPECTED), p, out[:4], p.shape[1])
+    due = matrix(core.block, a.FRONTS)[DUE]
+    for k in range(p.shape[1]):
+        if due[k] > 0.0:  # what is awaited is trusted
+            for row in range(4):
+                out[row, k] = p[_PULL + row, k]
+    copy(rows(core.block, a.POINT_IN, _PULL, 4), rows(core.block, a.YIELDING_OUT, 0, 4))
+    for k in range(p.shape[1]):
+        if due[k] == 1.0:
+            _arrive(core, k)
+
+
+@inner
+def _arrive(core: Core, k: int) -> None:
+    """Take a contact for what its neighbour is on the side from which a front arrives."""
+    p, fronts, pull = matrix(core.block, a.POINT_IN), matrix(core.block, a.FRONTS), matrix(core.block, a.PULL_N)
+    for side in (1, -1):
+        j, does = k + side, 0.0
+        if _passed(core, k, side):
+            does = fronts[DOES, j]
+        if does == point.OPEN:
+            p[_REGIME, k] = point.OPEN
+        elif does != 0.0:
+            p[_PULL, k], p[_PULL + 1, k] = pull[0, j], pull[1, j]
+            p[_REGIME, k] = regimes.sticking(pull[0, j]) if does == point.STICKING else point.SLIDING
+            if p[_FORESEEN, k] <= 0.0:
+                p[_FORESEEN, k] = p[_LOAD_N, j]
+
+
+@inner
+def _passed(core: Core, k: int, side: int) -> bool:
+    """Return whether a front has passed the neighbour of a contact on a side, towards it."""
+    fronts, j = matrix(core.block, a.FRONTS), k + side
+    if not 0 <= k % (fronts.shape[1] // POINTS) + side < core.n:
+        return False
+    return fronts[DID, j] == fronts[DOES, k] and fronts[DOES, j] != fronts[DOES, k] and side * fronts[AHEAD, j] > 0.0
+
+
+@inner
+def note(core: Core) -> None:
+    """Note, at the end of a step, which contacts do something else than before, and where fronts are awaited."""
+    fronts, found = matrix(core.block, a.FRONTS), matrix(core.block, a.Y_START)
+    since, due, lanes, changed = fronts[SINCE], fronts[DUE], fronts.shape[1] // POINTS, 0
+    for k in range(len(since)):
+        since[k] += 1.0
+        due[k] = max(0.0, due[k] - 1.0)
+    for s in range(POINTS):
+        for k in range(s * lanes, s * lanes + core.n):
+            if _does(core, k) != fronts[DOES, k]:
+                found[0, changed] = k
+                changed += 1
+    for m in range(changed):
+        found[1, m], found[2, m] = _ahead(core, int(found[0, m]))
+    for m in range(changed):
+        k = int(found[0, m])
+        fronts[DID, k], fronts[DOES, k], since[k], due[k] = fronts[DOES, k], _does(core, k), 0.0, 0.0
+        fronts[AHEAD, k], fronts[STEADY, k] = found[1, m], found[2, m]
+    for m in range(changed):
+        for k in range(max(0, int(found[0, m]) - 1), min(len(due), int(found[0, m]) + 2)):
+            due[k] = _awaited(core, k)
+
+
+@inner
+def _does(core: Core, k: int) -> float:
+    """Return what a contact does at the end of a step."""
+    p = matrix(core.block, a.POINT_IN)
+    if p[_LOAD_N, k] <= 0.0:
+        return point.OPEN
+    if vector(core.block, a.STUCK)[k] > 0.0:
+        return point.STICKING
+    return point.SLIDING if p[_PULL, k] >= 0.0 else -point.SLIDING
+
+
+@inner
+def _ahead(core: Core, k: int) -> tuple[float, float]:
+    """Return the rows AHEAD and STEADY of a contact that changes in this step."""
+    fronts, does, found = matrix(core.block, a.FRONTS), _does(core, k), (0.0, 0.0)
+    i = k % (fronts.shape[1] // POINTS)
+    for side in (1, -1):
+        j = k + side
+        if 0 <= i + side < core.n and fronts[DOES, j] == does and fronts[DID, j] == fronts[DOES, k]:
+            steps = fronts[SINCE, j]
+            if steps <= LONGEST:
+                found = side * steps, 1.0 if abs(fronts[AHEAD, j]) == steps else 0.0
+    return found
+
+
+@inner
+def _awaited(core: Core, k: int) -> float:
+    """Return in how many steps a steady front arrives at a contact, 0 where there is none."""
+    fronts, steps = matrix(core.block, a.FRONTS), 0.0
+    for side in (1, -1):
+        if _passed(core, k, side) and fronts[STEADY, k + side] != 0.0:
+            steps = max(steps, side * fronts[AHEAD, k + side] - fronts[SINCE, k + side])
+    return steps
