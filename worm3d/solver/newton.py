@@ -47,8 +47,8 @@ DOUBT = 2.0
 """By which that error is taken to be larger each time that contacts have changed their regime."""
 SETTLED = 1e-5
 """What slides at the static limit becomes kinetic once steps are smaller than this fraction of the segment length."""
-CERTAIN = 10.0
-"""And before, where it is beyond the limit by this many times the step's own error."""
+CLEAR, FAR = 1e-4, 4.0
+"""Or than CLEAR, where it is beyond the limit by FAR times such a step."""
 BREAKS = 25.0
 """Square of the share of the yield limit beyond which what sticks slides at once, where there is no guess to trust."""
 SEGMENTS_KEPT = 1e-3
@@ -176,10 +176,10 @@ def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
     error = doubt * CURVATURE * size * size / l0
     regimes.look_ahead(core, vector(core.block, a.DIRECTION), error)
     lands = regimes.lands(core)
-    freed = not lands and regimes.free(core, CERTAIN * error)
     changed, turned = regimes.change(core, lands)
-    if not lands and not changed and not freed and size < SETTLED * l0:
-        freed = regimes.free(core, 0.0)
+    freed = False
+    if not lands and not changed and size < CLEAR * l0:
+        freed = regimes.free(core, FAR * size) or (size < SETTLED * l0 and regimes.free(core, 0.0))
     if freed:
         count(core, 2)
     if changed:
