@@ -13,7 +13,7 @@ forwards its 8 numbers lose G times those of the block, backwards the block is A
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -45,6 +45,12 @@ _NUMBERS = ir.VectorType(_INT, _LANES)
 _ZERO, _ONE = (ir.Constant(_KIND, [value] * _LANES) for value in (0.0, 1.0))
 _SHARED = _LANES - BLOCK
 """Coordinates that a block concerns in the second block behind it."""
+
+
+_ODD = [0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]
+_HALVES = [0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15]
+_QUARTERS = [0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]
+"""Lanes of two vectors that are added to each other, to sum them up."""
 
 
 def _of_matrix(row: int, column: int) -> int:
@@ -92,15 +98,16 @@ class _Writer:
         """Return x with one lane of y."""
         return self.lanes(x, y, [k + _LANES if k == lane else k for k in range(_LANES)])
 
-    def totals(self, rows: list[Any]) -> Any:
-        """Return the sums of the lanes of five vectors."""
-        pairs = [(rows[0], rows[1]), (rows[2], rows[3]), (rows[4], rows[4])]
-        low, high = [0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]
-        a, b, c = (self.builder.fadd(self.lanes(x, y, low), self.lanes(x, y, high)) for x, y in pairs)
-        low, high = [0, 1, 8, 9, 4, 5, 12, 13], [2, 3, 10, 11, 6, 7, 14, 15]
-        a, c = (self.builder.fadd(self.lanes(x, y, low), self.lanes(x, y, high)) for x, y in ((a, b), (c, c)))
-        low, high = [0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15]
-        return self.builder.fadd(self.lanes(a, c, low), self.lanes(a, c, high))
+    def totals(self, rows: list[Any], rest: Any) -> Any:
+        """Return the sums of the lanes of five vectors, and the first three lanes of another one."""
+        a, b, c = (self._folded(x, y, _ODD) for x, y in ((rows[0], rows[1]), (rows[2], rows[3]), (rows[4], rows[4])))
+        low = self.lanes(c, self.lanes(rest, _ZERO, [8, 0, 8, 8, 1, 2, 8, 8]), [0, 9, 2, 11, 12, 13, 14, 15])
+        c = self.builder.fadd(low, self.lanes(c, _ZERO, [4, 8, 6, 8, 8, 8, 8, 8]))
+        return self._folded(self._folded(a, b, _HALVES), c, _QUARTERS)
+
+    def _folded(self, x: Any, y: Any, parts: tuple[list[int], list[int]]) -> Any:
+        """Return the sum of two choices of lanes."""
+        return self.builder.fadd(*(self.lanes(x, y, part) for part in parts))
 
     def spread(self, x: Any, lane: int) -> Any:
         return self.lanes(x, x, [lane] * _LANES)
@@ -110,14 +117,14 @@ class _Writer:
         return self.spread(one, 0)
 
     def number(self, address: Any, shift: int) -> Any:
-        """Return a number in every lane."""
-        return self.spread_number(self.builder.load(self.place(address, shift, _DOUBLE), align=8))
+        return self.builder.load(self.place(address, shift, _DOUBLE), align=8)
+
+    def lane(self, x: Any, lane: int) -> Any:
+        return self.builder.extract_element(x, ir.Constant(ir.IntType(32), lane))
 
     def plus(self, value: Any, x: Any, y: Any) -> Any:
         """Return value + x y."""
-        insert: Any = cgutils.get_or_insert_function
-        fma = insert(self.builder.module, ir.FunctionType(_KIND, [_KIND] * 3), f"llvm.fma.v{_LANES}f64")
-        return self.builder.call(fma, [x, y, value])
+        return self._call("fma", [x, y, value])
 
     def less(self, value: Any, x: Any, y: Any) -> Any:
         """Return value - x y."""
@@ -137,36 +144,48 @@ class _Writer:
         return value
 
     def inverse(self, pivot: Any, diagonal: Any) -> Any:
-        """Return 1/pivot, zero where the pivot has vanished; all in every lane."""
-        insert: Any = cgutils.get_or_insert_function
-        fabs = insert(self.builder.module, ir.FunctionType(_KIND, [_KIND]), f"llvm.fabs.v{_LANES}f64")
-        size, least = self.builder.call(fabs, [pivot]), self.builder.call(fabs, [diagonal])
-        least = self.builder.fmul(least, ir.Constant(_KIND, [SMALLEST_PIVOT] * _LANES))
+        """Return 1/pivot, zero where the pivot has vanished."""
+        size, least = (self._call("fabs", [x]) for x in (pivot, diagonal))
+        least = self.builder.fmul(least, ir.Constant(_DOUBLE, SMALLEST_PIVOT))
         vanished = self.builder.fcmp_ordered("<=", size, least)  # a NaN has not
-        return self.builder.select(vanished, _ZERO, self.builder.fdiv(_ONE, pivot))
+        one, zero = (ir.Constant(_DOUBLE, value) for value in (1.0, 0.0))
+        return self.builder.select(vanished, zero, self.builder.fdiv(one, pivot))
+
+    def _call(self, name: str, args: list[Any]) -> Any:
+        """Call one of LLVM's functions of numbers, or of vectors of them."""
+        insert: Any = cgutils.get_or_insert_function
+        kind = args[0].type
+        size = f"v{_LANES}f64" if kind == _KIND else "f64"
+        function = insert(self.builder.module, ir.FunctionType(kind, [kind] * len(args)), f"llvm.{name}.{size}")
+        return self.builder.call(function, args)
 
 
-def _eliminated(w: _Writer, factors: Any, band: Any) -> tuple[list[Any], list[Any]]:
+def _eliminated(w: _Writer, factors: Any, band: Any, between: Callable[[int], None]) -> tuple[list[Any], list[Any]]:
     """Return the rows of A11^-1, with the first columns of H, and of H: Gauss and Jordan."""
     near = [w.load(factors, _CORNER + _LANES * r) for r in range(BLOCK)]
     far = [w.load(band, _of_matrix(r, _LANES)) for r in range(BLOCK)]
+    pivot = w.lane(near[0], 0)
     for k in range(BLOCK):
-        inverse = w.inverse(w.spread(near[k], k), w.number(band, _of_matrix(k, k)))
-        own = [w.builder.fmul(inverse, row) for row in (w.exchanged(near[k], _ONE, k), far[k])]
+        inverse = w.inverse(pivot, w.number(band, _of_matrix(k, k)))
+        if k + 1 < BLOCK:  # ahead of the rows, for the next inverse takes longest
+            product = w.builder.fmul(w.lane(near[k + 1], k), w.lane(near[k], k + 1))
+            pivot = w.less(w.lane(near[k + 1], k + 1), product, inverse)
+        own = [w.builder.fmul(w.spread_number(inverse), row) for row in (w.exchanged(near[k], _ONE, k), far[k])]
         for r in range(BLOCK):
             if r != k:
                 factor = w.spread(near[r], k)
                 near[r] = w.less(w.exchanged(near[r], _ZERO, k), factor, own[0])
                 far[r] = w.less(far[r], factor, own[1])
         near[k], far[k] = own
+        between(k)
     return near, [w.lanes(x, y, list(range(BLOCK, BLOCK + _LANES))) for x, y in zip(near, far, strict=True)]
 
 
 def _below(w: _Writer, factors: Any, band: Any, r: int) -> list[Any]:
     """Return the numbers of a row of A21; the blocks before have changed the first three."""
     if r < _SHARED:
-        return [w.number(factors, _CORNER + _LANES * (BLOCK + r) + j) for j in range(BLOCK)]
-    return [w.number(band, _of_matrix(BLOCK + r, j)) for j in range(BLOCK)]
+        return [w.spread_number(w.number(factors, _CORNER + _LANES * (BLOCK + r) + j)) for j in range(BLOCK)]
+    return [w.spread_number(w.number(band, _of_matrix(BLOCK + r, j))) for j in range(BLOCK)]
 
 
 def _behind(w: _Writer, factors: Any, band: Any, r: int) -> Any:
@@ -209,17 +228,37 @@ def _again(w: _Writer, factors: Any, band: Any) -> None:
     _write_corner(w, factors, band, [w.load(factors, _H + _LANES * r) for r in range(BLOCK)])
 
 
-@_intrinsic
-def _eliminate(w: _Writer, factors: Any, band: Any) -> None:
+def _write_elimination(w: _Writer, factors: Any, band: Any, before: Any, band_before: Any) -> None:
     """Put down the factors of a block, and the corner that it leaves for the next one."""
-    near, h = _eliminated(w, factors, band)
+    inverse = [w.load(before, _INVERSE + _LANES * r) for r in range(BLOCK)]
+    rows: list[Any] = []
+
+    def between(k: int) -> None:
+        for r in range(*ROWS[k]):
+            rows.append(w.sum(_below(w, before, band_before, r), inverse))
+        if k == GK:
+            g = vectors.transposed(w.builder, rows)
+            for j in range(BLOCK):
+                w.store(g[j], before, _G + _LANES * j)
+
+    near, h = _eliminated(w, factors, band, between)
     _write_corner(w, factors, band, h)
     for r in range(BLOCK):
         w.store(near[r], factors, _INVERSE + _LANES * r)
         w.store(h[r], factors, _H + _LANES * r)
-    g = vectors.transposed(w.builder, [w.sum(_below(w, factors, band, r), near) for r in range(_LANES)])
-    for j in range(BLOCK):
-        w.store(g[j], factors, _G + _LANES * j)
+
+ROWS = [(0,2),(2,4),(4,6),(6,8),(8,8)]
+GK=4
+
+def _type_eliminate(_context: Any, factors: Any, band: Any, before: Any, band_before: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        _write_elimination(_Writer(builder), *args)
+        return ir.Constant(_INT, 0)
+
+    return types.int64(types.int64, types.int64, types.int64, types.int64), generate
+
+
+_eliminate: Any = intrinsic(_type_eliminate)
 
 
 def _type_forwards(_context: Any, factors: Any, x: Any, n: Any) -> Any:
@@ -250,7 +289,7 @@ def _type_backwards(_context: Any, factors: Any, x: Any, n: Any) -> Any:
             y, behind = w.lanes(w.load(here, _Y), _ZERO, [0, 1, 2, 3, 4, 13, 14, 15]), builder.load(place)
             own = [builder.fmul(w.load(here, _INVERSE + _LANES * r), y) for r in range(BLOCK)]
             rows = [w.less(own[r], w.load(here, _H + _LANES * r), behind) for r in range(BLOCK)]
-            found = w.lanes(w.totals(rows), behind, [0, 1, 2, 3, 4, 8, 9, 10])
+            found = w.totals(rows, behind)
             builder.store(found, place)
             w.store_some(found, builder.add(x, builder.mul(done, ir.Constant(_INT, 8))), builder.sub(n, done))
         return ir.Constant(_INT, 0)
@@ -295,7 +334,8 @@ def lu_factor(band: FloatArray, factors: FloatArray, start: int) -> None:
     for k in range(known, first):
         _again(to + k * room, source + k * rows)
     for k in range(first, blocks):
-        _eliminate(to + k * room, source + k * rows)
+        before = max(k - 1, first)
+        _eliminate(to + k * room, source + k * rows, to + before * room, source + before * rows)
 
 
 @njit
