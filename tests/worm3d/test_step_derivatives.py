@@ -6,12 +6,13 @@ from numpy.testing import assert_allclose
 
 from worm3d import Friction, Plane, Worm
 from worm3d.banded import B
+from worm3d.banded_lu import lu_factor, lu_solve
 from worm3d.kernels import point
 from worm3d.plant import Plant
 from worm3d.solver import arrays
 from worm3d.solver.advance import OK, advance
 from worm3d.solver.arrays import BLOCK
-from worm3d.solver.evaluate import LOAD, NONE, WHOLE, evaluate
+from worm3d.solver.evaluate import LOAD, NONE, WHOLE, evaluate, hold
 from worm3d.solver.records import record_memory
 from worm3d.solver.regimes import EXCESS, look
 from worm3d.state import State
@@ -110,3 +111,20 @@ def test_whole_step_against_central_differences(coupled: bool) -> None:
     if not coupled:
         assert_allclose(residual, slopes, rtol=0, atol=1e-8 * np.abs(residual).max())
         assert asymmetry < 1e-13 * scale
+
+
+def test_the_jacobian_fits_into_the_groups_of_the_linear_solver() -> None:
+    """A block and the 8 coordinates behind it; with held ones, the factors solve for Newton's step."""
+    plant = a_plant(Friction(0.3, 0.6, 0.4))
+    size, within = plant.arrays["x"].size, np.zeros((plant.arrays["x"].size,) * 2, dtype=bool)
+    for first in range(0, size, BLOCK):
+        within[first : first + 13, first : first + 13] = True
+    evaluate(plant.core, arrays.X, True, WHOLE)
+    hold(plant.core, True)
+    matrix, residual = dense(plant.arrays["band"][:size]), plant.arrays["gradient"][0]
+    assert not matrix[~within].any()
+    assert np.count_nonzero(matrix) > 0.8 * np.count_nonzero(within)
+    step = residual.copy()
+    lu_factor(plant.arrays["band"], plant.arrays["factor"], 0)
+    lu_solve(plant.arrays["factor"], step)
+    assert_allclose(step, np.linalg.solve(matrix, residual), rtol=1e-9, atol=1e-12 * np.abs(step).max())

@@ -338,9 +338,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
     size, p = BLOCK * (n + 1), POINTS * lanes
     return {
         "numbers": (1, len(NUMBERS)),
-        **dict.fromkeys(
-            ("x", "x_n", "held", "gradient", "direction", "trial", "best", "curve", "last"), (1, size)
-        ),
+        **dict.fromkeys(("x", "x_n", "held", "gradient", "direction", "trial", "best", "curve", "last"), (1, size)),
         "band": (size + B, WIDTH),
         "joint_band": (size + B, WIDTH),
         "factor": (size + B, WIDTH),
