@@ -30,6 +30,8 @@ from worm3d.vector_writer import DOUBLE, INT, LANES, ONE, ZERO, Writer
 
 FloatArray = NDArray[np.float64]
 
+_utils: Any = cgutils  # without types
+
 BLOCK = 5
 """Coordinates of a block."""
 _SHARED = LANES - BLOCK
@@ -157,7 +159,7 @@ _eliminate: Any = intrinsic(_type_eliminate)
 def _type_forwards(_context: Any, factors: Any, x: Any, n: Any) -> Any:
     def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         w, (factors, x, n) = Writer(builder), args
-        place = cgutils.alloca_once_value(builder, w.load_some(x, n))
+        place = _utils.alloca_once_value(builder, w.load_some(x, n))
         with _blocks(builder, n) as block:
             here = builder.add(factors, builder.mul(block, ir.Constant(INT, 8 * _ROOM)))
             done = builder.mul(builder.add(block, ir.Constant(INT, 1)), ir.Constant(INT, BLOCK))
@@ -175,7 +177,7 @@ def _type_forwards(_context: Any, factors: Any, x: Any, n: Any) -> Any:
 def _type_backwards(_context: Any, factors: Any, x: Any, n: Any) -> Any:
     def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         w, (factors, x, n) = Writer(builder), args
-        place = cgutils.alloca_once_value(builder, ZERO)
+        place = _utils.alloca_once_value(builder, ZERO)
         with _blocks(builder, n, backwards=True) as block:
             here = builder.add(factors, builder.mul(block, ir.Constant(INT, 8 * _ROOM)))
             done = builder.mul(block, ir.Constant(INT, BLOCK))
@@ -194,7 +196,7 @@ def _type_backwards(_context: Any, factors: Any, x: Any, n: Any) -> Any:
 def _blocks(builder: Any, n: Any, *, backwards: bool = False) -> Iterator[Any]:
     """Write a loop over the blocks of n coordinates."""
     count = builder.sdiv(builder.add(n, ir.Constant(INT, BLOCK - 1)), ir.Constant(INT, BLOCK))
-    with cgutils.for_range(builder, count) as loop:
+    with _utils.for_range(builder, count) as loop:
         last = builder.sub(count, ir.Constant(INT, 1))
         yield builder.sub(last, loop.index) if backwards else loop.index
 
