@@ -37,7 +37,7 @@ def _shuffle(builder: Any, x: Any, y: Any, lanes: list[int]) -> Any:
 
 
 def transposed(builder: Any, rows: list[Any]) -> list[Any]:
-    """Exchange, in three rounds, the lanes of rows 1, 2 and 4 apart."""
+    """Return the columns of 8 rows: exchange, in three rounds, the lanes of rows 1, 2 and 4 apart."""
     for apart in (1, 2, 4):
         low = [lane if not lane & apart else WIDTH + lane - apart for lane in range(WIDTH)]
         high = [lane + apart if not lane & apart else WIDTH + lane for lane in range(WIDTH)]
