@@ -1,4 +1,4 @@
-"""Banded linear systems in compiled code: root-free Cholesky, and LU for unsymmetric ones.
+"""Banded linear systems in compiled code: root-free Cholesky; LU for unsymmetric ones is in `worm3d.banded_lu`.
 
 A matrix of size n with half bandwidth B stands by rows: entry (i, j) at [i, B + j - i], in an array (n + B, WIDTH)
 whose other entries are zero: with columns to spare and B rows below the end every inner loop has the same length, so
@@ -92,61 +92,3 @@ def cholesky_solve(band: FloatArray, x: FloatArray) -> bool:
             total -= band[j, B + m] * x[j + m]
         x[j] = total / band[j, B]
     return True
-
-
-@njit
-def lu_factor(band: FloatArray, pivots: FloatArray, start: int) -> None:
-    """Factorise A in place by elimination without pivoting.
-
-    The matrices of a step are close to positive definite ones; what is lost where they are not, Newton's next residual
-    shows. A coordinate with neither mass nor stiffness left, such as the roll of a body without apex masses, stays.
-
-    Parameters
-    ----------
-    band : ndarray, shape (n + B, WIDTH)
-        Columns from 2 B + 1 on must be zero; overwritten by the factors, the diagonal by its inverse.
-    pivots : ndarray, shape (n,)
-        Overwritten by the diagonal of A.
-    start : int
-        Rows before this one hold their factors already; A is as it was then, but for rows and columns from here on.
-    """
-    n, flat = len(pivots), band.ravel()
-    for k in range(start, n):
-        pivots[k] = band[k, B]
-    for k in range(max(0, start - B), n):
-        if k >= start:
-            regular = not abs(band[k, B]) <= SMALLEST_PIVOT * abs(pivots[k])  # a NaN stays one
-            band[k, B] = 1.0 / band[k, B] if regular else 0.0
-        inverse = band[k, B]
-        for r in range(max(1, start - k), B + 1):  # the rows below the end are zero
-            factor = band[k + r, B - r] * inverse
-            band[k + r, B - r] = factor
-            if factor != 0.0:
-                _subtract_16(flat, (k + r) * WIDTH + B - r + 1, k * WIDTH + B + 1, factor)
-
-
-@njit
-def lu_solve(band: FloatArray, x: FloatArray, padded: FloatArray) -> None:
-    """Solve A x = b in place with the factors of `lu_factor`; x holds b.
-
-    Sums run from the oldest entry to the newest one, so that only their last term waits for the row before.
-
-    Parameters
-    ----------
-    band : ndarray, shape (n + B, WIDTH)
-    x : ndarray, shape (n,)
-    padded : ndarray, shape (n + 2 B,)
-        Working memory; its first and last B entries are zero.
-    """
-    n = len(x)
-    for k in range(n):
-        total = x[k]
-        for c in range(B):
-            total -= band[k, c] * padded[k + c]
-        padded[k + B] = total
-    for k in range(n - 1, -1, -1):
-        total = padded[k + B]
-        for c in range(B, 0, -1):
-            total -= band[k, B + c] * padded[k + B + c]
-        padded[k + B] = total * band[k, B]
-        x[k] = padded[k + B]

@@ -21,7 +21,17 @@ from worm3d.codegen.cache import default_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-COMPILED = ("banded.py", "codegen", "compiled.py", "kernels", "solver", "vectors.py", "worlds")
+COMPILED = (
+    "banded.py",
+    "banded_lu.py",
+    "codegen",
+    "compiled.py",
+    "kernels",
+    "solver",
+    "vector_writer.py",
+    "vectors.py",
+    "worlds",
+)
 """What compiled functions are made of: modules that define them, and the layouts that they have as constants."""
 
 OPTIMISATION = 1

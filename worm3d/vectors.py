@@ -36,8 +36,8 @@ def _shuffle(builder: Any, x: Any, y: Any, lanes: list[int]) -> Any:
     return builder.shuffle_vector(x, y, mask)
 
 
-def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
-    """Exchange, in three rounds, the lanes of rows 1, 2 and 4 apart."""
+def transposed(builder: Any, rows: list[Any]) -> list[Any]:
+    """Return the columns of 8 rows: exchange, in three rounds, the lanes of rows 1, 2 and 4 apart."""
     for apart in (1, 2, 4):
         low = [lane if not lane & apart else WIDTH + lane - apart for lane in range(WIDTH)]
         high = [lane + apart if not lane & apart else WIDTH + lane for lane in range(WIDTH)]
@@ -53,7 +53,7 @@ def _type_transpose(_context: Any, to: Any, to_stride: Any, source: Any, stride:
         to, to_stride, source, stride = args
         eight = [ir.Constant(_INT, 8 * k) for k in range(WIDTH)]
         rows = [_load(builder, builder.add(source, builder.mul(stride, step))) for step in eight]
-        for row, step in zip(_transposed(builder, rows), eight, strict=True):
+        for row, step in zip(transposed(builder, rows), eight, strict=True):
             _store(builder, row, builder.add(to, builder.mul(to_stride, step)))
         return ir.Constant(_INT, 0)
 

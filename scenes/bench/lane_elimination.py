@@ -1,7 +1,8 @@
 """Elimination of several banded systems at once, one in each lane: how fast a batch's linear solver could be.
 
-Entry (i, j) of the matrix in lane w stands at [B + i, B + j - i, w]; the first B rows are zero. The factors are those
-of `worm3d.banded.lu_factor`, made row by row: a row stays in registers until it is finished. Pivots are not looked at.
+Entry (i, j) of the matrix in lane w stands at [B + i, B + j - i, w]; the first B rows are zero. It is elimination
+without pivoting, row by row: a row stays in registers until it is finished. Pivots are not looked at, and zeros within
+the band, which `worm3d.banded_lu` leaves out, are computed with.
 """
 
 from __future__ import annotations

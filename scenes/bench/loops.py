@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import vectors
-from worm3d.banded import lu_factor, lu_solve
+from worm3d.banded_lu import lu_factor, lu_solve
 from worm3d.codegen import evaluate as run
 from worm3d.compiled import njit
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, ledger, regimes
 from worm3d.solver.advance import actuate
 from worm3d.solver.arrays import Core
-from worm3d.solver.block import Block, address, copy, matrix, vector
+from worm3d.solver.block import Block, copy, matrix, vector
 from worm3d.solver.entry import kernel, reset
 from worm3d.solver.evaluate import WHOLE, evaluate, hold
 from worm3d.solver.newton import _newton_step
@@ -47,9 +46,8 @@ def linear_loop(core: Core, factorise: bool, times: int) -> None:
         hold(core, factorise)
         copy(step, vector(core.block, a.GRADIENT))
         if factorise:
-            vectors.move(address(core.block, a.FACTOR, 0), address(core.block, a.BAND, 0), factor.size)
-            lu_factor(factor, vector(core.block, a.PIVOTS), 0)
-        lu_solve(factor, step, vector(core.block, a.PADDED))
+            lu_factor(matrix(core.block, a.BAND), factor, 0)
+        lu_solve(factor, step)
 
 
 @njit

@@ -1,9 +1,9 @@
-"""Banded solvers against dense ones."""
+"""The solver for symmetric banded systems against a dense one."""
 
 import numpy as np
 import pytest
 
-from worm3d.banded import WIDTH, B, cholesky_solve, lu_factor, lu_solve
+from worm3d.banded import WIDTH, B, cholesky_solve
 
 SIZES = [1, 2, 8, 12, 13, 33, 100]
 
@@ -51,58 +51,3 @@ def test_cholesky_refuses_an_indefinite_matrix_with_a_positive_diagonal():
     A = np.eye(20)
     A[3, 5] = A[5, 3] = 1.1
     assert not cholesky_solve(banded(A), np.ones(20))
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("n", SIZES)
-def test_lu_solves_an_unsymmetric_system(n, sign):
-    """Definite or not: diagonals of either sign; twice with the same working memory."""
-    A, b = random_band(n, n)
-    A += np.diag(3.0 * (B + 1) * np.where(np.arange(n) % 3 == 1, sign, 1.0))
-    band, padded = banded(A), np.zeros(n + 2 * B)
-    lu_factor(band, np.zeros(n), 0)
-    for right in (b, b[::-1].copy()):
-        x = right.copy()
-        lu_solve(band, x, padded)
-        np.testing.assert_allclose(A @ x, right, rtol=1e-10, atol=1e-12)
-
-
-@pytest.mark.parametrize("start", [0, 5, 13, 40, 59])
-def test_lu_goes_on_where_rows_have_changed(start):
-    """Factors of the rows before `start` are kept; a band that differs from there on, in rows and columns."""
-    n = 60
-    A, b = random_band(n, 3)
-    A += 3.0 * (B + 1) * np.eye(n)
-    changed, noise = A.copy(), random_band(n, 4)[0]
-    changed[start:, start:] += noise[start:, start:]
-    band, pivots = banded(A), np.zeros(n)
-    lu_factor(band, pivots, 0)
-    band[start:] = banded(changed)[start:]
-    lu_factor(band, pivots, start)
-    x = b.copy()
-    lu_solve(band, x, np.zeros(n + 2 * B))
-    np.testing.assert_allclose(changed @ x, b, rtol=1e-10, atol=1e-12)
-
-
-def test_lu_leaves_a_coordinate_that_nothing_holds():
-    """A singular system with a solution: a roll that neither mass nor spring holds, here even after elimination."""
-    A, b = random_band(20, 1)
-    A += 3.0 * (B + 1) * np.eye(20)
-    A[7], A[:, 7], b[7] = 0.0, 0.0, 0.0
-    A[12, [12, 13]] = A[13, [12, 13]] = 0.0
-    A[12, :] = A[:, 12] = A[13, :] = A[:, 13] = 0.0
-    A[12:14, 12:14], b[12:14] = [[1.0, 1.0], [1.0, 1.0]], 2.0
-    x, band = b.copy(), banded(A)
-    lu_factor(band, np.zeros(20), 0)
-    lu_solve(band, x, np.zeros(20 + 2 * B))
-    np.testing.assert_allclose(A @ x, b, rtol=1e-10, atol=1e-12)
-    assert x[7] == 0.0
-
-
-def test_lu_passes_nan_on():
-    A = np.eye(20)
-    A[7, 7] = np.nan
-    band, x = banded(A), np.ones(20)
-    lu_factor(band, np.zeros(20), 0)
-    lu_solve(band, x, np.zeros(20 + 2 * B))
-    assert np.isnan(x[7])

@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 from worm3d import Friction, Plane, Worm
 from worm3d.banded import B
+from worm3d.banded_lu import lu_factor, lu_solve
 from worm3d.kernels import point
 from worm3d.plant import Plant
 from worm3d.solver import arrays
@@ -110,3 +111,22 @@ def test_whole_step_against_central_differences(coupled: bool) -> None:
     if not coupled:
         assert_allclose(residual, slopes, rtol=0, atol=1e-8 * np.abs(residual).max())
         assert asymmetry < 1e-13 * scale
+
+
+def test_the_jacobian_fits_into_the_groups_of_the_linear_solver() -> None:
+    """A block and the 8 coordinates behind it; two that nothing but the mask holds stay."""
+    plant = a_plant(Friction(0.3, 0.6, 0.4))
+    size, band = plant.arrays["x"].size, plant.arrays["band"]
+    within = np.zeros((size, size), dtype=bool)
+    for first in range(0, size, BLOCK):
+        within[first : first + 13, first : first + 13] = True
+    evaluate(plant.core, arrays.X, True, WHOLE)
+    matrix, residual = dense(band[:size]), plant.arrays["gradient"][0]
+    assert not matrix[~within].any()
+    assert np.count_nonzero(matrix) > 0.8 * np.count_nonzero(within)
+    step, free = residual.copy(), slice(0, size - 2)
+    lu_factor(band, plant.arrays["factor"], 0)
+    lu_solve(plant.arrays["factor"], step)
+    expected = np.linalg.solve(matrix[free, free], residual[free])
+    assert_allclose(step[free], expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
+    assert not step[size - 2 :].any()

@@ -141,11 +141,9 @@ ARRAYS = (
     "best",
     "curve",  # change of "last" in the last step
     "last",  # change of x in the last step
-    "pivots",
-    "padded",  # working memory of the linear solver
     "band",
     "joint_band",  # what the joints contribute to it
-    "factor",
+    "factor",  # of the linear solver
     "segment_in",  # inputs of the segment's kernels
     "point_out",  # f (3), f foreseen (3), K (9), potential, load; begins inside segment_in
     "segment_out",
@@ -207,8 +205,6 @@ ARRAYS = (
     BEST,
     CURVE,
     LAST,
-    PIVOTS,
-    PADDED,
     BAND,
     JOINT_BAND,
     FACTOR,
@@ -347,10 +343,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, world_rows: int) -> dict[str, 
     size, p = BLOCK * (n + 1), POINTS * lanes
     return {
         "numbers": (1, len(NUMBERS)),
-        **dict.fromkeys(
-            ("x", "x_n", "held", "gradient", "direction", "trial", "best", "curve", "last", "pivots"), (1, size)
-        ),
-        "padded": (1, size + 2 * B),
+        **dict.fromkeys(("x", "x_n", "held", "gradient", "direction", "trial", "best", "curve", "last"), (1, size)),
         "band": (size + B, WIDTH),
         "joint_band": (size + B, WIDTH),
         "factor": (size + B, WIDTH),

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d import vectors
-from worm3d.banded import B, cholesky_solve, lu_factor, lu_solve
+from worm3d.banded import B, cholesky_solve
+from worm3d.banded_lu import lu_factor, lu_solve
 from worm3d.compiled import inner
 from worm3d.kernels import point
 from worm3d.solver import arrays as a
@@ -219,10 +220,8 @@ def _newton_step(core: Core, hessian: int, follows: bool) -> float:
     factor, step = matrix(core.block, a.FACTOR), vector(core.block, a.DIRECTION)
     copy(step, vector(core.block, a.GRADIENT))
     if hessian != NONE:
-        left = factor.size - begin * factor.shape[1]
-        vectors.move(address(core.block, a.FACTOR, begin), address(core.block, a.BAND, begin), left)
-        lu_factor(factor, vector(core.block, a.PIVOTS), begin)
-    lu_solve(factor, step, vector(core.block, a.PADDED))
+        lu_factor(matrix(core.block, a.BAND), factor, begin)
+    lu_solve(factor, step)
     if hessian == NONE and follows:
         _correct(step, vector(core.block, a.TRIAL))
     return float(_size(core, step))
