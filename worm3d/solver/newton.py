@@ -178,14 +178,11 @@ def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
     regimes.look_ahead(core, vector(core.block, a.DIRECTION), error)
     lands = regimes.lands(core)
     changed, turned = regimes.change(core, lands)
-    freed = False
-    if not lands and not changed and size < CLEAR * l0:
-        freed = regimes.free(core, FAR * size) or (size < SETTLED * l0 and regimes.free(core, 0.0))
-    if freed:
-        count(core, 2)
     if changed:
         return CHANGED, lands
-    if freed:
+    clear = not lands and size < CLEAR * l0 and regimes.free(core, FAR * size)
+    if clear or (not lands and size < SETTLED * l0 and regimes.free(core, 0.0)):
+        count(core, 2)
         return FREED, lands
     return TURNED if turned else NOTHING, lands
 
