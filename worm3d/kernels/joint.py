@@ -44,7 +44,10 @@ _REDUCED = ca.SX.sym("z", 9)
 
 def _reduced() -> ca.SX:
     """Return `_REDUCED` as the linear function of the coordinates that it is."""
-    q = LAYOUT.symbols["q"]
+    return _reduced_of(LAYOUT.symbols["q"])
+
+
+def _reduced_of(q: ca.SX) -> ca.SX:
     return ca.vertcat(q[5:8] - q[0:3], q[10:13] - q[5:8], q[3], q[8], q[4] + q[9])
 
 
@@ -111,13 +114,13 @@ LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss")
 
 
 def ledger() -> ca.Function:
-    """Return the joint's terms of the energy ledger, in the order of `LEDGER_TERMS`."""
+    """Return the joint's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its angles (4)."""
     s = LAYOUT.symbols
-    terms = ca.SX.zeros(len(LEDGER_TERMS))
+    terms, firsts = ca.SX.zeros(len(LEDGER_TERMS)), _first_strains()
     now, before = (_strains(s["angles_n"], s[name]) for name in ("hinge", "hinge_n"))
     strains, strains_before = (_strains(_angles(), s[name]) for name in ("hinge", "hinge_n"))
     for i, (strain, hat) in enumerate(zip(strains, _hats(), strict=True)):
-        first = ca.jtimes(strain, s["q"], s["dq"])
+        first = firsts[i]
 
         def energy(at: ca.SX, k: ca.SX = s["k"][i]) -> ca.SX:
             return k / 2.0 * at**2
@@ -127,4 +130,13 @@ def ledger() -> ca.Function:
         change, numerical = losses.spring(energy, strain, now[i], first)
         lost, off = losses.damper(s["tau"] * s["k"][i], strain - hat, s["span"], s["dt"], first)
         terms += ca.vertcat(work, commanding + change, lost, numerical + missed + off)
-    return LAYOUT.function("joint_ledger", {"terms": terms})
+    return LAYOUT.function("joint_ledger", {"terms": terms, "angles": _angles()})
+
+
+def _first_strains() -> ca.SX:
+    """Return the first-order motion of the strains, shape (3,): through the angles, which take the most to derive."""
+    s, angles = LAYOUT.symbols, ca.SX.sym("angles", 4)
+    turned = ca.jtimes(_angles_of_reduced(), _REDUCED, _reduced_of(s["dq"]))
+    turned = ca.substitute(turned, _REDUCED, _reduced())
+    first = ca.jtimes(ca.vertcat(*_strains(angles, s["hinge"])), angles, turned)
+    return ca.substitute(first, angles, _angles())
