@@ -60,6 +60,7 @@ def kernels() -> dict[str, Kernel]:
         "segment_gradient": compile_kernel(segment.gradient()),
         "segment_hessian": compile_kernel(segment.hessian()),
         "segment_ledger": compile_kernel(segment.ledger()),
+        "joint_start": compile_kernel(joint.start()),
         "joint_gradient": compile_kernel(joint.gradient()),
         "joint_hessian": compile_kernel(joint.hessian()),
         "joint_angles": compile_kernel(joint.angles()),

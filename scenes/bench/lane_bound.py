@@ -45,7 +45,7 @@ KERNELS_OF: Mapping[str, tuple[str, ...]] = {
     "residual": (*PLACED, "joint_gradient", "segment_gradient"),
     "ahead": ("segment_motion", "point_yielding"),
     "look": ("point_slip",),
-    "start": ("segment_shape", "world", "segment_rims", "segment_shape", "point_start", "node_start"),
+    "start": ("segment_shape", "world", "segment_rims", "segment_shape", "point_start", "node_start", "joint_start"),
     "end": (),
     "ledger": ("segment_motion", "point_after", "node_after", "segment_ledger", "joint_ledger"),
     "record": ("point_momenta", "node_momenta"),

@@ -39,8 +39,13 @@ def still(s: Symbols) -> ca.SX:
 
 
 def coasting(s: Symbols) -> ca.SX:
-    """Return where the integrator takes the point to have no acceleration, X_hat, shape (3,) [m]."""
+    """Return "x_hat", where the integrator takes the point to have no acceleration, shape (3,) [m]."""
     return still(s) + s["span"] * _weigh(s, s["velocity"])
+
+
+def force(s: Symbols) -> ca.SX:
+    """Return m A, shape (3,) [N]."""
+    return s["inertia"] * (s["x"] - s["x_hat"])
 
 
 def stiffness(s: Symbols) -> ca.SX:
@@ -50,7 +55,7 @@ def stiffness(s: Symbols) -> ca.SX:
 
 def velocity(s: Symbols) -> ca.SX:
     """Return the velocity at the end of the step, shape (3,) [m/s]."""
-    return (s["x"] - still(s)) / s["span"]
+    return (s["x"] - s["x_hat"]) / s["span"] + _weigh(s, s["velocity"])
 
 
 def motion(s: Symbols) -> ca.SX:
@@ -58,21 +63,13 @@ def motion(s: Symbols) -> ca.SX:
     return s["x"] - s["past"][:3]
 
 
-def ledger(s: Symbols, force: ca.SX, first: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return the gain of kinetic energy, and the integrator's loss [J].
-
-    Parameters
-    ----------
-    force : SX
-        m A, shape (3,) [N].
-    first : SX
-        Motion to first order in the coordinates, shape (3,) [m].
-    """
+def ledger(s: Symbols, first: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return the gain of kinetic energy, and the integrator's loss [J]; `first` is the motion to first order [m]."""
     v, v_n, v_m = velocity(s), s["velocity"][:3], s["velocity"][3:]
     e_v = ca.if_else(_is_bdf2(s), 0.5 * (v - 2.0 * v_n + v_m), 0.0)
     mean = 0.5 * (v + v_n)
     gained = 0.5 * s["mass"] * (ca.sumsqr(v) - ca.sumsqr(v_n))
-    return gained, s["mass"] * ca.dot(e_v, mean) + ca.dot(force, first - s["dt"] * mean)
+    return gained, s["mass"] * ca.dot(e_v, mean) + ca.dot(force(s), first - s["dt"] * mean)
 
 
 def momenta(s: Symbols) -> ca.SX:

@@ -45,7 +45,7 @@ def after() -> ca.Function:
     """Return the joint's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its velocity (3)."""
     s = LAYOUT.symbols
     moved = inertia.motion(s)  # the coordinates of a joint are its place: to first order it is the same
-    kinetic, lost = inertia.ledger(s, s["inertia"] * (s["x"] - s["x_hat"]), moved)
+    kinetic, lost = inertia.ledger(s, moved)
     rubbed = ca.dot(s["friction"], moved)
     viscous = [losses.damper(s["drag"], s["x"][d] - s["drag_hat"][d], s["span"], s["dt"], moved[d]) for d in range(3)]
     terms = {

@@ -33,6 +33,10 @@ LAYOUT = Layout(
         "distance_n": 1,
         "hold": 1,  # the multiplier at the start of the step
         "load": 1,  # normal load for friction while it is not coupled
+        "stiff": 1,  # k + c/dt of (C1) [N/m]
+        "carried": 1,  # d* of (C1) [m]
+        "r": 1,  # of (C3) [m]
+        "centre": 2,  # s* of (C3) [m]
         "deep": 1,  # how deep it would get in the step as it moves towards the world, else 0 [m]
         "anchor": 3,
         "mu": 3,  # forward, backward, lateral
@@ -66,8 +70,6 @@ With a regime and coupled, K is Newton's of (C5) with the forces that were fores
 
 
 class _Contact(NamedTuple):
-    stiff: ca.SX
-    """k + c/dt [N/m]."""
     pressed: ca.SX
     """Penetration that carries load [m]."""
     touching: ca.SX
@@ -82,16 +84,12 @@ class _Contact(NamedTuple):
 @cache
 def _contact() -> _Contact:
     s = LAYOUT.symbols
-    stiff = s["stiffness"] + s["damping"] / s["dt"]
-    centre = ca.if_else(stiff > 0.0, s["damping"] / s["dt"] * s["depth_n"] / stiff, 0.0)
-    touching = contact.pressing(s["distance"], centre)
+    touching = contact.pressing(s["distance"], s["carried"])
     pressed = _pressed(touching)
-    viscous = s["gauge_damping"] / s["dt"]
-    r = 1.0 / (1.0 / s["yield_gauge"] + viscous)
-    law = contact.Law(r, s["cap"], viscous * r * s["slide_n"])
+    law = contact.Law(s["r"], s["cap"], s["centre"])
     away = s["x"] - s["anchor"]
     slide = ca.vertcat(*[ca.dot(t, away) for t in _tangents()])
-    return _Contact(stiff, pressed, touching, stiff * pressed, contact.Coefficients(*ca.vertsplit(s["mu"])), law, slide)
+    return _Contact(pressed, touching, s["stiff"] * pressed, contact.Coefficients(*ca.vertsplit(s["mu"])), law, slide)
 
 
 def _tangents() -> tuple[ca.SX, ca.SX]:
@@ -110,7 +108,7 @@ def force() -> ca.Function:
     stands what it is with the forces that were foreseen (3), for the second derivatives of the points.
     """
     s, c = LAYOUT.symbols, _contact()
-    away, T = s["x"] - s["x_hat"], ca.horzcat(*_tangents())
+    T = ca.horzcat(*_tangents())
     y = ca.SX.sym("y", 2)
     potential = contact.friction_potential(y, _sided(c.mu), c.law, s["regime"] >= STICKING)
     curve, slope = ca.hessian(potential, y)
@@ -122,13 +120,13 @@ def force() -> ca.Function:
     load = ca.if_else(ca.logic_and(mixed, s["regime"] != OPEN), s["foreseen"], c.load)
     pull, h_yy = ca.if_else(mixed, s["pull"], h_y), ca.if_else(mixed, own, h_yy)
     grip, held = (s["hold"] * ca.if_else(s["coupled"] != 0.0, each, s["load"]) for each in (c.load, load))
-    still = s["inertia"] * away - s["weight"]
+    still = inertia.force(s) - s["weight"]
     f = still - c.load * s["normal"] + grip * (T @ h_y)
     f_ahead = still - load * s["normal"] + held * (T @ pull)
-    rising = ca.if_else(ca.logic_or(c.pressed > 0.0, s["regime"] >= SLIDING), c.stiff, 0.0)
+    rising = ca.if_else(ca.logic_or(c.pressed > 0.0, s["regime"] >= SLIDING), s["stiff"], 0.0)
     K = s["inertia"] * ca.SX.eye(3) + rising * s["normal"] @ s["normal"].T - load * _curvature()
     K += ca.fmax(held, 0.0) * (T @ h_yy @ T.T) - s["coupled"] * s["hold"] * rising * (T @ pull) @ s["normal"].T
-    phi = s["inertia"] / 2.0 * ca.sumsqr(away) - ca.dot(s["weight"], s["x"]) + c.load * c.pressed / 2.0 + grip * h
+    phi = s["inertia"] / 2.0 * ca.sumsqr(s["x"] - s["x_hat"]) - ca.dot(s["weight"], s["x"]) + c.load * c.pressed / 2.0 + grip * h
     outputs = {"f": f, "f_ahead": f_ahead, "K": ca.vec(K.T), "phi": phi, "load": c.load}
     return LAYOUT.function("point_force", outputs)
 
@@ -141,9 +139,12 @@ def _sided(mu: contact.Coefficients) -> contact.Coefficients:
 
 
 def start() -> ca.Function:
-    """Return what is known at the start of a step: the rows from "tangent" to "deep" (17)."""
+    """Return what is known at the start of a step: the rows from "tangent" to "deep" (22)."""
     s = LAYOUT.symbols
     tangents, slide = _projected()
+    depth = ca.fmax(0.0, -s["distance"])
+    damping, gauge_damping = s["damping"] / s["dt"], s["gauge_damping"] / s["dt"]
+    stiff, r = s["stiffness"] + damping, 1.0 / (1.0 / s["yield_gauge"] + gauge_damping)
     approach = -ca.dot(s["velocity"][:3], s["normal"])
     strikes = ca.logic_and(s["stiffness"] > 0.0, approach > 0.0)
     rows: dict[str, ca.SX | list[ca.SX]] = {
@@ -151,10 +152,14 @@ def start() -> ca.Function:
         "slide_n": slide,
         "x_hat": inertia.coasting(s),
         "inertia": inertia.stiffness(s),
-        "depth_n": ca.fmax(0.0, -s["distance"]),
+        "depth_n": depth,
         "distance_n": s["distance"],
         "hold": s["grip"],
         "load": s["load_n"],
+        "stiff": stiff,
+        "carried": ca.if_else(stiff > 0.0, damping * depth / stiff, 0.0),
+        "r": r,
+        "centre": [gauge_damping * r * each for each in slide],
         "deep": ca.if_else(strikes, approach * s["dt"] - s["distance"], 0.0),
     }
     return LAYOUT.function("point_start", rows)
@@ -208,7 +213,7 @@ def yielding() -> ca.Function:
         "excess": excess,
         "touching": touching,
         "pull": pull,
-        "foreseen": c.stiff * _pressed(touching),
+        "foreseen": s["stiff"] * _pressed(touching),
         "swing": swing,
         "regime": regime,
         "stale": ca.logic_or(regime != s["regime"], swings),
@@ -282,14 +287,13 @@ AFTER = Layout(
 def after() -> ca.Function:
     """Return the point's terms of the ledger, as in `LEDGER_TERMS`, and the state with which the next step begins."""
     s, slip, touches = LAYOUT.symbols, _slip(), LAYOUT.symbols["load_n"] > 0.0
-    moving = s["inertia"] * (s["x"] - s["x_hat"])
     stored, terms = _friction_ledger(slip)
-    for more in (_normal_ledger(), _inertia_ledger(moving)):
+    for more in (_normal_ledger(), _inertia_ledger()):
         terms = {name: terms.get(name, 0.0) + more.get(name, 0.0) for name in LEDGER_TERMS}
     along, left = _tangents()
     rows = {
         "terms": ca.vertcat(*[terms[name] for name in LEDGER_TERMS]),
-        "force": moving - s["weight"] - s["f"],
+        "force": inertia.force(s) - s["weight"] - s["f"],
         "stuck": ca.logic_or(ca.logic_not(touches), ca.logic_and(slip[0] == 0.0, slip[1] == 0.0)),
         "slipped": ca.norm_2(slip),
         "velocity": inertia.velocity(s),
@@ -304,11 +308,11 @@ def momenta() -> ca.Function:
     return LAYOUT.function("point_momenta", {"momenta": inertia.momenta(LAYOUT.symbols)})
 
 
-def _inertia_ledger(moving: ca.SX) -> dict[str, ca.SX]:
-    """Return kinetic and potential energy, and the numerical loss of both; `moving` is m A."""
+def _inertia_ledger() -> dict[str, ca.SX]:
+    """Return kinetic and potential energy, and the numerical loss of both."""
     s = LAYOUT.symbols
     moved = inertia.motion(s)
-    kinetic, lost = inertia.ledger(s, moving, s["first"])
+    kinetic, lost = inertia.ledger(s, s["first"])
     numerical = lost - ca.dot(s["weight"], s["first"] - moved)
     return {"kinetic": kinetic, "potential": -ca.dot(s["weight"], moved), "numerical_loss": numerical}
 
@@ -341,8 +345,8 @@ def _friction_ledger(slip: ca.SX) -> tuple[ca.SX, dict[str, ca.SX]]:
     stored, stored_n = load * of(energy, left), load * of(energy, s_n)
     spring = load * of(ca.gradient(energy, y), left)
     slope = ca.gradient(contact.friction_potential(y, c.mu, c.law), y)
-    force = load * of(slope, left - c.law.centre)
-    loss = load * s["cap"] * ca.sqrt(contact.gauge_squared(slip, c.mu))
+    force = load * of(slope, c.slide - c.law.centre)  # (C4) keeps it
+    loss = load * s["cap"] * contact.beyond(c.slide - c.law.centre, c.mu, c.law)
     load_change = stored_n - s["stored_n"]
     stretch = left - s_n
     numerical = ca.dot(spring, stretch) - (stored - stored_n) + ca.dot(force, first - moved)

@@ -6,6 +6,7 @@ S slot + i of point arrays. Some arrays share memory, so that one kernel writes 
     segment_shape -> REST | points      points are rows "x" of the point array
     segment_motion -> points            are its rows "first"
     world -> distance ... grip          are its rows 3 to 13
+    joint_start -> strain_hat ... strain_old   are the last rows of the joint array
     point_start -> tangent ... deep     likewise
     node_start -> drag_hat ... drag_rate   are the last rows of the node array
 
@@ -60,6 +61,7 @@ KERNELS = (
     "segment_gradient",
     "segment_hessian",
     "segment_ledger",
+    "joint_start",
     "joint_gradient",
     "joint_hessian",
     "joint_angles",
@@ -86,6 +88,7 @@ KERNELS = (
     SEGMENT_GRADIENT,
     SEGMENT_HESSIAN,
     SEGMENT_LEDGER,
+    JOINT_START,
     JOINT_GRADIENT,
     JOINT_HESSIAN,
     JOINT_ANGLES,
@@ -174,6 +177,7 @@ ARRAYS = (
     "slip_out",
     "after_out",  # terms of the ledger, and what becomes of the point, as in `point.AFTER`
     "joint_in",
+    "joint_presets",  # inside joint_in: its last rows
     "joint_out",
     "joint_blocks",
     "kinks",
@@ -210,7 +214,7 @@ ARRAYS = (
     "point_velocity",
     "lengths",  # of the chambers [m]
     "hinges",  # angles of the apex hinges [rad]
-    "joint_angles",  # c.d, c.u, twist, sum of the bends
+    "joint_angles",  # c.d, c.u, twist, sum of the bends; inside joint_in
     "terms",  # energy ledger since the last record [J]
     "slid",  # slip since the last record [m]
 )
@@ -247,6 +251,7 @@ ARRAYS = (
     SLIP_OUT,
     AFTER_OUT,
     JOINT_IN,
+    JOINT_PRESETS,
     JOINT_OUT,
     JOINT_BLOCKS,
     KINKS,
@@ -339,7 +344,7 @@ class CoreMemory:
         Lanes for n segments, for the n - 1 joints between them and for all n + 1 joints.
     world_rows : int
         Inputs of the world's kernel: x (3) and its parameters.
-    kernels : ndarray of int, shape (23,)
+    kernels : ndarray of int, shape (24,)
         Addresses.
     """
 
@@ -357,6 +362,8 @@ class CoreMemory:
             table[array, 0] = points + point.LAYOUT.first(name) * POINTS * lanes
         for array, name in _OF_NODES.items():
             table[array, 0] = table[NODE_IN, 0] + node.LAYOUT.first(name) * node_lanes
+        for array, name in ((JOINT_PRESETS, "strain_hat"), (JOINT_ANGLES_PAST, "angles_n")):
+            table[array, 0] = table[JOINT_IN, 0] + joint.LAYOUT.first(name) * joint_lanes
         for array, name in ((STUCK, "stuck"), (CONTACT_FORCE, "force")):
             table[array, 0] = table[AFTER_OUT, 0] + point.AFTER.first(name) * POINTS * lanes
         table[POINT_OUT, 0] = table[SEGMENT_IN, 0] + segment.LAYOUT.first("f") * lanes
@@ -432,6 +439,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, node_lanes: int, world_rows: i
         "node_presets": (8, node_lanes),
         "turned": (lanes, 3 * POINTS),
         "joint_in": (joint.LAYOUT.rows, joint_lanes),
+        "joint_presets": (9, joint_lanes),
         "joint_out": (1 + joint.COORDINATES + joint.COORDINATES * joint.ROW, joint_lanes),
         "joint_blocks": (joint_lanes, joint.COORDINATES * joint.ROW),
         "kinks": (1, p),

@@ -28,7 +28,7 @@ _T_REF, _D_REF = segment.LAYOUT.firsts("t_ref", "d_ref")
 _SPAN, _DT, _COMMANDED, _COMMANDED_N = segment.LAYOUT.firsts("span", "dt", "commanded", "commanded_n")
 _L_HAT, _A_HAT, _L_N, _A_N = segment.LAYOUT.firsts("length_hat", "angle_hat", "length_n", "angle_n")
 _JOINT_T, _JOINT_D, _J_SPAN, _J_DT = joint.LAYOUT.firsts("t_ref", "d_ref", "span", "dt")
-_HINGE, _HINGE_N, _WEIGHTS, _ANGLES_N = joint.LAYOUT.firsts("hinge", "hinge_n", "weights", "angles_n")
+_HINGE, _HINGE_N, _WEIGHTS = joint.LAYOUT.firsts("hinge", "hinge_n", "weights")
 _P_SPAN, _P_DT, _DEEP, _OF_SEGMENT = point.LAYOUT.firsts("span", "dt", "deep", "segment_tangent")
 _ANCHOR, _CAP, _PULL = point.LAYOUT.firsts("anchor", "cap", "pull")
 _SLIPPED, _NEW_VELOCITY, _NEW_ANCHOR, _NEW_STORED = point.AFTER.firsts("slipped", "velocity", "anchor", "stored")
@@ -154,13 +154,13 @@ def _begin_strains(core: Core, dt: float, span: float) -> None:
         copy(rows(block, a.SEGMENT_IN, old, 2), rows(block, past, 0, 2))
     for row, value in ((_J_SPAN, span), (_J_DT, dt), (_WEIGHTS, w0), (_WEIGHTS + 1, w1)):
         fill(rows(block, a.JOINT_IN, row, 1), value)
-    vectors.move(address(block, a.JOINT_IN, _ANGLES_N), address(block, a.JOINT_ANGLES_PAST, 0), 8 * matrix(block, a.JOINT_IN).shape[1])
     segments, joints = matrix(block, a.SEGMENT_IN), matrix(block, a.JOINT_IN)
     for k in range(2):
         for d in range(3):
             for i in range(core.n - 1):
                 joints[_JOINT_T + 3 * k + d, i] = segments[_T_REF + d, i + k]
                 joints[_JOINT_D + 3 * k + d, i] = segments[_D_REF + d, i + k]
+    run(kernel(core, a.JOINT_START), joints, matrix(block, a.JOINT_PRESETS), core.n - 1)
 
 
 @inner
