@@ -301,14 +301,13 @@ class Plant:
         for r, row in enumerate(self._segment_row("dq")):
             row[:] = rate.ravel()[r : r + BLOCK * n : BLOCK]
         terms = len(segment.LEDGER_TERMS)
-        self._run("segment_motion", a["segment_in"], a["first"], n)
-        self._run("segment_ledger", a["segment_in"], a["segment_out"][: terms + 2], n)
+        self._run("segment_ledger", a["segment_in"], a["segment_ledger"], n)
         self._run("joint_angles", a["joint_in"], a["joint_out"][:4], n - 1)
         a["points"][:] = np.tile(a["point_in"][:3], (2, 1))
         a["point_velocity"][:] = np.tile(self._point_row("first").reshape(3, -1), (2, 1))
         a["lengths"][:], a["hinges"][:] = (
             np.tile(a["rest"][:2], (2, 1)),
-            np.tile(a["segment_out"][terms : terms + 2], (2, 1)),
+            np.tile(a["segment_ledger"][terms : terms + 2], (2, 1)),
         )
         a["joint_angles"][:] = np.tile(a["joint_out"][:4], (2, 1))
         a["asked"][:] = 0.0

@@ -47,7 +47,7 @@ KERNELS_OF: Mapping[str, tuple[str, ...]] = {
     "look": ("point_slip",),
     "start": ("segment_shape", "world", "segment_rims", "segment_shape", "point_start", "node_start", "joint_start"),
     "end": (),
-    "ledger": ("segment_motion", "point_after", "node_after", "segment_ledger", "joint_ledger"),
+    "ledger": ("segment_ledger", "point_after", "node_after", "joint_ledger"),
     "record": ("point_momenta", "node_momenta"),
 }
 """That each loop of `scenes.bench.shares` runs."""

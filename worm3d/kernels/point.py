@@ -50,6 +50,7 @@ LAYOUT = Layout(
         "coupled": 1,  # 1: friction takes the normal load of X itself
         "load_n": 1,  # at the end of the last step: for `after`, of this one
         "f": 3,  # for `after`: the point's gradient at the end of the step
+        "of_segment": 1,  # 8 numbers of each segment, which its ledger leaves before what follows
         "first": 3,  # (dX/dq) dq
         "stored_n": 1,  # energy of the anchor at the end of the last step [J]
         "segment_tangent": 3,  # of the segment, at the start of the step
@@ -170,7 +171,7 @@ def _projected() -> tuple[list[ca.SX], list[ca.SX]]:
     s = LAYOUT.symbols
     n, t = s["normal"], s["segment_tangent"]
     along, upward = (each - ca.dot(each, n) * n for each in (t, ca.cross(t, s["segment_director"])))
-    along = ca.if_else(ca.norm_2(along) < ALONG_NORMAL, upward, along)
+    along = ca.if_else(ca.sumsqr(along) < ALONG_NORMAL**2, upward, along)
     along /= ca.norm_2(along)
     left = ca.cross(n, along)
     return [along, left], [ca.dot(each, s["x"] - s["anchor"]) for each in (along, left)]

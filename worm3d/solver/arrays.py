@@ -5,6 +5,7 @@ S slot + i of point arrays. Some arrays share memory, so that one kernel writes 
 
     segment_shape -> REST | points      points are rows "x" of the point array
     segment_motion -> points            are its rows "first"
+    segment_ledger -> ... | points      likewise, with terms and angles in the row before them
     world -> distance ... grip          are its rows 3 to 13
     joint_start -> strain_hat ... strain_old   are the last rows of the joint array
     point_start -> tangent ... deep     likewise
@@ -173,6 +174,7 @@ ARRAYS = (
     "world_out",  # inside point_in
     "started",  # inside point_in: from tangent to deep
     "first",  # inside point_in, with the lanes of segments
+    "segment_ledger",  # terms, hinge angles and "first", inside point_in
     "yielding_out",  # y (2), excess, penetration, pull (2), load, swing, regime, whether stale
     "slip_out",
     "after_out",  # terms of the ledger, and what becomes of the point, as in `point.AFTER`
@@ -247,6 +249,7 @@ ARRAYS = (
     WORLD_OUT,
     STARTED,
     FIRST,
+    SEGMENT_LEDGER_,
     YIELDING_OUT,
     SLIP_OUT,
     AFTER_OUT,
@@ -387,6 +390,7 @@ _OF_POINTS = {
     STARTED: "tangent",
     STORED: "stored_n",
     FIRST: "first",
+    SEGMENT_LEDGER_: "of_segment",
 }
 """Arrays inside point_in, and the row with which each begins; likewise inside node_in."""
 _OF_NODES = {
@@ -428,6 +432,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, node_lanes: int, world_rows: i
         "world_out": (WORLD_ROWS, p),
         "started": (point.LAYOUT.first("anchor") - point.LAYOUT.first("tangent"), p),
         "first": (3 * POINTS, lanes),
+        "segment_ledger": (segment.LEDGER_ROWS + 3 * POINTS, lanes),
         "yielding_out": (10, p),
         "slip_out": (2, p),
         "after_out": (point.AFTER.rows, p),

@@ -50,7 +50,7 @@ _BESIDE = joint.COORDINATES - vectors.WIDTH
 
 @inner
 def prepare(core: Core) -> None:
-    """Fill the motion of the step, to first order in the points, and run the ledgers of the mass points."""
+    """Fill the motion of the step, to first order in the points, and run the ledgers of segments and mass points."""
     block, n = core.block, core.n
     x, lanes = vector(block, a.X), matrix(block, a.SEGMENT_IN).shape[1]
     combine(vector(block, a.MOVED)[: len(x)], 1.0, x, -1.0, vector(block, a.X_N))
@@ -61,7 +61,7 @@ def prepare(core: Core) -> None:
         for r in (0, _BESIDE):
             to = address(block, a.JOINT_IN, _JOINT_DQ + r) + 8 * i
             vectors.transpose(to, joint_lanes, moved + 8 * (BLOCK * i + r), BLOCK)
-    run(kernel(core, a.SEGMENT_MOTION), matrix(block, a.SEGMENT_IN), matrix(block, a.FIRST), n)
+    run(kernel(core, a.SEGMENT_LEDGER), matrix(block, a.SEGMENT_IN), matrix(block, a.SEGMENT_LEDGER_), n)
     point_in, nodes = matrix(block, a.POINT_IN), matrix(block, a.NODE_IN)
     for row, source, count in ((_F, 0, 3), (_LOAD_N, LOAD, 1)):
         here = address(block, a.POINT_OUT, source)
@@ -77,15 +77,12 @@ def prepare(core: Core) -> None:
 def add(core: Core, terms: FloatArray) -> None:
     """Add the step's terms, shape (14,) [J]; `prepare` has run, the past is that before the step.
 
-    The hinge angles of the segments are left behind the terms in "segment_out", the joints' angles in "joint_out".
+    The hinge angles of the segments are left behind the terms in "segment_ledger", the joints' angles in "joint_out".
     """
     n, worked = core.n, terms[WORK_CONTRACT]
-    segment_in, joint_in = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.JOINT_IN)
-    segment_out = matrix(core.block, a.SEGMENT_OUT)[: len(_OF_SEGMENT) + 2]
     joint_out = matrix(core.block, a.JOINT_OUT)[: len(_OF_JOINT) + 4]
-    run(kernel(core, a.SEGMENT_LEDGER), segment_in, segment_out, n)
-    run(kernel(core, a.JOINT_LEDGER), joint_in, joint_out, n - 1)
-    _collect(core, a.SEGMENT_OUT, n, _OF_SEGMENT, terms)
+    run(kernel(core, a.JOINT_LEDGER), matrix(core.block, a.JOINT_IN), joint_out, n - 1)
+    _collect(core, a.SEGMENT_LEDGER_, n, _OF_SEGMENT, terms)
     _collect(core, a.JOINT_OUT, n - 1, _OF_JOINT, terms)
     _collect(core, a.NODE_OUT, n + 1, _OF_NODE, terms)
     lanes = matrix(core.block, a.AFTER_OUT).shape[1]

@@ -211,7 +211,7 @@ def _commit(core: Core) -> None:
     _remember(core, a.POINTS_PAST, address(block, a.POINT_IN, 0))
     _remember(core, a.POINT_VELOCITY, address(block, a.AFTER_OUT, _NEW_VELOCITY))
     _remember(core, a.LENGTHS, address(block, a.REST, LENGTHS))
-    _remember(core, a.HINGES, address(block, a.SEGMENT_OUT, _OF_LEDGER))
+    _remember(core, a.HINGES, address(block, a.SEGMENT_LEDGER_, _OF_LEDGER))
     _remember(core, a.JOINT_ANGLES_PAST, address(block, a.JOINT_OUT, _OF_JOINTS_LEDGER))
     _move_anchors(core)
     _carry_directors(core)
