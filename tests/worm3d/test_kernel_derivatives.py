@@ -420,7 +420,6 @@ def difference(v: Values, new: np.ndarray, old: np.ndarray) -> np.ndarray:
     return np.where(np.arange(COUNT) % 2, bdf2, (new - old[:3]) / v["dt"])
 
 
-
 def with_pull_of_the_law(values: Values) -> Values:
     """Return the values with friction (C3) and load of the place itself: what is foreseen for a step of nothing."""
     own = run("point_yielding", point.LAYOUT, values | AT_REST)
@@ -625,7 +624,11 @@ def test_a_joints_ledger_closes_and_its_terms_are_those_of_the_equations() -> No
     kinetic = v["mass"] / 2 * (speed**2 - v["velocity"][:3] ** 2)
     assert_allclose(terms["kinetic"], kinetic.sum(axis=0), rtol=1e-11)
     assert_allclose(terms["viscous_loss"], (v["drag"] * speed**2 * v["dt"]).sum(axis=0), rtol=1e-11)
-    for name, force in (("potential", -v["weight"]), ("work_external", v["external"]), ("friction_loss", -v["friction"])):
+    for name, force in (
+        ("potential", -v["weight"]),
+        ("work_external", v["external"]),
+        ("friction_loss", -v["friction"]),
+    ):
         assert_allclose(terms[name], np.sum(force * moved, axis=0), rtol=0, atol=1e-15, err_msg=name)
     assert_allclose(terms["work_friction_p13"], -terms["friction_loss"], rtol=1e-15)
 

@@ -127,7 +127,12 @@ def force() -> ca.Function:
     rising = ca.if_else(ca.logic_or(c.pressed > 0.0, s["regime"] >= SLIDING), s["stiff"], 0.0)
     K = s["inertia"] * ca.SX.eye(3) + rising * s["normal"] @ s["normal"].T - load * _curvature()
     K += ca.fmax(held, 0.0) * (T @ h_yy @ T.T) - s["coupled"] * s["hold"] * rising * (T @ pull) @ s["normal"].T
-    phi = s["inertia"] / 2.0 * ca.sumsqr(s["x"] - s["x_hat"]) - ca.dot(s["weight"], s["x"]) + c.load * c.pressed / 2.0 + grip * h
+    phi = (
+        s["inertia"] / 2.0 * ca.sumsqr(s["x"] - s["x_hat"])
+        - ca.dot(s["weight"], s["x"])
+        + c.load * c.pressed / 2.0
+        + grip * h
+    )
     outputs = {"f": f, "f_ahead": f_ahead, "K": ca.vec(K.T), "phi": phi, "load": c.load}
     return LAYOUT.function("point_force", outputs)
 
