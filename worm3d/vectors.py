@@ -191,7 +191,7 @@ integers_at: Any = intrinsic(_type_pointer(types.int64))
 transpose: Any = intrinsic(_type_transpose(list(range(WIDTH))))
 """(to, stride, source, stride): write 8 rows of 8 doubles as columns; addresses, and strides of rows in doubles."""
 transpose_places: Any = intrinsic(_type_transpose([WIDTH * (k % 3) + k // 3 for k in range(3 * WIDTH)]))
-"""(to, stride, source, stride): write 24 rows, 8 of each axis, as 8 rows of 8 places: x, y, z of the first, and so on."""
+"""(to, stride, source, stride): write 24 rows, 8 of each axis, as 8 rows of 8 places, each x, y, z."""
 repeat_8: Any = intrinsic(_type_repeat)
 """(to, stride, source): write 8 doubles into each of 8 rows."""
 add_8: Any = intrinsic(_type_add(1, "fadd"))

@@ -635,7 +635,7 @@ def test_a_joints_ledger_closes_and_its_terms_are_those_of_the_equations() -> No
 
 @pytest.mark.parametrize("kind", ["point", "node"])
 def test_momenta_are_those_of_mass_points(kind: str) -> None:
-    layout, v = some_inputs(getattr({"point": point, "node": node}[kind], "momenta")())
+    layout, v = some_inputs({"point": point, "node": node}[kind].momenta())
     x, p = v["past"][:3], v["mass"] * v["velocity"][:3]
     expected = np.vstack([p, np.cross(x, p, axis=0), v["mass"] * x])
     assert_allclose(run(f"{kind}_momenta", layout, v), expected, rtol=0, atol=1e-16)

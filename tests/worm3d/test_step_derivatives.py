@@ -16,7 +16,6 @@ from worm3d.solver.records import record_memory
 from worm3d.solver.regimes import EXCESS, look
 from worm3d.state import State
 
-
 DT = 0.01
 """[s]"""
 

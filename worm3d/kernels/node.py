@@ -47,15 +47,16 @@ def after() -> ca.Function:
     moved = inertia.motion(s)  # the coordinates of a joint are its place: to first order it is the same
     kinetic, lost = inertia.ledger(s, moved)
     rubbed = ca.dot(s["friction"], moved)
-    viscous = [losses.damper(s["drag"], s["x"][d] - s["drag_hat"][d], s["span"], s["dt"], moved[d]) for d in range(3)]
+    axes = [losses.damper(s["drag"], s["x"][d] - s["drag_hat"][d], s["span"], s["dt"], moved[d]) for d in range(3)]
+    viscous = [ca.sum1(ca.vertcat(*of)) for of in zip(*axes, strict=True)]
     terms = {
         "kinetic": kinetic,
         "potential": -ca.dot(s["weight"], moved),
         "work_external": ca.dot(s["external"], moved),
         "friction_loss": -rubbed,
         "work_friction_p13": rubbed,
-        "viscous_loss": sum(each for each, _ in viscous),
-        "numerical_loss": lost + sum(each for _, each in viscous),
+        "viscous_loss": viscous[0],
+        "numerical_loss": lost + viscous[1],
     }
     return LAYOUT.function("node_after", {"terms": [terms[name] for name in LEDGER_TERMS], "v": inertia.velocity(s)})
 

@@ -293,12 +293,12 @@ AFTER = Layout(
 def after() -> ca.Function:
     """Return the point's terms of the ledger, as in `LEDGER_TERMS`, and the state with which the next step begins."""
     s, slip, touches = LAYOUT.symbols, _slip(), LAYOUT.symbols["load_n"] > 0.0
-    stored, terms = _friction_ledger(slip)
-    for more in (_normal_ledger(), _inertia_ledger()):
-        terms = {name: terms.get(name, 0.0) + more.get(name, 0.0) for name in LEDGER_TERMS}
+    stored, friction = _friction_ledger(slip)
+    parts = (friction, _normal_ledger(), _inertia_ledger())
+    terms = [sum((part[name] for part in parts if name in part), ca.SX(0.0)) for name in LEDGER_TERMS]
     along, left = _tangents()
     rows = {
-        "terms": ca.vertcat(*[terms[name] for name in LEDGER_TERMS]),
+        "terms": ca.vertcat(*terms),
         "force": inertia.force(s) - s["weight"] - s["f"],
         "stuck": ca.logic_or(ca.logic_not(touches), ca.logic_and(slip[0] == 0.0, slip[1] == 0.0)),
         "slipped": ca.norm_2(slip),

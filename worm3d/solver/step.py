@@ -154,13 +154,12 @@ def _begin_strains(core: Core, dt: float, span: float) -> None:
         copy(rows(block, a.SEGMENT_IN, old, 2), rows(block, past, 0, 2))
     for row, value in ((_J_SPAN, span), (_J_DT, dt), (_WEIGHTS, w0), (_WEIGHTS + 1, w1)):
         fill(rows(block, a.JOINT_IN, row, 1), value)
-    segments, joints = matrix(block, a.SEGMENT_IN), matrix(block, a.JOINT_IN)
-    for k in range(2):
-        for d in range(3):
-            for i in range(core.n - 1):
-                joints[_JOINT_T + 3 * k + d, i] = segments[_T_REF + d, i + k]
-                joints[_JOINT_D + 3 * k + d, i] = segments[_D_REF + d, i + k]
-    run(kernel(core, a.JOINT_START), joints, matrix(block, a.JOINT_PRESETS), core.n - 1)
+    for to, source in ((_JOINT_T, _T_REF), (_JOINT_D, _D_REF)):
+        for k in range(2):
+            for d in range(3):
+                here = address(block, a.SEGMENT_IN, source + d) + 8 * k
+                vectors.move(address(block, a.JOINT_IN, to + 3 * k + d), here, core.n - 1)
+    run(kernel(core, a.JOINT_START), matrix(block, a.JOINT_IN), matrix(block, a.JOINT_PRESETS), core.n - 1)
 
 
 @inner
