@@ -7,13 +7,12 @@ S slot + i of point arrays. Some arrays share memory, so that one kernel writes 
     segment_motion -> points            are its rows "first"
     segment_ledger -> ... | points      likewise, with terms and angles in the row before them
     world -> distance ... grip          are its rows 3 to 13
-    joint_start -> strain_hat ... strain_old   are the last rows of the joint array
-    point_start -> tangent ... deep     likewise
-    node_start -> drag_hat ... drag_rate   are the last rows of the node array
-
-The masses' past stands in rows of the point and the node array; what becomes of a point in a step is an output of
-point_after until `worm3d.solver.step` makes it the past.
+    point_start -> tangent ... deep     are rows of it too
+    joint_start, node_start             write the last rows of the joint and of the node array
     point_force -> f, f_ahead, K | ...  are the last rows of the segment array; phi and load follow
+
+The past of points and joints stands in rows of their arrays. What becomes of a point in a step is an output of
+point_after; friction's state and the world's force stay there, the rest `worm3d.solver.step` makes the past.
 """
 
 from __future__ import annotations
