@@ -116,6 +116,12 @@ def left_after_return(y: ca.SX, mu: Coefficients, law: Law, yield_gauge: ca.SX) 
     return ca.if_else(free, 0.0, kept)
 
 
+def beyond(y: ca.SX, mu: Coefficients, law: Law) -> ca.SX:
+    """Return the gauge of what (C4) takes away from y [m]."""
+    rho, limit = ca.sqrt(gauge_squared(y, mu)), law.cap * law.r
+    return ca.if_else(rho > limit * (1.0 + YIELD_TOLERANCE), rho - limit, 0.0)
+
+
 def anchor_energy(s: ca.SX, mu: Coefficients, yield_gauge: ca.SX) -> ca.SX:
     """Return the energy of the anchor's spring per unit of normal load [m]."""
     return gauge_squared(s, mu) / (2.0 * yield_gauge)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +15,7 @@ from worm3d import vectors
 from worm3d.codegen import Kernel, compile_kernel, evaluate
 from worm3d.compiled import announce, cfunc
 from worm3d.friction import ContactConstants, Friction
-from worm3d.kernels import joint, point, segment
+from worm3d.kernels import joint, node, point, segment
 from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, REMEMBERED, CoreMemory
 from worm3d.solver.entry import SIGNATURE
@@ -59,17 +60,19 @@ def kernels() -> dict[str, Kernel]:
         "segment_gradient": compile_kernel(segment.gradient()),
         "segment_hessian": compile_kernel(segment.hessian()),
         "segment_ledger": compile_kernel(segment.ledger()),
+        "joint_start": compile_kernel(joint.start()),
         "joint_gradient": compile_kernel(joint.gradient()),
         "joint_hessian": compile_kernel(joint.hessian()),
         "joint_angles": compile_kernel(joint.angles()),
         "joint_ledger": compile_kernel(joint.ledger()),
-        "point_force": compile_kernel(point.force()),
-        "point_tangents": compile_kernel(point.tangents()),
-        "point_yielding": compile_kernel(point.yielding()),
-        "point_expected": compile_kernel(point.expected()),
-        "point_slip": compile_kernel(point.slip()),
-        "point_after": compile_kernel(point.after()),
+        **{function.name(): compile_kernel(function, padded=True) for function in _of_mass_points()},
     }
+
+
+def _of_mass_points() -> list[ca.Function]:
+    """Return what is evaluated in all lanes: those without a point or joint have neither mass nor stiffness."""
+    of_points = (point.force, point.start, point.yielding, point.expected, point.slip, point.after, point.momenta)
+    return [make() for make in (*of_points, node.start, node.after, node.momenta)]
 
 
 @cache
@@ -116,10 +119,10 @@ class Plant:
         self._weight = float(np.linalg.norm(gravity if scale is None else scale))
         self.n = worm.segments
         width = max(vectors.WIDTH, *(kernel.width for kernel in kernels().values()))
-        lanes, joint_lanes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1)))
+        lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
         self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
         world_rows = 3 + len(self.world_kernel.parameters)
-        self._open(CoreMemory(self.n, lanes, joint_lanes, world_rows, _addresses(self.world_kernel)))
+        self._open(CoreMemory(self.n, lanes, joint_lanes, nodes, world_rows, _addresses(self.world_kernel)))
         self.arrays["held"][0] = held
         self._fill_numbers()
         self._fill_segments()
@@ -156,6 +159,7 @@ class Plant:
             "tolerance": ROUNDING,
             "lever": 0.5 * worm.l0,
             "clamped": float(self.clamped),
+            "mass": float(np.sum(worm.apex_mass) + np.sum(worm.joint_mass)),
             "threshold": self.world.velocity_threshold if isinstance(self.world, ClampedGround) else 0.0,
             **dict(zip(("gravity_x", "gravity_y", "gravity_z"), self.gravity, strict=True)),
         }
@@ -164,7 +168,9 @@ class Plant:
         drag[[0, -1]] /= 2.0
         mu = self.friction.coefficients(n)
         self.arrays["point_mass"][:6, :n] = worm.apex_mass.T
-        self.arrays["joint_mass"][0], self.arrays["drag"][0] = worm.joint_mass, drag
+        self.arrays["joint_mass"][0, : n + 1], self.arrays["drag"][0, : n + 1] = worm.joint_mass, drag
+        weight = node.LAYOUT.first("weight")
+        self.arrays["node_in"][weight : weight + 3] = self.arrays["joint_mass"] * self.gravity[:, None]
         self.arrays["joint_mu"][:] = 0.5 * (np.column_stack([mu[:, :1], mu]) + np.column_stack([mu, mu[:, -1:]]))
         self.arrays["longest"][0] = 2.0 * np.sqrt(worm.link_length**2 - (FLAT * np.asarray(worm.half_height)) ** 2)
         self.arrays["stuck"][:] = 1.0
@@ -290,18 +296,18 @@ class Plant:
         rate = np.zeros((n + 1, BLOCK))
         rate[:, :3], rate[:n, 3], rate[:n, 4] = state.joint_velocity, state.roll_rate, state.bend_rate
         rate[a["held"].reshape(-1, BLOCK) != 0.0] = 0.0
-        a["joints"][:], a["joint_velocity"][:] = np.tile(state.joints.T, (2, 1)), np.tile(rate[:, :3].T, (2, 1))
+        a["joints"][:, : n + 1] = np.tile(state.joints.T, (2, 1))
+        a["joint_velocity"][:, : n + 1] = np.tile(rate[:, :3].T, (2, 1))
         for r, row in enumerate(self._segment_row("dq")):
             row[:] = rate.ravel()[r : r + BLOCK * n : BLOCK]
         terms = len(segment.LEDGER_TERMS)
-        self._run("segment_motion", a["segment_in"], a["first"], n)
-        self._run("segment_ledger", a["segment_in"], a["segment_out"][: terms + 2], n)
+        self._run("segment_ledger", a["segment_in"], a["segment_ledger"], n)
         self._run("joint_angles", a["joint_in"], a["joint_out"][:4], n - 1)
         a["points"][:] = np.tile(a["point_in"][:3], (2, 1))
         a["point_velocity"][:] = np.tile(self._point_row("first").reshape(3, -1), (2, 1))
         a["lengths"][:], a["hinges"][:] = (
             np.tile(a["rest"][:2], (2, 1)),
-            np.tile(a["segment_out"][terms : terms + 2], (2, 1)),
+            np.tile(a["segment_ledger"][terms : terms + 2], (2, 1)),
         )
         a["joint_angles"][:] = np.tile(a["joint_out"][:4], (2, 1))
         a["asked"][:] = 0.0
@@ -343,10 +349,10 @@ class Plant:
         """Return the state, with memory and `more` in it; `dt` is the last step's, for the rates of roll and bend."""
         n, rates = self.n, self.arrays["last"].reshape(-1, BLOCK)[: self.n] / dt
         return State(
-            joints=self.arrays["joints"][:3].T,
+            joints=self.arrays["joints"][:3, : n + 1].T,
             directors=self._segment_row("d_ref").T,
             bend=self.arrays["x"].reshape(-1, BLOCK)[:n, 4],
-            joint_velocity=self.arrays["joint_velocity"][:3].T,
+            joint_velocity=self.arrays["joint_velocity"][:3, : n + 1].T,
             roll_rate=rates[:, 3],
             bend_rate=rates[:, 4],
             contraction=self.arrays["given"][0, : 2 * n].reshape(n, 2),

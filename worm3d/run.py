@@ -250,7 +250,7 @@ class Run:
         """Return what there is to see now."""
         arrays, n, worm = self.plant.arrays, self.n, self.plant.worm
         momentum, com = mass_centre(self.core)
-        joints = arrays["joints"][:3].T.copy()
+        joints = arrays["joints"][:3, : n + 1].T.copy()
         return Observation(
             time=self.time(self.done),
             chamber_strain=arrays["lengths"][:2, :n].T / worm.l0 - 1.0,

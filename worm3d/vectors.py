@@ -48,16 +48,23 @@ def transposed(builder: Any, rows: list[Any]) -> list[Any]:
     return rows
 
 
-def _type_transpose(_context: Any, to: Any, to_stride: Any, source: Any, stride: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        to, to_stride, source, stride = args
-        eight = [ir.Constant(_INT, 8 * k) for k in range(WIDTH)]
-        rows = [_load(builder, builder.add(source, builder.mul(stride, step))) for step in eight]
-        for row, step in zip(transposed(builder, rows), eight, strict=True):
-            _store(builder, row, builder.add(to, builder.mul(to_stride, step)))
-        return ir.Constant(_INT, 0)
+def _type_transpose(order: list[int]) -> Any:
+    """Return the typing of the transposition of rows that are read in this order, a multiple of eight."""
 
-    return types.int64(types.int64, types.int64, types.int64, types.int64), generate
+    def typed(_context: Any, to: Any, to_stride: Any, source: Any, stride: Any) -> Any:
+        def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            for first in range(0, len(order), WIDTH):
+                to, to_stride, source, stride = args
+                steps = [ir.Constant(_INT, 8 * k) for k in order[first : first + WIDTH]]
+                rows = [_load(builder, builder.add(source, builder.mul(stride, step))) for step in steps]
+                to = builder.add(to, ir.Constant(_INT, 8 * first))
+                for k, row in enumerate(transposed(builder, rows)):
+                    _store(builder, row, builder.add(to, builder.mul(to_stride, ir.Constant(_INT, 8 * k))))
+            return ir.Constant(_INT, 0)
+
+        return types.int64(types.int64, types.int64, types.int64, types.int64), generate
+
+    return typed
 
 
 def _type_add(vectors: int, operation: str) -> Any:
@@ -93,28 +100,75 @@ def _type_clear(_context: Any, to: Any, count: Any) -> Any:
     return types.int64(types.int64, types.int64), generate
 
 
+def _spread(builder: Any, number: Any) -> Any:
+    """Return a vector of one whole number."""
+    empty = ir.Constant(ir.VectorType(_INT, WIDTH), ir.Undefined)
+    return _shuffle(builder, builder.insert_element(empty, number, ir.Constant(_INT, 0)), empty, [0] * WIDTH)
+
+
+def _sums(builder: Any, sources: list[Any], count: Any) -> list[Any]:
+    """Return, lane by lane, the sums of the vectors that stand at each address, as far as they count."""
+    zero = ir.Constant(_KIND, [0.0] * WIDTH)
+    places = [_utils.alloca_once_value(builder, zero) for _ in sources]
+    counts = _spread(builder, count)
+    with _utils.for_range_slice(builder, ir.Constant(_INT, 0), count, ir.Constant(_INT, WIDTH)) as (k, _):
+        lanes = builder.add(_spread(builder, k), ir.Constant(counts.type, list(range(WIDTH))))
+        counted = builder.icmp_signed("<", lanes, counts)
+        for source, place in zip(sources, places, strict=True):
+            here = _load(builder, builder.add(source, builder.mul(k, ir.Constant(_INT, 8))))
+            builder.store(builder.fadd(builder.load(place), builder.select(counted, here, zero)), place)
+    return [builder.load(place) for place in places]
+
+
 def _type_total(_context: Any, source: Any, count: Any) -> Any:
     def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        source, count = args
-        numbers = ir.VectorType(_INT, WIDTH)
-        zero = ir.Constant(_KIND, [0.0] * WIDTH)
-        place = _utils.alloca_once_value(builder, zero)
-        first = builder.insert_element(ir.Constant(numbers, ir.Undefined), count, ir.Constant(_INT, 0))
-        counts = _shuffle(builder, first, ir.Constant(numbers, ir.Undefined), [0] * WIDTH)
-        with _utils.for_range_slice(builder, ir.Constant(_INT, 0), count, ir.Constant(_INT, WIDTH)) as (k, _):
-            at = builder.insert_element(ir.Constant(numbers, ir.Undefined), k, ir.Constant(_INT, 0))
-            lanes = _shuffle(builder, at, ir.Constant(numbers, ir.Undefined), [0] * WIDTH)
-            lanes = builder.add(lanes, ir.Constant(numbers, list(range(WIDTH))))
-            here = _load(builder, builder.add(source, builder.mul(k, ir.Constant(_INT, 8))))
-            here = builder.select(builder.icmp_signed("<", lanes, counts), here, zero)
-            builder.store(builder.fadd(builder.load(place), here), place)
-        lanes = builder.load(place)
+        (lanes,) = _sums(builder, [args[0]], args[1])
         for apart in (4, 2, 1):
             other = [lane + apart if lane < apart else lane for lane in range(WIDTH)]
             lanes = builder.fadd(lanes, _shuffle(builder, lanes, lanes, other))
         return builder.extract_element(lanes, ir.Constant(_INT, 0))
 
     return types.float64(types.int64, types.int64), generate
+
+
+def _type_totals(_context: Any, to: Any, source: Any, stride: Any, count: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        to, source, stride, count = args
+        steps = [builder.mul(stride, ir.Constant(_INT, 8 * k)) for k in range(WIDTH)]
+        sums = transposed(builder, _sums(builder, [builder.add(source, step) for step in steps], count))
+        while len(sums) > 1:
+            sums = [builder.fadd(x, y) for x, y in zip(sums[::2], sums[1::2], strict=True)]
+        _store(builder, sums[0], to)
+        return ir.Constant(_INT, 0)
+
+    return types.int64(types.int64, types.int64, types.int64, types.int64), generate
+
+
+def _type_greatest(_context: Any, source: Any, count: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        source, count = args
+        place = _utils.alloca_once_value(builder, ir.Constant(_KIND, [0.0] * WIDTH))
+        with _utils.for_range_slice(builder, ir.Constant(_INT, 0), count, ir.Constant(_INT, WIDTH)) as (k, _):
+            here, most = _load(builder, builder.add(source, builder.mul(k, ir.Constant(_INT, 8)))), builder.load(place)
+            builder.store(builder.select(builder.fcmp_ordered(">", here, most), here, most), place)
+        lanes = builder.load(place)
+        for apart in (4, 2, 1):
+            other = _shuffle(builder, lanes, lanes, [(lane + apart) % WIDTH for lane in range(WIDTH)])
+            lanes = builder.select(builder.fcmp_ordered(">", other, lanes), other, lanes)
+        return builder.extract_element(lanes, ir.Constant(_INT, 0))
+
+    return types.float64(types.int64, types.int64), generate
+
+
+def _type_repeat(_context: Any, to: Any, stride: Any, source: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        to, stride, source = args
+        value = _load(builder, source)
+        for k in range(WIDTH):
+            _store(builder, value, builder.add(to, builder.mul(stride, ir.Constant(_INT, 8 * k))))
+        return ir.Constant(_INT, 0)
+
+    return types.int64(types.int64, types.int64, types.int64), generate
 
 
 def _type_pointer(to: Any) -> Any:
@@ -134,8 +188,12 @@ singles_at: Any = intrinsic(_type_pointer(types.float32))
 """(address): the pointer to numbers of single precision there."""
 integers_at: Any = intrinsic(_type_pointer(types.int64))
 """(address): the pointer to whole numbers there."""
-transpose: Any = intrinsic(_type_transpose)
+transpose: Any = intrinsic(_type_transpose(list(range(WIDTH))))
 """(to, stride, source, stride): write 8 rows of 8 doubles as columns; addresses, and strides of rows in doubles."""
+transpose_places: Any = intrinsic(_type_transpose([WIDTH * (k % 3) + k // 3 for k in range(3 * WIDTH)]))
+"""(to, stride, source, stride): write 24 rows, 8 of each axis, as 8 rows of 8 places, each x, y, z."""
+repeat_8: Any = intrinsic(_type_repeat)
+"""(to, stride, source): write 8 doubles into each of 8 rows."""
 add_8: Any = intrinsic(_type_add(1, "fadd"))
 """(to, source): add 8 doubles to those at an address."""
 subtract_8: Any = intrinsic(_type_add(1, "fsub"))
@@ -148,3 +206,7 @@ clear: Any = intrinsic(_type_clear)
 """(to, count): set doubles at an address to zero."""
 total: Any = intrinsic(_type_total)
 """(source, count): the sum of doubles; up to seven more behind them are read, and ignored."""
+totals: Any = intrinsic(_type_totals)
+"""(to, source, stride, count): write the sums of 8 rows, likewise."""
+greatest: Any = intrinsic(_type_greatest)
+"""(source, count): the greatest of doubles, a multiple of eight, and 0."""

@@ -45,10 +45,10 @@ KERNELS_OF: Mapping[str, tuple[str, ...]] = {
     "residual": (*PLACED, "joint_gradient", "segment_gradient"),
     "ahead": ("segment_motion", "point_yielding"),
     "look": ("point_slip",),
-    "start": ("segment_shape", "world", "segment_rims", "segment_shape", "point_tangents"),
-    "end": ("joint_angles",),
-    "ledger": ("segment_motion", "point_after", "segment_ledger", "joint_ledger"),
-    "record": (),
+    "start": ("segment_shape", "world", "segment_rims", "segment_shape", "point_start", "node_start", "joint_start"),
+    "end": (),
+    "ledger": ("segment_ledger", "point_after", "node_after", "joint_ledger"),
+    "record": ("point_momenta", "node_momenta"),
 }
 """That each loop of `scenes.bench.shares` runs."""
 
@@ -209,7 +209,7 @@ def kernel_loop(bed: Bed, name: str) -> Loop:
     """Return the loop of a kernel on the worm's own inputs; its outputs are thrown away."""
     plant, of = bed.plant, name.partition("_")[0]
     inputs = plant.arrays[f"{of}_in"]
-    count = {"segment": plant.n, "joint": plant.n - 1}.get(of) or inputs.shape[1]
+    count = {"segment": plant.n, "joint": plant.n - 1, "node": plant.n + 1}.get(of) or inputs.shape[1]
     made = kernels().get(name)
     address, size = (made.address, made.rows_out) if made else (plant.world_kernel.address, WORLD_ROWS)
     outputs = np.zeros((size, inputs.shape[1]))

@@ -17,18 +17,20 @@ from worm3d.solver.entry import kernel, reset
 from worm3d.solver.evaluate import WHOLE, evaluate, hold
 from worm3d.solver.newton import _newton_step
 from worm3d.solver.records import record
-from worm3d.solver.step import _commit, _strikes, begin, place_start
+from worm3d.solver.step import _commit, begin, place_start
 
 FloatArray = NDArray[np.float64]
 
 
 @njit
-def ready(core: Core, dt: float, span: float) -> None:
-    """Begin a step, and go as far as Newton's first direction."""
+def ready(core: Core, dt: float) -> None:
+    """Begin a step by BDF2, go as far as Newton's first direction, and keep the ledger of that."""
     place_start(core)
-    begin(core, dt, span)
+    begin(core, dt, True)
     regimes.last(core)
     _newton_step(core, WHOLE, False)
+    ledger.prepare(core)
+    ledger.add(core, vector(core.block, a.TERMS_))
 
 
 @njit
@@ -64,7 +66,7 @@ def look_loop(core: Core, times: int) -> None:
     for _ in range(times):
         regimes.last(core)
         p = matrix(core.block, a.POINT_IN)
-        run(kernel(core, a.POINT_SLIP), p, matrix(core.block, a.AFTER_OUT)[:2], p.shape[1])
+        run(kernel(core, a.POINT_SLIP), p, matrix(core.block, a.SLIP_OUT), p.shape[1])
 
 
 @njit
@@ -77,28 +79,27 @@ def expect_loop(core: Core, times: int) -> None:
 
 
 @njit
-def start_loop(core: Core, command: FloatArray, dt: float, span: float, times: int) -> None:
+def start_loop(core: Core, command: FloatArray, dt: float, times: int) -> None:
     """Do everything before Newton."""
     for _ in range(times):
         actuate(core, command, dt)
         place_start(core)
-        _strikes(core, dt)
-        begin(core, dt, span)
+        begin(core, dt, True)
 
 
 @njit
-def end_loop(core: Core, dt: float, span: float, times: int) -> None:
+def end_loop(core: Core, times: int) -> None:
     """Renew histories, anchors and directors after the step."""
     for _ in range(times):
-        _commit(core, dt, span)
+        _commit(core)
 
 
 @njit
-def ledger_loop(core: Core, dt: float, span: float, times: int) -> None:
+def ledger_loop(core: Core, times: int) -> None:
     """Keep the energy ledger."""
     for _ in range(times):
         ledger.prepare(core)
-        ledger.add(core, dt, span, vector(core.block, a.TERMS_))
+        ledger.add(core, vector(core.block, a.TERMS_))
 
 
 @njit

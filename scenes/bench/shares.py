@@ -22,8 +22,6 @@ from worm3d.solver.records import record_memory
 
 Loop = Callable[[int], None]
 
-SPAN = DT * 2.0 / 3.0
-"""Of a step by BDF2 [s]."""
 BEFORE = 1.3
 """Simulated before the step whose parts are timed: some contacts stick, some slide [s]."""
 ROUNDS = 7
@@ -108,9 +106,9 @@ class Bed:
             "ahead": lambda times: loops.ahead_loop(core, times),
             "look": lambda times: loops.look_loop(core, times),
             "expect": lambda times: loops.expect_loop(core, times),
-            "start": lambda times: loops.start_loop(core, self.command, DT, SPAN, times),
-            "end": lambda times: loops.end_loop(core, DT, SPAN, times),
-            "ledger": lambda times: loops.ledger_loop(core, DT, SPAN, times),
+            "start": lambda times: loops.start_loop(core, self.command, DT, times),
+            "end": lambda times: loops.end_loop(core, times),
+            "ledger": lambda times: loops.ledger_loop(core, times),
             "record": lambda times: loops.record_loop(core, block, times),
         }
 
@@ -118,7 +116,7 @@ class Bed:
         """Return the time of one pass of a loop [µs]."""
         self.plant.set_pose(self.state)
         self.plant.remember(self.state.memory)
-        loops.ready(self.core, DT, SPAN)
+        loops.ready(self.core, DT)
         times = 16
         while (seconds := _seconds(loop, times)) < LOOP_S:
             times *= 2

@@ -102,7 +102,7 @@ def test_the_rest_of_a_loop_is_shared_by_the_lanes() -> None:
     side = dict.fromkeys(names, 0.5) | {"factorise": 3.0, "solve": 1.0}
     filled = lane_bound._filled(alone, side, 4)
     assert filled["look"] == 0.5 + 8.0 / 4.0
-    assert filled["record"] == 9.0 / 4.0
+    assert filled["end"] == 9.0 / 4.0
     assert (filled["factorise"], filled["solve"]) == (3.0, 1.0)
 
 

@@ -268,6 +268,18 @@ def test_what_derivatives_repeat_is_computed_once() -> None:
     assert block.count("fadd") == 2
 
 
+def test_lanes_of_a_padded_kernel_compute_what_they_hold() -> None:
+    x = ca.SX.sym("x")
+    kernel = compile_kernel(ca.Function("padded", [x], [x * x]), padded=True)
+    inputs, outputs = kernel.allocate(1)
+    inputs[0] = np.arange(3.0, 3.0 + inputs.shape[1])
+    kernel(inputs, outputs, 1)
+    assert_array_equal(outputs, inputs**2)
+    kernel = compile_kernel(ca.Function("padded", [x], [x * x]))
+    kernel(inputs, outputs, 1)
+    assert_array_equal(outputs, np.full_like(outputs, 9.0))
+
+
 @numba.njit
 def _doubled(address: int, inputs: np.ndarray, outputs: np.ndarray, count: int) -> float:
     evaluate(address, inputs, outputs, count)

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from worm3d import Plane
 from worm3d.codegen import Kernel, compile_kernel
-from worm3d.kernels import joint, point, segment
+from worm3d.kernels import joint, node, point, segment
 from worm3d.kernels.layout import Layout
 from worm3d.plant import kernels
 from worm3d.solver.evaluate import LOAD, PHI
@@ -29,15 +29,21 @@ FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
     segment.gradient,
     segment.hessian,
     segment.ledger,
+    joint.start,
     joint.gradient,
     joint.hessian,
     joint.angles,
     joint.ledger,
     point.force,
-    point.tangents,
+    point.start,
     point.yielding,
+    point.expected,
     point.slip,
     point.after,
+    point.momenta,
+    node.start,
+    node.after,
+    node.momenta,
 )
 
 
@@ -246,6 +252,7 @@ def some_joint(seed: int = 3) -> Values:
     p1 = p + uniform(0.13, 0.18) * t1
     p2 = p1 + uniform(0.13, 0.18) * t2
     g, th = uniform(-0.4, 0.4, 2), uniform(-0.5, 0.5, 2)
+    known = {f"strain_{name}": uniform(-0.5, 0.5, 3) for name in ("hat", "n", "old")}
     return {
         "q": np.vstack([p, g[:1], th[:1], p1, g[1:], th[1:], p2]),
         "dq": 0.01 * uniform(-1, 1, 13),
@@ -261,6 +268,7 @@ def some_joint(seed: int = 3) -> Values:
         "weights": np.vstack([np.full(COUNT, 4 / 3), np.full(COUNT, -1 / 3)]),
         "angles_n": uniform(-0.5, 0.5, 4),
         "angles_m": uniform(-0.5, 0.5, 4),
+        **known,
     }
 
 
@@ -298,11 +306,14 @@ def test_joint_strains_and_energy_are_those_of_the_equations() -> None:
     expected = np.array([pitch, yaw, twist, bends])
     assert_allclose(run("joint_angles", joint.LAYOUT, v), expected, rtol=0, atol=1e-11)
 
-    def strains(angles: np.ndarray) -> np.ndarray:
-        yawed = angles[1] - np.sin(angles[3] / 2 + v["hinge"][0])
+    def strains(angles: np.ndarray, hinge: str = "hinge") -> np.ndarray:
+        yawed = angles[1] - np.sin(angles[3] / 2 + v[hinge][0])
         return np.array([angles[0] + v["cross0"][0], yawed, angles[2]])
 
     s, hat = strains(expected), 4 / 3 * strains(v["angles_n"]) - strains(v["angles_m"]) / 3
+    known = [hat, strains(v["angles_n"]), strains(v["angles_n"], "hinge_n")]
+    assert_allclose(run("joint_start", joint.LAYOUT, v), np.vstack(known), rtol=0, atol=1e-14)
+    v["strain_hat"] = hat
     phi = v["k"] / 2 * (s**2 + v["tau"] / v["span"] * (s - hat) ** 2)
     assert_allclose(run("joint_gradient", joint.LAYOUT, v)[0], phi.sum(axis=0), rtol=1e-10)
 
@@ -333,7 +344,7 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
     tangent = np.vstack([along, np.cross(n, along, axis=0)])
     reach = np.where(np.arange(COUNT) % 2, 0.002, 0.1)  # stuck and sliding
     anchor = x - along * reach * uniform(-1, 1) - tangent[3:] * reach * uniform(-1, 1)
-    return {
+    values = {
         "x": x,
         **on_sphere(x, inside),
         "grip": uniform(0.5, 2.0),
@@ -342,7 +353,6 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
         "weight": uniform(-0.1, 0.1, 3),
         "stiffness": uniform(50, 500),
         "damping": uniform(0.1, 2.0),
-        "dt": uniform(0.005, 0.02),
         "depth_n": np.maximum(0.0, uniform(-0.01, 0.02)),
         "tangent": tangent,
         "anchor": anchor,
@@ -356,16 +366,62 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
         "pull": uniform(-0.3, 0.3, 2),
         "foreseen": uniform(0.5, 2.0),
         "error": uniform(0.0, 0.002),
+        "breaks": np.full((1, COUNT), np.inf),
+        "pull_m": uniform(-0.3, 0.3, 2),
+        "load_m": uniform(0.0, 2.0),
         "regime": np.where(np.arange(COUNT) < COUNT - 12, point.FREE, np.arange(COUNT) % 3 + point.OPEN)[None],
         "coupled": np.full((1, COUNT), float(coupled)),
         "load_n": uniform(0.0, 2.0),
-        "motion": uniform(-0.01, 0.01, 3),
+        "f": uniform(-1, 1, 3),
+        "of_segment": uniform(-1, 1),
+        **some_mass(x, rng),
         "first": uniform(-0.01, 0.01, 3),
         "distance_n": uniform(-0.01, 0.01),
         "stored_n": uniform(0.0, 0.01),
         "segment_tangent": units(rng),
         "segment_director": units(rng),
+        "deep": uniform(0.0, 0.01),
     }
+    values |= presets(values)
+    return {name: values[name] for name in point.LAYOUT.sizes}
+
+
+def some_mass(x: np.ndarray, rng: np.random.Generator) -> Values:
+    """Return the past of mass points near x; every other step is of BDF2."""
+    dt = rng.uniform(0.005, 0.02, (1, COUNT))
+    return {
+        "past": np.vstack([x, x]) + rng.uniform(-0.01, 0.01, (6, COUNT)),
+        "velocity": rng.uniform(-1, 1, (6, COUNT)),
+        "mass": rng.uniform(0.01, 0.1, (1, COUNT)),
+        "dt": dt,
+        "span": np.where(np.arange(COUNT) % 2, 2 / 3 * dt, dt),
+    }
+
+
+def presets(v: Values) -> Values:
+    """Return what (C1) and (C3) make of stiffness, damping, slide and depth."""
+    damping, drag = v["damping"] / v["dt"], v["gauge_damping"] / v["dt"]
+    stiff, r = v["stiffness"] + damping, 1.0 / (1.0 / v["yield_gauge"] + drag)
+    return {"stiff": stiff, "carried": damping * v["depth_n"] / stiff, "r": r, "centre": drag * r * v["slide_n"]}
+
+
+def some_node(seed: int = 13) -> Values:
+    """Return joints that move in a medium and are pushed."""
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(-1, 1, (3, COUNT))
+    values = {"x": x, **some_mass(x, rng), "drag": rng.uniform(0.01, 1.0, (1, COUNT))}
+    values |= {name: rng.uniform(-1, 1, (3, COUNT)) for name in ("weight", "external", "friction")}
+    known = np.zeros((8, COUNT))
+    assert list(node.LAYOUT.sizes)[-4:] == ["drag_hat", "x_hat", "inertia", "drag_rate"]
+    empty = {"drag_hat": known[:3], "x_hat": known[3:6], "inertia": known[6:7], "drag_rate": known[7:]}
+    known[:] = run("node_start", node.LAYOUT, values | empty)
+    return {name: (values | empty)[name] for name in node.LAYOUT.sizes}
+
+
+def difference(v: Values, new: np.ndarray, old: np.ndarray) -> np.ndarray:
+    """Return the integrator's rate of change, of values at t_{n+1} and at t_n and t_{n-1}, shape (3, COUNT)."""
+    bdf2 = (1.5 * new - 2.0 * old[:3] + 0.5 * old[3:]) / v["dt"]
+    return np.where(np.arange(COUNT) % 2, bdf2, (new - old[:3]) / v["dt"])
 
 
 def with_pull_of_the_law(values: Values) -> Values:
@@ -523,7 +579,7 @@ def test_tangents_are_the_segment_projected_and_its_left() -> None:
     upright = np.arange(COUNT) % 4 == 0
     v["segment_tangent"] = np.where(upright, v["normal"], v["segment_tangent"])
     v["segment_director"] = across(v["segment_tangent"], np.random.default_rng(3))
-    out = run("point_tangents", point.LAYOUT, v)
+    out = run("point_start", point.LAYOUT, v)[:8]
     along, left = out[:3], out[3:6]
     pointing = np.where(upright, np.cross(v["segment_tangent"], v["segment_director"], axis=0), v["segment_tangent"])
     for a, b, expected in ((along, along, 1.0), (left, left, 1.0), (along, left, 0.0), (along, v["normal"], 0.0)):
@@ -535,12 +591,68 @@ def test_tangents_are_the_segment_projected_and_its_left() -> None:
     assert_allclose(out[6:], [np.sum(along * away, axis=0), np.sum(left * away, axis=0)], rtol=0, atol=1e-13)
 
 
+def test_start_of_a_step_is_that_of_the_equations() -> None:
+    """Presets of contact, friction and inertia; how deep a point gets is g + v.n dt below zero, where it approaches."""
+    v = some_point(coupled=True, inside=False, seed=12)
+    v["stiffness"][0, :4] = 0.0
+    out, layout = run("point_start", point.LAYOUT, v), point.LAYOUT
+    found = {name: out[layout.first(name) - layout.first("tangent") :][: layout.sizes[name]] for name in layout.sizes}
+    v |= {"slide_n": found["slide_n"], "depth_n": np.maximum(0.0, -v["distance"])}
+    speed = difference(v, found["x_hat"], v["past"])
+    closing = -np.sum(v["velocity"][:3] * v["normal"], axis=0)
+    strikes = (closing > 0.0) & (v["stiffness"][0] > 0.0)
+    assert 5 < strikes.sum() < COUNT - 5
+    expected = presets(v) | {
+        "inertia": v["mass"] / v["span"] ** 2,
+        "depth_n": v["depth_n"],
+        "distance_n": v["distance"],
+        "hold": v["grip"],
+        "load": v["load_n"],
+        "deep": np.where(strikes, closing * v["dt"] - v["distance"], 0.0),
+    }
+    for name, value in expected.items():
+        assert_allclose(found[name], value, rtol=1e-13, atol=1e-16, err_msg=name)
+    assert_allclose(difference(v, speed, v["velocity"]), 0.0, rtol=0, atol=1e-9)  # no acceleration
+
+
+def test_a_joints_ledger_closes_and_its_terms_are_those_of_the_equations() -> None:
+    """Inertia and medium times motion is the gain of kinetic energy and what is lost, each by its own formula."""
+    v = some_node()
+    out = run("node_after", node.LAYOUT, v)
+    terms = dict(zip(node.LEDGER_TERMS, out, strict=False))
+    moved, speed = v["x"] - v["past"][:3], difference(v, v["x"], v["past"])
+    assert_allclose(out[len(node.LEDGER_TERMS) :], speed, rtol=0, atol=1e-12)
+    against = v["mass"] * difference(v, speed, v["velocity"]) + v["drag"] * speed
+    spent = terms["kinetic"] + terms["viscous_loss"] + terms["numerical_loss"]
+    assert_allclose(spent, np.sum(against * moved, axis=0), rtol=0, atol=1e-12 * np.abs(against).max())
+    kinetic = v["mass"] / 2 * (speed**2 - v["velocity"][:3] ** 2)
+    assert_allclose(terms["kinetic"], kinetic.sum(axis=0), rtol=1e-11)
+    assert_allclose(terms["viscous_loss"], (v["drag"] * speed**2 * v["dt"]).sum(axis=0), rtol=1e-11)
+    for name, force in (
+        ("potential", -v["weight"]),
+        ("work_external", v["external"]),
+        ("friction_loss", -v["friction"]),
+    ):
+        assert_allclose(terms[name], np.sum(force * moved, axis=0), rtol=0, atol=1e-15, err_msg=name)
+    assert_allclose(terms["work_friction_p13"], -terms["friction_loss"], rtol=1e-15)
+
+
+@pytest.mark.parametrize("kind", ["point", "node"])
+def test_momenta_are_those_of_mass_points(kind: str) -> None:
+    layout, v = some_inputs({"point": point, "node": node}[kind].momenta())
+    x, p = v["past"][:3], v["mass"] * v["velocity"][:3]
+    expected = np.vstack([p, np.cross(x, p, axis=0), v["mass"] * x])
+    assert_allclose(run(f"{kind}_momenta", layout, v), expected, rtol=0, atol=1e-16)
+
+
 def some_inputs(function: ca.Function) -> tuple[Layout, Values]:
     name = function.name()
     if name.startswith("segment"):
         return segment.LAYOUT, some_segment(7)
     if name.startswith("joint"):
         return joint.LAYOUT, some_joint(8)
+    if name.startswith("node"):
+        return node.LAYOUT, some_node()
     return point.LAYOUT, some_point(coupled=True, inside=False, seed=9)
 
 

@@ -17,6 +17,9 @@ from worm3d.solver.records import record_memory
 from worm3d.solver.regimes import EXCESS, look
 from worm3d.state import State
 
+DT = 0.01
+"""[s]"""
+
 
 def a_plant(friction: Friction) -> Plant:
     """Return an uneven worm on a slope, two steps after a start in general position: the second one is of BDF2."""
@@ -50,7 +53,7 @@ def a_plant(friction: Friction) -> Plant:
     )
     forces, counters = 0.1 * rng.standard_normal((2, 3, n + 1)), np.zeros((2, arrays.COUNTERS), dtype=np.int64)
     records = record_memory(n, 3)
-    assert advance(plant.core, records.block, counters, commands, forces, 0, 1, 0.01, True, False) == (2, OK)
+    assert advance(plant.core, records.block, counters, commands, forces, 0, 1, DT, True, False) == (2, OK)
     return plant
 
 
@@ -63,6 +66,9 @@ def soften(plant: Plant, rng: np.random.Generator) -> None:
     points[anchor] = points[:3] + reach * rng.standard_normal((3, points.shape[1]))
     values = {"stiffness": 300.0 * touching, "damping": 2.0 * touching, "yield_gauge": 0.003, "gauge_damping": 2.0}
     values |= {"load": rng.uniform(0.5, 2.0, points.shape[1]), "slide_n": 0.001}
+    damping, drag, depth = 2.0 * touching / DT, 2.0 / DT, points[layout.first("depth_n")]
+    stiff, r = 300.0 * touching + damping, 1.0 / (1.0 / 0.003 + drag)
+    values |= {"stiff": stiff, "carried": damping * depth / np.maximum(stiff, 1.0), "r": r, "centre": drag * r * 0.001}
     for name, value in values.items():
         first = layout.first(name)
         points[first : first + layout.sizes[name]] = value

@@ -5,6 +5,7 @@
 
 It returns `FINE` or `WRONG_SHAPE`. Row r of lane k stands at inputs[r lanes_in + k]. In the last block the lanes beyond
 `count` compute the last instance again, whatever their memory holds: no traps, denormals or slow paths of their own.
+That costs an instruction for every input; where a program is "padded" these lanes compute what their memory holds.
 """
 
 from __future__ import annotations
@@ -112,7 +113,7 @@ SUPPORTED = {"input", "output", "const", *NUMBERS, *MASKS, *LIBRARY}
 """CasADi's operations that a kernel may contain."""
 
 
-def module(program: Program, width: int, fused: bool, flags: str = FLAGS) -> str:
+def module(program: Program, width: int, fused: bool, flags: str = FLAGS, padded: bool = False) -> str:
     """Return the module's text for vectors of `width` doubles, with or without fused multiply-add.
 
     Raises
@@ -122,7 +123,7 @@ def module(program: Program, width: int, fused: bool, flags: str = FLAGS) -> str
     """
     body = Writer(width, flags)
     _block(body, program)
-    return "\n".join([definitions(body.calls, width, fused), _driver(program, width), _block_function(body)])
+    return "\n".join([definitions(body.calls, width, fused), _driver(program, width), _block_function(body, padded)])
 
 
 def _block(w: Writer, program: Program) -> None:
@@ -169,16 +170,18 @@ def _load(w: Writer, row: int) -> str:
     return w.select("%valid", values, spread)
 
 
-def _block_function(w: Writer) -> str:
+def _block_function(w: Writer, padded: bool) -> str:
     """`block`: W instances; %last is the index of the last valid lane."""
     indices = ", ".join(f"i32 {lane}" for lane in range(w.width))
+    last = "zeroinitializer" if padded else "%last_all"
+    order = "uge" if padded else "ule"
     return f"""
 define internal void @block(ptr noalias %in, i64 %stride_in, ptr noalias %out, i64 %stride_out, i64 %last)
 noinline nounwind {{
   %last32 = trunc i64 %last to i32
   %last_one = insertelement <{w.width} x i32> poison, i32 %last32, i32 0
   %last_all = shufflevector <{w.width} x i32> %last_one, <{w.width} x i32> poison, <{w.width} x i32> zeroinitializer
-  %valid = icmp ule <{w.width} x i32> <{indices}>, %last_all
+  %valid = icmp {order} <{w.width} x i32> <{indices}>, {last}
 {w.body()}
   ret void
 }}

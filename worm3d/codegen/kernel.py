@@ -118,6 +118,7 @@ def compile_kernel(
     folder: Path | None = None,
     host: native.Host | None = None,
     notify: Callable[[str], None] | None = None,
+    padded: bool = False,
 ) -> Kernel:
     """Return a kernel that evaluates `function` for many instances at once.
 
@@ -133,6 +134,8 @@ def compile_kernel(
         Processor to compile for; default the one this runs on.
     notify : callable, optional
         Receives one sentence before a compilation that takes long; default: standard error.
+    padded : bool
+        Whether lanes beyond the last instance hold harmless numbers, which are then computed like all others.
 
     Raises
     ------
@@ -147,7 +150,8 @@ def compile_kernel(
     if backend == "casadi":
         return _virtual(function)
     try:
-        code, origin, width = _native(function, folder or cache.default_folder(), host or native.this_host(), notify)
+        host, folder = host or native.this_host(), folder or cache.default_folder()
+        code, origin, width = _native(function, folder, host, notify, padded)
     except program.UnsupportedError:
         raise
     except Exception as error:
@@ -169,17 +173,21 @@ _VIRTUAL: list[object] = []
 
 
 def _native(
-    function: casadi.Function, folder: Path | None, host: native.Host, notify: Callable[[str], None] | None
+    function: casadi.Function,
+    folder: Path | None,
+    host: native.Host,
+    notify: Callable[[str], None] | None,
+    padded: bool,
 ) -> tuple[int, Origin, int]:
     """Return address, origin and width of the native kernel."""
-    key = native.cache_key(function, host)
+    key = native.cache_key(function, host, padded)
     with _LOCK:
         if key in _LOADED:
             return _LOADED[key][0], Origin.MEMORY, host.width
         code, origin = cache.load(folder, key), Origin.DISK
         if code is None:
             _announce(function, notify or _to_standard_error)
-            code, origin = native.compile_program(program.read(function), host), Origin.COMPILED
+            code, origin = native.compile_program(program.read(function), host, padded), Origin.COMPILED
             cache.store(folder, key, code)
         _LOADED[key] = native.load(code, host)
         return _LOADED[key][0], origin, host.width

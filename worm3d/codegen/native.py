@@ -38,7 +38,7 @@ def this_host() -> Host:
     return Host(llvm.get_host_cpu_name(), features.flatten(), width, arm or bool(features.get("fma")))
 
 
-def cache_key(function: casadi.Function, host: Host) -> str:
+def cache_key(function: casadi.Function, host: Host, padded: bool = False) -> str:
     """Return a digest of all that the object code depends on: function, generator, libraries, processor."""
     parts = (
         function.serialize(),
@@ -47,6 +47,7 @@ def cache_key(function: casadi.Function, host: Host) -> str:
         llvmlite.__version__,
         llvm.get_process_triple(),
         *map(repr, host),
+        repr(padded),
     )
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
@@ -58,7 +59,7 @@ def _generator() -> str:
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()
 
 
-def compile_program(program: Program, host: Host) -> bytes:
+def compile_program(program: Program, host: Host, padded: bool = False) -> bytes:
     """Return the object code of a program.
 
     The text has no repeated subexpression already (`Writer`), and one long block leaves little to the optimiser: beyond
@@ -72,7 +73,7 @@ def compile_program(program: Program, host: Host) -> bytes:
         If LLVM fails.
     """
     machine = _machine(host)
-    unit = llvm.parse_assembly(module(program, host.width, host.fused))
+    unit = llvm.parse_assembly(module(program, host.width, host.fused, padded=padded))
     unit.triple, unit.data_layout = machine.triple, str(machine.target_data)
     unit.verify()
     passes = llvm.create_new_module_pass_manager()

@@ -34,6 +34,9 @@ LAYOUT = Layout(
         "weights": 2,  # of s_n and s_{n-1} in the damper's s_hat
         "angles_n": 4,  # c.d, c.u, twist and sum of bends at t_n
         "angles_m": 4,  # and at t_{n-1}
+        "strain_hat": 3,  # of the dampers
+        "strain_n": 3,  # at t_n, with the hinge of t_{n+1}
+        "strain_old": 3,  # with that of t_n
     }
 )
 
@@ -44,7 +47,10 @@ _REDUCED = ca.SX.sym("z", 9)
 
 def _reduced() -> ca.SX:
     """Return `_REDUCED` as the linear function of the coordinates that it is."""
-    q = LAYOUT.symbols["q"]
+    return _reduced_of(LAYOUT.symbols["q"])
+
+
+def _reduced_of(q: ca.SX) -> ca.SX:
     return ca.vertcat(q[5:8] - q[0:3], q[10:13] - q[5:8], q[3], q[8], q[4] + q[9])
 
 
@@ -71,18 +77,24 @@ def _strains(angles: ca.SX, hinge: ca.SX) -> list[ca.SX]:
     return elements.joint_strains(turns, bends, hinge, LAYOUT.symbols["cross0"])
 
 
-def _hats() -> list[ca.SX]:
+def start() -> ca.Function:
+    """Return what is known at the start of a step, the rows from "strain_hat" on (9)."""
     s = LAYOUT.symbols
-    n, m = _strains(s["angles_n"], s["hinge"]), _strains(s["angles_m"], s["hinge"])
-    return [s["weights"][0] * a + s["weights"][1] * b for a, b in zip(n, m, strict=True)]
+    n, m, old = (ca.vertcat(*_strains(s[at], s[hinge])) for at, hinge in _KNOWN)
+    hat = s["weights"][0] * n + s["weights"][1] * m
+    return LAYOUT.function("joint_start", {"strain_hat": hat, "strain_n": n, "strain_old": old})
+
+
+_KNOWN = (("angles_n", "hinge"), ("angles_m", "hinge"), ("angles_n", "hinge_n"))
+"""Where `start` takes the strains."""
 
 
 @cache
 def _potential() -> tuple[ca.SX, ca.SX, ca.SX]:
     s = LAYOUT.symbols
     phi = ca.SX(0.0)
-    for i, (strain, hat) in enumerate(zip(_strains(_angles_of_reduced(), s["hinge"]), _hats(), strict=True)):
-        phi += s["k"][i] / 2.0 * (strain**2 + s["tau"] / s["span"] * (strain - hat) ** 2)
+    for i, strain in enumerate(_strains(_angles_of_reduced(), s["hinge"])):
+        phi += s["k"][i] / 2.0 * (strain**2 + s["tau"] / s["span"] * (strain - s["strain_hat"][i]) ** 2)
     curve, slope = ca.hessian(phi, _REDUCED)
     L = ca.jacobian(_reduced(), s["q"])
     at = ca.substitute([phi, L.T @ slope, L.T @ curve @ L], [_REDUCED], [_reduced()])
@@ -111,13 +123,13 @@ LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss")
 
 
 def ledger() -> ca.Function:
-    """Return the joint's terms of the energy ledger, in the order of `LEDGER_TERMS`."""
+    """Return the joint's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its angles (4)."""
     s = LAYOUT.symbols
-    terms = ca.SX.zeros(len(LEDGER_TERMS))
-    now, before = (_strains(s["angles_n"], s[name]) for name in ("hinge", "hinge_n"))
+    terms, firsts = ca.SX.zeros(len(LEDGER_TERMS)), _first_strains()
+    now, before = s["strain_n"], s["strain_old"]
     strains, strains_before = (_strains(_angles(), s[name]) for name in ("hinge", "hinge_n"))
-    for i, (strain, hat) in enumerate(zip(strains, _hats(), strict=True)):
-        first = ca.jtimes(strain, s["q"], s["dq"])
+    for i, strain in enumerate(strains):
+        first = firsts[i]
 
         def energy(at: ca.SX, k: ca.SX = s["k"][i]) -> ca.SX:
             return k / 2.0 * at**2
@@ -125,6 +137,15 @@ def ledger() -> ca.Function:
         commanding = energy(now[i]) - energy(before[i])
         work, missed = losses.trapezoid(commanding, energy(strain) - energy(strains_before[i]))
         change, numerical = losses.spring(energy, strain, now[i], first)
-        lost, off = losses.damper(s["tau"] * s["k"][i], strain - hat, s["span"], s["dt"], first)
+        lost, off = losses.damper(s["tau"] * s["k"][i], strain - s["strain_hat"][i], s["span"], s["dt"], first)
         terms += ca.vertcat(work, commanding + change, lost, numerical + missed + off)
-    return LAYOUT.function("joint_ledger", {"terms": terms})
+    return LAYOUT.function("joint_ledger", {"terms": terms, "angles": _angles()})
+
+
+def _first_strains() -> ca.SX:
+    """Return the first-order motion of the strains, shape (3,): through the angles, which take the most to derive."""
+    s, angles = LAYOUT.symbols, ca.SX.sym("angles", 4)
+    turned = ca.jtimes(_angles_of_reduced(), _REDUCED, _reduced_of(s["dq"]))
+    turned = ca.substitute(turned, _REDUCED, _reduced())
+    first = ca.jtimes(ca.vertcat(*_strains(angles, s["hinge"])), angles, turned)
+    return ca.substitute(first, angles, _angles())

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from worm3d import contact
+from worm3d.kernels import inertia
 from worm3d.kernels.layout import Layout
 
 LAYOUT = Layout(
@@ -20,22 +21,28 @@ LAYOUT = Layout(
         "normal": 3,
         "curvature": 6,  # xx, xy, xz, yy, yz, zz of the distance's Hessian
         "grip": 1,  # the world's multiplier of friction at X
-        "x_hat": 3,
-        "inertia": 1,  # m/(beta dt)^2 [N/m]
         "weight": 3,  # m g [N]
         "stiffness": 1,  # k [N/m], 0 without contact
         "damping": 1,  # c [N s/m]
-        "dt": 1,
-        "depth_n": 1,
-        "tangent": 6,  # along and to the left, frozen at the start of the step
+        **inertia.SIZES,
+        "tangent": 6,  # along and to the left, frozen at the start of the step; with the rows up to "deep" by `start`
         "slide_n": 2,  # displacement from the anchor at the start of the step, in these tangents
+        "x_hat": 3,
+        "inertia": 1,  # m/(beta dt)^2 [N/m]
+        "depth_n": 1,
+        "distance_n": 1,
+        "hold": 1,  # the multiplier at the start of the step
+        "load": 1,  # normal load for friction while it is not coupled
+        "stiff": 1,  # k + c/dt of (C1) [N/m]
+        "carried": 1,  # d* of (C1) [m]
+        "r": 1,  # of (C3) [m]
+        "centre": 2,  # s* of (C3) [m]
+        "deep": 1,  # how deep it would get in the step as it moves towards the world, else 0 [m]
         "anchor": 3,
         "mu": 3,  # forward, backward, lateral
-        "hold": 1,  # the multiplier at the start of the step
         "yield_gauge": 1,  # rho_b [m]
         "gauge_damping": 1,  # D [s/m]
         "cap": 1,
-        "load": 1,  # normal load for friction while it is not coupled
         "pull": 2,  # f of (C5), friction per unit of normal load, along and to the left
         "foreseen": 1,  # normal load, as the last step of Newton foresaw it
         "regime": 1,  # FREE, or what the contact is taken for, whatever X says
@@ -44,10 +51,10 @@ LAYOUT = Layout(
         "pull_m": 2,  # pull and load a step before the last
         "load_m": 1,
         "coupled": 1,  # 1: friction takes the normal load of X itself
-        "load_n": 1,
-        "motion": 3,  # X - X_n
+        "load_n": 1,  # at the end of the last step: for `after`, of this one
+        "f": 3,  # for `after`: the point's gradient at the end of the step
+        "of_segment": 1,  # 8 numbers of each segment, which its ledger leaves before what follows
         "first": 3,  # (dX/dq) dq
-        "distance_n": 1,
         "stored_n": 1,  # energy of the anchor at the end of the last step [J]
         "segment_tangent": 3,  # of the segment, at the start of the step
         "segment_director": 3,
@@ -67,8 +74,6 @@ With a regime and coupled, K is Newton's of (C5) with the forces that were fores
 
 
 class _Contact(NamedTuple):
-    stiff: ca.SX
-    """k + c/dt [N/m]."""
     pressed: ca.SX
     """Penetration that carries load [m]."""
     touching: ca.SX
@@ -83,16 +88,12 @@ class _Contact(NamedTuple):
 @cache
 def _contact() -> _Contact:
     s = LAYOUT.symbols
-    stiff = s["stiffness"] + s["damping"] / s["dt"]
-    centre = ca.if_else(stiff > 0.0, s["damping"] / s["dt"] * s["depth_n"] / stiff, 0.0)
-    touching = contact.pressing(s["distance"], centre)
+    touching = contact.pressing(s["distance"], s["carried"])
     pressed = _pressed(touching)
-    viscous = s["gauge_damping"] / s["dt"]
-    r = 1.0 / (1.0 / s["yield_gauge"] + viscous)
-    law = contact.Law(r, s["cap"], viscous * r * s["slide_n"])
+    law = contact.Law(s["r"], s["cap"], s["centre"])
     away = s["x"] - s["anchor"]
     slide = ca.vertcat(*[ca.dot(t, away) for t in _tangents()])
-    return _Contact(stiff, pressed, touching, stiff * pressed, contact.Coefficients(*ca.vertsplit(s["mu"])), law, slide)
+    return _Contact(pressed, touching, s["stiff"] * pressed, contact.Coefficients(*ca.vertsplit(s["mu"])), law, slide)
 
 
 def _tangents() -> tuple[ca.SX, ca.SX]:
@@ -111,7 +112,7 @@ def force() -> ca.Function:
     stands what it is with the forces that were foreseen (3), for the second derivatives of the points.
     """
     s, c = LAYOUT.symbols, _contact()
-    away, T = s["x"] - s["x_hat"], ca.horzcat(*_tangents())
+    T = ca.horzcat(*_tangents())
     y = ca.SX.sym("y", 2)
     potential = contact.friction_potential(y, _sided(c.mu), c.law, s["regime"] >= STICKING)
     curve, slope = ca.hessian(potential, y)
@@ -123,13 +124,18 @@ def force() -> ca.Function:
     load = ca.if_else(ca.logic_and(mixed, s["regime"] != OPEN), s["foreseen"], c.load)
     pull, h_yy = ca.if_else(mixed, s["pull"], h_y), ca.if_else(mixed, own, h_yy)
     grip, held = (s["hold"] * ca.if_else(s["coupled"] != 0.0, each, s["load"]) for each in (c.load, load))
-    still = s["inertia"] * away - s["weight"]
+    still = inertia.force(s) - s["weight"]
     f = still - c.load * s["normal"] + grip * (T @ h_y)
     f_ahead = still - load * s["normal"] + held * (T @ pull)
-    rising = ca.if_else(ca.logic_or(c.pressed > 0.0, s["regime"] >= SLIDING), c.stiff, 0.0)
+    rising = ca.if_else(ca.logic_or(c.pressed > 0.0, s["regime"] >= SLIDING), s["stiff"], 0.0)
     K = s["inertia"] * ca.SX.eye(3) + rising * s["normal"] @ s["normal"].T - load * _curvature()
     K += ca.fmax(held, 0.0) * (T @ h_yy @ T.T) - s["coupled"] * s["hold"] * rising * (T @ pull) @ s["normal"].T
-    phi = s["inertia"] / 2.0 * ca.sumsqr(away) - ca.dot(s["weight"], s["x"]) + c.load * c.pressed / 2.0 + grip * h
+    phi = (
+        s["inertia"] / 2.0 * ca.sumsqr(s["x"] - s["x_hat"])
+        - ca.dot(s["weight"], s["x"])
+        + c.load * c.pressed / 2.0
+        + grip * h
+    )
     outputs = {"f": f, "f_ahead": f_ahead, "K": ca.vec(K.T), "phi": phi, "load": c.load}
     return LAYOUT.function("point_force", outputs)
 
@@ -141,16 +147,42 @@ def _sided(mu: contact.Coefficients) -> contact.Coefficients:
     return contact.Coefficients(forward, ca.if_else(regime == STICKING, mu.forward, mu.backward), mu.lateral)
 
 
-def tangents() -> ca.Function:
-    """Return the tangents (6) at X, along the segment, projected, and to its left, and the displacement in them (2)."""
+def start() -> ca.Function:
+    """Return what is known at the start of a step: the rows from "tangent" to "deep" (22)."""
+    s = LAYOUT.symbols
+    tangents, slide = _projected()
+    depth = ca.fmax(0.0, -s["distance"])
+    damping, gauge_damping = s["damping"] / s["dt"], s["gauge_damping"] / s["dt"]
+    stiff, r = s["stiffness"] + damping, 1.0 / (1.0 / s["yield_gauge"] + gauge_damping)
+    approach = -ca.dot(s["velocity"][:3], s["normal"])
+    strikes = ca.logic_and(s["stiffness"] > 0.0, approach > 0.0)
+    rows: dict[str, ca.SX | list[ca.SX]] = {
+        "tangent": tangents,
+        "slide_n": slide,
+        "x_hat": inertia.coasting(s),
+        "inertia": inertia.stiffness(s),
+        "depth_n": depth,
+        "distance_n": s["distance"],
+        "hold": s["grip"],
+        "load": s["load_n"],
+        "stiff": stiff,
+        "carried": ca.if_else(stiff > 0.0, damping * depth / stiff, 0.0),
+        "r": r,
+        "centre": [gauge_damping * r * each for each in slide],
+        "deep": ca.if_else(strikes, approach * s["dt"] - s["distance"], 0.0),
+    }
+    return LAYOUT.function("point_start", rows)
+
+
+def _projected() -> tuple[list[ca.SX], list[ca.SX]]:
+    """Return the tangents at X, along the segment, projected, and to its left, and the displacement in them."""
     s = LAYOUT.symbols
     n, t = s["normal"], s["segment_tangent"]
     along, upward = (each - ca.dot(each, n) * n for each in (t, ca.cross(t, s["segment_director"])))
-    along = ca.if_else(ca.norm_2(along) < ALONG_NORMAL, upward, along)
+    along = ca.if_else(ca.sumsqr(along) < ALONG_NORMAL**2, upward, along)
     along /= ca.norm_2(along)
     left = ca.cross(n, along)
-    slide = [ca.dot(each, s["x"] - s["anchor"]) for each in (along, left)]
-    return LAYOUT.function("point_tangents", {"tangent": [along, left], "slide_n": slide})
+    return [along, left], [ca.dot(each, s["x"] - s["anchor"]) for each in (along, left)]
 
 
 SWUNG = 0.01
@@ -190,7 +222,7 @@ def yielding() -> ca.Function:
         "excess": excess,
         "touching": touching,
         "pull": pull,
-        "foreseen": c.stiff * _pressed(touching),
+        "foreseen": s["stiff"] * _pressed(touching),
         "swing": swing,
         "regime": regime,
         "stale": ca.logic_or(regime != s["regime"], swings),
@@ -243,7 +275,7 @@ def expected() -> ca.Function:
     regime = ca.if_else(ca.logic_or(breaks, lands), SLIDING, s["regime"])
     regime = ca.if_else(ca.logic_and(s["regime"] >= SLIDING, lifts), OPEN, regime)
     pull = ca.if_else(breaks, trend, ca.if_else(ca.logic_or(turns, lands), against, s["pull"]))
-    load = ca.if_else(lands, c.stiff * s["error"], s["load_n"])
+    load = ca.if_else(lands, s["stiff"] * s["error"], s["load_n"])
     return LAYOUT.function("point_expected", {"pull": pull, "foreseen": load, "regime": regime})
 
 
@@ -262,26 +294,65 @@ def _slip() -> ca.SX:
 
 
 LEDGER_TERMS = (
+    "kinetic",
+    "potential",
     "load_change",
     "penetration",
     "anchor",
-    "friction_loss",
     "viscous_loss",
     "numerical_loss",
     "work_friction_p13",
+    "friction_loss",
 )
+AFTER = Layout(
+    {
+        "terms": len(LEDGER_TERMS),
+        "force": 3,  # of the world on the point [N]
+        "stuck": 1,
+        "slipped": 1,  # [m]
+        "velocity": 3,
+        "anchor": 3,
+        "stored": 1,
+    }
+)
+"""Outputs of `after`."""
 
 
 def after() -> ca.Function:
-    """Return slip (2), the anchor's stored energy and the point's terms of the ledger, as in `LEDGER_TERMS`."""
-    slip = _slip()
+    """Return the point's terms of the ledger, as in `LEDGER_TERMS`, and the state with which the next step begins."""
+    s, slip, touches = LAYOUT.symbols, _slip(), LAYOUT.symbols["load_n"] > 0.0
     stored, friction = _friction_ledger(slip)
-    terms = friction + _normal_ledger()
-    return LAYOUT.function("point_after", {"slip": slip, "stored": stored, "terms": terms})
+    parts = (friction, _normal_ledger(), _inertia_ledger())
+    terms = [sum((part[name] for part in parts if name in part), ca.SX(0.0)) for name in LEDGER_TERMS]
+    along, left = _tangents()
+    rows = {
+        "terms": ca.vertcat(*terms),
+        "force": inertia.force(s) - s["weight"] - s["f"],
+        "stuck": ca.logic_or(ca.logic_not(touches), ca.logic_and(slip[0] == 0.0, slip[1] == 0.0)),
+        "slipped": ca.norm_2(slip),
+        "velocity": inertia.velocity(s),
+        "anchor": ca.if_else(touches, s["anchor"] + along * slip[0] + left * slip[1], s["x"]),
+        "stored": ca.if_else(touches, stored, 0.0),
+    }
+    return LAYOUT.function("point_after", {name: rows[name] for name in AFTER.sizes})
 
 
-def _normal_ledger() -> ca.SX:
-    """Penetration, viscous and numerical loss of the normal contact, for the whole list of terms."""
+def momenta() -> ca.Function:
+    """Return momentum (3), angular momentum about the origin (3) and mass times place (3)."""
+    return LAYOUT.function("point_momenta", {"momenta": inertia.momenta(LAYOUT.symbols)})
+
+
+def _inertia_ledger() -> dict[str, ca.SX]:
+    """Return kinetic and potential energy, and the numerical loss of both."""
+    s = LAYOUT.symbols
+    moved = inertia.motion(s)
+    kinetic, lost = inertia.ledger(s, s["first"])
+    numerical = lost - ca.dot(s["weight"], s["first"] - moved)
+    return {"kinetic": kinetic, "potential": -ca.dot(s["weight"], moved), "numerical_loss": numerical}
+
+
+def _normal_ledger() -> dict[str, ca.SX]:
+    """Return penetration, viscous and numerical loss of the normal contact."""
     s, c = LAYOUT.symbols, _contact()
     depth = ca.fmax(0.0, -s["distance"])
     closing = s["distance"] - s["distance_n"]
@@ -289,15 +360,15 @@ def _normal_ledger() -> ca.SX:
     spring = s["stiffness"] * depth
     viscous = -(c.load - spring) * closing
     numerical = -rise - spring * closing - c.load * (ca.dot(s["normal"], s["first"]) - closing)
-    return ca.vertcat(0.0, rise, 0.0, 0.0, viscous, numerical, 0.0)
+    return {"penetration": rise, "viscous_loss": viscous, "numerical_loss": numerical}
 
 
-def _friction_ledger(slip: ca.SX) -> tuple[ca.SX, ca.SX]:
+def _friction_ledger(slip: ca.SX) -> tuple[ca.SX, dict[str, ca.SX]]:
     """Return the anchor's energy at the end of the step, and friction's terms."""
     s, c = LAYOUT.symbols, _contact()
     touching = c.load > 0.0
     load, s_n = s["hold"] * c.load, s["slide_n"]
-    moved, first = (ca.vertcat(*[ca.dot(t, s[name]) for t in _tangents()]) for name in ("motion", "first"))
+    moved, first = (ca.vertcat(*[ca.dot(t, way) for t in _tangents()]) for way in (inertia.motion(s), s["first"]))
     left = s_n + ca.if_else(touching, moved - slip, ca.SX.zeros(2))
     y = ca.SX.sym("y", 2)
 
@@ -308,14 +379,18 @@ def _friction_ledger(slip: ca.SX) -> tuple[ca.SX, ca.SX]:
     stored, stored_n = load * of(energy, left), load * of(energy, s_n)
     spring = load * of(ca.gradient(energy, y), left)
     slope = ca.gradient(contact.friction_potential(y, c.mu, c.law), y)
-    force = load * of(slope, left - c.law.centre)
-    loss = load * s["cap"] * ca.sqrt(contact.gauge_squared(slip, c.mu))
+    force = load * of(slope, c.slide - c.law.centre)  # (C4) keeps it
+    loss = load * s["cap"] * contact.beyond(c.slide - c.law.centre, c.mu, c.law)
     load_change = stored_n - s["stored_n"]
     stretch = left - s_n
     numerical = ca.dot(spring, stretch) - (stored - stored_n) + ca.dot(force, first - moved)
     numerical += ca.dot(force, slip) - loss
     viscous = ca.dot(force - spring, stretch)
-    terms = ca.vertcat(
-        load_change, 0.0, stored - stored_n + load_change, loss, viscous, numerical, -ca.dot(force, moved)
-    )
-    return stored, terms
+    return stored, {
+        "load_change": load_change,
+        "anchor": stored - stored_n + load_change,
+        "friction_loss": loss,
+        "viscous_loss": viscous,
+        "numerical_loss": numerical,
+        "work_friction_p13": -ca.dot(force, moved),
+    }

@@ -105,8 +105,11 @@ def rims() -> ca.Function:
 
 def motion() -> ca.Function:
     """Return the first-order motion of the points (24) under dq."""
-    s = LAYOUT.symbols
-    return LAYOUT.function("segment_motion", {"points": ca.jtimes(_shape().points, s["q"], s["dq"])})
+    return LAYOUT.function("segment_motion", {"points": _motion()})
+
+
+def _motion() -> ca.SX:
+    return ca.jtimes(_shape().points, LAYOUT.symbols["q"], LAYOUT.symbols["dq"])
 
 
 @cache
@@ -165,12 +168,18 @@ def hessian() -> ca.Function:
 
 
 LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss", "work_contract_p11")
+LEDGER_ROWS = 8
+"""Before the motion of the points: a row of the point array."""
 
 
 def ledger() -> ca.Function:
-    """Return the segment's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its hinge angles (2)."""
+    """Return the segment's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its hinge angles (2).
+
+    Behind them, and a row that says nothing, stands what `motion` returns (24).
+    """
     terms = _chamber_ledger(0) + _chamber_ledger(1)
-    return LAYOUT.function("segment_ledger", {"terms": terms, "angles": _shape().angles})
+    rest = {"nothing": ca.SX.zeros(LEDGER_ROWS - len(LEDGER_TERMS) - 2), "points": _motion()}
+    return LAYOUT.function("segment_ledger", {"terms": terms, "angles": _shape().angles, **rest})
 
 
 def _chamber_ledger(c: int) -> ca.SX:

@@ -62,7 +62,8 @@ def advance(
         asked_n, given_n = asked.copy(), given.copy()
         actuate(core, commands[k], dt)
         if len(external) > 0:
-            copy(vector(core.block, a.EXTERNAL), external[k].ravel())
+            for d in range(3):
+                copy(matrix(core.block, a.EXTERNAL)[d], external[k, d])
         if every > 0:
             reset(core)
         end = step(core, dt, bdf2 and (remembers or k > 0))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from worm3d.codegen import evaluate as run
-from worm3d.compiled import njit
+from worm3d import vectors
+from worm3d.codegen import evaluate_some as run_some
+from worm3d.compiled import inner, njit
 from worm3d.kernels import point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import Core
-from worm3d.solver.block import copy, matrix, rows
+from worm3d.solver.block import address, matrix
 from worm3d.solver.entry import kernel
 
 FACES = 6
@@ -24,24 +25,37 @@ def turn_faces(core: Core) -> None:
     A rolling face touches with one place after the other: anchor and past go over to the new one as they are to the
     old. The points are placed; distances stay those of the old places, a second-order difference in the roll of a step.
     """
-    segments, p = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.POINT_IN)
-    past, before = matrix(core.block, a.POINTS_PAST), matrix(core.block, a.FIRST)
-    lanes = segments.shape[1]
+    radii = matrix(core.block, a.SEGMENT_IN)[_RADIUS : _RADIUS + 2]
+    for first in range(0, core.n, vectors.WIDTH):
+        for i in range(first, min(first + vectors.WIDTH, core.n)):
+            if radii[0, i] > 0.0 or radii[1, i] > 0.0:
+                _turn(core, first)
+                break
+
+
+@inner
+def _turn(core: Core, first: int) -> None:
+    """Turn the faces of a vector of segments."""
+    block, count = core.block, min(vectors.WIDTH, core.n - first)
+    segments, p, before = matrix(block, a.SEGMENT_IN), matrix(block, a.POINT_IN), matrix(block, a.FIRST)
+    past, lanes = matrix(block, a.POINTS_PAST), segments.shape[1]
     for face in range(2):
-        first = (FACES + face) * lanes
+        k = (FACES + face) * lanes + first
         for d in range(3):
-            copy(segments[_NORMAL + 3 * face + d], p[_POINT_NORMAL + d, first : first + lanes])
-    run(kernel(core, a.SEGMENT_RIMS), segments, matrix(core.block, a.SEGMENT_OUT)[:4], core.n)
-    copy(rows(core.block, a.SEGMENT_IN, _RIM, 4), rows(core.block, a.SEGMENT_OUT, 0, 4))
-    copy(rows(core.block, a.FIRST, 0, before.shape[0]), rows(core.block, a.POINT_IN, 0, 3))
-    run(kernel(core, a.SEGMENT_SHAPE), segments, matrix(core.block, a.REST), core.n)
-    points = segment.POINTS
+            normal, place = address(block, a.POINT_IN, _POINT_NORMAL + d), address(block, a.POINT_IN, d)
+            vectors.move(address(block, a.SEGMENT_IN, _NORMAL + 3 * face + d) + 8 * first, normal + 8 * k, count)
+            vectors.move(address(block, a.FIRST, 2 * d + face) + 8 * first, place + 8 * k, count)
+    run_some(kernel(core, a.SEGMENT_RIMS), segments, matrix(block, a.SEGMENT_OUT)[:4], first, count)
+    for r in range(4):
+        here = address(block, a.SEGMENT_OUT, r) + 8 * first
+        vectors.move(address(block, a.SEGMENT_IN, _RIM + r) + 8 * first, here, count)
+    run_some(kernel(core, a.SEGMENT_SHAPE), segments, matrix(block, a.REST), first, count)
     for face in range(2):
-        for i in range(core.n):
+        for i in range(first, first + count):
             if segments[_RADIUS + face, i] > 0.0:
                 k = (FACES + face) * lanes + i
                 for d in range(3):
-                    turned = p[d, k] - before[points * d + FACES + face, i]
+                    turned = p[d, k] - before[2 * d + face, i]
                     p[_ANCHOR + d, k] += turned
                     past[d, k] += turned
                     past[3 + d, k] += turned

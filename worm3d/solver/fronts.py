@@ -30,7 +30,8 @@ LONGEST = 20.0
 SMOOTH = 0.02
 """Greatest change of motion that goes on: squares, in coordinates."""
 
-_LOAD_N, _REGIME, _PULL = point.LAYOUT.firsts("load_n", "regime", "pull")
+_LOAD_N, _LOAD_M, _REGIME = point.LAYOUT.firsts("load_n", "load_m", "regime")
+_PULL, _PULL_M = point.LAYOUT.firsts("pull", "pull_m")
 _FORESEEN, _ERROR, _FIRST, _DT = point.LAYOUT.firsts("foreseen", "error", "first", "dt")
 
 
@@ -89,6 +90,13 @@ def _passed(core: Core, k: int, side: int) -> bool:
     if not 0 <= k % (fronts.shape[1] // POINTS) + side < core.n:
         return False
     return fronts[DID, j] == fronts[DOES, k] and fronts[DOES, j] != fronts[DOES, k] and side * fronts[AHEAD, j] > 0.0
+
+
+@inner
+def keep(core: Core) -> None:
+    """Keep friction and loads of the start of the step, from which their trend is seen in the next one."""
+    copy(rows(core.block, a.POINT_IN, _PULL_M, 2), vector(core.block, a.PULL_N))
+    copy(rows(core.block, a.POINT_IN, _LOAD_M, 1), rows(core.block, a.POINT_IN, _LOAD_N, 1))
 
 
 @inner

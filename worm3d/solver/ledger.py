@@ -27,155 +27,75 @@ from numpy.typing import NDArray
 from worm3d import vectors
 from worm3d.codegen import evaluate as run
 from worm3d.compiled import inner
-from worm3d.kernels import joint, point, segment
+from worm3d.kernels import joint, node, point, segment
 from worm3d.solver import arrays as a
-from worm3d.solver.arrays import BLOCK, POINTS, TERMS, Core
-from worm3d.solver.block import address, combine, matrix, rows, vector
+from worm3d.solver.arrays import BLOCK, TERMS, Core
+from worm3d.solver.block import address, combine, matrix, vector
 from worm3d.solver.entry import kernel
+from worm3d.solver.evaluate import LOAD
 
 FloatArray = NDArray[np.float64]
 
-(
-    WORK_CONTRACT,
-    WORK_EXTERNAL,
-    _LOAD_CHANGE,
-    KINETIC,
-    _ELASTIC,
-    POTENTIAL,
-    _PENETRATION,
-    _ANCHOR,
-    FRICTION_LOSS,
-    VISCOUS_LOSS,
-    NUMERICAL_LOSS,
-    WORK_POSITIVE,
-    _P11,
-    WORK_FRICTION,
-) = range(len(TERMS))
+WORK_CONTRACT, WORK_POSITIVE = TERMS.index("work_contract"), TERMS.index("work_contract_positive")
 _OF_SEGMENT = np.array([TERMS.index(name) for name in segment.LEDGER_TERMS])
 _OF_JOINT = np.array([TERMS.index(name) for name in joint.LEDGER_TERMS])
+_OF_NODE = np.array([TERMS.index(name) for name in node.LEDGER_TERMS])
 _OF_POINT = np.array([TERMS.index(name) for name in point.LEDGER_TERMS])
-_FIRST_TERM = 3
-"""Row of "after_out" behind slip and stored energy."""
 
-_DQ = segment.LAYOUT.first("dq")
-_JOINT_DQ = joint.LAYOUT.first("dq")
-_MOTION, _FIRST = point.LAYOUT.firsts("motion", "first")
+_DQ, _JOINT_DQ = segment.LAYOUT.first("dq"), joint.LAYOUT.first("dq")
+_LOAD_N, _F = point.LAYOUT.firsts("load_n", "f")
+_BESIDE = joint.COORDINATES - vectors.WIDTH
+"""Row of the second vector of a joint's coordinates: the two overlap."""
 
 
 @inner
 def prepare(core: Core) -> None:
-    """Fill the motion of the step, to first order in the points, and run the points' ledger."""
-    n = core.n
-    x, x_n = vector(core.block, a.X), vector(core.block, a.X_N)
-    segment_in, joint_in = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.JOINT_IN)
-    point_in = matrix(core.block, a.POINT_IN)
-    for i in range(n):
-        for r in range(segment.COORDINATES):
-            segment_in[_DQ + r, i] = x[BLOCK * i + r] - x_n[BLOCK * i + r]
-    for i in range(n - 1):
-        for r in range(joint.COORDINATES):
-            joint_in[_JOINT_DQ + r, i] = x[BLOCK * i + r] - x_n[BLOCK * i + r]
-    run(kernel(core, a.SEGMENT_MOTION), segment_in, matrix(core.block, a.FIRST), n)
-    new, old = rows(core.block, a.POINT_IN, 0, 3), rows(core.block, a.POINTS_PAST, 0, 3)
-    combine(rows(core.block, a.POINT_IN, _MOTION, 3), 1.0, new, -1.0, old)
-    run(kernel(core, a.POINT_AFTER), point_in, matrix(core.block, a.AFTER_OUT), point_in.shape[1])
+    """Fill the motion of the step, to first order in the points, and run the ledgers of segments and mass points."""
+    block, n = core.block, core.n
+    x, lanes = vector(block, a.X), matrix(block, a.SEGMENT_IN).shape[1]
+    combine(vector(block, a.MOVED)[: len(x)], 1.0, x, -1.0, vector(block, a.X_N))
+    moved, joint_lanes = address(block, a.MOVED, 0), matrix(block, a.JOINT_IN).shape[1]
+    for i in range(0, n, vectors.WIDTH):
+        vectors.transpose(address(block, a.SEGMENT_IN, _DQ) + 8 * i, lanes, moved + 8 * BLOCK * i, BLOCK)
+    for i in range(0, n - 1, vectors.WIDTH):
+        for r in (0, _BESIDE):
+            to = address(block, a.JOINT_IN, _JOINT_DQ + r) + 8 * i
+            vectors.transpose(to, joint_lanes, moved + 8 * (BLOCK * i + r), BLOCK)
+    run(kernel(core, a.SEGMENT_LEDGER), matrix(block, a.SEGMENT_IN), matrix(block, a.SEGMENT_LEDGER_), n)
+    point_in, nodes = matrix(block, a.POINT_IN), matrix(block, a.NODE_IN)
+    for row, source, count in ((_F, 0, 3), (_LOAD_N, LOAD, 1)):
+        here = address(block, a.POINT_OUT, source)
+        vectors.move(address(block, a.POINT_IN, row), here, count * point_in.shape[1])
+    run(kernel(core, a.POINT_AFTER), point_in, matrix(block, a.AFTER_OUT), point_in.shape[1])
+    for j in range(n + 1):
+        for d in range(3):
+            nodes[d, j] = x[BLOCK * j + d]
+    run(kernel(core, a.NODE_AFTER), nodes, matrix(block, a.NODE_OUT), n + 1)
 
 
 @inner
-def add(core: Core, dt: float, span: float, terms: FloatArray) -> None:
+def add(core: Core, terms: FloatArray) -> None:
     """Add the step's terms, shape (14,) [J]; `prepare` has run, the past is that before the step.
 
-    The hinge angles of the segments are left behind the terms in "segment_out".
-
-    Parameters
-    ----------
-    dt, span : float
-        Time step, and beta dt [s].
+    The hinge angles of the segments are left behind the terms in "segment_ledger", the joints' angles in "joint_out".
     """
     n, worked = core.n, terms[WORK_CONTRACT]
-    segment_in, joint_in = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.JOINT_IN)
-    segment_out = matrix(core.block, a.SEGMENT_OUT)[: len(_OF_SEGMENT) + 2]
-    joint_out = matrix(core.block, a.JOINT_OUT)[: len(_OF_JOINT)]
-    run(kernel(core, a.SEGMENT_LEDGER), segment_in, segment_out, n)
-    run(kernel(core, a.JOINT_LEDGER), joint_in, joint_out, n - 1)
-    for k in range(len(_OF_SEGMENT)):
-        terms[_OF_SEGMENT[k]] += vectors.total(address(core.block, a.SEGMENT_OUT, k), n)
-    for k in range(len(_OF_JOINT)):
-        terms[_OF_JOINT[k]] += vectors.total(address(core.block, a.JOINT_OUT, k), n - 1)
-    lanes = segment_in.shape[1]
-    for k in range(len(_OF_POINT)):
-        row = address(core.block, a.AFTER_OUT, _FIRST_TERM + k)
-        for s in range(POINTS):
-            terms[_OF_POINT[k]] += vectors.total(row + 8 * s * lanes, n)
-    _joints(core, dt, span, terms)
-    _points(core, dt, span, terms)
+    joint_out = matrix(core.block, a.JOINT_OUT)[: len(_OF_JOINT) + 4]
+    run(kernel(core, a.JOINT_LEDGER), matrix(core.block, a.JOINT_IN), joint_out, n - 1)
+    _collect(core, a.SEGMENT_LEDGER_, n, _OF_SEGMENT, terms)
+    _collect(core, a.JOINT_OUT, n - 1, _OF_JOINT, terms)
+    _collect(core, a.NODE_OUT, n + 1, _OF_NODE, terms)
+    lanes = matrix(core.block, a.AFTER_OUT).shape[1]
+    _collect(core, a.AFTER_OUT, lanes, _OF_POINT[: vectors.WIDTH], terms)
+    for k in range(vectors.WIDTH, len(_OF_POINT)):
+        terms[_OF_POINT[k]] += vectors.total(address(core.block, a.AFTER_OUT, k), lanes)
     terms[WORK_POSITIVE] += max(0.0, terms[WORK_CONTRACT] - worked)
 
 
 @inner
-def _joints(core: Core, dt: float, span: float, terms: FloatArray) -> None:
-    """Inertia, weight, medium and forces of the joints, whose coordinates are their places."""
-    x, numbers = vector(core.block, a.X), vector(core.block, a.NUMBERS_)
-    mass, drag = vector(core.block, a.JOINT_MASS), vector(core.block, a.DRAG)
-    hat, drag_hat = matrix(core.block, a.JOINT_HAT), matrix(core.block, a.JOINT_DRAG_HAT)
-    past, velocity = matrix(core.block, a.JOINTS), matrix(core.block, a.JOINT_VELOCITY)
-    external, friction = matrix(core.block, a.EXTERNAL), matrix(core.block, a.JOINT_FRICTION)
-    kinetic = potential = worked = rubbed = viscous = numerical = 0.0
-    for j in range(core.n + 1):
-        for d in range(3):
-            new = x[BLOCK * j + d]
-            moved, rate = new - past[d, j], (new - drag_hat[d, j]) / span
-            force = mass[j] / span**2 * (new - hat[d, j])
-            v_n, v_m = velocity[d, j], velocity[3 + d, j]
-            gained, lost = _inertia(mass[j], rate, v_n, v_m, force, moved, moved, dt, span != dt)
-            kinetic += gained
-            potential -= mass[j] * numbers[a.GRAVITY + d] * moved
-            worked += external[d, j] * moved
-            rubbed += friction[d, j] * moved
-            viscous += drag[j] * rate * rate * dt
-            numerical += lost + drag[j] * rate * (moved - rate * dt)
-    terms[KINETIC] += kinetic
-    terms[POTENTIAL] += potential
-    terms[WORK_EXTERNAL] += worked
-    terms[FRICTION_LOSS] -= rubbed
-    terms[WORK_FRICTION] += rubbed
-    terms[VISCOUS_LOSS] += viscous
-    terms[NUMERICAL_LOSS] += numerical
-
-
-@inner
-def _points(core: Core, dt: float, span: float, terms: FloatArray) -> None:
-    """Inertia and weight of the apexes."""
-    point_in, numbers = matrix(core.block, a.POINT_IN), vector(core.block, a.NUMBERS_)
-    past, velocity = matrix(core.block, a.POINTS_PAST), matrix(core.block, a.POINT_VELOCITY)
-    masses = matrix(core.block, a.POINT_MASS)
-    lanes, bdf2 = masses.shape[1], span != dt
-    w0, w1 = (4.0 / 3.0, -1.0 / 3.0) if bdf2 else (1.0, 0.0)
-    kinetic = potential = numerical = 0.0
-    for s in range(POINTS):
-        for i in range(core.n):
-            mass, k = masses[s, i], s * lanes + i
-            if mass == 0.0:
-                continue
-            for d in range(3):
-                moved, first = point_in[_MOTION + d, k], point_in[_FIRST + d, k]
-                v_n, v_m = velocity[d, k], velocity[3 + d, k]
-                v = (point_in[d, k] - w0 * past[d, k] - w1 * past[3 + d, k]) / span
-                force = mass * (v - w0 * v_n - w1 * v_m) / span
-                gained, lost = _inertia(mass, v, v_n, v_m, force, moved, first, dt, bdf2)
-                kinetic += gained
-                potential -= mass * numbers[a.GRAVITY + d] * moved
-                numerical += lost - mass * numbers[a.GRAVITY + d] * (first - moved)
-    terms[KINETIC] += kinetic
-    terms[POTENTIAL] += potential
-    terms[NUMERICAL_LOSS] += numerical
-
-
-@inner
-def _inertia(
-    mass: float, v: float, v_n: float, v_m: float, force: float, moved: float, first: float, dt: float, bdf2: bool
-) -> tuple[float, float]:
-    """Return a coordinate's gain of kinetic energy, and the integrator's loss; `force` is m A."""
-    e_x = moved - 0.5 * dt * (v + v_n)
-    e_v = 0.5 * (v - 2.0 * v_n + v_m) if bdf2 else 0.0
-    return 0.5 * mass * (v * v - v_n * v_n), mass * e_v * 0.5 * (v + v_n) + force * e_x + force * (first - moved)
+def _collect(core: Core, outputs: int, count: int, of: NDArray[np.int64], terms: FloatArray) -> None:
+    """Add the sums of the first rows of a kernel's outputs to the terms that they are, at most eight."""
+    sums, lanes = vector(core.block, a.SUMS), matrix(core.block, outputs).shape[1]
+    vectors.totals(address(core.block, a.SUMS, 0), address(core.block, outputs, 0), lanes, count)
+    for k in range(len(of)):
+        terms[of[k]] += sums[k]

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import vectors
+from worm3d.codegen import evaluate as run
 from worm3d.compiled import inner, njit
 from worm3d.kernels import point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, TERMS, Core
-from worm3d.solver.block import Block, Memory, copy, fill, matrix, vector
+from worm3d.solver.block import Block, Memory, address, copy, fill, matrix, vector
+from worm3d.solver.entry import kernel
 
 FloatArray = NDArray[np.float64]
 
@@ -68,45 +71,56 @@ def record_memory(n: int, rows: int) -> Memory:
 @njit
 def record(core: Core, records: Block, row: int) -> None:
     """Write one row, and start to gather for the next."""
-    block, n = records, core.n
+    block, n = core.block, core.n
     _segments(core, records, row)
-    velocity, joints = matrix(core.block, a.JOINT_VELOCITY), matrix(core.block, a.JOINTS)
-    friction = matrix(core.block, a.JOINT_FRICTION)
-    for j in range(n + 1):
-        for d in range(3):
-            matrix(block, JOINTS)[row, 3 * j + d] = joints[d, j]
-            matrix(block, JOINT_VELOCITY)[row, 3 * j + d] = velocity[d, j]
-            matrix(block, JOINT_FRICTION)[row, 3 * j + d] = friction[d, j]
-    copy(matrix(block, JOINT_LOAD)[row], vector(core.block, a.JOINT_LOAD))
-    copy(matrix(block, ASKED)[row], vector(core.block, a.ASKED))
-    copy(matrix(block, GIVEN)[row], vector(core.block, a.GIVEN))
-    _momenta(core, matrix(block, MOMENTUM)[row], matrix(block, COM)[row])
-    copy(matrix(block, ENERGY)[row], vector(core.block, a.TERMS_))
-    fill(vector(core.block, a.TERMS_), 0.0)
-    fill(vector(core.block, a.SLID), 0.0)
+    for source, to in ((a.JOINTS, JOINTS), (a.JOINT_VELOCITY, JOINT_VELOCITY), (a.JOINT_FRICTION, JOINT_FRICTION)):
+        here, there = matrix(block, source), matrix(records, to)[row]
+        for j in range(n + 1):
+            for d in range(3):
+                there[3 * j + d] = here[d, j]
+    copy(matrix(records, JOINT_LOAD)[row], vector(block, a.JOINT_LOAD))
+    copy(matrix(records, ASKED)[row], vector(block, a.ASKED))
+    copy(matrix(records, GIVEN)[row], vector(block, a.GIVEN))
+    _momenta(core, matrix(records, MOMENTUM)[row], matrix(records, COM)[row])
+    copy(matrix(records, ENERGY)[row], vector(block, a.TERMS_))
+    fill(vector(block, a.TERMS_), 0.0)
+    fill(vector(block, a.SLID), 0.0)
 
 
 @inner
 def _segments(core: Core, records: Block, row: int) -> None:
-    x, lengths = vector(core.block, a.X), matrix(core.block, a.LENGTHS)
-    rows, p = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.POINT_IN)
-    past, lanes = matrix(core.block, a.POINTS_PAST), rows.shape[1]
-    points, anchors = matrix(records, POINTS_)[row], matrix(records, ANCHORS)[row]
+    x, lengths, rows = vector(core.block, a.X), matrix(core.block, a.LENGTHS), matrix(core.block, a.SEGMENT_IN)
     directors, chamber = matrix(records, DIRECTORS)[row], matrix(records, CHAMBER_LENGTH)[row]
-    load, slip = matrix(records, LOAD)[row], matrix(records, SLIP)[row]
-    bend, slid = matrix(records, BEND)[row], matrix(core.block, a.SLID)
-    kept, force = matrix(records, CONTACT_FORCE)[row], matrix(core.block, a.CONTACT_FORCE)
+    bend = matrix(records, BEND)[row]
     for i in range(core.n):
         bend[i] = x[BLOCK * i + 4]
         for side in range(2):
             chamber[2 * i + side] = lengths[side, i]
         for d in range(3):
             directors[3 * i + d] = rows[_D_REF + d, i]
-        for s in range(POINTS):
-            k, m = s * lanes + i, POINTS * i + s
-            load[m], slip[m] = p[_LOAD_N, k], slid[s, i]
-            for d in range(3):
-                points[3 * m + d], anchors[3 * m + d], kept[3 * m + d] = past[d, k], p[_ANCHOR + d, k], force[d, k]
+    _places(core, address(core.block, a.POINTS_PAST, 0), address(records, POINTS_, row))
+    _places(core, address(core.block, a.POINT_IN, _ANCHOR), address(records, ANCHORS, row))
+    _places(core, address(core.block, a.CONTACT_FORCE, 0), address(records, CONTACT_FORCE, row))
+    _numbers(core, address(core.block, a.POINT_IN, _LOAD_N), address(records, LOAD, row))
+    _numbers(core, address(core.block, a.SLID, 0), address(records, SLIP, row))
+
+
+@inner
+def _places(core: Core, rows: int, to: int) -> None:
+    """Write three rows of the points, x, y and z, at an address as (N, 8, 3)."""
+    lanes, turned = matrix(core.block, a.REST).shape[1], address(core.block, a.TURNED, 0)
+    for i in range(0, core.n, vectors.WIDTH):
+        vectors.transpose_places(turned + 8 * 3 * POINTS * i, 3 * POINTS, rows + 8 * i, lanes)
+    vectors.move(to, turned, 3 * POINTS * core.n)
+
+
+@inner
+def _numbers(core: Core, rows: int, to: int) -> None:
+    """Write one row of the points at an address as (N, 8)."""
+    lanes, turned = matrix(core.block, a.REST).shape[1], address(core.block, a.TURNED, 0)
+    for i in range(0, core.n, vectors.WIDTH):
+        vectors.transpose(turned + 8 * POINTS * i, POINTS, rows + 8 * i, lanes)
+    vectors.move(to, turned, POINTS * core.n)
 
 
 @njit
@@ -120,31 +134,25 @@ def mass_centre(core: Core) -> tuple[FloatArray, FloatArray]:
 @inner
 def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
     """Momentum, angular momentum and centre of mass of all mass points."""
+    points, nodes = matrix(core.block, a.POINT_IN), matrix(core.block, a.NODE_IN)
     fill(momentum, 0.0)
     fill(com, 0.0)
-    total, mass = 0.0, vector(core.block, a.JOINT_MASS)
-    x, v = matrix(core.block, a.JOINTS), matrix(core.block, a.JOINT_VELOCITY)
-    for j in range(core.n + 1):
-        total += _add_mass_point(mass[j], x[:3, j], v[:3, j], momentum, com)
-    masses, x, v = (
-        matrix(core.block, a.POINT_MASS),
-        matrix(core.block, a.POINTS_PAST),
-        matrix(core.block, a.POINT_VELOCITY),
-    )
-    for s in range(POINTS):
-        for i in range(core.n):
-            k = s * masses.shape[1] + i
-            if masses[s, i] > 0.0:
-                total += _add_mass_point(masses[s, i], x[:3, k], v[:3, k], momentum, com)
+    out = matrix(core.block, a.MOMENTA_OUT)
+    run(kernel(core, a.POINT_MOMENTA), points, out, points.shape[1])
+    _add_sums(core, points.shape[1], momentum, com)
+    run(kernel(core, a.NODE_MOMENTA), nodes, out, core.n + 1)
+    _add_sums(core, core.n + 1, momentum, com)
     for d in range(3):
-        com[d] /= total
+        com[d] /= vector(core.block, a.NUMBERS_)[a.MASS]
 
 
 @inner
-def _add_mass_point(mass: float, x: FloatArray, v: FloatArray, momentum: FloatArray, com: FloatArray) -> float:
-    for d in range(3):
-        b, c = (d + 1) % 3, (d + 2) % 3
-        momentum[d] += mass * v[d]
-        momentum[3 + d] += mass * (x[b] * v[c] - x[c] * v[b])
-        com[d] += mass * x[d]
-    return mass
+def _add_sums(core: Core, count: int, momentum: FloatArray, com: FloatArray) -> None:
+    """Add the sums of what a kernel says of momenta and mass times place."""
+    sums, lanes = vector(core.block, a.SUMS), matrix(core.block, a.MOMENTA_OUT).shape[1]
+    vectors.totals(address(core.block, a.SUMS, 0), address(core.block, a.MOMENTA_OUT, 0), lanes, count)
+    for k in range(6):
+        momentum[k] += sums[k]
+    com[0] += sums[6]
+    com[1] += sums[7]
+    com[2] += vectors.total(address(core.block, a.MOMENTA_OUT, vectors.WIDTH), count)

@@ -141,9 +141,9 @@ def free(core: Core, least: float) -> bool:
     for s in range(POINTS):
         for i in range(core.n):
             k = s * lanes + i
-            if not (p[_CAP, k] > 1.0 and p[_REGIME, k] == point.SLIDING):
-                continue
-            if least == 0.0 or (out[NEXT, k] == point.SLIDING and out[EXCESS, k] > least and out[SWING, k] < point.SWUNG):
+            slides = p[_CAP, k] > 1.0 and p[_REGIME, k] == point.SLIDING
+            far = out[NEXT, k] == point.SLIDING and out[EXCESS, k] > least and out[SWING, k] < point.SWUNG
+            if slides and (least == 0.0 or far):
                 stuck[k], p[_CAP, k], freed, concerned[i // vectors.WIDTH] = 0.0, 1.0, True, 1.0
     return freed
 
