@@ -62,16 +62,15 @@ def ahead_loop(core: Core, times: int) -> None:
 
 @njit
 def look_loop(core: Core, times: int) -> None:
-    """Ask what contacts were before the first iteration, and whether they yield after the last."""
+    """Ask whether contacts yield after the last iteration."""
     for _ in range(times):
-        regimes.last(core)
         p = matrix(core.block, a.POINT_IN)
         run(kernel(core, a.POINT_SLIP), p, matrix(core.block, a.SLIP_OUT), p.shape[1])
 
 
 @njit
 def expect_loop(core: Core, times: int) -> None:
-    """Take contacts for what is expected of them, and note what they do: before the first iteration, after the last."""
+    """Take contacts for what is expected of them before the first iteration, and note what they have done."""
     for _ in range(times):
         regimes.last(core)
         fronts.expect(core)

@@ -38,8 +38,8 @@ class Plan:
         Runs of which the fastest counts.
     batch : int
         Worms at once.
-    batch_s : float
-        Simulated by each of them [s].
+    batch_s : tuple of float
+        Simulated by each of them [s]: the longer, the less the calls themselves count.
     steps : int
         Whose memory is measured.
     search_s : float
@@ -52,7 +52,7 @@ class Plan:
     duration_s: float = 10.0
     repeats: int = 3
     batch: int = 64
-    batch_s: float = 10.0
+    batch_s: tuple[float, ...] = (2.0, 5.0, 10.0)
     steps: int = 100_000
     search_s: float = 60.0
 
@@ -64,7 +64,7 @@ QUICK = Plan(
     rivals_at=(6,),
     duration_s=2.0,
     repeats=2,
-    batch_s=1.0,
+    batch_s=(1.0,),
     steps=10_000,
     search_s=20.0,
 )
@@ -120,7 +120,10 @@ def study(plan: Plan, *, with_rivals: bool, quiet: bool) -> Study:
         "speeds", plan.segments, lambda n: measure_speed(n, plan.duration_s, plan.repeats), quiet, what="worm"
     )
     shares = _each("shares", plan.shares_of, lambda n: measure_shares(n, plan.duration_s), quiet, what="worm")
-    batch = _one("batch", lambda: measure_throughput(plan.batch, plan.batch_s, min(2, plan.repeats)), quiet)
+    batches = _each(
+        "batches", plan.batch_s, lambda s: measure_throughput(plan.batch, s, min(2, plan.repeats)), quiet, what="length"
+    )
+    batch = tuple(each for of_length in batches for each in of_length)
     start = _one("cold and warm start, in fresh processes", measure_start, quiet)
     memory = _one("memory of a long run, in a fresh process", lambda: measure_memory(plan.steps), quiet)
     beside = _rivals(plan, quiet) if with_rivals else ((), {}, ("rivals left out: --without-rivals",))

@@ -25,7 +25,7 @@ SPEEDS = (
     "fallbacks",
     "error at dt/20",
 )
-BATCH = ("threads", "single runs [s]", "batch [s]", "over single", "over 1 thread", "worm steps/s")
+BATCH = ("simulated [s]", "threads", "single runs [s]", "batch [s]", "over single", "over 1 thread", "worm steps/s")
 RIVALS = (
     "N",
     "simulator",
@@ -163,11 +163,15 @@ def _share_cells(shares: Shares, part: str) -> Cells:
 
 def _batch(study: Study) -> Section:
     first = study.batch[0]
-    differ = [f"{each.threads} threads: distances differ from single runs." for each in study.batch if not each.equal]
+    differ = [
+        f"{each.duration_s:g} s, {each.threads} threads: distances differ from single runs."
+        for each in study.batch
+        if not each.equal
+    ]
     return Section(
         f"{first.runs} worms at once",
         f"`simulate_batch` of {first.runs} worms of N = {first.segments}, gaits of different periods, "
-        f"{first.duration_s:g} s each, against as many single calls of `simulate`; wall time of the calls.",
+        "against as many single calls of `simulate`; wall time of the calls.",
         BATCH,
         [_batch_cells(each) for each in study.batch],
         differ,
@@ -176,6 +180,7 @@ def _batch(study: Study) -> Section:
 
 def _batch_cells(each: Throughput) -> Cells:
     return (
+        f"{each.duration_s:g}",
         f"{each.threads}",
         f"{each.single_s:.2f}",
         f"{each.batch_s:.2f}",

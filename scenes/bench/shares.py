@@ -145,7 +145,7 @@ def parts_of_step(us: Mapping[str, float], counts: Counts) -> dict[str, float]:
     return {
         "kernels": whole * us["whole"] + kept * us["kept"] + counts.residuals * us["residual"],
         "linear solver": counts.jacobians * us["factorise"] + counts.residuals * us["solve"],
-        "contact regimes": iterations * us["ahead"] + counts.solves * us["look"],
+        "contact regimes": iterations * us["ahead"] + counts.solves * us["look"] + us["expect"],
         "start and end of a step": us["start"] + us["end"],
         "ledger": us["ledger"],
         "recording": us["record"],

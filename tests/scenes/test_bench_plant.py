@@ -33,7 +33,7 @@ TINY = plant.Plan(
     duration_s=0.1,
     repeats=1,
     batch=2,
-    batch_s=0.1,
+    batch_s=(0.1, 0.2),
     steps=50,
     search_s=1.0,
 )
@@ -146,7 +146,8 @@ def _check_shares(study: dict[str, Any]) -> None:
 
 
 def _check_batch(study: dict[str, Any]) -> None:
-    assert [each["threads"] for each in study["batch"]] == [1, 2]
+    kinds = [(each["duration_s"], each["threads"]) for each in study["batch"]]
+    assert kinds == [(0.1, 1), (0.1, 2), (0.2, 1), (0.2, 2)]
     for each in study["batch"]:
         assert each["equal"]
         assert_allclose(each["gain"], each["single_s"] / each["batch_s"])
@@ -254,7 +255,7 @@ def study_of(contenders: tuple[Contender, ...]) -> plant.Study:
 def test_what_is_not_known_or_not_equal_is_said() -> None:
     report = markdown(study_of(()), "p.png")
     assert "Growth over 50 steps: not known on this system." in report
-    assert "1 threads: distances differ from single runs." in report
+    assert "1 s, 1 threads: distances differ from single runs." in report
     assert "N = 3: the default worm would be pressed flat by its weight" in report
 
 

@@ -521,6 +521,37 @@ def test_regimes_change_where_the_law_denies_them(error: float) -> None:
     assert len(seen) > 10, seen
 
 
+def test_a_contact_is_expected_to_go_on_as_in_its_last_steps() -> None:
+    """Each regime of each state, by the rules in words: what lifts, breaks away, turns or lands by its trend."""
+    seen = set()
+    for regime in (point.OPEN, point.SLIDING, point.STICKING, point.STICKING_BACK):
+        v = some_point(coupled=True, inside=False, seed=5) | {"regime": np.full((1, COUNT), regime)}
+        v["load_m"] = np.where(np.arange(COUNT) % 5 == 0, 0.0, 2.2 * v["load_m"])
+        v["distance"] = np.random.default_rng(6).uniform(-0.02, 0.02, (1, COUNT))
+        out, along = run("point_expected", point.LAYOUT, v), v["tangent"].reshape(2, 3, COUNT)
+        y = np.einsum("idk,dk->ik", along, v["x"] + v["first"] - v["anchor"]) - v["centre"]
+        trend = 2.0 * v["pull"] - v["pull_m"]
+        mu, mu_of_trend = (np.vstack([np.where(x[0] > 0.0, *v["mu"][:2]), v["mu"][2]]) for x in (y, trend))
+        rho, share = np.hypot(*(mu * y)), np.hypot(*(trend / mu_of_trend))
+        touching = -v["distance"][0] - v["carried"][0] - np.sum(v["normal"] * v["first"], axis=0)
+        for k in range(COUNT):
+            cap, known, pull, load, expected = v["cap"][0, k], v["load_m"][0, k] > 0.0, v["pull"][:, k], None, regime
+            against = cap * mu[:, k] ** 2 * y[:, k] / max(rho[k], cap * v["r"][0, k])
+            if regime == point.OPEN and touching[k] > 0.0:
+                expected, pull, load = point.SLIDING, against, v["stiff"][0, k] * v["error"][0, k]
+            elif regime >= point.STICKING and known and share[k] > cap:
+                expected, pull = point.SLIDING, trend[:, k] * cap / share[k]
+            elif regime == point.SLIDING and rho[k] > cap * v["r"][0, k] and y[:, k] @ pull < 0.0:
+                pull = against
+            if regime != point.OPEN and known and 2.0 * v["load_n"][0, k] < v["load_m"][0, k]:
+                expected = point.OPEN
+            assert_allclose(out[:2, k], pull, rtol=1e-9, atol=1e-12)
+            assert out[2, k] == pytest.approx(v["load_n"][0, k] if load is None else load)
+            assert out[3, k] == expected, (k, regime)
+            seen.add((regime, expected))
+    assert len(seen) == 10, seen
+
+
 def test_newtons_own_friction_is_that_of_its_linear_equation() -> None:
     """(C5) against (C3): m f = cap M^2 y, made linear in f and y, holds for f' and y + dy; f' is inside the set."""
     v = some_point(coupled=True, inside=False, seed=8) | {"regime": np.full((1, COUNT), point.SLIDING)}
