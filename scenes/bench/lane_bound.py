@@ -45,6 +45,7 @@ KERNELS_OF: Mapping[str, tuple[str, ...]] = {
     "residual": (*PLACED, "joint_gradient", "segment_gradient"),
     "ahead": ("segment_motion", "point_yielding"),
     "look": ("point_slip",),
+    "expect": ("point_expected",),
     "start": ("segment_shape", "world", "segment_rims", "segment_shape", "point_start", "node_start", "joint_start"),
     "end": (),
     "ledger": ("segment_ledger", "point_after", "node_after", "joint_ledger"),
