@@ -163,6 +163,7 @@ def _own_pace(us: Mapping[str, float], counts: Counts, worms: int) -> dict[str, 
     found = parts_of_step(us, Counts(turns, jacobians, iterations - jacobians))
     for part in ("start and end of a step", "ledger", "recording"):
         found[part] *= turns
+    found["contact regimes"] += (turns - 1.0) * us["expect"]
     return found
 
 
