@@ -89,7 +89,8 @@ def _passed(core: Core, k: int, side: int) -> bool:
     fronts, j = matrix(core.block, a.FRONTS), k + side
     if not 0 <= k % (fronts.shape[1] // POINTS) + side < core.n:
         return False
-    return fronts[DID, j] == fronts[DOES, k] and fronts[DOES, j] != fronts[DOES, k] and side * fronts[AHEAD, j] > 0.0
+    changed = fronts[DOES, j] != fronts[DOES, k] and fronts[DID, j] == fronts[DOES, k]
+    return bool(changed and side * fronts[AHEAD, j] > 0.0)
 
 
 @inner
