@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from worm3d.codegen import Kernel, compile_kernel
 from worm3d.compiled import cfunc
 from worm3d.worlds import pipe_table, placing, symbolic, table
 from worm3d.worlds.base import WorldKernel
@@ -24,6 +26,9 @@ Kind = tuple[Bends, int, bool, bool]
 
 MOST_GIVEN = 8
 """Pieces of the centre line that are compared in the formula; of more the one that counts is looked up."""
+
+CERTAIN = 1e-12
+"""A point this far from a plane lies on the same side of it however that is rounded, times the line's extent [m]."""
 
 BENT = 1e-9
 """Slack in comparing places along the pipe [m]."""
@@ -164,20 +169,13 @@ class Pipe:
     def _looked_up(self) -> WorldKernel:
         """Return the world of which a table is looked up in."""
         kind, parameters = self._wall()
-        one, line = symbolic.kernel(piece(*kind)), self._pieces()
-        inputs = np.zeros((pipe_table.FIRST + len(parameters), pipe_table.TOGETHER))
-        inputs[pipe_table.FIRST :] = parameters[:, None]
-        outputs = np.zeros((pipe_table.ROWS, pipe_table.TOGETHER))
+        one, line, reach = _padded(piece(*kind)), self._pieces(), self.centreline.reach
         planes = np.column_stack([line[:, 3:6], np.sum(line[:, :3] * line[:, 3:6], axis=1)])
-        arrays = line, planes, inputs, outputs  # of this kernel alone: others may run beside it
-        places = (line.ctypes.data, planes.ctypes.data, one.address, inputs.ctypes.data, outputs.ctypes.data)
-        numbers = [
-            *(half for place in places for half in table.halves(place)),
-            len(line),
-            len(inputs),
-            self.centreline.reach,
-        ]
-        return WorldKernel(_compiled().address, np.array(numbers, dtype=float), (_compiled(), one, arrays))
+        pieces = np.column_stack([line, _between(planes, CERTAIN * (1.0 + float(np.abs(line[:, :3]).max())))])
+        places = (pieces.ctypes.data, planes.ctypes.data, one.address)
+        own = [pipe_table.NONE, *(half for place in places for half in table.halves(place)), len(line), reach]
+        numbers = np.concatenate([pieces[0], parameters, [reach], own])
+        return WorldKernel(_compiled().address, numbers, (_compiled(), one, pieces, planes))
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), positive inside the pipe, shape (...,) [m]."""
@@ -239,6 +237,21 @@ class Pipe:
 
 def _bent(curvature: FloatArray) -> tuple[bool, ...]:
     return tuple(bool(each) for each in curvature != 0.0)
+
+
+def _between(planes: FloatArray, margin: float) -> FloatArray:
+    """Return where pieces that begin at planes of shape (K, 4) begin and end, less a margin [m], shape (K, 5)."""
+    largest = np.finfo(float).max  # stands for infinity
+    begins = np.full(len(planes), margin)
+    begins[0] = -largest
+    ends = np.vstack([planes[1:] - [0.0, 0.0, 0.0, margin], [0.0, 0.0, 0.0, largest]])
+    return np.column_stack([begins, ends])
+
+
+@lru_cache(maxsize=64)
+def _padded(function: ca.Function) -> Kernel:
+    """Return a compiled function, which computes the lanes beyond the points too."""
+    return compile_kernel(function, padded=True)
 
 
 @cache
