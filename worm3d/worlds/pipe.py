@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from worm3d.codegen import Kernel, compile_kernel
 from worm3d.compiled import cfunc
 from worm3d.worlds import pipe_table, placing, symbolic, table
 from worm3d.worlds.base import WorldKernel
@@ -25,7 +23,7 @@ FloatArray = NDArray[np.float64]
 Kind = tuple[Bends, int, bool, bool]
 
 MOST_GIVEN = 8
-"""Pieces of the centre line that are compared in the formula; of more the one that counts is looked up."""
+"""Pieces of the centre line that may be compared in a formula; of more the one that counts is looked up."""
 
 CERTAIN = 1e-12
 """A point this far from a plane lies on the same side of it however that is rounded, times the line's extent [m]."""
@@ -162,14 +160,18 @@ class Pipe:
         return table
 
     def kernel(self) -> WorldKernel:
-        """Return the compiled world."""
-        whole = self.symbolic()
+        """Return the compiled world: the formula of the whole pipe, or of a piece at a time where that is faster."""
+        whole = None if self._of_known_pieces() else self.symbolic()
         return self._looked_up() if whole is None else symbolic.compiled(*whole)
+
+    def _of_known_pieces(self) -> bool:
+        """Return whether it has several pieces, and each point inside comes with one of them alone into question."""
+        return len(self._pieces()) > 1 and self.centreline.reach > float(self.profile.radius.max())
 
     def _looked_up(self) -> WorldKernel:
         """Return the world of which a table is looked up in."""
         kind, parameters = self._wall()
-        one, line, reach = _padded(piece(*kind)), self._pieces(), self.centreline.reach
+        one, line, reach = symbolic.kernel(piece(*kind)), self._pieces(), self.centreline.reach
         planes = np.column_stack([line[:, 3:6], np.sum(line[:, :3] * line[:, 3:6], axis=1)])
         pieces = np.column_stack([line, _between(planes, CERTAIN * (1.0 + float(np.abs(line[:, :3]).max())))])
         places = (pieces.ctypes.data, planes.ctypes.data, one.address)
@@ -246,12 +248,6 @@ def _between(planes: FloatArray, margin: float) -> FloatArray:
     begins[0] = -largest
     ends = np.vstack([planes[1:] - [0.0, 0.0, 0.0, margin], [0.0, 0.0, 0.0, largest]])
     return np.column_stack([begins, ends])
-
-
-@lru_cache(maxsize=64)
-def _padded(function: ca.Function) -> Kernel:
-    """Return a compiled function, which computes the lanes beyond the points too."""
-    return compile_kernel(function, padded=True)
 
 
 @cache

@@ -89,23 +89,28 @@ def _square(pieces: FloatArray, k: int, p: FloatArray, lane: int) -> float:
 @inner
 def _nearest(pieces: FloatArray, planes: FloatArray, p: FloatArray, lane: int) -> int:
     """Return the nearest of the pieces between whose end planes a point lies."""
-    last, nearest, found, begun = len(pieces) - 1, np.inf, 0, True
+    last, found, nearest, begun = len(pieces) - 1, -1, -1.0, True
     for k in range(last + 1):
         ended = k < last and _ahead(planes, k + 1, p, lane) >= 0.0
         if begun and not ended:
-            square = _square(pieces, k, p, lane)
-            if square < nearest:
-                found, nearest = k, square
+            if found < 0:
+                found = k
+            else:
+                nearest = _square(pieces, found, p, lane) if nearest < 0.0 else nearest
+                square = _square(pieces, k, p, lane)
+                if square < nearest:
+                    found, nearest = k, square
         begun = ended
     return found
 
 
 @inner
 def _search(pieces: FloatArray, planes: FloatArray, reach: float, k: int, p: FloatArray, lane: int) -> int:
-    """Return the piece of a point, looked for from a piece on; 0 where the point is not a number."""
-    here = _walk(planes, k, p, lane)
-    if _square(pieces, here, p, lane) < reach * reach:
-        return here
+    """Return the piece of a point, looked for from a piece on; the first one where the point is not a number."""
+    if reach > 0.0:
+        here = _walk(planes, k, p, lane)
+        if _square(pieces, here, p, lane) < reach * reach:
+            return here
     return _nearest(pieces, planes, p, lane)
 
 
