@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import worm3d
 from control.gaits import ContractionEngine_segmentdriven, TravellingWave
-from worm3d import ClampedGround, Command, Friction, Plane, State, Status, Worm
+from worm3d import ClampedGround, Command, Friction, Pipe, Plane, State, Status, Worm
 from worm3d import run as run_module
 from worm3d.result import Energy
 from worm3d.simulate import prepare
@@ -70,12 +70,14 @@ def assert_goes_on(whole: worm3d.Result, first: worm3d.Result, second: worm3d.Re
         assert_array_equal(second.state.memory[name], array, err_msg=name)
 
 
+SNAKING = np.column_stack([np.linspace(0.0, 4.0, 7), 0.5 * np.sin(np.linspace(0.0, 4.0, 7)), np.zeros(7)])
 CASES: dict[str, tuple[Worm, Any, Friction, Any, float]] = {
     "level": (Worm(), Plane(), Friction(), TURNING, 0.01),
     "slope": (Worm(), Plane(0.1, 0.6), Friction(), TURNING, 0.01),
     "engine": (Worm(segments=9), Plane(), Friction(), ContractionEngine_segmentdriven(amplitude=0.1), 0.013),
     "rate limit": (Worm(rate_limit=0.2, actuator_lag=0.3), Plane(), Friction(0.1, 0.1, 0.1), TURNING, 0.007),
     "clamped": (Worm.planar(mass=0.1, half_height=0.05, k_torsion=0.1), ClampedGround(), Friction(), None, 0.01),
+    "pipe": (Worm(), Pipe(SNAKING, 0.12), Friction(), TURNING, 0.01),
     "free": (Worm(drag=0.1), None, Friction(), TURNING, 0.01),
 }
 

@@ -41,7 +41,7 @@ def test_worlds_of_tables_and_of_formulas_join() -> None:
     """Rubble with a shaft in it, and a union within a union; more points than are handed over at once."""
     rubble = Heightfield.rubble(2.0, 1.0, 0.02, height=0.03, size=0.1)
     shaft = Pipe(Centreline.of([Straight(1.0)], start=(1.0, 0.0, 0.2), tilt=-np.pi / 2), 0.3)
-    points = np.random.default_rng(4).uniform([-0.8, -0.4, -0.2], [1.8, 0.4, 0.08], (333, 3))
+    points = np.random.default_rng(4).uniform([-0.8, -0.4, -0.2], [1.8, 0.4, 0.08], (1333, 3))
     each = np.array([rows(part.kernel(), points) for part in (rubble, shaft, Plane(0.1))])
     expected = each[each[:, 0].argmax(axis=0), :, np.arange(len(points))].T
     assert all((expected[0] == part[0]).sum() > 20 for part in each)

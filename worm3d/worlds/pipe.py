@@ -23,7 +23,10 @@ FloatArray = NDArray[np.float64]
 Kind = tuple[Bends, int, bool, bool]
 
 MOST_GIVEN = 8
-"""Pieces of the centre line that are compared in the formula; of more the one that counts is looked up."""
+"""Pieces of the centre line that may be compared in a formula; of more the one that counts is looked up."""
+
+CERTAIN = 1e-12
+"""A point this far from a plane lies on the same side of it however that is rounded, times the line's extent [m]."""
 
 BENT = 1e-9
 """Slack in comparing places along the pipe [m]."""
@@ -157,27 +160,24 @@ class Pipe:
         return table
 
     def kernel(self) -> WorldKernel:
-        """Return the compiled world."""
-        whole = self.symbolic()
+        """Return the compiled world: the formula of the whole pipe, or of a piece at a time where that is faster."""
+        whole = None if self._of_known_pieces() else self.symbolic()
         return self._looked_up() if whole is None else symbolic.compiled(*whole)
+
+    def _of_known_pieces(self) -> bool:
+        """Return whether it has several pieces, and each point inside comes with one of them alone into question."""
+        return len(self._pieces()) > 1 and self.centreline.reach > float(self.profile.radius.max())
 
     def _looked_up(self) -> WorldKernel:
         """Return the world of which a table is looked up in."""
         kind, parameters = self._wall()
-        one, line = symbolic.kernel(piece(*kind)), self._pieces()
-        inputs = np.zeros((pipe_table.FIRST + len(parameters), pipe_table.TOGETHER))
-        inputs[pipe_table.FIRST :] = parameters[:, None]
-        outputs = np.zeros((pipe_table.ROWS, pipe_table.TOGETHER))
+        one, line, reach = symbolic.kernel(piece(*kind)), self._pieces(), self.centreline.reach
         planes = np.column_stack([line[:, 3:6], np.sum(line[:, :3] * line[:, 3:6], axis=1)])
-        arrays = line, planes, inputs, outputs  # of this kernel alone: others may run beside it
-        places = (line.ctypes.data, planes.ctypes.data, one.address, inputs.ctypes.data, outputs.ctypes.data)
-        numbers = [
-            *(half for place in places for half in table.halves(place)),
-            len(line),
-            len(inputs),
-            self.centreline.reach,
-        ]
-        return WorldKernel(_compiled().address, np.array(numbers, dtype=float), (_compiled(), one, arrays))
+        pieces = np.column_stack([line, _between(planes, CERTAIN * (1.0 + float(np.abs(line[:, :3]).max())))])
+        places = (pieces.ctypes.data, planes.ctypes.data, one.address)
+        own = [pipe_table.NONE, *(half for place in places for half in table.halves(place)), len(line), reach]
+        numbers = np.concatenate([pieces[0], parameters, [reach], own])
+        return WorldKernel(_compiled().address, numbers, (_compiled(), one, pieces, planes))
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), positive inside the pipe, shape (...,) [m]."""
@@ -239,6 +239,15 @@ class Pipe:
 
 def _bent(curvature: FloatArray) -> tuple[bool, ...]:
     return tuple(bool(each) for each in curvature != 0.0)
+
+
+def _between(planes: FloatArray, margin: float) -> FloatArray:
+    """Return where pieces that begin at planes of shape (K, 4) begin and end, less a margin [m], shape (K, 5)."""
+    largest = np.finfo(float).max  # stands for infinity
+    begins = np.full(len(planes), margin)
+    begins[0] = -largest
+    ends = np.vstack([planes[1:] - [0.0, 0.0, 0.0, margin], [0.0, 0.0, 0.0, largest]])
+    return np.column_stack([begins, ends])
 
 
 @cache

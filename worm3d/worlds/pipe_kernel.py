@@ -33,6 +33,10 @@ Bends = tuple[bool, ...]
 PIECE = 11
 """Numbers of a piece of the centre line: p (3), t (3), n (3), s, kappa."""
 
+BETWEEN = 5
+"""Numbers of where a piece begins and ends for certain: how far beyond its first plane [m], and the normal (3) of its
+last plane and that plane's distance from the origin [m]."""
+
 WALL = 5
 """Numbers of a piece of the wall: s, rho, cosine and sine of its direction, kappa."""
 
@@ -88,20 +92,30 @@ def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end:
         Whether there are walls across the ends.
     """
     inputs, rows, _ = _world(bent, bent_walls, stretches, at_start, at_end)
-    return ca.Function("pipe", inputs, [rows])
+    return ca.Function("pipe", list(inputs), [rows])
 
 
 @cache
 def piece(bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca.Function:
-    """Return the rows of `pipe` with one piece, and the distance from its centre line (1)."""
-    inputs, rows, d = _world((True,), bent_walls, stretches, at_start, at_end)
-    return ca.Function("pipe_piece", inputs, [ca.vertcat(rows, d)])
+    """Return the rows of `pipe` for one piece; the multiplier has a minus sign where another piece may be nearer.
+
+    None is where the point lies between the piece's end planes and closer to the centre line than the reach. Of the
+    inputs after the point the first are the numbers of the piece, then those of `BETWEEN`; the reach is the last.
+    """
+    inside, reach = ca.SX.sym("between", BETWEEN), ca.SX.sym("reach")
+    (x, given), rows, tube = _world((True,), bent_walls, stretches, at_start, at_end)
+    begins = ca.dot(x - given[:3], given[3:6]) > inside[0]
+    ends = ca.dot(x, inside[1:4]) < inside[4]
+    known = ca.logic_and(ca.logic_and(begins, ends), tube.d < reach)
+    marked = ca.copysign(rows[-1], ca.if_else(known, 1.0, -1.0))
+    inputs = ca.vertcat(given[:PIECE], inside, given[PIECE:], reach)
+    return ca.Function("pipe_piece", [x, inputs], [ca.vertcat(rows[:-1], marked)])
 
 
 def _world(
     bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool
-) -> tuple[list[ca.SX], ca.SX, ca.SX]:
-    """Return point and parameters, the rows of the world, and the distance from the centre line."""
+) -> tuple[tuple[ca.SX, ca.SX], ca.SX, _Tube]:
+    """Return point and parameters, the rows of the world, and where in the pipe the point is."""
     x, line = ca.SX.sym("x", 3), ca.SX.sym("pieces", PIECE, len(bent))
     wall, grips = ca.SX.sym("wall", WALL, len(bent_walls)), ca.SX.sym("grips", GRIP, stretches)
     ends = ca.SX.sym("ends", 2)
@@ -118,7 +132,7 @@ def _world(
     H = surface.H
     upper = ca.vertcat(H[0, 0], H[0, 1], H[0, 2], H[1, 1], H[1, 2], H[2, 2])
     rows = ca.densify(ca.vertcat(surface.g, surface.n, upper, grip))
-    return [x, ca.vertcat(ca.vec(line), ca.vec(wall), ends, ca.vec(grips))], rows, tube.d
+    return (x, ca.vertcat(ca.vec(line), ca.vec(wall), ends, ca.vec(grips))), rows, tube
 
 
 @cache

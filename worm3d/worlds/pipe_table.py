@@ -1,38 +1,57 @@
-"""The compiled pipe of many pieces: those that come into question are looked up, and the formula read for many at once.
+"""The compiled pipe of many pieces: the formula is read for all points at once, each with the piece it had last.
 
 The formulas are in `worm3d.worlds.pipe_kernel`. Of the pieces between whose end planes a point lies (see
 `worm3d.worlds.chain`) the one with the smallest distance from the centre line counts; mostly there is one only. A point
-closer to the line than its reach (`Centreline.reach`) has one only: it is found from that of the point before, on foot.
+closer to the line than its reach (`Centreline.reach`) has one only. Whether that is the one it had last the formula
+says itself: where it is not certain the piece is looked for, from there on foot. What was kept never changes a result,
+only the time: each point's rows are those of the formula with its own piece.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 from numpy.typing import NDArray
 
-from worm3d.codegen import evaluate
+from worm3d.codegen import evaluate, evaluate_some
 from worm3d.codegen.emit import FINE, WRONG_SHAPE
 from worm3d.compiled import inner
+from worm3d.vectors import integers_at
 from worm3d.worlds import table
-from worm3d.worlds.pipe_kernel import PIECE
+from worm3d.worlds.pipe_kernel import BETWEEN, PIECE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-TOGETHER = 32
-"""Points of which the formula is read together: a multiple of every vector."""
+KEPT = PIECE + BETWEEN
+"""Numbers of a piece, as the formula takes them; rows of the inputs after the point, written here."""
 
-FIRST = 3 + PIECE
-"""Rows of the formula's inputs that are written here; the others are the same for all points."""
+NONE = -1.0
+"""Stands for the number of the piece before a point has had one."""
 
-ROWS = table.WORLD_ROWS + 1
-"""Of the formula's outputs: the world's, and the distance from the centre line."""
+OWN = 9
+"""Rows of the inputs after those of the formula: number of the piece that a point had last; addresses of the pieces,
+of the planes at which they begin (normal and distance from the origin, a row each) and of the formula's kernel (2
+each); number of pieces; reach [m]."""
 
-ROWS_IN = 3 + 10 + 3
-"""Point; addresses of the pieces, of the planes at which they begin (normal and distance from the origin, a row each),
-of the formula's kernel, its inputs and its outputs (2 each); number of pieces, and of rows of the inputs; reach [m]."""
+_LAST, _PIECES, _PLANES, _KERNEL, _COUNT, _REACH = 0, 1, 3, 5, 7, 8
+_GRIP = table.WORLD_ROWS - 1
 
-_PIECES, _PLANES, _KERNEL, _INPUTS, _OUTPUTS, _COUNT, _ROWS, _REACH = 3, 5, 7, 9, 11, 13, 14, 15
+
+@inner
+def _signs(outputs: int, lanes: int) -> IntArray:
+    """Return the row of the multipliers as whole numbers, negative where a sign is, -0.0 too; not a copy."""
+    found: IntArray = carray(integers_at(outputs + 8 * _GRIP * lanes), (lanes,))
+    return found
+
+
+@inner
+def _any_negative(signs: IntArray, count: int) -> bool:
+    """Return whether one of the first `count` is negative."""
+    bits = 0
+    for lane in range(count):
+        bits |= signs[lane]
+    return bits < 0
 
 
 @inner
@@ -52,67 +71,95 @@ def _walk(planes: FloatArray, k: int, p: FloatArray, lane: int) -> int:
 
 
 @inner
-def _close(pieces: FloatArray, k: int, p: FloatArray, lane: int, reach: float) -> bool:
-    """Return whether a point is closer than the reach to where a piece begins, so that its nearest piece is known."""
-    x, y, z = p[0, lane] - pieces[k, 0], p[1, lane] - pieces[k, 1], p[2, lane] - pieces[k, 2]
-    return bool(x * x + y * y + z * z < reach * reach)
-
-
-@inner
-def _collect(inputs: FloatArray, n: int, pieces: FloatArray, k: int, p: FloatArray, lane: int) -> None:
-    """Write point and piece as column n."""
+def _square(pieces: FloatArray, k: int, p: FloatArray, lane: int) -> float:
+    """Return the square of a point's distance from a piece's line, straight or an arc, by (W1) and (W3) [m^2]."""
+    ahead = aside = square = 0.0
     for d in range(3):
-        inputs[d, n] = p[d, lane]
-    for r in range(PIECE):
-        inputs[3 + r, n] = pieces[k, r]
+        ahead += (p[d, lane] - pieces[k, d]) * pieces[k, 3 + d]
+        aside += (p[d, lane] - pieces[k, d]) * pieces[k, 6 + d]
+    for d in range(3):
+        across = p[d, lane] - pieces[k, d] - ahead * pieces[k, 3 + d] - aside * pieces[k, 6 + d]
+        square += across * across
+    kappa = pieces[k, 10]
+    w = np.sqrt((kappa * ahead) ** 2 + (1.0 - kappa * aside) ** 2)
+    delta = (kappa * (ahead * ahead + aside * aside) - 2.0 * aside) / (1.0 + w)
+    return float(square + delta * delta)
 
 
 @inner
-def _read(outputs: FloatArray, lanes: IntArray, n: int, nearest: FloatArray, out: FloatArray) -> None:
-    """Write the rows of the points of n columns that have been evaluated, each of the piece nearest to it so far."""
-    for m in range(n):
-        lane, d = lanes[m], outputs[table.WORLD_ROWS, m]
-        if not d >= nearest[lane]:  # NaN too
-            nearest[lane] = d
-            for r in range(table.WORLD_ROWS):
-                out[r, lane] = outputs[r, m]
+def _nearest(pieces: FloatArray, planes: FloatArray, p: FloatArray, lane: int) -> int:
+    """Return the nearest of the pieces between whose end planes a point lies."""
+    last, found, nearest, begun = len(pieces) - 1, -1, -1.0, True
+    for k in range(last + 1):
+        ended = k < last and _ahead(planes, k + 1, p, lane) >= 0.0
+        if begun and not ended:
+            if found < 0:
+                found = k
+            else:
+                nearest = _square(pieces, found, p, lane) if nearest < 0.0 else nearest
+                square = _square(pieces, k, p, lane)
+                if square < nearest:
+                    found, nearest = k, square
+        begun = ended
+    return found
+
+
+@inner
+def _search(pieces: FloatArray, planes: FloatArray, reach: float, k: int, p: FloatArray, lane: int) -> int:
+    """Return the piece of a point, looked for from a piece on; the first one where the point is not a number."""
+    if reach > 0.0:
+        here = _walk(planes, k, p, lane)
+        if _square(pieces, here, p, lane) < reach * reach:
+            return here
+    return _nearest(pieces, planes, p, lane)
+
+
+@inner
+def _keep(pieces: FloatArray, k: int, p: FloatArray, lane: int, last: int) -> None:
+    """Write a piece as that of a point, and its number into the row `last`."""
+    for r in range(KEPT):
+        p[3 + r, lane] = pieces[k, r]
+    p[last, lane] = k
+
+
+@inner
+def _choose(p: FloatArray, signs: IntArray, own: int, first: int, end: int) -> bool:
+    """Look for the pieces of the points in question among some lanes; return whether one is not that kept before."""
+    pieces = table.doubles(table.address(p[own + _PIECES, 0], p[own + _PIECES + 1, 0]), int(p[own + _COUNT, 0]), KEPT)
+    planes = table.doubles(table.address(p[own + _PLANES, 0], p[own + _PLANES + 1, 0]), len(pieces), 4)
+    reach, last, changed = p[own + _REACH, 0], own + _LAST, False
+    for lane in range(first, end):
+        if signs[lane] >= 0:
+            continue
+        before = int(p[last, lane])
+        if table.repeats(p, lane):
+            found = int(p[last, lane - 1])
+        else:
+            start = before if before >= 0 or lane == 0 else int(p[last, lane - 1])
+            found = _search(pieces, planes, reach, max(start, 0), p, lane)
+        if found != before:
+            _keep(pieces, found, p, lane, last)
+            changed = True
+    return changed
 
 
 def pipe(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int) -> int:
     """Evaluate `count` points; the kernel of a `Pipe` of many pieces."""
-    if rows_in != ROWS_IN or rows_out != table.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
+    own = rows_in - OWN
+    if own < 3 + KEPT or rows_out != table.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
         return WRONG_SHAPE
     if count == 0:
         return FINE
     p, out = table.doubles(inputs, rows_in, lanes_in), table.doubles(outputs, rows_out, lanes_out)
-    pieces = table.doubles(table.address(p[_PIECES, 0], p[_PIECES + 1, 0]), int(p[_COUNT, 0]), PIECE)
-    given = table.doubles(table.address(p[_INPUTS, 0], p[_INPUTS + 1, 0]), int(p[_ROWS, 0]), TOGETHER)
-    found = table.doubles(table.address(p[_OUTPUTS, 0], p[_OUTPUTS + 1, 0]), ROWS, TOGETHER)
-    planes = table.doubles(table.address(p[_PLANES, 0], p[_PLANES + 1, 0]), len(pieces), 4)
-    formula, reach = table.address(p[_KERNEL, 0], p[_KERNEL + 1, 0]), p[_REACH, 0]
-    lanes, nearest, collected, last = np.empty(TOGETHER, np.int64), np.full(count, np.inf), 0, len(pieces) - 1
-    here = 0
-    for lane in range(count):
-        if table.repeats(p, lane):
-            continue
-        here = _walk(planes, here, p, lane)
-        known = _close(pieces, here, p, lane, reach)
-        first, end = (here, here + 1) if known else (0, last + 1)
-        begun = True
-        for k in range(first, end):
-            ended = not known and k < last and _ahead(planes, k + 1, p, lane) >= 0.0
-            if begun and not ended:
-                _collect(given, collected, pieces, k, p, lane)
-                lanes[collected] = lane
-                collected += 1
-                if collected == TOGETHER:
-                    evaluate(formula, given, found, collected)
-                    _read(found, lanes, collected, nearest, out)
-                    collected = 0
-            begun = ended
-    evaluate(formula, given, found, collected)
-    _read(found, lanes, collected, nearest, out)
-    for lane in range(count):
-        if table.repeats(p, lane):
-            table.repeat(out, lane)
+    given = table.doubles(inputs, own, lanes_in)
+    formula, signs = table.address(p[own + _KERNEL, 0], p[own + _KERNEL + 1, 0]), _signs(outputs, lanes_out)
+    evaluate(formula, given, out, count)
+    if not _any_negative(signs, count):
+        return FINE
+    for first in range(0, count, table.LANES):
+        end = min(first + table.LANES, count)
+        if _choose(p, signs, own, first, end):
+            evaluate_some(formula, given, out, first, end - first)
+        for lane in range(first, end):
+            out[_GRIP, lane] = abs(out[_GRIP, lane])
     return FINE

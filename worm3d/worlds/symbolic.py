@@ -52,5 +52,5 @@ def rows(world: WorldKernel, points: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def kernel(function: ca.Function) -> Kernel:
-    """Return a compiled function, the same one for the same function."""
-    return compile_kernel(function)
+    """Return a compiled function, the same one for the same function; it computes the lanes beyond the points too."""
+    return compile_kernel(function, padded=True)

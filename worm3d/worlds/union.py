@@ -79,7 +79,7 @@ class Union:
     def kernel(self) -> WorldKernel:
         """Return the compiled world: of formulas one kernel, else those of all worlds one after the other."""
         whole = self.symbolic()
-        return _joined([world.kernel() for world in self.worlds]) if whole is None else symbolic.compiled(*whole)
+        return _joined([_kernel(world) for world in self.worlds]) if whole is None else symbolic.compiled(*whole)
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
@@ -99,6 +99,12 @@ class Union:
     ) -> tuple[FloatArray, FloatArray]:
         """Return joints of a worm on the first world, and its directors to the left; see `World.placed`."""
         return self.worlds[0].placed(along, clearance, position, azimuth)
+
+
+def _kernel(world: World) -> WorldKernel:
+    """Return a world's kernel: its whole formula if it has one, as most points may be far away from it."""
+    formula = symbolic.formula(world)
+    return world.kernel() if formula is None else symbolic.compiled(*formula)
 
 
 def _joined(kernels: Sequence[WorldKernel]) -> WorldKernel:

@@ -12,8 +12,9 @@ from worm3d.worlds import table
 
 FloatArray = NDArray[np.float64]
 
-TOGETHER = 64
-"""Points that are handed over at once: a multiple of every vector."""
+TOGETHER = 528
+"""Points that are handed over at once: a multiple of every vector, and no power of 2, by which rows would fall on the
+same lines of the cache. Points of a longer worm share what a world keeps of them, which takes time."""
 
 ROWS_IN = 3 + 3
 """Point; address (2) and number of the rows of `MEMBER`."""
