@@ -50,7 +50,7 @@ class Plan:
     shares_of: tuple[int, ...] = (6, 100)
     rivals_at: tuple[int, ...] = (6, 100)
     duration_s: float = 10.0
-    repeats: int = 3
+    repeats: int = 4
     batch: int = 64
     batch_s: tuple[float, ...] = (2.0, 5.0, 10.0)
     steps: int = 100_000
@@ -121,7 +121,7 @@ def study(plan: Plan, *, with_rivals: bool, quiet: bool) -> Study:
     )
     shares = _each("shares", plan.shares_of, lambda n: measure_shares(n, plan.duration_s), quiet, what="worm")
     batches = _each(
-        "batches", plan.batch_s, lambda s: measure_throughput(plan.batch, s, min(2, plan.repeats)), quiet, what="length"
+        "batches", plan.batch_s, lambda s: measure_throughput(plan.batch, s, plan.repeats), quiet, what="length"
     )
     batch = tuple(each for of_length in batches for each in of_length)
     start = _one("cold and warm start, in fresh processes", measure_start, quiet)

@@ -86,9 +86,9 @@ def _singles(gaits: list[TravellingWave], duration: float) -> list[Result]:
 
 
 def _batch(gaits: list[TravellingWave], duration: float, threads: int) -> list[Result]:
-    worms = [Worm(segments=SEGMENTS) for _ in gaits]
+    worm = Worm(segments=SEGMENTS)
     return worm3d.simulate_batch(
-        worms, Plane(), actuation=gaits, duration=duration, dt=DT, tolerance=TOLERANCE, threads=threads
+        worm, Plane(), actuation=gaits, duration=duration, dt=DT, tolerance=TOLERANCE, threads=threads
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import accumulate
 
 import casadi as ca
 
@@ -18,6 +19,7 @@ class Layout:
 
     def __init__(self, sizes: Mapping[str, int]) -> None:
         self.sizes = dict(sizes)
+        self._firsts = dict(zip(sizes, accumulate(sizes.values(), initial=0), strict=False))
         self.symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
 
     @property
@@ -27,8 +29,7 @@ class Layout:
 
     def first(self, name: str) -> int:
         """Return the first row of an input."""
-        names = list(self.sizes)
-        return sum(self.sizes[each] for each in names[: names.index(name)])
+        return self._firsts[name]
 
     def firsts(self, *names: str) -> tuple[int, ...]:
         """Return the first rows of some inputs."""
