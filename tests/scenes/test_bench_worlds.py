@@ -1,0 +1,46 @@
+"""`scenes.bench.worlds`: every world is visited, and ratios are those of the counts and times; no time is asserted."""
+
+from pathlib import Path
+
+import pytest
+from numpy.testing import assert_allclose
+from typer.testing import CliRunner
+
+from scenes.bench import worlds
+from scenes.bench.worlds import Visit
+
+VISITS = [Visit("plane", 20.0, 2.0, 3.0), Visit("pipe bend", 30.0, 4.0, 4.0), Visit("mesh box", 35.0, 2.5, 2.5)]
+
+
+def test_the_figure_shows_times_and_iterations_over_the_planes() -> None:
+    axes = worlds.draw(VISITS).axes[0]
+    assert_allclose([bar.get_height() for bar in axes.patches], [1.0, 1.5, 1.75])
+    assert_allclose(axes.lines[0].get_ydata(), [1.0, 1.6, 1.0])
+    bars = axes.collections[0].get_segments()
+    assert_allclose([bar[0][1] for bar in bars], [1.5, 2.0])
+
+
+def test_the_command_writes_a_table_and_a_figure(tmp_path: Path) -> None:
+    command = ["--out", str(tmp_path / "out"), "--duration", "0.05", "--repeats", "1"]
+    done = CliRunner().invoke(worlds.app, command)
+    assert done.exit_code == 0, done.output
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"worlds.md", "worlds.png"}
+    table = (tmp_path / "out" / "worlds.md").read_text()
+    rows = [line.split(" | ") for line in table.splitlines() if line.startswith(("| p", "| mesh"))]
+    assert [row[0][2:] for row in rows] == [name for name in worlds.worlds(tmp_path) if not name.startswith("height")]
+    for row in rows:
+        us, ratio, jacobians, residuals, each = (float(row[k].rstrip(" |")) for k in (1, 2, 4, 5, 6))
+        assert us / float(rows[0][1]) == pytest.approx(ratio, abs=0.02 * ratio)
+        assert each == pytest.approx(us / (jacobians + residuals), rel=0.02)
+        assert float(row[3] or 0.0) == {"pipe": 1.5, "mesh": 2.0}.get(row[0].split()[1], 0.0)
+
+
+def test_a_run_that_stops_is_a_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    class Stopped:
+        status = "FOLDED"
+        stop = type("Stop", (), {"sentence": "it folded"})
+
+    monkeypatch.setattr("worm3d.simulate", lambda *_, **__: Stopped)
+    done = CliRunner().invoke(worlds.app, ["--out", str(tmp_path / "out"), "--duration", "0.05"])
+    assert done.exit_code == 3
+    assert "bench: plane: it folded" in done.output
