@@ -26,6 +26,7 @@ COMPILED = (
     "banded_lu.py",
     "codegen",
     "compiled.py",
+    "congruence.py",
     "kernels",
     "solver",
     "vector_writer.py",

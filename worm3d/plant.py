@@ -59,6 +59,7 @@ def kernels() -> dict[str, Kernel]:
         "segment_motion": compile_kernel(segment.motion()),
         "segment_gradient": compile_kernel(segment.gradient()),
         "segment_hessian": compile_kernel(segment.hessian()),
+        "segment_jacobian": compile_kernel(segment.jacobian()),
         "segment_ledger": compile_kernel(segment.ledger()),
         "joint_start": compile_kernel(joint.start()),
         "joint_gradient": compile_kernel(joint.gradient()),
@@ -71,7 +72,8 @@ def kernels() -> dict[str, Kernel]:
 
 def _of_mass_points() -> list[ca.Function]:
     """Return what is evaluated in all lanes: those without a point or joint have neither mass nor stiffness."""
-    of_points = (point.force, point.start, point.yielding, point.expected, point.slip, point.after, point.momenta)
+    forces = (point.force, point.stiffness, point.yielding, point.expected, point.slip)
+    of_points = (*forces, point.start, point.after, point.momenta)
     return [make() for make in (*of_points, node.start, node.after, node.momenta)]
 
 

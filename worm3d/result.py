@@ -122,8 +122,8 @@ class Result:
         Where the contacts stick [m].
     energy : Energy
     newton_iterations, gradient_evaluations, breakaways, fallbacks : ndarray, shape (S,)
-        Of each step: Hessians and further gradients evaluated, rounds of contacts breaking away, and times that Newton
-        fell back to descent.
+        Of each step: evaluations with a new Jacobian, whole or in part, further ones of the residual, rounds of
+        contacts breaking away, and times that Newton fell back to descent.
     halved_steps : int
         Steps that had to be taken in parts.
     state : State

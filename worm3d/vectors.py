@@ -67,13 +67,12 @@ def _type_transpose(order: list[int]) -> Any:
     return typed
 
 
-def _type_add(vectors: int, operation: str) -> Any:
+def _type_add(vectors: int) -> Any:
     def typed(_context: Any, to: Any, source: Any) -> Any:
         def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
             for k in range(vectors):
                 there, here = (builder.add(address, ir.Constant(_INT, 8 * WIDTH * k)) for address in args)
-                value = getattr(builder, operation)(_load(builder, there), _load(builder, here))
-                _store(builder, value, there)
+                _store(builder, builder.fadd(_load(builder, there), _load(builder, here)), there)
             return ir.Constant(_INT, 0)
 
         return types.int64(types.int64, types.int64), generate
@@ -194,11 +193,9 @@ transpose_places: Any = intrinsic(_type_transpose([WIDTH * (k % 3) + k // 3 for 
 """(to, stride, source, stride): write 24 rows, 8 of each axis, as 8 rows of 8 places, each x, y, z."""
 repeat_8: Any = intrinsic(_type_repeat)
 """(to, stride, source): write 8 doubles into each of 8 rows."""
-add_8: Any = intrinsic(_type_add(1, "fadd"))
+add_8: Any = intrinsic(_type_add(1))
 """(to, source): add 8 doubles to those at an address."""
-subtract_8: Any = intrinsic(_type_add(1, "fsub"))
-"""(to, source): subtract 8 doubles from those at an address."""
-add_16: Any = intrinsic(_type_add(2, "fadd"))
+add_16: Any = intrinsic(_type_add(2))
 """(to, source): add 16 doubles to those at an address."""
 move: Any = intrinsic(_type_move)
 """(to, source, count): copy doubles to an address; the two do not overlap."""

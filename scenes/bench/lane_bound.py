@@ -38,11 +38,12 @@ FloatArray = NDArray[np.float64]
 WORMS = (2, 4, 8)
 """Side by side."""
 
-PLACED = ("segment_shape", "world", "point_force")
+PLACED = ("segment_shape", "world")
+RESIDUAL = (*PLACED, "point_force", "joint_gradient", "segment_gradient")
 KERNELS_OF: Mapping[str, tuple[str, ...]] = {
-    "whole": (*PLACED, "joint_hessian", "segment_hessian"),
-    "kept": (*PLACED, "joint_gradient", "segment_hessian"),
-    "residual": (*PLACED, "joint_gradient", "segment_gradient"),
+    "whole": (*PLACED, "point_stiffness", "joint_hessian", "segment_hessian"),
+    "exchanged": RESIDUAL,
+    "residual": RESIDUAL,
     "ahead": ("segment_motion", "point_yielding"),
     "look": ("point_slip",),
     "expect": ("point_expected",),
@@ -51,7 +52,7 @@ KERNELS_OF: Mapping[str, tuple[str, ...]] = {
     "ledger": ("segment_ledger", "point_after", "node_after", "joint_ledger"),
     "record": ("point_momenta", "node_momenta"),
 }
-"""That each loop of `scenes.bench.shares` runs."""
+"""That each loop of `scenes.bench.shares` runs in all lanes."""
 
 
 @dataclass(frozen=True)
@@ -201,6 +202,7 @@ def loops_in_lanes() -> dict[int, dict[str, float]]:
 def _filled(alone: Mapping[str, float], side: Mapping[str, float], worms: int) -> dict[str, float]:
     """Return the loops with W worms in the lanes, of their kernels' times and of those of a worm alone [µs]."""
     us = {"factorise": side["factorise"], "solve": side["solve"]}
+    us["refactorise"] = side["factorise"] * alone["refactorise"] / alone["factorise"]
     for name, run in KERNELS_OF.items():
         rest = max(0.0, alone[name] - sum(alone[kernel] for kernel in run))
         us[name] = sum(side[kernel] for kernel in run) + rest / worms

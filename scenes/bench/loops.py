@@ -14,7 +14,7 @@ from worm3d.solver.advance import actuate
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import Block, copy, matrix, vector
 from worm3d.solver.entry import kernel, reset
-from worm3d.solver.evaluate import WHOLE, evaluate, hold
+from worm3d.solver.evaluate import LOCAL, WHOLE, evaluate, hold
 from worm3d.solver.newton import _newton_step
 from worm3d.solver.records import record
 from worm3d.solver.step import _commit, begin, place_start
@@ -41,14 +41,22 @@ def evaluate_loop(core: Core, hessian: int, times: int) -> None:
 
 
 @njit
-def linear_loop(core: Core, factorise: bool, times: int) -> None:
-    """Solve for the direction as Newton does, with new factors or those that are there."""
+def exchange_loop(core: Core, times: int) -> None:
+    """Compute the residual, and exchange what a contact in the middle of the body contributes to the band."""
+    for _ in range(times):
+        vector(core.block, a.CHANGED)[core.n // 2] = 1.0
+        evaluate(core, a.X, True, LOCAL)
+
+
+@njit
+def linear_loop(core: Core, first: int, times: int) -> None:
+    """Solve for the direction as Newton does, with factors that are made anew from this row on; -1: none is."""
     factor, step = matrix(core.block, a.FACTOR), vector(core.block, a.DIRECTION)
     for _ in range(times):
-        hold(core, factorise)
+        hold(core, first >= 0)
         copy(step, vector(core.block, a.GRADIENT))
-        if factorise:
-            lu_factor(matrix(core.block, a.BAND), factor, 0)
+        if first >= 0:
+            lu_factor(matrix(core.block, a.BAND), factor, first)
         lu_solve(factor, step)
 
 

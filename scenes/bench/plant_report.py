@@ -150,9 +150,9 @@ def _shares(study: Study) -> Section:
     return Section(
         "What a step is spent on",
         "Parts are timed in compiled loops on the data of one step, in turns with the step itself, times how often "
-        "they run in a step on average; a Jacobian that is renewed in part counts as a whole one, so that the parts of "
-        "a long worm may add up to more than its step; "
-        'what is left of the measured step is "other": cold caches, and what happens in rare steps.',
+        "they run in a step on average; of a Jacobian after a step's first one it is taken that it differs in one "
+        'contact; what is left of the measured step is "other": larger changes of Jacobians, cold caches, and what '
+        "happens in rare steps.",
         header,
         [*rows, ("a step", *whole)] if rows else (),
     )

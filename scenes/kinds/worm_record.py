@@ -62,8 +62,8 @@ ENERGIES = {
 """Terms of the ledger, each since the row before."""
 
 COUNTERS = {
-    "newton_iterations": "evaluations of the Hessian",
-    "gradient_evaluations": "further evaluations of the gradient",
+    "newton_iterations": "evaluations with a new Jacobian, whole or in part",
+    "gradient_evaluations": "further evaluations of the residual",
     "breakaways": "rounds of contacts that broke away",
     "fallbacks": "falls back from Newton's direction to descent",
 }

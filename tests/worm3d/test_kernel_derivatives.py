@@ -12,6 +12,7 @@ from worm3d.codegen import Kernel, compile_kernel
 from worm3d.kernels import joint, node, point, segment
 from worm3d.kernels.layout import Layout
 from worm3d.plant import kernels
+from worm3d.solver.band import STIFFNESS
 from worm3d.solver.evaluate import LOAD, PHI
 from worm3d.solver.regimes import EXCESS, NEXT, PULL, STALE, SWING, TOUCHING, Y
 
@@ -130,6 +131,7 @@ def some_segment(seed: int = 0) -> Values:
         "f": uniform(-1, 1, 24),
         "f_ahead": uniform(-1, 1, 24),
         "K": uniform(-50, 50, 72),
+        "of_points": uniform(-1, 1, 16),
     }
 
 
@@ -176,6 +178,13 @@ def test_segment_motion_is_the_points_derivative_along_dq() -> None:
     moved = run("segment_motion", segment.LAYOUT, values)
     jacobian = differences(lambda q: run("segment_shape", segment.LAYOUT, values | {"q": q})[8:], values["q"], 1e-4)
     assert_allclose(moved, np.einsum("mnk,nk->mk", jacobian, values["dq"]), rtol=0, atol=1e-11)
+
+
+def test_segment_jacobian_is_the_points_derivative_point_by_point() -> None:
+    values = some_segment(2)
+    expected = differences(lambda q: run("segment_shape", segment.LAYOUT, values | {"q": q})[8:], values["q"], 1e-4)
+    found = run("segment_jacobian", segment.LAYOUT, values).reshape(8, 3, 8, COUNT)  # point, axis, coordinate
+    assert_allclose(found, expected.reshape(3, 8, 8, COUNT).transpose(1, 0, 2, 3), rtol=0, atol=1e-10)
 
 
 def transported(a: np.ndarray, b: np.ndarray, d: np.ndarray) -> np.ndarray:
@@ -445,10 +454,11 @@ def test_point_force_and_its_derivative_on_a_curved_world(coupled: bool, inside:
     values = with_pull_of_the_law(values)
 
     def at(x: np.ndarray) -> np.ndarray:
-        return run("point_force", point.LAYOUT, values | {"x": x} | on_sphere(x, inside))
+        return run("point_stiffness", point.LAYOUT, values | {"x": x} | on_sphere(x, inside))
 
     out, h = at(values["x"]), 1e-6
-    K = out[6:15].reshape(3, 3, COUNT)
+    assert_allclose(run("point_force", point.LAYOUT, values | on_sphere(values["x"], inside)), out[:5], rtol=1e-14)
+    K = out[STIFFNESS:].reshape(3, 3, COUNT)
     pushed = (out[LOAD] >= 0.0) | (
         not coupled
     )  # friction of what would pull is left out of K: it were a pushing spring
@@ -467,13 +477,15 @@ def test_point_force_and_its_derivative_on_a_curved_world(coupled: bool, inside:
 def test_a_regime_that_the_law_confirms_changes_nothing() -> None:
     """Newton's regimes OPEN, SLIDING and STICKING give force, derivative, potential and load of the law itself."""
     values = with_pull_of_the_law(some_point(coupled=True, inside=False) | {"regime": np.full((1, COUNT), point.FREE)})
-    law, yielding = run("point_force", point.LAYOUT, values), run("point_yielding", point.LAYOUT, values | AT_REST)
+    law, yielding = run("point_stiffness", point.LAYOUT, values), run("point_yielding", point.LAYOUT, values | AT_REST)
     sticking = np.where(yielding[Y] < 0.0, point.STICKING_BACK, point.STICKING)
     held = np.where(yielding[EXCESS] > 0.0, point.SLIDING, sticking)
     regime = np.where(yielding[TOUCHING] > 0.0, held, point.OPEN)
     assert len(set(regime)) == 4
-    assert_allclose(run("point_force", point.LAYOUT, values | {"regime": regime[None]}), law, rtol=1e-12, atol=1e-12)
-    wrong = run("point_force", point.LAYOUT, values | {"regime": np.where(regime == point.OPEN, 2.0, 1.0)[None]})
+    assert_allclose(
+        run("point_stiffness", point.LAYOUT, values | {"regime": regime[None]}), law, rtol=1e-12, atol=1e-12
+    )
+    wrong = run("point_stiffness", point.LAYOUT, values | {"regime": np.where(regime == point.OPEN, 2.0, 1.0)[None]})
     assert (np.abs(wrong - law).max(axis=0) > 1e-6).all(), "and one that it denies does"
 
 

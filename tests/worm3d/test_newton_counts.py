@@ -49,3 +49,11 @@ def test_a_pipe_through_points_of_a_circle_costs_as_many_iterations_as_a_bend() 
     spline = crawled(Pipe(CIRCLE, 0.12))
     assert abs(spline.newton_iterations.mean() / bend.newton_iterations.mean() - 1.0) < 0.15
     assert abs(spline.distance / bend.distance - 1.0) < 0.02
+
+
+def test_friction_in_one_direction_alone_costs_few_iterations() -> None:
+    """What slides turns and turns: where all but the changed contacts' part of the Jacobian was kept then, it took 7."""
+    gait, friction = TravellingWave(), Friction(1.0, 0.01, 0.01)
+    run = simulate(Worm(), Plane(), friction, actuation=gait, duration=0.5, dt=0.005)
+    assert (run.newton_iterations + run.gradient_evaluations).mean() < 6.0
+    assert not run.fallbacks.any()

@@ -7,12 +7,14 @@ from numpy.testing import assert_allclose
 from worm3d import Friction, Plane, Worm
 from worm3d.banded import B
 from worm3d.banded_lu import lu_factor, lu_solve
+from worm3d.compiled import njit
 from worm3d.kernels import point
 from worm3d.plant import Plant
 from worm3d.solver import arrays
 from worm3d.solver.advance import OK, advance
-from worm3d.solver.arrays import BLOCK
-from worm3d.solver.evaluate import LOAD, NONE, WHOLE, evaluate
+from worm3d.solver.arrays import BLOCK, Core
+from worm3d.solver.evaluate import LOAD, LOCAL, NONE, WHOLE, evaluate
+from worm3d.solver.newton import _newton_step
 from worm3d.solver.records import record_memory
 from worm3d.solver.regimes import EXCESS, look
 from worm3d.state import State
@@ -21,10 +23,9 @@ DT = 0.01
 """[s]"""
 
 
-def a_plant(friction: Friction) -> Plant:
+def a_plant(friction: Friction, n: int = 5) -> Plant:
     """Return an uneven worm on a slope, two steps after a start in general position: the second one is of BDF2."""
     rng = np.random.default_rng(11)
-    n = 5
     worm = Worm(
         segments=n,
         length=0.8,
@@ -117,6 +118,50 @@ def test_whole_step_against_central_differences(coupled: bool) -> None:
     if not coupled:
         assert_allclose(residual, slopes, rtol=0, atol=1e-8 * np.abs(residual).max())
         assert asymmetry < 1e-13 * scale
+
+
+@njit
+def newton_step(core: Core, hessian: int) -> float:
+    return float(_newton_step(core, hessian, False))
+
+
+@pytest.mark.parametrize("n", [5, 11])
+def test_a_contact_that_changes_is_exchanged_in_the_jacobian(n: int) -> None:
+    """With other regimes, but the forces that were foreseen, Jacobian and step are those that would be made anew."""
+    plant = a_plant(Friction(0.3, 0.6, 0.4), n)
+    points, band, size = plant.arrays["point_in"], plant.arrays["band"], plant.arrays["x"].size
+    rng = np.random.default_rng(13)
+    soften(plant, rng)
+    regime, foreseen = (points[point.LAYOUT.first(name)] for name in ("regime", "foreseen"))
+    touching = points[point.LAYOUT.first("stiffness")] > 0.0
+    regime[:], foreseen[:] = point.STICKING, 1.0
+    newton_step(plant.core, WHOLE)
+    before = band[:size].copy()
+    of_head = np.arange(touching.size) % (touching.size // arrays.POINTS) >= n // 2
+    chosen = rng.permutation(np.flatnonzero(touching & of_head))[:7]
+    for some in (chosen[:4], chosen[4:], chosen[:1]):  # one of them twice
+        regime[some] = np.where(regime[some] == point.SLIDING, point.STICKING_BACK, point.SLIDING)
+        plant.arrays["changed"][0, some] = 1.0
+        newton_step(plant.core, LOCAL)
+        assert not plant.arrays["changed"].any()
+    exchanged, residual, step = (plant.arrays[name].copy() for name in ("band", "gradient", "direction"))
+    exchanged = exchanged[:size]
+    newton_step(plant.core, WHOLE)
+    scale = np.abs(before).max()
+    assert_allclose(exchanged, band[:size], rtol=0, atol=1e-12 * scale)
+    assert_allclose(residual, plant.arrays["gradient"], rtol=0, atol=1e-12 * np.abs(residual).max())
+    assert_allclose(step, plant.arrays["direction"], rtol=0, atol=1e-9 * np.abs(step).max())
+    assert np.abs(exchanged - before).max() > 1e-3 * scale
+
+
+def test_what_is_not_said_to_have_changed_stays_in_the_jacobian() -> None:
+    plant = a_plant(Friction(0.3, 0.6, 0.4))
+    soften(plant, np.random.default_rng(13))
+    evaluate(plant.core, arrays.X, True, WHOLE)
+    before = plant.arrays["band"].copy()
+    plant.arrays["point_in"][point.LAYOUT.first("regime")] = point.SLIDING
+    evaluate(plant.core, arrays.X, True, LOCAL)
+    np.testing.assert_array_equal(plant.arrays["band"], before)
 
 
 def test_the_jacobian_fits_into_the_groups_of_the_linear_solver() -> None:

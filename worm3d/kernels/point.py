@@ -106,11 +106,25 @@ def _curvature() -> ca.SX:
 
 
 def force() -> ca.Function:
-    """Return the gradient f (3) of a point's potential, its Hessian K (9, row by row), the potential and the load.
+    """Return the gradient f (3) of a point's potential, the potential and the load.
 
-    With `coupled` f is the true residual and K its unsymmetric derivative; the potential then means nothing. Behind f
-    stands what it is with the forces that were foreseen (3), for the second derivatives of the points.
+    With `coupled` f is the true residual; the potential then means nothing.
     """
+    outputs = _force()
+    return LAYOUT.function("point_force", {name: outputs[name] for name in ("f", "phi", "load")})
+
+
+def stiffness() -> ca.Function:
+    """Return what `force` does, f with the forces that were foreseen (3), and the Hessian K (9, row by row).
+
+    With `coupled` K is the unsymmetric derivative of the residual. What was foreseen is for the second derivatives of
+    the points.
+    """
+    return LAYOUT.function("point_stiffness", _force())
+
+
+@cache
+def _force() -> dict[str, ca.SX]:
     s, c = LAYOUT.symbols, _contact()
     T = ca.horzcat(*_tangents())
     y = ca.SX.sym("y", 2)
@@ -136,8 +150,7 @@ def force() -> ca.Function:
         + c.load * c.pressed / 2.0
         + grip * h
     )
-    outputs = {"f": f, "f_ahead": f_ahead, "K": ca.vec(K.T), "phi": phi, "load": c.load}
-    return LAYOUT.function("point_force", outputs)
+    return {"f": f, "phi": phi, "load": c.load, "f_ahead": f_ahead, "K": ca.vec(K.T)}
 
 
 def _sided(mu: contact.Coefficients) -> contact.Coefficients:
@@ -185,8 +198,8 @@ def _projected() -> tuple[list[ca.SX], list[ca.SX]]:
     return [along, left], [ca.dot(each, s["x"] - s["anchor"]) for each in (along, left)]
 
 
-SWUNG = 0.01
-"""Square of the change of y, as a fraction of itself, after which the Jacobian of a contact that slides is useless."""
+SWUNG = 3e-5
+"""Square of the change of y, as a fraction of itself, after which the K of a contact that slides is made anew."""
 
 HELD = 0.25
 """Square of the share of the yield limit below which the force of what slides is foreseen where it sticks."""
@@ -201,7 +214,7 @@ def yielding() -> ca.Function:
     y = s - s* (2); by how much it is beyond the yield limit, for the largest coefficient; the penetration -g - d*
     (negative where nothing touches); f' (2) of (C5) and the normal load; the square of the fraction of itself, or of
     the yield limit, by which y changes; the regime that follows where the law denies one by more than `error`; and
-    whether a Jacobian of before is out of date: with another regime, or where y changes by much.
+    whether K of before is out of date: with another regime, or where y changes by more than `SWUNG`.
     """
     s, c = LAYOUT.symbols, _contact()
     now = c.slide - c.law.centre

@@ -45,8 +45,9 @@ LAYOUT = Layout(
         "length_n": 2,
         "angle_n": 2,
         "f": 3 * POINTS,  # gradient of the potential in the points
-        "f_ahead": 3 * POINTS,  # the same as Newton foresaw it, for the second derivatives
-        "K": 9 * POINTS,  # its Hessian, row 8 (3 r + c) + point
+        "of_points": 2 * POINTS,  # numbers of each point, which its kernel leaves before what follows
+        "f_ahead": 3 * POINTS,  # f as Newton foresaw it, for the second derivatives
+        "K": 9 * POINTS,  # Hessian of the potential, row 8 (3 r + c) + point
     }
 )
 
@@ -110,6 +111,14 @@ def motion() -> ca.Function:
 
 def _motion() -> ca.SX:
     return ca.jtimes(_shape().points, LAYOUT.symbols["q"], LAYOUT.symbols["dq"])
+
+
+def jacobian() -> ca.Function:
+    """Return the derivatives of the points in the coordinates (192): point by point, axis by axis."""
+    of_reduced = ca.jacobian(_shape_of_reduced().points, _REDUCED)
+    of_points = ca.substitute([of_reduced], [_REDUCED], [_reduced()])[0] @ ca.jacobian(_reduced(), LAYOUT.symbols["q"])
+    rows = [of_points[POINTS * axis + k, :].T for k in range(POINTS) for axis in range(3)]
+    return LAYOUT.function("segment_jacobian", {"jacobian": rows})
 
 
 @cache

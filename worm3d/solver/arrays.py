@@ -9,7 +9,7 @@ S slot + i of point arrays. Some arrays share memory, so that one kernel writes 
     world -> distance ... grip          are its rows 3 to 13
     point_start -> tangent ... deep     are rows of it too
     joint_start, node_start             write the last rows of the joint and of the node array
-    point_force -> f, f_ahead, K | ...  are the last rows of the segment array; phi and load follow
+    point_stiffness -> f ... K          are the last rows of the segment array
 
 The past of points and joints stands in rows of their arrays. What becomes of a point in a step is an output of
 point_after; friction's state and the world's force stay there, the rest `worm3d.solver.step` makes the past.
@@ -60,6 +60,7 @@ KERNELS = (
     "segment_motion",
     "segment_gradient",
     "segment_hessian",
+    "segment_jacobian",
     "segment_ledger",
     "joint_start",
     "joint_gradient",
@@ -67,6 +68,7 @@ KERNELS = (
     "joint_angles",
     "joint_ledger",
     "point_force",
+    "point_stiffness",
     "point_start",
     "point_yielding",
     "point_expected",
@@ -88,6 +90,7 @@ KERNELS = (
     SEGMENT_MOTION,
     SEGMENT_GRADIENT,
     SEGMENT_HESSIAN,
+    SEGMENT_JACOBIAN,
     SEGMENT_LEDGER,
     JOINT_START,
     JOINT_GRADIENT,
@@ -95,6 +98,7 @@ KERNELS = (
     JOINT_ANGLES,
     JOINT_LEDGER,
     POINT_FORCE,
+    POINT_STIFFNESS,
     POINT_START,
     POINT_YIELDING,
     POINT_EXPECTED,
@@ -162,10 +166,14 @@ ARRAYS = (
     "joint_band",  # what the joints contribute to it
     "factor",  # of the linear solver
     "segment_in",  # inputs of the segment's kernels
-    "point_out",  # f (3), f foreseen (3), K (9), potential, load; begins inside segment_in
+    "point_out",  # f (3), potential, load, f foreseen (3), K (9); inside segment_in
+    "point_anew",  # likewise, where contacts have changed; of these the change of K
     "segment_out",
     "segment_blocks",  # the segments' Hessians, one after the other
-    "changed",  # 1 where a contact of these segments, a vector of them, has changed what it does
+    "changed",  # 1 where a contact has changed what it does since the Jacobian was made
+    "points_jacobian",  # derivatives of the points in the coordinates
+    "jacobians",  # the same, segments one after the other
+    "known",  # 1 where those of a vector of segments stand there, made since the Jacobian was
     "rest",  # chamber lengths (2), tangent (3), director (3), points (24)
     "point_in",  # inputs of the point's kernels; begins inside rest
     "point_rows",  # the same memory with the lanes of segments, row 8 r + slot
@@ -237,9 +245,13 @@ ARRAYS = (
     FACTOR,
     SEGMENT_IN,
     POINT_OUT,
+    POINT_ANEW,
     SEGMENT_OUT,
     SEGMENT_BLOCKS,
     CHANGED,
+    POINTS_JACOBIAN,
+    JACOBIANS,
+    KNOWN,
     REST,
     POINT_IN,
     POINT_ROWS,
@@ -321,7 +333,7 @@ REMEMBERED = (
 HANDLE = 5
 """Numbers in the handle of a core: n and the addresses of memory, table, kernels and counters."""
 COUNTERS = 4
-"""Evaluations of the Hessian, of the gradient alone, rounds of contacts that broke away, and falls back to descent."""
+"""Evaluations with a Jacobian that is new, whole or in part, further ones of the residual, rounds of contacts that broke away, and falls back to descent."""
 
 
 class Core(NamedTuple):
@@ -347,7 +359,7 @@ class CoreMemory:
         Lanes for n segments, for the n - 1 joints between them and for all n + 1 joints.
     world_rows : int
         Inputs of the world's kernel: x (3) and its parameters.
-    kernels : ndarray of int, shape (25,)
+    kernels : ndarray of int, shape (27,)
         Addresses.
     """
 
@@ -418,10 +430,13 @@ def _shapes(n: int, lanes: int, joint_lanes: int, node_lanes: int, world_rows: i
         "joint_band": (size + B, WIDTH),
         "factor": (size + B, WIDTH),
         "segment_in": (segment.LAYOUT.rows, lanes),
-        "point_out": (17, p),  # what comes behind segment_in stands where it was allocated
+        **dict.fromkeys(("point_out", "point_anew"), (17, p)),
         "segment_out": (1 + segment.COORDINATES + segment.COORDINATES**2, lanes),
         "segment_blocks": (lanes, segment.COORDINATES**2),
-        "changed": (1, lanes // vectors.WIDTH),
+        "changed": (1, p),
+        "points_jacobian": (3 * POINTS * segment.COORDINATES, lanes),
+        "jacobians": (lanes, 3 * POINTS * segment.COORDINATES),
+        "known": (1, lanes // vectors.WIDTH),
         "rest": (8 + 3 * POINTS, lanes),
         "point_in": (point.LAYOUT.rows, p),
         "point_rows": (point.LAYOUT.rows * POINTS, lanes),

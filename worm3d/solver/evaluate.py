@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import vectors
 from worm3d.banded import B
 from worm3d.codegen import evaluate as run
-from worm3d.codegen import evaluate_some as run_some
 from worm3d.compiled import inner, njit
 from worm3d.kernels import joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import address, copy, fill, matrix, rows, vector
+from worm3d.solver.band import exchange, fill_band, fill_joint_band
+from worm3d.solver.block import copy, fill, matrix, rows, vector
 from worm3d.solver.entry import call, count, kernel, opened
 
 FloatArray = NDArray[np.float64]
@@ -29,8 +28,10 @@ LENGTHS, TANGENT, DIRECTOR = 0, 2, 5
 """Rows of "rest"."""
 NONE, WHOLE, WITH_KEPT_JOINTS, LOCAL, HESSIANS = 0, 1, 2, 3, 4
 """What `evaluate` fills of the band, and how many such ways there are."""
-PHI, LOAD = 15, 16
+PHI, LOAD = 3, 4
 """Rows of "point_out"."""
+_FORCES = 5
+"""Rows of it that point_force writes."""
 
 
 @inner
@@ -70,7 +71,7 @@ def evaluate(core: Core, which: int, coupled: bool, hessian: int) -> float:
         Array with the coordinates, X or TRIAL.
     hessian : int
         Whether to fill the band: NONE; WHOLE; WITH_KEPT_JOINTS, the joints' part as it was when it was last filled; or
-        LOCAL, only where "changed" says so.
+        LOCAL, only the contributions of the contacts that "changed" names.
     """
     value: float = call(kernel(core, a.EVALUATE), core.handle, 0.0, which, HESSIANS * coupled + hessian)
     return value
@@ -90,14 +91,17 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
         return np.inf
     point_in, point_out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
     fill(rows(core.block, a.POINT_IN, _COUPLED, 1), 1.0 if coupled else 0.0)
-    run(kernel(core, a.POINT_FORCE), point_in, point_out, point_in.shape[1])
+    if hessian in (NONE, LOCAL):
+        run(kernel(core, a.POINT_FORCE), point_in, point_out[:_FORCES], point_in.shape[1])
+    else:
+        run(kernel(core, a.POINT_STIFFNESS), point_in, point_out, point_in.shape[1])
     joint_in, joint_out = matrix(core.block, a.JOINT_IN), matrix(core.block, a.JOINT_OUT)
     for r in range(_BOTH):
         for i in range(n - 1):
             joint_in[_JOINT_Q + r, i] = x[BLOCK * i + r]
     if hessian == WHOLE:
         run(kernel(core, a.JOINT_HESSIAN), joint_in, joint_out, n - 1)
-        _fill_joint_band(core)
+        fill_joint_band(core)
     else:
         run(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + _BOTH], n - 1)
     _segments(core, hessian)
@@ -117,9 +121,9 @@ def _segments(core: Core, hessian: int) -> None:
         run(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], core.n)
     else:
         run(kernel(core, a.SEGMENT_HESSIAN), segment_in, segment_out, core.n)
-        _fill_band(core)
+        fill_band(core)
     if hessian == LOCAL:
-        _renew_band(core)
+        exchange(core)
     if hessian != NONE:
         fill(vector(core.block, a.CHANGED), 0.0)
 
@@ -158,75 +162,6 @@ def _add_gradients(core: Core) -> float:
         for r in range(_BOTH):
             gradient[BLOCK * i + r] += joint_out[1 + r, i]
     return phi
-
-
-@inner
-def _fill_joint_band(core: Core) -> None:
-    """Put together what joints and their masses contribute to the band."""
-    band = matrix(core.block, a.JOINT_BAND)
-    inertia, drag = vector(core.block, a.JOINT_INERTIA), vector(core.block, a.JOINT_DRAG)
-    vectors.clear(address(core.block, a.JOINT_BAND, 0), band.size)
-    for j in range(core.n + 1):
-        for d in range(3):
-            band[BLOCK * j + d, B] = inertia[j] + drag[j]
-    for first in range(0, core.n - 1, vectors.WIDTH):
-        _transpose(core, a.JOINT_OUT, 1 + _BOTH, a.JOINT_BLOCKS, first)
-    for i in range(core.n - 1):
-        own = address(core.block, a.JOINT_BLOCKS, i)
-        for r in range(_BOTH):
-            vectors.add_16(_place(core, a.JOINT_BAND, i, r), own + 8 * joint.ROW * r)
-
-
-@inner
-def _fill_band(core: Core) -> None:
-    """Put the band together from the joints' part and what the segments contribute."""
-    to, count = address(core.block, a.BAND, 0), vector(core.block, a.BAND).size
-    vectors.move(to, address(core.block, a.JOINT_BAND, 0), count)
-    for first in range(0, core.n, vectors.WIDTH):
-        _transpose(core, a.SEGMENT_OUT, 1 + _OWN, a.SEGMENT_BLOCKS, first)
-        _add_blocks(core, first, False)
-
-
-@inner
-def _renew_band(core: Core) -> None:
-    """Exchange the contributions of the segments that are concerned."""
-    changed = vector(core.block, a.CHANGED)
-    segment_in, segment_out = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.SEGMENT_OUT)
-    for k in range(len(changed)):
-        if changed[k] != 0.0:
-            first = k * vectors.WIDTH
-            count = min(vectors.WIDTH, core.n - first)
-            run_some(kernel(core, a.SEGMENT_HESSIAN), segment_in, segment_out, first, count)
-            _add_blocks(core, first, True)
-            _transpose(core, a.SEGMENT_OUT, 1 + _OWN, a.SEGMENT_BLOCKS, first)
-            _add_blocks(core, first, False)
-
-
-@inner
-def _add_blocks(core: Core, first: int, away: bool) -> None:
-    """Add the Hessians of a vector of segments to the band, or take them away from it."""
-    for i in range(first, min(first + vectors.WIDTH, core.n)):
-        own = address(core.block, a.SEGMENT_BLOCKS, i)
-        for r in range(_OWN):
-            if away:
-                vectors.subtract_8(_place(core, a.BAND, i, r), own + 8 * _OWN * r)
-            else:
-                vectors.add_8(_place(core, a.BAND, i, r), own + 8 * _OWN * r)
-
-
-@inner
-def _place(core: Core, k: int, i: int, r: int) -> int:
-    """Return where, in a band, row r of the Hessian of segment or joint i begins."""
-    return int(address(core.block, k, BLOCK * i + r) + 8 * (B - r))
-
-
-@inner
-def _transpose(core: Core, source: int, row: int, to: int, first: int) -> None:
-    """Write the Hessians of a vector of lanes, rows from `row` on, as rows of the blocks."""
-    lanes, size = matrix(core.block, source).shape[1], matrix(core.block, to).shape[1]
-    for r in range(0, size, vectors.WIDTH):
-        here = address(core.block, source, row + r) + 8 * first
-        vectors.transpose(address(core.block, to, first) + 8 * r, size, here, lanes)
 
 
 @inner

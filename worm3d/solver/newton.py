@@ -40,7 +40,7 @@ MAX_STRAYS = 2
 """Steps that stray before Newton gives up: where contacts let go all at once the descent finds them sooner."""
 MAX_CHANGES = 16
 """Iterations in which contacts change their regime before Newton gives up."""
-CONTRACTION = 0.1
+CONTRACTION = 0.2
 """A Jacobian is kept while steps shrink to this fraction."""
 CURVATURE = 10.0
 """A step of size s moves a contact point otherwise than to first order by s^2 times this over the segment length."""
@@ -52,15 +52,15 @@ CLEAR, FAR = 1e-4, 4.0
 """Or than CLEAR, where it is beyond the limit by FAR times such a step."""
 BREAKS = 25.0
 """Square of the share of the yield limit beyond which what sticks slides at once, where there is no guess to trust."""
-SEGMENTS_KEPT = 1e-3
-"""The Jacobian is kept, but for segments whose contacts change, until x has moved by this fraction of that length."""
+SEGMENTS_KEPT = 3e-4
+"""The Jacobian is kept, but for contacts that change, until x has moved by this fraction of the segment length."""
 JOINTS_KEPT = 1e-2
 """The joints' part of the Jacobian is kept until x has moved by this fraction of the segment length."""
 STAGNATION = 1e-12
 """A step below this fraction that no longer shrinks, with new Jacobians, is rounding: converged too."""
 
 NOTHING, TURNED, FREED, CHANGED = range(4)
-"""What has become of the contacts: a stuck one turns round, one breaks away, or one changes its regime."""
+"""What has become of the contacts: a stuck one turns round, or a slide, one breaks away, or one changes its regime."""
 
 _LOAD, _MU, _REGIME, _BREAKS = point.LAYOUT.firsts("load", "mu", "regime", "breaks")
 
@@ -139,7 +139,7 @@ def _follow(core: Core) -> bool:
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     length, tolerance = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.TOLERANCE]
-    size, moved, hessian, fresh, changes, doubt = np.inf, 0.0, WHOLE, 0, 0, 1.0
+    size, moved, hessian, fresh, changes, doubt, before = np.inf, 0.0, WHOLE, 0, 0, 1.0, NOTHING
     since_joints, since_all, far, strays = 0.0, 0.0, 0.0, 0
     for _ in range(MAX_FOLLOW):
         previous, size = size, _newton_step(core, hessian, moved > 0.0)
@@ -163,7 +163,8 @@ def _follow(core: Core) -> bool:
             combine(x, 1.0, x, -1.0, step)
         since_joints = moved + (0.0 if hessian == WHOLE else since_joints)
         since_all = moved + (0.0 if renewed else since_all)
-        slow = size > CONTRACTION * previous and hessian != LOCAL
+        slow = size > CONTRACTION * previous and not (hessian == LOCAL and before == CHANGED)  # a jump is no slowness
+        before = news
         if slow and hessian == WITH_KEPT_JOINTS and news == NOTHING:  # the joints it has kept are too stiff for that
             since_joints = np.inf
         hessian = _renewal(core, since_joints, since_all, slow, news)
@@ -235,10 +236,11 @@ def _correct(step: FloatArray, before: FloatArray) -> None:
 @inner
 def _first_changed(core: Core) -> int:
     """Return the first row of the band that the contacts' changes concern."""
-    changed = vector(core.block, a.CHANGED)
-    for k in range(len(changed)):
-        if changed[k] != 0.0:
-            return BLOCK * vectors.WIDTH * k
+    changed, lanes = vector(core.block, a.CHANGED), matrix(core.block, a.POINT_IN).shape[1] // POINTS
+    for i in range(core.n):
+        for s in range(POINTS):
+            if changed[s * lanes + i] != 0.0:
+                return BLOCK * i
     return 0
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import vectors
 from worm3d.codegen import evaluate as run
 from worm3d.compiled import inner, njit
 from worm3d.kernels import point, segment
@@ -24,6 +23,9 @@ Y, EXCESS, TOUCHING, PULL, SWING, NEXT, STALE = 0, 2, 3, 4, 7, 8, 9
 
 SHALLOW = 1e-5
 """A step that drives what lands no deeper than this fraction of the segment length is taken."""
+
+UNSETTLED = 0.01
+"""Square of the change of y, as a fraction of itself, above which a contact that slides may yet come to rest."""
 
 PRESSED = 1e-3
 """What lands is taken for pressed in by this fraction of the segment length until a step foresees its load."""
@@ -97,7 +99,7 @@ def change(core: Core, lands: bool) -> tuple[bool, bool]:
         Whether the step will not be taken: what sticks goes on as it is, for the way is not known.
     """
     p, out, changed, turned = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT), False, False
-    lanes, concerned = p.shape[1] // POINTS, vector(core.block, a.CHANGED)
+    concerned = vector(core.block, a.CHANGED)
     if not lands:
         pull(core)
     for k in range(p.shape[1]):
@@ -109,7 +111,7 @@ def change(core: Core, lands: bool) -> tuple[bool, bool]:
         if old == point.OPEN:
             p[_PULL, k], p[_PULL + 1, k] = out[PULL, k], out[PULL + 1, k]
             p[_FORESEEN, k] = PRESSED * p[_STIFFNESS, k] * vector(core.block, a.NUMBERS_)[a.L0]
-        p[_REGIME, k], concerned[k % lanes // vectors.WIDTH] = new, 1.0
+        p[_REGIME, k], concerned[k] = new, 1.0
         if old == new or (old >= point.STICKING and new >= point.STICKING):
             turned = True
         else:
@@ -142,9 +144,9 @@ def free(core: Core, least: float) -> bool:
         for i in range(core.n):
             k = s * lanes + i
             slides = p[_CAP, k] > 1.0 and p[_REGIME, k] == point.SLIDING
-            far = out[NEXT, k] == point.SLIDING and out[EXCESS, k] > least and out[SWING, k] < point.SWUNG
+            far = out[NEXT, k] == point.SLIDING and out[EXCESS, k] > least and out[SWING, k] < UNSETTLED
             if slides and (least == 0.0 or far):
-                stuck[k], p[_CAP, k], freed, concerned[i // vectors.WIDTH] = 0.0, 1.0, True, 1.0
+                stuck[k], p[_CAP, k], freed, concerned[k] = 0.0, 1.0, True, 1.0
     return freed
 
 
@@ -155,6 +157,6 @@ def _swings(core: Core) -> bool:
     lanes = p.shape[1] // POINTS
     for s in range(POINTS):
         for k in range(s * lanes, s * lanes + core.n):
-            if p[_REGIME, k] == point.SLIDING and p[_STIFFNESS, k] > 0.0 and swing[k] > point.SWUNG:
+            if p[_REGIME, k] == point.SLIDING and p[_STIFFNESS, k] > 0.0 and swing[k] > UNSETTLED:
                 return True
     return False
