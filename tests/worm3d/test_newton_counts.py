@@ -52,7 +52,7 @@ def test_a_pipe_through_points_of_a_circle_costs_as_many_iterations_as_a_bend() 
 
 
 def test_friction_in_one_direction_alone_costs_few_iterations() -> None:
-    """What slides turns and turns: where all but the changed contacts' part of the Jacobian was kept then, it took 7."""
+    """What slides turns and turns: with all but the changed contacts' part of the Jacobian kept then, it took 7."""
     gait, friction = TravellingWave(), Friction(1.0, 0.01, 0.01)
     run = simulate(Worm(), Plane(), friction, actuation=gait, duration=0.5, dt=0.005)
     assert (run.newton_iterations + run.gradient_evaluations).mean() < 6.0
