@@ -333,8 +333,8 @@ REMEMBERED = (
 HANDLE = 5
 """Numbers in the handle of a core: n and the addresses of memory, table, kernels and counters."""
 COUNTERS = 4
-"""Evaluations with a Jacobian that is new, whole or in part, further ones of the residual, rounds of contacts that broke
-away, and falls back to descent."""
+"""Evaluations with a new Jacobian, whole or in part, further ones of the residual, rounds of contacts that broke away,
+and falls back to descent."""
 
 
 class Core(NamedTuple):

@@ -163,7 +163,7 @@ def _follow(core: Core) -> bool:
             combine(x, 1.0, x, -1.0, step)
         since_joints = moved + (0.0 if hessian == WHOLE else since_joints)
         since_all = moved + (0.0 if renewed else since_all)
-        slow = size > CONTRACTION * previous and not (hessian == LOCAL and before == CHANGED)  # a jump is no slowness
+        slow = size > CONTRACTION * previous and not _excused(core, hessian, before)
         before = news
         if slow and hessian == WITH_KEPT_JOINTS and news == NOTHING:  # the joints it has kept are too stiff for that
             since_joints = np.inf
@@ -192,6 +192,16 @@ def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
 def _converged(size: float, previous: float, fresh: int, tolerance: float) -> bool:
     """Return whether a step, as a fraction of the body length, is small enough, or one that no longer shrinks."""
     return size < tolerance or (fresh > 1 and size < STAGNATION and size > 0.5 * previous)
+
+
+@inner
+def _excused(core: Core, hessian: int, before: int) -> bool:
+    """Return whether a step may be large for contacts that the Jacobian was adapted to.
+
+    Whatever that is where one has changed its regime. In a body of several vectors of segments always: to make all of
+    it anew for the sake of a contact costs more than it saves.
+    """
+    return hessian == LOCAL and (before == CHANGED or core.n > vectors.WIDTH)
 
 
 @inner
