@@ -1,29 +1,12 @@
 """Worms of all kinds finish or stop with a name: the study `random_worms.py`, and a part of it with uneven worms."""
 
-import importlib.util
-import sys
-from pathlib import Path
-from types import ModuleType
-
 import numpy as np
 import pytest
+import random_worms as study
 
 import worm3d
 from worm3d import Status
 
-
-def _study() -> ModuleType:
-    """Return the study beside this file, which is a script and no part of a package."""
-    spec = importlib.util.spec_from_file_location("random_worms", Path(__file__).with_name("random_worms.py"))
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["random_worms"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-study = _study()
 NAMES = {status.name for status in Status} | {"LIMIT_POINT"}
 PART = 8
 """Worms that one test takes."""

@@ -1,0 +1,242 @@
+"""Kernels of a contact point: law, derivatives and regimes, against differences and against the equations."""
+
+import numpy as np
+import pytest
+from kernel_states import (
+    AT_REST,
+    COUNT,
+    across,
+    assert_close,
+    difference,
+    differences,
+    on_sphere,
+    presets,
+    run,
+    some_point,
+    with_pull_of_the_law,
+)
+from numpy.testing import assert_allclose
+
+from worm3d.kernels import point
+from worm3d.solver.band import STIFFNESS
+from worm3d.solver.evaluate import LOAD, PHI
+from worm3d.solver.regimes import EXCESS, NEXT, PULL, STALE, SWING, TOUCHING, Y
+
+
+@pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.parametrize("coupled", [False, True])
+def test_point_force_and_its_derivative_on_a_curved_world(coupled: bool, inside: bool) -> None:
+    """The world is a ball or a hollow one, whose distance is |x - c| - R: normal and curvature turn with x.
+
+    With a regime K is the derivative where what Newton foresaw is what the law says.
+    """
+    values = some_point(coupled, inside)
+    own = run("point_yielding", point.LAYOUT, values | AT_REST)
+    held = np.where(own[Y] < 0.0, point.STICKING_BACK, point.STICKING)
+    held = np.where(own[EXCESS] > 0.0, point.SLIDING, held)
+    values["regime"] = np.where(values["regime"] == point.STICKING, held, values["regime"])
+    values = with_pull_of_the_law(values)
+
+    def at(x: np.ndarray) -> np.ndarray:
+        return run("point_stiffness", point.LAYOUT, values | {"x": x} | on_sphere(x, inside))
+
+    out, h = at(values["x"]), 1e-6
+    assert_allclose(run("point_force", point.LAYOUT, values | on_sphere(values["x"], inside)), out[:5], rtol=1e-14)
+    K = out[STIFFNESS:].reshape(3, 3, COUNT)
+    pushed = (out[LOAD] >= 0.0) | (
+        not coupled
+    )  # friction of what would pull is left out of K: it were a pushing spring
+    assert pushed.sum() > COUNT - 5
+    assert_close(K[..., pushed], differences(lambda x: at(x)[:3], values["x"], h)[..., pushed], 1e-6)
+    if not coupled:
+        assert_close(out[None, :3], differences(lambda x: at(x)[PHI : PHI + 1], values["x"], h), 1e-6)
+    assert (np.abs(K - K.transpose(1, 0, 2)).max() > 1.0) == coupled
+    yielding = run("point_yielding", point.LAYOUT, values | AT_REST)
+    free, touching = values["regime"][0] == point.FREE, (out[LOAD] > 0.0)
+    touching, sliding, ahead = free & touching, yielding[EXCESS] > 0.0, yielding[Y] > 0.0
+    for kind in (touching & sliding & ahead, touching & sliding & ~ahead, touching & ~sliding, free & ~touching):
+        assert kind.sum() >= 3, "every branch is among the states"
+
+
+def test_a_regime_that_the_law_confirms_changes_nothing() -> None:
+    """Newton's regimes OPEN, SLIDING and STICKING give force, derivative, potential and load of the law itself."""
+    values = with_pull_of_the_law(some_point(coupled=True, inside=False) | {"regime": np.full((1, COUNT), point.FREE)})
+    law, yielding = run("point_stiffness", point.LAYOUT, values), run("point_yielding", point.LAYOUT, values | AT_REST)
+    sticking = np.where(yielding[Y] < 0.0, point.STICKING_BACK, point.STICKING)
+    held = np.where(yielding[EXCESS] > 0.0, point.SLIDING, sticking)
+    regime = np.where(yielding[TOUCHING] > 0.0, held, point.OPEN)
+    assert len(set(regime)) == 4
+    assert_allclose(
+        run("point_stiffness", point.LAYOUT, values | {"regime": regime[None]}), law, rtol=1e-12, atol=1e-12
+    )
+    wrong = run("point_stiffness", point.LAYOUT, values | {"regime": np.where(regime == point.OPEN, 2.0, 1.0)[None]})
+    assert (np.abs(wrong - law).max(axis=0) > 1e-6).all(), "and one that it denies does"
+
+
+def test_looking_ahead_is_looking_from_there() -> None:
+    """Displacement, excess and penetration at X + `first` are those seen at that place (of a plane: exactly)."""
+    values = some_point(coupled=True, inside=False)
+    there = values["x"] + values["first"]
+    closer = values["distance"] + np.sum(values["normal"] * values["first"], axis=0)
+    ahead = run("point_yielding", point.LAYOUT, values)
+    seen = run("point_yielding", point.LAYOUT, values | AT_REST | {"x": there, "distance": closer})
+    assert_allclose(ahead[: TOUCHING + 1], seen[: TOUCHING + 1], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.003])
+def test_regimes_change_where_the_law_denies_them(error: float) -> None:
+    """Each regime of each state, by the rules in words; what is denied by less than the error stays."""
+    kinds = (point.OPEN, point.SLIDING, point.STICKING, point.STICKING_BACK)
+    seen = set()
+    for regime in kinds:
+        more = {"regime": np.full((1, COUNT), regime), "error": np.full((1, COUNT), error)}
+        v = some_point(coupled=True, inside=False, seed=9) | more
+        v["distance"] = np.random.default_rng(3).uniform(-0.02, 0.01, (1, COUNT))
+        out, now = run("point_yielding", point.LAYOUT, v), run("point_yielding", point.LAYOUT, v | AT_REST)
+        f = out[PULL : PULL + 2] / np.array([np.where(out[PULL] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
+        inside = np.sum(f**2, axis=0) < point.HELD * v["cap"][0] ** 2
+        mu_n, mu = (np.where(way[Y] > 0.0, v["mu"][0], v["mu"][1]) for way in (now, out))
+        back = mu_n**2 * now[Y] * out[Y] + v["mu"][2] ** 2 * now[Y + 1] * out[Y + 1] <= 0.0
+        for k in range(COUNT):
+            side = point.STICKING if out[Y, k] >= 0.0 else point.STICKING_BACK
+            if regime == point.OPEN:
+                slides = out[EXCESS, k] > error and not back[k]
+                expected = (point.SLIDING if slides else side) if out[TOUCHING, k] > error else point.OPEN
+            elif out[TOUCHING, k] < -error:
+                expected = point.OPEN
+            elif regime == point.SLIDING:
+                expected = side if out[EXCESS, k] < -error or inside[k] else point.SLIDING
+            elif regime != side and abs(out[Y, k]) > error and mu[k] > 0.0:
+                expected = side
+            else:
+                expected = point.SLIDING if out[EXCESS, k] > error else regime
+            assert out[NEXT, k] == expected, (k, regime, side)
+            changed = expected != regime or (regime == point.SLIDING and out[SWING, k] > point.SWUNG)
+            assert out[STALE, k] == changed
+            seen.add((regime, expected))
+    assert len(seen) > 10, seen
+
+
+def test_a_contact_is_expected_to_go_on_as_in_its_last_steps() -> None:
+    """Each regime of each state, by the rules in words: what lifts, breaks away, turns or lands by its trend."""
+    seen = set()
+    for regime in (point.OPEN, point.SLIDING, point.STICKING, point.STICKING_BACK):
+        v = some_point(coupled=True, inside=False, seed=5) | {"regime": np.full((1, COUNT), regime)}
+        v["load_m"] = np.where(np.arange(COUNT) % 5 == 0, 0.0, 2.2 * v["load_m"])
+        v["distance"] = np.random.default_rng(6).uniform(-0.02, 0.02, (1, COUNT))
+        out, along = run("point_expected", point.LAYOUT, v), v["tangent"].reshape(2, 3, COUNT)
+        y = np.einsum("idk,dk->ik", along, v["x"] + v["first"] - v["anchor"]) - v["centre"]
+        trend = 2.0 * v["pull"] - v["pull_m"]
+        mu, mu_of_trend = (np.vstack([np.where(x[0] > 0.0, *v["mu"][:2]), v["mu"][2]]) for x in (y, trend))
+        rho, share = np.hypot(*(mu * y)), np.hypot(*(trend / mu_of_trend))
+        touching = -v["distance"][0] - v["carried"][0] - np.sum(v["normal"] * v["first"], axis=0)
+        for k in range(COUNT):
+            cap, known, pull, load, expected = v["cap"][0, k], v["load_m"][0, k] > 0.0, v["pull"][:, k], None, regime
+            against = cap * mu[:, k] ** 2 * y[:, k] / max(rho[k], cap * v["r"][0, k])
+            if regime == point.OPEN and touching[k] > 0.0:
+                expected, pull, load = point.SLIDING, against, v["stiff"][0, k] * v["error"][0, k]
+            elif regime >= point.STICKING and known and share[k] > cap:
+                expected, pull = point.SLIDING, trend[:, k] * cap / share[k]
+            elif regime == point.SLIDING and rho[k] > cap * v["r"][0, k] and y[:, k] @ pull < 0.0:
+                pull = against
+            if regime != point.OPEN and known and 2.0 * v["load_n"][0, k] < v["load_m"][0, k]:
+                expected = point.OPEN
+            assert_allclose(out[:2, k], pull, rtol=1e-9, atol=1e-12)
+            assert out[2, k] == pytest.approx(v["load_n"][0, k] if load is None else load)
+            assert out[3, k] == expected, (k, regime)
+            seen.add((regime, expected))
+    assert len(seen) == 10, seen
+
+
+def test_newtons_own_friction_is_that_of_its_linear_equation() -> None:
+    """(C5) against (C3): m f = cap M^2 y, made linear in f and y, holds for f' and y + dy; f' is inside the set."""
+    v = some_point(coupled=True, inside=False, seed=8) | {"regime": np.full((1, COUNT), point.SLIDING)}
+    out, now = run("point_yielding", point.LAYOUT, v), run("point_yielding", point.LAYOUT, v | AT_REST)
+    y, dy, f, cap = now[Y : Y + 2], out[Y : Y + 2] - now[Y : Y + 2], v["pull"], v["cap"][0]
+    mu = np.array([np.where(y[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
+    limit = cap / (1.0 / v["yield_gauge"][0] + v["gauge_damping"][0] / v["dt"][0])
+
+    def m(at: np.ndarray) -> np.ndarray:
+        return np.maximum(limit, np.hypot(*(mu * at)))
+
+    h = 1e-6
+    slope = (m(y + h * dy) - m(y - h * dy)) / (2.0 * h)  # of m along dy
+    expected = (cap * mu**2 * (y + dy) - f * slope) / m(y)
+    of = np.array([np.where(expected[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
+    size = np.hypot(*(expected / of))
+    sliding = m(y) > limit
+    assert 5 < sliding.sum() < COUNT - 5
+    assert 5 < (size > cap).sum() < COUNT - 5
+    assert_allclose(out[PULL : PULL + 2], expected * np.minimum(1.0, cap / size), rtol=1e-7, atol=1e-9)
+    assert_allclose(out[SWING], np.sum((mu * dy) ** 2, axis=0) / m(y) ** 2, rtol=1e-12)
+    force = run("point_force", point.LAYOUT, with_pull_of_the_law(v))[:3]
+    without = run("point_force", point.LAYOUT, v | {"hold": np.zeros((1, COUNT))})[:3]
+    load = run("point_force", point.LAYOUT, v)[LOAD]
+    own = with_pull_of_the_law(v)["pull"]
+    friction = v["hold"][0] * load * (own[0] * v["tangent"][:3] + own[1] * v["tangent"][3:])
+    assert_allclose(force - without, friction, rtol=0, atol=1e-12)
+
+
+def test_point_force_is_that_of_the_equations() -> None:
+    """(C1), (C2) and (C3) with (C4): the force of the anchor's spring and damper, both capped together by the load."""
+    v = some_point(coupled=True, inside=False, seed=6) | {"regime": np.full((1, COUNT), point.FREE)}
+    g, n, k, c, dt = v["distance"][0], v["normal"], v["stiffness"][0], v["damping"][0], v["dt"][0]
+    load = np.maximum(0.0, k * -g + c / dt * (-g - v["depth_n"][0]))
+    along, left = v["tangent"][:3], v["tangent"][3:]
+    s = np.array([np.sum(t * (v["x"] - v["anchor"]), axis=0) for t in (along, left)])
+    per_rho, per_rate = 1 / v["yield_gauge"][0], v["gauge_damping"][0] / dt
+    y = s - per_rate * v["slide_n"] / (per_rho + per_rate)
+    mu = np.array([np.where(y[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
+    elastic = per_rho * s + per_rate * (s - v["slide_n"])  # spring and damper in the gauge
+    gauge = np.sqrt(np.sum((mu * elastic) ** 2, axis=0))
+    share = np.minimum(1.0, v["cap"][0] / gauge)
+    force = v["hold"][0] * load * share * mu**2 * elastic
+    expected = v["inertia"] * (v["x"] - v["x_hat"]) - v["weight"] - load * n + force[0] * along + force[1] * left
+    out = run("point_force", point.LAYOUT, v)
+    assert_allclose(out[LOAD], load, rtol=1e-12)
+    assert_allclose(out[:3], expected, rtol=0, atol=1e-12)
+    friction = np.sqrt(np.sum((force / (mu * np.where(load > 0, v["hold"][0] * load, 1.0))) ** 2, axis=0))
+    assert (friction <= v["cap"][0] * (1 + 1e-12)).all(), "inside the set"
+    assert ((share < 1.0) & (load > 0.0)).sum() > 3
+
+
+def test_tangents_are_the_segment_projected_and_its_left() -> None:
+    """Orthonormal, in the tangent plane, along the segment; where that stands upright, along its upward normal."""
+    v = some_point(coupled=True, inside=False, seed=11)
+    upright = np.arange(COUNT) % 4 == 0
+    v["segment_tangent"] = np.where(upright, v["normal"], v["segment_tangent"])
+    v["segment_director"] = across(v["segment_tangent"], np.random.default_rng(3))
+    out = run("point_start", point.LAYOUT, v)[:8]
+    along, left = out[:3], out[3:6]
+    pointing = np.where(upright, np.cross(v["segment_tangent"], v["segment_director"], axis=0), v["segment_tangent"])
+    for a, b, expected in ((along, along, 1.0), (left, left, 1.0), (along, left, 0.0), (along, v["normal"], 0.0)):
+        assert_allclose(np.sum(a * b, axis=0), expected, rtol=0, atol=1e-12)
+    assert_allclose(np.cross(v["normal"], along, axis=0), left, rtol=0, atol=1e-12)
+    assert (np.sum(along * pointing, axis=0) > 0.0).all(), "towards the head"
+    assert_allclose(np.sum(left * pointing, axis=0), 0.0, rtol=0, atol=1e-12)
+    away = v["x"] - v["anchor"]
+    assert_allclose(out[6:], [np.sum(along * away, axis=0), np.sum(left * away, axis=0)], rtol=0, atol=1e-13)
+
+
+def test_start_of_a_step_is_that_of_the_equations() -> None:
+    """Presets of contact, friction and inertia; how deep a point gets is g + v.n dt below zero, where it approaches."""
+    v = some_point(coupled=True, inside=False, seed=12)
+    v["stiffness"][0, :4] = 0.0
+    out, layout = run("point_start", point.LAYOUT, v), point.LAYOUT
+    found = {name: out[layout.first(name) - layout.first("tangent") :][: layout.sizes[name]] for name in layout.sizes}
+    v |= {"slide_n": found["slide_n"], "depth_n": np.maximum(0.0, -v["distance"])}
+    speed = difference(v, found["x_hat"], v["past"])
+    closing = -np.sum(v["velocity"][:3] * v["normal"], axis=0)
+    strikes = (closing > 0.0) & (v["stiffness"][0] > 0.0)
+    assert 5 < strikes.sum() < COUNT - 5
+    expected = presets(v) | {
+        "inertia": v["mass"] / v["span"] ** 2,
+        "depth_n": v["depth_n"],
+        "distance_n": v["distance"],
+        "hold": v["grip"],
+        "load": v["load_n"],
+        "deep": np.where(strikes, closing * v["dt"] - v["distance"], 0.0),
+    }
+    for name, value in expected.items():
+        assert_allclose(found[name], value, rtol=1e-13, atol=1e-16, err_msg=name)
+    assert_allclose(difference(v, speed, v["velocity"]), 0.0, rtol=0, atol=1e-9)  # no acceleration
