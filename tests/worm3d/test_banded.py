@@ -2,18 +2,11 @@
 
 import numpy as np
 import pytest
+from bands import banded
 
-from worm3d.banded import WIDTH, B, cholesky_solve
+from worm3d.banded import B, cholesky_solve
 
 SIZES = [1, 2, 8, 12, 13, 33, 100]
-
-
-def banded(dense):
-    band = np.zeros((len(dense) + B, WIDTH))
-    for i, row in enumerate(dense):
-        for j in range(max(0, i - B), min(len(dense), i + B + 1)):
-            band[i, B + j - i] = row[j]
-    return band
 
 
 def random_band(n, seed):

@@ -2,20 +2,13 @@
 
 import numpy as np
 import pytest
+from bands import banded
 
 from worm3d.banded import WIDTH, B
 from worm3d.banded_lu import BLOCK, lu_factor, lu_solve
 
 SIZES = [*range(1, 15), 33, 35, 100, 205]
 GROUP = 13
-
-
-def banded(dense):
-    band = np.zeros((len(dense) + B, WIDTH))
-    for i, row in enumerate(dense):
-        for j in range(max(0, i - B), min(len(dense), i + B + 1)):
-            band[i, B + j - i] = row[j]
-    return band
 
 
 def coupled(n):

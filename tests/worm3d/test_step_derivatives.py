@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from bands import dense
 from numpy.testing import assert_allclose
 
 from worm3d import Friction, Plane, Worm
-from worm3d.banded import B
 from worm3d.banded_lu import lu_factor, lu_solve
 from worm3d.compiled import njit
 from worm3d.kernels import point
@@ -73,15 +73,6 @@ def soften(plant: Plant, rng: np.random.Generator) -> None:
     for name, value in values.items():
         first = layout.first(name)
         points[first : first + layout.sizes[name]] = value
-
-
-def dense(band: np.ndarray) -> np.ndarray:
-    size = len(band)
-    matrix = np.zeros((size, size))
-    for i in range(size):
-        for j in range(max(0, i - B), min(size, i + B + 1)):
-            matrix[i, j] = band[i, B + j - i]
-    return matrix
 
 
 @pytest.mark.parametrize("coupled", [False, True])

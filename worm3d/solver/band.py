@@ -21,8 +21,8 @@ from worm3d.solver.entry import kernel
 
 _OWN = segment.COORDINATES
 _BOTH = joint.COORDINATES
-STIFFNESS, FORCES = 8, 17
-"""First row of K in "point_out", and the number of its rows."""
+STIFFNESS, _ROWS = 8, 17
+"""First row of K in "point_out", its last rows, and the number of all of them."""
 
 
 @inner
@@ -87,7 +87,7 @@ def _exchange_one(core: Core, k: int) -> None:
     old, new = matrix(core.block, a.POINT_OUT), matrix(core.block, a.POINT_ANEW)
     lanes = old.shape[1] // POINTS
     slot, i = k // lanes, k % lanes
-    for r in range(STIFFNESS, FORCES):
+    for r in range(STIFFNESS, _ROWS):
         new[r, k], old[r, k] = new[r, k] - old[r, k], new[r, k]
     jacobian = address(core.block, a.JACOBIANS, i) + 8 * 3 * _OWN * slot
     more = address(core.block, a.POINT_ANEW, STIFFNESS) + 8 * k

@@ -1,0 +1,24 @@
+"""Matrices in bands, as `worm3d.banded` keeps them, and whole."""
+
+import numpy as np
+
+from worm3d.banded import WIDTH, B
+
+
+def banded(whole: np.ndarray) -> np.ndarray:
+    """Return the band of a matrix, shape (n + B, WIDTH)."""
+    band = np.zeros((len(whole) + B, WIDTH))
+    for i, row in enumerate(whole):
+        for j in range(max(0, i - B), min(len(whole), i + B + 1)):
+            band[i, B + j - i] = row[j]
+    return band
+
+
+def dense(band: np.ndarray) -> np.ndarray:
+    """Return the matrix of a band of n rows, shape (n, n)."""
+    size = len(band)
+    matrix = np.zeros((size, size))
+    for i in range(size):
+        for j in range(max(0, i - B), min(size, i + B + 1)):
+            matrix[i, j] = band[i, B + j - i]
+    return matrix
