@@ -76,7 +76,7 @@ class Visit:
 def main(
     out: Annotated[Path, typer.Option(help="Folder for worlds.md and worlds.png.")],
     duration: Annotated[float, typer.Option(help="Simulated in each world [s].")] = 8.0,
-    repeats: Annotated[int, typer.Option(help="Of which the fastest counts.")] = 5,
+    repeats: Annotated[int, typer.Option(help="Of which the fastest counts.")] = 20,
     force: Annotated[bool, typer.Option(help="Write into a folder that has something in it.")] = False,
 ) -> None:
     """Measure the default worm's step in worlds of all kinds."""
