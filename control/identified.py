@@ -6,11 +6,8 @@ of the runs.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
-import os
-import tempfile
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -19,13 +16,14 @@ import numpy as np
 
 from control.identification import Design, Identified
 from control.steering import Mechanism, Schedule
-from worm3d import Friction, Worm
-from worm3d.codegen.cache import default_folder
+from worm3d import Friction, Worm, cache
 
 FORMAT = 2
 """Of the files."""
+FOLDER, SUFFIX = "identified", ".map"
+"""In the user's cache."""
 SHIPPED = Path(__file__).parent / "identified_worms"
-"""Folder of the files that come with the package."""
+"""Folder of the files that come with the package, as `as_json` writes them."""
 
 GREATEST: dict[Mechanism, float] = {"hinge": 0.12, "bias": 0.06}
 """Steering up to which the default worm is identified: it stays on its feet with room to spare."""
@@ -62,43 +60,21 @@ def load(
     design : Design, optional
         The defaults if left out.
     """
-    name = f"{key(worm, ground or Friction(), schedule or Schedule(), design or Design())}.json"
-    for folder in (SHIPPED, _cache()):
-        if folder is not None and (folder / name).is_file():
-            with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-                return Identified.from_dict(json.loads((folder / name).read_text("utf-8")))
-    return None
+    name = key(worm, ground or Friction(), schedule or Schedule(), design or Design())
+    shipped = SHIPPED / f"{name}.json"
+    content = shipped.read_bytes() if shipped.is_file() else cache.load(cache.folder(FOLDER), name, SUFFIX)
+    return None if content is None else Identified.from_dict(json.loads(content))
 
 
 def store(identified: Identified, worm: Worm, ground: Friction, design: Design, folder: Path | None = None) -> bool:
     """Keep what was found, in the user's cache or another folder; return whether that was possible."""
-    home = folder if folder is not None else _cache()
-    if home is None:
-        return False
-    text = json.dumps(identified.as_dict(), indent=1, allow_nan=False)
-    try:
-        home.mkdir(mode=0o700, parents=True, exist_ok=True)
-        _write_whole(home / f"{key(worm, ground, identified.schedule, design)}.json", f"{text}\n")
-    except OSError:
-        return False
-    return True
+    name = key(worm, ground, identified.schedule, design)
+    return cache.store(folder or cache.folder(FOLDER), name, as_json(identified).encode(), SUFFIX)
 
 
-def _cache() -> Path | None:
-    kernels = default_folder()
-    return None if kernels is None else kernels.parent / "identified"
-
-
-def _write_whole(path: Path, text: str) -> None:
-    handle, aside = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.replace(aside, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.unlink(aside)
-        raise
+def as_json(identified: Identified) -> str:
+    """Return what was found as text, as the files that come with the package hold it."""
+    return json.dumps(identified.as_dict(), indent=1, allow_nan=False) + "\n"
 
 
 def _plain(value: Any) -> Any:

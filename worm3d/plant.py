@@ -80,9 +80,8 @@ def _of_mass_points() -> list[ca.Function]:
 @cache
 def entries() -> dict[str, Any]:
     """Return the compiled entries of the solver by name."""
-    announce()
     functions = {"evaluate": evaluate_entry, "solve": solve_entry, "step": step_entry}
-    return {name: cfunc(SIGNATURE, function) for name, function in functions.items()}
+    return {name: cfunc(SIGNATURE, function, missed=announce) for name, function in functions.items()}
 
 
 def _addresses(world: WorldKernel) -> NDArray[np.int64]:

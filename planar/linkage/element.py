@@ -18,9 +18,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
+from planar.compiled import njit
 from planar.linkage.worm import FloatArray
 
 BAND = 5
@@ -89,7 +89,7 @@ class Now(NamedTuple):
     """(N, 2) constant forces on the apexes along x."""
 
 
-@numba.njit(cache=True)
+@njit
 def normal_load(depth: float, depth_n: float, dt: float, k: float, c: float) -> float:
     """(G1): the normal force of one contact [N]."""
     stiff = k + c / dt
@@ -97,7 +97,7 @@ def normal_load(depth: float, depth_n: float, dt: float, k: float, c: float) -> 
     return load
 
 
-@numba.njit(cache=True)
+@njit
 def friction_gauge(
     s: float, s_n: float, dt: float, forward: float, backward: float, yield_gauge: float, gauge_damping: float
 ) -> tuple[float, float, float]:
@@ -107,7 +107,7 @@ def friction_gauge(
     return y, (forward if y > 0.0 else backward), r
 
 
-@numba.njit(cache=True)
+@njit
 def apex_gauge(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[float, float, float]:
     """Return y, mu and r of (G2) for apex j of segment i at x."""
     gauge: tuple[float, float, float] = friction_gauge(
@@ -122,7 +122,7 @@ def apex_gauge(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[fl
     return gauge
 
 
-@numba.njit(cache=True)
+@njit
 def evaluate(
     q: FloatArray, body: Body, contact: Contact, now: Now, coupled: bool, grad: FloatArray, band: FloatArray
 ) -> float:
@@ -160,7 +160,7 @@ def evaluate(
     return phi
 
 
-@numba.njit(cache=True)
+@njit
 def _joints(q: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray) -> float:
     """Inertia (P4), weight, viscous medium (P8) and external force of the joints."""
     phi = 0.0
@@ -177,7 +177,7 @@ def _joints(q: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatAr
     return phi
 
 
-@numba.njit(cache=True)
+@njit
 def _segment(
     i: int, q: FloatArray, length: float, t: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray
 ) -> float:
@@ -211,7 +211,7 @@ def _segment(
     return phi
 
 
-@numba.njit(cache=True)
+@njit
 def _apex(
     i: int,
     j: int,
@@ -256,7 +256,7 @@ def _apex(
     return phi
 
 
-@numba.njit(cache=True)
+@njit
 def _point(
     i: int, j: int, x: float, z: float, body: Body, contact: Contact, now: Now, coupled: bool
 ) -> tuple[float, float, float, float, float, float]:
@@ -286,7 +286,7 @@ def _point(
     return phi, fx, fz, kxx, kxz, kzz
 
 
-@numba.njit(cache=True)
+@njit
 def _friction(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[float, float, float]:
     """(G2) per unit of normal load: potential h, dh/dx and d2h/dx2."""
     d = now.direction[i]
@@ -297,7 +297,7 @@ def _friction(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[flo
     return cap * (rho - 0.5 * cap * r), d * cap * mu * np.sign(y), 0.0
 
 
-@numba.njit(cache=True)
+@njit
 def _torsion(
     j: int, length: FloatArray, t: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray
 ) -> float:
@@ -326,7 +326,7 @@ def _torsion(
     return phi
 
 
-@numba.njit(cache=True)
+@njit
 def _add_in_e(band: FloatArray, base: int, xx: float, xz: float, zz: float) -> None:
     """Add the Hessian of a function of e = p_{i+1} - p_i, whose blocks in (p_i, p_{i+1}) are [H, -H; -H, H]."""
     if band.shape[0] == 0:

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgbsv, dpbsv
 
+from planar.compiled import njit
 from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Contact, Now, apex_gauge, evaluate
 from planar.linkage.shape import apexes
 from planar.linkage.worm import FloatArray
@@ -162,7 +162,7 @@ def loads(q: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:
     return load
 
 
-@numba.njit(cache=True)
+@njit
 def _resting_points(q: FloatArray, direction: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:
     """Return the sorted step lengths in (0, 1) at which sliding contacts come to rest, to first order."""
     n, found = len(body.a), 0

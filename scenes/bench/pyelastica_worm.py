@@ -21,12 +21,12 @@ from importlib.metadata import version
 from typing import Any
 
 import elastica
-import numba
 import numpy as np
 from scipy.signal import lfilter
 
 from scenes.bench.rivals import SEARCH_SECONDS, Searching
 from scenes.bench.task import FloatArray, Task
+from worm3d.compiled import njit
 
 SLIP_SPEED = 3e-4
 """Below it friction is static [m/s]; a tenth of it changes the distance by 1 %."""
@@ -203,7 +203,7 @@ def _lagged(task: Task, dt: float, steps: int) -> FloatArray:
     return lagged
 
 
-@numba.njit(cache=True)
+@njit
 def _command(rest_strain: FloatArray, stiffness: FloatArray, contraction: FloatArray, k: FloatArray) -> None:
     """Set the rest strain and the stiffness of stretch of each element, (R1)."""
     for i in range(len(contraction)):
@@ -211,7 +211,7 @@ def _command(rest_strain: FloatArray, stiffness: FloatArray, contraction: FloatA
         stiffness[2, 2, i] = k[i] / (1.0 - contraction[i])
 
 
-@numba.njit(cache=True)
+@njit
 def _solve(below: FloatArray, diagonal: FloatArray, right: FloatArray) -> None:
     """Solve a symmetric tridiagonal system in place; below[i] couples i and i - 1."""
     for i in range(1, len(diagonal)):
@@ -223,7 +223,7 @@ def _solve(below: FloatArray, diagonal: FloatArray, right: FloatArray) -> None:
         right[i] = (right[i] - below[i + 1] * right[i + 1]) / diagonal[i]
 
 
-@numba.njit(cache=True)
+@njit
 def _damp_stretch(velocity: FloatArray, tangents: FloatArray, mass: FloatArray, damping: FloatArray) -> None:
     """Apply (R2) along the elements; `damping` is dt C, shape (N,) [N s^2/m]."""
     n = len(damping)
@@ -242,7 +242,7 @@ def _damp_stretch(velocity: FloatArray, tangents: FloatArray, mass: FloatArray, 
             velocity[a, i + 1] -= impulse[i] * tangents[a, i] / mass[i + 1]
 
 
-@numba.njit(cache=True)
+@njit
 def _damp_joints(omega: FloatArray, inverse_inertia: FloatArray, damping: FloatArray) -> None:
     """Apply (R2) to the joints, axis by axis; `damping` is dt C, shape (3, N-1) [N m s^2]."""
     n = damping.shape[1]

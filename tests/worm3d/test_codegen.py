@@ -16,7 +16,6 @@ from worm3d.codegen import (
     Kernel,
     Origin,
     UnsupportedError,
-    cache,
     compile_kernel,
     emit,
     evaluate,
@@ -355,7 +354,7 @@ def test_the_virtual_machine_steps_in_visibly(monkeypatch: pytest.MonkeyPatch) -
     kernels._LOADED.clear()
     monkeypatch.setenv("XDG_CACHE_HOME", "")
     monkeypatch.setattr(native, "compile_program", fail)
-    monkeypatch.setattr(cache, "load", lambda *_: None)
+    monkeypatch.setattr(kernels.cache, "load", lambda *_: None)
     with pytest.warns(FallbackWarning, match="'rhombus' runs on CasADi's virtual machine.*LLVM is unwell"):
         kernel = compile_kernel(function)
     assert (kernel.backend, kernel.origin) == ("casadi", Origin.VIRTUAL_MACHINE)

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
 from llvmlite import ir
 from numba.core import types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
+
+from worm3d.compiled import kept
 
 INT = ir.IntType(64)
 
@@ -45,7 +46,7 @@ def _pointer_and_shape(context: Any, builder: Any, signature: Any, args: Any, i:
 _invoke: Any = intrinsic(_type_invoke)
 
 
-@numba.njit(cache=True)
+@kept
 def evaluate(address: int, inputs: npt.NDArray[np.float64], outputs: npt.NDArray[np.float64], count: int) -> None:
     """Evaluate `count` instances of the kernel at `address`, in compiled code; arrays as for `Kernel.__call__`.
 
@@ -58,7 +59,7 @@ def evaluate(address: int, inputs: npt.NDArray[np.float64], outputs: npt.NDArray
         raise ValueError("kernel: the arrays have not the kernel's rows or not enough lanes (see Kernel.allocate)")
 
 
-@numba.njit(cache=True)
+@kept
 def evaluate_some(
     address: int, inputs: npt.NDArray[np.float64], outputs: npt.NDArray[np.float64], first: int, count: int
 ) -> None:

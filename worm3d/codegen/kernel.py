@@ -15,10 +15,13 @@ import casadi
 import numpy as np
 import numpy.typing as npt
 
-from worm3d.codegen import cache, machine, native, program
+from worm3d import cache
+from worm3d.codegen import machine, native, program
 from worm3d.codegen.emit import FINE
 
 FloatArray = npt.NDArray[np.float64]
+FOLDER = "kernels"
+"""In the cache."""
 Backend = Literal["llvm", "casadi"]
 ALIGNMENT = 64
 """Bytes of a cache line, and of the widest vector."""
@@ -129,7 +132,7 @@ def compile_kernel(
     backend : {"llvm", "casadi"}
         Native code, or CasADi's virtual machine. If LLVM fails, the virtual machine steps in with a `FallbackWarning`.
     folder : Path, optional
-        Of the cache on disk; default `cache.default_folder()`. Need not exist or be writeable.
+        Of the cache on disk; default `worm3d.cache.folder("kernels")`. Need not exist or be writeable.
     host : Host, optional
         Processor to compile for; default the one this runs on.
     notify : callable, optional
@@ -150,7 +153,7 @@ def compile_kernel(
     if backend == "casadi":
         return _virtual(function)
     try:
-        host, folder = host or native.this_host(), folder or cache.default_folder()
+        host, folder = host or native.this_host(), folder or cache.folder(FOLDER)
         code, origin, width = _native(function, folder, host, notify, padded)
     except program.UnsupportedError:
         raise

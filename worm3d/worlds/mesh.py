@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import struct
 from dataclasses import dataclass, field
@@ -14,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.codegen import cache as disk
+from worm3d import cache as disk
 from worm3d.compiled import cfunc
 from worm3d.worlds import distance_grid, mesh_file, mesh_kernel, mesh_spline, table
 from worm3d.worlds.base import WorldKernel
@@ -32,7 +31,7 @@ NODES = 1_000_000
 COARSER = 1.05
 """Steps in which such a cell is sought."""
 
-VERSION = b"worm3d grid 2"
+VERSION = b"worm3d grid 3"
 """Of what `distance_grid.filled` computes; a change of it makes grids on disk those of another version."""
 
 KEPT = 20
@@ -108,8 +107,7 @@ class Mesh:
             return _unpacked(kept)
         vertices, faces = self._triangles(path, data, scale)
         grid = distance_grid.filled(vertices, faces, self._cell(path.name, vertices))
-        disk.store(folder, key, _packed(grid))
-        _prune(folder)
+        disk.store(folder, key, _packed(grid), most=KEPT)
         return grid
 
     def _triangles(self, path: Path, data: bytes, scale: float) -> tuple[FloatArray, IntArray]:
@@ -225,18 +223,7 @@ def _unpacked(content: bytes) -> Grid:
 
 
 def _folder() -> Path | None:
-    kernels = disk.default_folder()
-    return None if kernels is None else kernels.parent / "grids"
-
-
-def _prune(folder: Path | None) -> None:
-    """Remove the oldest grids beyond `KEPT`; another process may have been quicker."""
-    dated = []
-    for path in folder.glob("*.kernel") if folder is not None else ():
-        with contextlib.suppress(OSError):
-            dated.append((path.stat().st_mtime, path))
-    for _, path in sorted(dated)[:-KEPT]:
-        path.unlink(missing_ok=True)
+    return disk.folder("grids")
 
 
 @cache

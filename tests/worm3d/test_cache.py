@@ -1,0 +1,280 @@
+"""Files of the cache: whatever happened to them, or whoever wrote them, the next process computes the same."""
+
+from __future__ import annotations
+
+import errno
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from numba.core.ccallback import CFunc
+from numba.core.sigutils import normalize_signature
+
+from worm3d import cache
+from worm3d.cache import files, trust
+from worm3d.cache.functions import SUFFIX, keep
+
+DAMAGES = 100
+KEY, CONTENT = "ab" * 32, bytes(range(256)) * 4
+AS_ROOT = os.geteuid() == 0
+
+
+@pytest.fixture(autouse=True)
+def home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(files, "_told", set())
+    return tmp_path / "worm3d"
+
+
+def damage(path: Path, random: np.random.Generator) -> str:
+    """Do one of those things to a file that discs, crashes and people do."""
+    content = path.read_bytes()
+    kind = str(random.choice(["flip", "cut", "empty", "zeros", "folder", "link", "fifo", "locked", "longer"]))
+    path.unlink()
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "link":
+        path.symlink_to("/dev/zero")
+    elif kind == "fifo":
+        os.mkfifo(path)
+    else:
+        at = int(random.integers(len(content)))
+        flipped = bytearray(content)
+        flipped[at] ^= 1 << int(random.integers(8))
+        changed = {
+            "flip": bytes(flipped),
+            "cut": content[:at],
+            "empty": b"",
+            "zeros": content[:at].ljust(2 * at, b"\0"),
+        }
+        changed |= {"longer": content + b"\0", "locked": content}
+        path.write_bytes(changed[kind])
+        path.chmod(0o000 if kind == "locked" else 0o600)
+    return kind
+
+
+def mend(path: Path, content: bytes) -> None:
+    path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
+    path.write_bytes(content)
+    path.chmod(0o600)
+
+
+def total(values: np.ndarray) -> float:
+    found = 0.0
+    for value in values:
+        found += value * value
+    return found
+
+
+def double(value: float) -> float:
+    return 2.0 * value
+
+
+def fresh() -> tuple[float, float, int]:
+    """Return what the two functions give as in a new process, and how many of them were compiled."""
+    missed: list[int] = []
+    array = keep(numba.njit(total), lambda: "1", lambda: missed.append(1))
+    number = keep(CFunc(double, normalize_signature("float64(float64)"), {}, {}), lambda: "1", lambda: missed.append(1))
+    number.compile()
+    return array(np.arange(4.0)), number.ctypes(1.5), len(missed)
+
+
+def test_what_is_kept_comes_back(home: Path) -> None:
+    assert cache.load(home / "kernels", KEY) is None
+    assert cache.store(home / "kernels", KEY, CONTENT)
+    assert cache.load(home / "kernels", KEY) == CONTENT
+    assert cache.load(home / "kernels", "cd" * 32) is None
+    for place in (home, home / "kernels"):
+        assert place.stat().st_mode & 0o777 == 0o700
+    (home / "kernels" / f"{KEY}.kernel").rename(home / "kernels" / f"{'cd' * 32}.kernel")
+    assert cache.load(home / "kernels", "cd" * 32) is None, "the checksum covers the key"
+
+
+def test_compiled_functions_are_kept(home: Path) -> None:
+    assert fresh() == (14.0, 3.0, 2)
+    assert fresh() == (14.0, 3.0, 0)
+    assert len(list((home / "compiled").iterdir())) == 2
+    other = keep(numba.njit(total), lambda: "2")
+    assert other(np.arange(3.0)) == 5.0
+    assert len(list((home / "compiled").iterdir())) == 3, "of other sources it is another function"
+
+
+def test_a_hundred_damages_change_no_result(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    random = np.random.default_rng(11)
+    fresh()
+    whole = {path: path.read_bytes() for path in (home / "compiled").iterdir()}
+    kinds = set()
+    for _ in range(DAMAGES):
+        path = random.choice(sorted(whole))
+        kinds.add(damage(path, random))
+        files._told.clear()
+        assert fresh()[:2] == (14.0, 3.0)
+        assert str(home / "compiled") in capsys.readouterr().err or kinds == {"locked"} or AS_ROOT
+        mend(path, whole[path])
+    assert len(kinds) == 9
+    assert fresh() == (14.0, 3.0, 0)
+    assert not list(home.rglob("*.part"))
+
+
+def test_a_hundred_damages_are_absence(home: Path) -> None:
+    random = np.random.default_rng(12)
+    path = home / "grids" / f"{KEY}.grid"
+    for _ in range(DAMAGES):
+        assert cache.store(path.parent, KEY, CONTENT, ".grid")
+        kind = damage(path, random)
+        assert cache.load(path.parent, KEY, ".grid") == (CONTENT if kind == "locked" and AS_ROOT else None), kind
+        if kind == "folder":
+            path.rmdir()
+
+
+@pytest.mark.parametrize("spoilt", ["worm3d", "worm3d/kernels", f"worm3d/kernels/{KEY}.kernel"])
+@pytest.mark.parametrize("mode", [0o020, 0o002])
+def test_what_others_may_write_is_refused(spoilt: str, mode: int, home: Path, capsys) -> None:
+    assert cache.store(home / "kernels", KEY, CONTENT)
+    place = home.parent / spoilt
+    place.chmod(place.stat().st_mode | mode)
+    assert cache.load(home / "kernels", KEY) is None
+    said = capsys.readouterr().err
+    assert f"worm3d: the cache {home / 'kernels'} is not used, everything is made anew each time: others may" in said
+    assert f"{place} (mode" in said
+    assert said.count("\n") == 1
+    assert f"chmod -R go-w {home}'" in said
+    assert cache.store(home / "kernels", KEY, CONTENT) == (place.is_file()), "a folder of doubt is not written either"
+
+
+@pytest.mark.skipif(not AS_ROOT, reason="only root can give files away")
+@pytest.mark.parametrize("spoilt", ["", "worm3d", "worm3d/kernels", f"worm3d/kernels/{KEY}.kernel"])
+def test_what_belongs_to_others_is_refused(spoilt: str, home: Path, capsys) -> None:
+    assert cache.store(home / "kernels", KEY, CONTENT)
+    os.chown(home.parent / spoilt, 12345, 0)
+    assert cache.load(home / "kernels", KEY) is None
+    assert "belongs to another user (12345); make it your own" in capsys.readouterr().err
+    assert cache.obstacle(home / "kernels") is None if spoilt.endswith(".kernel") else cache.obstacle(home / "kernels")
+
+
+def test_a_link_is_followed_where_nobody_else_can_set_one(home: Path, tmp_path: Path) -> None:
+    safe, open_to_all = tmp_path / "safe", tmp_path / "open"
+    safe.mkdir(mode=0o700)
+    open_to_all.mkdir()
+    open_to_all.chmod(0o777)
+    (tmp_path / "link").symlink_to(safe)
+    (open_to_all / "link").symlink_to(safe)
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    assert cache.store(tmp_path / "link" / "kernels", KEY, CONTENT)
+    assert cache.load(tmp_path / "link" / "kernels", KEY) == CONTENT
+    for way in ("open", "open/link", "loop"):
+        assert cache.load(tmp_path / way / "kernels", KEY) is None
+        assert not cache.store(tmp_path / way / "kernels", KEY, CONTENT)
+    open_to_all.chmod(0o1777)
+    assert cache.load(open_to_all / "link" / "kernels", KEY) == CONTENT, "as in /tmp"
+
+
+def test_a_home_that_its_private_group_may_write_to_is_safe(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    home.parent.chmod(0o770)
+    monkeypatch.setattr(trust, "_is_private", lambda group: True)
+    assert cache.store(home / "kernels", KEY, CONTENT)
+    monkeypatch.setattr(trust, "_is_private", lambda group: False)
+    assert not cache.store(home / "kernels", KEY, CONTENT)
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EDQUOT])
+def test_a_disc_that_refuses_is_told_once(number: int, home: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(files._Place, "open", refuse)
+    assert fresh() == fresh() == (14.0, 3.0, 2)
+    said = [line for line in capsys.readouterr().err.splitlines() if "nothing can be kept in the cache" in line]
+    assert len(said) == 1
+    assert f"{home / 'compiled'} ({os.strerror(number)})" in said[0]
+    assert cache.obstacle(home / "compiled") == f"{home / 'compiled'}: {os.strerror(number)}"
+
+
+def test_the_oldest_files_make_room_and_abandoned_ones_go(home: Path) -> None:
+    home.mkdir(mode=0o700)
+    for name, age in (("other.part", 7200.0), ("busy.part", 0.0)):
+        (home / name).write_text("half")
+        os.utime(home / name, (files.time.time() - age,) * 2)
+    for age, key in enumerate("abcd"):
+        assert cache.store(home, key, CONTENT, most=2)
+        os.utime(home / f"{key}.kernel", (age, age))
+    assert cache.store(home, "e", CONTENT, most=2)
+    assert sorted(path.name for path in home.iterdir()) == ["busy.part", "d.kernel", "e.kernel"]
+
+
+SCRIPT = r"""
+import os
+import sys
+import numba
+from worm3d.cache import obstacle, folder
+from worm3d.cache.functions import keep
+
+def double(value):
+    return 2.0 * value
+
+def compute():
+    missed = []
+    kept = keep(numba.njit(double), lambda: "1", lambda: missed.append(1))
+    line = f"{kept(1.5)} {obstacle(folder('compiled'))} {len(missed)}\n"
+    os.write(1, line.encode())
+
+numba.njit(lambda value: value)(1.0)  # what the compiler needs to begin, once for all
+reading, writing = os.pipe()
+for _ in range(int(sys.argv[1])):
+    if os.fork() == 0:
+        os.close(writing)
+        os.read(reading, 1)  # until the last one is there
+        compute()
+        os._exit(0)
+os.close(writing)
+while True:
+    try:
+        os.wait()
+    except ChildProcessError:
+        break
+"""
+
+
+def together(count: int, folder: Path, prepare: Callable[[], None] | None = None) -> tuple[list[str], str]:
+    """Return the lines of so many processes that compute at once, and what they complained of."""
+    script = folder / "script.py"
+    script.write_text(SCRIPT)
+    command = [sys.executable, "-W", "error", str(script), str(count)]
+    done = subprocess.run(command, text=True, preexec_fn=prepare, capture_output=True, timeout=300, check=True)
+    return done.stdout.splitlines(), done.stderr
+
+
+def test_eight_processes_at_once_keep_the_cache(home: Path, tmp_path: Path) -> None:
+    lines, errors = together(8, tmp_path)
+    assert {line.rsplit(maxsplit=1)[0] for line in lines} == {"3.0 None"}
+    assert (len(lines), errors) == (8, "")
+    assert len(list((home / "compiled").iterdir())) == 1, "one function, and nothing unfinished"
+    assert together(1, tmp_path) == (["3.0 None 0"], "")
+
+
+def test_a_process_that_may_write_no_file_computes_all_the_same(home: Path, tmp_path: Path) -> None:
+    def refuse() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+
+    lines, errors = together(1, tmp_path, refuse)
+    assert lines[0].startswith("3.0 ")
+    assert errors == (
+        f"worm3d: nothing can be kept in the cache {home / 'compiled'} (File too large); what it would keep is made "
+        "anew each time\n"
+    )
+    assert not list((home / "compiled").iterdir())
+
+
+def test_numba_keeps_nothing_by_itself() -> None:
+    """Its own cache is read unverified."""
+    root = Path(cache.__file__).parents[2]
+    sources = [path for name in ("worm3d", "planar", "control", "scenes") for path in (root / name).rglob("*.py")]
+    assert not [path for path in sources if "cache=True" in path.read_text()]
+    assert [path.name for path in sources if "pickle.load" in path.read_text()] == ["functions.py"]
+    assert SUFFIX == ".function"
