@@ -159,7 +159,7 @@ def view(
     live: Annotated[bool, typer.Option("--live", help="Run a scene and show it meanwhile; nothing is kept.")] = False,
     o: Overrides = None,
     speed: Annotated[float, typer.Option(min=0.01, max=1000.0, help="With --live: simulated over real time.")] = 1.0,
-    skin: Annotated[bool, typer.Option("--skin", help="Draw a smooth skin over the chambers.")] = False,
+    skin: Annotated[bool, typer.Option(help="Cover the worm with a smooth skin; without it: chambers, links.")] = True,
     no_open: Annotated[bool, typer.Option("--no-open", help="Only name the page.")] = False,
 ) -> None:
     """Open the page of a result in a browser, or watch a run while it goes on.

@@ -20,7 +20,7 @@ from scenes.record import Record
 from scenes.runner import EXIT_CODES, simulate
 
 
-def write_page(record: Record, path: Path, *, skin: bool = False) -> Path:
+def write_page(record: Record, path: Path, *, skin: bool = True) -> Path:
     """Write the page that plays a record, whole or not at all, and return its path.
 
     Raises

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from worm3d.result import Result
-from worm3d.scenery import Window, scenery
+from worm3d.scenery import Window, on_ground, scenery
 from worm3d.viewer import Frames
 from worm3d.viewer.frames import instants
 from worm3d.worlds import World
@@ -31,6 +31,9 @@ FPS = 25.0
 MOST_SEGMENTS = 12_000
 """Segments in all frames of a page together: one of a longer run, or of a longer worm, has fewer frames a second."""
 
+PATH_ABOVE, TRAIL_ABOVE = 0.004, 0.008
+"""Heights over the ground of the path to keep to and of the way of the centre of mass, in body lengths."""
+
 SERIES = (
     *("time", "joints", "points", "directors", "chamber_length", "com", "contact_force"),
     *("normal_load", "slip", "joint_load", "joint_slip"),
@@ -46,7 +49,7 @@ def draw(
     *,
     at: float | None = None,
     fps: float | None = None,
-    skin: bool = False,
+    skin: bool = True,
     reference: ArrayLike | None = None,
     horizon: ArrayLike | None = None,
     title: str = "worm3d",
@@ -67,9 +70,9 @@ def draw(
     fps : float, optional
         Frames a second of a page or movie; 25 if left out, fewer for long runs and long worms.
     skin : bool
-        Whether a page has a smooth skin over the chambers.
+        Whether a page shows the worm under a smooth skin; without, its chambers and links.
     reference : array_like, shape (P, 3), optional
-        Path that the worm was to follow [m].
+        Path that the worm was to follow; where there is ground below it, it is drawn there, as is the horizon [m].
     horizon : array_like, shape (T, H, 3), optional
         Points that a controller expected to pass, at the instants of the result [m].
     title : str
@@ -91,7 +94,7 @@ def show(
     result: Result,
     *,
     fps: float | None = None,
-    skin: bool = False,
+    skin: bool = True,
     reference: ArrayLike | None = None,
     horizon: ArrayLike | None = None,
     height: int = 520,
@@ -113,7 +116,7 @@ def show(
     )
 
 
-def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = False, title: str = "worm3d") -> None:
+def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = True, title: str = "worm3d") -> None:
     """Write frames, all of them, by the ending of the file; parameters and errors of `draw`."""
     require_ending(path)
     ending = path.suffix.lower()
@@ -182,6 +185,7 @@ def arrays(
     at: float | None = None,
     reference: ArrayLike | None = None,
     horizon: ArrayLike | None = None,
+    reference_speed: ArrayLike | None = None,
 ) -> Frames:
     """Return arrays of a run, stored or not, as plain arrays for pictures.
 
@@ -195,12 +199,19 @@ def arrays(
         Over which the speed shown is averaged [s].
     fps, at, reference, horizon
         As in `frames_of`.
+    reference_speed : array_like, shape (T,), optional
+        That a controller was to keep to, at the instants of the run [m/s].
     """
     rows = rows_shown(series["time"], worm.segments, fps, at)
     of = {name: series[name][rows] for name in SERIES}
-    points, joints = of["points"], of["joints"]
+    points, joints, com = of["points"], of["joints"], of["com"]
     places = np.concatenate([points[:, :, :6].reshape(-1, 3), joints.reshape(-1, 3)])
+    trail = on_ground(world, com, worm.length, above=TRAIL_ABOVE * worm.length)
     around = scenery(world, Window(places, worm.length))
+
+    def lowered(places: ArrayLike) -> FloatArray:
+        return on_ground(world, np.asarray(places, dtype=float), worm.length, above=PATH_ABOVE * worm.length)
+
     return Frames(
         time=of["time"],
         joints=joints,
@@ -208,13 +219,16 @@ def arrays(
         directors=of["directors"],
         chamber_strain=of["chamber_length"] / worm.l0 - 1.0,
         faces=points[:, :, 6:],
+        face_radius=np.asarray(worm.half_height)[[0, -1]] if worm.end_faces else None,
         contact_force=of["contact_force"],
         anchored=anchored(of),
-        com=of["com"],
+        com=com,
+        trail=None if np.array_equal(trail, com) else trail,
+        reference_speed=None if reference_speed is None else np.asarray(reference_speed, dtype=float)[rows],
         period=period,
-        path=None if reference is None else np.asarray(reference, dtype=float),
+        path=None if reference is None else lowered(reference),
         centreline=around.centreline,
-        horizon=None if horizon is None else np.asarray(horizon, dtype=float)[rows],
+        horizon=None if horizon is None else lowered(np.asarray(horizon, dtype=float)[rows]),
         world=around.meshes,
     )
 

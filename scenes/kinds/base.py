@@ -35,7 +35,7 @@ class Movie(Protocol):
 class View(Protocol):
     """Writes the page of a record."""
 
-    def __call__(self, record: Record, path: Path, *, skin: bool = False) -> None:
+    def __call__(self, record: Record, path: Path, *, skin: bool = True) -> None:
         """Write the page that shows a record in a browser."""
 
 

@@ -27,17 +27,18 @@ SPACING = 0.02
 
 
 class Overlay(TypedDict, total=False):
-    """Lines beside the worm."""
+    """What is shown beside the worm; arguments of `worm3d.pictures.arrays`."""
 
     reference: FloatArray
     horizon: FloatArray
+    reference_speed: FloatArray
 
 
 def overlay(record: Record, scene: ControlScene, rows: NDArray[np.bool_] | slice) -> Overlay:
-    """Return the path and, at the stored instants `rows`, the predicted way; what there is of them."""
-    from scenes.kinds.control_build import path_of  # imports the solvers
+    """Return the path and, at the stored instants `rows`, the predicted way and the speed asked for; what there is."""
+    from scenes.kinds.control_build import path_of, speed_of  # imports the solvers
 
-    lines: Overlay = {}
+    lines: Overlay = {"reference_speed": np.asarray(speed_of(scene.reference)(record["time"][rows]), dtype=float)}
     path = path_of(scene)
     if path is not None:
         lines["reference"] = _raised(drawn(path, record["com"][:, :2]), record, scene)

@@ -53,8 +53,8 @@ def frames_of(
     return pictures.arrays(series, worm_of(scene), world_of(scene.world), period, fps=fps, at=at, **more)
 
 
-def view(record: Record, path: Path, *, skin: bool = False) -> None:
-    """Write the page that plays a record in a browser, with a smooth skin over the chambers if wanted."""
+def view(record: Record, path: Path, *, skin: bool = True) -> None:
+    """Write the page that plays a record in a browser, under a smooth skin or as chambers and links."""
     from worm3d.viewer import write_html
 
     write_html(frames_of(record), path, fps=None, skin=skin, title=record.title)

@@ -20,7 +20,7 @@ def test_the_page_of_a_run_shows_the_worm_as_it_moves(worm3d, browser: Any, tmp_
     page = tmp_path / "x" / "viewer.html"
     assert f"x/{page.name}" in ended.out
     first, later, above = (
-        browser.picture(page, f"{state}&{BARE}") for state in ("t=0&camera=side", "t=1.5&camera=side", "t=0&camera=top")
+        browser.look(page, f"{state}&{BARE}") for state in ("t=0&camera=side", "t=1.5&camera=side", "t=0&camera=top")
     )
     for picture in (first, later, above):
         assert 0.005 < browser.worm_share(picture) < 0.4, "a worm, and no giant"

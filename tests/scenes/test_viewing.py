@@ -48,10 +48,10 @@ def test_the_page_of_a_result_is_opened(worm3d, result: Path, opened: list[str])
     assert opened == [(result / "viewer.html").as_uri()]
     page = (result / "viewer.html").read_text()
     assert "<title>Look &amp; see</title>" in page
-    assert '"name":"skin"' not in page
-    assert worm3d("view", "x/result.nc", "--skin", "--no-open").out == "x/viewer.html\n"
+    assert '"name":"skin"' in page
+    assert worm3d("view", "x/result.nc", "--no-skin", "--no-open").out == "x/viewer.html\n"
     assert len(opened) == 1
-    assert '"name":"skin"' in (result / "viewer.html").read_text()
+    assert '"name":"skin"' not in (result / "viewer.html").read_text()
 
 
 def test_without_a_screen_the_page_is_only_named(

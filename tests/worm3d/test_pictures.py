@@ -104,8 +104,24 @@ def test_a_reference_and_a_horizon_are_shown_at_the_same_instants(crawled: worm3
     ahead = crawled.com[:, None] + np.array([[0.1, 0.0, 0.0], [0.2, 0.0, 0.0]])
     frames = pictures.frames_of(crawled, fps=10.0, reference=[[0, 0, 0], [1, 0, 0]], horizon=ahead)
     assert frames.horizon is not None
-    assert_allclose(frames.horizon, ahead[::10])
-    assert_array_equal(frames.path, [[0, 0, 0], [1, 0, 0]])
+    assert_allclose(frames.horizon[..., :2], ahead[::10, :, :2])
+    assert_allclose(frames.horizon[..., 2], pictures.PATH_ABOVE, atol=1e-4)
+    assert_allclose(frames.path, [[0, 0, pictures.PATH_ABOVE], [1, 0, pictures.PATH_ABOVE]], atol=1e-4)
+
+
+def test_the_trail_lies_on_the_ground_as_the_path_does(crawled: worm3d.Result) -> None:
+    frames = pictures.frames_of(crawled, fps=10.0, reference=crawled.com)
+    assert frames.trail is not None
+    assert frames.com is not None
+    assert frames.path is not None
+    assert_array_equal(frames.trail[:, :2], frames.com[:, :2])
+    assert_allclose(frames.trail[:, 2], pictures.TRAIL_ABOVE, atol=1e-4)
+    assert_allclose(frames.path[::10, 2], pictures.PATH_ABOVE, atol=1e-4)
+    assert_array_equal(frames.com, crawled.com[::10])
+    assert frames.face_radius is not None
+    assert_array_equal(frames.face_radius, [0.05, 0.05])
+    joints = np.linalg.norm(crawled.points[:, [0, -1], [6, 7]] - crawled.joints[:, [0, -1]], axis=2)
+    assert_allclose(joints, 0.05, rtol=1e-4, err_msg="the discs that are drawn are those that touch")
 
 
 @pytest.mark.parametrize(

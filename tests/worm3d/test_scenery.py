@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 import worm3d
-from worm3d.scenery import Window, scenery, tile_size
+from worm3d.scenery import Window, on_ground, scenery, tile_size
 from worm3d.viewer import WorldMesh, banded_pipe, chequered, heightfield
 from worm3d.worlds import World
 
@@ -195,3 +195,36 @@ def test_a_mesh_of_too_many_triangles_is_drawn_from_its_distance(
     seen = scenery(world, AROUND).meshes
     assert [mesh.name for mesh in seen] == ["terrain", "terrain, dark"]
     assert np.abs(world.distance(triangles(seen).reshape(-1, 3))).max() < 0.01
+
+
+def test_lines_are_drawn_on_the_ground_below_them() -> None:
+    rng = np.random.default_rng(3)
+    places = rng.uniform([0.2, -0.5, 0.0], [1.5, 0.5, 0.1], (50, 3))
+    for slope in (0.0, 0.3, 1.0):
+        world = worm3d.Plane(slope=slope, heading=0.4)
+        above = places + np.outer(np.tan(slope) * (places[:, :2] @ [np.cos(0.4), np.sin(0.4)]), [0.0, 0.0, 1.0])
+        lowered = on_ground(world, above, 1.0)
+        assert_allclose(lowered[:, :2], above[:, :2], atol=0.0)
+        assert_allclose(world.distance(lowered), 0.0, atol=1e-4)
+        raised = on_ground(world, above - [0.0, 0.0, 0.2], 1.0, above=0.01)
+        assert_allclose(raised[:, 2] - lowered[:, 2], 0.01, atol=1e-3, err_msg="what is below comes up")
+
+
+def test_lines_in_a_pipe_lie_on_its_bottom_and_stay_where_there_is_none() -> None:
+    line = worm3d.Centreline.through([(0.0, 0.0, 0.0), (2.0, 0.0, 0.0)])
+    along = np.column_stack([np.linspace(0.2, 1.8, 9), np.full(9, 0.03), np.full(9, -0.02)])
+    lowered = on_ground(worm3d.Pipe(line, radius=0.1), along, 1.0)
+    assert_allclose(lowered[:, 2], -np.sqrt(0.1**2 - 0.03**2), atol=2e-4)
+    upright = worm3d.Centreline.through([(0.0, 0.0, 0.0), (0.0, 0.0, 2.0)])
+    climbing = np.column_stack([np.full(9, 0.03), np.zeros(9), np.linspace(0.2, 1.8, 9)])
+    assert_array_equal(on_ground(worm3d.Pipe(upright, radius=0.1), climbing, 1.0), climbing)
+    assert_array_equal(on_ground(None, climbing, 1.0), climbing)
+    assert_array_equal(on_ground(worm3d.Plane(), climbing + [0.0, 0.0, 5.0], 1.0), climbing + [0.0, 0.0, 5.0])
+
+
+def test_lines_on_rubble_follow_the_stones() -> None:
+    field = worm3d.Heightfield.rubble(2.0, 1.0, 0.02, height=0.02, size=0.15)
+    places = np.column_stack([np.linspace(0.4, 1.6, 30), np.full(30, 0.1), np.full(30, 0.08)])
+    lowered = on_ground(field, places, 1.0)
+    assert_allclose(lowered[:, 2], field.height(lowered[:, :2]), atol=2e-4)
+    assert np.ptp(lowered[:, 2]) > 0.002

@@ -6,5 +6,6 @@ from its signed distance.
 
 from worm3d.scenery import mesh, pipe, plane, terrain, union
 from worm3d.scenery.base import Scenery, Window, scenery, tile_size
+from worm3d.scenery.ground import on_ground
 
-__all__ = ["Scenery", "Window", "mesh", "pipe", "plane", "scenery", "terrain", "tile_size", "union"]
+__all__ = ["Scenery", "Window", "mesh", "on_ground", "pipe", "plane", "scenery", "terrain", "tile_size", "union"]

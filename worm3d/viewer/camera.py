@@ -1,4 +1,4 @@
-"""Where the camera stands that looks at the worm from ahead, inside the pipe."""
+"""What cameras go by: which way the worm heads, where the floor is, and the place inside the pipe ahead of it."""
 
 from __future__ import annotations
 
@@ -6,12 +6,38 @@ import numpy as np
 
 from worm3d.viewer.arrays import FloatArray
 from worm3d.viewer.frames import Frames
+from worm3d.viewer.world import WorldMesh
 
 AHEAD = 0.4
 """Distance of the camera inside a pipe from the head, in body lengths."""
 
 FRONT = (0.9, 0.3)
 """Where there is no pipe it stands so far ahead of the head, and so far above it, in body lengths."""
+
+
+def azimuths(frames: Frames) -> FloatArray:
+    """Return the heading in every frame, a mean over the period, since a wave sways the worm, shape (T,) [rad].
+
+    It is that of the chord from tail to head; while this is upright, the one before.
+    """
+    chord = frames.joints[:, -1] - frames.joints[:, 0]
+    level = np.linalg.norm(chord[:, :2], axis=1) > 0.05 * np.linalg.norm(chord, axis=1)
+    first = float(np.arctan2(*frames.heading[1::-1]))
+    angle = np.unwrap([first, *np.arctan2(chord[level, 1], chord[level, 0])])
+    return frames.mean_over_period(angle[np.cumsum(level)])
+
+
+def floor(world: tuple[WorldMesh, ...]) -> FloatArray | None:
+    """Return the plane z = a + b x + c y through what one cannot see through, as (a, b, c); None if there is no such.
+
+    It is level where what is there is not wide enough to say how it tilts.
+    """
+    solid = [mesh.vertices for mesh in world if mesh.opacity == 1.0 and len(mesh.vertices)]
+    if not solid:
+        return None
+    points = np.concatenate(solid)
+    matrix = np.column_stack([np.ones(len(points)), points[:, :2]])
+    return np.asarray(np.linalg.lstsq(matrix, points[:, 2], rcond=1e-9)[0])
 
 
 def inside(frames: Frames) -> tuple[FloatArray, FloatArray]:

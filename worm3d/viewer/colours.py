@@ -12,6 +12,7 @@ REST: Colour = (0.96, 0.80, 0.69)
 LONGER: Colour = (0.14, 0.36, 0.78)
 
 LINK: Colour = (0.27, 0.29, 0.34)
+FACE: Colour = (0.36, 0.30, 0.34)
 SKIN: Colour = (0.89, 0.58, 0.53)
 FORCE: Colour = (0.95, 0.55, 0.05)
 ANCHOR: Colour = (0.05, 0.62, 0.30)

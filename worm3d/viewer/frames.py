@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from worm3d.viewer.arrays import FloatArray, Shape, check_shape, frozen
 from worm3d.viewer.world import WorldMesh
 
-_PER_FRAME: dict[str, Shape] = {
+_ARRAYS: dict[str, Shape] = {
     "time": ("T",),
     "directors": ("T", "N", 3),
     "joints": ("T", "N+1", 3),
@@ -20,6 +20,9 @@ _PER_FRAME: dict[str, Shape] = {
     "faces": ("T", "N", 2, 3),
     "contact_force": ("T", "N", "K", 3),
     "com": ("T", 3),
+    "trail": ("T", 3),
+    "reference_speed": ("T",),
+    "face_radius": (2,),
     "horizon": ("T", "H", 3),
 }
 _SIDE = np.array([1.0, -1.0])
@@ -48,8 +51,14 @@ class Frames:
         Forces of the world on the K contact points of a segment, its 6 apexes and then its faces, if given [N].
     anchored : ndarray of bool, shape (T, N, K), optional
         Which of them stick.
+    face_radius : ndarray, shape (2,), optional
+        Of the discs across the tail and the head on which the worm stands with its ends; it has none without [m].
     com : ndarray, shape (T, 3), optional
-        Centre of mass [m]; gives the trail and the speed.
+        Centre of mass [m]; gives the speed.
+    trail : ndarray, shape (T, 3), optional
+        Way of the centre of mass as it is drawn, e.g. on the ground; `com` itself if left out [m].
+    reference_speed : ndarray, shape (T,), optional
+        What a controller was to keep to, shown beside the speed [m/s].
     period : float, optional
         Commanded period [s]: the speed shown is an average over it, since a wave rocks the centre of mass.
     path : ndarray, shape (P, 3), optional
@@ -75,7 +84,10 @@ class Frames:
     faces: FloatArray | None = None
     contact_force: FloatArray | None = None
     anchored: NDArray[np.bool_] | None = None
+    face_radius: FloatArray | None = None
     com: FloatArray | None = None
+    trail: FloatArray | None = None
+    reference_speed: FloatArray | None = None
     period: float | None = None
     path: FloatArray | None = None
     centreline: FloatArray | None = None
@@ -84,7 +96,7 @@ class Frames:
 
     def __post_init__(self) -> None:
         sizes = {"K": 6 if self.faces is None else 8}
-        for name, shape in _PER_FRAME.items():
+        for name, shape in _ARRAYS.items():
             if getattr(self, name) is not None:
                 self._set(name, frozen(name, getattr(self, name), shape, sizes))
         if min(sizes["T"], sizes["N"]) < 1:
@@ -94,6 +106,7 @@ class Frames:
         self._set_line("centreline")
         self._set("world", tuple(_as_mesh(mesh) for mesh in self.world))
         self._check_time()
+        self._check_face_radius()
         self._check_frame()
         self._check_apexes()
 
@@ -124,6 +137,10 @@ class Frames:
             raise ValueError(f"time: got {self.time[k]:g} s and then {self.time[k + 1]:g} s, must increase")
         if self.period is not None and not (np.isfinite(self.period) and self.period > 0.0):
             raise ValueError(f"period: got {self.period!r}, must be finite and above 0 [s]")
+
+    def _check_face_radius(self) -> None:
+        if self.face_radius is not None and not (self.face_radius > 0.0).all():
+            raise ValueError(f"face_radius: got {self.face_radius}, must be above 0, or None without end faces [m]")
 
     def _check_frame(self) -> None:
         edges = np.diff(self.joints, axis=1)
@@ -182,6 +199,11 @@ class Frames:
         return self.joints.mean(axis=1) if self.com is None else self.com
 
     @property
+    def way(self) -> FloatArray | None:
+        """Where the way of the centre of mass is drawn: `trail`, or else `com`, shape (T, 3) [m]."""
+        return self.com if self.trail is None else self.trail
+
+    @property
     def heading(self) -> FloatArray:
         """Horizontal unit direction of the first frame's chord from tail to head, shape (3,); +x if it is vertical."""
         chord = self.joints[0, -1] - self.joints[0, 0]
@@ -203,18 +225,35 @@ class Frames:
 
     @property
     def speed(self) -> FloatArray | None:
-        """Speed of the centre of mass, averaged over `period` (the frames at hand near the ends), shape (T,) [m/s]."""
+        """Speed of the centre of mass, a mean over `speed_window`, shape (T,) [m/s]."""
         if self.com is None or len(self) < 2:
             return None
-        half = 0.5 * max(self.period or 0.0, 2.0 * float(np.diff(self.time).max()))
-        before, after = np.maximum(self.time - half, self.time[0]), np.minimum(self.time + half, self.time[-1])
+        before, after = self.speed_window
         moved = [np.interp(after, self.time, x) - np.interp(before, self.time, x) for x in self.com.T]
         return np.asarray(np.linalg.norm(moved, axis=0) / (after - before))
+
+    @property
+    def speed_window(self) -> tuple[FloatArray, FloatArray]:
+        """From when to when `speed` is a mean: half a `period` to either side, less near the ends, each (T,) [s]."""
+        half = 0.5 * max(self.period or 0.0, 2.0 * float(np.diff(self.time).max(initial=0.0)))
+        return np.maximum(self.time - half, self.time[0]), np.minimum(self.time + half, self.time[-1])
+
+    def mean_over_period(self, values: FloatArray) -> FloatArray:
+        """Return means of values, shape (T,), over half a `period` to both sides; less to both near the ends."""
+        ends = np.minimum(self.time - self.time[0], self.time[-1] - self.time)
+        half = np.minimum(ends, 0.5 * (self.period or 0.0))
+        inside = half > 0.0
+        if not inside.any():
+            return values
+        steps = 0.5 * (values[1:] + values[:-1]) * np.diff(self.time)
+        integral = np.concatenate([[0.0], np.cumsum(steps)])
+        after, before = (np.interp(self.time + side * half, self.time, integral) for side in (1.0, -1.0))
+        return np.where(inside, (after - before) / np.where(inside, 2.0 * half, 1.0), values)
 
     def take(self, indices: Sequence[int]) -> Frames:
         """Return some of the frames, in the order of `indices`, which must increase."""
         rows = np.asarray(indices, dtype=int)
-        names = [f.name for f in fields(self) if f.name in _PER_FRAME or f.name == "anchored"]
+        names = [f.name for f in fields(self) if "T" in _ARRAYS.get(f.name, ()) or f.name == "anchored"]
         return replace(self, **{name: getattr(self, name)[rows] for name in names if getattr(self, name) is not None})
 
     def at_rate(self, fps: float) -> Frames:

@@ -17,12 +17,13 @@ from worm3d.viewer import camera, colours, pieces
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import Piece
 from worm3d.viewer.pieces import LAYERS, TRAIL_SIDES, Scales
-from worm3d.viewer.skin import skin as make_skin
+from worm3d.viewer.skin import ALONG, AROUND, LEFT, Skin
 
 _SWATCHES = {
     "links": colours.LINK,
     "chambers": colours.REST,
     "skin": colours.SKIN,
+    "faces": colours.FACE,
     "forces": colours.FORCE,
     "anchors": colours.ANCHOR,
     "trail": colours.TRAIL,
@@ -36,14 +37,14 @@ def write_html(
     path: str | Path,
     *,
     fps: float | None = 25.0,
-    skin: bool = False,
+    skin: bool = True,
     play: bool = False,
     title: str = "worm3d",
 ) -> None:
     """Write the run as one HTML file that needs nothing else; the same frames give the same bytes.
 
     An address may say what is seen first:
-    `viewer.html#t=2.5&camera=top&hide=links,world&show=skin&world=0.3&play=1&bare=1`; cameras are side, top, follow
+    `viewer.html#t=2.5&camera=top&hide=skin,trail&show=links&world=0.3&play=1&bare=1`; cameras are side, top, follow
     and inside, layers those of `LAYERS`, `world` is its opacity (0.5 as given), `bare` leaves the scene alone.
 
     Parameters
@@ -54,7 +55,8 @@ def write_html(
     fps : float or None
         Frames a second that are taken of the run, None: all; between them things move on straight lines.
     skin : bool
-        Whether a smooth skin is drawn over the chambers.
+        Whether a smooth skin covers the worm, which can be taken off to see chambers and links; or they are seen from
+        the start, and there is no skin.
     play : bool
         Whether it plays when it is opened.
     title : str
@@ -64,7 +66,7 @@ def write_html(
 
 
 def html(
-    frames: Frames, *, fps: float | None = 25.0, skin: bool = False, play: bool = False, title: str = "worm3d"
+    frames: Frames, *, fps: float | None = 25.0, skin: bool = True, play: bool = False, title: str = "worm3d"
 ) -> str:
     """Return what `write_html` writes."""
     shown = frames if fps is None else frames.at_rate(fps)
@@ -75,13 +77,14 @@ def html(
         *pieces.way(shown),
         *pieces.world(shown.world),
     ]
-    if skin:
-        parts.append(make_skin(shown))
+    cover = Skin.of(shown, scales.strain) if skin else None
+    if cover is not None:
+        parts.append(cover.piece())
     return _page(
         title=escape(title),
         style=_resource("viewer.css"),
         meshcat=_meshcat_script(),
-        scene=json.dumps(_scene(shown, parts, scales, play), separators=(",", ":"), allow_nan=False).replace(
+        scene=json.dumps(_scene(shown, parts, scales, cover, play), separators=(",", ":"), allow_nan=False).replace(
             "<", "\\u003c"
         ),
         commands="\n".join(base64.b64encode(message).decode("ascii") for message in commands(shown, parts)),
@@ -116,11 +119,12 @@ def _meshcat_script() -> str:
     return recorder.script()
 
 
-def _scene(frames: Frames, parts: list[Piece], scales: Scales, play: bool) -> dict[str, Any]:
+def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None, play: bool) -> dict[str, Any]:
     """Return what the page knows besides meshcat's commands."""
     eye, look = camera.inside(frames)
     low, high = frames.extent
-    speed = frames.speed
+    ahead = frames.heading
+    speed, azimuth, ground = frames.speed, camera.azimuths(frames), camera.floor(frames.world)
     return {
         "time": _floats(frames.time - frames.time[0]),
         "start": float(frames.time[0]),
@@ -128,13 +132,18 @@ def _scene(frames: Frames, parts: list[Piece], scales: Scales, play: bool) -> di
         "eye": _floats(eye),
         "look": _floats(look),
         "speed": None if speed is None else _floats(speed),
+        "period": frames.period,
+        "reference_speed": None if frames.reference_speed is None else _floats(frames.reference_speed),
+        "azimuth": _floats(azimuth - np.arctan2(ahead[1], ahead[0])),
+        "floor": None if ground is None else ground.tolist(),
         "centreline": frames.centreline is not None,
-        "heading": frames.heading.tolist(),
+        "heading": ahead.tolist(),
         "size": _size(frames),
         "tall": float(np.ptp(frames.apexes[..., 2].reshape(len(frames), -1), axis=1).max()),
         "low": low.tolist(),
         "high": high.tolist(),
-        "layers": _layers(parts),
+        "layers": _layers(parts, " on the ground" if frames.way is not frames.com else ""),
+        "skin": None if skin is None else _skin(skin),
         "trail": _trail(frames, parts),
         "legend": _legend(frames, scales),
         "play": play,
@@ -147,20 +156,38 @@ def _size(frames: Frames) -> float:
     return float(np.linalg.norm(high - low))
 
 
-def _layers(parts: list[Piece]) -> list[dict[str, Any]]:
+def _skin(skin: Skin) -> dict[str, Any]:
+    """Return what the page makes the skin of: the sections, and the weights of their points and colours."""
+    return {
+        "sections": _floats(skin.sections),
+        "tint": _floats(skin.tint),
+        "along": ALONG.tolist(),
+        "around": AROUND.tolist(),
+        "left": LEFT.tolist(),
+    }
+
+
+def _layers(parts: list[Piece], where: str) -> list[dict[str, Any]]:
+    """Return the switches; what the skin covers is switched off. `where` says where the trail is drawn."""
     present = {part.layer for part in parts}
+    covered = ("links", "chambers") if "skin" in present else ()
     world = next((part.colour for part in parts if part.layer == "world"), (1.0, 1.0, 1.0))
     return [
-        {"name": name, "label": label, "colour": colours.as_hex(_SWATCHES.get(name, world)), "visible": True}
+        {
+            "name": name,
+            "label": label + where * (name == "trail"),
+            "colour": colours.as_hex(_SWATCHES.get(name, world)),
+            "visible": name not in covered,
+        }
         for name, label in LAYERS.items()
         if name in present
     ]
 
 
 def _trail(frames: Frames, parts: list[Piece]) -> dict[str, Any] | None:
-    if frames.com is None or not any(part.layer == "trail" for part in parts):
+    if frames.way is None or not any(part.layer == "trail" for part in parts):
         return None
-    return {"rings": pieces.trail_rings(frames.com, frames.body_length)[1], "faces": 2 * TRAIL_SIDES}
+    return {"rings": pieces.trail_rings(frames.way, frames.body_length)[1], "faces": 2 * TRAIL_SIDES}
 
 
 def _legend(frames: Frames, scales: Scales) -> dict[str, Any]:

@@ -42,7 +42,7 @@ class NotebookView:
 
 
 def show(
-    frames: Frames, *, height: int = 520, fps: float | None = 25.0, skin: bool = False, play: bool = False
+    frames: Frames, *, height: int = 520, fps: float | None = 25.0, skin: bool = True, play: bool = False
 ) -> NotebookView:
     """Return the run for the end of a notebook cell; `fps`, `skin` and `play` as in `write_html`.
 

@@ -200,8 +200,8 @@ class _View:
         self._world.set_segments(self._cuts(frames.world, index))
         if view.up[2] > 0.0:
             self._ground.set_verts([_down(line, self._axes.get_ylim()[0]) for line in self._cuts(self._grounds, index)])
-        if frames.com is not None:
-            self._trail.set_data(*view.points(frames.com[: index + 1]).T)
+        if frames.way is not None:
+            self._trail.set_data(*view.points(frames.way[: index + 1]).T)
         if frames.horizon is not None:
             self._horizon.set_data(*view.points(frames.horizon[index]).T)
         if frames.anchored is not None:

@@ -36,6 +36,8 @@ class Piece:
         Colour in every frame.
     stepped : bool
         Whether the scale changes at the frames, not between them.
+    paint : ndarray, shape (V, 3), optional
+        Colours of the vertices, in the place of `colour`.
     """
 
     path: str
@@ -48,6 +50,7 @@ class Piece:
     scale: FloatArray | None = None
     tint: FloatArray | None = None
     stepped: bool = False
+    paint: FloatArray | None = None
 
     @property
     def layer(self) -> str:
@@ -71,20 +74,3 @@ class Piece:
             return self.colour
         red, green, blue = (float(part) for part in self.tint[frame])
         return red, green, blue
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Skin(Piece):
-    """A mesh whose vertices move: at `shape_time` they are where `shapes` says, and on straight lines in between.
-
-    Attributes
-    ----------
-    shapes, normals : ndarray, shape (M, V, 3)
-        Vertices [m] and unit normals.
-    shape_time : ndarray, shape (M,)
-        [s].
-    """
-
-    shapes: FloatArray
-    normals: FloatArray
-    shape_time: FloatArray

@@ -15,13 +15,14 @@ from worm3d.viewer.tube import Mesh, tube
 from worm3d.viewer.world import Colour, WorldMesh
 
 LAYERS = {
-    "links": "links",
-    "chambers": "chambers",
     "skin": "skin",
+    "faces": "end faces",
+    "chambers": "chambers",
+    "links": "links",
     "forces": "contact forces",
     "anchors": "anchored",
-    "trail": "trail",
-    "path": "path",
+    "trail": "trail (centre of mass)",
+    "path": "path to keep to",
     "horizon": "horizon",
     "world": "world",
 }
@@ -29,6 +30,8 @@ LAYERS = {
 
 FULLNESS = 0.74
 """Semi-axes of a chamber's ellipsoid over half the diagonals of its linkage; 0.71 touches the links."""
+FACE_THICKNESS = 0.05
+"""Of the discs at the ends, over their radius; they are thick outwards, beyond the face that touches."""
 ARROW = 0.2
 """Length of the arrow of `Scales.force` in body lengths, roughly: it is 1, 2 or 5 times a power of ten [m]."""
 TRAIL_SIDES = 6
@@ -75,10 +78,10 @@ def rounded_up(value: float) -> float:
 
 
 def worm(frames: Frames, scales: Scales) -> list[Piece]:
-    """Return the links and the chambers."""
+    """Return the links, the chambers and the end faces."""
     body = Body.of(frames)
     thick = 0.055 * float(body.height[0].mean())
-    return [*_links(body.links(frames), thick), *_chambers(body, frames.chamber_strain, scales)]
+    return [*_links(body.links(frames), thick), *_chambers(body, frames.chamber_strain, scales), *_faces(frames, body)]
 
 
 def _links(bars: Bars, thick: float) -> list[Piece]:
@@ -113,6 +116,23 @@ def _chambers(body: Body, strain: FloatArray, scales: Scales) -> list[Piece]:
         )
         for i in range(strain.shape[1])
         for c in range(2)
+    ]
+
+
+def _faces(frames: Frames, body: Body) -> list[Piece]:
+    """Return the discs on which the worm stands with its tail and its head."""
+    if frames.face_radius is None:
+        return []
+    ends = (("tail", 0, -1.0), ("head", -1, 1.0))
+    return [
+        Piece(
+            path=f"faces/{name}",
+            mesh=shapes.disc(float(radius), FACE_THICKNESS * float(radius)),
+            colour=colours.FACE,
+            position=frames.joints[:, end],
+            quaternion=rotation.y_onto(outwards * body.t[:, end], body.d[:, end]),
+        )
+        for (name, end, outwards), radius in zip(ends, frames.face_radius, strict=True)
     ]
 
 
@@ -171,11 +191,11 @@ def _dots(places: FloatArray, radius: FloatArray) -> list[Piece]:
 
 
 def way(frames: Frames) -> list[Piece]:
-    """Return the trail of the centre of mass, the reference path and the controller's horizon."""
+    """Return the way of the centre of mass, the reference path and the controller's horizon."""
     pieces = []
     size = frames.body_length
-    if frames.com is not None:
-        points = frames.com[trail_rings(frames.com, size)[0]]
+    if frames.way is not None:
+        points = frames.way[trail_rings(frames.way, size)[0]]
         if len(points) > 1:
             mesh = tube(points, 0.004 * size, sides=TRAIL_SIDES, capped=False)
             pieces.append(Piece(path="trail/com", mesh=mesh, colour=colours.TRAIL))

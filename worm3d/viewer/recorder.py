@@ -16,7 +16,7 @@ import numpy as np
 
 from worm3d.viewer.arrays import FloatArray
 from worm3d.viewer.colours import as_number
-from worm3d.viewer.piece import Piece, Skin
+from worm3d.viewer.piece import Piece
 
 with warnings.catch_warnings():
     # It imports zmq.eventloop.ioloop, which warns of its age.
@@ -32,7 +32,6 @@ with warnings.catch_warnings():
         Object,
         Texture,
         TriangularMeshGeometry,
-        pack_numpy_array,
     )
 
 _DISCRETE = 2300
@@ -96,23 +95,6 @@ def _replaced(value: Any, known: dict[str, str]) -> Any:
     if isinstance(value, list) and value and isinstance(value[0], dict):
         return [_replaced(part, known) for part in value]
     return known.get(value, value) if isinstance(value, str) else value
-
-
-class _SkinGeometry(TriangularMeshGeometry):  # type: ignore[misc]  # meshcat has no types
-    """A mesh with morph targets, which meshcat's viewer knows and its Python side does not."""
-
-    def __init__(self, skin: Skin) -> None:
-        super().__init__(skin.shapes[0], skin.mesh.faces)
-        self.skin = skin
-
-    def lower(self, object_data: dict[str, Any]) -> dict[str, Any]:
-        result: dict[str, Any] = super().lower(object_data)
-        result["data"]["attributes"]["normal"] = _packed(self.skin.normals[0])
-        result["data"]["morphAttributes"] = {
-            "position": [_packed(shape) for shape in self.skin.shapes],
-            "normal": [_packed(normal) for normal in self.skin.normals],
-        }
-        return result
 
 
 class _Mesh(Mesh):  # type: ignore[misc]  # meshcat has no types
@@ -190,10 +172,6 @@ class _Tracks:
         return self._clips
 
 
-def _packed(vectors: FloatArray) -> Any:
-    return pack_numpy_array(np.ascontiguousarray(vectors.T, dtype=np.float32))
-
-
 def _track(name: str, kind: str, time: FloatArray, values: FloatArray, stepped: bool = False) -> dict[str, Any]:
     """Return a track; one whose values never change keeps its first key only."""
     if (values == values[0]).all():
@@ -235,15 +213,14 @@ def place(window: Window, piece: Piece) -> None:
 
 
 def _geometry(piece: Piece) -> Any:
-    if isinstance(piece, Skin):
-        return _SkinGeometry(piece)
-    return TriangularMeshGeometry(piece.mesh.vertices, piece.mesh.faces)
+    return TriangularMeshGeometry(piece.mesh.vertices, piece.mesh.faces, piece.paint)
 
 
 def _material(piece: Piece) -> Any:
     clear = piece.opacity < 1.0
     return MeshPhongMaterial(
-        color=as_number(piece.colour_at(0)),
+        color=as_number(piece.colour_at(0)) if piece.paint is None else 0xFFFFFF,
+        vertexColors=piece.paint is not None,
         opacity=piece.opacity,
         # What is seen through everything comes last, with what is clear.
         transparent=clear or piece.on_top,
@@ -324,19 +301,7 @@ def _moves(piece: Piece, time: FloatArray) -> list[dict[str, Any]]:
 
 
 def _looks(piece: Piece, time: FloatArray) -> list[dict[str, Any]]:
-    if isinstance(piece, Skin):
-        return _shapes(piece.shape_time - piece.shape_time[0])
     return [] if piece.tint is None else [_track(".material.color", "color", time, piece.tint)]
-
-
-def _shapes(time: FloatArray) -> list[dict[str, Any]]:
-    """Return how much each shape of a skin counts: 1 at its own time, 0 at those of its neighbours."""
-    tracks = []
-    for k in range(len(time)):
-        keys = range(max(k - 1, 0), min(k + 2, len(time)))
-        share = np.array([float(key == k) for key in keys])
-        tracks.append(_track(f".morphTargetInfluences[{k}]", "number", time[list(keys)], share))
-    return tracks
 
 
 def script() -> str:

@@ -16,6 +16,11 @@ def capsule(length: float, radius: float, *, sides: int = 8) -> Mesh:
     )
 
 
+def disc(radius: float, thick: float, *, sides: int = 32) -> Mesh:
+    """Return a disc across y, from the origin to y = `thick`, with its edge there rounded off [m]."""
+    return _turned([(0.0, radius), (0.5 * thick, radius), (thick, radius - 0.5 * thick)], sides)
+
+
 def ball(*, rings: int = 17, sides: int = 28) -> Mesh:
     """Return a ball of radius 1."""
     angle = np.pi * (np.arange(rings) + 0.5) / rings

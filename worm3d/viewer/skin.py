@@ -1,95 +1,147 @@
-"""A smooth skin around the chambers, as a mesh with a shape for each of some instants."""
+"""A smooth skin: splines along the worm through its apexes and end faces, so that it touches what the worm touches.
+
+A cross-section stands at each joint and in the middle of each segment. Six points give it, in the order of the apexes:
+below, above and outward on the left, and on the right. With P = (below + above)/2, U = (above - below)/2 and
+D = outward - P each half of its outline is
+
+    P + cos(a) D + sin(a) U,   -pi/2 <= a <= pi/2
+
+and lines that are straight join the halves. Along the worm each point of the outline moves on a uniform Catmull-Rom
+spline through the sections. So a vertex is a sum of the points of four sections whose weights never change, `ALONG`
+and `AROUND`: a page is given the sections and the weights, and needs no formula of its own.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.viewer import colours
 from worm3d.viewer.arrays import FloatArray
-from worm3d.viewer.body import Body
-from worm3d.viewer.frames import Frames, instants
-from worm3d.viewer.piece import Skin
+from worm3d.viewer.frames import Frames
+from worm3d.viewer.piece import Piece
 from worm3d.viewer.tube import Mesh, cap_faces, wall_faces
 
-RINGS = 5
-"""Rings a segment."""
-SIDES = 18
-WAIST = 0.62
-"""Thickness at the joints over that of the chambers beside it."""
+RINGS = 6
+"""Rings between neighbouring sections."""
+SIDES = 28
+"""Corners of a ring: the halves have 14 each."""
+WAIST = 0.68
+"""Size of a section at a joint over that of the segments beside it; nothing but the joint itself touches there."""
+WAIST_OFFSET = 0.9
+"""Likewise for the distance between the chambers."""
+
+JOINT_SHADE = 0.85
+"""Brightness at the joints, so that one can tell segments."""
 
 
-def skin(frames: Frames, fps: float = 10.0, opacity: float = 0.5) -> Skin:
-    """Return the skin with shapes at `fps` instants a second, between which it moves on straight lines.
+def _along() -> FloatArray:
+    """Return weights of four sections for the rings from the second of them up to the third, shape (RINGS, 4)."""
+    s = np.arange(RINGS) / RINGS
+    cubic = [-(s**3) + 2 * s**2 - s, 3 * s**3 - 5 * s**2 + 2, -3 * s**3 + 4 * s**2 + s, s**3 - s**2]
+    return np.stack(cubic, axis=1) / 2.0
 
-    It passes through the outward apexes and a little outside those below and above, and is closed at both ends.
+
+def _around() -> FloatArray:
+    """Return weights of a section's six points for the corners of its outline, and for its middle, (SIDES + 1, 6)."""
+    angle = np.pi * (np.arange(SIDES // 2) / (SIDES // 2 - 1) - 0.5)
+    cos, sin = np.cos(angle), np.sin(angle)
+    half = np.stack([0.5 - 0.5 * sin - 0.5 * cos, 0.5 + 0.5 * sin - 0.5 * cos, cos], axis=1)
+    none = np.zeros_like(half)
+    middle = [[0.25, 0.25, 0.0, 0.25, 0.25, 0.0]]
+    return np.concatenate([np.hstack([half, none]), np.hstack([none, half[::-1]]), middle])
+
+
+ALONG, AROUND = _along(), _around()
+LEFT = np.append(np.repeat([1.0, 0.0], SIDES // 2), 0.5)
+"""Share of the left chamber's colour at each corner of an outline, and in its middle."""
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """The skin at T instants, as sections and their colours; the first and the last of S sections are its ends.
+
+    Attributes
+    ----------
+    sections : ndarray, shape (T, S+2, 6, 3)
+        Their points, and those of one more beyond each end, which only give the spline its direction there [m].
+    tint : ndarray, shape (T, S+2, 2, 3)
+        Colours of the left and of the right.
     """
-    shown = frames.take(instants(frames.time, fps)) if len(frames) > 1 else frames
-    vertices = _vertices(_rings(Body.of(shown), shown.joints))
-    count = RINGS * frames.segments + 1
-    faces = np.vstack([wall_faces(count, SIDES), cap_faces(count, SIDES)])
-    normals = _normals(vertices, faces)
-    return Skin(
-        path="skin/skin",
-        mesh=Mesh(vertices[0], faces),
-        colour=colours.SKIN,
-        opacity=opacity,
-        shapes=vertices,
-        normals=normals,
-        shape_time=shown.time,
-    )
+
+    sections: FloatArray
+    tint: FloatArray
+
+    @classmethod
+    def of(cls, frames: Frames, strain_limit: float) -> Skin:
+        """Return the skin of a worm; full colour is at `strain_limit`."""
+        tint = colours.strain_colour(frames.chamber_strain, strain_limit)
+        ends = tint[:, :1], tint[:, -1:]
+        between = np.concatenate([ends[0], 0.5 * JOINT_SHADE * (tint[:, 1:] + tint[:, :-1]), ends[1]], axis=1)
+        return cls(_extended(_alternating(_at_joints(frames), frames.apexes)), _extended(_alternating(between, tint)))
+
+    @property
+    def faces(self) -> NDArray[np.int64]:
+        """Triangles, shape (F, 3), for the vertices of all instants."""
+        rings = RINGS * (self.sections.shape[1] - 3) + 1
+        return np.vstack([wall_faces(rings, SIDES), cap_faces(rings, SIDES)])
+
+    def vertices(self, frame: int) -> FloatArray:
+        """Return the vertices at an instant: rings from the tail to the head and the middles of both ends, (V, 3)."""
+        return _spline(np.einsum("ca,sax->scx", AROUND, self.sections[frame]))
+
+    def paint(self, frame: int) -> FloatArray:
+        """Return the colours of the vertices at an instant, shape (V, 3)."""
+        left, right = self.tint[frame, :, 0], self.tint[frame, :, 1]
+        outlines = LEFT[:, None] * left[:, None] + (1.0 - LEFT)[:, None] * right[:, None]
+        return np.asarray(np.clip(_spline(outlines), 0.0, 1.0))
+
+    def piece(self, frame: int = 0) -> Piece:
+        """Return the skin at an instant, as it stands there."""
+        mesh = Mesh(self.vertices(frame), self.faces)
+        return Piece(path="skin/skin", mesh=mesh, colour=colours.SKIN, paint=self.paint(frame))
 
 
-def _rings(body: Body, joints: FloatArray) -> FloatArray:
-    """Return cross-sections, shape (M, rings, SIDES, 3): ellipses across the centre line [m]."""
-    share = np.arange(RINGS) / RINGS
-    along = joints[:, :-1, None] + share[:, None] * np.diff(joints, axis=1)[:, :, None]
-    along = np.concatenate([along.reshape(len(joints), -1, 3), joints[:, -1:]], axis=1)
-    height = body.height.mean(axis=2)
-    offset = 0.5 * np.linalg.norm(body.centre[:, :, 0] - body.centre[:, :, 1], axis=2)
-    tall = _swelling(1.06 * height, share)
-    wide = tall + _swelling(offset, share, waist=0.85)
-    d, u = _carried(body.d, share), _carried(body.u, share)
-    angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
-    return np.asarray(
-        along[:, :, None]
-        + (np.cos(angle) * wide[..., None])[..., None] * d[:, :, None]
-        + (np.sin(angle) * tall[..., None])[..., None] * u[:, :, None]
-    )
+def _at_joints(frames: Frames) -> FloatArray:
+    """Return the sections at the joints, shape (T, N+1, 6, 3): the end faces, and waists between segments [m]."""
+    joints = frames.joints
+    middles = 0.5 * (joints[:, 1:] + joints[:, :-1])
+    across = (frames.apexes - middles[:, :, None]).reshape(*frames.directors.shape[:2], 2, 3, 3)
+    centre = 0.5 * (across[:, :, :, :1] + across[:, :, :, 1:2])
+    thin = (WAIST * (across - centre) + WAIST_OFFSET * centre).reshape(frames.apexes.shape)
+    between = np.concatenate([thin[:, :1], 0.5 * (thin[:, 1:] + thin[:, :-1]), thin[:, -1:]], axis=1)
+    if frames.face_radius is not None:
+        between[:, [0, -1]] = frames.face_radius[:, None, None] * _discs(frames)
+    return np.asarray(joints[:, :, None] + between)
 
 
-def _swelling(size: FloatArray, share: FloatArray, waist: float = WAIST) -> FloatArray:
-    """Return a size along the body, shape (M, rings): `size` in the middle of segments, thinner at the joints."""
-    at_joints = waist * 0.5 * (np.pad(size, ((0, 0), (1, 0)), "edge") + np.pad(size, ((0, 0), (0, 1)), "edge"))
-    bump = np.sin(np.pi * share)
-    straight = at_joints[:, :-1, None] * (1.0 - share) + at_joints[:, 1:, None] * share
-    inside = straight + bump * (size[:, :, None] - straight)
-    return np.concatenate([inside.reshape(len(size), -1), at_joints[:, -1:]], axis=1)
+def _discs(frames: Frames) -> FloatArray:
+    """Return the six points of discs of radius 1 across both ends of the worm, shape (T, 2, 6, 3)."""
+    d = frames.directors[:, [0, -1]]
+    along = np.diff(frames.joints, axis=1)[:, [0, -1]]
+    u = np.cross(along, d)
+    u /= np.linalg.norm(u, axis=2, keepdims=True)
+    return np.stack([-u, u, d, -u, u, -d], axis=2)
 
 
-def _carried(director: FloatArray, share: FloatArray) -> FloatArray:
-    """Return a director along the body, shape (M, rings, 3): between the joints' averages on a straight line."""
-    edge = ((0, 0), (1, 0), (0, 0)), ((0, 0), (0, 1), (0, 0))
-    at_joints = np.pad(director, edge[0], "edge") + np.pad(director, edge[1], "edge")
-    inside = at_joints[:, :-1, None] * (1.0 - share)[:, None] + at_joints[:, 1:, None] * share[:, None]
-    rings = np.concatenate([inside.reshape(len(director), -1, 3), at_joints[:, -1:]], axis=1)
-    return np.asarray(rings / np.linalg.norm(rings, axis=2, keepdims=True))
+def _alternating(at_joints: FloatArray, at_middles: FloatArray) -> FloatArray:
+    """Return N+1 and N values along the second axis in the order in which they stand along the worm."""
+    result = np.empty((len(at_joints), at_joints.shape[1] + at_middles.shape[1], *at_joints.shape[2:]))
+    result[:, 0::2], result[:, 1::2] = at_joints, at_middles
+    return result
 
 
-def _vertices(rings: FloatArray) -> FloatArray:
-    """Return all vertices, shape (M, V, 3), with the middles of the two caps pushed out a little at the end."""
-    first, last = rings[:, :1].mean(axis=2), rings[:, -1:].mean(axis=2)
-    second, before = rings[:, 1:2].mean(axis=2), rings[:, -2:-1].mean(axis=2)
-    caps = [first + 0.8 * (first - second), last + 0.8 * (last - before)]
-    return np.concatenate([rings.reshape(len(rings), -1, 3), *caps], axis=1)
+def _extended(values: FloatArray) -> FloatArray:
+    """Return values along the second axis with one more at each end, on a straight line."""
+    first, last = 2.0 * values[:, :1] - values[:, 1:2], 2.0 * values[:, -1:] - values[:, -2:-1]
+    return np.concatenate([first, values, last], axis=1)
 
 
-def _normals(vertices: FloatArray, faces: NDArray[np.int64]) -> FloatArray:
-    """Return unit normals at the vertices, weighted by the area of the faces around, shape (M, V, 3)."""
-    corners = vertices[:, faces]
-    of_faces = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
-    total = np.zeros_like(vertices)
-    by_vertex = total.swapaxes(0, 1)
-    for k in range(3):
-        np.add.at(by_vertex, faces[:, k], of_faces.swapaxes(0, 1))
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=2, keepdims=True), 1e-300))
+def _spline(outlines: FloatArray) -> FloatArray:
+    """Return what is between outlines (S+2, SIDES + 1, 3): the rings' corners and the middles of the ends, (V, 3)."""
+    count = len(outlines) - 3
+    windows = np.stack([outlines[k : k + count] for k in range(4)])
+    inside = np.einsum("rk,kscx->srcx", ALONG, windows[:, :, :SIDES]).reshape(-1, 3)
+    return np.concatenate([inside, outlines[-2, :SIDES], outlines[[1, -2], SIDES]])

@@ -25,7 +25,9 @@
   const centre = floats(scene.centre);
   const eye = floats(scene.eye);
   const look = floats(scene.look);
+  const azimuth = floats(scene.azimuth);
   const speed = scene.speed && floats(scene.speed);
+  const reference = scene.reference_speed && floats(scene.reference_speed);
   const duration = time[time.length - 1];
 
   // ---------------------------------------------------------------- the scene
@@ -50,8 +52,78 @@
     return viewer.scene_tree.find(["meshcat", name]).object;
   }
 
+  const solid = [];
+  layer("world").traverse((part) => { if (part.isMesh && part.material.opacity === 1) solid.push(part); });
+
+  // ---------------------------------------------------------------- the skin
+  // Each vertex is a sum of the points of four cross-sections, with weights that never change.
+  const skin = scene.skin && make_skin(scene.skin);
+
+  function make_skin({ sections, tint, along, around, left }) {
+    const points = floats(sections), colours = floats(tint);
+    const count = points.length / time.length / 18, corners = around.length, sides = corners - 1;
+    const mesh = layer("skin").getObjectByProperty("isMesh", true), geometry = mesh.geometry;
+    mesh.frustumCulled = false; // its bounds move
+    const position = geometry.attributes.position.array, paint = geometry.attributes.color.array;
+    const outlines = new Float32Array(3 * count * corners), shades = new Float32Array(3 * count * corners);
+    const section = new Float32Array(18), sides_colours = new Float32Array(6);
+
+    function mixed(result, values, size, k, next, share) {
+      for (let i = 0; i < size; i++) result[i] = (1 - share) * values[k + i] + share * values[next + i];
+    }
+
+    function outline(s, k, next, share) {
+      mixed(section, points, 18, 18 * (k * count + s), 18 * (next * count + s), share);
+      mixed(sides_colours, colours, 6, 6 * (k * count + s), 6 * (next * count + s), share);
+      for (let c = 0; c < corners; c++) {
+        for (let x = 0; x < 3; x++) {
+          let sum = 0;
+          for (let a = 0; a < 6; a++) sum += around[c][a] * section[3 * a + x];
+          const to = 3 * (s * corners + c) + x;
+          outlines[to] = sum;
+          shades[to] = left[c] * sides_colours[x] + (1 - left[c]) * sides_colours[3 + x];
+        }
+      }
+    }
+
+    /** Along the worm, between the sections s + 1 and s + 2, and the same for the colours. */
+    function ring(to, s, weights) {
+      const step = 3 * corners, from = s * step;
+      for (let i = 0; i < 3 * sides; i++) {
+        let place = 0, shade = 0;
+        for (let m = 0; m < 4; m++) {
+          place += weights[m] * outlines[from + m * step + i];
+          shade += weights[m] * shades[from + m * step + i];
+        }
+        position[to + i] = place;
+        paint[to + i] = Math.min(Math.max(shade, 0), 1);
+      }
+    }
+
+    function end(to, s) {
+      const from = 3 * (s * corners + sides);
+      for (let x = 0; x < 3; x++) { position[to + x] = outlines[from + x]; paint[to + x] = shades[from + x]; }
+    }
+
+    return {
+      mesh,
+      bend(k, next, share) {
+        for (let s = 0; s < count; s++) outline(s, k, next, share);
+        let to = 0;
+        for (let s = 0; s < count - 3; s++) for (const weights of along) { ring(to, s, weights); to += 3 * sides; }
+        ring(to, count - 4, [0, 0, 1, 0]);
+        to += 3 * sides;
+        end(to, 1);
+        end(to + 3, count - 2);
+        geometry.attributes.position.needsUpdate = geometry.attributes.color.needsUpdate = true;
+        geometry.computeVertexNormals();
+      },
+    };
+  }
+
   // ---------------------------------------------------------------- vectors
   const three = (v) => new MeshCat.THREE.Vector3(v[0], v[2], -v[1]);
+  const vertical = new MeshCat.THREE.Vector3(0, 1, 0);
   const plus = (a, b, factor) => a.map((x, i) => x + factor * b[i]);
   const up = [0, 0, 1];
   const ahead = scene.heading;
@@ -68,14 +140,21 @@
     return [low, high, step > 0 ? Math.min(Math.max((now - time[low]) / step, 0), 1) : 0];
   }
 
-  function at(values, now) {
+  function at(values, now, count = 3) {
     const [k, next, share] = between(now);
-    return [0, 1, 2].map((i) => (1 - share) * values[3 * k + i] + share * values[3 * next + i]);
+    return Array.from({ length: count }, (_, i) => (1 - share) * values[count * k + i] + share * values[count * next + i]);
   }
+
+  /** A horizontal vector, turned to the left. */
+  const turned = (v, angle) => [Math.cos(angle) * v[0] - Math.sin(angle) * v[1], Math.sin(angle) * v[0] + Math.cos(angle) * v[1], v[2]];
 
   // ---------------------------------------------------------------- cameras
   const size = scene.size;
+  const turns = azimuth.some((angle) => Math.abs(angle) > 0.3);
   let preset = "", follows = null;
+
+  /** Where the worm is, and how far it has turned: what cameras that follow it keep to. */
+  const pose = (turns_too) => ({ place: at(centre, now), angle: turns_too ? at(azimuth, now, 1)[0] : 0, turns_too });
 
   /** Pixels that the panel covers on the left, and the bar below. */
   function covered() {
@@ -98,27 +177,29 @@
   }
 
   /** Where to look, and how wide and high: the whole run, or two bodies that follow the worm. */
-  function window_of(vertical) {
+  function window_of(rises) {
     const spread = scene.low.map((x, i) => scene.high[i] - x); // ahead, left, up
-    const long = spread[0], high = spread[vertical];
-    const whole = Math.max(long, high) <= 3.2 * size;
+    const long = spread[0], high = spread[rises], deep = spread[3 - rises];
+    const whole = Math.max(long, high) <= 3.2 * size && (rises === 1 || (!turns && deep < size));
     const middle = [ahead, left, up].reduce(
       (sum, axis, i) => plus(sum, axis, 0.5 * (scene.low[i] + scene.high[i])), [0, 0, 0]);
     return {
       to: whole ? middle : at(centre, now),
-      width: (whole ? long : 2.2 * size) + 0.3 * size,
-      height: (whole ? high : 1.2 * size) + 0.4 * size,
+      width: (whole ? long : (rises === 2 ? 1.4 : 2.2) * size) + 0.3 * size,
+      height: (whole ? high : (rises === 2 ? Math.max(0.5 * size, scene.tall) : 1.2 * size)) + 0.4 * size,
       moves: !whole,
     };
   }
 
-  function flat(from, vertical, slant) {
-    const view = window_of(vertical);
+  function flat(from, rises, slant) {
+    const view = window_of(rises);
     // The panel and the bar take some of the window.
     const free = Math.max((window.innerWidth - covered()[0]) / window.innerHeight, 0.3);
     const distance = Math.max(view.width / free, view.height / 0.8) / (2 * Math.tan(viewer.camera.fov * Math.PI / 360));
-    aim(plus(plus(view.to, from, distance), slant, 1e-3 * distance), view.to);
-    follows = view.moves ? at(centre, now) : null;
+    const here = pose(rises === 2);
+    const towards = view.moves ? turned(from, here.angle) : from;
+    follows = view.moves ? here : null;
+    aim(plus(plus(view.to, towards, distance), slant, 1e-3 * distance), view.to);
   }
 
   const cameras = {
@@ -126,21 +207,22 @@
     side: () => flat(left.map((x, i) => 0.14 * up[i] - x), 2, [0, 0, 0]),
     top: () => flat(up, 1, left.map((x) => -x)),
     follow: () => {
-      const to = at(centre, now);
       const far = Math.max(1.2 * scene.tall, 0.9 * size) * Math.max(1, 1.3 * window.innerHeight / (window.innerWidth - covered()[0]));
-      aim(plus(plus(plus(to, ahead, -0.75 * far), left, -1.35 * far), up, 0.75 * far), to);
-      follows = to;
+      follows = pose(true);
+      const from = turned(plus(plus([0, 0, 0], ahead, -0.75), left, -1.35), follows.angle);
+      aim(plus(plus(follows.place, from, far), up, 0.75 * far), follows.place);
     },
     inside: () => { follows = null; },
   };
   const titles = {
-    side: "from the right of the worm", top: "from above, head to the right",
-    follow: "from behind, moving along with the worm", inside: scene.centreline ? "inside the pipe, from ahead of the worm" : "from ahead of the worm",
+    side: "from the right of the worm", top: "from above",
+    follow: "from behind, moving and turning along with the worm", inside: scene.centreline ? "inside the pipe, from ahead of the worm" : "from ahead of the worm",
   };
   const labels = { inside: scene.centreline ? "inside" : "front" };
 
   function choose(name) {
     preset = name;
+    below = name === "inside";
     cameras[name]();
     clear_sight();
     if (name === "inside") aim(at(eye, now), at(look, now));
@@ -159,12 +241,43 @@
     if (preset === "inside") {
       aim(at(eye, now), at(look, now));
     } else if (follows) {
-      const to = at(centre, now);
-      const moved = three(plus(to, follows, -1));
-      viewer.camera.position.add(moved);
-      viewer.controls.target.add(moved);
+      const to = pose(follows.turns_too), angle = to.angle - follows.angle;
+      for (const point of [viewer.camera.position, viewer.controls.target]) {
+        point.sub(three(follows.place)).applyAxisAngle(vertical, angle).add(three(to.place));
+      }
       follows = to;
+      viewer.controls.update();
     }
+  }
+
+  // ---------------------------------------------------------------- the floor
+  const rays = new MeshCat.THREE.Raycaster();
+  let lifting = false, below = false; // below: where it was set inside a pipe
+
+  /** How high the ground is there: what one cannot see through, or beyond its edge a plane through it. */
+  function floor_at(x, y) {
+    rays.set(three([x, y, 1e3 * size]), new MeshCat.THREE.Vector3(0, -1, 0));
+    const hit = rays.intersectObjects(solid)[0];
+    return hit ? hit.point.y : scene.floor[0] + scene.floor[1] * x + scene.floor[2] * y;
+  }
+
+  /** Keep the camera above the ground, as far from what it looks at as it was. */
+  function keep_above() {
+    if (!scene.floor || lifting || below) return;
+    const place = viewer.camera.position, to = viewer.controls.target, away = place.distanceTo(to);
+    for (let again = 0; again < 3; again++) { // the ground is not level
+      const least = floor_at(place.x, -place.z) + 0.04 * size;
+      if (place.y >= least) break;
+      place.y = least;
+      const flat = Math.hypot(place.x - to.x, place.z - to.z), wanted = Math.sqrt(Math.max(away ** 2 - (least - to.y) ** 2, 1e-6 * away ** 2));
+      if (flat > 0) {
+        place.x = to.x + (place.x - to.x) * wanted / flat;
+        place.z = to.z + (place.z - to.z) * wanted / flat;
+      }
+    }
+    lifting = true;
+    viewer.controls.update();
+    lifting = false;
   }
 
   function make_cameras() {
@@ -179,6 +292,7 @@
     }
     window.addEventListener("resize", centre_view);
     element("panel").addEventListener("toggle", centre_view);
+    viewer.controls.addEventListener("change", keep_above);
     viewer.controls.addEventListener("start", () => {
       if (preset === "inside") preset = "";
       clear_sight();
@@ -198,8 +312,8 @@
     Object.assign(frustum, { left: -reach, right: reach, bottom: -reach, top: reach, near: 0.1 * size, far: 8 * size });
     frustum.updateProjectionMatrix();
     viewer.scene.add(sun.target);
-    for (const name of ["links", "chambers", "skin", "trail", "path", "forces", "anchors", "horizon", "world"]) {
-      const casts = ["links", "chambers", "skin"].includes(name);
+    for (const name of ["links", "chambers", "skin", "faces", "trail", "path", "forces", "anchors", "horizon", "world"]) {
+      const casts = ["links", "chambers", "skin", "faces"].includes(name);
       layer(name).traverse((part) => { part.castShadow = casts; part.receiveShadow = casts || name === "world"; });
     }
   }
@@ -218,7 +332,16 @@
     box.checked = visible;
     layer(name).visible = visible;
     clear_sight();
+    see_through();
     viewer.set_dirty();
+  }
+
+  /** The skin hides what is below it, unless one wants to see that. */
+  function see_through() {
+    if (!skin) return;
+    const clear = ["links", "chambers"].some((name) => layer(name).visible);
+    Object.assign(skin.mesh.material, { opacity: clear ? 0.4 : 1, transparent: clear, depthWrite: !clear });
+    skin.mesh.castShadow = true;
   }
 
   function make_layers() {
@@ -234,7 +357,6 @@
       element("layers").append(row);
       show_layer(name, visible);
     }
-    element("tree").addEventListener("change", (event) => document.body.classList.toggle("tree", event.target.checked));
   }
 
   /** 0 is invisible, 0.5 as made, 1 opaque. */
@@ -269,6 +391,7 @@
   }
 
   const rounded = (value) => String(Number(value.toPrecision(3)));
+  const metres_a_second = (value) => `${(Math.abs(value) < 1e-6 * size ? 0 : value).toPrecision(3)} m/s`;
 
   // ---------------------------------------------------------------- playback
   let now = 0, playing = false, rate = 1, last = null;
@@ -282,6 +405,7 @@
       viewer.scene_tree.find(["meshcat", "trail", "com", "<object>"]).object.geometry.setDrawRange(
         0, Math.max(rings - 1, 0) * scene.trail.faces * 3);
     }
+    if (skin) skin.bend(k, next, share);
     carry();
     shine();
     element("time").value = now;
@@ -289,8 +413,13 @@
     element("clock").textContent = `t = ${(scene.start + now).toFixed(2)} s`;
     if (speed) {
       const value = (1 - share) * speed[k] + share * speed[next];
-      element("speed").textContent = `speed ${value.toPrecision(3)} m/s`;
+      element("speed").textContent = `speed ${metres_a_second(value)}`;
     }
+    if (speed && scene.period) {
+      const from = Math.max(now - scene.period / 2, 0), to = Math.min(now + scene.period / 2, duration);
+      element("mean").textContent = `mean of ${(scene.start + from).toFixed(2)} to ${(scene.start + to).toFixed(2)} s`;
+    }
+    if (reference) element("reference").textContent = `reference ${metres_a_second(at(reference, now, 1)[0])}`;
     document.documentElement.dataset.time = now.toFixed(3);
     viewer.set_dirty();
   }
@@ -305,9 +434,7 @@
 
   function tick(stamp) {
     requestAnimationFrame(tick);
-    if (animator.playing) { // started in meshcat's own controls
-      if (Math.abs(animator.time - now) > 1e-6) show(animator.time);
-    } else if (playing) {
+    if (playing) {
       const passed = last === null ? 0 : Math.min((stamp - last) / 1000, 0.25);
       last = stamp;
       const target = now + rate * passed;
@@ -331,10 +458,27 @@
     element("play").addEventListener("click", () => play(!playing));
     element("rate").addEventListener("change", (event) => { rate = Number(event.target.value); });
     const step = duration / Math.max(time.length - 1, 1);
+    make_keys({
+      " ": () => play(!playing),
+      ArrowRight: () => show(now + step),
+      ArrowLeft: () => show(now - step),
+      Home: () => show(0),
+      End: () => show(duration),
+    });
+  }
+
+  /** Keys are the page's, also after a click on the panel; who goes there by the Tab key operates it by keys. */
+  function make_keys(does) {
+    let tabbed = false;
+    window.addEventListener("pointerdown", () => { tabbed = false; }, true);
     window.addEventListener("keydown", (event) => {
-      if (/^(INPUT|SELECT|BUTTON|TEXTAREA)$/.test(event.target.tagName)) return;
-      const does = { " ": () => play(!playing), ArrowRight: () => show(now + step), ArrowLeft: () => show(now - step) };
-      if (does[event.key]) { event.preventDefault(); does[event.key](); }
+      if (event.key === "Tab") tabbed = true;
+      if (!does[event.key] || event.ctrlKey || event.altKey || event.metaKey) return;
+      const focused = document.activeElement, controls = focused && focused.matches("input, select, button, summary");
+      if (controls && tabbed && focused !== element("time")) return;
+      if (controls && !tabbed) focused.blur();
+      event.preventDefault();
+      does[event.key]();
     });
   }
 
