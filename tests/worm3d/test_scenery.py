@@ -219,7 +219,8 @@ def test_lines_in_a_pipe_lie_on_its_bottom_and_stay_where_there_is_none() -> Non
     climbing = np.column_stack([np.full(9, 0.03), np.zeros(9), np.linspace(0.2, 1.8, 9)])
     assert_array_equal(on_ground(worm3d.Pipe(upright, radius=0.1), climbing, 1.0), climbing)
     assert_array_equal(on_ground(None, climbing, 1.0), climbing)
-    assert_array_equal(on_ground(worm3d.Plane(), climbing + [0.0, 0.0, 5.0], 1.0), climbing + [0.0, 0.0, 5.0])
+    far = climbing + np.array([0.0, 0.0, 5.0])
+    assert_array_equal(on_ground(worm3d.Plane(), far, 1.0), far)
 
 
 def test_lines_on_rubble_follow_the_stones() -> None:

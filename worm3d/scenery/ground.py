@@ -12,7 +12,7 @@ FloatArray = NDArray[np.float64]
 MOST_STEPS = 80
 """Steps of a distance at a time; on a plane of 60 degrees they take half of what is left, at 80 degrees a sixth."""
 
-EXACT = 1e-4
+EXACT = 1e-6
 """Distance from the ground at which a place is on it, in body lengths."""
 
 DEEPEST = 1.0

@@ -195,6 +195,7 @@ CLICKED += ("#opacity input", "#time", "#loop", "#play", "#rate")
 
 def test_keys_work_whatever_was_clicked(browser: Any, viewer: Path) -> None:
     browser.open(viewer)
+    browser.value("viewer.renderer.render = () => 0")  # what is drawn does not matter, and takes most of the time
     boxes = "[...document.querySelectorAll('input[type=checkbox]')].map(box => box.checked)"
     settings = f"[{boxes}, document.getElementById('rate').value, document.querySelector('#opacity input').value]"
     playing = "document.getElementById('play').getAttribute('aria-label') === 'Pause'"
@@ -207,13 +208,9 @@ def test_keys_work_whatever_was_clicked(browser: Any, viewer: Path) -> None:
         if browser.value(playing):
             browser.press(" ")
         before = browser.value(settings)
-        browser.press("Home")
-        assert time_shown(browser) == 0.0, clicked
-        for key in ("ArrowRight", "ArrowRight", "ArrowLeft"):
+        for key, there in (("Home", 0.0), ("ArrowRight", 0.1), ("End", 2.0), ("ArrowLeft", 1.9)):
             browser.press(key)
-        assert time_shown(browser) == pytest.approx(0.1, abs=1e-3), clicked
-        browser.press("End")
-        assert time_shown(browser) == pytest.approx(2.0), clicked
+            assert time_shown(browser) == pytest.approx(there, abs=1e-3), f"{key} after a click on {clicked}"
         browser.press(" ")
         assert browser.value(playing), clicked
         browser.press(" ")
