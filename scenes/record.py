@@ -12,7 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from scenes.errors import SceneError
 from scenes.summary import Summary
+
+
+class MissingVariableError(SceneError, KeyError):
+    """A result lacks a variable."""
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -108,11 +113,14 @@ class Record:
         return self.variable(name).values
 
     def variable(self, name: str) -> Variable:
-        """Return a variable; KeyError names those that there are."""
+        """Return a variable; a KeyError with a sentence names those that there are."""
         for variable in self.variables:
             if variable.name == name:
                 return variable
-        raise KeyError(f"{name}: not in this result, which has {', '.join(v.name for v in self.variables)}")
+        raise MissingVariableError(
+            f"{name}: not in this result, which has {', '.join(v.name for v in self.variables)}; perhaps another "
+            "version of worm3d wrote it"
+        )
 
     @cached_property
     def title(self) -> str:
