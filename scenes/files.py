@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import os
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from scenes.errors import DiscError
+from scenes.lock import PREFIX
 
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Give a path ending in `.part` to write to; it becomes `path` only if all went well.
+    """Give a path ending in `.part` to write to, of this call alone; it becomes `path` only if all went well.
 
     Raises
     ------
     DiscError
         The disc refused; the previous file, if any, stands as it was.
     """
-    part = path.with_name(path.name + ".part")
+    part = path.with_name(f"{PREFIX}{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
         yield part
         os.replace(part, path)

@@ -6,12 +6,14 @@ that plays in any browser without a network, or `animation.gif` of planar ones (
 
 from __future__ import annotations
 
+import itertools
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 
-from scenes import kinds
+from scenes import kinds, lock
 from scenes.errors import DiscError, SceneError
 from scenes.store import FILE_NAME
 
@@ -21,27 +23,34 @@ VIEWER = "viewer.html"
 RUNS = Path("runs")
 
 
-def prepared(out: Path | None, scene_name: str, *, force: bool) -> Path:
-    """Return the folder to write to, made and found writable before anything is computed.
+@contextmanager
+def prepared(out: Path | None, scene_name: str, *, force: bool) -> Iterator[Path]:
+    """Give the folder to write to, made and found writable before anything is computed; nobody else writes to it.
 
     Raises
     ------
     SceneError
-        It is a file, or it has something in it and `force` is not set.
+        It is a file, it has something in it and `force` is not set, or another process writes to it.
     DiscError
         It cannot be made or written.
     """
     folder = out if out is not None else _fresh(scene_name)
+    _require_empty(folder, force=force)
+    with lock.held(made(folder)):
+        _require_empty(folder, force=force)  # or else another run has come to its end meanwhile
+        yield folder
+
+
+def _require_empty(folder: Path, *, force: bool) -> None:
     try:
         if folder.exists() and not folder.is_dir():
             raise SceneError(f"{folder} is a file: choose a folder for --out")
-        if not force and folder.is_dir() and any(folder.iterdir()):
+        if not force and folder.is_dir() and any(not path.name.startswith(lock.PREFIX) for path in folder.iterdir()):
             raise SceneError(
                 f"{folder} exists and is not empty: choose another --out, or replace its results with --force"
             )
     except OSError as error:
         raise DiscError.writing(folder, error) from error
-    return made(folder)
 
 
 def made(folder: Path) -> Path:
@@ -61,7 +70,7 @@ def made(folder: Path) -> Path:
 
 
 def clear_pictures(folder: Path) -> None:
-    """Remove the summary and pictures of an earlier run, of whatever model; files that are not ours stay.
+    """Remove the summary and pictures of an earlier run, of whatever model, and unfinished files; others stay.
 
     Raises
     ------
@@ -71,7 +80,8 @@ def clear_pictures(folder: Path) -> None:
     found = {path.name for path in folder.glob("*.png")}
     # Only where there are pictures: it imports every model.
     stems = {stem for name in kinds.names() for stem in kinds.get(name).figures} if found else set()
-    for name in (SUMMARY, ANIMATION, VIEWER, *sorted(found & {f"{stem}.png" for stem in stems})):
+    unfinished = [path.name for path in folder.glob(f"{lock.PREFIX}*.part*")]
+    for name in (SUMMARY, ANIMATION, VIEWER, *unfinished, *sorted(found & {f"{stem}.png" for stem in stems})):
         try:
             (folder / name).unlink(missing_ok=True)
         except OSError as error:
@@ -98,6 +108,17 @@ def require_free(targets: Sequence[Path], result: Path, *, force: bool) -> None:
 
 
 def _fresh(scene_name: str) -> Path:
+    """Make a folder of its own for a run without --out."""
     stem = f"{scene_name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
-    names = (stem, *(f"{stem}-{n}" for n in range(2, 1000)))
-    return next(RUNS / name for name in names if not (RUNS / name).exists())
+    for n in itertools.count(1):
+        name = stem if n == 1 else f"{stem}-{n}"
+        try:
+            (RUNS / name).mkdir(parents=True)
+        except FileExistsError:
+            if RUNS.is_dir():
+                continue
+            raise DiscError(f"cannot write {RUNS}: it is a file") from None
+        except OSError as error:
+            raise DiscError.writing(RUNS / name, error) from error
+        return RUNS / name
+    raise AssertionError("unreachable")

@@ -45,7 +45,11 @@ def run_scene(
     SceneError
         The folder cannot be used, or the disc refused a file.
     """
-    folder = folders.prepared(out, scene.name, force=force)
+    with folders.prepared(out, scene.name, force=force) as folder:
+        return _run_into(folder, scene, earlier, quiet=quiet)
+
+
+def _run_into(folder: Path, scene: Scene, earlier: Record | None, *, quiet: bool) -> int:
     kept = "nothing of this run was kept"
     try:
         record = _simulate_patiently(scene, earlier, quiet=quiet)

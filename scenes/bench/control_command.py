@@ -44,18 +44,18 @@ def run(out: Path | None, *, seeds: int, quick: bool, quiet: bool) -> int:
     """
     if seeds < 1:
         raise SceneError(f"--seeds: got {seeds}, must be at least 1")
-    folder = folders.prepared(out, "bench-control", force=True)
-    folders.made(folder / "cases")
-    plan = Plan(control.QUICK if quick else control.FULL, 1 if quick else seeds)
-    with progress("control", len(plan.cases()), quiet=quiet, what="run") as show:
-        study = control.study(plan, folder, show)
-    rows = list(control.rows(study.found))
-    _write(folder, study, rows, judged=not quick)
-    if not quiet:
-        for line in control_report.terminal_lines(rows, judged=not quick):
-            typer.echo(line)
-        typer.echo(_of_the_folder(study))
-        typer.echo(f"Written to {folder}: control.md, control.csv, {PICTURE}, cases/")
+    with folders.prepared(out, "bench-control", force=True) as folder:
+        folders.made(folder / "cases")
+        plan = Plan(control.QUICK if quick else control.FULL, 1 if quick else seeds)
+        with progress("control", len(plan.cases()), quiet=quiet, what="run") as show:
+            study = control.study(plan, folder, show)
+        rows = list(control.rows(study.found))
+        _write(folder, study, rows, judged=not quick)
+        if not quiet:
+            for line in control_report.terminal_lines(rows, judged=not quick):
+                typer.echo(line)
+            typer.echo(_of_the_folder(study))
+            typer.echo(f"Written to {folder}: control.md, control.csv, {PICTURE}, cases/")
     return _exit_code(study, rows, judged=not quick)
 
 

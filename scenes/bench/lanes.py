@@ -38,12 +38,12 @@ def main(
 ) -> None:
     """Measure the parts of a batch, and what it could gain with several worms in the lanes of the vectors."""
     try:
-        folder = folders.prepared(out, "bench-lanes", force=force)
-        study = measure_lanes(runs, duration, repeats)
-        header, rows = table(study)
-        title = f"# Worms in lanes\n\n{sentence(study)}\n\n{machine()['cpu']}, {machine()['date']}\n\n"
-        write_bytes(folder / "lanes.md", (title + "\n".join(markdown_table(header, rows)) + "\n").encode())
-        save_figure(lane_figure.draw(study, BAR), folder / "lanes.png")
+        with folders.prepared(out, "bench-lanes", force=force) as folder:
+            study = measure_lanes(runs, duration, repeats)
+            header, rows = table(study)
+            title = f"# Worms in lanes\n\n{sentence(study)}\n\n{machine()['cpu']}, {machine()['date']}\n\n"
+            write_bytes(folder / "lanes.md", (title + "\n".join(markdown_table(header, rows)) + "\n").encode())
+            save_figure(lane_figure.draw(study, BAR), folder / "lanes.png")
     except SceneError as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(error.exit_code) from error

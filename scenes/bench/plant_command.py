@@ -39,13 +39,13 @@ def run(out: Path | None, *, quick: bool, with_rivals: bool, force: bool, quiet:
     SceneError
         The folder cannot be used, the disc refused a file, or a run failed.
     """
-    folder = folders.prepared(out, "bench-plant", force=force)
-    study = plant.study(plant.QUICK if quick else plant.FULL, with_rivals=with_rivals, quiet=quiet)
-    _write(folder, study)
-    if not quiet:
-        for line in terminal_lines(study):
-            typer.echo(line)
-        typer.echo(f"Written to {folder}: plant.md, plant.json, {PICTURE}")
+    with folders.prepared(out, "bench-plant", force=force) as folder:
+        study = plant.study(plant.QUICK if quick else plant.FULL, with_rivals=with_rivals, quiet=quiet)
+        _write(folder, study)
+        if not quiet:
+            for line in terminal_lines(study):
+                typer.echo(line)
+            typer.echo(f"Written to {folder}: plant.md, plant.json, {PICTURE}")
     return 0
 
 

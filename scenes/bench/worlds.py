@@ -81,12 +81,12 @@ def main(
 ) -> None:
     """Measure the default worm's step in worlds of all kinds."""
     try:
-        folder = folders.prepared(out, "bench-worlds", force=force)
-        visits = measure_worlds(duration, repeats)
-        rows = [_cells(visit, visits[0]) for visit in visits]
-        title = f"# A step in worlds\n\n{machine()['cpu']}, {machine()['date']}\n\n"
-        write_bytes(folder / "worlds.md", (title + "\n".join(markdown_table(HEADER, rows)) + "\n").encode())
-        save_figure(draw(visits), folder / "worlds.png")
+        with folders.prepared(out, "bench-worlds", force=force) as folder:
+            visits = measure_worlds(duration, repeats)
+            rows = [_cells(visit, visits[0]) for visit in visits]
+            title = f"# A step in worlds\n\n{machine()['cpu']}, {machine()['date']}\n\n"
+            write_bytes(folder / "worlds.md", (title + "\n".join(markdown_table(HEADER, rows)) + "\n").encode())
+            save_figure(draw(visits), folder / "worlds.png")
     except SceneError as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(error.exit_code) from error

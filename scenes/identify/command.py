@@ -68,16 +68,16 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
     if not isinstance(settings, SpatialScene):
         raise SceneError(f"{scene.name}: a scene of the model '{scene.kind.name}' does not steer, must be of 'worm'")
     worm, ground = worm_of(settings), friction_of(settings)
-    folder = folders.prepared(out, f"identify-{scene.name}", force=force)
-    found, curves, phases = _measure(worm, ground, quiet)
-    cached = kept.store(found, worm, ground, Design())
-    _write(folder, found, curves, phases, worm, ground)
-    if not quiet:
-        for line in report.terminal_lines(found, curves, worm.length):
-            typer.echo(line)
-        typer.echo(
-            f"Written to {folder}: {TABLES}, {CONTENT}, {PICTURE}" + ("; kept for controllers" if cached else "")
-        )
+    with folders.prepared(out, f"identify-{scene.name}", force=force) as folder:
+        found, curves, phases = _measure(worm, ground, quiet)
+        cached = kept.store(found, worm, ground, Design())
+        _write(folder, found, curves, phases, worm, ground)
+        if not quiet:
+            for line in report.terminal_lines(found, curves, worm.length):
+                typer.echo(line)
+            typer.echo(
+                f"Written to {folder}: {TABLES}, {CONTENT}, {PICTURE}" + ("; kept for controllers" if cached else "")
+            )
     return 0
 
 

@@ -51,20 +51,22 @@ def run(out: Path | None, force: bool, quiet: bool) -> int:
     SceneError
         The folder cannot be used, or the disc refused a file.
     """
-    folder = folders.prepared(out, "paper", force=force)
-    runs = _simulate("the paper's runs", tables.keys(), tables.simulate, quiet)
-    corrected_runs = _simulate("the corrected worm's runs", corrected.cases(), corrected.run, quiet)
-    with busy("judging the claims", quiet=quiet):
-        study = _study(runs, corrected_runs)
-    with busy("drawing", quiet=quiet):
-        drawn = figures.draw(runs)
-        drawn |= corrected_figures.draw(corrected_runs, study.corrected, study.overstatements)
-        _write(folder, study, list(drawn))
-        _draw(folder, runs[6, 2.0], drawn)
-    if not quiet:
-        for line in terminal_lines(study, shutil.get_terminal_size().columns):
-            typer.echo(line)
-        typer.echo(f"Written to {folder}: report.md, paper.json, figures 7 to 13, those of the corrected worm, {MOVIE}")
+    with folders.prepared(out, "paper", force=force) as folder:
+        runs = _simulate("the paper's runs", tables.keys(), tables.simulate, quiet)
+        corrected_runs = _simulate("the corrected worm's runs", corrected.cases(), corrected.run, quiet)
+        with busy("judging the claims", quiet=quiet):
+            study = _study(runs, corrected_runs)
+        with busy("drawing", quiet=quiet):
+            drawn = figures.draw(runs)
+            drawn |= corrected_figures.draw(corrected_runs, study.corrected, study.overstatements)
+            _write(folder, study, list(drawn))
+            _draw(folder, runs[6, 2.0], drawn)
+        if not quiet:
+            for line in terminal_lines(study, shutil.get_terminal_size().columns):
+                typer.echo(line)
+            typer.echo(
+                f"Written to {folder}: report.md, paper.json, figures 7 to 13, those of the corrected worm, {MOVIE}"
+            )
     return 0
 
 
