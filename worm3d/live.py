@@ -44,6 +44,8 @@ FASTEST = 1e6
 class Live:
     """Shows runs in a browser while they go on; use it in a `with` statement, which leaves no port and no process.
 
+    The worm is seen as chambers, links and end faces; the page of a result has a smooth skin, too.
+
     Parameters
     ----------
     speed : float
@@ -143,6 +145,7 @@ class Live:
             frames.directors[k],
             frames.chamber_strain[k],
             faces=frames.faces[k],
+            face_radius=frames.face_radius,
             contact_force=frames.contact_force[k],
             anchored=frames.anchored[k],
             horizon=ahead,

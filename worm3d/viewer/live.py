@@ -24,6 +24,9 @@ _REFRESH = 500
 class LiveView:
     """A window in the browser that shows the worm as it is now; use it in a `with` statement.
 
+    It shows chambers, links and end faces, which only have to be moved; a skin, as on the page of a result, would have
+    to be sent anew for each picture.
+
     Parameters
     ----------
     world : sequence of WorldMesh
@@ -85,6 +88,7 @@ class LiveView:
         chamber_strain: FloatArray,
         *,
         faces: FloatArray | None = None,
+        face_radius: FloatArray | None = None,
         contact_force: FloatArray | None = None,
         anchored: NDArray[np.bool_] | None = None,
         horizon: FloatArray | None = None,
@@ -101,6 +105,8 @@ class LiveView:
         directors : ndarray, shape (N, 3)
         chamber_strain : ndarray, shape (N, 2)
         faces : ndarray, shape (N, 2, 3), optional
+            [m].
+        face_radius : ndarray, shape (2,), optional
             [m].
         contact_force : ndarray, shape (N, K, 3), optional
             [N].
@@ -121,6 +127,7 @@ class LiveView:
             directors=directors[None],
             chamber_strain=chamber_strain[None],
             faces=None if faces is None else faces[None],
+            face_radius=face_radius,
             contact_force=None if contact_force is None else contact_force[None],
             anchored=None if anchored is None else anchored[None],
             horizon=None if horizon is None else horizon[None],

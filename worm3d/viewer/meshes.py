@@ -15,6 +15,7 @@ from worm3d.viewer import pieces
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import HIDDEN, Piece
 from worm3d.viewer.pieces import Scales
+from worm3d.viewer.skin import Skin
 
 # glTF has y up.
 _Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
@@ -41,9 +42,13 @@ def world_meshes(frames: Frames) -> list[trimesh.Trimesh]:
 
 
 def scene(frames: Frames, index: int = 0) -> trimesh.Scene:
-    """Return everything that is seen in frame `index`, each piece under its own name, z up [m]."""
+    """Return the worm and what surrounds it in frame `index`, each piece under its own name, z up [m].
+
+    The skin, "skin/skin", covers chambers and links: hide it to see these.
+    """
     shown, scales = _one(frames, index)
-    still = [*pieces.worm(shown, scales), *pieces.contact(shown, scales), *pieces.world(frames.world)]
+    skin = Skin.of(shown, scales.strain).piece()
+    still = [skin, *pieces.worm(shown, scales), *pieces.contact(shown, scales), *pieces.world(frames.world)]
     until = frames.take(range(index % len(frames) + 1))
     result = trimesh.Scene()
     for piece, frame in [*((piece, 0) for piece in still), *((piece, -1) for piece in pieces.way(until))]:
@@ -84,6 +89,9 @@ def _one(frames: Frames, index: int) -> tuple[Frames, Scales]:
 
 def _coloured(piece: Piece) -> trimesh.Trimesh:
     mesh = trimesh.Trimesh(piece.mesh.vertices, piece.mesh.faces, process=False)
+    if piece.paint is not None:
+        mesh.visual = ColorVisuals(mesh, vertex_colors=np.round(255.0 * piece.paint).astype(np.uint8))
+        return mesh
     material = PBRMaterial(  # type: ignore[no-untyped-call]
         baseColorFactor=[*piece.colour_at(0), piece.opacity],
         alphaMode="BLEND" if piece.opacity < 1.0 else "OPAQUE",

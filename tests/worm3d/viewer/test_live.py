@@ -11,6 +11,7 @@ import urllib.request
 from html import unescape
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from worm3d.viewer import Frames, notebook
@@ -45,6 +46,8 @@ def test_it_shows_the_worm_and_leaves_nothing_behind(short: Frames) -> None:
             assert b"MeshCat" in answer.read()
         for index in range(5):
             show(view, short, index)
+        radii = np.array([0.05, 0.05])
+        view.show(short.joints[0], short.apexes[0], short.directors[0], short.chamber_strain[0], face_radius=radii)
         view.show(short.joints[0], short.apexes[0], short.directors[0], short.chamber_strain[0])
     assert not listens(url)
     view.close()

@@ -1,6 +1,7 @@
 """Figures, movies and meshes without a browser."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ from numpy.testing import assert_allclose
 from PIL import Image
 
 from worm3d.viewer import Frames, meshes, movie, pictures, pipe
+from worm3d.viewer.pieces import Scales
 from worm3d.viewer.projection import Projection
+from worm3d.viewer.skin import Skin
 
 SIDE = Projection(np.array([1.0, 0, 0]), np.array([0, 0, 1.0]), np.array([0, -1.0, 0]))
 
@@ -162,3 +165,15 @@ def test_a_glb_has_y_up_and_names(short: Frames, tmp_path: Path) -> None:
     chamber = trimesh.transform_points(np.zeros((1, 3)), scene.graph["chambers/02-L"][0])[0]
     x, y, z = short.apexes[20, 2, :2].mean(axis=0)
     assert_allclose(chamber, [x, z, -y], atol=1e-6)
+
+
+def test_a_glb_has_the_skin_in_its_colours(short: Frames, tmp_path: Path) -> None:
+    frames = replace(short, face_radius=np.array([0.05, 0.05]))
+    meshes.export_glb(frames, 20, tmp_path / "worm.glb")
+    scene = trimesh.load_scene(tmp_path / "worm.glb")
+    assert {"skin/skin", "faces/tail", "faces/head"} <= set(scene.graph.nodes_geometry)
+    skin = scene.geometry["skin/skin"]
+    assert skin.is_watertight
+    made = Skin.of(frames.take([20]), Scales.of(frames).strain)
+    assert_allclose(np.ptp(skin.vertices, axis=0), np.ptp(made.vertices(0), axis=0), rtol=1e-5)
+    assert_allclose(skin.visual.vertex_colors[:, :3].mean(axis=0), 255.0 * made.paint(0).mean(axis=0), atol=2.0)
