@@ -24,16 +24,18 @@ def main() -> None:
     program = devtools.program()
     assert program is not None, f"no browser on this machine: none of {', '.join(devtools.PROGRAMS)} was found"
     worm3d = str(Path(sys.executable).parent / "worm3d")
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        with devtools.Chromium(program, Path(folder, "home"), size=SIZE, scale=2.0) as browser:
-            for name, (scene, state, part) in PICTURES.items():
-                out = Path(folder, name)
-                subprocess.run([worm3d, "run", *scene, "--out", str(out), "--quiet"], check=True)
-                browser.open(out / "viewer.html", state)
-                with Image.open(io.BytesIO(browser.png())) as seen:
-                    cut = seen.convert("RGB").crop(part)
-                half = cut.resize((cut.width // 2, cut.height // 2), Image.Resampling.LANCZOS)
-                half.save(OUT / name, quality=88, optimize=True)
+    with (
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
+        devtools.Chromium(program, Path(folder, "home"), size=SIZE, scale=2.0) as browser,
+    ):
+        for name, (scene, state, part) in PICTURES.items():
+            out = Path(folder, name)
+            subprocess.run([worm3d, "run", *scene, "--out", str(out), "--quiet"], check=True)
+            browser.open(out / "viewer.html", state)
+            with Image.open(io.BytesIO(browser.png())) as seen:
+                cut = seen.convert("RGB").crop(part)
+            half = cut.resize((cut.width // 2, cut.height // 2), Image.Resampling.LANCZOS)
+            half.save(OUT / name, quality=88, optimize=True)
 
 
 if __name__ == "__main__":
