@@ -6,6 +6,7 @@ one of its own is.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -54,13 +55,14 @@ def cross_mistakes(
 
     So does one whose written keys include all that another complains of: to mend that one may mend it too.
     """
-    untrusted = [mistake.untrusted for mistake in found]
+    untrusted = {mistake.untrusted for mistake in found}
+    around = {path[:n] for path in untrusted for n in range(len(path))}
     overrides = tuple(overridden)
     failing: list[tuple[frozenset[KeyPath], Mistake]] = []
     for check in checks:
         paths = [tuple(need.split(".")) for need in check.needs]
         written = frozenset(key for path in paths for key in _written_below(data, path))
-        known = any(_touch(path, wrong) for path in paths for wrong in untrusted)
+        known = any(path in around or any(path[: n + 1] in untrusted for n in range(len(path))) for path in paths)
         if known or any(blamed <= written for blamed, _ in failing):
             continue
         text = check.test(*(_value(schema, data, path) for path in paths))
@@ -148,7 +150,7 @@ def _recorded_to_the_end(record_every: int, duration_s: float, dt_s: float) -> F
     if record_every > steps:
         text = f"must be at most run.duration_s / run.dt_s, the {steps} steps of the run"
     elif steps % record_every:
-        below = next(n for n in range(record_every, 0, -1) if steps % n == 0)
+        below = _greatest_divisor(steps, record_every)
         text = (
             f"must divide the {steps} steps of the run (run.duration_s / run.dt_s), or its last state is not stored; "
             f"{below} does"
@@ -161,6 +163,12 @@ def _recorded_to_the_end(record_every: int, duration_s: float, dt_s: float) -> F
         "run.duration_s": f"got {duration_s} s: {found}",
         "run.dt_s": f"got {dt_s} s: {found}",
     }
+
+
+def _greatest_divisor(number: int, most: int) -> int:
+    """Return the greatest divisor of a number of at most 1e12 that is no greater than `most`."""
+    small = [n for n in range(1, min(most, math.isqrt(number)) + 1) if number % n == 0]
+    return max(divisor for n in small for divisor in (n, number // n) if divisor <= most)
 
 
 def _contraction_ends_in_period(contract_time_s: float, period_s: float, kind: str) -> Found:

@@ -5,6 +5,7 @@ Imports nothing slow before it listens for Ctrl-C.
 
 from __future__ import annotations
 
+import io
 import sys
 from collections.abc import Sequence
 
@@ -16,6 +17,9 @@ INTERRUPTED = 130
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: the entry point of the console script."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # and not what a test put in its place
+            stream.reconfigure(errors="backslashreplace")  # what the terminal's encoding lacks is shown as an escape
     try:
         from scenes.guard import require_own_packages
 

@@ -2,6 +2,15 @@
 
 from __future__ import annotations
 
+LONGEST = 1000
+"""Characters of a line of output; what is left out of a longer one stands between its two ends."""
+
+
+def printable(text: str) -> str:
+    """Return a text of one line as a terminal may show it: control characters and the like as escapes, not too long."""
+    shown = "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
+    return shown if len(shown) <= LONGEST else f"{shown[: LONGEST // 2]} ... {shown[-LONGEST // 2 :]}"
+
 
 class SceneError(Exception):
     """A mistake that the user can mend: a bad scene, a bad argument, a file that is not a result.
@@ -9,7 +18,7 @@ class SceneError(Exception):
     Attributes
     ----------
     lines : tuple of str
-        What to print, a sentence each.
+        What to print, a sentence each; `printable`, whatever of a file's content is in them.
     exit_code : int
         What the command line ends with.
     """
@@ -17,8 +26,8 @@ class SceneError(Exception):
     exit_code = 2
 
     def __init__(self, *lines: str) -> None:
-        super().__init__("\n".join(lines))
-        self.lines = lines
+        self.lines = tuple(map(printable, lines))
+        super().__init__("\n".join(self.lines))
 
 
 class DiscError(SceneError):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -10,7 +12,7 @@ from typing import Any
 
 from scenes import kinds, toml_text
 from scenes.checks import cross_mistakes
-from scenes.errors import DiscError, SceneError
+from scenes.errors import DiscError, SceneError, printable
 from scenes.kinds.base import Kind
 from scenes.mistakes import Mistake, did_you_mean, report, schema_mistakes
 from scenes.overrides import apply_overrides
@@ -18,9 +20,13 @@ from scenes.schema import section_type
 from scenes.sections import Settings
 from scenes.toml_lines import key_lines
 from scenes.toml_syntax import parse
+from worm3d import regular_file
 
 SHIPPED = Path(__file__).parent
 """Folder of the scenes that come with the program."""
+
+LARGEST_FILE = 4_000_000
+"""Of a scene [byte]: a pipe through 50,000 points."""
 
 
 @dataclass(frozen=True)
@@ -67,13 +73,13 @@ def parse_scene(text: str, name: str, overrides: Iterable[str] = (), folder: Pat
     mistakes += cross_mistakes(kind.checks, kind.schema, data, mistakes, overridden)
     if mistakes:
         raise SceneError(*report(mistakes, key_lines(text), overridden))
-    return Scene(name, kind, kind.schema.model_validate(data))
+    return Scene(printable(name), kind, kind.schema.model_validate(data))
 
 
 def _look_beside(data: dict[str, Any], folder: Path) -> None:
     """Give the file of a scene's world its whole path, if it is in a folder."""
     world = data.get("world")
-    if isinstance(world, dict) and isinstance(world.get("file"), str) and (folder / world["file"]).is_file():
+    if isinstance(world, dict) and isinstance(world.get("file"), str) and os.path.isfile(folder / world["file"]):
         world["file"] = str((folder / world["file"]).resolve())
 
 
@@ -93,9 +99,9 @@ def find_scene(name_or_path: str) -> Path:
     shipped, path = shipped_scenes(), Path(name_or_path)
     if name_or_path in shipped:
         return shipped[name_or_path]
-    if path.is_dir():
+    if os.path.isdir(path):
         raise SceneError(f"{path} is a folder; a scene is a TOML file or one of the names of 'worm3d list'")
-    if path.exists():
+    if _is_there(path):
         return path
     if path.suffix == ".toml" or len(path.parts) > 1:
         raise SceneError(f"{path}: no such file; 'worm3d init {path}' writes a scene to start from")
@@ -104,10 +110,19 @@ def find_scene(name_or_path: str) -> Path:
     raise SceneError(f"unknown scene '{name_or_path}'{guess} 'worm3d list' names all scenes")
 
 
+def _is_there(path: Path) -> bool:
+    """Return whether there is such a file, or something that keeps one from looking: reading it will tell."""
+    try:
+        os.stat(path)
+    except (OSError, ValueError) as error:
+        return not (isinstance(error, OSError) and error.errno in (errno.ENOENT, errno.ENOTDIR))
+    return True
+
+
 def read_text(path: Path) -> str:
     """Return the text of a scene file; a byte order mark is dropped."""
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = regular_file.read(path, LARGEST_FILE).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: not a text in UTF-8 (byte {error.start + 1}); save it as UTF-8") from error
     except OSError as error:

@@ -13,6 +13,9 @@ from scenes.schema import FORMS, Section, choices, describe, field_at, names, se
 from scenes.toml_lines import KeyPath, line_of
 from scenes.toml_text import shown
 
+MOST_LINES = 100
+"""Mistakes that are explained; a file with more is no scene, or has one mistake many times."""
+
 
 @dataclass(frozen=True)
 class Mistake:
@@ -50,7 +53,9 @@ def schema_mistakes(schema: type[Section], data: Mapping[str, Any], models: Mode
     try:
         schema.model_validate(data)
     except ValidationError as error:
-        return [_translated(schema, detail, models) for detail in error.errors(include_url=False)]
+        details = error.errors(include_url=False)
+        explained = [_translated(schema, detail, models) for detail in details[:MOST_LINES]]
+        return explained + [Mistake(_path(detail), "wrong too") for detail in details[MOST_LINES:]]
     return []
 
 
@@ -62,7 +67,7 @@ def did_you_mean(word: str, known: Iterable[tuple[str, str]]) -> str | None:
 
 
 def _translated(schema: type[Section], detail: Any, models: Models) -> Mistake:
-    path, found = tuple(part for part in detail["loc"] if part not in FORMS), detail["input"]
+    path, found = _path(detail), detail["input"]
     if detail["type"] == "extra_forbidden":
         return _unknown(schema, path, "section" if isinstance(found, dict) else "key", models)
     field = field_at(schema, path)
@@ -80,6 +85,10 @@ def _translated(schema: type[Section], detail: Any, models: Models) -> Mistake:
     )
     message = (detail["msg"][0].lower() + detail["msg"][1:]).replace("tuple", "list")  # a file has lists
     return Mistake(path, f"got {shown(found)}: {message}{advice}{describe(field)}")
+
+
+def _path(detail: Any) -> KeyPath:
+    return tuple(part for part in detail["loc"] if part not in FORMS)
 
 
 def _unknown(schema: type[Section], path: KeyPath, what: str, models: Models) -> Mistake:
@@ -105,10 +114,11 @@ def dotted(path: KeyPath) -> str:
 
 
 def report(mistakes: Iterable[Mistake], lines: Mapping[KeyPath, int], overridden: Iterable[KeyPath]) -> tuple[str, ...]:
-    """Return one line per mistake, those of the file by line number, then those of the overrides."""
-    overrides = list(overridden)
-    placed = [(*_place(mistake, lines, overrides), mistake) for mistake in mistakes]
-    return tuple(_line(label, mistake) for _, label, mistake in sorted(placed, key=lambda item: item[0]))
+    """Return one line per mistake, those of the file by line number, then those of the overrides; not of too many."""
+    overrides, found = list(overridden), list(mistakes)
+    placed = [(*_place(mistake, lines, overrides), mistake) for mistake in found[:MOST_LINES]]
+    told = [_line(label, mistake) for _, label, mistake in sorted(placed, key=lambda item: item[0])]
+    return (*told, f"and {len(found) - MOST_LINES} mistakes more") if len(found) > MOST_LINES else tuple(told)
 
 
 def _place(mistake: Mistake, lines: Mapping[KeyPath, int], overrides: list[KeyPath]) -> tuple[tuple[int, int], str]:

@@ -6,14 +6,28 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from scenes.errors import SceneError
 from scenes.mistakes import Mistake, dotted
 from scenes.toml_lines import KeyPath
+from scenes.toml_syntax import DEEPEST, require_shallow
+
+MOST = 1000
+"""Overrides of a scene; more belong into its file."""
 
 
 def apply_overrides(
     data: Mapping[str, Any], overrides: Iterable[str]
 ) -> tuple[dict[str, Any], list[KeyPath], list[Mistake]]:
-    """Return a copy of the data with the overrides in it, their paths, and the overrides that cannot be used."""
+    """Return a copy of the data with the overrides in it, their paths, and the overrides that cannot be used.
+
+    Raises
+    ------
+    SceneError
+        Too many of them, or one nested deeper than a scene may be.
+    """
+    overrides = tuple(overrides)
+    if len(overrides) > MOST:
+        raise SceneError(f"got {len(overrides)} overrides, at most {MOST} are allowed: write them into a scene's file")
     result: dict[str, Any] = dict(data)
     paths: list[KeyPath] = []
     mistakes: list[Mistake] = []
@@ -21,19 +35,20 @@ def apply_overrides(
         key, equals, text = override.partition("=")
         path = tuple(part.strip() for part in key.split("."))
         paths.append(path)
-        if not (equals and all(path)):
+        if not (equals and all(path)) or len(path) > DEEPEST:
             mistakes.append(Mistake(path, "must be written as section.key=value"))
         elif (outer := _plain_value_above(result, path)) is not None:
             mistakes.append(Mistake(path, f"{dotted(outer)} is not a section, it has no keys"))
         else:
             result = _with(result, path, _value(text.strip()))
+    require_shallow(result)
     return result, paths, mistakes
 
 
 def _value(text: str) -> Any:
     try:
         parsed = tomllib.loads(f"value = {text}")
-    except ValueError:
+    except (ValueError, RecursionError):
         return text
     return parsed["value"] if len(parsed) == 1 else text
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from bisect import bisect_right
 from collections.abc import Mapping
 
 KeyPath = tuple[str | int, ...]
@@ -44,6 +45,7 @@ class _Scanner:
     def __init__(self, text: str) -> None:
         self.lines: dict[KeyPath, int] = {}
         self._text = text
+        self._begins = [0, *(match.end() for match in re.finditer("\n", text))]
         self._table: KeyPath = ()
         self._last_element: dict[KeyPath, int] = {}
         position = self._after(_BLANK, 0)
@@ -97,7 +99,7 @@ class _Scanner:
             self.lines.setdefault(path[:n], self._line(position))
 
     def _line(self, position: int) -> int:
-        return self._text.count("\n", 0, position) + 1
+        return bisect_right(self._begins, position)
 
 
 def _split(dotted: str) -> KeyPath:

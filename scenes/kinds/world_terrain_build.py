@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,4 +41,4 @@ def file_of(world: World) -> Path:
     """Return the file of a section: as it says, or among those that come with the program."""
     path = Path(world.file)
     shipped = SHIPPED / path.name
-    return shipped if not path.exists() and path.name == world.file and shipped.is_file() else path
+    return shipped if not os.path.exists(path) and path.name == world.file and os.path.isfile(shipped) else path

@@ -10,9 +10,7 @@ from scenes.kinds.world_terrain_schema import FILES, HEIGHTFIELD, MESH, NO_FILE
 from scenes.kinds.worlds_build import world_of
 from scenes.kinds.worlds_schema import World
 from scenes.toml_text import shown
-
-MOST_HEIGHTS = 4_000_000
-"""Nodes of a heightfield: 32 MB for each of its tables."""
+from worm3d.worlds.terrain import MOST_HEIGHTS
 
 
 def _file_is_given(file: str, kind: str, surface: str) -> str | None:
@@ -24,11 +22,12 @@ def _file_is_given(file: str, kind: str, surface: str) -> str | None:
 def _extent_is_an_area(extent_m: Sequence[float], spacing_m: float) -> str | None:
     if min(extent_m) <= 0.0:
         return f"got {shown(extent_m)} m: length and width must be above 0"
-    count = extent_m[0] * extent_m[1] / spacing_m**2
-    if count <= MOST_HEIGHTS:
+    along, across = (side / spacing_m + 1.0 for side in extent_m)
+    if along * across <= MOST_HEIGHTS:
         return None
     return (
-        f"got {shown(extent_m)} m at world.spacing_m = {spacing_m}: makes {count:.2g} heights, at most 4e6 are allowed"
+        f"got {shown(extent_m)} m at world.spacing_m = {spacing_m}: makes {along * across:.2g} heights, at most 4e6 "
+        "are allowed"
     )
 
 

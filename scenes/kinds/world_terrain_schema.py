@@ -44,7 +44,7 @@ class TerrainKeys(Section):
     ramp_m: float = quantity(
         0.1, unit="m", gt=0, only=HEIGHTFIELD, title="heightfield only: length over which a step rises"
     )
-    stones: int = quantity(0, ge=0, only=HEIGHTFIELD, title="heightfield only: seed of the stones")
+    stones: int = quantity(0, ge=0, le=2**63 - 1, only=HEIGHTFIELD, title="heightfield only: seed of the stones")
 
 
 class MeshKeys(Section):

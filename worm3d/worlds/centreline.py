@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import KDTree
 
+from worm3d import arguments
+from worm3d.read_only import ReadOnly, read_only
 from worm3d.worlds import biarc
 
 FloatArray = NDArray[np.float64]
@@ -25,6 +28,15 @@ SAMPLED = 0.05
 LESS = 0.8
 """A reach that is too large is tried anew times this."""
 
+LARGEST_TURN = 200.0 * np.pi
+"""A bend may be a helix seen along its axis, of a hundred turns [rad]."""
+
+MOST_PIECES = 100_000
+"""Of a centre line: some 12,000 points of a spline."""
+
+MOST_SAMPLES = 100_000
+"""By which a reach is looked for; what would take more has none that is known."""
+
 KINK = 1e-9
 """Two pieces meet if positions (in metres) and tangents differ by no more than this."""
 
@@ -36,7 +48,7 @@ class Straight:
     length: float
 
     def __post_init__(self) -> None:
-        _require_positive("length", self.length, "m")
+        arguments.number("length", self.length, "m", gt=0.0)
 
 
 @dataclass(frozen=True)
@@ -58,14 +70,13 @@ class Bend:
     towards: Side = "left"
 
     def __post_init__(self) -> None:
-        _require_positive("angle", self.angle, "rad")
-        _require_positive("radius", self.radius, "m")
-        if self.towards not in get_args(Side):
-            raise ValueError(f"towards: got {self.towards!r}, must be one of {', '.join(map(repr, get_args(Side)))}")
+        arguments.number("angle", self.angle, "rad", gt=0.0, le=LARGEST_TURN)
+        arguments.number("radius", self.radius, "m", gt=0.0)
+        arguments.choice("towards", self.towards, get_args(Side))
 
 
 @dataclass(frozen=True, eq=False)
-class Centreline:
+class Centreline(ReadOnly):
     """The pieces of a centre line, each of constant curvature; frozen, with read-only arrays.
 
     Made by `of` (straight pieces and bends) or `through` (points). Distances along it count from its start.
@@ -93,18 +104,14 @@ class Centreline:
     length: FloatArray
 
     def __post_init__(self) -> None:
-        m = len(np.atleast_1d(self.length))
-        for name, shape in (
-            *((name, (m, 3)) for name in ("start", "tangent", "normal")),
-            *((name, (m,)) for name in ("curvature", "length")),
-        ):
-            array = np.array(getattr(self, name), dtype=float)
-            if array.shape != shape or m == 0 or not np.isfinite(array).all():
-                raise ValueError(f"{name}: got shape {array.shape}, must be finite and {shape} with at least one piece")
-            array.setflags(write=False)
+        length = arguments.array("length", self.length, ("M",), gt=0.0)
+        shape = (len(length), 3)
+        arrays = {name: arguments.array(name, getattr(self, name), shape) for name in ("start", "tangent", "normal")}
+        curvature = arguments.array("curvature", self.curvature, shape[:1], ge=0.0)
+        for name, array in {**arrays, "curvature": curvature, "length": length}.items():
             object.__setattr__(self, name, array)
-        if not ((self.length > 0.0).all() and (self.curvature >= 0.0).all()):
-            raise ValueError("length, curvature: every piece must have a length above 0 and a curvature of at least 0")
+        if len(length) > MOST_PIECES:
+            raise ValueError(f"length: got {len(length)} pieces, must be at most {MOST_PIECES}; take longer ones")
         self._require_smooth()
 
     def _require_smooth(self) -> None:
@@ -135,11 +142,9 @@ class Centreline:
         tilt : float
             Angle of its first piece with the horizontal; pi/2 goes straight up [rad].
         """
-        at = np.array(start, dtype=float)
-        if at.shape != (3,) or not np.isfinite([*at, heading, tilt]).all():
-            raise ValueError(f"start, heading, tilt: got {start!r}, {heading!r}, {tilt!r}, must be finite: x, y, z")
-        if not pieces:
-            raise ValueError("pieces: got none, must be at least one Straight or Bend")
+        at = arguments.array("start", start, (3,))
+        heading, tilt = (arguments.number(*given, "rad") for given in (("heading", heading), ("tilt", tilt)))
+        _require_pieces(pieces)
         level = np.array([-np.sin(heading), np.cos(heading), 0.0])
         ahead = np.cos(tilt) * np.array([np.cos(heading), np.sin(heading), 0.0]) + [0.0, 0.0, np.sin(tilt)]
         rows: list[tuple[FloatArray, FloatArray, FloatArray, float, float]] = []
@@ -169,19 +174,19 @@ class Centreline:
         ValueError
             Fewer points, or points that coincide.
         """
-        given = np.array(points, dtype=float)
-        if given.ndim != 2 or given.shape[1] != 3 or len(given) < 2 or not np.isfinite(given).all():
-            raise ValueError(f"points: got shape {given.shape}, must be finite and (P, 3) with P of at least 2")
-        if isinstance(spans, bool) or not isinstance(spans, int) or spans < 1:
-            raise ValueError(f"spans: got {spans!r}, must be a whole number of at least 1")
+        given = arguments.array("points", points, ("P", 3), least=2)
+        arguments.whole("spans", spans, le=100)
+        if 2 * spans * (len(given) - 1) > MOST_PIECES:
+            most = MOST_PIECES // (2 * spans) + 1
+            raise ValueError(f"points: got {len(given)}, must be at most {most} with spans = {spans}; take fewer")
         if not (np.linalg.norm(np.diff(given, axis=0), axis=1) > 0.0).all():
             raise ValueError("points: two that follow each other coincide; leave one of them out")
         return cls(*biarc.pieces(*biarc.samples(given, spans), LONGEST_ARC))
 
-    @property
+    @cached_property
     def ends(self) -> FloatArray:
         """Distance of the end of each piece from the start, along the line, shape (M,) [m]."""
-        total: FloatArray = np.cumsum(self.length)
+        total: FloatArray = read_only(np.cumsum(self.length))
         return total
 
     @property
@@ -200,9 +205,9 @@ class Centreline:
 
         It holds (Federer 1959, Curvature measures) where no bend is sharper, and where places that are pi times as far
         apart along the line are twice as far apart in space: the chord between closer ones is not normal to both. A
-        line that crosses itself has no reach: 0.
+        line that crosses itself has no reach: 0. Neither has one on which it would take too many places to look for.
         """
-        least = SAMPLED * float(self.length.min())
+        least = max(SAMPLED * float(self.length.min()), self.total / (SAMPLED * MOST_SAMPLES))
         longest = min(self.total, 1.0 / float(self.curvature.max())) if self.curvature.any() else self.total
         reach = (1.0 - SAMPLED) * longest
         while reach > least and not self._is_apart(reach):
@@ -214,8 +219,11 @@ class Centreline:
         beyond = float(np.linalg.norm(np.ptp(self.start, axis=0))) + self.total / len(self.length) + 4.0 * reach
         count = int(np.ceil((self.total + 2.0 * beyond) / (SAMPLED * reach))) + 1
         along, step = np.linspace(-beyond, self.total + beyond, count, retstep=True)
-        pairs = KDTree(self.at(along)[0]).query_pairs(2.0 * reach + float(step), output_type="ndarray")
-        return bool(((pairs[:, 1] - pairs[:, 0]) * step < np.pi * reach - step).all())
+        places, near = self.at(along)[0], 2.0 * reach + 1.001 * float(step)
+        tree, beside = KDTree(places), range(1, math.ceil(np.pi * reach / float(step) - 1.0))
+        # Counted, not listed: where a line comes back upon itself often, pairs are more than memory has room for.
+        of_neighbours = sum(int((np.linalg.norm(places[k:] - places[:-k], axis=1) <= near).sum()) for k in beside)
+        return int(tree.count_neighbors(tree, near)) == count + 2 * of_neighbours
 
     @property
     def mirrored(self) -> Centreline:
@@ -270,6 +278,12 @@ def _append(
     )
 
 
-def _require_positive(name: str, value: float, unit: str) -> None:
-    if not (np.isfinite(value) and value > 0.0):
-        raise ValueError(f"{name}: got {value!r} {unit}, must be finite and above 0")
+def _require_pieces(pieces: Any) -> None:
+    if not isinstance(pieces, list | tuple):
+        raise ValueError(f"pieces: got {type(pieces).__name__}, must be a list of Straight and Bend")
+    if not pieces:
+        raise ValueError("pieces: got none, must be at least one Straight or Bend")
+    if len(pieces) > MOST_PIECES:
+        raise ValueError(f"pieces: got {len(pieces)}, must be at most {MOST_PIECES}; take longer ones")
+    for k, piece in enumerate(pieces):
+        arguments.instance(f"pieces[{k}]", piece, Straight | Bend, "a worm3d.Straight or a worm3d.Bend")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import arguments
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.plane import Plane
 
@@ -30,8 +31,7 @@ class ClampedGround:
     velocity_threshold: float = 1e-6
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.velocity_threshold) and self.velocity_threshold >= 0.0):
-            raise ValueError(f"velocity_threshold: got {self.velocity_threshold!r}, must be finite and at least 0")
+        arguments.number("velocity_threshold", self.velocity_threshold, "m/s", ge=0.0)
 
     def kernel(self) -> WorldKernel:
         """Return the level plane, for distances in records; no contact acts."""

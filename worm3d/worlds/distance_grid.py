@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, spline_filter
 
 from worm3d.compiled import inner, njit
+from worm3d.read_only import ReadOnly
 from worm3d.worlds import distance_fit
 
 FloatArray = NDArray[np.float64]
@@ -47,7 +48,7 @@ FAR = 1e30
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class Grid(ReadOnly):
     """A cubic spline of signed distances, negative inside.
 
     Attributes

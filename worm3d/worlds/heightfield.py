@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import map_coordinates, maximum_filter, spline_filter, white_tophat
 
+from worm3d import arguments
 from worm3d.compiled import cfunc
+from worm3d.read_only import ReadOnly
 from worm3d.worlds import heightfield_kernel, table, terrain
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.laid import laid
@@ -22,12 +24,15 @@ FloatArray = NDArray[np.float64]
 EDGE = 14
 """Nodes added all around, as high as the edge: after so many the spline is level to single precision, and stays so."""
 
+BYTES_PER_HEIGHT = 64.0
+"""Tables of the heights, and what is needed while they are made."""
+
 BAND = 4.0
 """Cells above the surface up to which `Heightfield.distance` is that to the foot point."""
 
 
 @dataclass(frozen=True, eq=False)
-class Heightfield:
+class Heightfield(ReadOnly):
     """A surface z = h(x, y): the bicubic spline through heights on a regular grid; the solid is below it.
 
     Beyond the grid the terrain goes on as high as its edge. The spline has continuous curvature, so that normals are
@@ -59,10 +64,11 @@ class Heightfield:
         self._keep("heights", self.heights)
         if self.heights.ndim != 2 or min(self.heights.shape) < 4:
             raise ValueError(f"heights: got shape {self.heights.shape}, must be (A, B) with at least 4 along each side")
-        if not (np.isfinite(self.spacing) and self.spacing > 0.0):
-            raise ValueError(f"spacing: got {self.spacing!r} m, must be finite and above 0")
-        if np.shape(self.origin) != (2,) or not np.isfinite(self.origin).all():
-            raise ValueError(f"origin: got {self.origin!r}, must be x and y of the first height [m]")
+        arguments.room(
+            "heights", BYTES_PER_HEIGHT * self.heights.size, f"{self.heights.size:.3g} of them", "a wider spacing"
+        )
+        arguments.number("spacing", self.spacing, "m", gt=0.0)
+        object.__setattr__(self, "origin", tuple(arguments.array("origin", self.origin, (2,)).tolist()))
         self._keep("grip", self.grip)
         if np.shape(self.grip) not in ((), self.heights.shape) or np.min(self.grip) < 0.0:
             raise ValueError(
@@ -71,7 +77,7 @@ class Heightfield:
             )
 
     def _keep(self, name: str, value: ArrayLike) -> None:
-        array = np.array(value, dtype=float)
+        array = arguments.floats(name, value)
         if not np.isfinite(array).all():
             count = np.count_nonzero(~np.isfinite(array))
             raise ValueError(f"{name}: got {count} values that are not finite, every one must be; fill the gaps first")
@@ -128,9 +134,11 @@ class Heightfield:
     ) -> Heightfield:
         x, y = terrain.nodes(length, width, spacing)
         for name, value in numbers.items():
-            positive = name not in ("seed", "azimuth", "amplitude", "height")
-            if not np.isfinite(value) or (positive and value <= 0.0):
-                raise ValueError(f"{name}: got {value!r}, must be finite{' and above 0' if positive else ''}")
+            if name == "seed":
+                arguments.whole(name, value, ge=0)
+            else:
+                signed = name in ("azimuth", "amplitude", "height")
+                arguments.number(name, value, gt=None if signed else 0.0)
         return cls(maker(x, y, **numbers), spacing, **{"origin": (0.0, float(y[0])), **more})
 
     @property

@@ -13,8 +13,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import arguments
 from worm3d import cache as disk
 from worm3d.compiled import cfunc
+from worm3d.read_only import ReadOnly
 from worm3d.worlds import distance_grid, mesh_file, mesh_kernel, mesh_spline, table
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.distance_grid import MOST_NODES, Grid
@@ -42,7 +44,7 @@ _HEAD = struct.Struct("<3q4d")
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class Mesh(ReadOnly):
     """A closed triangle mesh from a file, as a grid of signed distances; frozen, validated.
 
     The grid is computed once and kept on disk under a digest of the file and of what is asked for. Edges and corners
@@ -84,15 +86,13 @@ class Mesh:
     grid: Grid = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        arguments.instance("path", self.path, str | PathLike, "the path of a file")
         for name, allowed in (("solid", ("inside", "outside")), ("up", ("z", "y"))):
-            if getattr(self, name) not in allowed:
-                raise ValueError(f"{name}: got {getattr(self, name)!r}, must be {allowed[0]!r} or {allowed[1]!r}")
-        if self.cell is not None and not (np.isfinite(self.cell) and self.cell > 0.0):
-            raise ValueError(f"cell: got {self.cell!r} m, must be finite and above 0, or None")
-        if np.shape(self.position) != (3,) or not np.isfinite(self.position).all():
-            raise ValueError(f"position: got {self.position!r}, must be x, y, z of the file's origin [m]")
-        if not (np.isfinite(self.grip) and self.grip >= 0.0):
-            raise ValueError(f"grip: got {self.grip!r}, must be finite and at least 0")
+            arguments.choice(name, getattr(self, name), allowed)
+        if self.cell is not None:
+            arguments.number("cell", self.cell, "m", gt=0.0)
+        object.__setattr__(self, "position", tuple(arguments.array("position", self.position, (3,)).tolist()))
+        arguments.number("grip", self.grip, ge=0.0)
         object.__setattr__(self, "grid", self._grid())
 
     def _grid(self) -> Grid:
@@ -120,7 +120,7 @@ class Mesh:
         """Return the size of a cell, one that memory has room for."""
         if self.cell is None:
             return _coarsened(vertices, float(np.ptp(vertices, axis=0).max()) / NODES, NODES)
-        count = int(np.prod([float(n) for n in distance_grid.shape(vertices, self.cell)]))
+        count = float(np.prod(np.ptp(vertices, axis=0) / self.cell + 2.0 * distance_grid.MARGIN + 1.0))
         if count > MOST_NODES:
             least = _coarsened(vertices, self.cell, MOST_NODES)
             raise MeshError(

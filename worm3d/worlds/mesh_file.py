@@ -13,6 +13,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import regular_file
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Units = Literal["m", "cm", "mm", "in", "ft"]
@@ -24,6 +26,9 @@ SUFFIXES = (".stl", ".obj", ".ply", ".glb")
 
 LARGEST, SMALLEST = 1000.0, 0.01
 """Longest side that a mesh may have [m]."""
+
+LARGEST_FILE = 500_000_000
+"""Of a mesh [byte]: ten million triangles."""
 
 FLAT = 1e-9
 """Volume below this fraction of the cube of the longest side: nothing is enclosed."""
@@ -50,7 +55,7 @@ def content(path: Path) -> bytes:
             f"mesh {name!r}: unknown extension {path.suffix!r}, must be one of {', '.join(SUFFIXES)}; export it"
         )
     try:
-        data = path.read_bytes()
+        data = regular_file.read(path, LARGEST_FILE)
     except FileNotFoundError:
         raise MeshError(f"mesh {name!r}: there is no such file in {str(path.parent)!r}; check the path") from None
     except OSError as error:
@@ -91,6 +96,7 @@ def triangles(path: Path, data: bytes, scale: float) -> tuple[FloatArray, IntArr
     """
     _require_whole_stl(path, data)
     mesh = _read(path, data)
+    _require_indices(path.name, mesh)
     _require_finite(path.name, mesh)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     vertices, faces = np.asarray(mesh.vertices, dtype=float) * scale, np.asarray(mesh.faces, dtype=np.int64)
@@ -133,6 +139,16 @@ def _read(path: Path, data: bytes) -> Any:
     return mesh
 
 
+def _require_indices(name: str, mesh: Any) -> None:
+    """Raise MeshError for faces of vertices that are not there, before anything goes by them."""
+    faces, count = np.asarray(mesh.faces), len(mesh.vertices)
+    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
+        raise MeshError(f"mesh {name!r}: got faces that are no triangles; export it again, triangulated")
+    wrong = (faces < 0) | (faces >= count)
+    if wrong.any():
+        raise MeshError(f"mesh {name!r}: a face names vertex {faces[wrong][0]} of {count}; export it again")
+
+
 def _require_finite(name: str, mesh: Any) -> None:
     """Raise MeshError for NaN and infinity, which trimesh would drop or keep without a word."""
     count = np.count_nonzero(~np.isfinite(np.asarray(mesh.vertices, dtype=float)).all(axis=1))
@@ -141,8 +157,6 @@ def _require_finite(name: str, mesh: Any) -> None:
 
 
 def _require_size(name: str, vertices: FloatArray, faces: IntArray) -> None:
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise MeshError(f"mesh {name!r}: a face names vertex {faces.max()} of {len(vertices)}; export it again")
     side = float(np.ptp(vertices[faces.ravel()], axis=0).max())
     if not SMALLEST <= side <= LARGEST:
         raise MeshError(

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.distance import cdist
 
+from worm3d import arguments
 from worm3d.compiled import cfunc
+from worm3d.read_only import ReadOnly
 from worm3d.worlds import pipe_table, placing, symbolic, table
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.centreline import Centreline
 from worm3d.worlds.pipe_kernel import Bends, piece, pipe, place
-from worm3d.worlds.plane import Patch
+from worm3d.worlds.plane import Patch, patches_of
 from worm3d.worlds.profile import Profile
 from worm3d.worlds.symbolic import Formula
 
@@ -28,12 +32,15 @@ MOST_GIVEN = 8
 CERTAIN = 1e-12
 """A point this far from a plane lies on the same side of it however that is rounded, times the line's extent [m]."""
 
+PLACES = 2_000_000
+"""Of which distances from pieces of the centre line are computed at once."""
+
 BENT = 1e-9
 """Slack in comparing places along the pipe [m]."""
 
 
 @dataclass(frozen=True, eq=False)
-class Pipe:
+class Pipe(ReadOnly):
     """The inside of a pipe; gravity stays -z.
 
     Where the radius is constant, and where it changes, the distance to the wall is exact, in bends too; the radius may
@@ -70,16 +77,16 @@ class Pipe:
         self,
         centreline: Centreline | ArrayLike,
         radius: float | Profile,
-        patches: tuple[Patch, ...] = (),
+        patches: Sequence[Patch] = (),
         start_wall: bool = False,
         end_wall: bool = False,
     ) -> None:
         line = centreline if isinstance(centreline, Centreline) else Centreline.through(centreline)
-        fields = {"centreline": line, "radius": radius, "patches": tuple(patches)}
-        for name, value in {**fields, "start_wall": start_wall, "end_wall": end_wall}.items():
+        wide = radius if isinstance(radius, Profile) else arguments.number("radius", radius, "m", gt=0.0)
+        given = {"start_wall": start_wall, "end_wall": end_wall}
+        walls = {name: arguments.flag(name, wall) for name, wall in given.items()}
+        for name, value in {"centreline": line, "radius": wide, "patches": patches_of(patches), **walls}.items():
             object.__setattr__(self, name, value)
-        if not (isinstance(radius, Profile) or (np.isfinite(radius) and radius > 0.0)):
-            raise ValueError(f"radius: got {radius!r} m, must be finite and above 0, or a Profile")
         if any(np.isfinite(patch.across).any() for patch in self.patches):
             raise ValueError("patches: got an `across`; in a pipe a patch goes all the way round, give `along` only")
         self._require_room_in_bends()
@@ -87,19 +94,22 @@ class Pipe:
 
     def _require_room_in_bends(self) -> None:
         line, begins = self.centreline, self.centreline.ends - self.centreline.length
-        for begin, end, curvature in zip(begins, line.ends, line.curvature, strict=True):
-            widest = float(self.radius_at(np.linspace(begin, end, 2)).max())
-            if curvature * widest >= 1.0:
+        widest = np.maximum(self.radius_at(begins), self.radius_at(line.ends))
+        narrow = line.curvature * widest >= 1.0
+        if narrow.any():
+            k = int(np.argmax(narrow))
+            raise ValueError(
+                f"radius: got {widest[k]:g} m in a bend of {1.0 / line.curvature[k]:g} m at {begins[k]:g} m along the "
+                "pipe, must be below the bend's radius"
+            )
+        for low, high in self.profile.changes:
+            within = (line.curvature > 0.0) & (low < line.ends - BENT) & (high > begins + BENT)
+            if within.any():
+                k = int(np.argmax(within))
                 raise ValueError(
-                    f"radius: got {widest:g} m in a bend of {1.0 / curvature:g} m at {begin:g} m along the pipe, must "
-                    "be below the bend's radius"
+                    f"radius: changes from {low:g} to {high:g} m along the pipe, where it bends ({begins[k]:g} to "
+                    f"{line.ends[k]:g} m); move the change to a straight piece"
                 )
-            for low, high in self.profile.changes if curvature > 0.0 else ():
-                if low < end - BENT and high > begin + BENT:
-                    raise ValueError(
-                        f"radius: changes from {low:g} to {high:g} m along the pipe, where it bends ({begin:g} to "
-                        f"{end:g} m); move the change to a straight piece"
-                    )
 
     def _require_straight_ends(self) -> None:
         line = self.centreline
@@ -113,7 +123,7 @@ class Pipe:
                     f"{name}: the pipe must be straight there for at least its diameter, {wide:g} m; add a Straight"
                 )
 
-    @property
+    @cached_property
     def profile(self) -> Profile:
         """Its radius along the centre line."""
         return self.radius if isinstance(self.radius, Profile) else Profile([0.0], [self.radius])
@@ -185,10 +195,10 @@ class Pipe:
 
     def along(self, points: FloatArray) -> FloatArray:
         """Return how far along the centre line the places nearest to points of shape (..., 3) are, shape (...,) [m]."""
-        flat = np.asarray(points, dtype=float).reshape(-1, 3)
-        table = self._pieces()
-        found = np.array(place(_bent(table[:, 10])).map(len(flat))(flat.T, np.tile(table.reshape(-1, 1), len(flat))))
-        return found.reshape(np.shape(points)[:-1])
+        flat, pieces = arguments.array("points", np.reshape(points, (-1, 3)), ("P", 3), least=0), self._pieces()
+        at_once = max(1, PLACES // len(pieces))
+        found = [_along(flat[k : k + at_once], pieces) for k in range(0, len(flat), at_once)]
+        return np.concatenate([*found, np.zeros(0)]).reshape(np.shape(points)[:-1])
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return gravity without its part along the pipe where that is straight, else gravity, shape (3,) [m/s^2]."""
@@ -239,6 +249,20 @@ class Pipe:
 
 def _bent(curvature: FloatArray) -> tuple[bool, ...]:
     return tuple(bool(each) for each in curvature != 0.0)
+
+
+def _along(points: FloatArray, pieces: FloatArray) -> FloatArray:
+    """Return how far along a chain of pieces (K, 11) the places nearest to points (P, 3) are, shape (P,) [m]."""
+    length = np.concatenate([[np.inf], np.diff(pieces[1:, 9]), [np.inf]])[: len(pieces)]
+    apart = cdist(points, pieces[:, :3])
+    i, k = np.nonzero(apart - length <= apart.min(axis=1)[:, None])  # no other piece can be the nearest
+    s, square = (np.array(value).ravel() for value in place().map(len(i))(points[i].T, pieces[k].T))
+    after = np.minimum(k + 1, len(pieces) - 1)
+    ahead, beyond = (np.sum((points[i] - pieces[n, :3]) * pieces[n, 3:6], axis=1) for n in (k, after))
+    between = ((ahead >= 0.0) | (k == 0)) & ((beyond < 0.0) | (k == after))
+    order = np.lexsort((np.where(between, square, np.inf), i))
+    found: FloatArray = s[order][np.unique(i[order], return_index=True)[1]]
+    return found
 
 
 def _between(planes: FloatArray, margin: float) -> FloatArray:

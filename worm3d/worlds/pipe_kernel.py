@@ -136,11 +136,11 @@ def _world(
 
 
 @cache
-def place(bent: Bends) -> ca.Function:
-    """Return the distance along a centre line (second input, the numbers of its pieces) nearest to a point."""
-    x, rows = ca.SX.sym("x", 3), ca.SX.sym("pieces", PIECE, len(bent))
-    piece = _Chain(rows, bent).nearest(_local, x)
-    return ca.Function("place", [x, ca.vec(rows)], [piece[9] + chain.way(_local(x, piece))])
+def place() -> ca.Function:
+    """Return how far along a centre line a point lies beside a piece (second input), and the square of its distance."""
+    x, row = ca.SX.sym("x", 3), ca.SX.sym("piece", PIECE)
+    c = _local(x, row)
+    return ca.Function("place", [x, row], [row[9] + chain.way(c), chain.excess(c) ** 2 + c.Z**2])
 
 
 def _tube(x: ca.SX, line: _Chain, wall: _Chain) -> _Tube:

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import arguments
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.symbolic import compiled
 
 FloatArray = NDArray[np.float64]
+
+MOST_PATCHES = 1000
+"""Each is part of one formula, which takes three seconds to compile for so many, and longer with their square."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +37,13 @@ class Patch:
     across: tuple[float, float] = (-np.inf, np.inf)
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.grip) and self.grip >= 0.0):
-            raise ValueError(f"grip: got {self.grip!r}, must be finite and at least 0")
+        arguments.number("grip", self.grip, ge=0.0)
         for name in ("along", "across"):
-            low, high = getattr(self, name)
-            if not low < high:
-                raise ValueError(f"{name}: got {(low, high)!r}, must be (from, to) with from < to")
+            side = arguments.floats(name, getattr(self, name))
+            if side.shape != (2,) or not side[0] < side[1]:
+                raise ValueError(
+                    f"{name}: got {arguments.shown(getattr(self, name))}, must be (from, to) with from < to"
+                )
 
 
 @dataclass(frozen=True)
@@ -59,10 +65,9 @@ class Plane:
     patches: tuple[Patch, ...] = ()
 
     def __post_init__(self) -> None:
-        if not abs(self.slope) < np.pi / 2:
-            raise ValueError(f"slope: got {self.slope!r} rad, must lie between -pi/2 and pi/2")
-        if not np.isfinite(self.heading):
-            raise ValueError(f"heading: got {self.heading!r} rad, must be finite")
+        arguments.number("slope", self.slope, "rad", gt=-np.pi / 2, lt=np.pi / 2)
+        arguments.number("heading", self.heading, "rad")
+        object.__setattr__(self, "patches", patches_of(self.patches))
 
     @property
     def axes(self) -> FloatArray:
@@ -107,6 +112,24 @@ class Plane:
         tangent /= np.linalg.norm(tangent)
         joints = above(position) + along[:, None] * tangent + clearance * normal
         return joints, np.cross(normal, tangent)
+
+
+def patches_of(given: Any) -> tuple[Patch, ...]:
+    """Return patches that are given as a list or tuple.
+
+    Raises
+    ------
+    ValueError
+        Something else in it, or too many.
+    """
+    if not isinstance(given, list | tuple):
+        raise ValueError(f"patches: got {type(given).__name__}, must be a tuple of worm3d.Patch")
+    if len(given) > MOST_PATCHES:
+        raise ValueError(
+            f"patches: got {len(given)}, must be at most {MOST_PATCHES}; take fewer and larger ones, or a Heightfield "
+            "with a grip at each node"
+        )
+    return tuple(arguments.instance(f"patches[{k}]", patch, Patch, "a worm3d.Patch") for k, patch in enumerate(given))
 
 
 @cache

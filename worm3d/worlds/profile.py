@@ -11,17 +11,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from worm3d import arguments
+from worm3d.read_only import ReadOnly
+
 FloatArray = NDArray[np.float64]
 
 STRAIGHT = 1e-9
 """Corners by less than this angle [rad] stay as they are."""
+
+MOST_PLACES = 200
+"""Each is part of one formula, which takes two seconds to compile for so many, and longer with their square."""
 
 STEEPEST = np.deg2rad(80.0)
 """Steepest ramp: a step of the radius is a short one."""
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
+class Profile(ReadOnly):
     """The wall of a pipe: straight between places, its corners rounded, level before the first and after the last.
 
     Attributes
@@ -43,25 +49,23 @@ class Profile:
     rounding: float | None = None
 
     def __init__(self, along: ArrayLike, radius: ArrayLike, rounding: float | None = None) -> None:
-        for name, value in (("along", along), ("radius", radius)):
-            array = np.array(value, dtype=float)
-            if array.ndim != 1 or len(array) == 0 or not np.isfinite(array).all():
-                raise ValueError(f"{name}: got shape {array.shape}, must be finite and (K,) with K of at least 1")
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-        object.__setattr__(self, "rounding", rounding)
+        object.__setattr__(self, "along", arguments.array("along", along, ("K",)))
+        object.__setattr__(self, "radius", arguments.array("radius", radius, ("K",), gt=0.0))
+        given = None if rounding is None else arguments.number("rounding", rounding, "m", gt=0.0)
+        object.__setattr__(self, "rounding", given)
         self._check()
 
     def _check(self) -> None:
         if self.along.shape != self.radius.shape or not (np.diff(self.along) > 0.0).all():
             raise ValueError(
-                f"along, radius: got {self.along.tolist()} and {self.radius.tolist()}, must be as many, "
-                "places increasing"
+                f"along, radius: got {arguments.shown(self.along)} and {arguments.shown(self.radius)}, must be as "
+                "many, places increasing"
             )
-        if not (self.radius > 0.0).all():
-            raise ValueError(f"radius: got {float(self.radius.min())!r} m, must be above 0")
-        if self.rounding is not None and not (np.isfinite(self.rounding) and self.rounding > 0.0):
-            raise ValueError(f"rounding: got {self.rounding!r} m, must be finite and above 0")
+        if len(self.along) > MOST_PLACES:
+            raise ValueError(
+                f"along: got {len(self.along)} places, must be at most {MOST_PLACES}; leave out those between which "
+                "the radius changes evenly"
+            )
         slopes = np.abs(np.arctan2(np.diff(self.radius), np.diff(self.along)))
         if len(slopes) and slopes.max() > STEEPEST:
             at = self.along[int(np.argmax(slopes))]

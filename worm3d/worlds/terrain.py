@@ -2,16 +2,42 @@
 
 from __future__ import annotations
 
+import warnings
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import arguments, regular_file
+
 FloatArray = NDArray[np.float64]
 
 STONES = 4.0
 """Stones of rubble on the area of the square about one of them: they overlap, and little ground shows between."""
+
+
+MOST_STONES = 100_000
+"""Of rubble: a few seconds."""
+
+MOST_HEIGHTS = 4_000_000
+"""Nodes of terrain that is made or read: 32 MB for each of its tables."""
+
+LARGEST_FILE = 200_000_000
+"""Of an image [byte]."""
+
+FORMATS = ("PNG", "TIFF", "JPEG", "BMP", "PPM", "GIF")
+"""Of images; other readers of the library run programs, or know no limits."""
+
+
+def require_few(along: float, across: float) -> None:
+    """Raise ValueError for more heights than there is room for; a grid has so many along each side."""
+    if not along * across <= MOST_HEIGHTS:
+        raise ValueError(
+            f"spacing: got {along:.3g} x {across:.3g} heights, at most {MOST_HEIGHTS:.0g} are allowed; take a wider "
+            "spacing or a smaller piece of terrain"
+        )
 
 
 def nodes(length: float, width: float, spacing: float) -> tuple[FloatArray, FloatArray]:
@@ -20,11 +46,11 @@ def nodes(length: float, width: float, spacing: float) -> tuple[FloatArray, Floa
     Raises
     ------
     ValueError
-        A size that is not finite and above 0.
+        A size that is not finite and above 0, or too many nodes.
     """
-    for name, value in (("length", length), ("width", width), ("spacing", spacing)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name}: got {value!r} m, must be finite and above 0")
+    sizes = {"length": length, "width": width, "spacing": spacing}
+    length, width, spacing = (arguments.number(name, value, "m", gt=0.0) for name, value in sizes.items())
+    require_few(*(float(np.float64(side) / spacing) + 1.0 for side in (length, width)))
     along, across = (int(np.ceil(side / spacing - 1e-9)) for side in (length, width))
     return spacing * np.arange(along + 1.0), spacing * (np.arange(across + 1.0) - across / 2.0)
 
@@ -51,16 +77,29 @@ def rubble(x: FloatArray, y: FloatArray, height: float, size: float, seed: int) 
     """
     rng = np.random.default_rng(seed)
     area = (x[-1] - x[0] + 2.0 * size) * (y[-1] - y[0] + 2.0 * size)
-    count = max(1, round(STONES * area / (4.0 * size**2)))
+    stones = STONES * area / (4.0 * size**2)
+    if not stones <= MOST_STONES:
+        raise ValueError(
+            f"size: got {size!r} m, which makes {stones:.3g} stones, at most {MOST_STONES:.0g} are allowed; take "
+            "larger stones or a smaller field"
+        )
+    count = max(1, round(stones))
     place = rng.uniform([x[0] - size, y[0] - size], [x[-1] + size, y[-1] + size], (count, 2))
     share = rng.uniform(0.5, 1.0, count)
     heights = np.zeros((len(x), len(y)))
     for (x_0, y_0), part in zip(place, share, strict=True):
-        rows, columns = (np.flatnonzero(np.abs(side - at) < part * size) for side, at in ((x, x_0), (y, y_0)))
+        rows, columns = (_near(side, at, part * size) for side, at in ((x, x_0), (y, y_0)))
         square = ((x[rows, None] - x_0) ** 2 + (y[columns] - y_0) ** 2) / (part * size) ** 2
         block = np.ix_(rows, columns)
         heights[block] = np.maximum(heights[block], height * part * np.clip(1.0 - square, 0.0, None) ** 2)
     return heights
+
+
+def _near(side: FloatArray, at: float, reach: float) -> NDArray[np.intp]:
+    """Return the indices of growing places that lie within a reach."""
+    first, last = np.searchsorted(side, (at - reach, at + reach))
+    found: NDArray[np.intp] = first + np.flatnonzero(np.abs(side[first:last] - at) < reach)
+    return found
 
 
 def image(path: str | PathLike[str], low: float, high: float) -> FloatArray:
@@ -75,22 +114,40 @@ def image(path: str | PathLike[str], low: float, high: float) -> FloatArray:
     """
     from PIL import Image, UnidentifiedImageError
 
-    if not (np.isfinite(low) and np.isfinite(high) and low < high):
+    low, high = (arguments.number(*given, "m") for given in (("low", low), ("high", high)))
+    if not low < high:
         raise ValueError(
             f"low, high: got {low!r}, {high!r} m, must be finite heights of black and white, low below high"
         )
     name = Path(path).name
     try:
-        with Image.open(path) as picture:
-            deep = picture.mode.startswith(("I", "F"))
-            grey = np.asarray(picture if deep else picture.convert("L"), dtype=float)
+        content = regular_file.read(path, LARGEST_FILE)
     except FileNotFoundError:
         raise ValueError(f"heightfield image {name!r}: there is no such file; give the path of a PNG") from None
-    except (OSError, UnidentifiedImageError, SyntaxError, ValueError) as error:
+    except OSError as error:
         raise ValueError(
-            f"heightfield image {name!r}: cannot be read as a picture ({error}); save it again as a greyscale PNG"
+            f"heightfield image {name!r}: cannot be read ({error.strerror}); check the path and its permissions"
         ) from None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Image.open(BytesIO(content), formats=FORMATS) as picture:
+                require_few(*picture.size)
+                deep = picture.mode.startswith(("I", "F"))
+                grey = np.asarray(picture if deep else picture.convert("L"), dtype=float)
+    except UnidentifiedImageError:
+        raise _no_picture(name, f"it is none of {', '.join(FORMATS)}") from None
+    except Exception as error:  # its readers fail in ways of their own
+        raise _no_picture(name, arguments.shown(str(error))) from None
+    if not np.isfinite(grey).all():
+        raise _no_picture(name, "it has values that are not finite")
     if grey.max() == grey.min():
         raise ValueError(f"heightfield image {name!r}: got one colour everywhere, must have darker and lighter places")
     share = (grey - grey.min()) / (grey.max() - grey.min()) if deep else grey / 255.0
     return low + (high - low) * share[::-1].T
+
+
+def _no_picture(name: str, why: str) -> ValueError:
+    return ValueError(
+        f"heightfield image {name!r}: cannot be read as a picture ({why}); save it again as a greyscale PNG"
+    )

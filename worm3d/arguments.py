@@ -1,0 +1,202 @@
+"""Checks of what users give: each refuses with one sentence that says what, what was got, and what is allowed.
+
+They return the value in the type that the rest relies on. Nothing is converted in silence: True is no number, "1" is
+none, and neither is an array of one. Raised is ValueError, whatever is wrong.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+T = TypeVar("T")
+
+MOST_MEMORY = 4e9
+"""A run, grid or table that needs more is refused [byte]."""
+
+_LONGEST = 80
+"""Characters of a value in a sentence."""
+
+
+def number(
+    name: str,
+    value: Any,
+    unit: str = "",
+    *,
+    gt: float | None = None,
+    ge: float | None = None,
+    lt: float | None = None,
+    le: float | None = None,
+    infinite: bool = False,
+) -> float:
+    """Return a real number within a range, finite unless `infinite`."""
+    found = _real(value)
+    if found is None or not _within(found, gt, ge, lt, le) or not (np.isfinite(found) or (infinite and found > 0.0)):
+        got = f"{shown(value)}{f' {unit}' if unit else ''}"
+        raise ValueError(f"{name}: got {got}, must be {_range(gt, ge, lt, le, infinite)}")
+    return found
+
+
+def whole(name: str, value: Any, ge: int = 1, le: int | None = None) -> int:
+    """Return a whole number within a range."""
+    right = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not (right and value >= ge and (le is None or value <= le)):
+        most = "" if le is None else f" and at most {le}"
+        raise ValueError(f"{name}: got {shown(value)}, must be a whole number of at least {ge}{most}")
+    return int(value)
+
+
+def flag(name: str, value: Any) -> bool:
+    """Return True or False."""
+    if not isinstance(value, bool | np.bool_):
+        raise ValueError(f"{name}: got {shown(value)}, must be True or False")
+    return bool(value)
+
+
+def choice(name: str, value: Any, allowed: tuple[str, ...]) -> str:
+    """Return one of the words that are allowed."""
+    if not (isinstance(value, str) and value in allowed):
+        words = " or ".join(map(repr, allowed)) if len(allowed) == 2 else f"one of {', '.join(map(repr, allowed))}"
+        raise ValueError(f"{name}: got {shown(value)}, must be {words}")
+    return value
+
+
+def instance(name: str, value: T, kind: Any, what: str) -> T:
+    """Return an object of a class; `what` says how it is made."""
+    if not isinstance(value, kind):
+        raise ValueError(f"{name}: got {_type_of(value)}, must be {what}")
+    return value
+
+
+def function(name: str, value: T, what: str = "a function of time") -> T:
+    """Return what can be called."""
+    if not callable(value) or isinstance(value, type):
+        raise ValueError(f"{name}: got {_type_of(value)}, must be {what}")
+    return value
+
+
+def array(
+    name: str,
+    value: Any,
+    shape: tuple[int | str, ...],
+    *,
+    least: int = 1,
+    fill: bool = False,
+    gt: float | None = None,
+    ge: float | None = None,
+    lt: float | None = None,
+    le: float | None = None,
+) -> FloatArray:
+    """Return an array of finite numbers, one's own and read-only.
+
+    Parameters
+    ----------
+    shape : tuple
+        Sizes; a letter stands for any size of at least `least`.
+    fill : bool
+        Whether a number fills it.
+    gt, ge, lt, le : float, optional
+        The range of each.
+    """
+    found = floats(name, value)
+    if found.ndim == 0 and fill:
+        found = np.full([int(size) for size in shape], float(found))
+    if not _fits(found.shape, shape, least):
+        raise ValueError(f"{name}: got shape {found.shape}, must be {_shape(shape, least)}{_or_a_number(fill)}")
+    with np.errstate(invalid="ignore"):
+        right = np.isfinite(found) & _within(found, gt, ge, lt, le)
+    if not right.all():
+        raise ValueError(f"{name}: got {float(found[~right][0])!r}, every value must be {_range(gt, ge, lt, le)}")
+    found.setflags(write=False)
+    return found
+
+
+def floats(name: str, value: Any) -> FloatArray:
+    """Return numbers as an array of one's own, of any shape and size, finite or not."""
+    try:
+        given = np.asarray(value)
+    except Exception as error:  # lists of unequal length, and whatever an object's own conversion raises
+        raise ValueError(f"{name}: got {_type_of(value)}, must be numbers, in lists of equal length") from error
+    if given.dtype.kind not in "iuf":
+        raise ValueError(f"{name}: got {shown(value)}, must be numbers")
+    return np.array(given, dtype=np.float64)
+
+
+def room(name: str, needed: float, what: str, remedy: str) -> None:
+    """Refuse what would not fit into memory, before anything is allocated; `needed` in bytes."""
+    if not needed <= MOST_MEMORY:
+        raise ValueError(
+            f"{name}: got {what}, about {needed / 1e9:.3g} GB of memory, must be at most {MOST_MEMORY / 1e9:g} GB; "
+            f"use {remedy}"
+        )
+
+
+def shown(value: Any) -> str:
+    """Return a value as a sentence shows it: on one line, not too long."""
+    if isinstance(value, np.ndarray) and value.size > 6:
+        return f"an array of shape {value.shape}"
+    try:
+        text = " ".join(repr(value.tolist() if isinstance(value, np.ndarray | np.generic) else value).split())
+    except Exception:  # an object's own repr, or an integer of more digits than Python prints
+        return _type_of(value)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def _real(value: Any) -> float | None:
+    """Return a number as a float; None for what is none."""
+    if isinstance(value, np.ndarray) and value.shape == () and value.dtype.kind in "iuf":
+        return float(value)
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return None
+
+
+def _within(value: Any, gt: float | None, ge: float | None, lt: float | None, le: float | None) -> Any:
+    inside = value == value  # and not NaN
+    for bound, holds in ((gt, operator.gt), (ge, operator.ge), (lt, operator.lt), (le, operator.le)):
+        if bound is not None:
+            inside = inside & holds(value, bound)
+    return inside
+
+
+def _range(gt: float | None, ge: float | None, lt: float | None, le: float | None, infinite: bool = False) -> str:
+    """Return a range in words: "finite and above 0", "finite and in [0, 1)"."""
+    finite = "" if infinite else "finite"
+    low, high = ge if gt is None else gt, le if lt is None else lt
+    if low is not None and high is not None:
+        within = f"in {'[' if gt is None else '('}{low:g}, {high:g}{']' if lt is None else ')'}"
+    elif low is not None:
+        within = f"{'at least' if gt is None else 'above'} {low:g}"
+    elif high is not None:
+        within = f"{'at most' if lt is None else 'below'} {high:g}"
+    else:
+        within = ""
+    return " and ".join(filter(None, (finite, within))) or "a number"
+
+
+def _fits(found: tuple[int, ...], shape: tuple[int | str, ...], least: int) -> bool:
+    if len(found) != len(shape):
+        return False
+    return all(n == m if isinstance(m, int) else n >= least for n, m in zip(found, shape, strict=True))
+
+
+def _shape(shape: tuple[int | str, ...], least: int) -> str:
+    sizes = ", ".join(map(str, shape))
+    free = [str(size) for size in shape if isinstance(size, str)]
+    many = f" with {' and '.join(free)} of at least {least}" if free else ""
+    return f"({sizes}{',' if len(shape) == 1 else ''}){many}"
+
+
+def _or_a_number(fill: bool) -> str:
+    return " (or a number)" if fill else ""
+
+
+def _type_of(value: Any) -> str:
+    return type(value).__name__
