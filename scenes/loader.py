@@ -126,7 +126,8 @@ def read_text(path: Path) -> str:
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: not a text in UTF-8 (byte {error.start + 1}); save it as UTF-8") from error
     except OSError as error:
-        raise DiscError(f"cannot read {path}: {(error.strerror or str(error)).lower()}") from error
+        why = error.strerror or str(error)
+        raise DiscError(f"cannot read {path}: {why[:1].lower()}{why[1:]}") from error
     if not text.strip():
         raise SceneError(f"{path}: the file is empty; 'worm3d init FILE' writes a scene to start from")
     return text

@@ -237,7 +237,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "a row": (lambda: Heightfield(np.zeros(9), 0.1), r"heights: got shape \(9,\), must be \(A, B\) with at least 4"),
     "spacing": (lambda: Heightfield(FLAT, 0.0), r"spacing: got 0.0 m, must be finite and above 0"),
-    "origin": (lambda: Heightfield(FLAT, 0.1, (0.0, np.inf)), r"origin: got \(0.0, inf\), must be x and y"),
+    "origin": (lambda: Heightfield(FLAT, 0.1, (0.0, np.inf)), r"origin: got inf, every value must be finite"),
     "grip": (lambda: Heightfield(FLAT, 0.1, grip=-1.0), r"grip: got shape \(\) and least value -1.0, must be at least"),
     "grips": (lambda: Heightfield(FLAT, 0.1, grip=np.ones(3)), r"grip: got shape \(3,\) .* as the heights, \(9, 9\)"),
     "size": (

@@ -219,7 +219,7 @@ MISTAKES = [
     (lambda: Straight(0.0), r"length: got 0.0 m, must be finite and above 0"),
     (lambda: Bend(1.0, 0.5, "north"), r"towards: got 'north', must be one of 'left', 'right', 'up', 'down'"),  # type: ignore[arg-type]
     (lambda: Centreline.of([]), r"pieces: got none"),
-    (lambda: Centreline.through([(0.0, 0.0, 0.0)]), r"points: got shape \(1, 3\), must be finite and \(P, 3\)"),
+    (lambda: Centreline.through([(0.0, 0.0, 0.0)]), r"points: got shape \(1, 3\), must be \(P, 3\)"),
     (lambda: Centreline.through([(0.0, 0.0, 0.0)] * 2), r"points: two that follow each other coincide"),
     (lambda: Pipe(CROOKED, 0.0), r"radius: got 0.0 m, must be finite and above 0"),
     (lambda: Pipe(CROOKED, 0.35), r"radius: got 0.35 m in a bend of 0.3 m at 1 m along the pipe, must be below"),
@@ -228,7 +228,7 @@ MISTAKES = [
     (lambda: Pipe(CROOKED, 0.1, (Patch(1.0, across=(0.0, 1.0)),)), r"patches: got an `across`"),
     (lambda: Profile([0.0, 0.0], [0.1, 0.2]), r"along, radius: got .* places increasing"),
     (lambda: Profile([0.0, 0.01], [0.1, 0.2]), r"rises or falls by 84.3 degrees at 0 m, must be at most 80 degrees"),
-    (lambda: Profile([0.0], [-0.1]), r"radius: got -0.1 m, must be above 0"),
+    (lambda: Profile([0.0], [-0.1]), r"radius: got -0.1, every value must be finite and above 0"),
     (lambda: Profile([0.0], [0.1], rounding=0.0), r"rounding: got 0.0 m"),
 ]  # fmt: skip
 

@@ -98,9 +98,10 @@ def triangles(path: Path, data: bytes, scale: float) -> tuple[FloatArray, IntArr
     mesh = _read(path, data)
     _require_indices(path.name, mesh)
     _require_finite(path.name, mesh)
-    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    with np.errstate(all="ignore"):
+        _require_size(path.name, np.asarray(mesh.vertices, dtype=float) * scale, np.asarray(mesh.faces))
+        mesh.merge_vertices(merge_tex=True, merge_norm=True)
     vertices, faces = np.asarray(mesh.vertices, dtype=float) * scale, np.asarray(mesh.faces, dtype=np.int64)
-    _require_size(path.name, vertices, faces)
     _require_solid(path.name, mesh, vertices)
     return vertices, faces
 

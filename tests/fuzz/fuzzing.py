@@ -1,0 +1,43 @@
+"""What tests that draw their inputs at random share: the same examples each time, or more of them when asked."""
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from hypothesis import HealthCheck, Phase, settings
+
+TIMES = int(os.environ.get("WORM3D_FUZZ", "1"))
+"""By which the number of examples is multiplied; beyond 1 they are new ones each time."""
+
+LIMIT_S = 60
+"""No single input may take longer: it is a hang. Wide, for a busy machine."""
+
+
+def examples(count: int) -> settings:
+    """Return the settings of a test with so many examples."""
+    return settings(
+        max_examples=count * TIMES,
+        derandomize=TIMES == 1,
+        database=None,
+        deadline=None,
+        phases=(Phase.generate, Phase.shrink),
+        suppress_health_check=list(HealthCheck),
+    )
+
+
+@contextmanager
+def no_hang() -> Iterator[None]:
+    """Fail where what is done within takes too long."""
+
+    def late(number: int, frame: FrameType | None) -> None:
+        raise AssertionError(f"took more than {LIMIT_S} s")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(LIMIT_S)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
