@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 
 INCOMING = ("work_contract", "work_external", "load_change")
 STORED = ("kinetic", "elastic", "potential", "penetration", "anchor")
-LOST = ("friction_loss", "viscous_loss", "numerical_loss")
+LOST = ("friction_loss", "viscous_loss", "impact", "numerical_loss")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +32,11 @@ class Energy:
         What comes in: actuators, external forces, anchor energy changed by loads and turning tangents.
     kinetic, elastic, potential, penetration, anchor : ndarray
         Changes of energy.
-    friction_loss, viscous_loss, numerical_loss : ndarray
-        What is lost.
+    friction_loss, viscous_loss, impact, numerical_loss : ndarray
+        What is lost: to friction, to the damping of the material and the medium, in impacts on the world, and by the
+        integrator (of either sign).
+    drag_loss : ndarray
+        The part of the viscous loss that the medium takes.
     work_contract_positive : ndarray
         Sum of the positive work of the actuators, step by step.
     work_contract_p11, work_friction_p13 : ndarray
@@ -50,14 +53,16 @@ class Energy:
     anchor: FloatArray
     friction_loss: FloatArray
     viscous_loss: FloatArray
+    impact: FloatArray
     numerical_loss: FloatArray
+    drag_loss: FloatArray
     work_contract_positive: FloatArray
     work_contract_p11: FloatArray
     work_friction_p13: FloatArray
 
     @classmethod
     def of(cls, rows: FloatArray) -> Energy:
-        """Return the ledger of records, shape (T, 14)."""
+        """Return the ledger of records, shape (T, 16)."""
         return cls(**dict(zip(TERMS, rows.T, strict=True)))
 
     def _sum(self, names: tuple[str, ...]) -> FloatArray:

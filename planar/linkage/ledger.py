@@ -4,14 +4,18 @@ Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the fi
 
     work of the actuators + of external forces + change of the anchors' energy by the loads
     = change of kinetic, elastic, potential, penetration and anchor energy
-      + friction loss + viscous loss + numerical loss - residual.dq
+      + friction loss + viscous loss + impact + numerical loss - residual.dq
 
 * Actuators: the integral of (dE/dl_cmd) dl_cmd over the change of command, by the trapezoidal rule: the mean of
   E(l, cmd_{n+1}) - E(l, cmd_n) at l_n and l_{n+1}; its difference to that at l_n is numerical loss, of either sign.
 * Friction: N rho(motion of the anchor), (P10) as -F.dq for the clamped worm.
-* Viscous: Kelvin-Voigt c (ds)^2/dt, medium (P8), the dampers of the contacts.
+* Viscous: Kelvin-Voigt c (ds)^2/dt, medium (P8), the dampers of friction.
+* Impact: the loss in the damper of the normal contact. In a step in which an apex strikes the ground (`_lands`) instead
+  the impulse N dt times the mean of the normal velocities before and after, less what the contact stores; likewise the
+  impulse of friction, of which N rho has half the velocity after; and without what the weight gives meanwhile,
+  -m g.(dt (V + V_n)/2 - J dq).
 * Numerical: m |dV|^2/2; E_n - E_{n+1} + gradE_{n+1}.dq for every energy; and, since X(q) and the strains s(q) are not
-  linear, force times (J dq - dX) for inertia, contact, friction and dampers.
+  linear, force times (J dq - dX) for inertia, contact, friction and dampers; less what of this is impact.
 """
 
 from __future__ import annotations
@@ -29,6 +33,9 @@ from planar.linkage.worm import FloatArray, Linkage
 
 if TYPE_CHECKING:
     from planar.linkage.step import State, Step
+
+STRIKE = 2.0
+"""An apex that comes to the ground faster than gravity makes it in so many time steps strikes it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +96,8 @@ class Ledger:
         The paper's F.dq of the contraction and of the friction force; not part of the sum.
     kinetic, elastic, potential, penetration, anchor : ndarray
         Changes of energy.
-    friction_loss, viscous_loss, numerical_loss : ndarray
-        What is lost; the first two are >= 0 in contact.
+    friction_loss, viscous_loss, impact, numerical_loss : ndarray
+        What is lost; the first two are >= 0 in contact, the third is 0 in flight.
     """
 
     work_contract: FloatArray
@@ -103,6 +110,7 @@ class Ledger:
     anchor: FloatArray
     friction_loss: FloatArray
     viscous_loss: FloatArray
+    impact: FloatArray
     numerical_loss: FloatArray
     work_contract_p11: FloatArray
     work_friction_p13: FloatArray
@@ -111,7 +119,7 @@ class Ledger:
     def residual(self) -> FloatArray:
         """What comes in less what is stored or lost, shape (S,) [J]: zero up to Newton's residual."""
         stored = self.kinetic + self.elastic + self.potential + self.penetration + self.anchor
-        lost = self.friction_loss + self.viscous_loss + self.numerical_loss
+        lost = self.friction_loss + self.viscous_loss + self.impact + self.numerical_loss
         return self.work_contract + self.work_external + self.load_change - stored - lost
 
     @property
@@ -150,6 +158,8 @@ class _Terms:
         self.x_n, self.x = apexes(p.start.joints, a), apexes(p.end.joints, a)
         self.dx = self.x - self.x_n
         self.jdq = self._first_order_apex_motion(a)
+        self.mean = _per(p.dt, self.dx) * 0.5 * (p.start.apex_velocity + p.end.apex_velocity)
+        self.lands = self._lands()
         self.tau = worm.kelvin_voigt_time / p.dt[:, None]
 
     def _first_order_apex_motion(self, a: FloatArray) -> FloatArray:
@@ -162,11 +172,17 @@ class _Terms:
         middle = 0.5 * (self.dq[:, :-1] + self.dq[:, 1:])
         return np.stack([middle - reach, middle + reach], axis=-2)
 
+    def _lands(self) -> FloatArray:
+        """Return 1 for each part in which an apex strikes the ground: as in `worm3d.solver.ledger`, else 0."""
+        fast = STRIKE * float(np.linalg.norm(self.gravity)) * _per(self.p.dt, self.p.end.load)
+        strikes = (self.p.end.load > 0.0) & (-self.p.start.apex_velocity[..., 1] > fast)
+        return strikes.any(axis=(1, 2)).astype(float)
+
     def all(self) -> dict[str, FloatArray]:
         """Return every term of the ledger."""
         kinetic, inertia_loss = self._inertia()
         elastic = self._elastic()
-        potential, weight_loss = self._weight()
+        potential, weight_loss, carried = self._weight()
         contact = self._contact()
         drag = np.asarray(self.worm.drag / self.worm.segments) * _ends_half(self.worm.segments)
         external = np.einsum("pjd,pjd->p", self.p.joint_force, self.dq)
@@ -185,7 +201,13 @@ class _Terms:
             "anchor": contact["anchor"],
             "friction_loss": contact["friction"] - threshold,
             "viscous_loss": elastic["viscous"] + contact["viscous"] + medium,
-            "numerical_loss": inertia_loss + elastic["numerical"] + weight_loss + contact["numerical"] + curvature,
+            "impact": contact["impact"] + carried,
+            "numerical_loss": inertia_loss
+            + elastic["numerical"]
+            + weight_loss
+            - carried
+            + contact["numerical"]
+            + curvature,
             "work_contract_p11": elastic["p11"],
             "work_friction_p13": contact["p13"] + threshold,
         }
@@ -204,11 +226,13 @@ class _Terms:
             loss += _weighted(mass, per_point[1] + curvature)
         return change, loss
 
-    def _weight(self) -> tuple[FloatArray, FloatArray]:
-        """Potential energy -m g.X, and its numerical loss E_n - E_{n+1} + gradE.dq = -m g.(J dq - dX)."""
-        g = self.gravity
-        change = -_weighted(self.worm.joint_mass, self.dq @ g) - _weighted(self.worm.apex_mass, self.dx @ g)
-        return change, -_weighted(self.worm.apex_mass, (self.jdq - self.dx) @ g)
+    def _weight(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Potential energy -m g.X, its numerical loss E_n - E_{n+1} + gradE.dq = -m g.(J dq - dX), and its impact."""
+        g, p, joints, tips = self.gravity, self.p, self.worm.joint_mass, self.worm.apex_mass
+        change = -_weighted(joints, self.dq @ g) - _weighted(tips, self.dx @ g)
+        mean = _per(p.dt, self.dq) * 0.5 * (p.start.joint_velocity + p.end.joint_velocity)
+        carried = _weighted(joints, (self.dq - mean) @ g) + _weighted(tips, (self.jdq - self.mean) @ g)
+        return change, -_weighted(tips, (self.jdq - self.dx) @ g), self.lands * carried
 
     def _elastic(self) -> dict[str, FloatArray]:
         worm, p = self.worm, self.p
@@ -264,7 +288,7 @@ class _Terms:
         total["numerical"] += (k * (s - rest) * first_order - rise + k * self.tau * ds * (first_order - ds)).sum(axis=1)
 
     def _contact(self) -> dict[str, FloatArray]:
-        names = ("penetration", "anchor", "load_change", "friction", "viscous", "numerical", "p13")
+        names = ("penetration", "anchor", "load_change", "friction", "viscous", "impact", "numerical", "p13")
         if self.ground is None:
             return {name: np.zeros(len(self.p.dt)) for name in names}
         normal = self._normal(self.ground)
@@ -279,12 +303,9 @@ class _Terms:
         depth_n, depth = np.maximum(0.0, -self.x_n[..., 1]), np.maximum(0.0, -self.x[..., 1])
         dz, load = self.dx[..., 1], self.p.end.load
         rise = 0.5 * ground.stiffness * (depth**2 - depth_n**2)
-        spring = ground.stiffness * depth
-        return {
-            "penetration": rise,
-            "viscous": -(load - spring) * dz,
-            "numerical": -rise - spring * dz - load * (self.jdq[..., 1] - dz),
-        }
+        damped = -(load - ground.stiffness * depth) * dz
+        impact = np.where(_per(self.lands, load) > 0.0, -load * self.mean[..., 1] - rise, damped)
+        return {"penetration": rise, "impact": impact, "numerical": -rise - load * self.jdq[..., 1] - impact}
 
     def _friction(self, ground: Ground) -> dict[str, FloatArray]:
         p = self.p
@@ -309,16 +330,19 @@ class _Terms:
         stored_n = 0.5 * load * gauge(s_n) ** 2 / ground.yield_gauge
         spring = load * gauge(left) / ground.yield_gauge * slope(left)
         stretch = left - s_n
+        impact = _per(self.lands, load) * force * (towards_head * self.mean[..., 0] - ds)
         load_change = stored_n - 0.5 * load_n * gauge(s_n) ** 2 / ground.yield_gauge
         return {
             "friction": load * p.cap * gauge(p.slip),
             "anchor": stored - stored_n + load_change,
             "load_change": load_change,
             "viscous": (force - spring) * stretch,
+            "impact": impact,
             "numerical": spring * stretch
             - (stored - stored_n)
             + force * (towards_head * self.jdq[..., 0] - ds)
-            + (force * p.slip - load * p.cap * gauge(p.slip)),
+            + (force * p.slip - load * p.cap * gauge(p.slip))
+            - impact,
             "p13": -force * ds,
         }
 

@@ -43,7 +43,8 @@ STORED = {
 }
 LOST = {
     "friction_loss": "loss to friction",
-    "viscous_loss": "loss to Kelvin-Voigt damping, medium and contact dampers",
+    "viscous_loss": "loss to Kelvin-Voigt damping, medium and friction's dampers",
+    "impact": "loss to impacts on the ground",
     "numerical_loss": "numerical loss of implicit Euler",
 }
 PAPERS = {

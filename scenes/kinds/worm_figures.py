@@ -31,7 +31,7 @@ ALWAYS = ("work_contract", "kinetic")
 
 INCOMING = ("work_contract", "work_external", "load_change")
 STORED = ("kinetic", "elastic", "potential", "penetration", "anchor")
-LOST = ("friction_loss", "viscous_loss", "numerical_loss")
+LOST = ("friction_loss", "viscous_loss", "impact", "numerical_loss")
 
 FAR = 1e3
 """Stands for infinity in a picture [m]."""

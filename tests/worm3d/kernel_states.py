@@ -225,6 +225,7 @@ def some_mass(x: np.ndarray, rng: np.random.Generator) -> Values:
         "mass": rng.uniform(0.01, 0.1, (1, COUNT)),
         "dt": dt,
         "span": np.where(np.arange(COUNT) % 2, 2 / 3 * dt, dt),
+        "lands": np.arange(COUNT)[None] % 3 == 0,
     }
 
 

@@ -1,7 +1,7 @@
 """Mass points in time, symbolic: what the integrator presets, velocities, momenta, and inertia in the energy ledger.
 
 Both kinds of mass points, joints (`worm3d.kernels.node`) and contact points (`worm3d.kernels.point`), have the inputs
-`SIZES` in their layouts, beside their place "x".
+`SIZES` in their layouts, beside their place "x" and their "weight".
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ SIZES = {
     "mass": 1,
     "dt": 1,
     "span": 1,  # beta dt, dt for implicit Euler [s]
+    "lands": 1,  # 1 in a step in which a point strikes the world
 }
 BDF2, EULER = (4.0 / 3.0, -1.0 / 3.0), (1.0, 0.0)
 """Weights of t_n and t_{n-1} in the backward difference of the integrators."""
@@ -63,13 +64,26 @@ def motion(s: Symbols) -> ca.SX:
     return s["x"] - s["past"][:3]
 
 
-def ledger(s: Symbols, first: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return the gain of kinetic energy, and the integrator's loss [J]; `first` is the motion to first order [m]."""
-    v, v_n, v_m = velocity(s), s["velocity"][:3], s["velocity"][3:]
+def mean_motion(s: Symbols) -> ca.SX:
+    """Return dt (V + V_n)/2, the way over which the force of a step does its work on a free mass, shape (3,) [m]."""
+    return 0.5 * s["dt"] * (velocity(s) + s["velocity"][:3])
+
+
+def ledger(s: Symbols, first: ca.SX) -> dict[str, ca.SX]:
+    """Return a mass point's terms of the energy ledger [J]; `first` is its motion to first order, shape (3,) [m].
+
+    In a landing the contact also carries the weight, whose impulse is none of the impact's.
+    """
+    v, v_n, v_m, mean = velocity(s), s["velocity"][:3], s["velocity"][3:], mean_motion(s)
     e_v = ca.if_else(_is_bdf2(s), 0.5 * (v - 2.0 * v_n + v_m), 0.0)
-    mean = 0.5 * (v + v_n)
-    gained = 0.5 * s["mass"] * (ca.sumsqr(v) - ca.sumsqr(v_n))
-    return gained, s["mass"] * ca.dot(e_v, mean) + ca.dot(force(s), first - s["dt"] * mean)
+    carried, moved = s["lands"] * ca.dot(s["weight"], first - mean), motion(s)
+    lost = s["mass"] * ca.dot(e_v, mean) / s["dt"] + ca.dot(force(s), first - mean)
+    return {
+        "kinetic": 0.5 * s["mass"] * (ca.sumsqr(v) - ca.sumsqr(v_n)),
+        "potential": -ca.dot(s["weight"], moved),
+        "impact": carried,
+        "numerical_loss": lost - ca.dot(s["weight"], first - moved) - carried,
+    }
 
 
 def momenta(s: Symbols) -> ca.SX:

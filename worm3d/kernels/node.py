@@ -36,7 +36,8 @@ LEDGER_TERMS = (
     "work_external",
     "friction_loss",
     "work_friction_p13",
-    "viscous_loss",
+    "drag_loss",
+    "impact",
     "numerical_loss",
 )
 
@@ -45,18 +46,17 @@ def after() -> ca.Function:
     """Return the joint's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its velocity (3)."""
     s = LAYOUT.symbols
     moved = inertia.motion(s)  # the coordinates of a joint are its place: to first order it is the same
-    kinetic, lost = inertia.ledger(s, moved)
+    own = inertia.ledger(s, moved)
     rubbed = ca.dot(s["friction"], moved)
     axes = [losses.damper(s["drag"], s["x"][d] - s["drag_hat"][d], s["span"], s["dt"], moved[d]) for d in range(3)]
     viscous = [ca.sum1(ca.vertcat(*of)) for of in zip(*axes, strict=True)]
     terms = {
-        "kinetic": kinetic,
-        "potential": -ca.dot(s["weight"], moved),
+        **own,
         "work_external": ca.dot(s["external"], moved),
         "friction_loss": -rubbed,
         "work_friction_p13": rubbed,
-        "viscous_loss": viscous[0],
-        "numerical_loss": lost + viscous[1],
+        "drag_loss": viscous[0],
+        "numerical_loss": own["numerical_loss"] + viscous[1],
     }
     return LAYOUT.function("node_after", {"terms": [terms[name] for name in LEDGER_TERMS], "v": inertia.velocity(s)})
 

@@ -313,6 +313,7 @@ LEDGER_TERMS = (
     "penetration",
     "anchor",
     "viscous_loss",
+    "impact",
     "numerical_loss",
     "work_friction_p13",
     "friction_loss",
@@ -335,7 +336,7 @@ def after() -> ca.Function:
     """Return the point's terms of the ledger, as in `LEDGER_TERMS`, and the state with which the next step begins."""
     s, slip, touches = LAYOUT.symbols, _slip(), LAYOUT.symbols["load_n"] > 0.0
     stored, friction = _friction_ledger(slip)
-    parts = (friction, _normal_ledger(), _inertia_ledger())
+    parts = (friction, _normal_ledger(), inertia.ledger(s, s["first"]))
     terms = [sum((part[name] for part in parts if name in part), ca.SX(0.0)) for name in LEDGER_TERMS]
     along, left = _tangents()
     rows = {
@@ -355,25 +356,15 @@ def momenta() -> ca.Function:
     return LAYOUT.function("point_momenta", {"momenta": inertia.momenta(LAYOUT.symbols)})
 
 
-def _inertia_ledger() -> dict[str, ca.SX]:
-    """Return kinetic and potential energy, and the numerical loss of both."""
-    s = LAYOUT.symbols
-    moved = inertia.motion(s)
-    kinetic, lost = inertia.ledger(s, s["first"])
-    numerical = lost - ca.dot(s["weight"], s["first"] - moved)
-    return {"kinetic": kinetic, "potential": -ca.dot(s["weight"], moved), "numerical_loss": numerical}
-
-
 def _normal_ledger() -> dict[str, ca.SX]:
-    """Return penetration, viscous and numerical loss of the normal contact."""
+    """Return penetration, loss by impact and numerical loss of the normal contact."""
     s, c = LAYOUT.symbols, _contact()
     depth = ca.fmax(0.0, -s["distance"])
-    closing = s["distance"] - s["distance_n"]
     rise = s["stiffness"] / 2.0 * (depth**2 - s["depth_n"] ** 2)
-    spring = s["stiffness"] * depth
-    viscous = -(c.load - spring) * closing
-    numerical = -rise - spring * closing - c.load * (ca.dot(s["normal"], s["first"]) - closing)
-    return {"penetration": rise, "viscous_loss": viscous, "numerical_loss": numerical}
+    mean, first = (c.load * ca.dot(s["normal"], way) for way in (inertia.mean_motion(s), s["first"]))
+    damped = (c.load - s["stiffness"] * depth) * (s["distance_n"] - s["distance"])
+    impact = ca.if_else(s["lands"] != 0.0, -mean - rise, damped)
+    return {"penetration": rise, "impact": impact, "numerical_loss": -first - rise - impact}
 
 
 def _friction_ledger(slip: ca.SX) -> tuple[ca.SX, dict[str, ca.SX]]:
@@ -381,7 +372,8 @@ def _friction_ledger(slip: ca.SX) -> tuple[ca.SX, dict[str, ca.SX]]:
     s, c = LAYOUT.symbols, _contact()
     touching = c.load > 0.0
     load, s_n = s["hold"] * c.load, s["slide_n"]
-    moved, first = (ca.vertcat(*[ca.dot(t, way) for t in _tangents()]) for way in (inertia.motion(s), s["first"]))
+    ways = (inertia.motion(s), s["first"], inertia.mean_motion(s))
+    moved, first, mean = (ca.vertcat(*[ca.dot(t, way) for t in _tangents()]) for way in ways)
     left = s_n + ca.if_else(touching, moved - slip, ca.SX.zeros(2))
     y = ca.SX.sym("y", 2)
 
@@ -396,14 +388,16 @@ def _friction_ledger(slip: ca.SX) -> tuple[ca.SX, dict[str, ca.SX]]:
     loss = load * s["cap"] * contact.beyond(c.slide - c.law.centre, c.mu, c.law)
     load_change = stored_n - s["stored_n"]
     stretch = left - s_n
+    impact = s["lands"] * ca.dot(force, mean - moved)
     numerical = ca.dot(spring, stretch) - (stored - stored_n) + ca.dot(force, first - moved)
-    numerical += ca.dot(force, slip) - loss
+    numerical += ca.dot(force, slip) - loss - impact
     viscous = ca.dot(force - spring, stretch)
     return stored, {
         "load_change": load_change,
         "anchor": stored - stored_n + load_change,
         "friction_loss": loss,
         "viscous_loss": viscous,
+        "impact": impact,
         "numerical_loss": numerical,
         "work_friction_p13": -ca.dot(force, moved),
     }

@@ -4,19 +4,24 @@ Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the fi
 
     work of the actuators + of external forces + change of the anchors' energy by loads and turning tangents
     = change of kinetic, elastic, potential, penetration and anchor energy
-      + friction loss + viscous loss + numerical loss - residual.dq
+      + friction loss + viscous loss + impact + numerical loss - residual.dq
 
 * Actuators: the integral of (dE/dl_cmd) dl_cmd over the change of command, likewise for hinges, by the trapezoidal
   rule (its difference to the command first and the motion then is numerical loss, of either sign); -F dl of chamber
   forces.
 * Friction: N rho(motion of the anchor); (P10) as -F.dq for the clamped worm.
-* Viscous: Kelvin-Voigt c rate^2 dt, medium (P8), the dampers of the contacts.
+* Viscous: Kelvin-Voigt c rate^2 dt, medium (P8), the dampers of friction.
+* Impact: the loss in the damper of the normal contact. In a step in which a point strikes the world (`STRIKE`), too
+  short for what contacts resolve, it is instead the impulse N dt times the mean (V + V_n)/2 of the normal velocities
+  before and after, less what the contact stores. Friction's impulse likewise, of which N rho(motion of the anchor) has
+  the velocity after alone: f.(dt (V + V_n)/2 - dX). And since N carries the weight meanwhile, which is none of the
+  impact's, m g.(J dq - dt (V + V_n)/2) for every mass point.
 * Numerical: for inertia m [e_v.(V + V_n)/2 + A.e_x] with the defects of the integrator
 
       e_x = dX - dt (V + V_n)/2,   e_v = dt A - dV = 0 (implicit Euler) or (V - 2 V_n + V_{n-1})/2 (BDF2)
 
   (m |dV|^2/2 for implicit Euler); E_n - E_{n+1} + gradE_{n+1}.dq for every energy; and, since X(q) and the strains s(q)
-  are not linear, force times (J dq - dX).
+  are not linear, force times (J dq - dX); less what of this is impact.
 """
 
 from __future__ import annotations
@@ -30,27 +35,61 @@ from worm3d.compiled import inner
 from worm3d.kernels import joint, node, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, TERMS, Core
-from worm3d.solver.block import address, combine, matrix, vector
+from worm3d.solver.block import address, combine, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
 from worm3d.solver.evaluate import LOAD
 
 FloatArray = NDArray[np.float64]
 
 WORK_CONTRACT, WORK_POSITIVE = TERMS.index("work_contract"), TERMS.index("work_contract_positive")
+VISCOUS, DRAG = TERMS.index("viscous_loss"), TERMS.index("drag_loss")
 _OF_SEGMENT = np.array([TERMS.index(name) for name in segment.LEDGER_TERMS])
 _OF_JOINT = np.array([TERMS.index(name) for name in joint.LEDGER_TERMS])
 _OF_NODE = np.array([TERMS.index(name) for name in node.LEDGER_TERMS])
 _OF_POINT = np.array([TERMS.index(name) for name in point.LEDGER_TERMS])
 
 _DQ, _JOINT_DQ = segment.LAYOUT.first("dq"), joint.LAYOUT.first("dq")
-_LOAD_N, _F = point.LAYOUT.firsts("load_n", "f")
+_LOAD_N, _F, _NORMAL, _VELOCITY = point.LAYOUT.firsts("load_n", "f", "normal", "velocity")
+_DT, _LANDS = point.LAYOUT.firsts("dt", "lands")
+_NODE_LANDS = node.LAYOUT.first("lands")
 _BESIDE = joint.COORDINATES - vectors.WIDTH
 """Row of the second vector of a joint's coordinates: the two overlap."""
+
+STRIKE = 2.0
+"""A point that comes to the world faster than gravity makes it in so many time steps strikes it.
+
+Slower landings are those of a crawling worm, whose springs and dampers press it down with more than its momentum.
+"""
+
+
+@inner
+def gravity(core: Core) -> float:
+    """Return the size of gravity [m/s^2]."""
+    numbers = vector(core.block, a.NUMBERS_)
+    return float(np.sqrt(numbers[a.GRAVITY] ** 2 + numbers[a.GRAVITY + 1] ** 2 + numbers[a.GRAVITY + 2] ** 2))
+
+
+@inner
+def _lands(core: Core) -> bool:
+    """Return whether a point has struck the world in the step."""
+    p, load = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)[LOAD]
+    limit = STRIKE * gravity(core) * p[_DT, 0]
+    for k in range(p.shape[1]):
+        if load[k] > 0.0:
+            approach = 0.0
+            for d in range(3):
+                approach -= p[_VELOCITY + d, k] * p[_NORMAL + d, k]
+            if approach > limit:
+                return True
+    return False
 
 
 @inner
 def prepare(core: Core) -> None:
     """Fill the motion of the step, to first order in the points, and run the ledgers of segments and mass points."""
+    lands = 1.0 if _lands(core) else 0.0
+    fill(rows(core.block, a.POINT_IN, _LANDS, 1), lands)
+    fill(rows(core.block, a.NODE_IN, _NODE_LANDS, 1), lands)
     block, n = core.block, core.n
     x, lanes = vector(block, a.X), matrix(block, a.SEGMENT_IN).shape[1]
     combine(vector(block, a.MOVED)[: len(x)], 1.0, x, -1.0, vector(block, a.X_N))
@@ -75,11 +114,11 @@ def prepare(core: Core) -> None:
 
 @inner
 def add(core: Core, terms: FloatArray) -> None:
-    """Add the step's terms, shape (14,) [J]; `prepare` has run, the past is that before the step.
+    """Add the step's terms, shape (16,) [J]; `prepare` has run, the past is that before the step.
 
     The hinge angles of the segments are left behind the terms in "segment_ledger", the joints' angles in "joint_out".
     """
-    n, worked = core.n, terms[WORK_CONTRACT]
+    n, worked, dragged = core.n, terms[WORK_CONTRACT], terms[DRAG]
     joint_out = matrix(core.block, a.JOINT_OUT)[: len(_OF_JOINT) + 4]
     run(kernel(core, a.JOINT_LEDGER), matrix(core.block, a.JOINT_IN), joint_out, n - 1)
     _collect(core, a.SEGMENT_LEDGER_, n, _OF_SEGMENT, terms)
@@ -89,6 +128,7 @@ def add(core: Core, terms: FloatArray) -> None:
     _collect(core, a.AFTER_OUT, lanes, _OF_POINT[: vectors.WIDTH], terms)
     for k in range(vectors.WIDTH, len(_OF_POINT)):
         terms[_OF_POINT[k]] += vectors.total(address(core.block, a.AFTER_OUT, k), lanes)
+    terms[VISCOUS] += terms[DRAG] - dragged
     terms[WORK_POSITIVE] += max(0.0, terms[WORK_CONTRACT] - worked)
 
 

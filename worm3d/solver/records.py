@@ -33,7 +33,7 @@ NAMES = (
     "slip",  # (N, 8) since the row before
     "momentum",  # linear (3), angular about the origin (3)
     "com",  # (3,)
-    "energy",  # (14,) ledger since the row before
+    "energy",  # (16,) ledger since the row before
 )
 """Arrays of records, one row an instant, in the order of the block."""
 (

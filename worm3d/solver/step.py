@@ -18,6 +18,7 @@ from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import DIRECTOR, LENGTHS, TANGENT, place
 from worm3d.solver.faces import turn_faces
 from worm3d.solver.guard import NO_CONVERGENCE, OK, guard
+from worm3d.solver.ledger import gravity
 from worm3d.solver.newton import solve
 
 FloatArray = NDArray[np.float64]
@@ -34,7 +35,6 @@ _ANCHOR, _CAP, _PULL = point.LAYOUT.firsts("anchor", "cap", "pull")
 _SLIPPED, _NEW_VELOCITY, _NEW_ANCHOR, _NEW_STORED = point.AFTER.firsts("slipped", "velocity", "anchor", "stored")
 _N_SPAN, _N_DT = node.LAYOUT.firsts("span", "dt")
 _OF_LEDGER, _OF_JOINTS_LEDGER, _OF_NODES_LEDGER = (len(each.LEDGER_TERMS) for each in (segment, joint, node))
-
 IMPACT = 1e-3
 """A point that would get deeper than this fraction of the segment length, and than gravity alone moves it in a step,
 strikes the world."""
@@ -110,8 +110,7 @@ def _strikes(core: Core, dt: float) -> bool:
     Such a step is taken by implicit Euler, whose impact is inelastic.
     """
     p, numbers = matrix(core.block, a.POINT_IN), vector(core.block, a.NUMBERS_)
-    gravity = np.sqrt(numbers[a.GRAVITY] ** 2 + numbers[a.GRAVITY + 1] ** 2 + numbers[a.GRAVITY + 2] ** 2)
-    deep = max(gravity * dt * dt, IMPACT * numbers[a.L0])
+    deep = max(gravity(core) * dt * dt, IMPACT * numbers[a.L0])
     return bool(vectors.greatest(address(core.block, a.POINT_IN, _DEEP), p.shape[1]) > deep)
 
 
