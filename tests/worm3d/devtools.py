@@ -29,8 +29,8 @@ FLAGS = (
     *("--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
     *("--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update"),
     *("--disable-sync", "--disable-dev-shm-usage", "--hide-scrollbars"),
-    # The network is off: no name is found, and what goes out goes to a port where nobody is.
-    *("--proxy-server=127.0.0.1:9", "--host-resolver-rules=MAP * ~NOTFOUND"),
+    # The network is off: no name is found, and what goes out goes to a port where nobody is; the live view is here.
+    *("--proxy-server=127.0.0.1:9", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost"),
 )
 WIDE, HIGH = 900, 600
 PATIENCE = 60.0

@@ -12,10 +12,12 @@ from typing import Any
 
 import zmq
 
-from worm3d.viewer import recorder, server
+from worm3d.viewer import recorder
 
 UNANSWERED = 200
 """Commands under way at a time; the server drops answers beyond a thousand."""
+SERVER = Path(__file__).with_name("server.py")
+"""The program of the server, run as a file."""
 
 
 class Connection:
@@ -90,7 +92,7 @@ class Server:
     def __init__(self, timeout: float) -> None:
         self._process = subprocess.Popen(
             # As a file: the package would bring the simulator along. -P: its neighbours are not to be imported.
-            [sys.executable, "-P", str(Path(server.__file__))],
+            [sys.executable, "-P", str(SERVER)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from worm3d.viewer import camera, colours, pieces
+from worm3d.viewer import camera, colours, pieces, policy
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import Piece
 from worm3d.viewer.pieces import LAYERS, TRAIL_SIDES, Scales
@@ -106,7 +106,9 @@ def commands(frames: Frames, parts: list[Piece]) -> list[bytes]:
 
 def _page(**parts: str) -> str:
     """Fill the template in one pass, so that a part may contain what looks like the name of another."""
-    return re.sub(r"\{\{(\w+)\}\}", lambda name: parts[name[1]], _resource("viewer.html"))
+    later = {"policy": "{{policy}}"}  # the first of what the page contains
+    page = re.sub(r"\{\{(\w+)\}\}", lambda name: (parts | later)[name[1]], _resource("viewer.html"))
+    return page.replace("{{policy}}", policy.of_page(page), 1)
 
 
 def _resource(name: str) -> str:

@@ -1,36 +1,124 @@
-"""meshcat's server as a process of its own: on this machine only, and not longer than whoever started it.
+"""meshcat's server as a process of its own: for this machine only, and not longer than whoever started it.
 
-Started as it is, it listens on every network interface and survives its parent. Started here, by running this file,
-it listens on 127.0.0.1 and stops when its standard input closes.
+Started as it is, it listens on every network interface, survives its parent, answers whatever name it is called by (so
+that a page from elsewhere whose name leads to 127.0.0.1 could look on), and stops answering for good when a browser
+goes away while it is sent to. Started here, by running this file, it does none of that.
 """
 
 from __future__ import annotations
 
 import functools
+import importlib.util
 import sys
 import threading
 import warnings
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
+
+from tornado.web import Application, HTTPError
+from tornado.websocket import WebSocketClosedError
+
+with warnings.catch_warnings():
+    # It imports zmq.eventloop.ioloop, which warns of its age.
+    warnings.simplefilter("ignore", DeprecationWarning)
+    from meshcat.servers import zmqserver
+
+NAMES = ("127.0.0.1", "localhost", "[::1]")
+"""Of this machine, as a browser may call it."""
+
+
+class Local:
+    """What a handler does first: it refuses requests that do not call this machine by one of its names."""
+
+    request: Any
+    application: Any
+
+    def prepare(self) -> None:
+        """Look at the request before it is answered."""
+        if self.request.host.lower() not in hosts(self.application.bridge.fileserver_port):
+            raise HTTPError(403, "not a name of this machine")
+
+
+class Files(Local, zmqserver.StaticFileHandlerNoCache):  # type: ignore[misc]  # meshcat has no types
+    """meshcat's page and scripts."""
+
+    def set_extra_headers(self, path: str) -> None:
+        """Add the headers that a browser enforces."""
+        super().set_extra_headers(path)
+        self.set_header("Content-Security-Policy", _policy(self.application.bridge.fileserver_port))
+        self.set_header("X-Content-Type-Options", "nosniff")
+
+
+class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
+    """A browser's connection, which may end at any time; tornado refuses those from pages of other hosts."""
+
+    def on_message(self, message: object) -> None:
+        """Do nothing: a picture that nobody asked for would take the place of an answer."""
+
+    def on_close(self) -> None:
+        """Leave those that are sent to."""
+        self.bridge.websocket_pool.discard(self)
+
+    def write_message(self, *arguments: Any, **options: Any) -> None:
+        """Send, if there is still somebody."""
+        try:
+            super().write_message(*arguments, **options).add_done_callback(_heed)
+        except WebSocketClosedError:
+            self.on_close()
+
+
+class LocalBridge(zmqserver.ZMQWebSocketBridge):  # type: ignore[misc]
+    """meshcat's server with these handlers, on 127.0.0.1."""
+
+    def make_app(self) -> Any:
+        """Return the application."""
+        files = {"path": zmqserver.VIEWER_ROOT, "default_filename": zmqserver.VIEWER_HTML}
+        app: Any = Application([(r"/static/(.*)", Files, files), (r"/", Browser, {"bridge": self})])
+        app.bridge, app.listen = self, functools.partial(app.listen, address="127.0.0.1")
+        return app
+
+    def forward_to_websockets(self, frames: list[bytes]) -> None:
+        """Send a command to all browsers; some of them may leave meanwhile."""
+        for browser in tuple(self.websocket_pool):
+            browser.write_message(frames[2], binary=True)
 
 
 def main() -> None:
     """Serve; print the addresses for commands and for the browser, a line each."""
-    with warnings.catch_warnings():
-        # It imports zmq.eventloop.ioloop, which warns of its age.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        from meshcat.servers.zmqserver import ZMQWebSocketBridge
-
-    class LocalBridge(ZMQWebSocketBridge):  # type: ignore[misc]  # meshcat has no types
-        def make_app(self) -> Any:
-            app = super().make_app()
-            app.listen = functools.partial(app.listen, address="127.0.0.1")
-            return app
-
     bridge = LocalBridge()
     threading.Thread(target=_stop_with_parent, args=(bridge.ioloop,), daemon=True).start()
     sys.stdout.write(f"zmq_url={bridge.zmq_url}\nweb_url={bridge.web_url}\n")
     sys.stdout.flush()
     bridge.run()
+
+
+def hosts(port: int) -> list[str]:
+    """Return the hosts that a browser on this machine may name in its request."""
+    return [f"{name}:{port}" for name in NAMES]
+
+
+@functools.cache
+def _policy(port: int) -> str:
+    page = Path(zmqserver.VIEWER_ROOT, zmqserver.VIEWER_HTML).read_text("utf-8")
+    found: str = _beside("policy").of_server(page, hosts(port))
+    return found
+
+
+def _beside(name: str) -> Any:
+    """Import a module next to this file without its package, which would bring the simulator along."""
+    specification = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    assert specification is not None
+    assert specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+def _heed(sent: Any) -> None:
+    """Take note of how sending ended: the connection's own end follows."""
+    with suppress(Exception):
+        sent.exception()
 
 
 def _stop_with_parent(loop: Any) -> None:

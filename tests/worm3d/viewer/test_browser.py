@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from worm3d.viewer import Frames, write_html
+from worm3d.viewer.live import LiveView
 from worm3d.viewer.pieces import Scales
 from worm3d.viewer.skin import Skin
 
@@ -278,3 +279,24 @@ def test_chambers_without_a_skin_and_a_still_are_seen(
     assert (np.abs(browser.scene(first) - browser.scene(later)).max(axis=2) > 10).mean() > 0.005
     write_html(worm.take([3]), tmp_path / "still.html")
     assert browser.worm_share(browser.look(tmp_path / "still.html", "")) > 0.01
+
+
+def test_the_page_runs_no_script_but_its_own(browser: Any, viewer: Path, tmp_path: Path) -> None:
+    foreign = "<script>document.title = 'taken over'</script><img src='https://elsewhere.example/' onerror='die()'>"
+    changed = viewer.read_text("utf-8").replace('<div id="meshcat-pane">', foreign + '<div id="meshcat-pane">')
+    (tmp_path / "changed.html").write_text(changed, "utf-8")
+    browser.open(tmp_path / "changed.html", "")
+    assert browser.value("document.title") == "a crawling worm"
+    assert len([error for error in browser.errors if "Content Security Policy" in error]) >= 3, "script, image, handler"
+
+
+def test_the_live_view_keeps_to_its_policy(browser: Any, short: Frames) -> None:
+    with LiveView(short.world) as view:
+        for name in ("127.0.0.1", "localhost"):
+            browser.errors.clear()
+            browser.ask("Page.navigate", url=view.url.replace("127.0.0.1", name))
+            while not browser.value("typeof viewer !== 'undefined' && viewer.connection?.readyState === 1"):
+                assert not [error for error in browser.errors if "Content Security Policy" in error]
+            view.show(short.joints[0], short.apexes[0], short.directors[0], short.chamber_strain[0])
+            assert browser.worm_share(browser.picture()) > 0.005
+            assert not [error for error in browser.errors if "404" not in error], "it asks for an icon, in vain"

@@ -4,10 +4,13 @@ import os
 import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import time
+import urllib.error
 import urllib.request
+from collections.abc import Iterator
 from html import unescape
 from pathlib import Path
 
@@ -17,6 +20,12 @@ import pytest
 from worm3d.viewer import Frames, notebook
 from worm3d.viewer.connection import Server
 from worm3d.viewer.live import LiveView
+
+
+@pytest.fixture(scope="module")
+def window() -> Iterator[LiveView]:
+    with LiveView() as view:
+        yield view
 
 
 def show(view: LiveView, frames: Frames, index: int) -> None:
@@ -73,6 +82,65 @@ def _own_address() -> str | None:
             return None
         address = str(probe.getsockname()[0])
     return None if address.startswith("127.") else address
+
+
+def shake_hands(view: LiveView, *headers: str) -> tuple[socket.socket, str]:
+    """Ask for a browser's connection, and return it with the first line of the answer."""
+    host, port = view.url.split("/")[2].split(":")
+    connection = socket.create_connection((host, int(port)), timeout=10)
+    lines = ("GET / HTTP/1.1", "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13")
+    key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ=="
+    connection.sendall("\r\n".join([*lines, key, *headers, "", ""]).replace("PORT", port).encode())
+    return connection, connection.recv(4096).decode("latin-1").splitlines()[0]
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_browsers_that_go_away_do_not_end_it(short: Frames, at_once: bool) -> None:
+    with LiveView(short.world, timeout=5.0) as view:
+        show(view, short, 0)
+        for _ in range(10):
+            browser, answer = shake_hands(view, "Host: 127.0.0.1:PORT")
+            assert "101" in answer
+            browser.sendall(b"\x81\x80\0\0\0\0")  # a message, empty
+            browser.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # closing resets it
+            if at_once:
+                browser.close()
+            for index in range(5):
+                show(view, short, index)
+            browser.close()
+        show(view, short, 5)
+        assert listens(view.url)
+
+
+@pytest.mark.parametrize(
+    ("headers", "answer"),
+    [
+        (("Host: 127.0.0.1:PORT",), "101"),
+        (("Host: LOCALHOST:PORT", "Origin: http://localhost:PORT"), "101"),
+        (("Host: [::1]:PORT",), "101"),
+        (("Host: rebound.example:PORT", "Origin: http://rebound.example:PORT"), "403"),
+        (("Host: 127.0.0.1:1",), "403"),
+        (("Host: 127.0.0.1",), "403"),
+        (("Host: 127.0.0.1:PORT", "Origin: http://elsewhere.example"), "403"),
+        (("Host: 127.0.0.1:PORT", "Origin: http://localhost:1"), "403"),
+    ],
+)
+def test_it_answers_by_the_names_of_this_machine_only(window: LiveView, headers: tuple[str, ...], answer: str) -> None:
+    connection, line = shake_hands(window, *headers)
+    connection.close()
+    assert answer in line
+    port = window.url.split(":")[2].split("/")[0]
+    host = headers[0].removeprefix("Host: ").replace("PORT", port)
+    request = urllib.request.Request(window.url, headers={"Host": host})
+    if headers[0].endswith(":PORT") and "rebound" not in host:
+        with urllib.request.urlopen(request, timeout=10) as page:
+            policy = page.headers["Content-Security-Policy"]
+        assert "default-src 'none'" in policy
+        assert "script-src 'self' 'sha256-" in policy
+        assert "frame-ancestors 'none'" in policy
+    else:
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(request, timeout=10)
 
 
 def test_a_dead_address_does_not_hang() -> None:
