@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -17,10 +18,10 @@ from matplotlib.figure import Figure
 
 from worm3d.viewer import colours
 from worm3d.viewer.arrays import FloatArray
-from worm3d.viewer.body import Body
 from worm3d.viewer.frames import Frames
-from worm3d.viewer.pieces import FULLNESS, Scales, arrow_length
+from worm3d.viewer.pieces import Scales, arrow_length
 from worm3d.viewer.projection import Projection
+from worm3d.viewer.skin import Skin
 from worm3d.viewer.world import GROUND, WorldMesh
 
 DPI = 100
@@ -30,6 +31,8 @@ _BAR = 260
 """Length of the colour bar at most [pixels]."""
 _WIDE, _HIGH = 760, 760
 """The most that the views take [pixels]."""
+DULLEST = 0.6
+"""Brightness of what is seen from its edge, over that of what faces the viewer."""
 
 
 class Stage:
@@ -52,8 +55,8 @@ class Stage:
     def __init__(self, frames: Frames) -> None:
         self.frames = frames
         self.scales = Scales.of(frames)
-        self._body = Body.of(frames)
-        self._links = self._body.links(frames)
+        self._skin = Skin.of(frames, self.scales.strain)
+        self._panels = 0, *self._skin.panels(0)
         self._speed = frames.speed
         ahead, left, up = frames.axes
         low, high = frames.extent
@@ -141,21 +144,16 @@ class Stage:
             text += f"   an arrow of {arrow_length(self.frames.body_length):.3g} m is {self.scales.force:.3g} N"
         return text
 
-    def outlines(self, view: Projection, index: int) -> tuple[list[FloatArray], FloatArray]:
-        """Return the outlines of chambers and links, the farthest first, and their colours, shape (K, 3)."""
-        body, links = self._body, self._links
-        half = FULLNESS * np.stack([0.5 * body.length, body.height, body.height], axis=-1)[index]
-        axes = np.stack([body.t, body.d, body.u], axis=-1)[index, :, None] * half[..., None, :]
-        centre = body.centre[index].reshape(-1, 3)
-        thick = 0.055 * float(body.height[0].mean())
-        start, end = links.start[index], links.end[index]
-        shapes = [*view.ellipsoids(centre, axes.reshape(-1, 3, 3)), *view.bars(start, end, thick)]
-        # A link at the depth of a chamber's middle lies on its near side or beyond its edge.
-        depth = np.concatenate([centre @ view.near, 0.5 * (start + end) @ view.near + thick])
-        strain = self.frames.chamber_strain[index].reshape(-1)
-        paint = [colours.strain_colour(strain, self.scales.strain), np.tile(colours.LINK, (len(start), 1))]
-        order = np.argsort(depth, kind="stable")
-        return [shapes[k] for k in order], np.concatenate(paint)[order]
+    def outlines(self, view: Projection, index: int) -> tuple[FloatArray, FloatArray]:
+        """Return parts of the skin that face the viewer, the farthest first, (K, 4, 2), and their colours, (K, 3)."""
+        if self._panels[0] != index:
+            self._panels = index, *self._skin.panels(index)
+        _, panels, paint = self._panels
+        facing, depth = view.facing(panels), panels.mean(axis=1) @ view.near
+        seen = np.flatnonzero(facing > 0.0)
+        order = seen[np.argsort(depth[seen], kind="stable")]
+        bright = DULLEST + (1.0 - DULLEST) * facing[order, None]
+        return view.points(panels[order]), bright * paint[order]
 
 
 class _View:
@@ -174,7 +172,7 @@ class _View:
         if frames.path is not None:
             axes.plot(*view.points(frames.path).T, color=colours.PATH, lw=1.2, ls="--", scalex=False, scaley=False)
         self._trail = axes.plot([], [], color=colours.TRAIL, lw=1.2)[0]
-        self._worm = PolyCollection([], lw=0.3, edgecolors="0.25")
+        self._worm: Any = PolyCollection([], lw=0.4, edgecolors="face")  # takes arrays, which its types do not say
         self._forces = PolyCollection([], facecolors=[colours.FORCE], lw=0.0)
         for collection in (self._ground, self._world, self._worm, self._forces):
             axes.add_collection(collection, autolim=False)
@@ -196,7 +194,7 @@ class _View:
         frames, view = self._stage.frames, self._view
         shapes, paint = self._stage.outlines(view, index)
         self._worm.set_verts(shapes)
-        self._worm.set_facecolor([tuple(colour) for colour in paint])
+        self._worm.set_facecolor(paint)
         self._world.set_segments(self._cuts(frames.world, index))
         if view.up[2] > 0.0:
             self._ground.set_verts([_down(line, self._axes.get_ylim()[0]) for line in self._cuts(self._grounds, index)])

@@ -1,4 +1,4 @@
-"""Outlines of the worm on a plane: ellipsoids, bars, arrows, and cuts through meshes."""
+"""Shapes on the plane of a picture: points, which way polygons face, arrows, and cuts through meshes."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.viewer.arrays import FloatArray
-
-_CORNERS = 36
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,28 +33,16 @@ class Projection:
         """Return picture coordinates, shape (..., 2) [m]."""
         return np.asarray(points @ self.plane.T)
 
-    def ellipsoids(self, centre: FloatArray, axes: FloatArray) -> FloatArray:
-        """Return the outlines of ellipsoids, shape (E, corners, 2).
+    def facing(self, corners: FloatArray) -> FloatArray:
+        """Return how much polygons face the viewer: the cosine of the angle to their normals, shape (K,).
 
         Parameters
         ----------
-        centre : ndarray, shape (E, 3)
-            [m].
-        axes : ndarray, shape (E, 3, 3)
-            Semi-axes as columns [m].
+        corners : ndarray, shape (K, corners, 3)
+            Anticlockwise, seen from where their normals point; nearly flat [m].
         """
-        # The shadow of {A x, |x| <= 1} is {P A x}: an ellipse with the singular values of P A as semi-axes.
-        turn, size, _ = np.linalg.svd(self.plane @ axes, full_matrices=False)
-        angle = 2.0 * np.pi * np.arange(_CORNERS) / _CORNERS
-        circle = np.stack([np.cos(angle), np.sin(angle)])
-        return np.asarray(self.points(centre)[:, None] + np.swapaxes(turn * size[:, None] @ circle, 1, 2))
-
-    def bars(self, start: FloatArray, end: FloatArray, thick: float | FloatArray) -> FloatArray:
-        """Return the outlines of bars of radius `thick` from `start` to `end`, (B, 3), shape (B, 4, 2) [m]."""
-        a, b = self.points(start), self.points(end)
-        along, _ = _unit(b - a)
-        across = np.broadcast_to(thick, len(a))[:, None] * _turned(along)
-        return np.stack([a - across, b - across, b + across, a + across], axis=1)
+        normal, _ = _unit(np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1))
+        return np.asarray(normal @ self.near)
 
     def arrows(self, start: FloatArray, vector: FloatArray, wide: float) -> FloatArray:
         """Return the outlines of arrows, shape (A, 7, 2) [m]; one that points at the viewer has none.

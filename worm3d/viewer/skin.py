@@ -33,6 +33,9 @@ WAIST = 0.68
 WAIST_OFFSET = 0.9
 """Likewise for the distance between the chambers."""
 
+PANEL_RINGS = 3
+PANEL_SIDES = [*(_HALF := [0, 2, 4, 6, 7, 9, 11, 13]), *(corner + SIDES // 2 for corner in _HALF)]
+"""Of a coarser skin: every how manieth ring, and which corners; those at apexes are among them."""
 JOINT_SHADE = 0.85
 """Brightness at the joints, so that one can tell segments."""
 
@@ -69,10 +72,13 @@ class Skin:
         Their points, and those of one more beyond each end, which only give the spline its direction there [m].
     tint : ndarray, shape (T, S+2, 2, 3)
         Colours of the left and of the right.
+    end_faces : bool
+        Whether its ends are those on which the worm stands.
     """
 
     sections: FloatArray
     tint: FloatArray
+    end_faces: bool
 
     @classmethod
     def of(cls, frames: Frames, strain_limit: float) -> Skin:
@@ -80,7 +86,11 @@ class Skin:
         tint = colours.strain_colour(frames.chamber_strain, strain_limit)
         ends = tint[:, :1], tint[:, -1:]
         between = np.concatenate([ends[0], 0.5 * JOINT_SHADE * (tint[:, 1:] + tint[:, :-1]), ends[1]], axis=1)
-        return cls(_extended(_alternating(_at_joints(frames), frames.apexes)), _extended(_alternating(between, tint)))
+        return cls(
+            _extended(_alternating(_at_joints(frames), frames.apexes)),
+            _extended(_alternating(between, tint)),
+            frames.face_radius is not None,
+        )
 
     @property
     def faces(self) -> NDArray[np.int64]:
@@ -97,6 +107,17 @@ class Skin:
         left, right = self.tint[frame, :, 0], self.tint[frame, :, 1]
         outlines = LEFT[:, None] * left[:, None] + (1.0 - LEFT)[:, None] * right[:, None]
         return np.asarray(np.clip(_spline(outlines), 0.0, 1.0))
+
+    def panels(self, frame: int) -> tuple[FloatArray, FloatArray]:
+        """Return a coarser skin for a drawing: corners, from outside anticlockwise, (P, 4, 3), and colours, (P, 3)."""
+        places, colour = (
+            values[:-2].reshape(-1, SIDES, 3)[::PANEL_RINGS, PANEL_SIDES]
+            for values in (self.vertices(frame), self.paint(frame))
+        )
+        ends = np.concatenate([_fan(places[0, ::-1]), _fan(places[-1])])
+        paint = np.array(colours.FACE) if self.end_faces else colour[0].mean(axis=0)
+        panels = _quads(colour).mean(axis=1)
+        return np.concatenate([_quads(places), ends]), np.concatenate([panels, np.tile(paint, (len(ends), 1))])
 
     def piece(self, frame: int = 0) -> Piece:
         """Return the skin at an instant, as it stands there."""
@@ -137,6 +158,18 @@ def _extended(values: FloatArray) -> FloatArray:
     """Return values along the second axis with one more at each end, on a straight line."""
     first, last = 2.0 * values[:, :1] - values[:, 1:2], 2.0 * values[:, -1:] - values[:, -2:-1]
     return np.concatenate([first, values, last], axis=1)
+
+
+def _fan(ring: FloatArray) -> FloatArray:
+    """Return quadrilaterals from the middle of a ring of corners, (C, 3), to three of them each, shape (C/2, 4, 3)."""
+    middle = np.broadcast_to(ring.mean(axis=0), (len(ring) // 2, 3))
+    return np.stack([middle, ring[0::2], ring[1::2], np.roll(ring, -2, axis=0)[0::2]], axis=1)
+
+
+def _quads(rings: FloatArray) -> FloatArray:
+    """Return the quadrilaterals between rings of corners, (R, C, 3), and their successors, shape ((R - 1) C, 4, 3)."""
+    after = np.roll(rings, -1, axis=1)
+    return np.stack([rings[:-1], after[:-1], after[1:], rings[1:]], axis=2).reshape(-1, 4, 3)
 
 
 def _spline(outlines: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from matplotlib import pyplot as plt
 from numpy.testing import assert_allclose
 from PIL import Image
 
-from worm3d.viewer import Frames, meshes, movie, pictures, pipe
+from worm3d.viewer import Frames, colours, meshes, movie, pictures, pipe
 from worm3d.viewer.pieces import Scales
 from worm3d.viewer.projection import Projection
 from worm3d.viewer.skin import Skin
@@ -72,12 +72,34 @@ def test_a_long_way_is_followed(make_crawl: Callable[..., Frames]) -> None:
                 assert limits[0] < along.min() < along.max() < limits[1]
 
 
-def test_outlines_of_ellipsoids_and_bars() -> None:
-    axes = np.diag([3.0, 5.0, 2.0])[None]
-    outline = SIDE.ellipsoids(np.array([[1.0, 2.0, 3.0]]), axes)[0] - [1.0, 3.0]
-    assert_allclose((outline[:, 0] / 3.0) ** 2 + (outline[:, 1] / 2.0) ** 2, 1.0)
-    (bar,) = SIDE.bars(np.array([[0.0, 0, 0]]), np.array([[1.0, 9.0, 0]]), 0.1)
-    assert_allclose(bar, [[0, -0.1], [1, -0.1], [1, 0.1], [0, 0.1]], atol=1e-12)
+def test_polygons_face_who_sees_them_anticlockwise() -> None:
+    square = np.array([[4.0, 2.0, 2.0], [6.0, 2.0, 2.0], [6.0, 2.0, 4.0], [4.0, 2.0, 4.0]])
+    turned = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+    assert_allclose(SIDE.facing(np.stack([square, square[::-1], square @ turned])), [1.0, -1.0, 0.6], atol=1e-12)
+
+
+def test_the_worm_is_drawn_with_what_faces_the_viewer(make_crawl: Callable[..., Frames]) -> None:
+    frames = make_crawl(duration=2.0, turn=0.0, face_radius=[0.05, 0.04])
+    stage = pictures.Stage(frames)
+    corners, paint = Skin.of(frames, stage.scales.strain).panels(20)
+    volume = np.einsum("pi,pi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) + np.einsum(
+        "pi,pi->", corners[:, 0], np.cross(corners[:, 2], corners[:, 3])
+    )
+    cover = Skin.of(frames, stage.scales.strain)
+    whole = trimesh.Trimesh(cover.vertices(20), cover.faces, process=False).volume
+    assert_allclose(volume / 6.0, whole, rtol=0.05, err_msg="the panels are closed and look outwards")
+    assert (paint[-16:] == colours.FACE).all()
+    ahead = Projection(np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
+    shapes, seen = stage.outlines(ahead, 20)
+    assert len(shapes) == len(seen) < len(corners)
+    head = np.abs(seen[-8:] / seen[-8:, :1] - np.array(colours.FACE) / colours.FACE[0]).max()
+    assert head < 1e-9, "the head's end face is next to who looks from ahead"
+    x, y = np.moveaxis(shapes - shapes.mean(axis=1, keepdims=True), -1, 0)
+    area = np.sum(x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0), axis=0)
+    assert (area > -1e-6).all()
+
+
+def test_arrows_have_the_length_of_what_they_stand_for() -> None:
     (arrow,) = SIDE.arrows(np.array([[0.0, 0, 0]]), np.array([[0.0, 0, 2.0]]), 0.1)
     assert_allclose(arrow[3], [0.0, 2.0])
 
