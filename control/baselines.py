@@ -16,24 +16,22 @@ edition, 12.4).
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass, fields
-from time import perf_counter
 
-from control.decision import Decision, Source
-from control.estimator import Estimate, Estimator
+from control.decision import Source
+from control.estimate import Estimate
+from control.estimator import Estimator
 from control.feedforward import FeedForward
-from control.generator import WaveGenerator
 from control.identification import Identified
-from control.ladder import KNOWN, LONGEST_START, turn_of_path
-from control.measurement import Measurement
+from control.ladder import KNOWN, LONGEST_START, Choice, turn_of_path
+from control.loop import Estimates, WaveController
 from control.paths import offset
 from control.preview import turn_rate
 from control.reduced import ReducedModel, ReducedState
 from control.references import Reference
 from control.steering import GaitParameters, Mechanism
-from control.supervisor import Estimates
-from worm3d import Command, Worm
+from worm3d import Worm
 
 HEADING = ReducedState._fields.index("heading")
 
@@ -44,8 +42,8 @@ GREATEST_TRIM = 0.5
 """Of the integral in (B1), as a share of the reference speed."""
 
 
-class WaveController(ABC):
-    """A controller that decides the parameters of a wave every so often.
+class _Baseline(WaveController):
+    """A controller that goes by the identified map alone.
 
     Parameters
     ----------
@@ -56,12 +54,11 @@ class WaveController(ABC):
         "hinge" or "bias": what steers.
     control_period : float
         Between two decisions [s].
+    estimator : Estimates, optional
 
     Attributes
     ----------
-    generator : WaveGenerator
-    decisions : list of Decision
-        `seconds` of each is the time for all steps since the decision before, estimates and commands included.
+    As of `control.loop.WaveController`.
 
     Raises
     ------
@@ -78,45 +75,14 @@ class WaveController(ABC):
         reference: Reference,
         mechanism: Mechanism = "hinge",
         control_period: float = 0.2,
+        estimator: Estimates | None = None,
     ) -> None:
-        if not (math.isfinite(control_period) and control_period > 0.0):
-            raise ValueError(f"control_period: got {control_period!r} s, must be finite and above 0")
         if mechanism not in identified.maps:
             known = ", ".join(map(repr, identified.maps))
             raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")
-        self.worm, self.reference, self.mechanism, self.control_period = worm, reference, mechanism, control_period
-        self.found = identified.maps[mechanism]
+        self.mechanism, self.found = mechanism, identified.maps[mechanism]
         self.feed_forward = FeedForward(self.found, worm.length)
-        self.generator = WaveGenerator(identified.schedule, worm)
-        self.reset()
-
-    @property
-    def period(self) -> float:
-        """Of the wave at the preferred frequency [s], over which `worm3d.simulate` averages."""
-        return 1.0 / self.feed_forward.frequency
-
-    def reset(self) -> None:
-        """Begin anew."""
-        self.generator.reset()
-        self.decisions: list[Decision] = []
-        self._target = GaitParameters(0.0, self.feed_forward.frequency)
-        self._time: float | None = None
-        self._due, self._spent = -math.inf, 0.0
-
-    def step(self, t: float, measurement: Measurement) -> Command:
-        """Return the command from time t [s] on."""
-        began = perf_counter()
-        elapsed, self._time = 0.0 if self._time is None else t - self._time, t
-        estimate = self._estimate(t, measurement)
-        if t >= self._due - 1e-9:
-            self._due = t + self.control_period
-            self._target = self._decide(t, estimate)
-            seconds = self._spent + perf_counter() - began
-            self.decisions.append(Decision(t, self.source, self._target, estimate, seconds=seconds))
-            began, self._spent = perf_counter(), 0.0
-        command = self.generator.step(elapsed, self._target)
-        self._spent += perf_counter() - began
-        return command
+        super().__init__(worm, reference, identified.schedule, self.feed_forward, control_period, estimator)
 
     def _wave(self, speed: float, turn_rate: float) -> GaitParameters:
         """Return the wave of a speed [m/s] and turn rate [rad/s]; below the slowest one the worm stands."""
@@ -125,19 +91,30 @@ class WaveController(ABC):
             amplitude, steering = 0.0, 0.0
         return GaitParameters(amplitude, frequency).steered(self.mechanism, steering)
 
-    def _estimate(self, t: float, measurement: Measurement) -> Estimate | None:
-        """Return what is known of the worm."""
-        return None
+    def _choose(self, t: float, estimate: Estimate | None) -> Choice:
+        return Choice(self.source, self._parameters(t, estimate), "")
 
     @abstractmethod
-    def _decide(self, t: float, estimate: Estimate | None) -> GaitParameters:
+    def _parameters(self, t: float, estimate: Estimate | None) -> GaitParameters:
         """Return the parameters from time t [s] on."""
 
 
-class OpenLoop(WaveController):
+class OpenLoop(_Baseline):
     """Feed-forward alone: it looks at nothing, so that whatever the map does not know goes uncorrected.
 
-    Parameters and attributes as of `WaveController`.
+    Parameters
+    ----------
+    worm : Worm
+    identified : Identified
+    reference : Reference
+    mechanism : str
+        "hinge" or "bias": what steers.
+    control_period : float
+        Between two decisions [s].
+
+    Attributes
+    ----------
+    As of `control.loop.WaveController`.
     """
 
     source: Source = "open_loop"
@@ -147,7 +124,7 @@ class OpenLoop(WaveController):
         super().reset()
         self._progress = 0.0
 
-    def _decide(self, t: float, estimate: Estimate | None) -> GaitParameters:
+    def _parameters(self, t: float, estimate: Estimate | None) -> GaitParameters:
         speed = float(self.reference.speed(t))
         wave = self._wave(speed, turn_rate(self.reference, t, self._progress))
         self._progress += self.control_period * speed
@@ -188,13 +165,13 @@ class Gains:
                 raise ValueError(f"{field.name}: got {value!r}, must be finite and at least 0 (reach: above 0)")
 
 
-class PiLineOfSight(WaveController):
+class PiLineOfSight(_Baseline):
     """PI on amplitude and frequency, line-of-sight steering: (B1) to (B3).
 
     Parameters
     ----------
     worm, identified, reference, mechanism, control_period
-        As of `WaveController`.
+        As of `OpenLoop`.
     estimator : Estimates, optional
         `control.estimator.Estimator` if left out.
     gains : Gains, optional
@@ -216,23 +193,19 @@ class PiLineOfSight(WaveController):
         estimator: Estimates | None = None,
         gains: Gains | None = None,
     ) -> None:
-        self._estimator = estimator or Estimator(
-            worm, ReducedModel.of(worm, identified, mechanism), identified.schedule
-        )
         self.gains = gains or Gains()
-        super().__init__(worm, identified, reference, mechanism, control_period)
+        if estimator is None and mechanism in identified.maps:  # else what follows complains
+            model = ReducedModel.of(worm, identified, mechanism)
+            estimator = Estimator.told(worm, model, identified.schedule, {})
+        super().__init__(worm, identified, reference, mechanism, control_period, estimator)
 
     def reset(self) -> None:
         """Begin anew."""
         super().reset()
-        self._estimator.reset()
         self._trim, self._known = 0.0, False
         self._near: float | None = None
 
-    def _estimate(self, t: float, measurement: Measurement) -> Estimate:
-        return self._estimator.update(t, measurement, self._target, self.generator.phase)
-
-    def _decide(self, t: float, estimate: Estimate | None) -> GaitParameters:
+    def _parameters(self, t: float, estimate: Estimate | None) -> GaitParameters:
         assert estimate is not None
         return self._wave(self._speed(t, estimate), self._turn(t, estimate))
 

@@ -37,14 +37,15 @@ class Belief:
     covariance : ndarray, shape (n, n)
     log_weight : float
         Logarithm of how likely it is, up to a constant that all beliefs share.
-    refused : int
-        Samples in a row that it held for impossible.
+    refused, turned : int
+        Samples in a row of the centre of mass, and of the heading, that it held for impossible.
     """
 
     mean: FloatArray
     covariance: FloatArray
     log_weight: float = 0.0
     refused: int = 0
+    turned: int = 0
 
 
 def weights(beliefs: Sequence[Belief]) -> FloatArray:

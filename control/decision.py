@@ -8,7 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from control.estimator import Estimate
+from control.estimate import Estimate
 from control.steering import GaitParameters
 
 FloatArray = NDArray[np.float64]
@@ -32,7 +32,9 @@ class Decision:
     estimate : Estimate or None
         With its standard deviations; None for a controller without estimator.
     status : str
-        The solver's sentence; empty where nothing is solved.
+        The solver's sentence, or why it was not asked or not followed; empty where nothing is solved.
+    failed : bool
+        Whether there should have been something better.
     iterations : int
     cost : float
         NaN where nothing is minimised.
@@ -47,6 +49,7 @@ class Decision:
     parameters: GaitParameters
     estimate: Estimate | None
     status: str = ""
+    failed: bool = False
     iterations: int = 0
     cost: float = float("nan")
     seconds: float = 0.0

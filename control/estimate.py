@@ -30,6 +30,8 @@ class Estimate:
     slope : ndarray, shape (2,)
         Gradient of the ground where the worm is: what it climbs a metre in x and in y.
     slope_covariance : ndarray, shape (2, 2)
+    refused : int
+        Samples so far that were held for impossible.
     """
 
     time: float
@@ -38,6 +40,7 @@ class Estimate:
     nis: float | None
     slope: FloatArray = field(default_factory=lambda: np.zeros(2))
     slope_covariance: FloatArray = field(default_factory=lambda: np.zeros((2, 2)))
+    refused: int = 0
 
     @property
     def position(self) -> FloatArray:

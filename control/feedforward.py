@@ -43,18 +43,24 @@ class FeedForward:
         The preferred one [Hz].
     slowest : float
         Speed below which the worm had better stand: half of the least one that is identified [m/s].
+    fastest : float
+        Greatest speed of the identified map, straight ahead [m/s].
+    ranges : Ranges
+        Within which the map was identified.
     """
 
     def __init__(self, found: SteeringMap, length: float) -> None:
         low, high = found.ranges.frequency
         self.frequency = PREFERRED if low <= PREFERRED <= high else (low + high) / 2.0
+        self.ranges = found.ranges
         self._amplitudes, self._frequencies = _line(found.ranges, self.frequency)
         self._steerings = np.linspace(0.0, found.ranges.steering, STEERINGS)
         wave = ca.SX.sym("amplitude"), ca.SX.sym("frequency"), ca.SX.sym("steering")
         speed, rate = length * found.speed(*wave), found.turn_rate(*wave)
         self._speed = ca.Function("speed", [*wave], ca.cse([speed])).map(len(self._amplitudes))
         self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(STEERINGS)
-        self.slowest = 0.5 * float(self._speeds(0.0)[0])
+        straight = self._speeds(0.0)
+        self.slowest, self.fastest = 0.5 * float(straight[0]), float(straight[-1])
 
     def __call__(self, speed: float, turn_rate: float) -> ReducedInput:
         """Return the wave of a steady speed [m/s] and turn rate [rad/s], or the nearest that there is."""
@@ -67,6 +73,12 @@ class FeedForward:
             rising = np.maximum.accumulate(rates) + RISE * self._steerings
             steering = float(np.interp(abs(turn_rate), rising, self._steerings))
         return ReducedInput(amplitude, frequency, float(np.copysign(steering, turn_rate)))
+
+    def sharpest(self, speed: float) -> float:
+        """Return the greatest turn rate of the map at a speed straight ahead [rad/s]."""
+        along = self._speeds(0.0)
+        wave = (float(np.interp(speed, along, line)) for line in (self._amplitudes, self._frequencies))
+        return float(np.array(self._turn_rate(*wave, self._steerings[None])).max())
 
     def _speeds(self, steering: float) -> FloatArray:
         """Return the speeds along the line [m/s]; they rise, whatever the fit does at its edges."""

@@ -13,8 +13,9 @@ d gone between samples,
     g -> g + s . d,   s -> s + random change, of which the variance grows with |d|;   sample: z - H = g       (K6)
 
 Samples are gathered over a stride, and their mean is taken for one: between single samples errors of the place are as
-long as the way itself, and point anywhere. Only the slope along the way shows; that across it is not known before the
-worm has turned, and the covariance says so.
+long as the way itself, and point anywhere. Its noise is what sensors are told to have, or more where the samples of a
+stride scatter more than that by chance (noise that nobody told, strains that spoil H, wrong samples). Only the slope
+along the way shows; that across it is not known before the worm has turned, and the covariance says so.
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ STRIDE = 0.05
 """Way over which samples are gathered [m]."""
 MOST = 200
 """So many samples are gathered at most: a worm at rest has no stride."""
+BY_CHANCE = 4.0
+"""Standard errors by which samples scatter more than expected before that is taken for noise that nobody told."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +50,7 @@ class GroundTrust:
     Attributes
     ----------
     height : float
-        Standard deviation of the noise of a sample of the height [m].
+        Standard deviation of the noise of a sample of the height [m], at least.
     standing : float
         Standard deviation of (K5), which the mean of a stride keeps [m].
     slope : float
@@ -108,8 +111,8 @@ class Ground:
         gathered = np.vstack([self.gathered, [*place, height]])
         if np.hypot(*(place - gathered[0, :2])) < STRIDE:
             return replace(self, gathered=gathered[-MOST:])
-        middle, variance = gathered.mean(axis=0), trust.standing**2 + trust.height**2 / len(gathered)
-        return self._fused(middle[:2], float(middle[2]), variance, trust)
+        middle, noise = gathered.mean(axis=0), _noise(gathered[:, 2], trust)
+        return self._fused(middle[:2], float(middle[2]), trust.standing**2 + noise / len(gathered), trust)
 
     def _fused(self, place: FloatArray, height: float, variance: float, trust: GroundTrust) -> Ground:
         way = np.zeros(2) if self.place is None else place - self.place
@@ -122,6 +125,14 @@ class Ground:
         kept[:, 0] -= gain
         spread = kept @ P @ kept.T + variance * np.outer(gain, gain)
         return Ground(place, mean + gain * (height - mean[0]), spread, np.zeros((0, 3)))
+
+
+def _noise(heights: FloatArray, trust: GroundTrust) -> float:
+    """Return the variance of the noise of heights that were gathered over a stride [m^2]."""
+    told = trust.height**2
+    expected = told + trust.standing**2
+    found = float(heights.var(ddof=1)) if len(heights) > 1 else expected
+    return found if found > expected * (1.0 + BY_CHANCE * np.sqrt(2.0 / max(len(heights) - 1, 1))) else told
 
 
 class Standing:
@@ -137,8 +148,12 @@ class Standing:
         self._delta = SHARPNESS * float(np.mean(worm.half_height))
 
     def height(self, strain: FloatArray) -> float:
-        """Return (K5) of strains of shape (N, 2) [m]."""
+        """Return (K5) of strains of shape (N, 2) [m], NaN where they are not known."""
         squared = self._link**2 - (self._length * (1.0 + strain)) ** 2 / 4.0
         half_height = np.sqrt(np.maximum(squared, 0.0))
+        if not np.isfinite(half_height).all():
+            half_height = half_height[np.isfinite(half_height)]
+            if not len(half_height):
+                return float("nan")
         share = np.exp((half_height - half_height.max()) / self._delta)
         return float((half_height * share).sum() / share.sum())

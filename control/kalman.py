@@ -48,6 +48,9 @@ DRIFT = ReducedState._fields.index("drift")
 IMPOSSIBLE = 25.0
 """A sample with a greater nis is held for impossible: of two normal numbers, one pair in 270 000 is."""
 
+IMPOSSIBLE_HEADING = 21.0
+"""Likewise for a heading, one number: as rare."""
+
 PATIENCE = 3
 """After so many impossible samples in a row it is the belief that is held for wrong: the worm was moved."""
 
@@ -118,6 +121,12 @@ class Corrected(NamedTuple):
 
     belief: Belief
     nis: float
+    innovation: FloatArray
+    """Sample less what was expected, shape (2,) [m]."""
+    spread: float
+    """Variance of what was expected, the mean of both coordinates [m^2]."""
+    refused: bool = False
+    """Whether the sample was held for impossible."""
 
 
 class Kalman:
@@ -130,9 +139,9 @@ class Kalman:
     """
 
     def __init__(self, model: ReducedModel, uncertainty: Uncertainty) -> None:
-        self._longest = model.longest_step
+        self._longest, self._deviation = model.longest_step, uncertainty.com
         self._predict = Buffered(_prediction(model, uncertainty))
-        self._com = Buffered(_com_correction(uncertainty))
+        self._com = Buffered(_com_correction())
         self._heading = Buffered(_heading_correction(uncertainty))
 
     def predicted(self, belief: Belief, given: FloatArray, slope: FloatArray, seconds: float) -> Belief:
@@ -143,22 +152,56 @@ class Kalman:
             mean, covariance = self._predict(mean, covariance, given, slope, seconds / parts)
         return replace(belief, mean=mean, covariance=covariance)
 
-    def with_com(self, belief: Belief, com: FloatArray, wave: FloatArray, gated: bool) -> Corrected:
-        """Return the belief after a sample (2,) of the centre of mass, (K4); gated, it may be held for impossible."""
-        mean, covariance, nis, log_det = self._com(belief.mean, belief.covariance, com, wave)
+    def with_com(
+        self, belief: Belief, com: FloatArray, wave: FloatArray, gated: bool, deviation: float | None = None
+    ) -> Corrected:
+        """Return the belief after a sample of the centre of mass, (K4).
+
+        Parameters
+        ----------
+        belief : Belief
+        com, wave : ndarray, shape (2,)
+            The sample [m], and the measured wave then.
+        gated : bool
+            Whether it may be held for impossible.
+        deviation : float, optional
+            Standard deviation of its noise [m]; what was told if left out.
+        """
+        sigma = self._deviation if deviation is None else deviation
+        mean, covariance, nis, log_det, e, spread = self._com(belief.mean, belief.covariance, com, wave, sigma)
+        found = float(nis[0]), e, float(spread[0])
+        if not _usable(nis, mean, covariance):
+            return Corrected(belief, *found, refused=True)
         if gated and nis[0] > IMPOSSIBLE:
             if belief.refused < PATIENCE:
-                return Corrected(replace(belief, refused=belief.refused + 1), float(nis[0]))
-            mean, covariance, _, _ = self._com(belief.mean, _widened(belief, com), com, wave)
+                return Corrected(replace(belief, refused=belief.refused + 1), *found, refused=True)
+            mean, covariance, *_ = self._com(belief.mean, _widened(belief, com), com, wave, sigma)
         log_weight = belief.log_weight - 0.5 * float(nis[0] + log_det[0])
-        return Corrected(Belief(mean, covariance, log_weight), float(nis[0]))
+        after = replace(belief, mean=mean, covariance=covariance, log_weight=log_weight, refused=0)
+        return Corrected(after, *found)
 
-    def with_heading(self, belief: Belief, heading: float) -> Belief:
-        """Return the belief after a sample of the heading [rad], (K4), modulo a turn."""
+    def with_heading(self, belief: Belief, heading: float, gated: bool = False) -> tuple[Belief, bool]:
+        """Return the belief after a sample of the heading [rad], (K4), modulo a turn, and whether that was refused.
+
+        Gated, it may be held for impossible.
+        """
         off = wrapped(np.array([heading - belief.mean[HEADING]]))
-        mean, covariance, nis, log_det = self._heading(belief.mean, belief.covariance, belief.mean[HEADING] + off)
+        before = belief.mean, belief.covariance, belief.mean[HEADING] + off
+        mean, covariance, nis, log_det = self._heading(*before)
+        if not _usable(nis, mean, covariance):
+            return belief, True
+        if gated and nis[0] > IMPOSSIBLE_HEADING:
+            if belief.turned < PATIENCE:
+                return replace(belief, turned=belief.turned + 1), True
+            widened = belief.covariance.copy()
+            widened[HEADING, HEADING] += float(off[0]) ** 2
+            mean, covariance, *_ = self._heading(belief.mean, widened, belief.mean[HEADING] + off)
         log_weight = belief.log_weight - 0.5 * float(nis[0] + log_det[0])
-        return replace(belief, mean=mean, covariance=covariance, log_weight=log_weight)
+        return replace(belief, mean=mean, covariance=covariance, log_weight=log_weight, turned=0), False
+
+
+def _usable(*found: FloatArray) -> bool:
+    return all(np.isfinite(part).all() for part in found)
 
 
 def _prediction(model: ReducedModel, trust: Uncertainty) -> ca.Function:
@@ -190,15 +233,18 @@ def _noise(s: ReducedState, trust: Uncertainty) -> ca.SX:
     return ca.vertcat(*of_state, *[trust.rocking**2] * 4)
 
 
-def _com_correction(trust: Uncertainty) -> ca.Function:
-    """Return (X, P, com, wave) -> X, P, nis, log det S by (K3) and (K4)."""
+def _com_correction() -> ca.Function:
+    """Return (X, P, com, wave, deviation) -> X, P, nis, log det S, e and the mean of H P H^T by (K3) and (K4)."""
     X, P = ca.SX.sym("X", SIZE), ca.SX.sym("P", SIZE, SIZE)
-    sample, wave = ca.SX.sym("com", 2), ca.SX.sym("wave", 2)
+    sample, wave, deviation = ca.SX.sym("com", 2), ca.SX.sym("wave", 2), ca.SX.sym("deviation")
     rocking = ca.reshape(X[ROCKING], 2, 2) @ wave
     cos, sin = ca.cos(X[HEADING]), ca.sin(X[HEADING])
     turned = ca.vertcat(cos * rocking[0] - sin * rocking[1], sin * rocking[0] + cos * rocking[1])
-    deviations = ca.SX([trust.com, trust.com])
-    return ca.Function("com", [X, P, sample, wave], _correction(X, P, sample, X[:2] + turned, deviations))
+    expected = X[:2] + turned
+    H = ca.jacobian(expected, X)
+    found = _correction(X, P, sample, expected, ca.vertcat(deviation, deviation))
+    spread = ca.trace(H @ P @ H.T) / 2.0
+    return ca.Function("com", [X, P, sample, wave, deviation], [*found, sample - expected, ca.densify(spread)])
 
 
 def _heading_correction(trust: Uncertainty) -> ca.Function:

@@ -2,32 +2,36 @@
 
 The first of these that there is:
 
-1. an accepted plan ("mpc"): finite, no worse than the plan before and the plain wave, and in time;
+1. an accepted plan ("mpc"): finite, within the identified ranges, no worse than the plan before and the plain wave,
+   and in time;
 2. the last accepted plan as it goes on ("shifted plan"), at most five times in a row;
 3. the plain wave, the feed-forward of the identified map ("gait"), and nothing else until the heading is known: it
    turns as the path does, or goes straight;
 4. the parameters in force ("gait"), at most five times in a row;
 5. rest ("stop"), as also where the reference asks for (almost) no speed.
 
-After three failures in a row the search forgets its last plan. The reference's clock never stops.
+After three failures in a row the search forgets its last plan. The reference's clock never stops. An exception, whoever
+raises it and of whatever type, is a failure of what was asked for, and the next best follows.
 """
 
 from __future__ import annotations
 
 import logging
-from math import isfinite
-from typing import NamedTuple, Protocol
+from collections.abc import Callable
+from math import isfinite, nan
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from control.decision import Source
-from control.estimator import Estimate
+from control.estimate import Estimate
 from control.feedforward import FeedForward
-from control.plan import Plan
+from control.plan import Plan, PlanStatus
 from control.preview import turn_rate
-from control.reduced import ReducedInput, ReducedModel, ReducedState
+from control.reduced import INPUTS, ReducedInput, ReducedModel, ReducedState
 from control.references import Reference
 from control.steering import GaitParameters
+from control.surrogate import Ranges
 
 MOST_SHIFTED = 5
 """Times in a row that a plan is used without a new one."""
@@ -44,6 +48,14 @@ UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
 STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
 LATE = "the plan came too late"
 LOST = "nothing is known to go by"
+NO_PLAN = "what was planned is no plan"
+NOT_NUMBERS = "the plan is of another shape, or not finite"
+OUTSIDE = "the plan is outside the ranges in which the worm was identified"
+
+ROUNDING = 1e-6
+"""By which a plan may be outside the identified ranges, as a share of them."""
+LONGEST_COMPLAINT = 200
+"""Letters of an exception that are kept."""
 
 _HEADING = ReducedState._fields.index("heading")
 _LOG = logging.getLogger(__name__)
@@ -117,8 +129,8 @@ class Ladder:
         waves : float
             Since the beginning.
         """
-        if float(self._reference.speed(t)) < self.planner.feed_forward.slowest:
-            return Choice("stop", _rest(in_force), STANDS)
+        if self._speed(t) < self.planner.feed_forward.slowest:
+            return Choice("stop", rest(in_force), STANDS)
         blind = self._blind(t, estimate, waves)
         if blind is not None:
             return Choice("gait", blind, UNKNOWN)
@@ -135,16 +147,22 @@ class Ladder:
         self._steers = self._steers or variance <= KNOWN**2 or waves >= LONGEST_START
         if self._steers:
             return None
-        speed, turn = float(self._reference.speed(t)), turn_of_path(self._reference, t, estimate)
-        return self._finite(self.planner.feed_forward(speed, turn))
+        speed, turn = self._speed(t), _tried(turn_of_path, self._reference, t, estimate)[0]
+        return self._parameters(_tried(self.planner.feed_forward, speed, 0.0 if turn is None else turn)[0])
+
+    def _speed(self, t: float) -> float:
+        """Return the speed that is asked for [m/s]; NaN if there is none."""
+        speed, _ = _tried(lambda: float(self._reference.speed(t)))
+        return nan if speed is None else speed
 
     def _plan(self, t: float, estimate: Estimate) -> tuple[Plan | None, str]:
         """Return a plan, if one is made, and why it is not accepted."""
-        try:
-            plan = self.planner.plan(t, estimate, self._reference)
-        except (ArithmeticError, RuntimeError, ValueError) as error:
-            _LOG.warning("no plan at %.3f s: %s", t, error)
-            return None, f"{type(error).__name__}: {error}"
+        plan, complaint = _tried(self.planner.plan, t, estimate, self._reference)
+        if not complaint:
+            complaint = " ".join(filter(None, _tried(_fault, plan, self.planner.feed_forward.ranges)))
+        if complaint:
+            _LOG.warning("no plan at %.3f s: %s", t, complaint)
+            return None, complaint
         if not plan.status.ok:
             return plan, plan.status.value
         return plan, LATE if plan.seconds > self._longest else ""
@@ -155,22 +173,61 @@ class Ladder:
         """Return the next best."""
         self._failures += 1
         if self._failures % FORGET == 0:
-            self.planner.forget()
+            _tried(self.planner.forget)
         if self._accepted is not None and self._failures <= MOST_SHIFTED:
             shifted = self._model.parameters(ReducedInput(*self._accepted.at(t)))
             return Choice("shifted plan", shifted, complaint, plan, failed=True)
         slip = float(estimate.state.slip)
-        plain = self._finite(self.planner.plain(t, slip if isfinite(slip) else 0.0, self._reference))
+        plain = self._parameters(_tried(self.planner.plain, t, slip if isfinite(slip) else 0.0, self._reference)[0])
         if plain is not None:
             return Choice("gait", plain, complaint, plan, failed=True)
         self._held += 1
         if self._held <= MOST_HELD:
             return Choice("gait", in_force, complaint, plan, failed=True)
-        return Choice("stop", _rest(in_force), LOST, plan, failed=True)
+        return Choice("stop", rest(in_force), LOST, plan, failed=True)
 
-    def _finite(self, wave: ReducedInput) -> GaitParameters | None:
-        """Return the parameters of a wave, if the reference of which it comes is finite."""
-        return self._model.parameters(wave) if all(isfinite(part) for part in wave) else None
+    def _parameters(self, wave: ReducedInput | None) -> GaitParameters | None:
+        """Return the parameters of a wave, if there is one and the reference of which it comes is finite."""
+        known = wave is not None and all(isfinite(part) for part in wave)
+        return _tried(self._model.parameters, wave)[0] if known else None
+
+
+def complaint_of(error: Exception) -> str:
+    """Return an exception as a line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST_COMPLAINT]
+
+
+def rest(in_force: GaitParameters) -> GaitParameters:
+    """Return the parameters of a worm at rest."""
+    return GaitParameters(0.0, in_force.frequency)
+
+
+def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:
+    """Return what a function returns, or None and why it did not."""
+    try:
+        return act(*given), ""
+    except Exception as error:
+        return None, complaint_of(error)
+
+
+def _fault(plan: Any, ranges: Ranges) -> str:
+    """Return what is wrong with what should be a plan; nothing if it is one that says itself that it cannot be used."""
+    if not isinstance(plan, Plan) or not isinstance(plan.status, PlanStatus):
+        return NO_PLAN
+    if np.array([plan.cost, plan.seconds, plan.iterations]).dtype.kind not in "fi":
+        return NOT_NUMBERS
+    if not plan.status.ok:
+        return ""
+    if not isinstance(plan.parameters, GaitParameters):
+        return NO_PLAN
+    inputs, horizon = np.asarray(plan.inputs, dtype=float), np.asarray(plan.horizon, dtype=float)
+    if inputs.ndim != 2 or inputs.shape[1] != INPUTS or not len(inputs) or horizon.shape != (len(inputs) + 1, 2):
+        return NOT_NUMBERS
+    if not (np.isfinite(inputs).all() and np.isfinite(horizon).all() and plan.step > 0.0 and plan.seconds >= 0.0):
+        return NOT_NUMBERS
+    first = plan.parameters
+    waves = np.vstack([inputs, [first.amplitude, first.frequency, max(first.bias, first.hinge, key=abs)]])
+    return OUTSIDE if np.abs(ranges.scaled(*waves.T)).max() > 1.0 + ROUNDING else ""
 
 
 def turn_of_path(reference: Reference, t: float, estimate: Estimate) -> float:
@@ -178,7 +235,3 @@ def turn_of_path(reference: Reference, t: float, estimate: Estimate) -> float:
     if reference.path is None or not np.isfinite(estimate.position).all():
         return 0.0
     return turn_rate(reference, t, float(reference.path.project(estimate.position)))
-
-
-def _rest(in_force: GaitParameters) -> GaitParameters:
-    return GaitParameters(0.0, in_force.frequency)

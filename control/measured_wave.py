@@ -25,6 +25,9 @@ FloatArray = NDArray[np.float64]
 SMOOTHING = 0.25
 """Waves over which a is smoothed: the shorter waves, of which two pass in a wave, nearly vanish."""
 
+UNKNOWNS = 3
+"""Of (W1) in one sample, and segments without which it says nothing."""
+
 
 class MeasuredWave:
     """The wave of one body, sample by sample.
@@ -38,9 +41,8 @@ class MeasuredWave:
 
     def __init__(self, segments: int, schedule: Schedule) -> None:
         x = 2.0 * np.pi * (np.arange(segments) + 0.5) / segments / schedule.wavelength
-        columns = np.column_stack([np.ones(segments), np.cos(x), -np.sin(x)])
-        mean_cos_sin = np.linalg.pinv(columns)
-        self._fit = mean_cos_sin[1] + 1j * mean_cos_sin[2]
+        self._columns = np.column_stack([np.ones(segments), np.cos(x), -np.sin(x)])
+        self._fit = _cos_sin(self._columns)
         self._turning = 1j if schedule.direction == "retrograde" else -1j
         self.reset()
 
@@ -50,13 +52,34 @@ class MeasuredWave:
         self._phase: float | None = None
 
     def take(self, strain: FloatArray, phase: float) -> None:
-        """Take a sample of the strains, shape (N, 2), of an instant with the commanded phase psi [rad], (W1)."""
+        """Take a sample of the strains, shape (N, 2), of an instant with the commanded phase psi [rad], (W1).
+
+        Unknown strains are NaN.
+        """
+        if np.isfinite(strain).any(axis=1).sum() < min(UNKNOWNS, len(strain)):
+            return
         passed = 0.0 if self._phase is None else abs(phase - self._phase) / (2.0 * np.pi)
         self._phase = phase
-        sampled = complex(self._fit @ strain.mean(axis=1)) * np.exp(-self._turning * phase)
+        sampled = self._fitted(strain) * np.exp(-self._turning * phase)
         self.amplitude += (1.0 - np.exp(-passed / SMOOTHING)) * (sampled - self.amplitude)
+
+    def _fitted(self, strain: FloatArray) -> complex:
+        """Return a exp(+- i psi) of one sample."""
+        known = np.isfinite(strain)
+        if known.all():
+            return complex(self._fit @ strain.mean(axis=1))
+        rows = known.any(axis=1)
+        means = np.where(known, strain, 0.0)[rows].sum(axis=1) / known[rows].sum(axis=1)
+        return complex(_cos_sin(self._columns[rows]) @ means)
 
     def at(self, phase: float) -> FloatArray:
         """Return (W2), shape (2,)."""
         turned = self.amplitude * np.exp(self._turning * phase)
         return np.array([turned.real, turned.imag])
+
+
+def _cos_sin(columns: FloatArray) -> NDArray[np.complex128]:
+    """Return what takes strains of segments, of which the columns are 1, cos and -sin, to their wave."""
+    inverse = np.linalg.pinv(columns)
+    fit: NDArray[np.complex128] = inverse[1] + 1j * inverse[2]
+    return fit

@@ -18,7 +18,8 @@ length:
 
 The reward of a period is 1 - (speed/asked for - 1)^2 - (offset/0.1 L)^2 of the true centre of mass, no less than -1;
 the speed is that over the last commanded wave, which rocks the worm, along the path or heading that is asked for.
-An episode ends with the scene's duration (truncated), or when the run diverges (terminated).
+An episode ends with the scene's duration (truncated), or when the run diverges (terminated). Samples that cannot be are
+not used (`control.gate`); `info["measurements_refused"]` counts them.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import worm3d
+from control.estimator import span_of
+from control.gate import Gate
 from control.generator import WaveGenerator
 from control.measurement import Measurement
 from control.paths import offset
@@ -105,6 +108,7 @@ class WormEnv(gymnasium.Env[Seen, Seen]):
         super().reset(seed=seed)
         errors = int(self.np_random.integers(2**31))
         self._sensors = sensors_of(self._scene.model_copy(update={"seed": errors}))
+        self._gate = Gate(self._worm, span_of(self._sensors.channels))
         self._wave = _Wave(WaveGenerator(self._schedule, self._worm), self._scene.run.dt_s)
         self._run = self._begun()
         self._action, self._strain = np.zeros(INPUTS, dtype=np.float32), np.zeros((self._worm.segments, 2))
@@ -123,7 +127,7 @@ class WormEnv(gymnasium.Env[Seen, Seen]):
         true = self._run.observation()
         self._way.append((true.time, self._wave.generator.waves, *true.com[:2]))
         reward, info = self._reward()
-        info["status"] = status.value
+        info |= {"status": status.value, "measurements_refused": self._gate.refused.total()}
         return self._observed(), reward, status is not Status.DONE, self._run.done >= self._run.steps, info
 
     def _begun(self) -> Run:
@@ -159,10 +163,11 @@ class WormEnv(gymnasium.Env[Seen, Seen]):
         return Status.DONE
 
     def _listen(self, measurement: Measurement) -> None:
-        if measurement.strain is not None:
-            self._strain = measurement.strain
-        if measurement.com is not None:
-            self._measured = measurement.com[:2]
+        seen = self._gate(measurement.time, measurement)
+        if seen.strain is not None:
+            self._strain = np.where(np.isfinite(seen.strain), seen.strain, self._strain)
+        if seen.com is not None:
+            self._measured = seen.com[:2]
 
     def _parameters(self) -> GaitParameters:
         """Return the wave that the action means."""

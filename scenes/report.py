@@ -9,6 +9,7 @@ from scenes.folder import VIEWER
 from scenes.kinds.base import Kind
 from scenes.progress import counted
 from scenes.record import Record
+from scenes.summary import Cell
 
 HEADLINES = (
     ("distance_m", "distance", "m"),
@@ -51,9 +52,21 @@ def failed(record: Record) -> bool:
 
 
 def warnings(record: Record) -> list[str]:
-    """Return what makes the figures of a run doubtful though it reached its end."""
+    """Return what makes the figures of a run doubtful though it reached its end, its faults included."""
     found = ((record.summary.figures.get(name), text) for name, text in DOUBTS.items())
-    return [f"{text.format(counted(number, 'step'))}" for number, text in found if isinstance(number, int) and number]
+    doubts = [text.format(counted(number, "step")) for number, text in found if isinstance(number, int) and number]
+    return [*doubts, *map(_fault, faults(record))]
+
+
+def faults(record: Record) -> list[dict[str, Cell]]:
+    """Return the faults of a run, each with `time_s`, `kind`, `what` and `advice`, as they came."""
+    found = record.summary.figures.get("faults")
+    return found if isinstance(found, list) else []
+
+
+def _fault(row: dict[str, Cell]) -> str:
+    when = f" (from {row['time_s']:.1f} s on)" if isinstance(row["time_s"], float) else ""
+    return f"{row['what']}{when}: {row['advice']}"
 
 
 def _figures(record: Record, kind: Kind[Any]) -> list[str]:
@@ -67,6 +80,7 @@ def timing(record: Record) -> dict[str, float]:
 
 def _sentence(record: Record) -> str:
     how = record.status if failed(record) else record.sentence
+    how += f", with {counted(len(faults(record)), 'fault')}" if faults(record) else ""
     return f"{how} ({record.summary['duration_s']:g} s simulated, {_speed(record)})"
 
 

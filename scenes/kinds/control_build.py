@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 import worm3d
 from control import identified as kept
-from control.baselines import OpenLoop, PiLineOfSight, WaveController
+from control.baselines import OpenLoop, PiLineOfSight
 from control.estimator import Estimator
 from control.identification import Identified
+from control.loop import WaveController
 from control.mpc import GaitMPC
 from control.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
 from control.reduced import ReducedModel
@@ -26,9 +27,6 @@ from scenes.kinds.worlds_build import world_of
 from scenes.kinds.worm_build import friction_of, start_of, worm_of
 
 FloatArray = NDArray[np.float64]
-WaveDriver = Supervisor | WaveController
-"""Controllers of scenes: each has `generator`, `decisions`, `control_period` and `period`."""
-
 NOT_IDENTIFIED = (
     "has not been identified on this friction, so that no controller knows what its wave does: identify it once by "
     "'worm3d identify SCENE' with the same options -o (some minutes), or take the default worm's map by "
@@ -36,7 +34,7 @@ NOT_IDENTIFIED = (
 )
 
 
-def controller_of(scene: ControlScene) -> WaveDriver:
+def controller_of(scene: ControlScene) -> WaveController:
     """Return the controller.
 
     Raises
@@ -49,11 +47,18 @@ def controller_of(scene: ControlScene) -> WaveDriver:
         raise SceneError(f"worm: {NOT_IDENTIFIED}")
     if asked.kind == "mpc":
         model = ReducedModel.of(worm, found, asked.mechanism)
-        estimator, mpc = Estimator(worm, model, found.schedule), GaitMPC(worm, found, model)
+        estimator, mpc = _estimator(scene, worm, found), GaitMPC(worm, found, model)
         return Supervisor(worm, reference, model, estimator, mpc, found.schedule, asked.period_s)
     if asked.kind == "pi_los":
-        return PiLineOfSight(worm, found, reference, asked.mechanism, asked.period_s)
+        estimator = _estimator(scene, worm, found)
+        return PiLineOfSight(worm, found, reference, asked.mechanism, asked.period_s, estimator)
     return OpenLoop(worm, found, reference, asked.mechanism, asked.period_s)
+
+
+def _estimator(scene: ControlScene, worm: worm3d.Worm, found: Identified) -> Estimator:
+    """Return the estimator; it is told how good the scene's sensors are."""
+    model = ReducedModel.of(worm, found, scene.controller.mechanism)
+    return Estimator.told(worm, model, found.schedule, sensors_of(scene).channels)
 
 
 def identified_of(scene: ControlScene) -> Identified | None:

@@ -67,7 +67,8 @@ def _horizon(decisions: Sequence[Decision]) -> tuple[Variable, ...]:
     shape = next((d.horizon.shape for d in decisions if d.horizon is not None), None)
     if shape is None:
         return ()
-    ways = [np.full(shape, np.nan) if d.horizon is None else d.horizon for d in decisions]
+    unknown = np.full(shape, np.nan)
+    ways = [unknown if d.horizon is None or d.horizon.shape != shape else d.horizon for d in decisions]
     meaning = "predicted way of the centre of mass; NaN where nothing was predicted"
     return (Variable("horizon", ("decision", "ahead", "plane"), ways, "m", meaning),)
 

@@ -11,6 +11,7 @@ from scenes.checks import Check
 from scenes.errors import SceneError
 from scenes.kinds import worm_view
 from scenes.kinds.base import Kind, Observer, Outcome, Status, Watch
+from scenes.kinds.faults import of_plant
 from scenes.kinds.planar_linkage_checks import in_keys
 from scenes.kinds.worm_build import KEYS, Drive, simulate
 from scenes.kinds.worm_checks import WORM_CHECKS
@@ -74,12 +75,13 @@ def simulated(
 
 def outcome(result: worm3d.Result) -> Outcome:
     """Return a run as what the command line takes."""
-    figures, period = result.summary(), result.period
+    figures, period, faults = result.summary(), result.period, of_plant(result)
     speed = figures["mean_speed_m_s"]
     merits = {
         **{name: figure for name, figure in figures.items() if name not in OF_THE_CLOCK},
         "speed_BL_per_period": speed * period / result.worm.length if isinstance(speed, float) and period else None,
         "mass_kg": result.worm.mass,
+        "faults": faults,
     }
     reasons = result.reasons()
     return Outcome(

@@ -11,16 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 import worm3d
+from control.loop import WaveController
 from control.measurement import Measurement
 from control.metrics import measured
 from control.references import Reference
 from control.supervisor import Supervisor
 from scenes.kinds import control_view, worm, worm_view
 from scenes.kinds.base import Kind, Observer, Outcome, Watch
-from scenes.kinds.control_build import WaveDriver, controller_of, reference_of, sensors_of
+from scenes.kinds.control_build import controller_of, reference_of, sensors_of
 from scenes.kinds.control_checks import CONTROL_CHECKS
 from scenes.kinds.control_record import motion_of, timing_of, variables_of
 from scenes.kinds.control_schema import ControlScene
+from scenes.kinds.faults import of_controller, of_plant, refused
 from scenes.record import Record
 from scenes.summary import Figure as Merit
 
@@ -44,7 +46,7 @@ class Phased:
 
     Parameters
     ----------
-    controller : WaveDriver
+    controller : WaveController
 
     Attributes
     ----------
@@ -52,7 +54,7 @@ class Phased:
         At the begin of each step.
     """
 
-    def __init__(self, controller: WaveDriver) -> None:
+    def __init__(self, controller: WaveController) -> None:
         self.controller = controller
         self.waves: list[float] = []
 
@@ -99,12 +101,13 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
 
 
 def _with_control(
-    plain: Outcome, result: worm3d.Result, controller: WaveDriver, waves: FloatArray, reference: Reference
+    plain: Outcome, result: worm3d.Result, controller: WaveController, waves: FloatArray, reference: Reference
 ) -> Outcome:
     """Return the outcome of a run with what its controller did and how well that kept to the reference."""
     figures, reasons = measured(motion_of(result, waves), reference, result.worm.length)
     failures = controller.failures if isinstance(controller, Supervisor) else None
     merits: dict[str, Merit] = {**plain.summary, **figures, "mpc_failures": failures}
+    merits |= {"measurements_refused": refused(controller), "faults": [*of_plant(result), *of_controller(controller)]}
     decisions = controller.decisions
     return replace(
         plain,
@@ -148,6 +151,7 @@ def _kind() -> Kind[ControlScene]:
             ("cross_track_rms_bl", "beside the path, rms", "body lengths"),
             ("settling_periods", "settling", "periods"),
             ("mpc_failures", "failures of the MPC", ""),
+            ("measurements_refused", "measurements refused", ""),
         ),
     )
 

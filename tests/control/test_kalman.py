@@ -130,7 +130,7 @@ def test_a_heading_corrects_by_the_shorter_way() -> None:
     P = spread(3)
     H = np.eye(SIZE)[2:3]
     for turns in (-1, 0, 3):
-        belief = FILTER.with_heading(Belief(MEAN, P), 0.75 + turns * 2.0 * np.pi)
+        belief, _ = FILTER.with_heading(Belief(MEAN, P), 0.75 + turns * 2.0 * np.pi)
         mean, covariance, _ = textbook(P, H, np.array([0.05]), TRUST.heading_sample)
         assert_allclose(belief.mean, mean, atol=1e-9)
         assert_allclose(belief.covariance, covariance, atol=1e-9)

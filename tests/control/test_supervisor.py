@@ -169,6 +169,83 @@ def test_from_the_start_without_any_plan_it_crawls_all_the_same() -> None:
     assert (worm.states[-1][2] - worm.states[500][2]) / 14.99 == pytest.approx(0.08 / 1.5, rel=0.02)
 
 
+class OddError(Exception):
+    """An exception that nobody knows of."""
+
+
+def none_at_all(plan: Plan) -> object:
+    return None
+
+
+def raising(error: Exception):
+    def raises(plan: Plan) -> object:
+        raise error
+
+    return raises
+
+
+SPOILT = {
+    "of its own": raising(OddError("what is this")),
+    "key": raising(KeyError("x")),
+    "index": raising(IndexError()),
+    "assertion": raising(AssertionError()),
+    "type": raising(TypeError("no")),
+    "memory": raising(MemoryError()),
+    "stop iteration": raising(StopIteration()),
+    "nothing": none_at_all,
+    "a text": lambda plan: "a plan",
+    "nan": lambda plan: replace(plan, inputs=plan.inputs * np.nan),
+    "one nan": lambda plan: replace(plan, inputs=np.where(np.arange(3) == 1, np.nan, plan.inputs)),
+    "two columns": lambda plan: replace(plan, inputs=plan.inputs[:, :2]),
+    "no step": lambda plan: replace(plan, inputs=plan.inputs[:0]),
+    "no array": lambda plan: replace(plan, inputs="inputs"),
+    "no parameters": lambda plan: replace(plan, parameters=None),
+    "horizon": lambda plan: replace(plan, horizon=np.zeros((2, 2))),
+    "nan horizon": lambda plan: replace(plan, horizon=plan.horizon * np.nan),
+    "outside": lambda plan: replace(plan, parameters=GaitParameters(0.3, 0.8, hinge=3.0)),
+    "far outside": lambda plan: replace(plan, inputs=plan.inputs + 10.0),
+    "cost": lambda plan: replace(plan, cost="cheap"),
+    "status": lambda plan: replace(plan, status="fine"),
+    "step": lambda plan: replace(plan, step=0.0),
+}
+
+
+class Spoilt(Unreliable):
+    """A planner of which every other plan is spoilt, and which cannot even forget or say what the plain wave is."""
+
+    def __init__(self, how: str, plain: bool = True) -> None:
+        super().__init__(lambda call: False)
+        self._spoil, self._plain = SPOILT[how], plain
+
+    def plan(self, t: float, estimate: Estimate, reference: Reference) -> Plan:
+        made = super().plan(t, estimate, reference)
+        return self._spoil(made) if self.calls % 2 == 0 or not self._plain else made  # type: ignore[return-value]
+
+    def forget(self) -> None:
+        raise OddError("forgotten")
+
+    def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
+        if self._plain:
+            return super().plain(t, slip, reference)
+        raise OddError("plain")
+
+
+@pytest.mark.parametrize("how", SPOILT)
+def test_whatever_a_planner_does_the_next_best_follows(how: str) -> None:
+    supervisor = run(Spoilt(how), 2.0)
+    assert sources(supervisor) == ["mpc", "shifted plan"] * 5
+    assert supervisor.failures == 5
+    reasons = {decision.status for decision in supervisor.decisions if decision.failed}
+    assert len(reasons) == 1
+    assert reasons.isdisjoint({""})
+
+
+def test_with_nothing_but_exceptions_parameters_are_kept_and_then_it_rests() -> None:
+    supervisor = run(Spoilt("of its own", plain=False), 3.0)
+    assert sources(supervisor) == ["gait"] * MOST_HELD + ["stop"] * (15 - MOST_HELD)
+    assert supervisor.decisions[0].status == "OddError: what is this"
+
+
 def test_three_failures_in_a_row_clear_the_memory() -> None:
     planner = Unreliable(lambda call: call in (2, 3, 5, 6, 7, 9))
     run(planner, 2.0)

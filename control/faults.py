@@ -1,0 +1,239 @@
+"""Faults of a run that a controller can tell from what it measures: rules over the last waves, `control.watch`.
+
+*Chambers.* A chamber follows its command by a gain: amplitude of the strain at the wave's frequency over that of the
+command. On the default worm gains are 0.7 to 0.95, and those of one body within a quarter of each other, on slopes, in
+pipes and in turns; a chamber that stays where it is has less than a third of the others', what its neighbours pull.
+
+*Tipping.* A load on a chamber changes its gain. A worm that lies on its side rests on the chambers of that side: the
+mean gains of left and right, equal to 4 % while it stands on both (slopes of 5 degrees, friction 30 % off),
+differ by 4.5 to 18 % of their sum once it does not (37 worms tipped by pushes and slopes; the heights of the centre of
+mass, by 1 to 6 mm, and the innovations say less). A push to the side changes the gains too, but bends the body.
+
+*Speed, turn and place* are those of the centre of mass averaged over each wave, against the reference and the map.
+
+A fault has to show in two waves in a row, or over three waves, so that it is reported within three.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+DISOBEYS = 0.55
+"""Gain of a chamber, as a share of the median gain, below which it does not obey. Neighbours of dead chambers, and
+pushed worms, have 0.6 at least in two waves in a row; with half of this chambers that are stuck would be missed."""
+
+WEAK = 0.4
+"""Median gain below which no chamber obeys as it should."""
+
+SURE = 2.5
+"""Standard errors of a gain that it must be beyond a limit."""
+
+LEANS = 0.045
+"""Difference of the gains of left and right over their sum from which the worm lies on one side. At half of this slopes
+and sharp turns would be reported, at twice half of the tipped worms would be missed."""
+
+SURE_TO_LEAN = 4.0
+"""Standard errors of that difference that it must be beyond 0."""
+
+BENT = 0.02
+"""Mean strain of a left less a right chamber from which a body is bent by a push, which spoils the gains."""
+
+SLOW, SLOW_AT_LIMIT, FAST = 0.75, 0.9, 1.3
+"""Shares of the speed asked for: too slow, too slow though the wave is as fast as it gets, too fast."""
+
+CREEPS = 0.1
+"""Share of the greatest speed of the map below which nothing is said of a worm that is too slow."""
+
+AT_LIMIT = 0.97
+"""Share of the greatest amplitude and frequency from which a wave is as fast as it gets."""
+
+REACH = 1.02
+"""Share of the greatest speed of the map from which a speed cannot be reached."""
+
+TURNS = 1.1
+"""Likewise of the greatest turn rate at a speed."""
+
+LEFT_PATH = 0.3
+"""Way by which a worm that leaves its path is farther from it than it was [body lengths]."""
+
+THREE = 4
+"""Waves of which the first and the last are three waves apart."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that keeps a worm from doing what it is asked for.
+
+    Attributes
+    ----------
+    time : float
+        When it was found [s].
+    kind : str
+        In a word; each kind (and chamber) is reported once a run.
+    what, advice : str
+        A sentence each.
+    """
+
+    time: float
+    kind: str
+    what: str
+    advice: str
+
+
+@dataclass(frozen=True, eq=False)
+class Wave:
+    """What was seen of a worm of N segments in one wave.
+
+    Attributes
+    ----------
+    end : float
+        [s]
+    gain, gain_error : ndarray, shape (N, 2)
+        Of each chamber [left, right], and its standard error; NaN where it is not known.
+    bend : float
+        Greatest mean strain of a left less a right chamber; NaN if not known.
+    place : ndarray, shape (2,), or None
+        Mean of the centre of mass [m]; None without samples.
+    place_time, place_error : float
+        Its mean instant [s] and its standard error [m].
+    heading : float or None
+        Estimated, if that is known [rad].
+    at_limit : bool
+        Whether amplitude and frequency are as great as they get.
+    least_asked, most_asked : float
+        Speed that was asked for in it [m/s].
+    reach : float
+        Greatest speed of the map [m/s].
+    turn, sharpest : float
+        Turn rate of the path at the worm, and the greatest one of the map [rad/s].
+    aside : float or None
+        Distance from the path [body lengths].
+    """
+
+    end: float
+    gain: FloatArray
+    gain_error: FloatArray
+    bend: float
+    place: FloatArray | None
+    place_time: float
+    place_error: float
+    heading: float | None
+    at_limit: bool
+    least_asked: float
+    most_asked: float
+    reach: float
+    turn: float
+    sharpest: float
+    aside: float | None
+
+
+def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
+    """Yield what shows in the last wave and those before it."""
+    for rule in (_unreachable, _too_sharp, _tipped, _chambers, _speed, _off_path, _blind):
+        yield from rule(waves)
+
+
+def lean(wave: Wave) -> tuple[float, float]:
+    """Return the difference of the mean gains of left and right over their sum, positive to the left, and its error."""
+    both = np.isfinite(wave.gain).all(axis=1)
+    if not both.any():
+        return 0.0, float("inf")
+    left, right = wave.gain[both].mean(axis=0)
+    error = float(np.sqrt((wave.gain_error[both] ** 2).sum())) / both.sum()
+    return float((left - right) / (left + right)), error / float(left + right)
+
+
+def _tipped(waves: Sequence[Wave]) -> Iterator[Fault]:
+    leans = [lean(wave) for wave in waves[-2:]]
+    sides = {np.sign(side) for side, _ in leans}
+    sure = all(abs(side) > max(LEANS, SURE_TO_LEAN * error) for side, error in leans)
+    if len(leans) == 2 and len(sides) == 1 and sure and all(wave.bend < BENT for wave in waves[-2:]):
+        side = "left" if leans[-1][0] > 0.0 else "right"
+        yield Fault(
+            waves[-1].end,
+            "tipped",
+            f"the worm rests on its {side} side: the chambers there carry it",
+            "set it upright; no wave does that. Ask for gentler turns, or for less of a slope across",
+        )
+
+
+def _chambers(waves: Sequence[Wave]) -> Iterator[Fault]:
+    if len(waves) < 2 or any(np.isfinite(wave.gain).sum() < 3 for wave in waves[-2:]):
+        return
+    shares = [wave.gain / np.nanmedian(wave.gain) for wave in waves[-2:]]
+    surely = [
+        share + SURE * wave.gain_error / np.nanmedian(wave.gain) for share, wave in zip(shares, waves[-2:], strict=True)
+    ]
+    advice = "look at its supply, its valve and its strain sensor; segment 0 is the tail"
+    medians = [float(np.nanmedian(wave.gain + SURE * wave.gain_error)) for wave in waves[-2:]]
+    if max(medians) < WEAK:
+        what = f"the chambers move by {100 * medians[-1]:.0f} % of what they are told"
+        yield Fault(waves[-1].end, "chambers", what, "look at the pressure supply")
+    for segment, side in product(range(len(shares[0])), (0, 1)):
+        if max(each[segment, side] for each in surely) < DISOBEYS:  # false where any is NaN
+            name = f"{'left' if side == 0 else 'right'} chamber of segment {segment}"
+            what = f"the {name} moves by {100 * shares[-1][segment, side]:.0f} % of what the others do"
+            yield Fault(waves[-1].end, f"chamber {segment} {'left' if side == 0 else 'right'}", what, advice)
+
+
+def _unreachable(waves: Sequence[Wave]) -> Iterator[Fault]:
+    wave = waves[-1]
+    if wave.most_asked > REACH * wave.reach:
+        what = f"{wave.most_asked:.3g} m/s are asked for, by the identified map this worm's wave makes {wave.reach:.3g}"
+        yield Fault(wave.end, "unreachable speed", what, "ask for less speed")
+
+
+def _too_sharp(waves: Sequence[Wave]) -> Iterator[Fault]:
+    if len(waves) > 1 and all(abs(wave.turn) > TURNS * wave.sharpest for wave in waves[-2:]):
+        turn, most = np.rad2deg([abs(waves[-1].turn), waves[-1].sharpest])
+        what = f"the path turns by {turn:.3g} deg/s, by the identified map this worm turns by {most:.3g}"
+        yield Fault(waves[-1].end, "unreachable turn", what, "ask for less speed, or for wider turns")
+
+
+def _speed(waves: Sequence[Wave]) -> Iterator[Fault]:
+    if len(waves) <= THREE:  # the first wave swells
+        return
+    last = waves[-THREE:]
+    way, error = _way(last)
+    least, most = min(wave.least_asked for wave in last), max(wave.most_asked for wave in last)
+    slow = SLOW_AT_LIMIT if all(wave.at_limit for wave in last[1:]) else SLOW
+    if least > CREEPS * last[-1].reach and way + 3.0 * error < slow * least:
+        what = f"the worm makes {way:.3g} m/s over three waves, {least:.3g} are asked for"
+        yield Fault(last[-1].end, "too slow", what, "ask for less speed; look at ground, slope, load and chambers")
+    if abs(way) - 3.0 * error > FAST * max(most, 0.5 * last[-1].reach):
+        what = f"the worm is carried along at {abs(way):.3g} m/s, {most:.3g} are asked for"
+        yield Fault(last[-1].end, "too fast", what, "hold it: it slides, or something moves it")
+
+
+def _way(waves: Sequence[Wave]) -> tuple[float, float]:
+    """Return the speed along the way [m/s], below 0 where that is backwards, and its error; NaN if unknown."""
+    places = [wave.place for wave in waves if wave.place is not None]
+    if len(places) < len(waves):
+        return float("nan"), float("nan")
+    ways, last = np.diff(places, axis=0), waves[-1]
+    time = last.place_time - waves[0].place_time
+    back = last.heading is not None and (places[-1] - places[0]) @ [np.cos(last.heading), np.sin(last.heading)] < 0.0
+    made = float(np.hypot(*ways.T).sum()) / time
+    return -made if back else made, float(np.linalg.norm([wave.place_error for wave in waves])) / time
+
+
+def _off_path(waves: Sequence[Wave]) -> Iterator[Fault]:
+    known = [wave.aside for wave in waves if wave.aside is not None]
+    if len(known) > 1 and waves[-1].aside is not None and known[-1] > max(min(known) + LEFT_PATH, known[-2]):
+        what = f"the worm is {known[-1]:.2g} body lengths beside its path, and goes farther from it"
+        yield Fault(waves[-1].end, "off the path", what, "look at ground and slope, and whether it stands upright")
+
+
+def _blind(waves: Sequence[Wave]) -> Iterator[Fault]:
+    if len(waves) < 3:
+        return
+    advice = "look at the sensor, its delay and its clock, and at the measurements that were refused"
+    if all(wave.place is None for wave in waves[-3:]):
+        yield Fault(waves[-1].end, "no place", "no sample of the centre of mass was used for three waves", advice)

@@ -1,0 +1,185 @@
+"""What all controllers of this package share: the loop from measurements to the commands of a wave.
+
+At every step the measurement passes the gate, the estimator (if there is one) takes what is left of it, and the wave
+generator gives the command. Once a control period the wave's parameters are chosen and the decision is written down; a
+choice that raises an exception leaves those in force, and after a while rest. Meanwhile the watch looks for faults.
+"""
+
+from __future__ import annotations
+
+import logging
+from abc import ABC, abstractmethod
+from math import inf, isfinite
+from time import perf_counter
+from typing import Protocol
+
+from control.decision import Decision
+from control.estimate import Estimate
+from control.faults import Fault
+from control.feedforward import FeedForward
+from control.gate import SPAN, Gate
+from control.generator import WaveGenerator
+from control.ladder import LOST, MOST_HELD, Choice, complaint_of, rest
+from control.measurement import Measurement
+from control.references import Reference
+from control.steering import GaitParameters, Schedule
+from control.watch import Watch
+from worm3d import Command, Worm
+
+_LOG = logging.getLogger(__name__)
+
+
+class Estimates(Protocol):
+    """What gives estimates, such as `control.estimator.Estimator`."""
+
+    def reset(self) -> None:
+        """Begin anew."""
+
+    def update(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> Estimate:
+        """Return the estimate of time t [s]; the parameters were asked for since the call before."""
+
+
+class WaveController(ABC):
+    """A controller for `worm3d.simulate` that decides the parameters of a wave every so often.
+
+    Parameters
+    ----------
+    worm : Worm
+    reference : Reference
+    schedule : Schedule
+        Of the wave.
+    feed_forward : FeedForward
+        What the worm can do, and at which frequency it had better do it.
+    control_period : float
+        Between two decisions [s].
+    estimator : Estimates, optional
+        None: the controller looks at nothing.
+
+    Attributes
+    ----------
+    generator : WaveGenerator
+    gate : Gate
+        With the measurements that it refused.
+    watch : Watch
+        With the faults that it found.
+    decisions : list of Decision
+        `seconds` of each is the time of all steps since the decision before, estimates and commands included.
+    failures : int
+        Decisions that should have come about in a better way: without an accepted plan, or by an exception.
+
+    Raises
+    ------
+    ValueError
+        A control period that is not above 0.
+    """
+
+    def __init__(
+        self,
+        worm: Worm,
+        reference: Reference,
+        schedule: Schedule,
+        feed_forward: FeedForward,
+        control_period: float = 0.2,
+        estimator: Estimates | None = None,
+    ) -> None:
+        if not (isfinite(control_period) and control_period > 0.0):
+            raise ValueError(f"control_period: got {control_period!r} s, must be finite and above 0")
+        self.worm, self.reference, self.control_period, self.estimator = worm, reference, control_period, estimator
+        self.generator = WaveGenerator(schedule, worm)
+        self.gate = Gate(worm, getattr(estimator, "span", SPAN))
+        self.watch = Watch(worm, reference, feed_forward)
+        self._frequency = feed_forward.frequency
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        if self.estimator is not None:
+            self.estimator.reset()
+        self.generator.reset()
+        self.gate.reset()
+        self.watch.reset()
+        self.decisions: list[Decision] = []
+        self.failures = self._held = 0
+        self._target = GaitParameters(0.0, self._frequency)
+        self._time: float | None = None
+        self._due, self._spent = -inf, 0.0
+
+    @property
+    def period(self) -> float:
+        """Of the wave at the preferred frequency [s], over which `worm3d.simulate` averages."""
+        return 1.0 / self._frequency
+
+    @property
+    def faults(self) -> list[Fault]:
+        """What keeps the worm from doing what it is asked for, as far as that shows."""
+        return self.watch.faults
+
+    @property
+    def overruns(self) -> int:
+        """Control periods of which the computation took longer than they last."""
+        return sum(decision.seconds > self.control_period for decision in self.decisions)
+
+    def step(self, t: float, measurement: Measurement) -> Command:
+        """Return the command from time t [s] on.
+
+        Raises
+        ------
+        TypeError
+            The measurement is no `Measurement`.
+        """
+        began = perf_counter()
+        elapsed, self._time = 0.0 if self._time is None else t - self._time, t
+        seen = self.gate(t, measurement)
+        estimate = self._estimated(t, seen)
+        self.watch.look(t, seen, estimate)
+        if t >= self._due - 1e-9:
+            self._decide(t, estimate, began)
+            began = perf_counter()
+        command = self.generator.step(elapsed, self._target)
+        self.watch.tell(self.generator.phase, command, self._target)
+        self._spent += perf_counter() - began
+        return command
+
+    def _estimated(self, t: float, seen: Measurement) -> Estimate | None:
+        """Return what is known of the worm; None without an estimator."""
+        if self.estimator is None:
+            return None
+        return self.estimator.update(t, seen, self._target, self.generator.phase)
+
+    def _decide(self, t: float, estimate: Estimate | None, began: float) -> None:
+        """Choose the wave's parameters and write the decision down; a new control period begins."""
+        choice = self._chosen(t, estimate)
+        self._target, self._due = choice.parameters, t + self.control_period
+        self.failures += choice.failed
+        plan = choice.plan
+        self.decisions.append(
+            Decision(
+                time=t,
+                source=choice.source,
+                parameters=choice.parameters,
+                estimate=estimate,
+                status=choice.status,
+                failed=choice.failed,
+                iterations=plan.iterations if plan else 0,
+                cost=plan.cost if plan else float("nan"),
+                seconds=self._spent + perf_counter() - began,
+                horizon=plan.horizon if plan and choice.source == "mpc" else None,
+            )
+        )
+        self._spent = 0.0
+
+    def _chosen(self, t: float, estimate: Estimate | None) -> Choice:
+        """Return the choice; if that raises an exception, the parameters in force, or rest."""
+        try:
+            choice, self._held = self._choose(t, estimate), 0
+        except Exception as error:
+            _LOG.warning("no decision at %.3f s", t, exc_info=error)
+            self._held += 1
+            if self._held <= MOST_HELD:
+                return Choice("gait", self._target, complaint_of(error), failed=True)
+            return Choice("stop", rest(self._target), f"{LOST}: {complaint_of(error)}", failed=True)
+        return choice
+
+    @abstractmethod
+    def _choose(self, t: float, estimate: Estimate | None) -> Choice:
+        """Return the parameters from time t [s] on, and whose they are."""

@@ -1,0 +1,173 @@
+"""Faults that show in measurements: chambers, speeds, tipping; on the plant, and none where nothing is wrong."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from control.faults import Fault
+from control.identified import load
+from control.measurement import Measurement
+from control.paths import Circle, Line
+from control.references import Constant, Reference, Steps
+from control.sensors import COM, Channel, Sensors
+from control.supervisor import Supervisor
+from worm3d import Command, Plane, Result, Worm, simulate
+from worm3d.roll import on_its_side, roll
+
+WORM = Worm()
+FOUND = load(WORM)
+LINE, CIRCLE = Line(start=(0.5, 0.0)), Circle(1.5, start=(0.5, 0.0))
+Spoil = Callable[[float, np.ndarray], np.ndarray]
+
+
+class Broken:
+    """A supervisor of which the commands do not all arrive."""
+
+    def __init__(self, supervisor: Supervisor, spoil: Spoil) -> None:
+        self.supervisor, self._spoil = supervisor, spoil
+        self.reset()
+
+    def reset(self) -> None:
+        self.supervisor.reset()
+        self.times: list[float] = []
+        self.waves: list[float] = []
+
+    def step(self, t: float, measurement: Measurement) -> Command:
+        command = self.supervisor.step(t, measurement)
+        self.times.append(t)
+        self.waves.append(self.supervisor.generator.waves)
+        return Command(self._spoil(t, command.contraction.copy()), command.hinge)
+
+    def waves_from(self, begin: float, end: float) -> float:
+        return float(np.diff(np.interp([begin, end], self.times, self.waves))[0])
+
+
+def run(
+    reference: Reference,
+    duration: float,
+    spoil: Spoil = lambda t, contraction: contraction,
+    world: Plane | None = None,
+    push: Callable[[float], np.ndarray] | None = None,
+    sensors: Sensors | None = None,
+) -> tuple[Result, Broken, dict[str, Fault]]:
+    assert FOUND is not None
+    broken = Broken(Supervisor.of(WORM, reference, FOUND), spoil)
+    result = simulate(
+        WORM,
+        world or Plane(),
+        actuation=broken,
+        sensor=sensors or Sensors(seed=3),
+        duration=duration,
+        external_force=push,
+    )
+    return result, broken, {fault.kind: fault for fault in broken.supervisor.faults}
+
+
+def stuck(segment: int, side: int, begin: float, value: float | None, share: float = 0.0) -> Spoil:
+    """Return what keeps a chamber at a contraction, or at a share of what it is told."""
+
+    def spoil(t: float, contraction: np.ndarray) -> np.ndarray:
+        if t >= begin:
+            contraction[segment, side] = share * contraction[segment, side] if value is None else value
+        return contraction
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("segment", "side", "begin", "value", "share"),
+    [(0, 0, 4.1, 0.0, 0.0), (3, 1, 5.6, 0.35, 0.0), (5, 0, 4.7, 0.2, 0.0), (1, 1, 6.0, None, 0.3)],
+)
+def test_a_chamber_that_does_not_obey_is_named_within_three_waves(segment, side, begin, value, share) -> None:
+    spoil = stuck(segment, side, begin, value, share)
+    _, broken, found = run(Reference(Constant(0.08), path=LINE), begin + 4.5, spoil)
+    fault = found[f"chamber {segment} {('left', 'right')[side]}"]
+    assert 0.0 < broken.waves_from(begin, fault.time) < 3.0
+    assert f"{('left', 'right')[side]} chamber of segment {segment}" in fault.what
+    assert len(found) == 1
+
+
+def test_all_chambers_without_pressure() -> None:
+    _, broken, found = run(Reference(Constant(0.08), path=LINE), 10.0, lambda t, c: c if t < 5.0 else 0.2 * c)
+    assert broken.waves_from(5.0, found["chambers"].time) < 3.0
+    assert "too slow" in found
+
+
+@pytest.mark.parametrize("share", [1.3, 2.5])
+def test_a_speed_beyond_the_map_is_reported_within_three_waves(share: float) -> None:
+    assert FOUND is not None
+    reach = Supervisor.of(WORM, Reference(Constant(0.08), path=LINE), FOUND)._ladder.planner.feed_forward.fastest
+    reference = Reference(Steps(0.06, (5.0,), (share * reach,)), path=LINE)
+    _, broken, found = run(reference, 11.0)
+    assert 0.0 < broken.waves_from(5.0, found["unreachable speed"].time) < 3.0
+
+
+def test_a_speed_that_a_slope_does_not_allow() -> None:
+    result, _, found = run(Reference(Constant(0.12), path=LINE), 8.0, world=Plane(slope=np.deg2rad(6.0)))
+    assert "too slow" in found
+    assert "unreachable speed" not in found
+    assert on_its_side(result) is None
+
+
+def test_a_turn_beyond_the_map() -> None:
+    _, _, found = run(Reference(Constant(0.08), path=Circle(0.2, start=(0.5, 0.0))), 5.0)
+    assert "unreachable turn" in found
+
+
+def sideways(force: float, joint: int, begin: float, end: float) -> Callable[[float], np.ndarray]:
+    def push(t: float) -> np.ndarray:
+        forces = np.zeros((WORM.segments + 1, 3))
+        forces[joint, 1] = force if begin < t <= end else 0.0
+        return forces
+
+    return push
+
+
+@pytest.mark.parametrize(
+    ("world", "push"),
+    [
+        (Plane(), sideways(0.3, 6, 5.0, 6.5)),
+        (Plane(), sideways(-0.5, 1, 5.0, 5.8)),
+        (Plane(slope=np.deg2rad(10.0), heading=np.deg2rad(70.0)), None),
+    ],
+)
+def test_a_worm_that_tips_is_reported_within_three_waves(world: Plane, push) -> None:
+    result, broken, found = run(Reference(Constant(0.08), path=LINE), 18.0, world=world, push=push)
+    since = on_its_side(result)
+    assert since is not None
+    assert np.abs(np.rad2deg(roll(result)[-1])) == pytest.approx(45.0, abs=3.0)
+    assert found, "something is reported"
+    assert broken.waves_from(since, found["tipped"].time) < 3.0 + 1.0  # from upright to lying takes most of a wave
+    assert ("left" in found["tipped"].what) == (roll(result)[-1] > 0.0)
+
+
+def test_the_roll_is_that_of_the_segments_against_the_ground() -> None:
+    slope = np.deg2rad(12.0)
+    for world in (Plane(), Plane(slope=slope, heading=0.5)):
+        result = simulate(WORM, world, duration=0.05)
+        assert np.abs(roll(result)).max() < 1e-3
+        assert on_its_side(result) is None
+    falling = simulate(WORM, None, duration=0.05)
+    assert np.isnan(roll(falling)).all()
+
+
+NOMINAL = [
+    (Reference(Constant(0.08), path=CIRCLE), Plane(), Sensors(seed=11)),
+    (Reference(Constant(0.08), path=LINE), Plane(slope=float(np.deg2rad(3.0))), Sensors(seed=12)),
+    (Reference(Steps(0.05, (6.0, 12.0), (0.1, 0.0)), path=LINE), Plane(), Sensors(seed=13)),
+    (Reference(Constant(0.04)), Plane(), Sensors(com=Channel(noise=0.02, rate=5.0, dropout=0.2), seed=14)),
+    (Reference(Constant(0.08), path=CIRCLE), Plane(), Sensors(Channel(noise=0.05, rate=30.0), COM, seed=15)),
+]
+
+
+@pytest.mark.parametrize(("reference", "world", "sensors"), NOMINAL)
+def test_no_false_alarms(reference: Reference, world: Plane, sensors: Sensors) -> None:
+    result, _, found = run(reference, 18.0, world=world, sensors=sensors)
+    assert found == {}
+    assert on_its_side(result) is None
+
+
+def test_without_samples_of_the_place_it_says_so() -> None:
+    _, _, found = run(Reference(Constant(0.08), path=LINE), 6.0, sensors=Sensors(com=Channel(noise=0.005, dropout=1.0)))
+    assert set(found) == {"no place"}

@@ -1,0 +1,148 @@
+"""The gate: what it lets through, what it refuses and why, and that nothing else comes through whatever comes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+
+from control.gate import KEPT, SPAN, Gate, Refusal
+from control.measurement import Measurement
+from worm3d import Worm
+
+WORM = Worm()
+NOW = 5.0
+GOOD = Measurement(NOW, np.full((6, 2), -0.1), NOW, np.array([1.0, 0.2, 0.07]), 4.9, 0.3, 4.95)
+NAN, INF = float("nan"), float("inf")
+
+
+def changed(name: str, index: object, value: float) -> Measurement:
+    sample = np.array(getattr(GOOD, name))
+    sample[index] = value
+    return replace(GOOD, **{name: sample})
+
+
+def test_good_measurements_pass_as_they_are() -> None:
+    gate = Gate(WORM)
+    assert gate(NOW, GOOD) is GOOD
+    nothing = Measurement(NOW, None, NAN, None, NAN)
+    assert gate(NOW, nothing) is nothing
+    assert gate.refused.total() == 0
+
+
+@pytest.mark.parametrize(
+    ("channel", "bad", "why"),
+    [
+        ("com", changed("com", 0, NAN), Refusal.NOT_FINITE),
+        ("com", changed("com", 1, -INF), Refusal.NOT_FINITE),
+        ("com", changed("com", 1, 1e30), Refusal.OUT_OF_RANGE),
+        ("com", replace(GOOD, com=np.zeros(2)), Refusal.SHAPE),
+        ("com", replace(GOOD, com="here"), Refusal.SHAPE),
+        ("com", replace(GOOD, com=[[1.0], [2.0, 3.0]]), Refusal.SHAPE),
+        ("com", replace(GOOD, com=np.zeros(3, dtype=complex)), Refusal.SHAPE),
+        ("com", replace(GOOD, com_time=NOW + 0.01), Refusal.FUTURE),
+        ("com", replace(GOOD, com_time=INF), Refusal.NO_TIME),
+        ("com", replace(GOOD, com_time=NAN), Refusal.NO_TIME),
+        ("com", replace(GOOD, com_time=None), Refusal.NO_TIME),
+        ("com", replace(GOOD, com_time=NOW - SPAN - 0.1), Refusal.TOO_OLD),
+        ("strain", replace(GOOD, strain=np.full((6, 2), NAN)), Refusal.NOT_FINITE),
+        ("strain", replace(GOOD, strain=np.full((6, 2), 7.0)), Refusal.OUT_OF_RANGE),
+        ("strain", replace(GOOD, strain=np.zeros((5, 2))), Refusal.SHAPE),
+        ("strain", replace(GOOD, strain_time=NOW + 1e-3), Refusal.FUTURE),
+        ("heading", replace(GOOD, heading=NAN), Refusal.NOT_FINITE),
+        ("heading", replace(GOOD, heading=1e9), Refusal.OUT_OF_RANGE),
+        ("heading", replace(GOOD, heading=np.zeros(2)), Refusal.SHAPE),
+        ("heading", replace(GOOD, heading_time=NOW + 100.0), Refusal.FUTURE),
+    ],
+)
+def test_each_reason(channel: str, bad: Measurement, why: Refusal) -> None:
+    gate = Gate(WORM)
+    seen = gate(NOW, bad)
+    assert getattr(seen, channel) is None
+    assert gate.refused == {(channel, why): 1}
+    assert gate.first == {(channel, why): NOW}
+    for other in {"strain", "com", "heading"} - {channel}:
+        assert getattr(seen, other) is getattr(GOOD, other)
+
+
+def test_what_is_right_in_part_is_used_in_part() -> None:
+    gate = Gate(WORM)
+    seen = gate(NOW, changed("com", 2, NAN))
+    assert seen.com is not None
+    assert_array_equal(seen.com, [1.0, 0.2, NAN])
+    seen = gate(NOW + 0.1, replace(changed("strain", (2, 0), INF), strain_time=5.1))
+    assert seen.strain is not None
+    assert np.isnan(seen.strain[2, 0])
+    assert np.isfinite(seen.strain).sum() == 11
+    few = np.full((6, 2), NAN)
+    few[:3] = -0.1
+    assert gate(NOW + 0.2, replace(GOOD, strain=few, strain_time=5.2)).strain is None, (
+        "three unknowns in three segments"
+    )
+    assert gate.refused == {
+        ("com", Refusal.NOT_FINITE): 1,
+        ("strain", Refusal.NOT_FINITE): 2,
+        ("com", Refusal.AGAIN): 2,
+        ("heading", Refusal.AGAIN): 2,
+    }
+
+
+def test_samples_that_come_again_or_strains_that_come_late_are_refused() -> None:
+    gate = Gate(WORM)
+    gate(NOW, GOOD)
+    assert gate(NOW, GOOD).com is None
+    assert gate.refused == {(name, Refusal.AGAIN): 1 for name in ("strain", "com", "heading")}
+    gate.reset()
+    gate(NOW, GOOD)
+    late = gate(NOW, replace(GOOD, strain_time=4.8, com_time=4.7, heading_time=4.6))
+    assert (late.strain is None, late.com is None, late.heading is None) == (True, False, False)
+    assert gate.refused == {("strain", Refusal.OUT_OF_ORDER): 1}
+
+
+def test_integers_and_lists_are_numbers_too() -> None:
+    seen = Gate(WORM)(NOW, replace(GOOD, com=[1, 2, 0], com_time=4, heading=1))
+    assert_array_equal(seen.com, [1.0, 2.0, 0.0])
+    assert seen.heading == 1.0
+
+
+def test_long_runs_are_remembered_only_as_far_as_it_matters() -> None:
+    gate = Gate(WORM)
+    for k in range(3 * KEPT):
+        gate(0.01 * k, replace(GOOD, strain_time=0.01 * k, com_time=0.01 * k, heading_time=0.01 * k))
+    assert gate.refused.total() == 0
+    assert max(len(seen) for seen in gate._seen.values()) <= KEPT
+
+
+def test_an_observation_is_no_measurement() -> None:
+    with pytest.raises(TypeError, match=r"measurement: got dict, must be a .*Measurement; let sensors make it"):
+        Gate(WORM)(NOW, {})  # type: ignore[arg-type]
+
+
+NUMBER = st.one_of(st.floats(), st.sampled_from([NAN, INF, -INF, 1e308, -1e308, 0.0, 0.3]))
+ANYTHING = st.one_of(st.none(), NUMBER, st.text(max_size=3), st.integers(), st.lists(NUMBER, max_size=4), st.binary())
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(
+    strain=st.one_of(ANYTHING, st.lists(NUMBER, min_size=12, max_size=12).map(lambda v: np.reshape(v, (6, 2)))),
+    com=st.one_of(ANYTHING, st.lists(NUMBER, min_size=3, max_size=3).map(np.array)),
+    heading=ANYTHING,
+    instants=st.lists(ANYTHING, min_size=3, max_size=3),
+)
+def test_whatever_comes_what_passes_can_be_used(strain, com, heading, instants) -> None:
+    gate = Gate(WORM)
+    seen = gate(NOW, Measurement(NOW, strain, instants[0], com, instants[1], heading, instants[2]))
+    for name in ("strain", "com", "heading"):
+        if getattr(seen, name) is not None:
+            assert NOW - SPAN <= getattr(seen, f"{name}_time") <= NOW + 1e-6
+    if seen.strain is not None:
+        assert seen.strain.shape == (6, 2)
+        assert np.isfinite(seen.strain).any(axis=1).sum() >= 4
+        assert np.nanmin(seen.strain) >= -1.0
+    if seen.com is not None:
+        assert seen.com.shape == (3,)
+        assert np.isfinite(seen.com[:2]).all()
+    if seen.heading is not None:
+        assert np.isfinite(seen.heading)

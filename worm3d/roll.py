@@ -1,0 +1,70 @@
+"""Whether a worm lies on its side: its roll against the ground under it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from worm3d.result import Result
+    from worm3d.worlds import World
+
+FloatArray = NDArray[np.float64]
+
+ON_ITS_SIDE = float(np.deg2rad(30.0))
+"""Roll from which a worm lies on its side [rad]; lying there the default worm has 45 degrees, and crawling at most 5 on
+the level and on slopes, and 14 in pipes."""
+
+LASTING = 0.5
+"""Time for which it has to, so that it does not merely rock [s]."""
+
+GROUND = 0.5
+"""Least cosine between a normal and up for which what is below is a ground: a pipe's wall beside the worm is none."""
+
+SPAN = 1e-6
+"""Half the step of the differences that give normals, as a fraction of the body length."""
+
+
+def roll(result: Result, rows: slice = slice(None)) -> FloatArray:
+    """Return by how much a worm is rolled to its left, the median of its segments, at rows of a result, (T,) [rad].
+
+    NaN where it touches nothing, and where what it touches is no ground: a wall, or without gravity.
+    """
+    com, directors = result.com[rows], result.directors[rows]
+    rolls, weight = np.full(len(com), np.nan), float(np.linalg.norm(result.gravity))
+    if result.world is None or weight == 0.0:
+        return rolls
+    normal = _normals(result.world, com, result.worm.length)
+    load = result.normal_load[rows].sum(axis=(1, 2)) + result.joint_load[rows].sum(axis=1)
+    seen = (load > 0.0) & (normal @ (-result.gravity / weight) > GROUND)
+    sine = np.einsum("tij,tj->ti", directors[seen], normal[seen])
+    rolls[seen] = -np.median(np.arcsin(np.clip(sine, -1.0, 1.0)), axis=1)
+    return rolls
+
+
+def on_its_side(result: Result) -> float | None:
+    """Return the first time from which a worm lies on its side for half a second [s]; None if it never does."""
+    if len(result.time) < 2:
+        return None
+    apart = float(result.time[1] - result.time[0])
+    rows = slice(None, None, max(1, int(LASTING / (5.0 * apart))))
+    time, lies = result.time[rows], np.abs(np.nan_to_num(roll(result, rows))) > ON_ITS_SIDE
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], lies.astype(int), [0]])))
+    for begin, end in edges.reshape(-1, 2):
+        if time[end - 1] - time[begin] >= LASTING * (1.0 - 1e-9):
+            return float(time[begin])
+    return None
+
+
+def _normals(world: World, places: FloatArray, length: float) -> FloatArray:
+    """Return unit normals of the world at places (T, 3); zeros where there is none."""
+    steps = SPAN * length * np.eye(3)
+    ends = places[:, None, None] + np.stack([steps, -steps], axis=1)
+    distance = world.distance(ends.reshape(-1, 3)).reshape(len(places), 3, 2)
+    gradient = (distance[..., 0] - distance[..., 1]) / (2.0 * SPAN * length)
+    size = np.linalg.norm(gradient, axis=1, keepdims=True)
+    known = np.isfinite(size) & (size > 0.5)
+    normals: FloatArray = np.where(known, gradient / np.where(known, size, 1.0), 0.0)
+    return normals
