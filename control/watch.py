@@ -97,7 +97,7 @@ class Watch:
         known = {fault.kind for fault in self.faults}
         for fault in faults(self._waves):
             if fault.kind not in known:
-                _LOG.warning("at %.2f s: %s", fault.time, fault.what)
+                _LOG.info("at %.2f s: %s", fault.time, fault.what)
                 self.faults.append(fault)
 
     def _wave(self, begin: float, end: float, estimate: Estimate | None) -> Wave:

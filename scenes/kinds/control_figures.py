@@ -18,6 +18,7 @@ from scenes.kinds.control_schema import ControlScene
 from scenes.kinds.control_view import drawn
 from scenes.kinds.worm_view import scene_of
 from scenes.record import Record
+from scenes.report import faults
 
 FloatArray = NDArray[np.float64]
 
@@ -44,6 +45,7 @@ def tracking(record: Record) -> tuple[Figure, Axes]:
     for axes, label in ((aside, "left of the path [mm]"), (turned, "heading error [deg]")):
         axes.axhline(0.0, color="0.6", lw=0.8)
         axes.set(ylabel=label, xlim=_span(record))
+        _mark_faults(axes, record)
     turned.set_xlabel("time [s]  (means over a period; grey: not counted)")
     _grids(figure)
     return figure, way
@@ -226,6 +228,22 @@ def _shade(axes: Axes, seen: Tracking) -> None:
     low, high = axes.get_ylim()
     axes.fill_between(seen.time, low, high, where=~seen.counted, color="0.9", lw=0, zorder=0)
     axes.set_ylim(low, high)
+
+
+def _mark_faults(axes: Axes, record: Record) -> None:
+    """Mark when faults were found."""
+    for row in faults(record):
+        time = float(row["time_s"] or 0.0)
+        axes.axvline(time, color="C3", lw=0.8, ls=":")
+        axes.annotate(
+            str(row["kind"]),
+            (time, 0.97),
+            xycoords=axes.get_xaxis_transform(),
+            rotation=90,
+            va="top",
+            ha="right",
+            size=6,
+        )
 
 
 def _around(values: FloatArray, least: float = 1.0) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from itertools import groupby
+from operator import itemgetter
 
 import worm3d
 from control.decision import Decision
@@ -15,7 +16,7 @@ from scenes.summary import Cell
 from worm3d.roll import on_its_side
 
 Row = dict[str, Cell]
-"""`time_s` (None: of the whole run), `kind`, `what` and `advice`."""
+"""`time_s` [s], when it was found, `kind`, `what` and `advice`."""
 
 SENSORS = {"strain": "the strains", "com": "the centre of mass", "heading": "the heading"}
 
@@ -35,7 +36,12 @@ def of_plant(result: worm3d.Result) -> list[Row]:
 def of_controller(controller: WaveController) -> list[Row]:
     """Return what a controller found, and what became of its measurements and plans."""
     found = [_row(fault.time, fault.kind, fault.what, fault.advice) for fault in controller.faults]
-    return sorted([*found, *_of_plans(controller.decisions)], key=_begin) + _of_gate(controller.gate)
+    return [*found, *_of_plans(controller.decisions), *_of_gate(controller.gate)]
+
+
+def in_turn(rows: list[Row]) -> list[Row]:
+    """Return rows in the order of their times."""
+    return sorted(rows, key=itemgetter("time_s"))
 
 
 def refused(controller: WaveController) -> int:
@@ -70,10 +76,5 @@ def _times(count: int) -> str:
     return "once" if count == 1 else f"{count} times"
 
 
-def _begin(row: Row) -> float:
-    time = row["time_s"]
-    return float(time) if isinstance(time, float | int) else -1.0
-
-
-def _row(time: float | None, kind: str, what: str, advice: str) -> Row:
+def _row(time: float, kind: str, what: str, advice: str) -> Row:
     return {"time_s": time, "kind": kind, "what": what, "advice": advice}

@@ -22,7 +22,7 @@ from scenes.kinds.control_build import controller_of, reference_of, sensors_of
 from scenes.kinds.control_checks import CONTROL_CHECKS
 from scenes.kinds.control_record import motion_of, timing_of, variables_of
 from scenes.kinds.control_schema import ControlScene
-from scenes.kinds.faults import of_controller, of_plant, refused
+from scenes.kinds.faults import in_turn, of_controller, of_plant, refused
 from scenes.record import Record
 from scenes.summary import Figure as Merit
 
@@ -107,7 +107,10 @@ def _with_control(
     figures, reasons = measured(motion_of(result, waves), reference, result.worm.length)
     failures = controller.failures if isinstance(controller, Supervisor) else None
     merits: dict[str, Merit] = {**plain.summary, **figures, "mpc_failures": failures}
-    merits |= {"measurements_refused": refused(controller), "faults": [*of_plant(result), *of_controller(controller)]}
+    merits |= {
+        "measurements_refused": refused(controller),
+        "faults": in_turn([*of_plant(result), *of_controller(controller)]),
+    }
     decisions = controller.decisions
     return replace(
         plain,

@@ -16,10 +16,13 @@ import worm3d as plant
 from control import identified as kept
 from control.baselines import OpenLoop, PiLineOfSight
 from control.decision import SOURCES
+from control.estimator import Estimator
+from control.measurement import Measurement
 from control.paths import Circle, Line, PlanView, SCurve, SplinePath, WayPoints
 from control.references import Constant, Sine, Steps
 from control.sensors import Sensors
 from control.supervisor import Supervisor
+from scenes import report
 from scenes.bench.control import SCENES
 from scenes.errors import SceneError
 from scenes.kinds import worm_view
@@ -27,9 +30,11 @@ from scenes.kinds.base import Watch
 from scenes.kinds.control_build import controller_of, path_of, reference_of, sensors_of
 from scenes.kinds.control_record import tracked
 from scenes.kinds.control_schema import ControlScene
+from scenes.kinds.faults import in_turn, of_controller, refused
 from scenes.kinds.worm_control import KIND
 from scenes.loader import load_scene
 from scenes.record import Record
+from scenes.report import faults
 from scenes.runner import simulate
 from scenes.store import load, save
 from worm3d.viewer.live import LiveView
@@ -119,6 +124,8 @@ def test_a_run_has_the_figures_that_are_promised(circle: Record) -> None:
     assert all(name in figures for name in REQUIRED)
     assert {v.name for v in circle.timing} >= set(TIMED)
     assert figures["mpc_failures"] == 0
+    assert figures["measurements_refused"] == 0
+    assert figures["faults"] == []
     assert abs(figures["speed_bias_relative"]) < 0.03
     assert figures["cross_track_rms_bl"] < 0.02
     assert figures["settling_periods"] is None
@@ -212,6 +219,52 @@ def test_the_metrics_are_those_of_the_record(circle: Record) -> None:
     assert seen is not None
     aside = seen.cross_track[seen.counted]
     assert circle.summary["cross_track_rms_bl"] == pytest.approx(np.sqrt(np.mean(aside**2)), rel=1e-3)
+
+
+@pytest.fixture(scope="module")
+def tipped() -> Record:
+    """Across a slope on which the worm rolls over within two waves, and slides away."""
+    return simulate(load_scene("path_line", (*BRIEF, "world.slope_deg=12", "world.heading_deg=90")))
+
+
+def test_a_worm_that_lies_on_its_side_is_no_ordinary_end(tipped: Record, tmp_path: Path) -> None:
+    rows = faults(tipped)
+    assert tipped.status == "done"
+    assert [set(row) for row in rows] == [{"time_s", "kind", "what", "advice"}] * len(rows)
+    assert {"on its side", "tipped"} <= {row["kind"] for row in rows}
+    times = [row["time_s"] for row in rows]
+    assert times == sorted(times)
+    assert 0.5 < times[0] < 3.0
+    ending = report.ending(tipped, KIND, tmp_path)
+    assert f"path_line: the run reached its end, with {len(rows)} faults" in ending
+    assert any("the worm lies on its side (from 1." in line for line in report.warnings(tipped))
+    save(tipped, tmp_path / "result.nc")
+    assert faults(load(tmp_path)) == rows
+    KIND.figures["tracking"](tipped)[0].savefig(tmp_path / "tracking.png")
+
+
+def test_noise_and_delays_of_a_scene_are_those_of_its_estimator() -> None:
+    for kind in ("mpc", "pi_los"):
+        asked = (f"controller.kind={kind}", "sensor.com_noise_m=0.02", "sensor.strain_delay_s=4")
+        controller = controller_of(scene("path_line", *asked))
+        assert isinstance(controller.estimator, Estimator)
+        assert controller.estimator.noise.told == 0.02
+        assert controller.estimator.span > 4.0
+
+
+def test_refused_measurements_and_failed_plans_are_rows_of_the_summary() -> None:
+    controller = controller_of(scene("path_line"))
+    nan = float("nan")
+    for k in range(40):
+        wrong = np.array([nan, 0.0, 0.07]) if k % 10 == 0 else None
+        controller.step(0.01 * k, Measurement(0.01 * k, None, nan, wrong, 0.01 * k))
+    decided = controller.decisions[-1]
+    controller.decisions += [replace(decided, status="KeyError: 'x'", failed=True, time=0.5 + k) for k in range(3)]
+    rows = in_turn(of_controller(controller))
+    assert [row["kind"] for row in rows] == ["refused com", "no plan"]
+    assert rows[0]["what"] == "4 times the centre of mass came not finite"
+    assert rows[1]["what"] == "3 times no plan could be used: KeyError: 'x'"
+    assert refused(controller) == 4
 
 
 def test_baselines_run_too() -> None:
