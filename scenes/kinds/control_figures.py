@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -232,17 +234,11 @@ def _shade(axes: Axes, seen: Tracking) -> None:
 
 def _mark_faults(axes: Axes, record: Record) -> None:
     """Mark when faults were found."""
-    for row in faults(record):
-        time = float(row["time_s"] or 0.0)
+    for when, rows in groupby(faults(record), key=itemgetter("time_s")):
+        time, kinds = float(when or 0.0), ", ".join(str(row["kind"]) for row in rows)
         axes.axvline(time, color="C3", lw=0.8, ls=":")
         axes.annotate(
-            str(row["kind"]),
-            (time, 0.97),
-            xycoords=axes.get_xaxis_transform(),
-            rotation=90,
-            va="top",
-            ha="right",
-            size=6,
+            kinds, (time, 0.97), xycoords=axes.get_xaxis_transform(), rotation=90, va="top", ha="right", size=6
         )
 
 
