@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenes import kinds
+from scenes import kinds, overview
 from scenes.errors import MissingPartError, SceneError
 from scenes.files import write_bytes, written_whole
 from scenes.kinds.base import Kind, Movie
@@ -36,7 +36,7 @@ def is_drawable(record: Record) -> bool:
 
 
 def plot(record: Record, kind: Kind[Any], folder: Path) -> list[Path]:
-    """Write the model's figures as PNG into a folder and return their paths.
+    """Write the overview and all figures of the model as PNG into a folder and return their paths.
 
     Raises
     ------
@@ -45,14 +45,19 @@ def plot(record: Record, kind: Kind[Any], folder: Path) -> list[Path]:
     DiscError
         The folder cannot be written.
     """
-    _require_steps(record)
-    paths = []
+    paths = [draw_overview(record, kind, folder)]
     for stem, draw in kind.figures.items():
         path = folder / f"{stem}.png"
         figure, _ = draw(record)
         save_figure(figure, path)
         paths.append(path)
     return paths
+
+
+def draw_overview(record: Record, kind: Kind[Any], folder: Path) -> Path:
+    """Write the one figure that every run draws into a folder and return its path; errors as of `plot`."""
+    _require_steps(record)
+    return overview.write(kind.overview(record), folder / overview.FILE_NAME)
 
 
 def animate(record: Record, kind: Kind[Any], path: Path, fps: int = 20) -> Path:

@@ -1,7 +1,8 @@
 """The folder of a run: where it is, whether it may be written, and which files in it are ours.
 
-It holds `result.nc` and `summary.json`, the model's figures as PNG, and what moves: `viewer.html` of 3D worms, a page
-that plays in any browser without a network, or `animation.gif` of planar ones (of 3D worms by `worm3d animate`).
+It holds `result.nc`, `summary.json`, `overview.png` (by `worm3d plot` all figures), and what moves: `viewer.html` of 3D
+worms, a page that plays in any browser without a network, or `animation.gif` of planar ones (of 3D worms by `worm3d
+animate`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 
 from scenes import kinds, lock
 from scenes.errors import DiscError, SceneError
+from scenes.overview import FILE_NAME as OVERVIEW
 from scenes.store import FILE_NAME
 
 SUMMARY = "summary.json"
@@ -77,11 +79,11 @@ def clear_pictures(folder: Path) -> None:
     DiscError
         A file cannot be removed.
     """
-    found = {path.name for path in folder.glob("*.png")}
+    found = {path.name for path in folder.glob("*.png")} - {OVERVIEW}
     # Only where there are pictures: it imports every model.
     stems = {stem for name in kinds.names() for stem in kinds.get(name).figures} if found else set()
     unfinished = [path.name for path in folder.glob(f"{lock.PREFIX}*.part*")]
-    for name in (SUMMARY, ANIMATION, VIEWER, *unfinished, *sorted(found & {f"{stem}.png" for stem in stems})):
+    for name in (SUMMARY, ANIMATION, VIEWER, OVERVIEW, *unfinished, *sorted(found & {f"{stem}.png" for stem in stems})):
         try:
             (folder / name).unlink(missing_ok=True)
         except OSError as error:

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+import typer
 
 
 @contextmanager
 def progress(title: str, total: int, *, quiet: bool, what: str = "step") -> Iterator[Callable[[int], None]]:
     """Give a function to call with the number of finished steps, or whatever; all goes to standard error."""
-    console = Console(stderr=True, quiet=quiet)
-    if quiet or not console.is_terminal:
-        console.print(f"{title}: {counted(total, what)}", highlight=False, soft_wrap=True)
+    if quiet or not _bars():
+        if not quiet:
+            typer.echo(f"{title}: {counted(total, what)}", err=True)
         yield lambda done: None
         return
+    from rich.console import Console  # takes as long as a short run
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console) as bar:
+    with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(title, total=total)
         yield lambda done: bar.update(task, completed=done)
 
@@ -30,4 +33,13 @@ def counted(number: int, what: str) -> str:
 
 def busy(what: str, *, quiet: bool) -> AbstractContextManager[object]:
     """Say on a terminal what takes a while; nothing elsewhere."""
-    return Console(stderr=True, quiet=quiet).status(what)
+    if quiet or not _bars():
+        return nullcontext()
+    from rich.console import Console
+
+    return Console(stderr=True).status(what)
+
+
+def _bars() -> bool:
+    """Return whether bars can be drawn on standard error."""
+    return sys.stderr.isatty()

@@ -8,7 +8,7 @@ import typer
 
 from scenes import folder as folders
 from scenes import report
-from scenes.drawing import animate, cut_short, is_drawable, plot, view
+from scenes.drawing import animate, cut_short, draw_overview, is_drawable, view
 from scenes.interrupt import Interruption
 from scenes.kinds.base import Observer, Outcome, Watch
 from scenes.loader import Scene
@@ -135,7 +135,7 @@ def _timing(outcome: Outcome) -> tuple[Variable, ...]:
 def _draw(record: Record, scene: Scene, folder: Path) -> None:
     if not is_drawable(record):
         return
-    plot(record, scene.kind, folder)
+    draw_overview(record, scene.kind, folder)
     if record.status != "interrupted":  # who presses Ctrl-C does not want to wait; `worm3d animate` draws it
         if scene.kind.animate is not None and scene.kind.view is None:
             animate(record, scene.kind, folder / folders.ANIMATION)

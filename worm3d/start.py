@@ -9,7 +9,6 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from worm3d import elements
 from worm3d.friction import RESTING_PENETRATION, Friction
@@ -56,6 +55,10 @@ SLIDES = 0.03
 OVERLAP = 10.0 * RESTING_PENETRATION
 """A start with a contact point deeper in the world than this fraction of the segment length is refused."""
 
+LIMIT_PLACES, LIMIT_ROUNDS = 65, 5
+"""The limit point is looked for at so many lengths, and so many times, each time between the neighbours of the best:
+to 1e-7 of the length, and so to 1e-14 of the weight, which is level there."""
+
 GUARDED = (
     Status.DONE,
     Status.NO_CONVERGENCE,
@@ -96,8 +99,13 @@ def _limit_point(k: float, k_apex: float, a: float, l0: float, contraction: floa
     energy += k_apex / 2.0 * (elements.hinge_angle(ca.SX(a), length) - rest) ** 2
     height = elements.half_height(ca.SX(a), length)
     weight = ca.Function("weight", [length], [-2.0 * ca.gradient(energy, length) / ca.gradient(height, length)])
-    found = minimize_scalar(lambda x: -float(weight(x)), bounds=(commanded, 2.0 * a * (1.0 - 1e-9)), method="bounded")
-    return float(weight(found.x))
+    low, high = commanded, 2.0 * a * (1.0 - 1e-9)
+    for _ in range(LIMIT_ROUNDS):
+        place = np.linspace(low, high, LIMIT_PLACES)
+        carried = weight(place[None]).full()[0]
+        best = int(np.argmax(carried))
+        low, high = place[max(best - 1, 0)], place[min(best + 1, LIMIT_PLACES - 1)]
+    return float(carried[best])
 
 
 def carried_weight(worm: Worm, gravity: float) -> FloatArray:

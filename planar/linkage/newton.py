@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgbsv, dpbsv
 
 from planar.compiled import njit
 from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Contact, Now, apex_gauge, evaluate
@@ -138,7 +138,7 @@ class Newton:
         for iteration in range(1, MAX_POLISH + 1):
             if not np.isfinite(self._evaluate(q, now, coupled=True)):
                 return q, iteration, False
-            _, _, step, info = dgbsv(BAND, BAND, self.band, self.gradient)
+            _, _, step, info = scipy.linalg.lapack.dgbsv(BAND, BAND, self.band, self.gradient)
             if info != 0 or not np.isfinite(step).all():
                 return q, iteration, False
             previous, size = size, float(np.abs(step).max())
@@ -196,7 +196,7 @@ def _descent_direction(band: FloatArray, gradient: FloatArray) -> FloatArray | N
     while shift < 1e6 * scale:
         shifted = upper.copy()
         shifted[BAND] += shift
-        _, solution, info = dpbsv(shifted, gradient)
+        _, solution, info = scipy.linalg.lapack.dpbsv(shifted, gradient)
         if info == 0 and np.isfinite(solution).all():
             return np.asarray(-solution)
         shift = max(10.0 * shift, 1e-9 * scale)

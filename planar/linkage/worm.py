@@ -11,7 +11,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 FloatArray = NDArray[np.float64]
 
@@ -178,14 +177,20 @@ class Linkage:
     def _limit_point(self, k: float, k_apex: float, a: float, contraction: float) -> float:
         l0, l_cmd = self.l0, self.l0 * (1.0 - contraction)
 
-        def weight(length: float) -> float:
+        def weight(length: FloatArray) -> FloatArray:
             h = np.sqrt(a**2 - length**2 / 4.0)
             hinge = 2.0 * k_apex * 2.0 * (np.arcsin(length / (2 * a)) - np.arcsin(l0 / (2 * a))) / h
             tension = -k * l0 / l_cmd * (1.0 - length / l_cmd) + hinge
-            return float(tension * 4.0 * h / length)
+            carried: FloatArray = tension * 4.0 * h / length
+            return carried
 
-        best = minimize_scalar(lambda x: -weight(x), bounds=(l_cmd, 2 * a * (1 - 1e-12)), method="bounded")
-        return weight(best.x)
+        low, high = l_cmd, 2 * a * (1 - 1e-12)
+        for _ in range(5):  # each time between the neighbours of the best: to 1e-7 of the length
+            place = np.linspace(low, high, 65)
+            carried = weight(place)
+            best = int(np.argmax(carried))
+            low, high = place[max(best - 1, 0)], place[min(best + 1, 64)]
+        return float(carried[best])
 
     def apex_load(self, gravity: float = 9.81) -> FloatArray:
         """Return the weight that each rhombus has to hold up if all share it, shape (N,) [N].

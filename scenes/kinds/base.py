@@ -15,6 +15,7 @@ from scenes.summary import Figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Picture
+    from PIL.Image import Image
 
 S = TypeVar("S", bound=Settings)
 
@@ -103,6 +104,8 @@ class Kind(Generic[S]):
         Simulates a scene, calling the observer after each step.
     figures : mapping
         File stem -> function drawing it from a record.
+    overview : callable
+        Draws the one figure that every run writes (`scenes.overview`).
     animate : callable or None
         Returns the movie of a record.
     advice : str
@@ -128,6 +131,7 @@ class Kind(Generic[S]):
     checks: tuple[Check, ...]
     run: Callable[[S, Observer], Outcome]
     figures: Mapping[str, Callable[[Record], tuple[Picture, Axes]]]
+    overview: Callable[[Record], Image]
     animate: Callable[[Record], Movie] | None
     advice: str
     headlines: tuple[tuple[str, str, str], ...] = field(default=())

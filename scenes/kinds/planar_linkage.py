@@ -9,6 +9,7 @@ import numpy as np
 
 from planar import linkage
 from planar.metrics import FloatArray, p12_cost_of_transport
+from scenes import overview
 from scenes.kinds.base import Kind, Movie, Observer, Outcome
 from scenes.kinds.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
 from scenes.kinds.planar_linkage_build import simulate
@@ -20,6 +21,7 @@ from scenes.record import Record, Variable
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from PIL.Image import Image
 
 SHORTEST_STEP = 1e-6
 """Steps that move the centre of mass no further are left out of the cumulative cost of transport [m]."""
@@ -230,6 +232,10 @@ def draw_contraction(record: Record) -> tuple[Figure, Axes]:
     return figures.activation(record["time"], record["contraction"], title=title, quantity="contraction")
 
 
+def _overview(record: Record) -> Image:
+    return overview.of_planar(record, ("joint", "top_apex", "bottom_apex"), record["contraction"][-1])
+
+
 def animate(record: Record) -> Movie:
     """Return the movie of a record that holds the states of a worm."""
     from planar import animation
@@ -259,6 +265,7 @@ KIND = Kind(
         "loads_and_slip": _draw_loads,
         "contraction": draw_contraction,
     },
+    overview=_overview,
     animate=animate,
     advice=ADVICE,
     headlines=(

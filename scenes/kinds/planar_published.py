@@ -10,6 +10,7 @@ import numpy as np
 
 from control import gaits
 from planar import published
+from scenes import overview
 from scenes.kinds.base import Kind, Movie, Observer, Outcome
 from scenes.kinds.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
 from scenes.kinds.planar_published_schema import CHECKS, PublishedScene
@@ -20,6 +21,7 @@ from scenes.record import Record, Variable
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from PIL.Image import Image
 
 
 def run(scene: PublishedScene, observer: Observer) -> Outcome:
@@ -155,6 +157,10 @@ def _draw_activation(record: Record) -> tuple[Figure, Axes]:
     return figures.activation(record["step_time"], record["activation"], title=f"{record.title}: activation")
 
 
+def _overview(record: Record) -> Image:
+    return overview.of_planar(record, ("main_node", "top_node", "bottom_node"), record["activation"][-1])
+
+
 def _animate(record: Record) -> Movie:
     from planar import animation
 
@@ -182,6 +188,7 @@ KIND = Kind(
         "cumulative_cost_of_transport": _draw_cost,
         "activation": _draw_activation,
     },
+    overview=_overview,
     animate=_animate,
     advice="try a smaller run.dt_s, a smaller gait.force_N or a larger worm.mass_kg",
     headlines=(

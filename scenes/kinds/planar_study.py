@@ -11,6 +11,7 @@ import numpy as np
 
 from planar import linkage
 from planar.metrics import FloatArray
+from scenes import overview
 from scenes.kinds.base import Kind, Observer, Outcome, Status
 from scenes.kinds.merit import status_word
 from scenes.kinds.planar_linkage import ADVICE, animate, cumulative_cost, merits, reasons
@@ -24,6 +25,7 @@ from scenes.summary import Cell
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from PIL.Image import Image
 
 PER_CASE = "a study has one for each case: see 'cases'"
 
@@ -251,6 +253,11 @@ def _draw_distance(record: Record) -> tuple[Figure, Axes]:
     return _panels(record, panels, "distance and speed")
 
 
+def _overview(record: Record) -> Image:
+    panels = {"distance [m]": record["distance"], "work / (weight x distance)": record["cost_of_transport"]}
+    return overview.of_cases(record, _vary(record), panels)
+
+
 def _panels(record: Record, panels: dict[str, FloatArray], what: str) -> tuple[Figure, Axes]:
     from planar import figures
 
@@ -292,6 +299,7 @@ KIND = Kind(
         "cost_of_transport_by_case": _draw_cost,
         "distance_and_speed_by_case": _draw_distance,
     },
+    overview=_overview,
     animate=animate,
     advice=ADVICE,
     table=_table,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import worm3d
 from scenes.checks import Check
 from scenes.errors import SceneError
-from scenes.kinds import worm_view
+from scenes.kinds import worm_overview, worm_view
 from scenes.kinds.base import Kind, Observer, Outcome, Status, Watch
 from scenes.kinds.faults import of_plant
 from scenes.kinds.planar_linkage_checks import in_keys
@@ -123,6 +123,7 @@ def kind(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) -> K
         run=run,
         resume=resume,
         figures=figures,
+        overview=worm_overview.draw,
         animate=worm_view.RunMovie,
         view=worm_view.view,
         mesh=worm_view.mesh,

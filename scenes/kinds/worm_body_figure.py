@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from scenes.kinds.worlds_build import world_of
+from scenes.kinds.worm_overview import in_its_frame
 from scenes.kinds.worm_view import scene_of
 from scenes.record import Record
 
@@ -169,17 +169,3 @@ def _section(axes: Axes, record: Record, world: World | None, com: FloatArray, a
     places[..., 0], places[..., across] = np.meshgrid(*sides)
     distance = world.distance(in_its_frame(record, places, back=True))
     axes.contourf(*sides, distance, levels=[DEEP, 0.0], colors=["0.85"], zorder=0)
-
-
-def in_its_frame(record: Record, places: FloatArray, *, back: bool = False) -> FloatArray:
-    """Return places, shape (..., 3), along the initial heading, to its left, and up, or such places as x, y, z [m]."""
-    azimuth = -initial_azimuth(record) if back else initial_azimuth(record)
-    c, s = math.cos(azimuth), math.sin(azimuth)
-    turned: FloatArray = places @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return turned
-
-
-def initial_azimuth(record: Record) -> float:
-    """Return the heading at the start; 0 for a vertical body."""
-    azimuth = float(record["heading"][0])
-    return 0.0 if math.isnan(azimuth) else azimuth

@@ -16,7 +16,7 @@ from control.measurement import Measurement
 from control.metrics import measured
 from control.references import Reference
 from control.supervisor import Supervisor
-from scenes.kinds import control_view, worm, worm_view
+from scenes.kinds import control_view, worm, worm_overview, worm_view
 from scenes.kinds.base import Kind, Observer, Outcome, Watch
 from scenes.kinds.control_build import controller_of, reference_of, sensors_of
 from scenes.kinds.control_checks import CONTROL_CHECKS
@@ -142,6 +142,7 @@ def _kind() -> Kind[ControlScene]:
         checks=CONTROL_CHECKS,
         run=run,
         figures=figures,
+        overview=worm_overview.draw,
         animate=worm_view.RunMovie,
         view=worm_view.view,
         mesh=worm_view.mesh,

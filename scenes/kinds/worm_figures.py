@@ -12,7 +12,8 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from planar import figures as planar_figures
-from scenes.kinds.worm_body_figure import body, in_its_frame
+from scenes.kinds.worm_body_figure import body
+from scenes.kinds.worm_overview import in_its_frame
 from scenes.kinds.worm_view import scene_of
 from scenes.record import Record
 

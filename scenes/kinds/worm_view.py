@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenes.kinds import control_view
-from scenes.kinds.control_schema import ControlScene
+from scenes import kinds
 from scenes.kinds.worlds_build import world_of
 from scenes.kinds.worm_build import worm_of
-from scenes.kinds.worm_schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
+from scenes.kinds.worm_schema import AnyWormScene, GaitScene
 from scenes.limits import MOVIE_S
 from scenes.record import Record
 from worm3d import pictures
@@ -22,17 +21,11 @@ if TYPE_CHECKING:
 
     from worm3d.viewer import Frames
 
-SCHEMAS: dict[str, type[AnyWormScene]] = {
-    "worm": WormScene,
-    "worm_planar": PlanarWormScene,
-    "worm_control": ControlScene,
-}
-"""Of the models whose records are drawn here."""
-
 
 def scene_of(record: Record) -> AnyWormScene:
     """Return the scene that a record was made from."""
-    return SCHEMAS[record.kind].model_validate(tomllib.loads(record.scene))
+    scene: AnyWormScene = kinds.get(record.kind).schema.model_validate(tomllib.loads(record.scene))
+    return scene
 
 
 def frames_of(
@@ -48,9 +41,15 @@ def frames_of(
     scene = scene_of(record)
     rows = slice(None) if until is None else record["time"] <= until
     series = {name: record[name][rows] for name in pictures.SERIES}
-    more = control_view.overlay(record, scene, rows) if isinstance(scene, ControlScene) else {}
-    period = scene.gait.period_s if isinstance(scene, GaitScene) else control_view.period(record)
-    return pictures.arrays(series, worm_of(scene), world_of(scene.world), period, fps=fps, at=at, **more)
+    worm, world = worm_of(scene), world_of(scene.world)
+    if isinstance(scene, GaitScene):  # not driven by a controller
+        return pictures.arrays(series, worm, world, scene.gait.period_s, fps=fps, at=at)
+    from scenes.kinds import control_schema, control_view  # the controllers come with them
+
+    assert isinstance(scene, control_schema.ControlScene)
+
+    lines = control_view.overlay(record, scene, rows)
+    return pictures.arrays(series, worm, world, control_view.period(record), fps=fps, at=at, **lines)
 
 
 def view(record: Record, path: Path, *, skin: bool = True) -> None:

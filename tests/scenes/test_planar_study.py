@@ -92,7 +92,7 @@ def test_a_study_ends_with_its_table(worm3d, tmp_path: Path) -> None:
     assert title.split(maxsplit=1) == ["title", "Distance and cost of transport by number of segments"]
     assert files.split() == ["files", "x"]
     drawn = {path.name for path in (tmp_path / "x").iterdir()}
-    assert {"result.nc", "summary.json", "animation.gif", "centre_of_mass_by_case.png"} < drawn
+    assert {"result.nc", "summary.json", "animation.gif", "overview.png"} == drawn
 
 
 def test_a_refused_case_is_marked_and_the_others_run(worm3d, tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def test_ctrl_c_keeps_the_finished_cases(worm3d, tmp_path: Path, monkeypatch: py
     reasons = [row["reason"] for row in json.loads((tmp_path / "x" / "summary.json").read_text())["cases"]]
     assert reasons[2].startswith("the run was interrupted")
     assert reasons[3:] == [NOT_RUN, NOT_RUN]
-    assert (tmp_path / "x" / "centre_of_mass_by_case.png").is_file()
+    assert (tmp_path / "x" / "overview.png").is_file()
     whole = simulate(load_scene("planar_segments", BRIEF))
     assert_array_equal(record["com_x"][:2], whole["com_x"][:2])
 

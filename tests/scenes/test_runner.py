@@ -27,7 +27,6 @@ EXPLODES = (
     *("-o", "worm.segments=1", "-o", "gait.direction=retrograde", "-o", "gait.force_N=1e100"),
     *("-o", "run.duration_s=1", "-o", "gait.period_s=0.4"),
 )
-FIGURES = {"activation.png", "centre_of_mass.png", "cumulative_cost_of_transport.png"}
 
 
 def names(folder: Path) -> set[str]:
@@ -37,7 +36,7 @@ def names(folder: Path) -> set[str]:
 def test_a_run_writes_everything_and_ends_with_what_matters(worm3d, tmp_path: Path) -> None:
     ended = worm3d("run", "planar_published", *SHORT, "--out", "x")
     assert ended.code == 0
-    assert names(tmp_path / "x") == {"result.nc", "summary.json", "animation.gif", *FIGURES}
+    assert names(tmp_path / "x") == {"result.nc", "summary.json", "animation.gif", "overview.png"}
     assert ended.err == "planar_published: 20 steps\n"
     first, *rows = ended.out.splitlines()
     assert first.startswith("planar_published: the run reached its end (0.2 s simulated, ")
@@ -107,7 +106,7 @@ def test_a_run_that_diverges_says_where_and_keeps_what_it_has(worm3d, tmp_path: 
     _, line = ended.complaints
     assert line.startswith("diverged: the state became infinite or not a number; the steps before are kept (step 21,")
     assert line.endswith("worst in segment 0); try a smaller run.dt_s, a smaller gait.force_N or a larger worm.mass_kg")
-    assert names(tmp_path / "x") == {"result.nc", "summary.json", "animation.gif", *FIGURES}
+    assert names(tmp_path / "x") == {"result.nc", "summary.json", "animation.gif", "overview.png"}
     record = load(tmp_path / "x")
     assert (record.status, record.sizes["step"], record.sizes["time"]) == ("diverged", 20, 21)
     assert json.loads((tmp_path / "x" / "summary.json").read_text())["status"] == "diverged"
@@ -138,7 +137,7 @@ def test_an_interrupted_run_keeps_what_it_has(script: str, tmp_path: Path, numbe
     assert process.returncode == 130
     assert err == ""
     assert out.startswith("planar_published: the run was interrupted; the steps computed so far are kept (")
-    assert names(tmp_path / "x") == {"result.nc", "summary.json", *FIGURES}
+    assert names(tmp_path / "x") == {"result.nc", "summary.json", "overview.png"}
     record = load(tmp_path / "x")
     assert record.status == "interrupted"
     assert 10 < record.sizes["step"] < 100_000
@@ -180,14 +179,14 @@ def test_a_full_disc_leaves_the_old_results_as_they_were(worm3d, tmp_path: Path,
 def test_pictures_of_an_earlier_run_of_any_model_go_and_files_of_others_stay(worm3d, tmp_path: Path) -> None:
     folder = tmp_path / "x"
     folder.mkdir()
-    for name in ("energy_ledger.png", "centre_of_mass_by_case.png", "animation.gif", "photo.png"):
+    for name in ("overview.png", "energy_ledger.png", "centre_of_mass_by_case.png", "animation.gif", "photo.png"):
         (folder / name).write_text("old")
     stops = ("-o", "gait.force_N=1e100")  # diverges at once: draws nothing
     assert worm3d("run", "planar_published", *stops, "--out", "x", "--force", "--quiet").code == 3
     assert names(folder) == {"result.nc", "summary.json", "photo.png"}
 
 
-@pytest.mark.parametrize("stage", ["plot", "animate", "write_summary"])
+@pytest.mark.parametrize("stage", ["draw_overview", "animate", "write_summary"])
 def test_ctrl_c_after_the_simulation_says_where_the_result_is(worm3d, tmp_path: Path, monkeypatch, stage: str) -> None:
     real = getattr(runner, stage)
 

@@ -36,7 +36,7 @@ def test_a_run_that_is_watched_is_the_same_run_in_real_time() -> None:
         assert listens(seen[0])
     assert not listens(seen[0])
     assert done[-1] == 60
-    assert 1.2 <= took < 10.0, "0.6 s at half the speed, and the start of a server"
+    assert took >= 1.2, "0.6 s at half the speed"
     assert_array_equal(watched.joints, crawl().joints)
 
 

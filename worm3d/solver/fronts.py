@@ -16,7 +16,7 @@ from worm3d.kernels import point
 from worm3d.solver import arrays as a
 from worm3d.solver import regimes
 from worm3d.solver.arrays import POINTS, Core
-from worm3d.solver.block import combine, copy, fill, matrix, rows, vector
+from worm3d.solver.block import combine, copy, dot, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
 
 FloatArray = NDArray[np.float64]
@@ -39,7 +39,7 @@ _FORESEEN, _ERROR, _FIRST, _DT = point.LAYOUT.firsts("foreseen", "error", "first
 def goes_on(core: Core) -> bool:
     """Return whether the last step's change of motion is small enough to be expected once more."""
     last, curve = vector(core.block, a.LAST), vector(core.block, a.CURVE)
-    return bool(np.dot(curve, curve) < SMOOTH * np.dot(last, last))
+    return bool(dot(curve, curve) < SMOOTH * dot(last, last))
 
 
 @inner

@@ -18,7 +18,7 @@ from worm3d.kernels import point
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, regimes
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import address, combine, copy, fill, matrix, rows, total, vector
+from worm3d.solver.block import address, combine, copy, dot, fill, matrix, rows, total, vector
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import LOAD, LOCAL, NONE, WHOLE, WITH_KEPT_JOINTS, evaluate, hold
 from worm3d.solver.regimes import Y
@@ -238,7 +238,7 @@ def _newton_step(core: Core, hessian: int, follows: bool) -> float:
 @inner
 def _correct(step: FloatArray, before: FloatArray) -> None:
     """Broyden's correction of a step with a kept Jacobian, from the step before."""
-    left = np.dot(before, step) / np.dot(before, before)
+    left = dot(before, step) / dot(before, before)
     if abs(left) < CONTRACTION:
         combine(step, 1.0 / (1.0 - left), step, 0.0, step)
 
@@ -315,12 +315,12 @@ def _search(core: Core, phi: float) -> bool:
     """
     x, gradient = vector(core.block, a.X), vector(core.block, a.GRADIENT)
     direction, trial = vector(core.block, a.DIRECTION), vector(core.block, a.TRIAL)
-    slope = np.dot(gradient, direction)
+    slope = dot(gradient, direction)
     low, high, step, found, kinks = 0.0, 1.0, 1.0, False, -1
     for _ in range(MAX_SEARCH):
         combine(trial, 1.0, x, step, direction)
         value = evaluate(core, a.TRIAL, False, NONE)
-        rise = np.dot(gradient, direction) if np.isfinite(value) else np.inf
+        rise = dot(gradient, direction) if np.isfinite(value) else np.inf
         lower = value <= phi + 1e-4 * step * slope + 1e-14 * abs(phi)
         if lower:
             copy(vector(core.block, a.BEST), trial)

@@ -8,7 +8,6 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import zmq
 
@@ -48,10 +47,9 @@ class Connection:
         self._put([question.encode()])
         return self._answer().decode()
 
-    def send(self, command: Any) -> None:
+    def send(self, command: recorder.Content) -> None:
         """Send one command of meshcat."""
-        content = command.lower()
-        self._put([content["type"].encode(), content["path"].encode(), recorder.packed(content)])
+        self._put([command["type"].encode(), command["path"].encode(), recorder.packed(command)])
         if self._unanswered >= UNANSWERED:
             self.settle()
 

@@ -1,42 +1,37 @@
-"""The only place that knows meshcat's Python side: pieces become its commands; a recorder stands in for its window.
+"""What meshcat's viewer is told: pieces become its commands, as `meshcat.commands` writes them; a recorder keeps them.
 
-meshcat 0.3.2 makes random identities and repeats the key times of an animation in lists of objects. Here identities
-are numbered in the order they are sent, so that the same frames give the same bytes, and tracks go as packed arrays,
-which three.js takes as well and which are a tenth of the size.
+Of meshcat 0.3.2 only the viewer for the browser is used. Its Python side imports a web server and IPython, makes random
+identities, and repeats the key times of an animation in lists of objects. Here identities follow from the paths, so
+that the same frames give the same bytes, and tracks go as packed arrays, which three.js takes as well and which are a
+tenth of the size.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+import umsgpack
+from numpy.typing import NDArray
 
 from worm3d.viewer.arrays import FloatArray
 from worm3d.viewer.colours import as_number
 from worm3d.viewer.piece import Piece
 
-with warnings.catch_warnings():
-    # It imports zmq.eventloop.ioloop, which warns of its age.
-    warnings.simplefilter("ignore", DeprecationWarning)
-    import meshcat
-    import umsgpack
-    from meshcat.commands import SetAnimation
-    from meshcat.geometry import (
-        Geometry,
-        Mesh,
-        MeshBasicMaterial,
-        MeshPhongMaterial,
-        Object,
-        Texture,
-        TriangularMeshGeometry,
-    )
+Content = dict[str, Any]
+"""A part of a command, as it is packed."""
 
 _DISCRETE = 2300
 """three.js: InterpolateDiscrete."""
+_DOUBLE_SIDE, _VERTEX_COLOURS = 2, 2
+"""three.js: DoubleSide, VertexColors."""
 _TOP, _BOTTOM = [0.93, 0.95, 0.97], [0.72, 0.76, 0.80]
+_ROOT = "/meshcat"
+_STANDING = np.eye(4).ravel().tolist()
+_KINDS = {"<f4": ("Float32Array", 0x17), "<u4": ("Uint32Array", 0x16)}
+"""Of packed arrays: three.js' name, and the number by which meshcat's viewer knows them."""
 
 
 FONT = 22
@@ -45,11 +40,13 @@ FONT = 22
 CAPTION_SIZE, CAPTION_AT = 0.6, (0.0, 0.68, -1.0)
 """Side of the square in whose middle a caption stands; its place before the camera, which sees from -0.77 to 0.77."""
 
+_CAMERA = "/Cameras/default/rotated/<object>"
+
 
 class Window(Protocol):
-    """What a `meshcat.Visualizer` sends its commands to."""
+    """What commands are sent to."""
 
-    def send(self, command: Any) -> None:
+    def send(self, command: Content) -> None:
         """Take one command."""
 
 
@@ -58,199 +55,141 @@ class Recorder:
 
     def __init__(self) -> None:
         self.messages: list[bytes] = []
-        self._identities: dict[str, str] = {}
 
-    def send(self, command: Any) -> None:
+    def send(self, command: Content) -> None:
         """Take one command of meshcat."""
-        self.messages.append(packed(_numbered(command.lower(), self._identities)))
+        self.messages.append(packed(command))
 
 
-def packed(content: Any) -> bytes:
+def packed(content: Content) -> bytes:
     """Return the content of a command as it travels."""
     message: bytes = umsgpack.packb(content)
     return message
 
 
-def _numbered(value: Any, known: dict[str, str]) -> Any:
-    """Replace every random identity, wherever it stands, by the number of its first appearance."""
-    for identity in _identities(value):
-        known.setdefault(identity, f"{len(known):08d}")
-    return _replaced(value, known)
+def _show(
+    path: str, geometry: Content, material: Content, textures: tuple[Content, ...] = (), order: int = 0
+) -> Content:
+    """Return the command that puts a mesh at a path; `order` says how late it is drawn."""
+    ids = {part: f"{path}:{part}" for part in ("geometry", "material")}
+    scene = _object(path, type="Mesh", **ids, matrix=_STANDING, renderOrder=order)
+    scene["geometries"] = [{"uuid": ids["geometry"], **geometry}]
+    scene["materials"] = [{"uuid": ids["material"], **material}]
+    scene["textures"] = list(textures)
+    return {"type": "set_object", "object": scene, "path": path}
 
 
-def _identities(value: Any) -> Iterator[str]:
-    if isinstance(value, dict):
-        if "uuid" in value:
-            yield value["uuid"]
-        for part in value.values():
-            yield from _identities(part)
-    elif isinstance(value, list) and value and isinstance(value[0], dict):
-        for part in value:
-            yield from _identities(part)
+def _object(path: str, **properties: Any) -> Content:
+    """Return a scene of three.js with one object and nothing else yet."""
+    about = {"version": 4.5, "type": "Object"}
+    return {"metadata": about, "geometries": [], "materials": [], "object": {"uuid": path, **properties}}
 
 
-def _replaced(value: Any, known: dict[str, str]) -> Any:
-    if isinstance(value, dict):
-        return {key: _replaced(part, known) for key, part in value.items()}
-    if isinstance(value, list) and value and isinstance(value[0], dict):
-        return [_replaced(part, known) for part in value]
-    return known.get(value, value) if isinstance(value, str) else value
+def _transform(path: str, matrix: FloatArray) -> Content:
+    return {"type": "set_transform", "path": path, "matrix": matrix.T.ravel().tolist()}
 
 
-class _Mesh(Mesh):  # type: ignore[misc]  # meshcat has no types
-    """A mesh that may be drawn after all others."""
-
-    def __init__(self, piece: Piece) -> None:
-        super().__init__(_geometry(piece), _material(piece))
-        self.on_top = piece.on_top
-
-    def lower(self) -> dict[str, Any]:
-        result: dict[str, Any] = super().lower()
-        result["object"]["renderOrder"] = int(self.on_top)
-        return result
+def _property(path: str, name: str, value: Any) -> Content:
+    return {"type": "set_property", "path": path, "property": name, "value": value}
 
 
-class _Light(Object):  # type: ignore[misc]  # meshcat has no types
-    """A light that reaches everywhere; those of meshcat end ten metres from the origin."""
-
-    def __init__(self, **properties: Any) -> None:
-        super().__init__(Geometry(), None)
-        self.properties = properties
-
-    def lower(self) -> dict[str, Any]:
-        return {
-            "metadata": {"version": 4.5, "type": "Object"},
-            "geometries": [],
-            "materials": [],
-            "object": {"uuid": self.uuid, **self.properties},
-        }
+def _packed(vectors: NDArray[Any], kind: str = "<f4") -> Content:
+    """Return vectors, shape (V, 3), as an attribute of a geometry."""
+    name, _ = _KINDS[kind]
+    return {"itemSize": vectors.shape[1], "type": name, "array": _binary(vectors, kind), "normalized": False}
 
 
-class _Text(Texture):  # type: ignore[misc]  # meshcat has no types
-    """A picture of a line of text, which meshcat's viewer makes and its Python side does not know."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.text = text
-
-    def lower(self, _object_data: dict[str, Any]) -> dict[str, Any]:
-        return {"uuid": self.uuid, "type": "_text", "text": self.text, "font_size": FONT, "font_face": "sans-serif"}
+def _binary(values: NDArray[Any], kind: str = "<f4") -> Any:
+    return umsgpack.Ext(_KINDS[kind][1], np.ascontiguousarray(values, dtype=kind).tobytes())
 
 
-class _Square(Geometry):  # type: ignore[misc]  # meshcat has no types
-    """A square that looks along z, for a picture; meshcat's viewer knows it and its Python side does not."""
-
-    def __init__(self, side: float) -> None:
-        super().__init__()
-        self.side = side
-
-    def lower(self, _object_data: dict[str, Any]) -> dict[str, Any]:
-        return {"uuid": self.uuid, "type": "PlaneGeometry", "width": self.side, "height": self.side}
-
-
-class _Property:
-    """A property by its exact name; meshcat's own command writes names in small letters, which three.js does not."""
-
-    def __init__(self, path: str, name: str, value: Any) -> None:
-        self._content = {"type": "set_property", "path": path, "property": name, "value": value}
-
-    def lower(self) -> dict[str, Any]:
-        return self._content
-
-
-class _Tracks:
-    """An animation of packed tracks; stands in for `meshcat.animation.Animation`."""
-
-    def __init__(self) -> None:
-        self._clips: list[dict[str, Any]] = []
-
-    def add(self, path: str, tracks: list[dict[str, Any]]) -> None:
-        # One key a second, so that times are in seconds.
-        self._clips.append({"path": f"/meshcat/{path}", "clip": {"fps": 1, "name": "default", "tracks": tracks}})
-
-    def lower(self) -> list[dict[str, Any]]:
-        return self._clips
-
-
-def _track(name: str, kind: str, time: FloatArray, values: FloatArray, stepped: bool = False) -> dict[str, Any]:
+def _track(name: str, kind: str, time: FloatArray, values: FloatArray, stepped: bool = False) -> Content:
     """Return a track; one whose values never change keeps its first key only."""
     if (values == values[0]).all():
         time, values = time[:1], values[:1]
-    track = {"name": name, "type": kind, "times": _floats(time), "values": _floats(values)}
+    track = {"name": name, "type": kind, "times": _binary(time), "values": _binary(values)}
     return {**track, "interpolation": _DISCRETE} if stepped else track
-
-
-def _floats(values: FloatArray) -> Any:
-    return umsgpack.Ext(0x17, np.ascontiguousarray(values, dtype=np.float32).tobytes())
 
 
 def stage(window: Window) -> None:
     """Set light and background, and take away meshcat's grid, axes and near lights."""
-    top = meshcat.Visualizer(window=window)
     for name in ("Grid", "Axes", "Lights/PointLightNegativeX", "Lights/PointLightPositiveX", "Lights/FillLight"):
-        top[f"/{name}"].set_property("visible", False)
-    top["/Background"].set_property("top_color", _TOP)
-    top["/Background"].set_property("bottom_color", _BOTTOM)
+        window.send(_property(f"/{name}", "visible", False))
+    window.send(_property("/Background", "top_color", _TOP))
+    window.send(_property("/Background", "bottom_color", _BOTTOM))
+    # These reach everywhere; those of meshcat end ten metres from the origin.
     sky = {"type": "HemisphereLight", "color": 0xFFFFFF, "groundColor": 0x8A7F78, "intensity": 0.2}
-    sun = {
-        "type": "DirectionalLight",
-        "color": 0xFFFFFF,
-        "intensity": 0.4,
-        "matrix": [*np.eye(4).ravel()[:12], -2, -3, 4, 1],
-    }
+    sun = {"type": "DirectionalLight", "color": 0xFFFFFF, "intensity": 0.4, "matrix": [*_STANDING[:12], -2, -3, 4, 1]}
     for name, light in (("Sky", sky), ("Sun", sun)):
-        top[f"/Lights/{name}"].set_object(_Light(**light))
+        path = f"/Lights/{name}"
+        window.send({"type": "set_object", "object": _object(path, **light), "path": path})
         # The viewer makes every object cast shadows, which a sky cannot and nobody needs.
-        window.send(_Property(f"/Lights/{name}/<object>", "castShadow", False))
+        window.send(_property(f"{path}/<object>", "castShadow", False))
+
+
+def _at(piece: Piece) -> str:
+    return f"{_ROOT}/{piece.path}"
 
 
 def place(window: Window, piece: Piece) -> None:
     """Send the mesh of a piece and where it is in the first frame."""
-    node = meshcat.Visualizer(window=window)[piece.path]
-    node.set_object(_Mesh(piece))
+    window.send(_show(_at(piece), _geometry(piece), _material(piece), order=int(piece.on_top)))
     if piece.position is not None:
-        node.set_transform(piece.matrix(0))
+        window.send(_transform(_at(piece), piece.matrix(0)))
 
 
-def _geometry(piece: Piece) -> Any:
-    return TriangularMeshGeometry(piece.mesh.vertices, piece.mesh.faces, piece.paint)
+def _geometry(piece: Piece) -> Content:
+    attributes = {"position": _packed(piece.mesh.vertices)}
+    if piece.paint is not None:
+        attributes["color"] = _packed(piece.paint)
+    return {"type": "BufferGeometry", "data": {"attributes": attributes, "index": _packed(piece.mesh.faces, "<u4")}}
 
 
-def _material(piece: Piece) -> Any:
+def _material(piece: Piece) -> Content:
     clear = piece.opacity < 1.0
-    return MeshPhongMaterial(
-        color=as_number(piece.colour_at(0)) if piece.paint is None else 0xFFFFFF,
-        vertexColors=piece.paint is not None,
-        opacity=piece.opacity,
+    return {
+        "type": "MeshPhongMaterial",
+        "color": as_number(piece.colour_at(0)) if piece.paint is None else 0xFFFFFF,
+        "vertexColors": 0 if piece.paint is None else _VERTEX_COLOURS,
+        "reflectivity": 0.5,
+        "side": _DOUBLE_SIDE,
+        "opacity": piece.opacity,
         # What is seen through everything comes last, with what is clear.
-        transparent=clear or piece.on_top,
-        depthTest=not piece.on_top,
-        depthWrite=not clear,
-        specular=0 if piece.layer == "world" else 0x111111,
-    )
+        "transparent": clear or piece.on_top,
+        "depthTest": not piece.on_top,
+        "depthWrite": not clear,
+        "specular": 0 if piece.layer == "world" else 0x111111,
+    }
 
 
 def move(window: Window, piece: Piece) -> None:
     """Send where a piece is, and its colour, in the first frame of it."""
-    node = meshcat.Visualizer(window=window)[piece.path]
-    node.set_transform(piece.matrix(0))
+    window.send(_transform(_at(piece), piece.matrix(0)))
     if piece.tint is not None:
-        node.set_property("color", [*piece.colour_at(0), piece.opacity])
+        window.send(_property(_at(piece), "color", [*piece.colour_at(0), piece.opacity]))
 
 
 def remove(window: Window, path: str) -> None:
     """Take a piece away."""
-    meshcat.Visualizer(window=window)[path].delete()
+    window.send({"type": "delete", "path": f"{_ROOT}/{path}"})
 
 
 def caption(window: Window, text: str) -> None:
     """Write a line of text at the top of the picture, in the place of the last one."""
-    picture = MeshBasicMaterial(map=_Text(text), transparent=True, depthTest=False)
-    node = meshcat.Visualizer(window=window)["/Cameras/default/rotated/<object>/caption"]
-    node.set_object(Mesh(_Square(CAPTION_SIZE), picture))
+    path, picture = f"{_CAMERA}/caption", f"{_CAMERA}/caption:text"
+    square = {"type": "PlaneGeometry", "width": CAPTION_SIZE, "height": CAPTION_SIZE}
+    material = {
+        "type": "MeshBasicMaterial",
+        "map": picture,
+        "side": _DOUBLE_SIDE,
+        "transparent": True,
+        "depthTest": False,
+    }
+    texture = {"uuid": picture, "type": "_text", "text": text, "font_size": FONT, "font_face": "sans-serif"}
+    window.send(_show(path, square, material, (texture,)))
     place = np.eye(4)
     place[:3, 3] = CAPTION_AT
-    node.set_transform(place)
+    window.send(_transform(path, place))
 
 
 def look_at(window: Window, place: FloatArray) -> None:
@@ -260,14 +199,13 @@ def look_at(window: Window, place: FloatArray) -> None:
     """
     transform = np.eye(4)
     transform[:3, 3] = -place
-    meshcat.Visualizer(window=window).set_transform(transform)
+    window.send(_transform(_ROOT, transform))
 
 
 def stand(window: Window, axes: FloatArray, body_length: float) -> None:
     """Put the camera behind, to the right and above of what it turns about; `axes` as in `Frames`."""
-    x, y, z = body_length * np.array([-0.45, -0.8, 0.5]) @ axes
-    camera = meshcat.Visualizer(window=window)["/Cameras/default/rotated/<object>"]
-    camera.set_property("position", [x, z, -y])
+    x, y, z = (body_length * np.array([-0.45, -0.8, 0.5]) @ axes).tolist()
+    window.send(_property(_CAMERA, "position", [x, z, -y]))
 
 
 def animate(window: Window, pieces: list[Piece], time: FloatArray, play: bool) -> None:
@@ -278,18 +216,14 @@ def animate(window: Window, pieces: list[Piece], time: FloatArray, play: bool) -
     time : ndarray, shape (T,)
         Of the frames, from 0 [s].
     """
-    tracks = _Tracks()
-    for piece in pieces:
-        moves = _moves(piece, time)
-        if moves:
-            tracks.add(piece.path, moves)
-        looks = _looks(piece, time)
-        if looks:
-            tracks.add(f"{piece.path}/<object>", looks)
-    window.send(SetAnimation(tracks, play=play))
+    tracks = {_at(piece): _moves(piece, time) for piece in pieces}
+    tracks |= {f"{_at(piece)}/<object>": _looks(piece, time) for piece in pieces}
+    # One key a second, so that times are in seconds.
+    clips = [{"path": path, "clip": {"fps": 1, "name": "default", "tracks": of}} for path, of in tracks.items() if of]
+    window.send({"type": "set_animation", "animations": clips, "options": {"play": play, "repetitions": 1}, "path": ""})
 
 
-def _moves(piece: Piece, time: FloatArray) -> list[dict[str, Any]]:
+def _moves(piece: Piece, time: FloatArray) -> list[Content]:
     tracks = []
     if piece.position is not None:
         tracks.append(_track(".position", "vector3", time, piece.position))
@@ -300,10 +234,13 @@ def _moves(piece: Piece, time: FloatArray) -> list[dict[str, Any]]:
     return tracks
 
 
-def _looks(piece: Piece, time: FloatArray) -> list[dict[str, Any]]:
+def _looks(piece: Piece, time: FloatArray) -> list[Content]:
     return [] if piece.tint is None else [_track(".material.color", "color", time, piece.tint)]
 
 
 def script() -> str:
     """Return meshcat's viewer, three.js included, as it comes in its wheel."""
-    return (Path(meshcat.viewer_assets_path()) / "dist" / "main.min.js").read_text(encoding="utf-8")
+    spec = find_spec("meshcat")
+    assert spec is not None  # a requirement of ours
+    assert spec.origin is not None
+    return (Path(spec.origin).parent / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")

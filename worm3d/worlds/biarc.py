@@ -14,8 +14,8 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 FloatArray = NDArray[np.float64]
 Pieces = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
@@ -27,7 +27,7 @@ STRAIGHT = 1e-9
 def samples(points: FloatArray, spans: int) -> tuple[FloatArray, FloatArray]:
     """Return places and unit tangents of the spline through points (P, 3), `spans` to each stretch, each (S, 3)."""
     chord = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-    spline = CubicSpline(chord, points, bc_type="natural" if len(points) > 2 else "not-a-knot")
+    spline = scipy.interpolate.CubicSpline(chord, points, bc_type="natural" if len(points) > 2 else "not-a-knot")
     at = np.concatenate([np.linspace(a, b, spans, endpoint=False) for a, b in pairwise(chord)])
     at = np.append(at, chord[-1])
     slope = spline(at, 1)

@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import KDTree
 
 from worm3d import arguments
 from worm3d.read_only import ReadOnly, read_only
@@ -220,7 +220,7 @@ class Centreline(ReadOnly):
         count = int(np.ceil((self.total + 2.0 * beyond) / (SAMPLED * reach))) + 1
         along, step = np.linspace(-beyond, self.total + beyond, count, retstep=True)
         places, near = self.at(along)[0], 2.0 * reach + 1.001 * float(step)
-        tree, beside = KDTree(places), range(1, math.ceil(np.pi * reach / float(step) - 1.0))
+        tree, beside = scipy.spatial.KDTree(places), range(1, math.ceil(np.pi * reach / float(step) - 1.0))
         # Counted, not listed: where a line comes back upon itself often, pairs are more than memory has room for.
         of_neighbours = sum(int((np.linalg.norm(places[k:] - places[:-k], axis=1) <= near).sum()) for k in beside)
         return int(tree.count_neighbors(tree, near)) == count + 2 * of_neighbours

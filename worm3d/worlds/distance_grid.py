@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, spline_filter
 
 from worm3d.compiled import inner, njit
 from worm3d.read_only import ReadOnly
@@ -78,7 +78,7 @@ def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     first = middle - cell * (np.array(size) - 1.0) / 2.0
     corners = np.ascontiguousarray((vertices[faces] - first) / cell)
-    coefficients = spline_filter(_everywhere(corners, size), order=3)
+    coefficients = scipy.ndimage.spline_filter(_everywhere(corners, size), order=3)
     distance_fit.fit(coefficients, [(shift, *_close(corners - shift, size)) for shift in product((0.0, 0.5), repeat=3)])
     return Grid(coefficients.astype(np.float32), first, cell)
 
@@ -88,7 +88,7 @@ def _everywhere(corners: FloatArray, size: tuple[int, int, int]) -> FloatArray:
     distance, nearest = np.full(size, FAR), np.full(size, -1, dtype=np.int32)
     _near(corners, NEAR, distance, nearest)
     unknown = nearest < 0
-    owner = distance_transform_edt(unknown, return_distances=False, return_indices=True)
+    owner = scipy.ndimage.distance_transform_edt(unknown, return_distances=False, return_indices=True)
     places = np.flatnonzero(unknown)
     _far(corners, places, nearest[tuple(axis.ravel()[places] for axis in owner)], distance)
     signed: FloatArray = np.where(_inside(corners, size), -1.0, 1.0) * np.sqrt(distance)

@@ -8,8 +8,8 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import map_coordinates, maximum_filter, spline_filter, white_tophat
 
 from worm3d import arguments
 from worm3d.compiled import cfunc
@@ -156,12 +156,12 @@ class Heightfield(ReadOnly):
         """Coefficients of the spline, in spacings, and grips, each with `EDGE` more nodes all around."""
         grips = np.broadcast_to(self.grip, self.heights.shape)
         padded = np.pad(self.heights / self.spacing, EDGE, mode="edge")
-        return np.ascontiguousarray(spline_filter(padded, order=3)), np.pad(grips, EDGE, mode="edge")
+        return np.ascontiguousarray(scipy.ndimage.spline_filter(padded, order=3)), np.pad(grips, EDGE, mode="edge")
 
     @cached_property
     def _tops(self) -> FloatArray:
         """Return what the surface in each cell lies below: the largest coefficient about it."""
-        tops: FloatArray = maximum_filter(self._tables[0], size=4, origin=-1)
+        tops: FloatArray = scipy.ndimage.maximum_filter(self._tables[0], size=4, origin=-1)
         return np.ascontiguousarray(tops)
 
     def kernel(self, band: float = heightfield_kernel.CONTACT) -> WorldKernel:
@@ -189,7 +189,9 @@ class Heightfield(ReadOnly):
     def height(self, places: FloatArray) -> FloatArray:
         """Return the height of the surface at x, y of shape (..., 2), shape (...,) [m]."""
         nodes = (np.asarray(places, dtype=float) - self.origin).reshape(-1, 2) / self.spacing + EDGE
-        found: FloatArray = map_coordinates(self._tables[0], nodes.T, order=3, prefilter=False, mode="nearest")
+        found: FloatArray = scipy.ndimage.map_coordinates(
+            self._tables[0], nodes.T, order=3, prefilter=False, mode="nearest"
+        )
         return self.spacing * found.reshape(np.shape(places)[:-1])
 
     @property
@@ -229,7 +231,7 @@ class Heightfield(ReadOnly):
         nodes = 2 * round(within / self.spacing / 2.0) + 1
         if min(nodes, *self.heights.shape) < 3:
             return 0.0
-        return float(white_tophat(self.heights, size=(nodes, nodes)).max())
+        return float(scipy.ndimage.white_tophat(self.heights, size=(nodes, nodes)).max())
 
 
 @cache

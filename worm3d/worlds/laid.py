@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 FloatArray = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ def _lowest_line_above(s: FloatArray, values: FloatArray, middle: float) -> tupl
     """Return height at 0 and slope of the line above all values that is lowest in the middle."""
     floor = values.min() - 1.0
     points = np.vstack([np.column_stack([s, values]), [[s[0], floor], [s[-1], floor]]])
-    hull = ConvexHull(points).simplices
+    hull = scipy.spatial.ConvexHull(points).simplices
     ends = points[hull]
     over = (
         (ends[:, :, 0].min(axis=1) <= middle)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from worm3d.worlds.centreline import Centreline
 
@@ -78,7 +78,7 @@ def _spaced(on_path: Callable[[float], FloatArray], along: FloatArray, tail: flo
         reach = 2.0 * way
         while too_far(s + reach) < 0.0:
             reach *= 2.0
-        s = brentq(too_far, s, s + reach, xtol=1e-15, rtol=1e-14)
+        s = scipy.optimize.brentq(too_far, s, s + reach, xtol=1e-15, rtol=1e-14)
         joints.append(on_path(s))
     return np.array(joints)
 
