@@ -60,7 +60,7 @@ def _common(
 def run(scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
     """Run a scene.
 
-    Writes result.nc, summary.json, figures, and viewer.html, a page that plays the run in any browser; for planar
+    Writes result.nc, summary.json, overview.png, and viewer.html, a page that plays the run in any browser; for planar
     worms an animation (of the first 30 s) instead. Ctrl-C keeps what was computed.
     """
     from scenes.loader import load_scene
@@ -140,7 +140,7 @@ def init(
 
 @app.command()
 def plot(result: ResultArgument, out: Out = None) -> None:
-    """Draw the figures of a result, into its folder or another."""
+    """Draw all figures of a result, into its folder or another."""
     from scenes import drawing
     from scenes.folder import made
     from scenes.store import load

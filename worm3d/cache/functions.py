@@ -22,6 +22,7 @@ from typing import Any
 import llvmlite
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.runtime.nrt import rtsys
 
 from worm3d.cache import files
 
@@ -93,7 +94,10 @@ class _Kept(FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
-            found = super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+            # The method of the base class would first load all that compiling needs, which takes half a second. Code
+            # that works on numbers and arrays calls nothing but Python, the C library and Numba's run time.
+            rtsys.initialize(target_context)
+            found = self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
         except Exception:  # verified, but not what this version of Numba and of its neighbours can use
             found = None
         if found is None:
