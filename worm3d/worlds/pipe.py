@@ -8,8 +8,8 @@ from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.distance import cdist
 
 from worm3d import arguments
 from worm3d.compiled import cfunc
@@ -254,7 +254,7 @@ def _bent(curvature: FloatArray) -> tuple[bool, ...]:
 def _along(points: FloatArray, pieces: FloatArray) -> FloatArray:
     """Return how far along a chain of pieces (K, 11) the places nearest to points (P, 3) are, shape (P,) [m]."""
     length = np.concatenate([[np.inf], np.diff(pieces[1:, 9]), [np.inf]])[: len(pieces)]
-    apart = cdist(points, pieces[:, :3])
+    apart = scipy.spatial.distance.cdist(points, pieces[:, :3])
     i, k = np.nonzero(apart - length <= apart.min(axis=1)[:, None])  # no other piece can be the nearest
     s, square = (np.array(value).ravel() for value in place().map(len(i))(points[i].T, pieces[k].T))
     after = np.minimum(k + 1, len(pieces) - 1)
