@@ -6,6 +6,7 @@ that they depend on (`scenes.bench.basis`), so that a study that was stopped goe
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -173,6 +174,7 @@ def _measured(case: Case, scene: Scene, folder: Path) -> Found:
     figures["control_period_ms"] = 1e3 * scene.settings.controller.period_s  # type: ignore[attr-defined]
     found = Found(case.trial.name, case.controller, case.seed, record.status, figures)
     content = without_nan({"scene": scene.to_toml(), "basis": basis(scene), **asdict(found)})
+    content["digest"] = _digest(content)
     write_bytes(_file(case, folder), f"{json.dumps(content, indent=1, allow_nan=False)}\n".encode())
     return found
 
@@ -181,9 +183,16 @@ def _kept(case: Case, scene: Scene, folder: Path) -> Found | None:
     """Return what an earlier study found of the very same scene by the very same programs."""
     with suppress(OSError, ValueError, TypeError, KeyError):
         content = json.loads(_file(case, folder).read_text("utf-8"))
+        if content.pop("digest") != _digest(content):
+            return None
         if content.pop("scene") == scene.to_toml() and content.pop("basis") == basis(scene):
             return Found(**content)
     return None
+
+
+def _digest(content: dict[str, Any]) -> str:
+    """Return by what a damaged file is known."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _file(case: Case, folder: Path) -> Path:

@@ -62,6 +62,11 @@ def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
         assert {name: one.figures[name] for name in control.METRICS} == {
             name: other.figures[name] for name in control.METRICS
         }
+    case = TINY.cases()[0]
+    file = tmp_path / "cases" / f"{case.name}.json"
+    assert control._kept(case, case.load(), tmp_path) is not None
+    file.write_text(file.read_text().replace('"seed": 0', '"seed": 4'))
+    assert control._kept(case, case.load(), tmp_path) is None, "a digit that flipped is noticed"
 
 
 def test_what_other_programs_found_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

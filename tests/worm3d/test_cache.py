@@ -13,16 +13,13 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
-from numba.core.ccallback import CFunc
-from numba.core.sigutils import normalize_signature
+from kept_files import AS_ROOT, fresh, total
 
 from worm3d import cache
 from worm3d.cache import files, trust
 from worm3d.cache.functions import SUFFIX, keep
 
-DAMAGES = 100
 KEY, CONTENT = "ab" * 32, bytes(range(256)) * 4
-AS_ROOT = os.geteuid() == 0
 
 
 @pytest.fixture(autouse=True)
@@ -30,59 +27,6 @@ def home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(files, "_told", set())
     return tmp_path / "worm3d"
-
-
-def damage(path: Path, random: np.random.Generator) -> str:
-    """Do one of those things to a file that discs, crashes and people do."""
-    content = path.read_bytes()
-    kind = str(random.choice(["flip", "cut", "empty", "zeros", "folder", "link", "fifo", "locked", "longer"]))
-    path.unlink()
-    if kind == "folder":
-        path.mkdir()
-    elif kind == "link":
-        path.symlink_to("/dev/zero")
-    elif kind == "fifo":
-        os.mkfifo(path)
-    else:
-        at = int(random.integers(len(content)))
-        flipped = bytearray(content)
-        flipped[at] ^= 1 << int(random.integers(8))
-        changed = {
-            "flip": bytes(flipped),
-            "cut": content[:at],
-            "empty": b"",
-            "zeros": content[:at].ljust(2 * at, b"\0"),
-        }
-        changed |= {"longer": content + b"\0", "locked": content}
-        path.write_bytes(changed[kind])
-        path.chmod(0o000 if kind == "locked" else 0o600)
-    return kind
-
-
-def mend(path: Path, content: bytes) -> None:
-    path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
-    path.write_bytes(content)
-    path.chmod(0o600)
-
-
-def total(values: np.ndarray) -> float:
-    found = 0.0
-    for value in values:
-        found += value * value
-    return found
-
-
-def double(value: float) -> float:
-    return 2.0 * value
-
-
-def fresh() -> tuple[float, float, int]:
-    """Return what the two functions give as in a new process, and how many of them were compiled."""
-    missed: list[int] = []
-    array = keep(numba.njit(total), lambda: "1", lambda: missed.append(1))
-    number = keep(CFunc(double, normalize_signature("float64(float64)"), {}, {}), lambda: "1", lambda: missed.append(1))
-    number.compile()
-    return array(np.arange(4.0)), number.ctypes(1.5), len(missed)
 
 
 def test_what_is_kept_comes_back(home: Path) -> None:
@@ -103,34 +47,6 @@ def test_compiled_functions_are_kept(home: Path) -> None:
     other = keep(numba.njit(total), lambda: "2")
     assert other(np.arange(3.0)) == 5.0
     assert len(list((home / "compiled").iterdir())) == 3, "of other sources it is another function"
-
-
-def test_a_hundred_damages_change_no_result(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    random = np.random.default_rng(11)
-    fresh()
-    whole = {path: path.read_bytes() for path in (home / "compiled").iterdir()}
-    kinds = set()
-    for _ in range(DAMAGES):
-        path = random.choice(sorted(whole))
-        kinds.add(damage(path, random))
-        files._told.clear()
-        assert fresh()[:2] == (14.0, 3.0)
-        assert str(home / "compiled") in capsys.readouterr().err or kinds == {"locked"} or AS_ROOT
-        mend(path, whole[path])
-    assert len(kinds) == 9
-    assert fresh() == (14.0, 3.0, 0)
-    assert not list(home.rglob("*.part"))
-
-
-def test_a_hundred_damages_are_absence(home: Path) -> None:
-    random = np.random.default_rng(12)
-    path = home / "grids" / f"{KEY}.grid"
-    for _ in range(DAMAGES):
-        assert cache.store(path.parent, KEY, CONTENT, ".grid")
-        kind = damage(path, random)
-        assert cache.load(path.parent, KEY, ".grid") == (CONTENT if kind == "locked" and AS_ROOT else None), kind
-        if kind == "folder":
-            path.rmdir()
 
 
 @pytest.mark.parametrize("spoilt", ["worm3d", "worm3d/kernels", f"worm3d/kernels/{KEY}.kernel"])
