@@ -169,11 +169,7 @@ def test_it_plays_and_tells_time_and_speed(browser: Any, viewer: Path) -> None:
     browser.open(viewer)
     assert time_shown(browser) == 0.0
     browser.click("#play")
-    for _ in range(100):
-        browser.settle()
-        if time_shown(browser) > 0.0:
-            break
-    assert time_shown(browser) > 0.0
+    until(browser, "Number(document.documentElement.dataset.time) > 0")
     browser.click("#play")
     stopped = time_shown(browser)
     browser.settle()
@@ -231,8 +227,50 @@ def test_who_goes_to_a_control_by_the_tab_key_operates_it_by_keys(browser: Any, 
     browser.press(" ")
     assert not browser.value(box)
     assert time_shown(browser) == 0.0
+    browser.click("#clock")
     browser.press("ArrowRight", alt=True)
     assert time_shown(browser) == 0.0, "the browser's own keys stay its own"
+
+
+def test_the_other_controls_do_what_they_say(browser: Any, viewer: Path) -> None:
+    browser.open(viewer, "t=1.8")
+    opacity = "viewer.scene_tree.find(['meshcat', 'world', '00-ground', '<object>']).object.material.opacity"
+    assert browser.value(opacity) == 1
+    x, y = browser.place_of("#opacity input")
+    browser.drag((x, y), (x - 100.0, y), steps=2)
+    assert browser.value(opacity) == 0
+    browser.click("#loop")
+    browser.click("#play")
+    until(browser, "document.getElementById('play').getAttribute('aria-label') === 'Play'")
+    assert time_shown(browser) == pytest.approx(2.0), "it is not repeated"
+    browser.click("#loop")
+    browser.click("#play")
+    until(
+        browser,
+        "Number(document.documentElement.dataset.time) > 0 && Number(document.documentElement.dataset.time) < 1",
+    )
+    x, y = browser.place_of("#time")
+    browser.drag((x, y), (x, y), steps=0)
+    assert time_shown(browser) == pytest.approx(1.0, abs=0.05)
+    until(browser, "document.getElementById('play').getAttribute('aria-label') === 'Play'")
+    browser.click("#panel summary")
+    assert browser.value("document.getElementById('panel').open") is False
+    for _ in range(30):
+        browser.press("Tab")
+        if browser.value("document.activeElement.id") == "rate":
+            break
+    browser.press("ArrowDown")
+    assert browser.value("document.getElementById('rate').value") == "2"
+    assert not browser.errors, browser.errors
+
+
+def until(browser: Any, condition: str) -> None:
+    """Wait until a condition holds on the page."""
+    for _ in range(500):
+        if browser.value(condition):
+            return
+        browser.settle()
+    raise AssertionError(f"never: {condition}")
 
 
 def test_the_camera_stays_above_the_ground(browser: Any, viewer: Path) -> None:
