@@ -6,27 +6,37 @@ Normal load (C1): a stiff quadratic penalty with a damper that never pulls; d = 
 
     N = (k + c/dt) max(0, -g - d*),   d* = (c/dt) d_n/(k + c/dt)
 
-Gauge (C2): y = (y_x, y_l) is a displacement along the segment and to its left, in the tangent plane at the start of
+Gauges (C2): y = (y_x, y_l) is a displacement along the segment and to its left, in the tangent plane at the start of
 the step; mu_x = mu_forward for y_x > 0 (towards the head), else mu_backward:
 
-    rho(y) = sqrt((mu_x y_x)^2 + (mu_l y_l)^2)
+    rho(y) = sqrt((mu_x y_x)^2 + (mu_l y_l)^2),   eta(y) = sqrt((e_x y_x)^2 + (e_l y_l)^2),   e = H mu >= mu
 
-Friction (C3), set-valued with anchors: s is the displacement from the anchor and y = s - s*; the potential is N h(y):
+The hardness H is 1 but where mu is so small that a contact would have to move far before it yields.
 
-    h = rho^2/(2 r)  while rho <= cap r,   else cap (rho - cap r/2)
+Friction (C3), set-valued with anchors: s is the displacement from the anchor and y = s - s*; per unit of normal load
+
+    f_i = mu_i e_i y_i/P_i,   P_i = r + H_i lambda,   lambda = rho max(0, 1/cap - r/eta)
     1/r = 1/rho_b + D/dt,   s* = (D/dt) r s_n
 
-rho_b, the breakaway displacement times mu, is one number, so that all contacts yield together whatever their load; D
+It is linear while eta <= cap r. Far beyond, f = cap M^2 y/rho with M = diag(mu_x, mu_l): Coulomb's law with the greatest
+dissipation on an ellipse. f never leaves that ellipse: f_i/(cap mu_i) is a harmonic mean of e_i y_i/eta and mu_i y_i/rho,
+which are unit vectors. For e = mu, and for motion along one axis, f is the gradient of the potential
+
+    h = cap^2 lambda + r/2 sum_i mu_i e_i (y_i/P_i)^2      (for e = mu that of Huber)
+
+The limit mu_x -> 0 is regular: no force along x, an anchor that follows, and lateral friction that goes on to hold.
+
+rho_b, the breakaway displacement times e, is one number, so that all contacts yield together whatever their load; D
 puts a damper beside the anchor's spring, both capped together. cap is 1, and static_ratio while a contact is stuck.
 
-Return (C4): after the step the anchor moves until the force is back on the yield surface: what is left of s is
-s* + y min(1, cap r/rho(y)), and the anchor moves by the rest. Where mu = 0 it follows freely.
+Return (C4): after the step the anchor moves until its spring holds no more than f: what is left of s is s* + r y/P, and
+the anchor moves by the rest.
 
-Newton (C5): f = grad h obeys m f = cap M^2 y with M = diag(mu_x, mu_l), m = max(cap r, rho). Where little slides, the
-direction of y turns about within a step, and grad h, made linear, says little of what comes. Newton therefore takes f
-for an unknown of its own that obeys the equation made linear; it leads to the same root and is as fast near to it:
+Newton (C5): f obeys P f = M E y with E = diag(e_x, e_l). Where little slides, the direction of y turns about within a
+step, and f, made linear, says little of what comes. Newton therefore takes f for an unknown of its own that obeys the
+equation made linear; it leads to the same root and is as fast near to it:
 
-    K = (cap M^2 - f z^T)/m,   f' = (cap M^2 (y + dy) - f (z.dy))/m,   z = M^2 y/rho  (0 where rho <= cap r)
+    K = (M E - H f z^T)/P,   f' = (M E (y + dy) - H f (z.dy))/P,   z = grad lambda
 
 f' is scaled back on to the yield surface (Chan, Golub, Mulet 1999, SIAM J. Sci. Comput. 20, 1964; Hintermueller,
 Stadler 2006, SIAM J. Sci. Comput. 28, 1: the same functional, the total variation of a picture).
@@ -41,16 +51,23 @@ import casadi as ca
 YIELD_TOLERANCE = 1e-9
 """Relative excess over the yield surface below which an anchor stays, lest rounding makes it creep."""
 
-FREE_MOTION = 1e-3
-"""In a direction without friction an anchor follows beyond this fraction of rho_b [m]."""
-
-
-class Coefficients(NamedTuple):
-    """Kinetic coefficients of one contact against motion towards the head, towards the tail and sideways."""
+class Directions(NamedTuple):
+    """A number of one contact for motion towards the head, towards the tail and sideways."""
 
     forward: ca.SX
     backward: ca.SX
     lateral: ca.SX
+
+    def of(self, y: ca.SX) -> ca.SX:
+        """Return those that count for a displacement, along the segment and sideways, shape (2,)."""
+        return ca.vertcat(ca.if_else(y[0] > 0.0, self.forward, self.backward), self.lateral)
+
+
+class Coefficients(NamedTuple):
+    """Kinetic coefficients of one contact, above 0, and their hardness H of (C2)."""
+
+    mu: Directions
+    hardness: Directions
 
 
 class Law(NamedTuple):
@@ -61,67 +78,78 @@ class Law(NamedTuple):
     centre: ca.SX
 
 
+class Friction(NamedTuple):
+    """(C3) at a displacement, each of shape (2,) but lambda."""
+
+    mu: ca.SX
+    e: ca.SX
+    hardness: ca.SX
+    per_P: ca.SX
+    multiplier: ca.SX
+    """lambda"""
+    slope: ca.SX
+    """grad lambda"""
+    f: ca.SX
+    """Friction per unit of normal load."""
+
+
 def pressing(distance: ca.SX, centre: ca.SX) -> ca.SX:
     """Return -g - d* of (C1) [m]; its positive part times k + c/dt is the normal load."""
     return -distance - centre
 
 
-def directional(y: ca.SX, mu: Coefficients) -> ca.SX:
-    """Return (mu_x, mu_l) of (C2) for a displacement, shape (2,)."""
-    return ca.vertcat(ca.if_else(y[0] > 0.0, mu.forward, mu.backward), mu.lateral)
+def squares(y: ca.SX, of: Coefficients) -> tuple[ca.SX, ca.SX]:
+    """Return rho^2 and eta^2 of (C2) [m^2]; unlike rho and eta they are smooth at 0."""
+    mu_y = of.mu.of(y) * y
+    return ca.sumsqr(mu_y), ca.sumsqr(of.hardness.of(y) * mu_y)
 
 
-def gauge_squared(y: ca.SX, mu: Coefficients) -> ca.SX:
-    """Return rho(y)^2 of (C2) [m^2]; unlike rho it is smooth at 0."""
-    return ca.sumsqr(directional(y, mu) * y)
+def friction(y: ca.SX, of: Coefficients, law: Law, sticks: ca.SX | float = 0.0) -> Friction:
+    """Return (C3); without a limit where `sticks` is not zero."""
+    mu, hardness = of.mu.of(y), of.hardness.of(y)
+    rho, eta = (ca.sqrt(square) for square in squares(y, of))
+    slides = ca.logic_and(eta > law.cap * law.r, ca.logic_not(sticks))
+    per_eta = 1.0 / ca.if_else(slides, eta, 1.0)
+    beyond = 1.0 / law.cap - law.r * per_eta
+    multiplier = ca.if_else(slides, rho * beyond, 0.0)
+    per_P, e = 1.0 / (law.r + hardness * multiplier), hardness * mu
+    slope = mu**2 * y * beyond / rho + e**2 * y * (law.r * rho * per_eta**3)
+    slope = ca.if_else(slides, slope, 0.0)
+    return Friction(mu, e, hardness, per_P, multiplier, slope, mu * e * y * per_P)
 
 
-def friction_potential(y: ca.SX, mu: Coefficients, law: Law, sticks: ca.SX | float = 0.0) -> ca.SX:
-    """Return h(y) of (C3): the potential per unit of normal load [m]; without a limit where `sticks` is not zero."""
-    square = gauge_squared(y, mu)
-    rho, limit = ca.sqrt(square), law.cap * law.r
-    elastic = ca.logic_or(square <= limit**2, sticks)
-    return ca.if_else(elastic, square / (2.0 * law.r), law.cap * (rho - 0.5 * limit))
+def potential(y: ca.SX, at: Friction, law: Law) -> ca.SX:
+    """Return h(y) of (C3): the potential per unit of normal load [m]."""
+    return law.cap**2 * at.multiplier + 0.5 * law.r * ca.dot(at.f, y * at.per_P)
 
 
-def pulled(y: ca.SX, dy: ca.SX, force: ca.SX, mu: Coefficients, law: Law, sticks: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return K (2, 2) and f' (2) of (C5) for f and a step dy, and the square of the part of m by which y changes.
+def stiffness(at: Friction, force: ca.SX) -> ca.SX:
+    """Return K (2, 2) of (C5) for f."""
+    return ca.diag(at.mu * at.e * at.per_P) - (at.hardness * at.per_P * force) @ at.slope.T
+
+
+def pulled(y: ca.SX, dy: ca.SX, force: ca.SX, at: Friction, law: Law) -> tuple[ca.SX, ca.SX]:
+    """Return f' (2) of (C5) for f and a step dy, and the square of the part of P by which y changes.
 
     f' is not scaled back yet.
     """
-    of = directional(y, mu)
-    rho, limit = ca.sqrt(gauge_squared(y, mu)), law.cap * law.r
-    slides = ca.logic_and(rho > limit, ca.logic_not(sticks))
-    per_m = 1.0 / ca.if_else(slides, rho, limit)
-    z = ca.if_else(slides, of**2 * y * per_m, 0.0)
-    K = (law.cap * ca.diag(of**2) - force @ z.T) * per_m
-    beyond = (law.cap * of**2 * (y + dy) - force * ca.dot(z, dy)) * per_m
-    return K, beyond, ca.sumsqr(of * dy) * per_m**2
+    ahead = at.mu * at.e * (y + dy) - at.hardness * force * ca.dot(at.slope, dy)
+    return ahead * at.per_P, ca.sumsqr(at.e * dy * at.per_P) / law.cap**2
 
 
-def bounded(force: ca.SX, mu: Coefficients, cap: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return a force per unit of load scaled back on to the yield surface, and the square of its share of that."""
-    square = directional(force, mu) ** 2
-    of = ca.if_else(square > 0.0, force**2 / ca.if_else(square > 0.0, square, 1.0), 0.0)
-    share = ca.sum1(of) / cap**2
-    return force / ca.sqrt(ca.fmax(share, 1.0)), share
+def share(force: ca.SX, of: Coefficients, cap: ca.SX) -> ca.SX:
+    """Return the square of the share that a force per unit of load has of the yield surface."""
+    return ca.sumsqr(force / of.mu.of(force)) / cap**2
 
 
-def left_after_return(y: ca.SX, mu: Coefficients, law: Law, yield_gauge: ca.SX) -> ca.SX:
-    """Return what (C4) leaves of y, shape (2,) [m]; `yield_gauge` is rho_b."""
-    rho, limit = ca.sqrt(gauge_squared(y, mu)), law.cap * law.r
-    yields = rho > limit * (1.0 + YIELD_TOLERANCE)
-    kept = ca.if_else(yields, limit / rho, 1.0) * y
-    free = ca.logic_and(directional(y, mu) == 0.0, ca.fabs(y) > FREE_MOTION * yield_gauge)
-    return ca.if_else(free, 0.0, kept)
+def left_after_return(y: ca.SX, of: Coefficients, law: Law) -> ca.SX:
+    """Return what (C4) leaves of y, shape (2,) [m]."""
+    _, square = squares(y, of)
+    limit = law.cap * law.r
+    yields = square > (limit * (1.0 + YIELD_TOLERANCE)) ** 2
+    return ca.if_else(yields, limit / ca.sqrt(square), 1.0) * y
 
 
-def beyond(y: ca.SX, mu: Coefficients, law: Law) -> ca.SX:
-    """Return the gauge of what (C4) takes away from y [m]."""
-    rho, limit = ca.sqrt(gauge_squared(y, mu)), law.cap * law.r
-    return ca.if_else(rho > limit * (1.0 + YIELD_TOLERANCE), rho - limit, 0.0)
-
-
-def anchor_energy(s: ca.SX, mu: Coefficients, yield_gauge: ca.SX) -> ca.SX:
-    """Return the energy of the anchor's spring per unit of normal load [m]."""
-    return gauge_squared(s, mu) / (2.0 * yield_gauge)
+def anchor_energy(s: ca.SX, of: Coefficients, yield_gauge: ca.SX) -> ca.SX:
+    """Return the energy of the anchor's spring per unit of normal load [m]; `yield_gauge` is rho_b."""
+    return ca.dot(of.hardness.of(s), (of.mu.of(s) * s) ** 2) / (2.0 * yield_gauge)

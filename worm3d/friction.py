@@ -19,8 +19,12 @@ BREAKAWAY = 1e-5
 """Displacement at which the contact with the smallest coefficient yields, as a fraction of the segment length."""
 
 SMALLEST_COEFFICIENT = 0.01
-"""Coefficients below this fraction of the largest do not set the breakaway displacement: the others would become so
-stiff that rounding shows. Theirs is larger in proportion."""
+"""Coefficients below this fraction of the largest, 0 too, do not set the breakaway displacement: the others would
+become so stiff that rounding shows. Their contacts are harder instead, so that they yield no later."""
+
+NEGLIGIBLE = 1e-13
+"""Coefficients below this fraction of the largest, 0 too, count as that: in a step its force changes a velocity by less
+than places are rounded, and the law needs no exception for 0."""
 
 TANGENTIAL_DAMPING_RATIO = 40.0
 """Of the contact with the smallest coefficient, for the mass that it holds; larger ones are damped more.
@@ -92,12 +96,16 @@ class ContactConstants:
         rho_b of (C3) [m].
     gauge_damping : float
         D of (C3) [s/m].
+    mu, hardness : ndarray, shape (3, N)
+        Coefficients forward, backward and lateral of each segment, and H of (C2).
     """
 
     stiffness: float
     damping: float
     yield_gauge: float
     gauge_damping: float
+    mu: FloatArray
+    hardness: FloatArray
 
     @classmethod
     def of(cls, worm: Worm, friction: Friction, gravity: float) -> ContactConstants:
@@ -108,20 +116,22 @@ class ContactConstants:
         g = gravity if gravity > 0.0 else 9.81
         share = worm.mass / (2 * worm.segments)
         stiffness = share * g / (RESTING_PENETRATION * worm.l0)
-        mu = _reference(friction.coefficients(worm.segments)[: 2 if worm.flat else 3])
-        yield_gauge = mu * BREAKAWAY * worm.l0
+        mu = friction.coefficients(worm.segments)
+        mu = np.maximum(mu, NEGLIGIBLE * float(mu.max()) or NEGLIGIBLE)
+        least = _least(mu[: 2 if worm.flat else 3])
+        yield_gauge = least * BREAKAWAY * worm.l0
         return cls(
             stiffness=stiffness,
             damping=2.0 * float(np.sqrt(stiffness * share)),
             yield_gauge=yield_gauge,
             # The mass held is N/g: critical is D mu^2 = 2 sqrt((mu^2/rho_b) (1/g)) per unit of N.
-            gauge_damping=TANGENTIAL_DAMPING_RATIO * 2.0 / (mu * float(np.sqrt(yield_gauge * g))),
+            gauge_damping=TANGENTIAL_DAMPING_RATIO * 2.0 / (least * float(np.sqrt(yield_gauge * g))),
+            mu=mu,
+            hardness=np.maximum(1.0, least / mu),
         )
 
 
-def _reference(coefficients: FloatArray) -> float:
-    """Return the coefficient that sets the breakaway displacement."""
-    largest = float(coefficients.max())
-    if largest == 0.0:
-        return 1.0
-    return max(float(coefficients[coefficients > 0.0].min()), SMALLEST_COEFFICIENT * largest)
+def _least(mu: FloatArray) -> float:
+    """Return the least coefficient that sets the breakaway displacement; smaller ones are as hard as that one."""
+    largest = float(mu.max())
+    return max(float(mu.min()), SMALLEST_COEFFICIENT * largest) if largest > NEGLIGIBLE else 1.0

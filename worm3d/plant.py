@@ -224,7 +224,9 @@ class Plant:
         self._point_row("damping")[0, :, : self.n] = constants.damping * touching
         self._point_row("yield_gauge")[:] = constants.yield_gauge
         self._point_row("gauge_damping")[:] = constants.gauge_damping
-        self._point_row("mu")[:, :, : self.n] = self.friction.coefficients(self.n)[:, None, :]
+        self._point_row("mu")[:] = self._point_row("hardness")[:] = 1.0
+        self._point_row("mu")[:, :, : self.n] = constants.mu[:, None, :]
+        self._point_row("hardness")[:, :, : self.n] = constants.hardness[:, None, :]
         self._point_row("weight")[:] = self.arrays["point_mass"] * self.gravity[:, None, None]
         self._point_row("tangent")[[0, 4]] = 1.0
         self._point_row("dt")[:] = self._point_row("cap")[:] = 1.0

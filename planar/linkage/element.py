@@ -50,6 +50,7 @@ class Contact(NamedTuple):
     damping: float
     mu_forward: FloatArray
     mu_backward: FloatArray
+    least: float
     yield_gauge: float
     gauge_damping: float
 
@@ -99,23 +100,32 @@ def normal_load(depth: float, depth_n: float, dt: float, k: float, c: float) -> 
 
 @njit
 def friction_gauge(
-    s: float, s_n: float, dt: float, forward: float, backward: float, yield_gauge: float, gauge_damping: float
+    s: float,
+    s_n: float,
+    dt: float,
+    forward: float,
+    backward: float,
+    least: float,
+    yield_gauge: float,
+    gauge_damping: float,
 ) -> tuple[float, float, float]:
-    """Return y = s - s*, its coefficient mu and r of (G2)."""
+    """Return y = s - s*, its coefficient mu and b of (G2)."""
     r = 1.0 / (1.0 / yield_gauge + gauge_damping / dt)
     y = s - gauge_damping / dt * r * s_n
-    return y, (forward if y > 0.0 else backward), r
+    mu = forward if y > 0.0 else backward
+    return y, mu, r / max(mu, least)
 
 
 @njit
 def apex_gauge(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[float, float, float]:
-    """Return y, mu and r of (G2) for apex j of segment i at x."""
+    """Return y, mu and b of (G2) for apex j of segment i at x."""
     gauge: tuple[float, float, float] = friction_gauge(
         now.direction[i] * (x - now.anchor[i, j]),
         now.slide_n[i, j],
         now.dt,
         contact.mu_forward[i],
         contact.mu_backward[i],
+        contact.least,
         contact.yield_gauge,
         contact.gauge_damping,
     )
@@ -290,11 +300,11 @@ def _point(
 def _friction(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[float, float, float]:
     """(G2) per unit of normal load: potential h, dh/dx and d2h/dx2."""
     d = now.direction[i]
-    y, mu, r = apex_gauge(i, j, x, contact, now)
-    rho, cap = mu * abs(y), now.cap[i, j]
-    if rho <= cap * r:
-        return rho * rho / (2.0 * r), d * mu * mu * y / r, mu * mu / r
-    return cap * (rho - 0.5 * cap * r), d * cap * mu * np.sign(y), 0.0
+    y, mu, b = apex_gauge(i, j, x, contact, now)
+    cap = now.cap[i, j]
+    if abs(y) <= cap * b:
+        return mu * y * y / (2.0 * b), d * mu * y / b, mu / b
+    return cap * mu * (abs(y) - 0.5 * cap * b), d * cap * mu * np.sign(y), 0.0
 
 
 @njit

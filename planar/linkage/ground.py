@@ -5,15 +5,16 @@ Normal contact is a stiff quadratic penalty on the penetration d = max(0, -z), w
     N = (k + c/dt) max(0, d - d*),   d* = (c/dt) d_n / (k + c/dt)                   (G1)
 
 Friction keeps an anchor per touching apex; s is the displacement from it along the ground, positive towards the
-head. With rho(s) = mu_forward s for s > 0 and -mu_backward s for s < 0 its potential is N h(s):
+head, and y = s - s*. With mu = mu_forward for y > 0 and mu_backward for y < 0 its potential is N h(y):
 
-    h = rho^2/(2 r)  while rho <= r,   else rho - r/2,   rho = rho(s - s*)          (G2)
+    h = mu y^2/(2 b)  while |y| <= b,   else mu (|y| - b/2),   b = r/max(mu, mu_0)     (G2)
 
 1/r = 1/rho_b + D/dt and s* = (D/dt) r s_n put a damper beside the anchor's spring, both capped together by N mu.
 rho_b, the breakaway displacement times mu, is one number for all contacts, so that all yield together whatever
-their load. After the step the anchor moves until the force is back on the yield surface:
+their load, but where mu is less than mu_0 = `Ground.least`: there, and where it is 0, they yield as with mu_0, lest the
+anchor be dragged far behind. After the step the anchor moves until the force is back on the yield surface:
 
-    s_e = s* + (s - s*) min(1, r/rho(s - s*)),   the anchor moves by s - s_e        (G3)
+    s_e = s* + y min(1, b/|y|),   the anchor moves by s - s_e                        (G3)
 
 While a contact is stuck the cap is N x static_ratio instead of N, with the same stiffness.
 """
@@ -33,8 +34,8 @@ BREAKAWAY = 1e-5
 """Displacement at which the contact with the smallest coefficient yields, as a fraction of the segment length."""
 
 SMALLEST_COEFFICIENT = 0.01
-"""Coefficients below this fraction of the largest do not set the breakaway displacement: the others would become so
-stiff that rounding shows. Theirs is larger in proportion."""
+"""Coefficients below this fraction of the largest, 0 too, do not set the breakaway displacement: the others would
+become so stiff that rounding shows."""
 
 TANGENTIAL_DAMPING_RATIO = 40.0
 """Of the contact with the smallest coefficient, for the mass that it holds; larger ones are damped more.
@@ -43,9 +44,6 @@ The damper shares the cap with the spring, so its only effects are micrometres a
 suddenly applied load overshoots and breaks loose early; the more, the sooner the contact carries its full load, as a
 rigid one does at once. The distance that a worm crawls does not depend on it.
 """
-
-FREE_MOTION = 1e-3
-"""In a direction without friction an anchor follows beyond this fraction of rho_b [m]."""
 
 YIELD_TOLERANCE = 1e-9
 """Relative excess over the yield surface below which an anchor stays, lest rounding makes it creep."""
@@ -102,6 +100,8 @@ class Ground:
         k [N/m] and c [N s/m] of (G1).
     mu_forward, mu_backward : ndarray, shape (N,)
     static_ratio : float
+    least : float
+        mu_0 of (G2).
     yield_gauge : float
         rho_b of (G2) [m].
     gauge_damping : float
@@ -113,6 +113,7 @@ class Ground:
     mu_forward: FloatArray
     mu_backward: FloatArray
     static_ratio: float
+    least: float
     yield_gauge: float
     gauge_damping: float
 
@@ -125,7 +126,7 @@ class Ground:
         forward, backward = friction.coefficients(worm.segments)
         both = np.concatenate([forward, backward])
         largest = float(both.max())
-        mu = max(float(both[both > 0.0].min()), SMALLEST_COEFFICIENT * largest) if largest > 0.0 else 1.0
+        mu = max(float(both.min()), SMALLEST_COEFFICIENT * largest) if largest > 0.0 else 1.0
         yield_gauge = mu * BREAKAWAY * worm.l0
         return cls(
             stiffness=stiffness,
@@ -133,6 +134,7 @@ class Ground:
             mu_forward=forward,
             mu_backward=backward,
             static_ratio=friction.static_ratio,
+            least=mu,
             yield_gauge=yield_gauge,
             # The mass held is N/g: critical is D mu^2 = 2 sqrt((mu^2/rho_b) (1/g)) per unit of N.
             gauge_damping=TANGENTIAL_DAMPING_RATIO * 2.0 / (mu * float(np.sqrt(yield_gauge * g))),

@@ -311,11 +311,14 @@ class _Terms:
         p = self.p
         forward, backward = ground.mu_forward[:, None], ground.mu_backward[:, None]
 
-        def gauge(s: FloatArray) -> FloatArray:
-            return np.where(s > 0.0, forward * s, -backward * s)
-
         def slope(s: FloatArray) -> FloatArray:
             return np.where(s > 0.0, forward, -backward)
+
+        def elastic(s: FloatArray) -> FloatArray:
+            return np.where(s > 0.0, np.maximum(forward, ground.least), np.maximum(backward, ground.least)) * np.abs(s)
+
+        def spring_energy(s: FloatArray) -> FloatArray:  # per unit of normal load
+            return 0.5 * elastic(s) * slope(s) * s / ground.yield_gauge
 
         dt = p.dt[:, None, None]
         towards_head = np.where(diagonals(p.start.joints)[1][..., 0] < 0.0, -1.0, 1.0)[..., None]
@@ -325,15 +328,14 @@ class _Terms:
         left = np.where(touching, s_n + ds - p.slip, s_n)  # displacement from the moved anchor
         r = 1.0 / (1.0 / ground.yield_gauge + ground.gauge_damping / dt)
         y = left - ground.gauge_damping / dt * r * s_n
-        force = load * np.minimum(gauge(y) / r, p.cap) * slope(y)
-        stored = 0.5 * load * gauge(left) ** 2 / ground.yield_gauge
-        stored_n = 0.5 * load * gauge(s_n) ** 2 / ground.yield_gauge
-        spring = load * gauge(left) / ground.yield_gauge * slope(left)
+        force = load * np.minimum(elastic(y) / r, p.cap) * slope(y)
+        stored, stored_n = load * spring_energy(left), load * spring_energy(s_n)
+        spring = load * elastic(left) / ground.yield_gauge * slope(left)
         stretch = left - s_n
         impact = _per(self.lands, load) * force * (towards_head * self.mean[..., 0] - ds)
-        load_change = stored_n - 0.5 * load_n * gauge(s_n) ** 2 / ground.yield_gauge
+        load_change = stored_n - load_n * spring_energy(s_n)
         return {
-            "friction": load * p.cap * gauge(p.slip),
+            "friction": load * p.cap * slope(p.slip) * p.slip,
             "anchor": stored - stored_n + load_change,
             "load_change": load_change,
             "viscous": (force - spring) * stretch,
@@ -341,7 +343,7 @@ class _Terms:
             "numerical": spring * stretch
             - (stored - stored_n)
             + force * (towards_head * self.jdq[..., 0] - ds)
-            + (force * p.slip - load * p.cap * gauge(p.slip))
+            + (force - load * p.cap * slope(p.slip)) * p.slip
             - impact,
             "p13": -force * ds,
         }

@@ -179,9 +179,9 @@ def _resting_points(q: FloatArray, direction: FloatArray, body: Body, contact: C
                 square = (bx - ax) ** 2 + (bz - az) ** 2
                 w = np.sqrt(max(body.a[i] ** 2 / square - 0.25, 0.0))
                 x = 0.5 * (ax + bx) - (2.0 * j - 1.0) * w * (bz - az)
-                y[end], mu, r = apex_gauge(i, j, x, contact, now)
+                y[end], _, b = apex_gauge(i, j, x, contact, now)
                 if end == 0:
-                    stuck = mu * abs(y[0]) <= now.cap[i, j] * r
+                    stuck = abs(y[0]) <= now.cap[i, j] * b
             if y[0] * y[1] < 0.0 and not stuck:
                 steps[found] = y[0] / (y[0] - y[1])
                 found += 1

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planar.linkage.element import Body, Contact, Now
-from planar.linkage.ground import FREE_MOTION, YIELD_TOLERANCE, Ground
+from planar.linkage.ground import YIELD_TOLERANCE, Ground
 from planar.linkage.newton import Newton, Solution, loads
 from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
 from planar.linkage.worm import FloatArray, Linkage
@@ -131,12 +131,13 @@ def contact_of(ground: Ground | None, segments: int) -> Contact:
     """Return the ground's constants as the kernel wants them; no contact without a ground."""
     if ground is None:
         nothing = np.zeros(segments)
-        return Contact(0.0, 0.0, nothing, nothing, 1.0, 0.0)
+        return Contact(0.0, 0.0, nothing, nothing, 1.0, 1.0, 0.0)
     return Contact(
         ground.stiffness,
         ground.damping,
         ground.mu_forward,
         ground.mu_backward,
+        ground.least,
         ground.yield_gauge,
         ground.gauge_damping,
     )
@@ -238,11 +239,10 @@ class ContactStepper(_ImplicitEuler):
         centre = g.gauge_damping / now.dt * r * now.slide_n
         y = s - centre
         mu = np.where(y > 0.0, g.mu_forward[:, None], g.mu_backward[:, None])
-        rho, limit = mu * np.abs(y), now.cap * r
-        yields = (load > 0.0) & (rho > limit * (1.0 + YIELD_TOLERANCE))
-        free = (load > 0.0) & (mu == 0.0) & (np.abs(y) > FREE_MOTION * g.yield_gauge)
-        left = np.where(yields, centre + y * limit / np.where(yields, rho, 1.0), np.where(free, centre, s))
-        return np.where(yields | free, s - left, 0.0), left
+        limit = now.cap * r / np.maximum(mu, g.least)
+        yields = (load > 0.0) & (np.abs(y) > limit * (1.0 + YIELD_TOLERANCE))
+        left = np.where(yields, centre + np.sign(y) * limit, s)
+        return np.where(yields, s - left, 0.0), left
 
 
 class ClampedStepper(_ImplicitEuler):

@@ -263,18 +263,18 @@ def crawl(mu_forward: float, mu_backward: float, cycles: int, steps: int) -> tup
     """
     n, T = 7, 30.0
     dt, mu = T / steps, np.array([mu_forward, mu_backward])
-    contact = Contact(0.0, 0.0, np.full(n, mu[0]), np.full(n, mu[1]), 1e-8, 1e-4)
+    contact = Contact(0.0, 0.0, np.full(n, mu[0]), np.full(n, mu[1]), mu.min(), 1e-8, 1e-4)
     i = np.arange(6)
 
     def shape(t: float) -> np.ndarray:
         return np.concatenate([[0.0], np.cumsum(1 + 0.3 * np.sin(2 * np.pi * (i / 6 - t / T)))])
 
     def gauge(s: float, s_n: float) -> tuple[float, float, float]:
-        return friction_gauge(s, s_n, dt, mu[0], mu[1], contact.yield_gauge, contact.gauge_damping)
+        return friction_gauge(s, s_n, dt, mu[0], mu[1], contact.least, contact.yield_gauge, contact.gauge_damping)
 
     def force(s: float, s_n: float) -> float:
-        y, coefficient, r = gauge(s, s_n)
-        return -coefficient * np.sign(y) * min(1.0, coefficient * abs(y) / r)
+        y, coefficient, b = gauge(s, s_n)
+        return -coefficient * np.sign(y) * min(1.0, abs(y) / b)
 
     path, work = [0.0], np.zeros(cycles * steps)
     anchor, slide = shape(0.0), np.zeros(n)
@@ -287,8 +287,8 @@ def crawl(mu_forward: float, mu_backward: float, cycles: int, steps: int) -> tup
             low, high = (middle, high) if total > 0.0 else (low, middle)
         for j in range(n):
             s = middle + places[j] - anchor[j]
-            y, coefficient, r = gauge(s, slide[j])
-            excess = max(0.0, 1.0 - r / (coefficient * abs(y))) * y if y != 0.0 else 0.0
+            y, _, b = gauge(s, slide[j])
+            excess = max(0.0, 1.0 - b / abs(y)) * y if y != 0.0 else 0.0
             anchor[j] += excess
             slide[j] = s - excess
             work[k - 1] += (mu[0] if excess > 0.0 else mu[1]) * abs(excess)

@@ -188,6 +188,7 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
         "anchor": anchor,
         "slide_n": uniform(-0.003, 0.003, 2),
         "mu": uniform(0.1, 0.8, 3),
+        "hardness": np.ones((3, COUNT)),
         "hold": uniform(0.5, 2.0),
         "yield_gauge": uniform(0.002, 0.006),
         "gauge_damping": uniform(1.0, 4.0),

@@ -40,6 +40,7 @@ LAYOUT = Layout(
         "deep": 1,  # how deep it would get in the step as it moves towards the world, else 0 [m]
         "anchor": 3,
         "mu": 3,  # forward, backward, lateral
+        "hardness": 3,  # H of (C2), likewise
         "yield_gauge": 1,  # rho_b [m]
         "gauge_damping": 1,  # D [s/m]
         "cap": 1,
@@ -79,7 +80,7 @@ class _Contact(NamedTuple):
     touching: ca.SX
     """Penetration, negative where nothing touches [m]."""
     load: ca.SX
-    mu: contact.Coefficients
+    of: contact.Coefficients
     law: contact.Law
     slide: ca.SX
     """Displacement from the anchor, shape (2,)."""
@@ -93,7 +94,8 @@ def _contact() -> _Contact:
     law = contact.Law(s["r"], s["cap"], s["centre"])
     away = s["x"] - s["anchor"]
     slide = ca.vertcat(*[ca.dot(t, away) for t in _tangents()])
-    return _Contact(pressed, touching, s["stiff"] * pressed, contact.Coefficients(*ca.vertsplit(s["mu"])), law, slide)
+    of = contact.Coefficients(*(contact.Directions(*ca.vertsplit(s[name])) for name in ("mu", "hardness")))
+    return _Contact(pressed, touching, s["stiff"] * pressed, of, law, slide)
 
 
 def _tangents() -> tuple[ca.SX, ca.SX]:
@@ -127,37 +129,40 @@ def stiffness() -> ca.Function:
 def _force() -> dict[str, ca.SX]:
     s, c = LAYOUT.symbols, _contact()
     T = ca.horzcat(*_tangents())
-    y = ca.SX.sym("y", 2)
-    potential = contact.friction_potential(y, _sided(c.mu), c.law, s["regime"] >= STICKING)
-    curve, slope = ca.hessian(potential, y)
-    h, h_y, h_yy = (ca.substitute(each, y, c.slide - c.law.centre) for each in (potential, slope, curve))
-    own, _, _ = contact.pulled(
-        c.slide - c.law.centre, ca.SX.zeros(2), s["pull"], _sided(c.mu), c.law, s["regime"] >= STICKING
-    )
+    y = c.slide - c.law.centre
+    at = contact.friction(y, _sided(c.of), c.law, s["regime"] >= STICKING)
     mixed = ca.logic_and(s["coupled"] != 0.0, s["regime"] != FREE)
     load = ca.if_else(ca.logic_and(mixed, s["regime"] != OPEN), s["foreseen"], c.load)
-    pull, h_yy = ca.if_else(mixed, s["pull"], h_y), ca.if_else(mixed, own, h_yy)
+    pull = ca.if_else(mixed, s["pull"], at.f)
+    K_y = contact.stiffness(at, pull)
     grip, held = (s["hold"] * ca.if_else(s["coupled"] != 0.0, each, s["load"]) for each in (c.load, load))
     still = inertia.force(s) - s["weight"]
-    f = still - c.load * s["normal"] + grip * (T @ h_y)
+    f = still - c.load * s["normal"] + grip * (T @ at.f)
     f_ahead = still - load * s["normal"] + held * (T @ pull)
     rising = ca.if_else(ca.logic_or(c.pressed > 0.0, s["regime"] >= SLIDING), s["stiff"], 0.0)
     K = s["inertia"] * ca.SX.eye(3) + rising * s["normal"] @ s["normal"].T - load * _curvature()
-    K += ca.fmax(held, 0.0) * (T @ h_yy @ T.T) - s["coupled"] * s["hold"] * rising * (T @ pull) @ s["normal"].T
+    K += ca.fmax(held, 0.0) * (T @ K_y @ T.T) - s["coupled"] * s["hold"] * rising * (T @ pull) @ s["normal"].T
     phi = (
         s["inertia"] / 2.0 * ca.sumsqr(s["x"] - s["x_hat"])
         - ca.dot(s["weight"], s["x"])
         + c.load * c.pressed / 2.0
-        + grip * h
+        + grip * contact.potential(y, at, c.law)
     )
     return {"f": f, "phi": phi, "load": c.load, "f_ahead": f_ahead, "K": ca.vec(K.T)}
 
 
-def _sided(mu: contact.Coefficients) -> contact.Coefficients:
+def _sided(of: contact.Coefficients) -> contact.Coefficients:
     """Return the coefficients of a regime: where a contact sticks, the same for both directions along the segment."""
     regime = LAYOUT.symbols["regime"]
-    forward = ca.if_else(regime == STICKING_BACK, mu.backward, mu.forward)
-    return contact.Coefficients(forward, ca.if_else(regime == STICKING, mu.forward, mu.backward), mu.lateral)
+    sides = [
+        contact.Directions(
+            ca.if_else(regime == STICKING_BACK, each.backward, each.forward),
+            ca.if_else(regime == STICKING, each.forward, each.backward),
+            each.lateral,
+        )
+        for each in of
+    ]
+    return contact.Coefficients(*sides)
 
 
 def start() -> ca.Function:
@@ -202,7 +207,7 @@ SWUNG = 3e-5
 """Square of the change of y, as a fraction of itself, after which the K of a contact that slides is made anew."""
 
 HELD = 0.25
-"""Square of the share of the yield limit below which the force of what slides is foreseen where it sticks."""
+"""Square of the share of the law's own force below which the force of what slides is foreseen where it sticks."""
 
 TURNED = 1e-7
 """Fraction of the yield limit up to which it does not count on which side of 0 the force of a stuck contact is."""
@@ -221,20 +226,22 @@ def yielding() -> ca.Function:
     dy = ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
     y, opens = now + dy, s["regime"] == OPEN
     bound = ca.logic_or(s["regime"] >= STICKING, opens)
-    _, pull, swing = contact.pulled(now, dy, s["pull"], _sided(c.mu), c.law, bound)
-    pull, share = contact.bounded(pull, _sided(c.mu), c.law.cap)
-    rho = ca.sqrt(contact.gauge_squared(y, c.mu))
-    largest = ca.fmax(ca.mmax(s["mu"]), 1e-30)  # without friction nothing yields
-    excess = (rho - c.law.cap * c.law.r * (1.0 + contact.YIELD_TOLERANCE)) / largest
+    at = contact.friction(now, _sided(c.of), c.law, bound)
+    pull, swing = contact.pulled(now, dy, s["pull"], at, c.law)
+    share = contact.share(pull, _sided(c.of), c.law.cap)
+    eta = ca.sqrt(contact.squares(y, c.of)[1])
+    largest = ca.mmax(s["mu"] * s["hardness"])
+    excess = (eta - c.law.cap * c.law.r * (1.0 + contact.YIELD_TOLERANCE)) / largest
     touching = c.touching - ca.dot(s["normal"], s["first"])
-    backs = ca.dot(contact.directional(now, c.mu) ** 2 * now, y) <= 0.0
-    regime = _next(y, excess, touching, share, backs)
+    backs = ca.dot(_elastic(now) ** 2 * now, y) <= 0.0
+    held = HELD * ca.if_else(at.multiplier > 0.0, contact.share(at.f, _sided(c.of), c.law.cap), 1.0)
+    regime = _next(y, eta, excess, touching, share < held, backs)
     swings = ca.logic_and(s["regime"] == SLIDING, swing > SWUNG)
     rows = {
         "y": y,
         "excess": excess,
         "touching": touching,
-        "pull": pull,
+        "pull": pull / ca.sqrt(ca.fmax(share, 1.0)),
         "foreseen": s["stiff"] * _pressed(touching),
         "swing": swing,
         "regime": regime,
@@ -249,17 +256,24 @@ def _pressed(touching: ca.SX) -> ca.SX:
     return ca.if_else(regime >= SLIDING, touching, ca.if_else(regime == OPEN, 0.0, ca.fmax(0.0, touching)))
 
 
-def _next(y: ca.SX, excess: ca.SX, touching: ca.SX, share: ca.SX, backs: ca.SX) -> ca.SX:
+def _elastic(y: ca.SX) -> ca.SX:
+    """Return H mu of (C2), shape (2,)."""
+    of = _contact().of
+    return of.mu.of(y) * of.hardness.of(y)
+
+
+def _next(y: ca.SX, eta: ca.SX, excess: ca.SX, touching: ca.SX, held: ca.SX, backs: ca.SX) -> ca.SX:
     """Return the regime that follows where the law denies one by more than the error."""
     s, c = LAYOUT.symbols, _contact()
     error, regime = s["error"], s["regime"]
     sticking = ca.if_else(y[0] >= 0.0, STICKING, STICKING_BACK)
     side = ca.if_else(regime == STICKING_BACK, y[0], -y[0])  # how far it is on the other side
-    counts = ca.fabs(contact.directional(y, c.mu)[0] * y[0]) > TURNED * c.law.cap * c.law.r
-    turned = ca.logic_and(ca.logic_and(side > error, counts), c.mu.forward != c.mu.backward)
-    far = contact.gauge_squared(y, c.mu) > s["breaks"] * (c.law.cap * c.law.r) ** 2
+    limit = c.law.cap * c.law.r
+    counts = ca.fabs(_elastic(y)[0] * y[0]) > TURNED * limit
+    turned = ca.logic_and(ca.logic_and(side > error, counts), c.of.mu.forward != c.of.mu.backward)
+    far = eta**2 > s["breaks"] * limit**2
     of_stuck = ca.if_else(turned, sticking, ca.if_else(ca.logic_or(far, excess > error), SLIDING, regime))
-    rests = ca.logic_or(excess < -error, share < HELD)
+    rests = ca.logic_or(excess < -error, held)
     of_touching = ca.if_else(regime == SLIDING, ca.if_else(rests, sticking, SLIDING), of_stuck)
     of_open = ca.if_else(ca.logic_or(backs, excess <= error), sticking, SLIDING)
     free = ca.if_else(touching > 0.0, ca.if_else(excess > 0.0, SLIDING, sticking), OPEN)
@@ -276,18 +290,18 @@ def expected() -> ca.Function:
     """
     s, c = LAYOUT.symbols, _contact()
     y = c.slide - c.law.centre + ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
-    rho, limit = ca.sqrt(contact.gauge_squared(y, c.mu)), c.law.cap * c.law.r
-    against = c.law.cap * contact.directional(y, c.mu) ** 2 * y / ca.fmax(rho, limit)
-    trend, share = contact.bounded(2.0 * s["pull"] - s["pull_m"], c.mu, c.law.cap)
+    at = contact.friction(y, c.of, c.law)
+    trend = 2.0 * s["pull"] - s["pull_m"]
+    share = contact.share(trend, c.of, c.law.cap)
     known, stuck = s["load_m"] > 0.0, s["regime"] >= STICKING
     lands = ca.logic_and(s["regime"] == OPEN, c.touching - ca.dot(s["normal"], s["first"]) > 0.0)
     lands = ca.logic_and(lands, s["stiffness"] > 0.0)
     lifts = ca.logic_and(known, 2.0 * s["load_n"] < s["load_m"])
     breaks = ca.logic_and(stuck, ca.logic_and(known, share > 1.0))
-    turns = ca.logic_and(s["regime"] == SLIDING, ca.logic_and(rho > limit, ca.dot(y, s["pull"]) < 0.0))
+    turns = ca.logic_and(s["regime"] == SLIDING, ca.logic_and(at.multiplier > 0.0, ca.dot(y, s["pull"]) < 0.0))
     regime = ca.if_else(ca.logic_or(breaks, lands), SLIDING, s["regime"])
     regime = ca.if_else(ca.logic_and(s["regime"] >= SLIDING, lifts), OPEN, regime)
-    pull = ca.if_else(breaks, trend, ca.if_else(ca.logic_or(turns, lands), against, s["pull"]))
+    pull = ca.if_else(breaks, trend / ca.sqrt(share), ca.if_else(ca.logic_or(turns, lands), at.f, s["pull"]))
     load = ca.if_else(lands, s["stiff"] * s["error"], s["load_n"])
     return LAYOUT.function("point_expected", {"pull": pull, "foreseen": load, "regime": regime})
 
@@ -302,7 +316,7 @@ def _slip() -> ca.SX:
     """Motion of the anchor (C4), shape (2,): zero where nothing touches, all of s where the place has no grip."""
     s, c = LAYOUT.symbols, _contact()
     y = c.slide - c.law.centre
-    slip = y - contact.left_after_return(y, c.mu, c.law, s["yield_gauge"])
+    slip = y - contact.left_after_return(y, c.of, c.law)
     return ca.if_else(c.load > 0.0, ca.if_else(s["hold"] > 0.0, slip, c.slide), ca.SX.zeros(2))
 
 
@@ -376,16 +390,16 @@ def _friction_ledger(slip: ca.SX) -> tuple[ca.SX, dict[str, ca.SX]]:
     moved, first, mean = (ca.vertcat(*[ca.dot(t, way) for t in _tangents()]) for way in ways)
     left = s_n + ca.if_else(touching, moved - slip, ca.SX.zeros(2))
     y = ca.SX.sym("y", 2)
+    energy = contact.anchor_energy(y, c.of, s["yield_gauge"])
 
     def of(expression: ca.SX, at: ca.SX) -> ca.SX:
         return ca.substitute(expression, y, at)
 
-    energy = contact.anchor_energy(y, c.mu, s["yield_gauge"])
     stored, stored_n = load * of(energy, left), load * of(energy, s_n)
     spring = load * of(ca.gradient(energy, y), left)
-    slope = ca.gradient(contact.friction_potential(y, c.mu, c.law), y)
-    force = load * of(slope, c.slide - c.law.centre)  # (C4) keeps it
-    loss = load * s["cap"] * contact.beyond(c.slide - c.law.centre, c.mu, c.law)
+    at = contact.friction(c.slide - c.law.centre, c.of, c.law)
+    force = load * at.f  # (C4) keeps it
+    loss = load * s["cap"] * ca.sqrt(contact.squares(slip, c.of)[0])
     load_change = stored_n - s["stored_n"]
     stretch = left - s_n
     impact = s["lands"] * ca.dot(force, mean - moved)
