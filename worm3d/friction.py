@@ -26,6 +26,9 @@ NEGLIGIBLE = 1e-13
 """Coefficients below this fraction of the largest, 0 too, count as that: in a step its force changes a velocity by less
 than places are rounded, and the law needs no exception for 0."""
 
+TINY = 1e-30
+"""The same where all coefficients are 0."""
+
 TANGENTIAL_DAMPING_RATIO = 40.0
 """Of the contact with the smallest coefficient, for the mass that it holds; larger ones are damped more.
 
@@ -117,7 +120,7 @@ class ContactConstants:
         share = worm.mass / (2 * worm.segments)
         stiffness = share * g / (RESTING_PENETRATION * worm.l0)
         mu = friction.coefficients(worm.segments)
-        mu = np.maximum(mu, NEGLIGIBLE * float(mu.max()) or NEGLIGIBLE)
+        mu = np.maximum(mu, max(NEGLIGIBLE * float(mu.max()), TINY))
         least = _least(mu[: 2 if worm.flat else 3])
         yield_gauge = least * BREAKAWAY * worm.l0
         return cls(
@@ -134,4 +137,4 @@ class ContactConstants:
 def _least(mu: FloatArray) -> float:
     """Return the least coefficient that sets the breakaway displacement; smaller ones are as hard as that one."""
     largest = float(mu.max())
-    return max(float(mu.min()), SMALLEST_COEFFICIENT * largest) if largest > NEGLIGIBLE else 1.0
+    return max(float(mu.min()), SMALLEST_COEFFICIENT * largest) if largest > TINY else 1.0
