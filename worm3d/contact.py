@@ -51,6 +51,7 @@ import casadi as ca
 YIELD_TOLERANCE = 1e-9
 """Relative excess over the yield surface below which an anchor stays, lest rounding makes it creep."""
 
+
 class Directions(NamedTuple):
     """A number of one contact for motion towards the head, towards the tail and sideways."""
 

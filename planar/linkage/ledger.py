@@ -328,7 +328,8 @@ class _Terms:
         left = np.where(touching, s_n + ds - p.slip, s_n)  # displacement from the moved anchor
         r = 1.0 / (1.0 / ground.yield_gauge + ground.gauge_damping / dt)
         y = left - ground.gauge_damping / dt * r * s_n
-        force = load * np.minimum(elastic(y) / r, p.cap) * slope(y)
+        share = np.where(p.slip != 0.0, p.cap, np.minimum(elastic(y) / r, p.cap))  # what has slipped is on the surface
+        force = load * share * slope(np.where(p.slip != 0.0, p.slip, y))
         stored, stored_n = load * spring_energy(left), load * spring_energy(s_n)
         spring = load * elastic(left) / ground.yield_gauge * slope(left)
         stretch = left - s_n

@@ -29,6 +29,9 @@ DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends the descent, as a fraction of the body length."""
 POLISH_TOLERANCE = 1e-12
 """Largest coordinate step that ends the polish, as a fraction of the body length."""
+NEAR, BEYOND = 1e-4, 1e-5
+"""Part of a step from which the way of a stuck contact is known to first order, and part of the displacement, or of the
+one at which it yields, by which it is led beyond 0."""
 STAGNATION = 1e-10
 """A step below this fraction of the body length that no longer shrinks is rounding, and ends the polish."""
 
@@ -164,26 +167,34 @@ def loads(q: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:
 
 @njit
 def _resting_points(q: FloatArray, direction: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:
-    """Return the sorted step lengths in (0, 1) at which sliding contacts come to rest, to first order."""
+    """Return the sorted step lengths in (0, 1) at which contacts come to rest, to first order.
+
+    A contact that sticks comes from the softer one of its directions to the stiffer one: there it goes just beyond, lest
+    the next step knows nothing of what will hold it.
+    """
     n, found = len(body.a), 0
     steps = np.empty(2 * n)
     for i in range(n):
         for j in range(2):
             if now.load[i, j] <= 0.0 or contact.stiffness == 0.0:
                 continue
-            y, stuck = np.empty(2), False
+            y, stuck, soft, margin = np.empty(2), False, False, 0.0
             for end in range(2):
-                k, far = 2 * i, float(end)
+                k, far = 2 * i, end * (NEAR if stuck else 1.0)
                 ax, az = q[k] + far * direction[k], q[k + 1] + far * direction[k + 1]
                 bx, bz = q[k + 2] + far * direction[k + 2], q[k + 3] + far * direction[k + 3]
                 square = (bx - ax) ** 2 + (bz - az) ** 2
                 w = np.sqrt(max(body.a[i] ** 2 / square - 0.25, 0.0))
                 x = 0.5 * (ax + bx) - (2.0 * j - 1.0) * w * (bz - az)
-                y[end], _, b = apex_gauge(i, j, x, contact, now)
+                y[end], mu, b = apex_gauge(i, j, x, contact, now)
                 if end == 0:
                     stuck = abs(y[0]) <= now.cap[i, j] * b
-            if y[0] * y[1] < 0.0 and not stuck:
-                steps[found] = y[0] / (y[0] - y[1])
+                    soft = mu < max(contact.mu_forward[i], contact.mu_backward[i])
+                    margin = np.sign(y[0]) * BEYOND * max(abs(y[0]), b) if stuck else 0.0
+            if stuck:
+                y[1] = y[0] + (y[1] - y[0]) / NEAR
+            if y[0] * y[1] < 0.0 and (not stuck or soft):
+                steps[found] = (y[0] + margin) / (y[0] - y[1])
                 found += 1
     return np.sort(steps[:found])
 
