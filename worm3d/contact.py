@@ -1,6 +1,6 @@
 """Contact and friction of one point with a world, symbolic, each formula once.
 
-A world gives the signed distance g(X) of a point (negative inside), its gradient n and its curvature H.
+A world gives the signed distance g(X) of a point (negative inside), its gradient n and its curvature.
 
 Normal load (C1): a stiff quadratic penalty with a damper that never pulls; d = max(0, -g), d_n that at t_n:
 
@@ -18,9 +18,9 @@ Friction (C3), set-valued with anchors: s is the displacement from the anchor an
     f_i = mu_i e_i y_i/P_i,   P_i = r + H_i lambda,   lambda = rho max(0, 1/cap - r/eta)
     1/r = 1/rho_b + D/dt,   s* = (D/dt) r s_n
 
-It is linear while eta <= cap r. Far beyond, f = cap M^2 y/rho with M = diag(mu_x, mu_l): Coulomb's law with the greatest
-dissipation on an ellipse. f never leaves that ellipse: f_i/(cap mu_i) is a harmonic mean of e_i y_i/eta and mu_i y_i/rho,
-which are unit vectors. For e = mu, and for motion along one axis, f is the gradient of the potential
+It is linear while eta <= cap r. Far beyond, f = cap M^2 y/rho with M = diag(mu_x, mu_l): Coulomb's law with the
+greatest dissipation on an ellipse. f never leaves that ellipse: f_i/(cap mu_i) is a harmonic mean of e_i y_i/eta and
+mu_i y_i/rho, which make unit vectors. For e = mu, and for motion along one axis, f is the gradient of the potential
 
     h = cap^2 lambda + r/2 sum_i mu_i e_i (y_i/P_i)^2      (for e = mu that of Huber)
 
@@ -29,8 +29,8 @@ The limit mu_x -> 0 is regular: no force along x, an anchor that follows, and la
 rho_b, the breakaway displacement times e, is one number, so that all contacts yield together whatever their load; D
 puts a damper beside the anchor's spring, both capped together. cap is 1, and static_ratio while a contact is stuck.
 
-Return (C4): after the step the anchor moves until its spring holds no more than f: what is left of s is s* + r y/P, and
-the anchor moves by the rest.
+Return (C4): after the step the anchor moves until y is back on the surface eta = cap r: what is left of s is
+s* + y min(1, cap r/eta), and the anchor moves by the rest.
 
 Newton (C5): f obeys P f = M E y with E = diag(e_x, e_l). Where little slides, the direction of y turns about within a
 step, and f, made linear, says little of what comes. Newton therefore takes f for an unknown of its own that obeys the

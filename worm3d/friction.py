@@ -120,8 +120,9 @@ class ContactConstants:
         share = worm.mass / (2 * worm.segments)
         stiffness = share * g / (RESTING_PENETRATION * worm.l0)
         mu = friction.coefficients(worm.segments)
-        mu = np.maximum(mu, max(NEGLIGIBLE * float(mu.max()), TINY))
-        least = _least(mu[: 2 if worm.flat else 3])
+        acting = mu[: 2 if worm.flat else 3]
+        mu = np.maximum(mu, max(NEGLIGIBLE * float(acting.max()), TINY))
+        least = _least(acting)
         yield_gauge = least * BREAKAWAY * worm.l0
         return cls(
             stiffness=stiffness,

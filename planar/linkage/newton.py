@@ -169,8 +169,8 @@ def loads(q: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:
 def _resting_points(q: FloatArray, direction: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:
     """Return the sorted step lengths in (0, 1) at which contacts come to rest, to first order.
 
-    A contact that sticks comes from the softer one of its directions to the stiffer one: there it goes just beyond, lest
-    the next step knows nothing of what will hold it.
+    Those that stick do where they come from the softer one of their directions to the stiffer one: they go just beyond,
+    lest the next step knows nothing of what will hold them.
     """
     n, found = len(body.a), 0
     steps = np.empty(2 * n)
