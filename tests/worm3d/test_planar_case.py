@@ -162,6 +162,14 @@ CONTACT = {
     "all mass on the apexes": (SOFT | {"apex_mass_fraction": 1.0, "kelvin_voigt_time": 0.0}, wave(), {}),
     "without friction": (SOFT, wave(), {"friction": (0.0, 0.0, 1.0)}),
     "one way without friction": (SOFT, wave(), {"friction": (0.0, 0.2, 1.2)}),
+    "forward without friction": (SOFT, wave(-1.0), {"friction": (0.0, 0.2, 1.0), "steps": 600}),
+    "backward without friction": (SOFT, wave(-1.0), {"friction": (0.2, 0.0, 1.2), "steps": 600}),
+    "hardly any friction forward": (SOFT, wave(), {"friction": (1e-5, 0.2, 1.0), "steps": 600}),
+    "friction of some segments": (
+        SOFT,
+        wave(),
+        {"friction": (0.2 * (np.arange(N) % 2), 0.2 * (np.arange(N) < 4), 1.0)},
+    ),
     "long steps": (SOFT, wave(), {"dt": 0.05}),
     "short steps": (SOFT, wave(), {"dt": 0.001}),
 }
@@ -170,7 +178,7 @@ CONTACT = {
 @pytest.mark.parametrize("name", CONTACT)
 def test_in_contact(name: str) -> None:
     worm, gait, more = CONTACT[name]
-    assert_equal(*both(worm, gait, steps=150, **more))
+    assert_equal(*both(worm, gait, **({"steps": 150} | more)))
 
 
 CLAMPED = {
