@@ -20,6 +20,9 @@ HEADLINES = (
     ("energy_balance_error", "energy balance error", ""),
 )
 
+USES = ("friction", "damping", "impact", "numerical", "gained")
+"""What the work goes into, in the names of the summary: `work_friction_J` and so on."""
+
 DOUBTS = {
     "unconverged_steps": "Newton's iteration left {} above its tolerance: try a smaller run.dt_s",
     "inverted_steps": "a segment is inside out after {}: these are shapes that no worm has",
@@ -70,7 +73,18 @@ def _fault(row: dict[str, Cell]) -> str:
 
 
 def _figures(record: Record, kind: Kind[Any]) -> list[str]:
-    return [f"{label:22}{_figure(record, key, unit)}" for key, label, unit in (*HEADLINES, *kind.headlines)]
+    lines = [f"{label:22}{_figure(record, key, unit)}" for key, label, unit in (*HEADLINES, *kind.headlines)]
+    return [*lines, *_uses(record)]
+
+
+def _uses(record: Record) -> list[str]:
+    """Return a line that says which parts of the work, and so of the cost of transport, went where; none without."""
+    parts = {name: record.summary.figures.get(f"work_{name}_J") for name in USES}
+    joules = {name: float(part) for name, part in parts.items() if isinstance(part, float | int)}
+    work = sum(joules.values())
+    if len(joules) < len(USES) or work <= 0.0:
+        return []
+    return [f"{'of the work':22}" + ", ".join(f"{name} {part / work:.2%}" for name, part in joules.items())]
 
 
 def timing(record: Record) -> dict[str, float]:

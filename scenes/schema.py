@@ -103,11 +103,16 @@ def quantity(
 
 
 def setting(
-    default: str | int | bool | None = None, *, title: str, aka: tuple[str, ...] = (), only: str | tuple[str, ...] = ""
+    default: str | int | bool | None = None,
+    *,
+    title: str,
+    aka: tuple[str, ...] = (),
+    left_out: str = "",
+    only: str | tuple[str, ...] = "",
 ) -> Any:
     """Declare a choice, a switch or a text; without a default it must be given. See `quantity`."""
-    given = ... if default is None else default
-    return Field(given, title=title, json_schema_extra={"aka": list(aka), "only": _kinds(only)})
+    given = ... if default is None and not left_out else default
+    return Field(given, title=title, json_schema_extra={"aka": list(aka), "left_out": left_out, "only": _kinds(only)})
 
 
 def tables(*, title: str, only: str | tuple[str, ...] = "") -> Any:

@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.actuation import Actuation
 from worm3d.friction import Friction
 from worm3d.held import Held
-from worm3d.plant import ROUNDING, Plant
+from worm3d.plant import ROUNDING
 from worm3d.result import Result
 from worm3d.run import Force, Run
 from worm3d.simulate import Integrator, prepare
-from worm3d.start import place, settle
+from worm3d.start import Placed, place, settle
 from worm3d.state import State
 from worm3d.status import Status
 from worm3d.worlds import World
@@ -42,7 +42,7 @@ def simulate_batch(
     held: Held | None = None,
     record_every: int = 1,
     *,
-    settle_first: bool = True,
+    settle_first: bool | None = None,
     tolerance: float = ROUNDING,
     threads: int = 1,
 ) -> list[Result]:
@@ -133,7 +133,7 @@ class _Places:
     """Puts worms on their worlds: equal ones are copies of one, and come to rest together whatever their friction."""
 
     def __init__(self) -> None:
-        self._placed, self._rested = _Once[tuple[Plant, State, Status]](), _Once[tuple[State, Status]]()
+        self._placed, self._rested = _Once[Placed](), _Once[tuple[State, Status]]()
 
     def place(
         self,
@@ -143,15 +143,15 @@ class _Places:
         gravity: FloatArray,
         held: NDArray[np.bool_],
         state: State | None,
-        settle_first: bool,
-    ) -> tuple[Plant, State, Status]:
+        settle_first: bool | None,
+    ) -> Placed:
         """Return what `worm3d.start.place` returns."""
         key = id(world), gravity.tobytes(), held.tobytes(), settle_first, pickle.dumps((worm, friction, state))
         given = worm, world, friction, gravity, held, state, settle_first
-        plant, start, status = self._placed(key, lambda: place(*given, self._settle))
-        own = plant.copy()
+        placed = self._placed(key, lambda: place(*given, self._settle))
+        own = placed.plant.copy()
         own.worm, own.friction = worm, friction
-        return own, start, status
+        return placed._replace(plant=own)
 
     def _settle(
         self, worm: Worm, world: World, gravity: FloatArray, held: NDArray[np.bool_], state: State

@@ -21,6 +21,10 @@ NO_HEADING = "the body is vertical at the start: it has no heading"
 SPARSE = "the rows of the result lie further apart than a period of the gait: record more of them"
 SHORT_RUN = "the run is shorter than one period of the gait, over which the centre of mass is averaged"
 NO_PERIOD = "the actuation has no `period` [s] over which the centre of mass could be averaged"
+NOT_SETTLED = (
+    "the worm was not brought to rest before the run: it touched nothing, moved, went on from an earlier run, or was "
+    "to start as it was"
+)
 NO_WAY = 1e-9
 """Distance that is rounding, as a fraction of the body length."""
 
@@ -97,6 +101,7 @@ def summary(result: Result) -> dict[str, float | str | None]:
     """Return the figures of merit of a run."""
     energy, made, window = result.energy, result.distance, _window(result)
     work, weight = float(energy.work_contract.sum()), result.worm.mass * float(np.linalg.norm(result.gravity))
+    cost, uses = _cost(work, weight, made, result), energy.uses
     path = speed = None
     if window is not None:
         mean = averaged(result.com, window)
@@ -115,8 +120,12 @@ def summary(result: Result) -> dict[str, float | str | None]:
         "mean_speed_m_s": speed,
         "heading_change_deg": _known(float(turned)),
         "work_contract_J": work,
-        "work_friction_J": float(energy.friction_loss.sum()),
-        "cost_of_transport": _cost(work, weight, made, result),
+        "work_external_J": float(energy.work_external.sum()),
+        **{f"work_{name}_J": joules for name, joules in uses.items()},
+        "work_damping_medium_J": float(energy.drag_loss.sum()),
+        "work_damping_material_J": uses["damping"] - float(energy.drag_loss.sum()),
+        "cost_of_transport": cost,
+        **{f"cost_of_transport_{name}": _share(cost, joules, weight * made) for name, joules in uses.items()},
         "energy_balance_error": energy.balance_error,
         "newton_iterations_mean": float(result.newton_iterations.mean()) if steps else None,
         "real_time_factor": steps * result.dt / result.wall_s if steps and result.wall_s > 0.0 else None,
@@ -124,6 +133,7 @@ def summary(result: Result) -> dict[str, float | str | None]:
         "work_contract_p11_J": float(energy.work_contract_p11.sum()),
         "work_friction_p13_J": float(energy.work_friction_p13.sum()),
         "halved_steps": float(result.halved_steps),
+        "settling_m": result.settling,
     }
 
 
@@ -131,6 +141,10 @@ def _cost(work: float, weight: float, way: float, result: Result) -> float | Non
     if work < -_rounding(result) or weight == 0.0 or not way > NO_WAY * result.worm.length:
         return None
     return max(0.0, work) / (weight * way)
+
+
+def _share(cost: float | None, joules: float, per: float) -> float | None:
+    return None if cost is None else joules / per
 
 
 def _known(value: float) -> float | None:
@@ -145,8 +159,9 @@ def reasons(result: Result) -> dict[str, str]:
         "path_length_m": _no_mean(result),
         "mean_speed_m_s": NO_HEADING if figures["path_length_m"] is not None else _no_mean(result),
         "heading_change_deg": "the body is vertical: it has no heading",
-        "cost_of_transport": _no_cost(result),
+        **{name: _no_cost(result) for name in figures if name.startswith("cost_of_transport")},
         "newton_iterations_mean": "no step was finished",
+        "settling_m": NOT_SETTLED,
         "real_time_factor": "no step was finished",
     }
     for name, value in figures.items():

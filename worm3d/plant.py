@@ -363,6 +363,11 @@ class Plant:
             memory=self.memory() | more,
         )
 
+    def gap(self) -> float:
+        """Return the least distance of a contact point that may touch from the world, infinite without any [m]."""
+        active = self._point_row("stiffness")[0, :, : self.n] > 0.0
+        return float(np.min(self._point_row("distance")[0, :, : self.n][active], initial=np.inf))
+
     def depth(self) -> FloatArray:
         """Return how deep each contact point that may touch lies in the world, shape (8, N) [m]."""
         active = self._point_row("stiffness")[0, :, : self.n] > 0.0

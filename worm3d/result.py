@@ -20,6 +20,7 @@ FloatArray = NDArray[np.float64]
 INCOMING = ("work_contract", "work_external", "load_change")
 STORED = ("kinetic", "elastic", "potential", "penetration", "anchor")
 LOST = ("friction_loss", "viscous_loss", "impact", "numerical_loss")
+USES = ("friction", "damping", "impact", "numerical", "gained")
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +74,17 @@ class Energy:
     def residual(self) -> FloatArray:
         """What comes in less what is stored or lost, shape (T,) [J]: zero up to Newton's residual."""
         return self._sum(INCOMING) - self._sum(STORED) - self._sum(LOST)
+
+    @property
+    def uses(self) -> dict[str, float]:
+        """What the work of actuators and of external forces went into, by name: together it is that work [J].
+
+        Friction, damping (of the material and by the medium), impacts, the integrator, and the energy that is stored
+        at the end and was not at the start (kinetic, elastic, potential and that of contacts).
+        """
+        gained = self._sum(STORED) - self.load_change
+        parts = (self.friction_loss, self.viscous_loss, self.impact, self.numerical_loss, gained)
+        return {name: float(part.sum()) for name, part in zip(USES, parts, strict=True)}
 
     @property
     def balance_error(self) -> float:
@@ -131,6 +143,9 @@ class Result:
         contacts breaking away, and times that Newton fell back to descent.
     halved_steps : int
         Steps that had to be taken in parts.
+    settling : float or None
+        How far the joints have moved, at most, while the worm was brought to rest before the run [m]; None where it
+        was not (`settle_first` of `worm3d.simulate`).
     state : State
         At the end, with memory: a run from it goes on bit for bit.
     stop : Stop
@@ -170,6 +185,7 @@ class Result:
     breakaways: NDArray[np.int64]
     fallbacks: NDArray[np.int64]
     halved_steps: int
+    settling: float | None
     state: State = field(repr=False)
     stop: Stop
     wall_s: float
@@ -178,6 +194,11 @@ class Result:
     def status(self) -> Status:
         """How the run ended."""
         return self.stop.status
+
+    @property
+    def settled(self) -> bool:
+        """Whether the worm was brought to rest on its world before the run."""
+        return self.settling is not None
 
     @property
     def apexes(self) -> FloatArray:

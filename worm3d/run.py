@@ -14,14 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.actuation import Driver
 from worm3d.metrics import heading
 from worm3d.observation import Observation
-from worm3d.plant import HISTORIES, Plant
+from worm3d.plant import HISTORIES
 from worm3d.result import Energy, Result
 from worm3d.solver.advance import advance, worst_residual
 from worm3d.solver.arrays import COUNTERS, POINTS
 from worm3d.solver.guard import NO_CONVERGENCE, OK
 from worm3d.solver.records import mass_centre, record, record_memory
-from worm3d.start import GUARDED
-from worm3d.state import State
+from worm3d.start import GUARDED, Placed
 from worm3d.status import Status, Stop
 
 FloatArray = NDArray[np.float64]
@@ -45,8 +44,8 @@ class Run:
 
     Parameters
     ----------
-    plant : Plant
-        In its initial state.
+    placed : Placed
+        The worm in its initial state, and the state where it began, for its time and memory.
     driver : Driver
     external_force : callable or None
     dt : float
@@ -55,28 +54,23 @@ class Run:
     every : int
         Steps between two rows of the result.
     steps : int
-    start : State
-        Where it began: for its time and memory.
-    begun : Status
-        DONE, or why the worm cannot start.
     period : float or None
         Of the gait [s].
     """
 
     def __init__(
         self,
-        plant: Plant,
+        placed: Placed,
         driver: Driver,
         external_force: Force | None,
         dt: float,
         bdf2: bool,
         every: int,
         steps: int,
-        start: State,
-        begun: Status,
         period: float | None,
     ) -> None:
-        self.begun, self.period = begun, period
+        plant, start, self.begun, self.settling = placed
+        self.period = period
         self.plant, self.driver, self.external_force = plant, driver, external_force
         self.dt, self.bdf2, self.every, self.steps = dt, bdf2, every, steps
         self.n, self.core = plant.n, plant.core
@@ -305,6 +299,7 @@ class Run:
             breakaways=counters[:, 2],
             fallbacks=counters[:, 3],
             halved_steps=self.halved,
+            settling=self.settling,
             state=state,
             stop=self._stop(status),
             wall_s=self.wall,

@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.actuation import Actuation, Driver, Sensor
 from worm3d.friction import Friction
 from worm3d.held import Held, held_mask
-from worm3d.plant import ROUNDING, Plant
+from worm3d.plant import ROUNDING
 from worm3d.result import Result
 from worm3d.run import Force, Run
 from worm3d.solver import arrays
-from worm3d.start import place
+from worm3d.start import Placed, place
 from worm3d.state import State
-from worm3d.status import Status
 from worm3d.worlds import ClampedGround, World
 from worm3d.worm import Worm
 
@@ -30,9 +29,7 @@ Integrator = Literal["bdf2", "implicit_euler"]
 COARSEST = 1e-7
 """Greatest tolerance: contacts stick within a tenth of a micrometre."""
 
-Placing = Callable[
-    [Worm, World | None, Friction, FloatArray, NDArray[np.bool_], State | None, bool], tuple[Plant, State, Status]
-]
+Placing = Callable[[Worm, World | None, Friction, FloatArray, NDArray[np.bool_], State | None, bool | None], Placed]
 """As `worm3d.start.place`."""
 
 
@@ -51,7 +48,7 @@ def simulate(
     sensor: Sensor | None = None,
     record_every: int = 1,
     *,
-    settle_first: bool = True,
+    settle_first: bool | None = None,
     tolerance: float = ROUNDING,
     observer: Callable[[int], bool] | None = None,
     live: Live | None = None,
@@ -85,9 +82,10 @@ def simulate(
         Makes of an `Observation` the measurement that a controller gets; None: the observation.
     record_every : int
         Steps between two rows of the result; a divisor of their number.
-    settle_first : bool
+    settle_first : bool, optional
         Whether a worm that starts at rest is first brought to equilibrium on its world, under the weight that presses
-        it there; on uneven worlds by its friction too, unless that lets it slide away. A state with memory never is.
+        it there; on uneven worlds by its friction too, unless that lets it slide away. If left out: where it touches
+        the world; what starts in mid-air falls. A state with memory never is. `Result.settling` says what was done.
     observer : callable, optional
         Called with the number of finished steps, every so many (after every step, if the actuation is a controller) and
         whenever it divides by `record_every`, unless rows follow closely; returning False ends the run there.
@@ -143,7 +141,7 @@ def prepare(
     sensor: Sensor | None,
     record_every: int,
     *,
-    settle_first: bool,
+    settle_first: bool | None,
     tolerance: float = ROUNDING,
     placing: Placing = place,
 ) -> Run:
@@ -158,11 +156,11 @@ def prepare(
     mask = held_mask(held, worm.segments, flat=worm.flat, clamped=clamped)
     if worm.chamber_offset == 0.0 and not mask.reshape(-1, 5)[:, 4].all():
         raise ValueError("chamber_offset: got 0 with bends that are free; hold them (held.bend) or give it a width")
-    plant, start, status = placing(worm, world, friction, weight, mask, state, settle_first)
-    plant.arrays["numbers"][0, arrays.TOLERANCE] = tolerance
+    placed = placing(worm, world, friction, weight, mask, state, settle_first)
+    placed.plant.arrays["numbers"][0, arrays.TOLERANCE] = tolerance
     driver = Driver(actuation, worm, sensor)
     period = getattr(actuation, "period", getattr(actuation, "T_wave", None))
-    return Run(plant, driver, external_force, dt, integrator == "bdf2", record_every, steps, start, status, period)
+    return Run(placed, driver, external_force, dt, integrator == "bdf2", record_every, steps, period)
 
 
 def _require_kinds(world: object, ground: object, external_force: object) -> None:

@@ -52,6 +52,9 @@ HOLDING_DT, HOLDING_MOST = 0.01, 2000
 SLIDES = 0.03
 """A worm that moves by this fraction of its length meanwhile is not held: where it slides to is the run's to tell."""
 
+TOUCHING = 1e-6
+"""A contact point closer to the world than this fraction of the body length touches it: the gap may be rounding."""
+
 OVERLAP = 10.0 * RESTING_PENETRATION
 """A start with a contact point deeper in the world than this fraction of the segment length is refused."""
 
@@ -240,6 +243,30 @@ def settles(world: World | None, gravity: FloatArray, contracted: bool = False) 
     return contracted or bool(np.any(world.pressing(gravity)))
 
 
+class Placed(NamedTuple):
+    """A worm before its first step."""
+
+    plant: Plant
+    state: State
+    """From which it starts."""
+    status: Status
+    """DONE, or why it cannot start."""
+    settling: float | None
+    """How far the joints have moved while it was brought to rest [m]; None where it was not."""
+
+
+def touches(plant: Plant, start: State) -> bool:
+    """Return whether a contact point touches the world, or would with the chambers contracted: they are higher then.
+
+    A straight worm `laid` on rough ground does, whatever gap is left there that is smaller than itself.
+    """
+    worm, height = plant.worm, np.asarray(plant.worm.half_height)
+    half = worm.l0 * (1.0 - np.clip(start.contraction, *worm.stroke)) / 2.0
+    contracted = np.sqrt(np.maximum(worm.link_length[:, None] ** 2 - half**2, 0.0))
+    grown = float(np.max(contracted - height[:, None], initial=0.0))
+    return plant.gap() <= max(grown + TOUCHING * worm.length, float(height.max()) if start.laid else 0.0)
+
+
 def place(
     worm: Worm,
     world: World | None,
@@ -247,10 +274,10 @@ def place(
     gravity: FloatArray,
     held: NDArray[np.bool_],
     state: State | None,
-    settle_first: bool,
+    settle_first: bool | None,
     settling: Settling = settle,
-) -> tuple[Plant, State, Status]:
-    """Return the worm before its first step, the state it starts from, and DONE or why it cannot start.
+) -> Placed:
+    """Return the worm before its first step.
 
     Raises
     ------
@@ -264,23 +291,31 @@ def place(
         assert world is not None
         require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))))
     plant = Plant(worm, world, friction, gravity, held)
-    return plant, start, _begin(plant, start, held, settling if settle_first else None)
-
-
-def _begin(plant: Plant, start: State, held: NDArray[np.bool_], settling: Settling | None) -> Status:
-    """Put the worm into its initial state."""
     plant.set_pose(start)
     require_clear(plant, DEEPEST if start.memory else OVERLAP)
     if start.memory:
         plant.remember(start.memory)
-        return Status.DONE
-    if settling and not start.moves and settles(plant.world, plant.gravity, bool(start.contraction.any())):
-        assert plant.world is not None
-        rested, status = settling(plant.worm, plant.world, plant.gravity, held, start)
-        if status is not Status.DONE:
-            return status
+    elif _is_settled(plant, start, settle_first):
+        status = _come_to_rest(plant, start, held, settling)
+        moved = float(np.linalg.norm(plant.arrays["joints"][:3, : plant.n + 1].T - start.joints, axis=1).max())
+        return Placed(plant, start, status, moved if status is Status.DONE else None)
+    return Placed(plant, start, Status.DONE, None)
+
+
+def _is_settled(plant: Plant, start: State, settle_first: bool | None) -> bool:
+    """Return whether a worm is brought to rest before its first step: by default where it touches the world."""
+    if start.moves or not settles(plant.world, plant.gravity, bool(start.contraction.any())):
+        return False
+    return touches(plant, start) if settle_first is None else settle_first
+
+
+def _come_to_rest(plant: Plant, start: State, held: NDArray[np.bool_], settling: Settling) -> Status:
+    """Bring the worm to rest from its initial state; return DONE, or why it does not come to rest."""
+    assert plant.world is not None
+    rested, status = settling(plant.worm, plant.world, plant.gravity, held, start)
+    if status is Status.DONE:
         plant.set_pose(rested)
         plant.bear(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
         if getattr(plant.world, "uneven", False):
             hold(plant)
-    return Status.DONE
+    return status

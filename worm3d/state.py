@@ -51,6 +51,8 @@ class State:
         contracted, wedged in a pipe.
     time : float
         [s]
+    laid : bool
+        Whether `straight` has laid the pose on a world: a run then settles it there, though rough ground leaves a gap.
     memory : mapping of str to ndarray
         What the integrator, the contacts and the actuators remember; empty in a state made by hand. With it, a run
         goes on bit for bit as if it had never been stopped.
@@ -69,6 +71,7 @@ class State:
     bend_rate: FloatArray
     contraction: FloatArray
     time: float
+    laid: bool
     memory: Mapping[str, NDArray[Any]] = field(repr=False)
 
     def __init__(
@@ -82,6 +85,7 @@ class State:
         bend_rate: ArrayLike = 0.0,
         contraction: ArrayLike = 0.0,
         time: float = 0.0,
+        laid: bool = False,
         memory: Mapping[str, NDArray[Any]] | None = None,
     ) -> None:
         points = np.array(joints, dtype=float)
@@ -101,6 +105,7 @@ class State:
         if not np.isfinite(time):
             raise ValueError(f"time: got {time!r} s, must be finite")
         object.__setattr__(self, "time", float(time))
+        object.__setattr__(self, "laid", bool(laid))
         object.__setattr__(self, "memory", dict(memory or {}))
 
     def _set(self, name: str, value: ArrayLike, shape: tuple[int, ...]) -> None:
@@ -182,12 +187,14 @@ class State:
         else:
             clearance = float(np.max(worm.half_height)) + lift
             joints, left = _laid(worm, world, along, clearance, at[:2], azimuth)
-        return cls(joints=joints, directors=np.broadcast_to(left, (worm.segments, 3)), contraction=contraction)
+        directors, laid = np.broadcast_to(left, (worm.segments, 3)), world is not None and lift == 0.0
+        return cls(joints=joints, directors=directors, contraction=contraction, laid=laid)
 
     def with_changes(self, **changes: Any) -> State:
-        """Return a copy with some fields changed, without memory unless it is given."""
+        """Return a copy with some fields changed, without memory unless it is given, and laid if its pose still is."""
         given = {f.name: getattr(self, f.name) for f in fields(self)}
-        return State(**{**given, "memory": None, **changes})
+        laid = self.laid and not {"joints", "directors", "bend"} & changes.keys()
+        return State(**{**given, "memory": None, "laid": laid, **changes})
 
 
 def _laid(

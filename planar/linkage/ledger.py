@@ -116,6 +116,19 @@ class Ledger:
     work_friction_p13: FloatArray
 
     @property
+    def uses(self) -> dict[str, float]:
+        """What the work of actuators and of external forces went into, by name: together it is that work [J]."""
+        stored = self.kinetic + self.elastic + self.potential + self.penetration + self.anchor
+        parts = {
+            "friction": self.friction_loss,
+            "damping": self.viscous_loss,
+            "impact": self.impact,
+            "numerical": self.numerical_loss,
+            "gained": stored - self.load_change,
+        }
+        return {name: float(part.sum()) for name, part in parts.items()}
+
+    @property
     def residual(self) -> FloatArray:
         """What comes in less what is stored or lost, shape (S,) [J]: zero up to Newton's residual."""
         stored = self.kinetic + self.elastic + self.potential + self.penetration + self.anchor

@@ -19,6 +19,7 @@ from planar.linkage.start import (
     shape_checked,
     shape_status,
     start_joints,
+    touches,
 )
 from planar.linkage.step import ClampedStepper, ContactStepper, State, Step, Stepper, ThresholdStepper
 from planar.linkage.worm import FloatArray, Linkage
@@ -48,7 +49,7 @@ def simulate(
     external_force: Force | None = None,
     start: FloatArray | None = None,
     held: NDArray[np.bool_] | None = None,
-    settle: bool = True,
+    settle: bool | None = None,
     velocity_threshold: float = 1e-6,
     observer: Callable[[int], bool] | None = None,
 ) -> Run:
@@ -78,8 +79,9 @@ def simulate(
         Joints at the start [m]; the straight rest shape, in contact standing on the ground, if left out.
     held : ndarray of bool, shape (N+1, 2), optional
         Coordinates that stay as they are (contact only).
-    settle : bool
-        In contact: whether to start from the equilibrium under the weight normal to the ground.
+    settle : bool, optional
+        In contact: whether to start from the equilibrium under the weight normal to the ground. If left out: where an
+        apex touches it; a worm in mid-air falls.
     velocity_threshold : float
         eps of (P10) [m/s].
     observer : callable, optional
@@ -122,7 +124,7 @@ def simulate(
             stepper = ThresholdStepper(worm, weight, constants, fixed, velocity_threshold)
         else:
             stepper = ContactStepper(worm, weight, constants, fixed)
-        if settle and weight[1] != 0.0:
+        if weight[1] != 0.0 and (touches(worm, joints) if settle is None else settle):
             state, status = settled(worm, weight, fixed, joints)
     law = "clamped" if ground == "clamped" else friction_law
     simulation = _Simulation(worm, stepper, gait, push, dt, weight, constants, law)

@@ -25,6 +25,9 @@ MAX_SETTLING = 200
 OVERLAP = 10.0 * RESTING_PENETRATION
 """A start with an apex deeper in the ground than this fraction of the segment length is refused."""
 
+TOUCHING = 1e-6
+"""An apex closer to the ground than this fraction of the body length touches it."""
+
 
 class LimitPointError(ValueError):
     """The worm's weight would flatten its rhombi: there is no equilibrium to start from."""
@@ -105,6 +108,11 @@ def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> Fl
     if on_ground and lowest < -OVERLAP * worm.l0:
         raise ValueError(f"start: an apex lies {-lowest:.3g} m inside the ground z = 0; lift the worm")
     return joints
+
+
+def touches(worm: Linkage, joints: FloatArray) -> bool:
+    """Return whether an apex touches the ground z = 0; a gap may be rounding."""
+    return float(apexes(joints, worm.link_length)[..., 1].min()) <= TOUCHING * worm.length
 
 
 def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: FloatArray) -> tuple[State, Status]:

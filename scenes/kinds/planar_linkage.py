@@ -81,7 +81,7 @@ def merits(scene: LinkageSettings, result: linkage.Run) -> dict[str, float | Non
     """Return the figures of `summary.json` of one run."""
     ledger, worm = result.ledger, result.worm
     travel = Travel.of(result.com, result.time, scene.gait.period_s)
-    work, loss = float(ledger.work_contract.sum()), float(ledger.friction_loss.sum())
+    work = float(ledger.work_contract.sum())
     weight = worm.total_mass * scene.ground.gravity_m_s2
     cumulative = cumulative_cost(ledger.work_contract_p11, result.com[:, 0])
     in_lengths = scene.gait.period_s / worm.length
@@ -92,7 +92,7 @@ def merits(scene: LinkageSettings, result: linkage.Run) -> dict[str, float | Non
         "mean_speed_m_s": travel.mean_speed,
         "heading_change_deg": 0.0,  # a planar worm cannot turn
         "work_contract_J": work,
-        "work_friction_J": loss,
+        **{f"work_{name}_J": joules for name, joules in ledger.uses.items()},
         "cost_of_transport": cost_of_transport(work, weight, travel.distance),
         "energy_balance_error": ledger.balance_error,
         "newton_iterations_mean": float(result.newton_iterations.mean()) if result.steps else None,

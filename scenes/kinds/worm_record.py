@@ -103,13 +103,27 @@ def variables_of(result: worm3d.Result) -> tuple[Variable, ...]:
         Variable("step_time", ("step",), ends, "s", "end of each time step"),
         *(Variable(name, ("step",), getattr(result, name), "1", meaning) for name, meaning in COUNTERS.items()),
         Variable("halved_steps", (), result.halved_steps, "1", "steps that were taken in parts"),
+        Variable(
+            "settling", (), _number(result.settling), "m", "way to rest before the run; NaN: was not brought to it"
+        ),
     )
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value
 
 
 def missing(earlier: Record) -> list[str]:
     """Return what a record lacks to be gone on from: it was made by another version of the program."""
     known = {variable.name for variable in (*earlier.variables, *earlier.checkpoint)}
-    needed = (*(name for name, *_ in SERIES), *ENERGIES, *COUNTERS, "halved_steps", *(FIELD + name for name in STATE))
+    needed = (
+        *(name for name, *_ in SERIES),
+        *ENERGIES,
+        *COUNTERS,
+        "halved_steps",
+        "settling",
+        *(FIELD + name for name in STATE),
+    )
     return [name for name in needed if name not in known]
 
 
@@ -129,6 +143,7 @@ def joined(earlier: Record, rest: worm3d.Result) -> worm3d.Result:
         **counters,
         energy=energy,
         halved_steps=int(earlier["halved_steps"]) + rest.halved_steps,
+        settling=None if np.isnan(earlier["settling"]) else float(earlier["settling"]),
         stop=replace(rest.stop, step=rest.stop.step + earlier.sizes["step"]),
         wall_s=wall_s + rest.wall_s,
     )

@@ -156,8 +156,9 @@ class PlanarStart(Section):
         (0.0, 0.0), unit="m", title="where the tail is, seen from above: x, y; in a pipe how far along it, and 0"
     )
     lift_m: float = quantity(0.0, unit="m", ge=0, title="height above the place where it touches the world")
-    settle: bool = setting(
-        True, title="whether it is first brought to rest on its world; false: it starts to fall as the run begins"
+    settle: bool | None = setting(
+        title="whether it is first brought to rest on its world; false: it starts to fall as the run begins",
+        left_out="where it touches the world",
     )
 
 

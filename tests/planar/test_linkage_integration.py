@@ -324,7 +324,7 @@ def test_what_a_landing_takes_is_no_numerical_loss(default_worm: Linkage) -> Non
     start = np.column_stack([x, np.full_like(x, 0.3 + float(np.max(default_worm.half_height)))])
     losses = []
     for dt in (0.01, 2e-3, 5e-4):
-        run = linkage.simulate(default_worm, lambda t: np.zeros(6), duration=0.4, dt=dt, start=start, settle=False)
+        run = linkage.simulate(default_worm, lambda t: np.zeros(6), duration=0.4, dt=dt, start=start)
         ledger, aloft = run.ledger, run.apexes[1:, ..., 1].min(axis=(1, 2)) > 0.0
         lost = -float(ledger.kinetic.sum() + ledger.potential.sum())
         assert run.status is Status.DONE
@@ -335,3 +335,14 @@ def test_what_a_landing_takes_is_no_numerical_loss(default_worm: Linkage) -> Non
         losses.append(float(ledger.impact.sum()))
     assert_allclose(losses, losses[-1], rtol=0.1)
     assert losses[-1] > 0.8 * lost
+
+
+@pytest.mark.parametrize(("gap", "settled"), [(0.0, True), (1e-9, True), (1e-4, False)])
+def test_what_touches_the_ground_is_settled_and_what_does_not_falls(
+    default_worm: Linkage, gap: float, settled: bool
+) -> None:
+    x = default_worm.l0 * np.arange(7.0)
+    start = np.column_stack([x, np.full(7, 0.05 + gap)])
+    run = linkage.simulate(default_worm, lambda t: np.zeros(6), duration=0.01, start=start)
+    assert bool(run.first.load.sum() > 0.1) is settled
+    assert bool(np.abs(run.joints[0] - start).max() == 0.0) is not settled

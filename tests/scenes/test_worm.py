@@ -336,3 +336,23 @@ def test_a_stored_run_shows_what_the_run_itself_shows(brief: Record) -> None:
             assert_array_equal(getattr(stored, field.name), getattr(direct, field.name), err_msg=field.name)
     for one, other in zip(stored.world, direct.world, strict=True):
         assert_array_equal(one.vertices, other.vertices)
+
+
+def test_a_run_ends_with_what_became_of_the_work() -> None:
+    record = simulate(load_scene("flat", ["run.duration_s=2"]))
+    line = next(line for line in report.ending(record, KIND, Path()).splitlines() if line.strip().startswith("of the"))
+    shares = [float(part) for part in re.findall(r"(-?[\d.]+)%", line)]
+    names = re.findall(r"([a-z]+) -?[\d.]+%", line)
+    assert names == ["friction", "damping", "impact", "numerical", "gained"]
+    assert_allclose(sum(shares), 100.0, atol=0.05)
+    assert shares[1] > 80.0
+
+
+def test_a_record_says_whether_the_worm_was_settled() -> None:
+    laid, dropped = (
+        simulate(load_scene("flat", ["run.duration_s=0.02", f"start.lift_m={lift}"])) for lift in (0, 0.05)
+    )
+    assert laid["settling"] == laid.summary["settling_m"]
+    assert 0.0 < float(laid["settling"]) < 0.01
+    assert np.isnan(dropped["settling"])
+    assert "touched nothing" in dropped.summary.reasons["settling_m"]

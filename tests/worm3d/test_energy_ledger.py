@@ -261,3 +261,33 @@ def test_numerical_loss_vanishes_with_the_time_step(integrator: str, order: floa
     losses = [crawl(case, integrator=integrator, dt=dt).energy.numerical_loss.sum() for dt in (5e-4, 2.5e-4, 1.25e-4)]
     assert losses[-1] > 0.0
     assert_allclose(np.log2(np.array(losses[:-1]) / losses[1:]), order, atol=0.15)
+
+
+@pytest.mark.parametrize("name", ["flat", "dropped", "external forces", "medium", "clamped turning"])
+def test_the_work_is_split_into_what_it_went_to(name: str) -> None:
+    """Friction, damping, impacts, the integrator and what is gained; the cost of transport is split in proportion."""
+    result = crawl(CASES[name])
+    figures = result.summary()
+    work, *parts = (
+        float(figures[f"work_{each}_J"] or 0.0)
+        for each in ("contract", "friction", "damping", "impact", "numerical", "gained")
+    )
+    external = float(figures["work_external_J"] or 0.0)
+    assert (external != 0.0) == (name == "external forces")
+    assert_allclose(sum(parts), work + external, rtol=1e-9)
+    damping = [figures[f"work_damping_{each}_J"] for each in ("material", "medium")]
+    assert_allclose(sum(damping), figures["work_damping_J"], rtol=1e-12)  # type: ignore[arg-type]
+    assert (damping[1] > 1e-4) == (name == "medium")  # type: ignore[operator]
+    costs = [figures[f"cost_of_transport_{each}"] for each in ("friction", "damping", "impact", "numerical", "gained")]
+    if figures["cost_of_transport"] is None:
+        assert costs == [None] * 5
+    else:
+        per = result.worm.mass * 9.81 * result.distance
+        assert_allclose(costs, np.array(parts) / per, rtol=1e-12)
+
+
+def test_most_of_the_default_worms_work_is_damped_by_its_material() -> None:
+    """97 % of what is not gained, over whole waves."""
+    result = crawl(CASES["flat"], duration=6.0)
+    uses = result.energy.uses
+    assert_allclose(uses["damping"] / (sum(uses.values()) - uses["gained"]), 0.98, atol=0.02)

@@ -123,12 +123,10 @@ def test_where_friction_does_not_hold_it_it_starts_where_it_was_put_and_slides()
 
 def test_settled_loads_and_pose_do_not_depend_on_how_high_it_starts() -> None:
     """It is let down, not dropped."""
-    runs = [
-        worm3d.simulate(
-            Worm(), Plane(), duration=0.01, state=State.straight(Worm(), Plane(), position=(0.0, 0.0, lift))
-        )
-        for lift in (0.0, 0.01, 0.3)
-    ]
+    lifts = (0.0, 0.01, 0.3)
+    states = [State.straight(Worm(), Plane(), position=(0.0, 0.0, lift)) for lift in lifts]
+    runs = [worm3d.simulate(Worm(), Plane(), duration=0.01, state=each, settle_first=True) for each in states]
+    assert_allclose([run.settling for run in runs], lifts, rtol=0, atol=5e-3)  # it sags by 2 mm
     for run in runs[1:]:
         assert run.status is Status.DONE
         assert_allclose(run.joints[0], runs[0].joints[0], rtol=0, atol=1e-9)
@@ -146,3 +144,75 @@ def test_without_settling_it_starts_where_the_state_says() -> None:
     assert_allclose(run.com_velocity[0], [0.1, 0.0, 0.0], rtol=0, atol=1e-14)
     # In the air for sqrt(2 * 0.05/g) = 0.1 s: BDF2 falls like a stone.
     assert_allclose(run.com_velocity[-1], [0.1, 0.0, -9.81 * 0.05], rtol=0, atol=1e-9)
+
+
+def test_what_touches_nothing_falls_and_the_result_says_so() -> None:
+    start = State.straight(Worm(), Plane(0.2, 0.4), position=(0.0, 0.0, 0.05))
+    run = worm3d.simulate(Worm(), Plane(0.2, 0.4), duration=0.5, state=start)
+    assert_array_equal(run.joints[0], start.joints)
+    assert_allclose(run.com_velocity[8], [0.0, 0.0, -9.81 * 0.08], rtol=0, atol=1e-9)
+    assert (run.settled, run.settling, run.summary()["settling_m"]) == (False, None, None)
+    assert "was not brought to rest before the run" in run.reasons()["settling_m"]
+
+
+TUNNEL = Pipe(Centreline.of([Straight(3.0)], tilt=np.pi / 2), 0.092)
+
+
+@pytest.mark.parametrize(
+    ("world", "at"),
+    [
+        (Plane(), (0.0, 0.0)),
+        (Plane(0.4, 0.9), (-3.0, 2.0)),
+        (RUBBLE, (0.4, 0.0)),
+        (RUBBLE, (1.7, 0.1)),
+        (BEND, (0.9, 0.0)),
+        (NARROWING, (0.0, 0.0)),
+    ],
+    ids=["level", "slope", "one", "two", "bend", "narrow"],
+)
+def test_a_straight_worm_laid_on_its_world_is_settled(world: World, at: tuple[float, float]) -> None:
+    start = State.straight(Worm(), world, position=at)
+    run = worm3d.simulate(Worm(), world, Friction(0.6, 0.6, 0.6), duration=0.01, state=start)
+    assert run.settled
+    assert run.settling == run.summary()["settling_m"]
+    assert start.laid
+    assert_allclose(run.settling, np.linalg.norm(run.joints[0] - start.joints, axis=1).max(), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("gap", "settled"), [(-1e-9, True), (0.0, True), (1e-9, True), (1e-5, False), (1e-3, False)])
+def test_a_gap_of_rounding_is_none(gap: float, settled: bool) -> None:
+    joints = np.column_stack([np.linspace(0.0, 1.0, 7), np.zeros(7), np.full(7, 0.05 + gap)])
+    run = worm3d.simulate(Worm(), Plane(), duration=0.01, state=State(joints=joints))
+    assert run.settled is settled
+
+
+@pytest.mark.parametrize(("lift", "settled"), [(0.0, True), (0.01, True), (0.3, False)])
+def test_a_start_that_is_contracted_touches_where_its_chambers_come_to_the_world(lift: float, settled: bool) -> None:
+    start = State.straight(Worm(), Plane(), position=(0.0, 0.0, lift), contraction=0.2)
+    assert worm3d.simulate(Worm(), Plane(), duration=0.01, state=start).settled is settled
+
+
+def test_in_a_steep_pipe_a_worm_falls_unless_it_is_contracted() -> None:
+    """There it starts on the centre line, 0.012 m from the wall."""
+    loose, wedged = (State.straight(Worm(k_spring=100.0), TUNNEL, contraction=c) for c in (0.0, 0.2))
+    runs = [worm3d.simulate(Worm(k_spring=100.0), TUNNEL, duration=0.1, state=each) for each in (loose, wedged)]
+    assert [run.settled for run in runs] == [False, True]
+    assert_allclose(runs[0].com_velocity[-1], [0.0, 0.0, -0.981], rtol=0, atol=1e-9)
+
+
+def test_worms_of_a_batch_start_as_they_do_alone() -> None:
+    states = [None, *(State.straight(Worm(), Plane(), position=(0.0, 0.0, lift)) for lift in (0.0, 0.05))]
+    runs = worm3d.simulate_batch(Worm(), Plane(), duration=0.02, state=states)
+    assert [run.settled for run in runs] == [True, True, False]
+    alone = [worm3d.simulate(Worm(), Plane(), duration=0.02, state=state) for state in states]
+    assert [run.settling for run in runs] == [run.settling for run in alone]
+
+
+def test_a_state_with_memory_and_one_that_moves_are_not_settled() -> None:
+    first = worm3d.simulate(Worm(), Plane(), duration=0.02)
+    on = worm3d.simulate(Worm(), Plane(), duration=0.02, state=first.state)
+    moving = first.state.with_changes(joint_velocity=0.01)
+    assert (first.settled, on.settled) == (True, False)
+    assert not worm3d.simulate(Worm(), Plane(), duration=0.02, state=moving).settled
+    still = first.state.with_changes(joint_velocity=0.0, roll_rate=0.0, bend_rate=0.0)
+    assert worm3d.simulate(Worm(), Plane(), duration=0.02, state=still).settled
