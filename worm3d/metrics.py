@@ -101,7 +101,7 @@ def summary(result: Result) -> dict[str, float | str | None]:
     """Return the figures of merit of a run."""
     energy, made, window = result.energy, result.distance, _window(result)
     work, weight = float(energy.work_contract.sum()), result.worm.mass * float(np.linalg.norm(result.gravity))
-    cost, uses = _cost(work, weight, made, result), energy.uses
+    cost, uses, dragged = _cost(work, weight, made, result), energy.uses, float(energy.drag_loss.sum())
     path = speed = None
     if window is not None:
         mean = averaged(result.com, window)
@@ -120,12 +120,8 @@ def summary(result: Result) -> dict[str, float | str | None]:
         "mean_speed_m_s": speed,
         "heading_change_deg": _known(float(turned)),
         "work_contract_J": work,
-        "work_external_J": float(energy.work_external.sum()),
-        **{f"work_{name}_J": joules for name, joules in uses.items()},
-        "work_damping_medium_J": float(energy.drag_loss.sum()),
-        "work_damping_material_J": uses["damping"] - float(energy.drag_loss.sum()),
+        "work_friction_J": uses["friction"],
         "cost_of_transport": cost,
-        **{f"cost_of_transport_{name}": _share(cost, joules, weight * made) for name, joules in uses.items()},
         "energy_balance_error": energy.balance_error,
         "newton_iterations_mean": float(result.newton_iterations.mean()) if steps else None,
         "real_time_factor": steps * result.dt / result.wall_s if steps and result.wall_s > 0.0 else None,
@@ -133,6 +129,11 @@ def summary(result: Result) -> dict[str, float | str | None]:
         "work_contract_p11_J": float(energy.work_contract_p11.sum()),
         "work_friction_p13_J": float(energy.work_friction_p13.sum()),
         "halved_steps": float(result.halved_steps),
+        "work_external_J": float(energy.work_external.sum()),
+        **{f"work_{name}_J": joules for name, joules in uses.items()},
+        "work_damping_medium_J": dragged,
+        "work_damping_material_J": uses["damping"] - dragged,
+        **{f"cost_of_transport_{name}": _share(cost, joules, weight * made) for name, joules in uses.items()},
         "settling_m": result.settling,
     }
 

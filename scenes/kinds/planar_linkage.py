@@ -92,7 +92,7 @@ def merits(scene: LinkageSettings, result: linkage.Run) -> dict[str, float | Non
         "mean_speed_m_s": travel.mean_speed,
         "heading_change_deg": 0.0,  # a planar worm cannot turn
         "work_contract_J": work,
-        **{f"work_{name}_J": joules for name, joules in ledger.uses.items()},
+        "work_friction_J": ledger.uses["friction"],
         "cost_of_transport": cost_of_transport(work, weight, travel.distance),
         "energy_balance_error": ledger.balance_error,
         "newton_iterations_mean": float(result.newton_iterations.mean()) if result.steps else None,
@@ -103,6 +103,7 @@ def merits(scene: LinkageSettings, result: linkage.Run) -> dict[str, float | Non
         "cumulative_cot_J_per_m": float(cumulative[-1]) if result.steps else None,
         "mass_kg": worm.total_mass,
         "halved_steps": float(result.halved_steps),
+        **{f"work_{name}_J": joules for name, joules in ledger.uses.items()},
     }
 
 

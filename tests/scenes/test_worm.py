@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields, replace
 from inspect import signature
 from pathlib import Path
@@ -13,7 +14,7 @@ from PIL import Image
 
 import worm3d
 from control import gaits
-from scenes import drawing, kinds
+from scenes import drawing, kinds, report
 from scenes.kinds import worm_build, worm_view
 from scenes.kinds.planar_linkage_build import KEYS as PLANAR_KEYS
 from scenes.kinds.worlds_build import WORLDS, world_of
@@ -340,7 +341,11 @@ def test_a_stored_run_shows_what_the_run_itself_shows(brief: Record) -> None:
 
 def test_a_run_ends_with_what_became_of_the_work() -> None:
     record = simulate(load_scene("flat", ["run.duration_s=2"]))
-    line = next(line for line in report.ending(record, KIND, Path()).splitlines() if line.strip().startswith("of the"))
+    line = next(
+        line
+        for line in report.ending(record, drawing.kind_of(record), Path()).splitlines()
+        if line.strip().startswith("of the")
+    )
     shares = [float(part) for part in re.findall(r"(-?[\d.]+)%", line)]
     names = re.findall(r"([a-z]+) -?[\d.]+%", line)
     assert names == ["friction", "damping", "impact", "numerical", "gained"]
