@@ -158,7 +158,7 @@ class Estimator:
         self._heights: deque[tuple[float, float]] = deque()
 
     def update(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> Estimate:
-        """Return the estimate of an instant.
+        """Take a measurement and return the estimate of an instant: `take` and `estimate`.
 
         Parameters
         ----------
@@ -170,6 +170,11 @@ class Estimator:
         phase : float
             Commanded phase [rad].
         """
+        self.take(t, measurement, parameters, phase)
+        return self.estimate(t)
+
+    def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
+        """Take a measurement; parameters as of `update`."""
         steering = getattr(parameters, self._mechanism)
         self._driven.add(t, np.array([parameters.amplitude, parameters.frequency, steering]), phase)
         if not self._past:
@@ -181,7 +186,6 @@ class Estimator:
         if t - self._past[-1].sample.time > PAUSE:
             self._take(t, _Sample(t - PAUSE / 2.0))
         self._forget(t - self.span)
-        return self._estimate(t)
 
     @classmethod
     def told(cls, worm: Worm, model: ReducedModel, schedule: Schedule, sensors: Mapping[str, Channel]) -> Estimator:
@@ -280,7 +284,8 @@ class Estimator:
             if oldest.nis is not None:
                 self._settled.append((oldest.sample.time, oldest.nis))
 
-    def _estimate(self, t: float) -> Estimate:
+    def estimate(self, t: float) -> Estimate:
+        """Return the estimate of the instant of the last measurement that was taken."""
         last = self._past[-1]
         now = merged(self._predicted(last, t))
         nis = next((each.nis for each in reversed(self._past) if each.nis is not None), None)

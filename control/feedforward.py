@@ -59,8 +59,8 @@ class FeedForward:
         speed, rate = length * found.speed(*wave), found.turn_rate(*wave)
         self._speed = ca.Function("speed", [*wave], ca.cse([speed])).map(len(self._amplitudes))
         self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(STEERINGS)
-        straight = self._speeds(0.0)
-        self.slowest, self.fastest = 0.5 * float(straight[0]), float(straight[-1])
+        self._straight = self._speeds(0.0)
+        self.slowest, self.fastest = 0.5 * float(self._straight[0]), float(self._straight[-1])
 
     def __call__(self, speed: float, turn_rate: float) -> ReducedInput:
         """Return the wave of a steady speed [m/s] and turn rate [rad/s], or the nearest that there is."""
@@ -76,8 +76,7 @@ class FeedForward:
 
     def sharpest(self, speed: float) -> float:
         """Return the greatest turn rate of the map at a speed straight ahead [rad/s]."""
-        along = self._speeds(0.0)
-        wave = (float(np.interp(speed, along, line)) for line in (self._amplitudes, self._frequencies))
+        wave = (float(np.interp(speed, self._straight, line)) for line in (self._amplitudes, self._frequencies))
         return float(np.array(self._turn_rate(*wave, self._steerings[None])).max())
 
     def _speeds(self, steering: float) -> FloatArray:

@@ -153,10 +153,13 @@ class Gate:
         values = _numbers(sample)
         if values is None or values.shape != self._shapes[name]:
             return None, Refusal.SHAPE
-        if low <= values.min() and values.max() <= high:  # false where any is NaN
+        flat = values.ravel()
+        if np.vdot(flat, flat) <= min(low**2, high**2):  # quick; false where any is NaN
             return sample if isinstance(sample, np.ndarray | float) else values, None
         finite = np.isfinite(values)
         right = finite & (np.where(finite, values, 0.0) >= low) & (np.where(finite, values, 0.0) <= high)
+        if right.all():
+            return values, None
         complaint = Refusal.OUT_OF_RANGE if finite.all() else Refusal.NOT_FINITE
         return np.where(right, values, np.nan) if self._is_enough(name, right) else None, complaint
 

@@ -151,9 +151,12 @@ class Standing:
         """Return (K5) of strains of shape (N, 2) [m], NaN where they are not known."""
         squared = self._link**2 - (self._length * (1.0 + strain)) ** 2 / 4.0
         half_height = np.sqrt(np.maximum(squared, 0.0))
-        if not np.isfinite(half_height).all():
-            half_height = half_height[np.isfinite(half_height)]
-            if not len(half_height):
-                return float("nan")
+        height = self._mean(half_height)
+        if height == height:
+            return height
+        known = half_height[np.isfinite(half_height)]
+        return self._mean(known) if len(known) else height
+
+    def _mean(self, half_height: FloatArray) -> float:
         share = np.exp((half_height - half_height.max()) / self._delta)
         return float((half_height * share).sum() / share.sum())

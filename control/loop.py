@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import logging
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import partial
 from math import inf, isfinite
 from time import perf_counter
 from typing import Protocol
 
 from control.decision import Decision
 from control.estimate import Estimate
+from control.estimator import Estimator
 from control.faults import Fault
 from control.feedforward import FeedForward
 from control.gate import SPAN, Gate
@@ -130,21 +133,26 @@ class WaveController(ABC):
         began = perf_counter()
         elapsed, self._time = 0.0 if self._time is None else t - self._time, t
         seen = self.gate(t, measurement)
-        estimate = self._estimated(t, seen)
-        self.watch.look(t, seen, estimate)
+        known = self._taken(t, seen)
+        self.watch.look(t, seen, known)
         if t >= self._due - 1e-9:
-            self._decide(t, estimate, began)
+            self._decide(t, known(), began)
             began = perf_counter()
         command = self.generator.step(elapsed, self._target)
         self.watch.tell(self.generator.phase, command, self._target)
         self._spent += perf_counter() - began
         return command
 
-    def _estimated(self, t: float, seen: Measurement) -> Estimate | None:
-        """Return what is known of the worm; None without an estimator."""
+    def _taken(self, t: float, seen: Measurement) -> Callable[[], Estimate | None]:
+        """Let the estimator take a measurement, and return what gives its estimate: that is seldom asked for."""
         if self.estimator is None:
-            return None
-        return self.estimator.update(t, seen, self._target, self.generator.phase)
+            return lambda: None
+        given = t, seen, self._target, self.generator.phase
+        if isinstance(self.estimator, Estimator):
+            self.estimator.take(*given)
+            return partial(self.estimator.estimate, t)
+        estimate = self.estimator.update(*given)
+        return lambda: estimate
 
     def _decide(self, t: float, estimate: Estimate | None, began: float) -> None:
         """Choose the wave's parameters and write the decision down; a new control period begins."""

@@ -56,19 +56,23 @@ class MeasuredWave:
 
         Unknown strains are NaN.
         """
-        if np.isfinite(strain).any(axis=1).sum() < min(UNKNOWNS, len(strain)):
+        sampled = self._fitted(strain)
+        if sampled != sampled:
             return
         passed = 0.0 if self._phase is None else abs(phase - self._phase) / (2.0 * np.pi)
         self._phase = phase
-        sampled = self._fitted(strain) * np.exp(-self._turning * phase)
+        sampled *= np.exp(-self._turning * phase)
         self.amplitude += (1.0 - np.exp(-passed / SMOOTHING)) * (sampled - self.amplitude)
 
     def _fitted(self, strain: FloatArray) -> complex:
-        """Return a exp(+- i psi) of one sample."""
+        """Return a exp(+- i psi) of one sample; NaN if too little is known."""
+        sampled = complex(self._fit @ strain.mean(axis=1))
+        if sampled == sampled:
+            return sampled
         known = np.isfinite(strain)
-        if known.all():
-            return complex(self._fit @ strain.mean(axis=1))
         rows = known.any(axis=1)
+        if rows.sum() < UNKNOWNS:
+            return complex(np.nan)
         means = np.where(known, strain, 0.0)[rows].sum(axis=1) / known[rows].sum(axis=1)
         return complex(_cos_sin(self._columns[rows]) @ means)
 

@@ -69,7 +69,8 @@ class Noise:
             self.deviation = self._estimate()
 
     def _estimate(self) -> float:
-        halves, spreads = np.array(self._found).T
-        variance = float(np.median(halves)) / (2.0 * log(2.0)) - float(np.median(spreads))
-        credible = self.told**2 * (1.0 + BY_CHANCE * ERROR / sqrt(len(halves)))
+        count, middle = len(self._found), len(self._found) // 2
+        half, spread = (sorted(each)[middle] for each in zip(*self._found, strict=True))
+        variance = half / (2.0 * log(2.0)) - spread
+        credible = self.told**2 * (1.0 + BY_CHANCE * ERROR / sqrt(count))
         return min(sqrt(variance), self._most) if variance > credible else self.told

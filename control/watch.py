@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,8 +71,8 @@ class Watch:
         self._begin: tuple[float, float] | None = None
         self._near: float | None = None
 
-    def look(self, t: float, seen: Measurement, estimate: Estimate | None) -> None:
-        """Take in what was measured at time t [s]: of the commands up to then."""
+    def look(self, t: float, seen: Measurement, known: Callable[[], Estimate | None]) -> None:
+        """Take in what was measured at time t [s], of the commands up to then; `known` gives the estimate."""
         if seen.com is not None:
             self._places.append((float(seen.com[0]), float(seen.com[1]), seen.com_time))
         if self._told is None:
@@ -82,7 +83,7 @@ class Watch:
         if self._begin is None:
             self._begin = t, phase
         if phase >= self._begin[1] + 2.0 * np.pi:
-            self._end_wave(t, estimate)
+            self._end_wave(t, known())
             self._begin = t, phase
 
     def tell(self, phase: float, command: Command, parameters: GaitParameters) -> None:

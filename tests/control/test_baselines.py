@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from control import identified as kept
 from control.baselines import Gains, OpenLoop, PiLineOfSight
 from control.estimator import Estimate
+from control.ladder import MOST_HELD
 from control.measurement import Measurement
 from control.paths import Circle, Line, SCurve
 from control.reduced import STATES, ReducedState
@@ -174,3 +175,29 @@ def test_reset_begins_anew() -> None:
 def test_mistakes_are_told(make: Callable[[], object], sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         make()
+
+
+@pytest.mark.parametrize("kind", [OpenLoop, PiLineOfSight])
+def test_a_reference_that_raises_leaves_the_parameters_in_force_and_then_rest(kind) -> None:
+    """And the watch, which looks at the reference too, goes on."""
+
+    class LostError(Exception):
+        pass
+
+    def speed(t):
+        if np.max(t) > 1.0:
+            raise LostError("no speed")
+        return 0.08 + 0.0 * np.asarray(t)
+
+    controller = kind(WORM, KNOWN_WORM, Reference(speed))
+    for k in range(400):
+        t = 0.01 * k
+        command = controller.step(t, Measurement(t, None, float("nan"), None, float("nan")))
+        assert np.isfinite(command.contraction).all()
+    decisions = controller.decisions
+    assert [decision.source for decision in decisions] == (
+        [controller.source] * 6 + ["gait"] * MOST_HELD + ["stop"] * (14 - MOST_HELD)
+    )
+    assert decisions[6].parameters == decisions[5].parameters
+    assert decisions[6].status == "LostError: no speed"
+    assert controller.failures == 14

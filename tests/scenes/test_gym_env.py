@@ -1,5 +1,7 @@
 """The environment for agents passes Gymnasium's own checker, and rewards what it says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -8,8 +10,11 @@ pytest.importorskip("gymnasium", reason="Gymnasium is not installed (extra 'gym'
 
 from gymnasium.utils.env_checker import check_env
 
+from control.measurement import Measurement
+from control.sensors import Sensors
 from scenes.errors import SceneError
 from scenes.gym_env import WormEnv
+from worm3d import Observation
 
 STRAIGHT = np.array([0.29, -0.2, 0.0], dtype=np.float32)
 """About 0.08 m/s."""
@@ -69,3 +74,22 @@ def test_other_scenes_are_refused() -> None:
         WormEnv("flat")
     with pytest.raises(ValueError, match=r"control_period: got 0.001 s, must be at least 0.01 s"):
         WormEnv("path_line", control_period=0.001)
+
+
+def test_samples_that_cannot_be_are_not_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    env = WormEnv("path_line", ("run.duration_s=4",))
+    env.reset(seed=1)
+    look = Sensors.__call__
+
+    def spoilt(sensors: Sensors, seen: Observation) -> Measurement:
+        measured = look(sensors, seen)
+        assert measured.strain is not None
+        measured.strain[1, 0] = np.nan
+        return measured if measured.com is None else replace(measured, com=np.full(3, np.inf))
+
+    monkeypatch.setattr(Sensors, "__call__", spoilt)
+    for _ in range(5):
+        observed, reward, *_, info = env.step(STRAIGHT)
+        assert np.isfinite(observed).all()
+        assert np.isfinite(reward)
+    assert info["measurements_refused"] == 100 + 19, "strains at each step, and places 20 times a second"
