@@ -31,6 +31,8 @@ _BAR = 260
 """Length of the colour bar at most [pixels]."""
 _WIDE, _HIGH = 760, 760
 """The most that the views take [pixels]."""
+_TITLE = 560
+"""Width of the figure at least, so that the title finds room [pixels]."""
 DULLEST = 0.6
 """Brightness of what is seen from its edge, over that of what faces the viewer."""
 
@@ -73,7 +75,7 @@ class Stage:
         """Return a figure in which both views have one scale; its size is even, for MP4."""
         long, wide, high = self._span
         scale = min(_WIDE / long, _HIGH / (wide + high))
-        width = 2 * round(max(scale * long + _LEFT + _RIGHT, 480) / 2)
+        width = 2 * round(max(scale * long + _LEFT + _RIGHT, _TITLE) / 2)
         height = 2 * round((scale * (wide + high) + _ABOVE + _BETWEEN + _BELOW) / 2)
         figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
         FigureCanvasAgg(figure)
@@ -139,7 +141,7 @@ class Stage:
     def _text(self, index: int) -> str:
         text = f"t = {self.frames.time[index]:.2f} s"
         if self._speed is not None:
-            text += f"   speed {self._speed[index]:.3g} m/s"
+            text += f"   {'mean ' if self.frames.period else ''}speed {self._speed[index]:.3g} m/s"
         if self.frames.contact_force is not None:
             text += f"   an arrow of {arrow_length(self.frames.body_length):.3g} m is {self.scales.force:.3g} N"
         return text

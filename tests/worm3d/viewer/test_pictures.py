@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from matplotlib import pyplot as plt
+from matplotlib.text import Text
 from numpy.testing import assert_allclose
 from PIL import Image
 
@@ -32,7 +33,7 @@ def test_a_png_shows_the_worm_from_both_sides(short: Frames, tmp_path: Path) -> 
         "along the first heading [m]",
         "to its left [m]",
     )
-    assert side.get_title(loc="left").startswith("t = 1.00 s   speed 0.0")
+    assert side.get_title(loc="left").startswith("t = 1.00 s   mean speed 0.0")
     assert not plt.get_fignums(), "nothing is left open, nothing is shown"
     with Image.open(tmp_path / "worm.png") as image:
         seen = np.asarray(image.convert("RGB"))
@@ -48,6 +49,17 @@ def test_a_worm_along_x_has_plain_axes(make_crawl: Callable[..., Frames]) -> Non
     assert_allclose(side.get_xlim(), top.get_xlim())
     low, high = side.get_xlim()
     assert low < worm.apexes[..., 0].min() < worm.apexes[..., 0].max() < high
+
+
+def test_the_title_of_a_narrow_figure_is_not_clipped(make_crawl: Callable[..., Frames]) -> None:
+    upright = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    level = make_crawl(duration=10.0, turn=0.0)
+    up = {name: getattr(level, name) @ upright for name in ("joints", "apexes", "directors", "com", "contact_force")}
+    figure, (side, _) = pictures.figure(replace(level, time=level.time + 1000.0, **up), 100)
+    figure.canvas.draw()
+    title = next(text for text in side.findobj(Text) if text.get_text().startswith("t = 1004.00 s"))
+    assert "an arrow of" in title.get_text()
+    assert title.get_window_extent().x1 < figure.bbox.x1
 
 
 def test_one_scale_in_both_views(short: Frames) -> None:
