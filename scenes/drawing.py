@@ -127,6 +127,8 @@ def cut_short(record: Record) -> str | None:
 
 def save_figure(figure: Picture, path: Path) -> None:
     """Write a figure as PNG, whole or not at all."""
+    for title in (*figure.texts, *(axes.title for axes in figure.axes)):
+        title.set_wrap(True)  # the names of scenes are as long as people like
     with written_whole(path) as part:
         # Without the version of matplotlib in it the file is the same on every machine.
         figure.savefig(part, format="png", metadata={"Software": None})

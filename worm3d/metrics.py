@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.worlds import Heightfield, Mesh, Pipe, World
+from worm3d.worlds import ClampedGround, Heightfield, Mesh, Pipe, Plane, World
 
 if TYPE_CHECKING:
     from worm3d.result import Result
@@ -90,6 +90,52 @@ def averaged(com: FloatArray, window: int) -> FloatArray:
     return mean
 
 
+def path_length(com: FloatArray, time: FloatArray, period: float) -> float:
+    """Return the length of the path of the centre of mass, averaged over a period about each instant [m].
+
+    A wave rocks the centre of mass; a mean over a period takes that out. From the first place to the mean over the
+    first period, and from that over the last one to the last place, it is straight: nothing of the way is lost, and a
+    shorter mean would rock. Between the instants the centre of mass moves on straight lines. A run shorter than a
+    period has one mean, over all of it.
+
+    Parameters
+    ----------
+    com : ndarray, shape (T, D)
+        [m]
+    time : ndarray, shape (T,)
+        Ascending [s].
+    period : float
+        [s]
+    """
+    if len(time) < 2:
+        return 0.0
+    half = 0.5 * min(period, float(time[-1] - time[0]))
+    inner = time[(time > time[0] + half) & (time < time[-1] - half)]
+    middle = np.concatenate([time[:1] + half, inner, time[-1:] - half])
+    swept = (_integrals(com, time, middle + half) - _integrals(com, time, middle - half)) / (2.0 * half)
+    path = np.vstack([com[:1], swept, com[-1:]])
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def _integrals(values: FloatArray, time: FloatArray, t: FloatArray) -> FloatArray:
+    """Return integrals from time[0] to each t, (K,), of straight lines through values, (T, D), at times, (K, D)."""
+    step = np.diff(time)[:, None]
+    up_to = np.vstack([np.zeros(values.shape[1]), np.cumsum(0.5 * step * (values[1:] + values[:-1]), axis=0)])
+    k = np.clip(np.searchsorted(time, t, side="right") - 1, 0, len(step) - 1)
+    since = (t - time[k])[:, None]
+    area: FloatArray = up_to[k] + since * (values[k] + 0.5 * since / step[k] * (values[k + 1] - values[k]))
+    return area
+
+
+def _along_the_ground(com: FloatArray, result: Result) -> FloatArray:
+    """Return the centre of mass without its height over a plane: a worm that rises on its feet makes no way."""
+    if not isinstance(result.world, Plane | ClampedGround):
+        return com
+    normal = _normal(result.world, result.joints[0].mean(axis=0), result.worm.length)
+    level: FloatArray = com - (com @ normal)[:, None] * normal
+    return level
+
+
 def _window(result: Result) -> int | None:
     if result.period is None or len(result.time) < 2:
         return None
@@ -103,9 +149,10 @@ def summary(result: Result) -> dict[str, float | str | None]:
     work, weight = float(energy.work_contract.sum()), result.worm.mass * float(np.linalg.norm(result.gravity))
     cost, uses, dragged = _cost(work, weight, made, result), energy.uses, float(energy.drag_loss.sum())
     path = speed = None
+    if result.period is not None and not _sparse(result):
+        path = path_length(_along_the_ground(result.com, result), result.time, result.period)
     if window is not None:
         mean = averaged(result.com, window)
-        path = float(np.linalg.norm(np.diff(mean, axis=0), axis=1).sum())
         ends = way(mean[[0, -1]], result.joints[0], result.world)
         elapsed = float(result.time[-1] - result.time[window - 1])
         speed = None if ends is None else float(ends[-1] - ends[0]) / elapsed
@@ -158,7 +205,7 @@ def reasons(result: Result) -> dict[str, str]:
     why = {
         "distance_m": NO_HEADING,
         "path_length_m": _no_mean(result),
-        "mean_speed_m_s": NO_HEADING if figures["path_length_m"] is not None else _no_mean(result),
+        "mean_speed_m_s": NO_HEADING if _window(result) is not None else _no_mean(result),
         "heading_change_deg": "the body is vertical: it has no heading",
         **{name: _no_cost(result) for name in figures if name.startswith("cost_of_transport")},
         "newton_iterations_mean": "no step was finished",
@@ -174,8 +221,11 @@ def reasons(result: Result) -> dict[str, str]:
 def _no_mean(result: Result) -> str:
     if result.period is None:
         return NO_PERIOD
-    sparse = len(result.time) > 1 and result.time[1] - result.time[0] > 2.0 * result.period
-    return SPARSE if sparse else SHORT_RUN
+    return SPARSE if _sparse(result) else SHORT_RUN
+
+
+def _sparse(result: Result) -> bool:
+    return len(result.time) > 1 and bool(result.time[1] - result.time[0] > 2.0 * (result.period or np.inf))
 
 
 def _rounding(result: Result) -> float:

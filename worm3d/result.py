@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d import metrics
+from worm3d.read_only import brief, listed
 from worm3d.solver.arrays import TERMS
 from worm3d.state import State
 from worm3d.status import Status, Stop
@@ -21,6 +22,9 @@ INCOMING = ("work_contract", "work_external", "load_change")
 STORED = ("kinetic", "elastic", "potential", "penetration", "anchor")
 LOST = ("friction_loss", "viscous_loss", "impact", "numerical_loss")
 USES = ("friction", "damping", "impact", "numerical", "gained")
+
+HEADLINES = ("distance_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J", "cost_of_transport")
+"""Figures of merit with which a result is printed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,6 +233,20 @@ class Result:
     def distance(self) -> float:
         """Displacement of the centre of mass along the initial heading, within the surface's tangent plane [m]."""
         return metrics.distance(self.com, self.joints[0], self.world)
+
+    def __repr__(self) -> str:
+        worm, figures = self.worm, {**dict.fromkeys(HEADLINES), **self.summary()}
+        merits = (f"{name} {figures[name]:.4g}" for name in HEADLINES if isinstance(figures[name], float))
+        return listed(
+            (
+                f"Result: {self.stop.sentence}",
+                f"  {len(self.time)} rows of {len(self.newton_iterations)} steps of {self.dt:g} s; {worm.segments} "
+                f"segments, {worm.length:g} m, {worm.mass:g} kg on {brief(self.world)}",
+                f"  {', '.join(merits)}",
+                "  arrays: time, joints, com, heading, chamber_length, normal_load, slip, energy, and others",
+                "  summary() has all figures of merit, worm3d.draw(result, 'viewer.html') shows the run",
+            )
+        )
 
     def _repr_html_(self) -> str:
         """Show the run in a notebook cell, and what it came to."""

@@ -15,6 +15,7 @@ from worm3d.actuation import Driver
 from worm3d.metrics import heading
 from worm3d.observation import Observation
 from worm3d.plant import HISTORIES
+from worm3d.refused import refused
 from worm3d.result import Energy, Result
 from worm3d.solver.advance import advance, worst_residual
 from worm3d.solver.arrays import COUNTERS, POINTS
@@ -77,7 +78,7 @@ class Run:
         self.records = record_memory(self.n, steps // every + 1)
         self.counters = np.zeros((steps, COUNTERS), dtype=np.int64)
         self.done, self.halved, self.last_share, self.wall = 0, 0, 1.0, 0.0
-        self.complaint, self.residual = "", (0.0, 0)
+        self.complaint, self.residual, self.segment = "", 0.0, 0
         self.first = round(start.time / dt)
         self.offset = start.time - self.first * dt
         if abs(self.offset) < 1e-9 * dt:
@@ -191,7 +192,7 @@ class Run:
             self.remembers = self.remembers or done > 0
             if end == OK:
                 continue
-            status = self._halve(commands[taken]) if end == NO_CONVERGENCE else GUARDED[end]
+            status = self._halve(commands[taken]) if end == NO_CONVERGENCE else self._ended(end)
             if status is not Status.DONE:
                 return status
             taken += 1
@@ -231,13 +232,21 @@ class Run:
         )
         if end != NO_CONVERGENCE:
             self.last_share = share
-            return GUARDED[end]
+            return self._ended(end)
         if halvings == 0:
-            self.residual = worst_residual(self.core)
+            self.residual, worst = worst_residual(self.core)
+            self.segment = min(worst, self.n - 1)
             return Status.NO_CONVERGENCE
         status = self._part(held, begin, share / 2.0, halvings - 1)
         if status is Status.DONE:
             status = self._part(held, begin + share / 2.0, share / 2.0, halvings - 1)
+        return status
+
+    def _ended(self, end: int) -> Status:
+        """Return how a step ended, and remember where if the solver's guard has refused it."""
+        status = GUARDED[end]
+        if status is not Status.DONE:
+            self.segment, self.complaint = refused(self.plant.arrays, self.n, status)
         return status
 
     def observation(self) -> Observation:
@@ -307,8 +316,7 @@ class Run:
 
     def _stop(self, status: Status) -> Stop:
         tried = self.done if not status.diverged else self.done + 1
-        size, worst = self.residual
-        return Stop(status, tried, self.time(tried), size, min(worst, self.n - 1), self.complaint)
+        return Stop(status, tried, self.time(tried), self.residual, self.segment, self.complaint)
 
 
 def _of_joints(of_points: FloatArray) -> FloatArray:

@@ -45,9 +45,10 @@ class Stop:
     residual : float
         Norm of the residual of the last Newton iterate [N].
     segment : int
-        Segment with the largest residual, 0 at the tail.
+        Segment with the largest residual, or that was folded, flattened or sunk; joint j belongs to segment j. 0 is the
+        tail's.
     reason : str
-        What was wrong with a command or force.
+        What was wrong with a command or force; which joint or chamber was bent or pressed too far, and what to do.
     """
 
     status: Status

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from control.metrics import SETTLED_METRICS, SPEED_METRICS
@@ -12,11 +12,28 @@ from scenes.bench.control import BLIND, METRICS, TIMES, Found, Row, Value
 from scenes.bench.control_bars import MPC, RIVAL, Verdict, verdicts
 from scenes.bench.tables import Cells, aligned, markdown_table
 
-HEADER = (
-    *("scene", "controller", "seeds", "speed bias [%]", "speed rms [%]", "settled bias [%]", "settled rms [%]"),
-    *("settling [periods]", "heading mean [deg]", "heading rms [deg]", "offset rms [BL]", "offset max [BL]"),
-    *("MPC failures [steps]", "step p50 [ms]", "step p99 [ms]", "overruns [steps]"),
-)
+TABLES = {
+    "Speed [%], and its settling [periods]": {
+        "speed_bias_relative": "bias",
+        "speed_error_rms_relative": "rms",
+        **dict(zip(SETTLED_METRICS, ("settled bias", "settled rms"), strict=True)),
+        "settling_periods": "settling",
+    },
+    "Heading [deg], and offset from the path [BL]": {
+        "heading_error_mean_deg": "heading mean",
+        "heading_error_rms_deg": "heading rms",
+        "cross_track_rms_bl": "offset rms",
+        "cross_track_max_bl": "offset max",
+    },
+    "Control steps [ms], and how many failed or took too long": {
+        "mpc_failures": "MPC failures",
+        "control_step_ms_p50": "p50",
+        "control_step_ms_p99": "p99",
+        "overruns": "overruns",
+    },
+}
+"""Of a report: title, and the columns of each, which stand beside scene, controller and seeds."""
+KEYS = ("scene", "controller", "seeds")
 SCALES = dict.fromkeys((*SPEED_METRICS, *SETTLED_METRICS), 100.0)
 UNITS = {
     **dict.fromkeys(SCALES, "%"),
@@ -61,8 +78,8 @@ def markdown(rows: Sequence[Row], machine: dict[str, Any], picture: str, *, judg
     bars = markdown_table(VERDICTS, map(_verdict_cells, verdicts(rows))) if judged else (NO_VERDICTS,)
     lines = (
         *("# How well worms keep to their references", "", SAYS, "", f"![the worst of the seeds]({picture})", ""),
-        *markdown_table(HEADER, map(_cells, rows)),
-        *("", "## In short", "", *markdown_table(("scene", "what", *TOLD.values()), _short(rows))),
+        *(line for title in TABLES for line in (f"## {title}", "", *markdown_table(*_table(title, rows)), "")),
+        *("## In short", "", *markdown_table(("scene", "what", *TOLD.values()), _short(rows))),
         *("", "## What the MPC is held to", "", *bars),
         *("", f"{machine['cpu']}, {machine['system']}, {machine['date']}, one core."),
     )
@@ -71,8 +88,10 @@ def markdown(rows: Sequence[Row], machine: dict[str, Any], picture: str, *, judg
 
 def terminal_lines(rows: Sequence[Row], *, judged: bool = True) -> Iterator[str]:
     """Yield the lines to print; bars are left out unless `judged`."""
-    yield from aligned(HEADER, map(_cells, rows))
-    yield ""
+    for title in TABLES:
+        yield title
+        yield from aligned(*_table(title, rows))
+        yield ""
     yield from aligned(VERDICTS, map(_verdict_cells, verdicts(rows))) if judged else (NO_VERDICTS,)
 
 
@@ -86,10 +105,14 @@ def _short(rows: Sequence[Row]) -> Iterator[Cells]:
         yield trial, TITLES[name], *(_with_unit(name, of.get((trial, kind), {}).get(name)) for kind in TOLD)
 
 
-def _cells(row: Row) -> Cells:
+def _table(title: str, rows: Sequence[Row]) -> tuple[Cells, Iterator[Cells]]:
+    """Return the header and the rows of a table."""
+    return (*KEYS, *TABLES[title].values()), (_cells(row, TABLES[title]) for row in rows)
+
+
+def _cells(row: Row, names: Iterable[str]) -> Cells:
     failed = f" ({row.failed} failed)" if row.failed else ""
-    values = (_number(name, row.figures[name]) for name in (*METRICS, *TIMES))
-    return (row.trial, row.controller, f"{row.seeds}{failed}", *values)
+    return (row.trial, row.controller, f"{row.seeds}{failed}", *(_number(name, row.figures[name]) for name in names))
 
 
 def _number(name: str, value: Value) -> str:

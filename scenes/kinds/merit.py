@@ -29,8 +29,8 @@ class Travel:
     distance : float
         Along x [m].
     path_length, mean_speed : float or None
-        Of the centre of mass averaged over one period, which removes its rocking [m], [m/s]; None if the run is
-        shorter than that.
+        Along x, of the centre of mass averaged over one period, which removes its rocking [m], [m/s]; no path without
+        a step, no speed if the run is shorter than a period.
     """
 
     distance: float
@@ -41,11 +41,14 @@ class Travel:
     def of(cls, com: FloatArray, time: FloatArray, period: float) -> Travel:
         """Measure a centre of mass, shape (T, 2) [m], at evenly spaced times, shape (T,) [s]."""
         distance = float(com[-1, 0] - com[0, 0])
-        if len(time) < 2 or len(time) <= (window := round(period / (time[1] - time[0]))):
+        if len(time) < 2:
             return cls(distance, None, None)
+        path = path_length(com[:, :1], time, period)
+        if len(time) <= (window := round(period / (time[1] - time[0]))):
+            return cls(distance, path, None)
         first, last = com[:window, 0].mean(), com[-window:, 0].mean()
         speed = float((last - first) / (time[-1] - time[window - 1]))
-        return cls(distance, path_length(com, time, period), speed)
+        return cls(distance, path, speed)
 
 
 def cost_of_transport(work: float, weight: float, distance: float) -> float | None:

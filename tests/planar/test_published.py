@@ -224,13 +224,16 @@ def test_cost_of_transport_of_each_step() -> None:
     assert np.isnan(dimensionless_cost_of_transport(2.0, 0.1, 10.0, -4.0))
 
 
-def test_path_length_averages_over_a_period() -> None:
-    """A line of 0.3 m/s, rocked with the period: 1001 samples hold 802 windows of 200, so 801 steps."""
+def test_path_length_is_the_whole_way_without_the_rocking() -> None:
+    """A line of 0.3 m/s, rocked with the period, of a whole number of time steps or not."""
     time = np.linspace(0.0, 10.0, 1001)
-    com = np.column_stack([0.3 * time + 0.05 * np.sin(np.pi * time), np.zeros_like(time)])
-    assert_allclose(path_length(com, time, 2.0), 0.3 * 8.01, rtol=1e-10)
-    assert_allclose(path_length(com[:, ::-1], time, 2.0), 0.3 * 8.01, rtol=1e-10)
-    assert path_length(com[:100], time[:100], 2.0) == 0.0
+    for period in (2.0, 1.997, 0.5):
+        x = 0.3 * time + 0.05 * np.sin(2.0 * np.pi * time / period)
+        com = np.column_stack([x, np.zeros_like(time)])
+        assert_allclose(path_length(com, time, period), np.ptp(x[[0, -1]]), rtol=1e-4)
+        assert_allclose(path_length(com[:, ::-1], time, period), np.ptp(x[[0, -1]]), rtol=1e-4)
+    assert_allclose(path_length(com[:100], time[:100], 2.0), np.ptp(x[[0, 99]]), rtol=1e-10)
+    assert path_length(com[:1], time[:1], 2.0) == 0.0
 
 
 def test_a_run_that_blows_up_is_not_called_done() -> None:

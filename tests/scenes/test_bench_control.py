@@ -171,6 +171,14 @@ def test_the_report_has_every_row_and_every_run() -> None:
     assert table[0]["settling_periods"] == ""
 
 
+def test_the_tables_fit_a_terminal_and_have_every_figure() -> None:
+    figures = dict.fromkeys((*control.METRICS, *control.TIMES), 123.456)
+    runs = [found(trial.name, name, 0, **figures) for trial in control.FULL for name in control.CONTROLLERS]
+    lines = list(control_report.terminal_lines(list(control.rows(runs)), judged=False))
+    assert max(map(len, lines)) <= 100
+    assert [name for columns in control_report.TABLES.values() for name in columns] == list(figures)
+
+
 def test_in_short_each_trial_has_its_own_figure() -> None:
     runs = [
         found("path_line", "mpc", 0, cross_track_rms_bl=0.004, heading_error_rms_deg=1.0),

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from scenes import drawing, kinds
@@ -25,6 +26,21 @@ def test_every_figure_is_a_picture_with_labelled_axes(record: Record, tmp_path: 
         _, axes = draw(record)
         assert axes.get_xlabel() == "time [s]"
         assert axes.get_ylabel()
+
+
+@pytest.mark.parametrize("name", ["planar_published", "planar_study"])
+def test_no_title_is_clipped(record: Record, tmp_path: Path, name: str) -> None:
+    """However long: it is broken into lines."""
+    if name == "planar_study":
+        record = simulate(load_scene("planar_segments", ["study.values=[3, 4]", "run.duration_s=0.1"]))
+    object.__setattr__(record, "title", "Distance, cost of transport and much else of worms by number of segments")
+    for stem, draw in kinds.get(name).figures.items():
+        figure, _ = draw(record)
+        drawing.save_figure(figure, tmp_path / f"{stem}.png")
+        wide = figure.bbox.width
+        for text in (*(axes.title for axes in figure.axes), *figure.texts):
+            box = text.get_window_extent(FigureCanvasAgg(figure).get_renderer())
+            assert 0.0 <= box.x0 <= box.x1 <= wide, stem
 
 
 def test_the_animation_moves(record: Record, tmp_path: Path) -> None:

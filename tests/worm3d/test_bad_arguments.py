@@ -7,7 +7,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 import worm3d
-from control.gaits import TravellingWave
 from worm3d import ClampedGround, Command, Friction, Held, LimitPointError, Patch, Plane, State, Status, Worm
 
 STRAIGHT = np.column_stack([np.linspace(0.0, 1.0, 7), np.zeros(7), np.full(7, 0.05)])
@@ -141,17 +140,31 @@ def pressed_down(t: float) -> np.ndarray:
     return force
 
 
+def fold_at_joint_4(t: float) -> worm3d.Command:
+    """Return a hinge that closes at joint 4, faster and faster."""
+    return worm3d.Command(np.zeros((6, 2)), hinge=np.array([0.0, 0.0, 0.0, 0.8 * t**2, 0.0]))
+
+
+def lengthen_segment_2(t: float) -> worm3d.Command:
+    """Return a contraction that lengthens the right chamber of segment 2 more and more."""
+    contraction = np.zeros((6, 2))
+    contraction[2, 1] = -0.3 * t
+    return worm3d.Command(contraction)
+
+
 @pytest.mark.parametrize(
-    ("worm", "gait", "force", "status"),
+    ("worm", "gait", "force", "status", "segment", "reason"),
     [
-        (Worm(), TravellingWave(amplitude=0.3, hinge=2.0), None, Status.FOLDED),
-        (Worm(end_faces=False, k_torsion=0.1), None, pressed_down, Status.SUNK),
-        (Worm(stroke=(-0.3, 0.4)), TravellingWave(amplitude=0.2, rectified=False), None, Status.FLATTENED),
+        (Worm(), fold_at_joint_4, None, Status.FOLDED, 4, "joint 4, between segments 3 and 4, is bent by "),
+        (Worm(end_faces=False, k_torsion=0.1), None, pressed_down, Status.SUNK, 3, "joint 3 is 0.0"),
+        (Worm(stroke=(-0.5, 0.4)), lengthen_segment_2, None, Status.FLATTENED, 2, "segment 2, whose right chamber is "),
     ],
     ids=["folded", "sunk", "flattened"],
 )
-def test_guards_say_what_became_of_the_worm(worm: Worm, gait: Any, force: Any, status: Status) -> None:
-    """A shape the model does not stand for ends the run; what was computed before is kept."""
+def test_guards_say_what_became_of_the_worm(
+    worm: Worm, gait: Any, force: Any, status: Status, segment: int, reason: str
+) -> None:
+    """A shape the model does not stand for ends the run, which says where; what was computed before is kept."""
     run = worm3d.simulate(worm, Plane(), actuation=gait, external_force=force, duration=5.0)
     assert run.status is status
     assert run.status.diverged
@@ -159,3 +172,6 @@ def test_guards_say_what_became_of_the_worm(worm: Worm, gait: Any, force: Any, s
     assert run.stop.step == len(run.time) > 10
     assert f"step {run.stop.step}, t = {run.stop.time:.4g} s" in run.stop.sentence
     assert_allclose(run.stop.time, run.stop.step * 0.01)
+    assert run.stop.segment == segment
+    assert run.stop.reason.startswith(reason)
+    assert f"): {reason}" in run.stop.sentence

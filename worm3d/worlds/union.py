@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.compiled import cfunc
+from worm3d.read_only import ReadOnly
 from worm3d.worlds import symbolic, table, union_kernel
 from worm3d.worlds.base import World, WorldKernel
 from worm3d.worlds.centreline import Bend, Centreline, Straight
@@ -25,7 +26,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Union:
+class Union(ReadOnly):
     """The union of the free spaces of worlds: a pipe bored into the ground below a plane, pipes that cross.
 
     The solid is what all of them have in common. The signed distance is the greatest of theirs: inside the solid, where

@@ -1,0 +1,33 @@
+"""What `print` shows of the objects that people meet: a few lines, however many numbers they hold."""
+
+from __future__ import annotations
+
+import pytest
+
+import worm3d
+from control.gaits import TravellingWave
+from worm3d.read_only import COLUMNS, LINES
+
+LINE = worm3d.Centreline.through([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.8, 0.2, 0.05), (2.5, 0.7, 0.1)])
+RUN = worm3d.simulate(worm3d.Worm(), worm3d.Plane(), actuation=TravellingWave(), duration=3.0)
+OBJECTS = {
+    "result": RUN,
+    "pipe": worm3d.Pipe(LINE, radius=0.12),
+    "terrain": worm3d.Heightfield.rubble(4.0, 2.0, 0.02, height=0.02, size=0.15),
+    "union": worm3d.Union((worm3d.Plane(), worm3d.Pipe(LINE, radius=0.12))),
+}
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_it_is_a_few_lines(name: str) -> None:
+    lines = repr(OBJECTS[name]).splitlines()
+    assert len(lines) <= LINES
+    assert max(map(len, lines)) <= COLUMNS
+    assert lines[0].startswith(type(OBJECTS[name]).__name__)
+
+
+def test_a_result_says_how_it_ended_and_what_matters() -> None:
+    text = repr(RUN)
+    assert text.splitlines()[0] == "Result: the run reached its end"
+    assert "301 rows of 300 steps of 0.01 s; 6 segments, 1 m, 0.1 kg on Plane(" in text
+    assert f"distance_m {RUN.distance:.4g}" in text
