@@ -29,6 +29,16 @@ The limit mu_x -> 0 is regular: no force along x, an anchor that follows, and la
 rho_b, the breakaway displacement times e, is one number, so that all contacts yield together whatever their load; D
 puts a damper beside the anchor's spring, both capped together. cap is 1, and static_ratio while a contact is stuck.
 
+Breakaway (C6): the step is solved with cap = static_ratio for all contacts that stuck at its start. All of these that
+yield there, or are as good as about to,
+
+    eta > cap r (1 - 1e-9),
+
+break away together: they get cap = 1, and the step is solved again from its start; and so on until none yields. What
+has broken away in a step does not stick again in it, so that this ends; it may in the next one, if its anchor has not
+moved. What yields has its greatest force whatever rounding does, so that contacts with equal forces share their fate;
+neither their order nor the way to the solution matters.
+
 Return (C4): after the step the anchor moves until y is back on the surface eta = cap r: what is left of s is
 s* + y min(1, cap r/eta), and the anchor moves by the rest.
 
@@ -50,6 +60,9 @@ import casadi as ca
 
 YIELD_TOLERANCE = 1e-9
 """Relative excess over the yield surface below which an anchor stays, lest rounding makes it creep."""
+
+TIE = 1e-9
+"""Fraction of the static limit below it from which on a contact breaks away, (C6)."""
 
 
 class Directions(NamedTuple):
@@ -149,6 +162,11 @@ def left_after_return(y: ca.SX, of: Coefficients, law: Law) -> ca.SX:
     limit = law.cap * law.r
     yields = square > (limit * (1.0 + YIELD_TOLERANCE)) ** 2
     return ca.if_else(yields, limit / ca.sqrt(square), 1.0) * y
+
+
+def reach(y: ca.SX, of: Coefficients, law: Law) -> ca.SX:
+    """Return by how much eta(y) is beyond where a stuck contact breaks away, (C6) [m]."""
+    return ca.sqrt(squares(y, of)[1]) - law.cap * law.r * (1.0 - TIE)
 
 
 def anchor_energy(s: ca.SX, of: Coefficients, yield_gauge: ca.SX) -> ca.SX:

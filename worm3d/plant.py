@@ -72,7 +72,7 @@ def kernels() -> dict[str, Kernel]:
 
 def _of_mass_points() -> list[ca.Function]:
     """Return what is evaluated in all lanes: those without a point or joint have neither mass nor stiffness."""
-    forces = (point.force, point.stiffness, point.yielding, point.expected, point.slip)
+    forces = (point.force, point.stiffness, point.yielding, point.expected)
     of_points = (*forces, point.start, point.after, point.momenta)
     return [make() for make in (*of_points, node.start, node.after, node.momenta)]
 

@@ -19,12 +19,18 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planar.compiled import njit
 from planar.linkage.worm import FloatArray
 
 BAND = 5
 ROWS = 3 * BAND + 1
+
+
+LAW, OPEN, STICK, SLIDE = 0, 1, 2, 4
+"""Regimes of a contact (`planar.linkage.regimes`); stuck and sliding ones are towards the head, plus 1 towards the
+tail."""
 
 
 class Body(NamedTuple):
@@ -88,6 +94,8 @@ class Now(NamedTuple):
     """(N, 2) normal loads for friction, used where `coupled` is false."""
     push: FloatArray
     """(N, 2) constant forces on the apexes along x."""
+    regime: NDArray[np.int64]
+    """(N, 2) LAW, or what each contact is taken for."""
 
 
 @njit
@@ -118,13 +126,16 @@ def friction_gauge(
 
 @njit
 def apex_gauge(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[float, float, float]:
-    """Return y, mu and b of (G2) for apex j of segment i at x."""
+    """Return y, mu and b of (G2) for apex j of segment i at x; mu is that of its regime."""
+    forward, backward = contact.mu_forward[i], contact.mu_backward[i]
+    if now.regime[i, j] >= STICK:
+        forward = backward = forward if now.regime[i, j] % 2 == 0 else backward
     gauge: tuple[float, float, float] = friction_gauge(
         now.direction[i] * (x - now.anchor[i, j]),
         now.slide_n[i, j],
         now.dt,
-        contact.mu_forward[i],
-        contact.mu_backward[i],
+        forward,
+        backward,
         contact.least,
         contact.yield_gauge,
         contact.gauge_damping,
@@ -280,13 +291,15 @@ def _point(
     if contact.stiffness == 0.0:
         return phi, fx, fz, kxx, kxz, kzz
     load = normal_load(-z, now.depth_n[i, j], dt, contact.stiffness, contact.damping)
-    stiff = contact.stiffness + contact.damping / dt
-    if load > 0.0:
+    stiff, regime = contact.stiffness + contact.damping / dt, now.regime[i, j]
+    if regime != LAW:
+        load = 0.0 if regime == OPEN else -stiff * z - contact.damping / dt * now.depth_n[i, j]
+    if load > 0.0 or regime >= STICK:
         phi += 0.5 * load * load / stiff
         fz -= load
         kzz += stiff
     pressed = load if coupled else now.load[i, j]
-    if pressed > 0.0:
+    if pressed > 0.0 or (coupled and regime >= STICK):
         potential, slope, curve = _friction(i, j, x, contact, now)
         phi += pressed * potential
         fx += pressed * slope
@@ -301,8 +314,11 @@ def _friction(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[flo
     """(G2) per unit of normal load: potential h, dh/dx and d2h/dx2."""
     d = now.direction[i]
     y, mu, b = apex_gauge(i, j, x, contact, now)
-    cap = now.cap[i, j]
-    if abs(y) <= cap * b:
+    cap, regime = now.cap[i, j], now.regime[i, j]
+    if regime >= SLIDE:
+        towards = 1.0 if regime == SLIDE else -1.0
+        return cap * mu * (towards * y - 0.5 * cap * b), d * cap * mu * towards, 0.0
+    if abs(y) <= cap * b or regime >= STICK:
         return mu * y * y / (2.0 * b), d * mu * y / b, mu / b
     return cap * mu * (abs(y) - 0.5 * cap * b), d * cap * mu * np.sign(y), 0.0
 

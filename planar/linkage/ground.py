@@ -17,6 +17,14 @@ anchor be dragged far behind. After the step the anchor moves until the force is
     s_e = s* + y min(1, b/|y|),   the anchor moves by s - s_e                        (G3)
 
 While a contact is stuck the cap is N x static_ratio instead of N, with the same stiffness.
+
+Breakaway (G4): the step is solved with cap = static_ratio for all contacts that stuck at its start. All of these whose
+friction reaches its limit there,
+
+    |y| > cap b (1 - 1e-9),
+
+break away together: they get cap = 1, and the step is solved again from its start; and so on until none reaches it.
+What has broken away in a step does not stick again in it, so that this ends.
 """
 
 from __future__ import annotations
@@ -44,6 +52,9 @@ The damper shares the cap with the spring, so its only effects are micrometres a
 suddenly applied load overshoots and breaks loose early; the more, the sooner the contact carries its full load, as a
 rigid one does at once. The distance that a worm crawls does not depend on it.
 """
+
+TIE = 1e-9
+"""Fraction of the static limit below it from which on a contact breaks away, (G4)."""
 
 YIELD_TOLERANCE = 1e-9
 """Relative excess over the yield surface below which an anchor stays, lest rounding makes it creep."""

@@ -2,7 +2,8 @@
 
 Each pass minimises the potential of a step for given normal loads (it always descends), then polishes with the
 loads of the iterate itself, whose Jacobian is exact too but unsymmetric. Where the polish does not converge, the
-loads are updated and the next pass begins.
+loads are updated and the next pass begins; after the last one it polishes with given regimes of the contacts, which
+change until the law confirms them.
 """
 
 from __future__ import annotations
@@ -14,13 +15,16 @@ import scipy
 from numpy.typing import NDArray
 
 from planar.compiled import njit
+from planar.linkage import regimes
 from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Contact, Now, apex_gauge, evaluate
 from planar.linkage.shape import apexes
 from planar.linkage.worm import FloatArray
 
 MAX_DESCENT = 60
 MAX_SEARCH = 40
-MAX_POLISH = 12
+MAX_POLISH, MAX_SMOOTH = 12, 40
+MAX_REGIMES = 60
+"""Rounds in which contacts change their regimes before the search ends."""
 RELAXATIONS = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25) + (0.1,) * 17
 """Of the update of the loads after each pass that did not converge."""
 SLOPE_LEFT = 0.9
@@ -69,7 +73,7 @@ class Newton:
 
     def solve(self, q: FloatArray, now: Now) -> Solution:
         """Return the state that solves the step, from the guess q; `now.load` is updated on the way."""
-        iterations = 0
+        iterations, guess = 0, q
         for relaxation in RELAXATIONS:
             q, used, descended = self._descend(q, now)
             iterations += used
@@ -80,6 +84,11 @@ class Newton:
                     return Solution(polished, self.gradient.copy(), True, iterations)
             load = loads(q, self.body, self.contact, now)
             now.load[:] += relaxation * (load - now.load)
+        for start in (q, guess):
+            polished, used, converged = self._by_regimes(start, now)
+            iterations += used
+            if converged:
+                return Solution(polished, self.gradient.copy(), True, iterations)
         self._evaluate(q, now, coupled=True)
         return Solution(q, self.gradient.copy(), False, iterations)
 
@@ -136,9 +145,23 @@ class Newton:
             step = float(between[len(between) // 2]) if len(between) else 0.5 * (low + high)
         return best
 
-    def _polish(self, q: FloatArray, now: Now) -> tuple[FloatArray, int, bool]:
+    def _by_regimes(self, q: FloatArray, now: Now) -> tuple[FloatArray, int, bool]:
+        """Polish with given regimes, first those of the law at q, until they are those of the law at the solution."""
+        regime, iterations = regimes.of_law(q, self.body.a, self.contact, now), 0
+        for turn in range(MAX_REGIMES):
+            taken = now._replace(regime=regime)
+            q, used, converged = self._polish(q, taken, MAX_SMOOTH)
+            iterations += used
+            if not converged:
+                break
+            regime = regimes.after(q, self.body.a, self.contact, taken, turn)
+            if (regime == taken.regime).all():
+                return q, iterations, True
+        return q, iterations, False
+
+    def _polish(self, q: FloatArray, now: Now, most: int = MAX_POLISH) -> tuple[FloatArray, int, bool]:
         size = np.inf
-        for iteration in range(1, MAX_POLISH + 1):
+        for iteration in range(1, most + 1):
             if not np.isfinite(self._evaluate(q, now, coupled=True)):
                 return q, iteration, False
             _, _, step, info = scipy.linalg.lapack.dgbsv(BAND, BAND, self.band, self.gradient)
@@ -151,7 +174,7 @@ class Newton:
             if size < POLISH_TOLERANCE * self.length or (previous <= 2.0 * size < 2.0 * STAGNATION * self.length):
                 self._evaluate(q, now, coupled=True)
                 return q, iteration, True
-        return q, MAX_POLISH, False
+        return q, most, False
 
 
 def loads(q: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:

@@ -8,14 +8,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from planar.linkage.element import Body, Contact, Now
-from planar.linkage.ground import YIELD_TOLERANCE, Ground
+from planar.linkage.element import LAW, Body, Contact, Now
+from planar.linkage.ground import TIE, YIELD_TOLERANCE, Ground
 from planar.linkage.newton import Newton, Solution, loads
 from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
 from planar.linkage.worm import FloatArray, Linkage
-
-MAX_BREAKAWAYS = 50
-"""Rounds of contacts going from stuck to kinetic within a step; each frees at least one, so it ends anyway."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +169,7 @@ class _ImplicitEuler:
             cap=cap,
             load=state.load.copy(),
             push=np.zeros_like(state.load),
+            regime=np.full(state.load.shape, LAW),
         )
 
     def _moved(self, state: State, q: FloatArray, l_cmd: FloatArray, dt: float) -> State:
@@ -194,19 +192,19 @@ class ContactStepper(_ImplicitEuler):
         self.ground = ground
 
     def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
-        """Solve with the static limit where stuck; contacts that yield become kinetic, and again."""
+        """Solve with the static limit where stuck; contacts that reach it become kinetic, and again (G4)."""
         stuck, guess, iterations = state.stuck.copy(), state.joints.ravel(), 0
-        for _ in range(MAX_BREAKAWAYS):
+        while True:
             cap = np.where(stuck, self.ground.static_ratio, 1.0)
             now = self._now(state, l_cmd, force, cap, dt)
             solution = self.newton.solve(guess, now)
             iterations += solution.iterations
             load = loads(solution.q, self.body, self.contact, now)
-            slip, slide = self._return_map(solution.q, now, load)
-            yielding = stuck & (slip != 0.0)
-            if not solution.converged or self.ground.static_ratio == 1.0 or not yielding.any():
+            breaks = stuck & self._reaches_limit(solution.q, now, load)
+            if not solution.converged or self.ground.static_ratio == 1.0 or not breaks.any():
                 break
-            stuck, guess = stuck & ~yielding, solution.q
+            stuck, guess = stuck & ~breaks, solution.q
+        slip, slide = self._return_map(solution.q, now, load)
         touching = load > 0.0
         moved = self._moved(state, solution.q, l_cmd, dt)
         x = apexes(moved.joints, self.body.a)[..., 0]
@@ -230,19 +228,28 @@ class ContactStepper(_ImplicitEuler):
             joint_load=np.zeros(len(state.joints)),
         )
 
-    def _return_map(self, q: FloatArray, now: Now, load: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(G3): return the anchors' signed motion and what is left of the displacement from them."""
+    def _gauge(self, q: FloatArray, now: Now) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return s*, y = s - s* and cap b of (G2), each of shape (N, 2) [m]."""
         g, d = self.ground, now.direction[:, None]
         x = apexes(q.reshape(-1, 2), self.body.a)[..., 0]
-        s = d * (x - now.anchor)
         r = 1.0 / (1.0 / g.yield_gauge + g.gauge_damping / now.dt)
         centre = g.gauge_damping / now.dt * r * now.slide_n
-        y = s - centre
+        y = d * (x - now.anchor) - centre
         mu = np.where(y > 0.0, g.mu_forward[:, None], g.mu_backward[:, None])
-        limit = now.cap * r / np.maximum(mu, g.least)
+        return centre, y, now.cap * r / np.maximum(mu, g.least)
+
+    def _reaches_limit(self, q: FloatArray, now: Now, load: FloatArray) -> NDArray[np.bool_]:
+        """(G4): return which contacts have the greatest friction that they can have, shape (N, 2)."""
+        _, y, limit = self._gauge(q, now)
+        reaches: NDArray[np.bool_] = (load > 0.0) & (np.abs(y) > limit * (1.0 - TIE))
+        return reaches
+
+    def _return_map(self, q: FloatArray, now: Now, load: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(G3): return the anchors' signed motion and what is left of the displacement from them."""
+        centre, y, limit = self._gauge(q, now)
         yields = (load > 0.0) & (np.abs(y) > limit * (1.0 + YIELD_TOLERANCE))
-        left = np.where(yields, centre + np.sign(y) * limit, s)
-        return np.where(yields, s - left, 0.0), left
+        left = centre + np.where(yields, np.sign(y) * limit, y)
+        return np.where(yields, centre + y - left, 0.0), left
 
 
 class ClampedStepper(_ImplicitEuler):

@@ -45,7 +45,6 @@ KERNELS_OF: Mapping[str, tuple[str, ...]] = {
     "exchanged": RESIDUAL,
     "residual": RESIDUAL,
     "ahead": ("segment_motion", "point_yielding"),
-    "look": ("point_slip",),
     "expect": ("point_expected",),
     "start": ("segment_shape", "world", "segment_rims", "segment_shape", "point_start", "node_start", "joint_start"),
     "end": (),

@@ -13,7 +13,7 @@ from worm3d.solver import fronts, ledger, regimes
 from worm3d.solver.advance import actuate
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import Block, copy, matrix, vector
-from worm3d.solver.entry import kernel, reset
+from worm3d.solver.entry import reset
 from worm3d.solver.evaluate import LOCAL, WHOLE, evaluate, hold
 from worm3d.solver.newton import _newton_step
 from worm3d.solver.records import record
@@ -66,14 +66,6 @@ def ahead_loop(core: Core, times: int) -> None:
     for _ in range(times):
         regimes.look_ahead(core, vector(core.block, a.DIRECTION), 1e9)
         regimes.change(core, regimes.lands(core))
-
-
-@njit
-def look_loop(core: Core, times: int) -> None:
-    """Ask whether contacts yield after the last iteration."""
-    for _ in range(times):
-        p = matrix(core.block, a.POINT_IN)
-        run(kernel(core, a.POINT_SLIP), p, matrix(core.block, a.SLIP_OUT), p.shape[1])
 
 
 @njit

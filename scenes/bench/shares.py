@@ -106,7 +106,6 @@ class Bed:
             "refactorise": lambda times: loops.linear_loop(core, BLOCK * (core.n // 2), times),
             "solve": lambda times: loops.linear_loop(core, -1, times),
             "ahead": lambda times: loops.ahead_loop(core, times),
-            "look": lambda times: loops.look_loop(core, times),
             "expect": lambda times: loops.expect_loop(core, times),
             "start": lambda times: loops.start_loop(core, self.command, DT, times),
             "end": lambda times: loops.end_loop(core, times),
@@ -150,7 +149,7 @@ def parts_of_step(us: Mapping[str, float], counts: Counts) -> dict[str, float]:
     return {
         "kernels": whole * us["whole"] + exchanged * us["exchanged"] + counts.residuals * us["residual"],
         "linear solver": whole * us["factorise"] + exchanged * us["refactorise"] + counts.residuals * us["solve"],
-        "contact regimes": iterations * us["ahead"] + counts.solves * us["look"] + us["expect"],
+        "contact regimes": iterations * us["ahead"] + us["expect"],
         "start and end of a step": us["start"] + us["end"],
         "ledger": us["ledger"],
         "recording": us["record"],

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from planar.linkage import Friction, Linkage
-from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Contact, Now, evaluate
+from planar.linkage import Friction, Linkage, regimes
+from planar.linkage.element import BAND, LAW, NO_BAND, OPEN, ROWS, SLIDE, STICK, Body, Contact, Now, evaluate
 from planar.linkage.ground import Ground
 from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
 from planar.linkage.step import body_of, contact_of
@@ -43,6 +43,7 @@ def some_step(worm: Linkage) -> tuple[np.ndarray, Now]:
         cap=np.tile([1.0, 1.2], (N, 1)),
         load=np.abs(rng.standard_normal((N, 2))),
         push=rng.standard_normal((N, 2)),
+        regime=np.full((N, 2), LAW),
     )
     return joints.ravel(), now
 
@@ -71,6 +72,27 @@ def test_against_central_differences(uneven_worm: Linkage, coupled: bool) -> Non
         assert_allclose(matrix[:, i], (above - below) / (2 * step), rtol=1e-6, atol=1e-4)
     asymmetry = np.abs(matrix - matrix.T).max()
     assert (asymmetry > 1.0) == coupled, "the loads of the friction couple the directions, one way only"
+
+
+def test_given_regimes_against_central_differences(uneven_worm: Linkage) -> None:
+    """Where each contact has any regime, right or wrong; with that of the law the residual is the law's."""
+    q, now = some_step(uneven_worm)
+    q[1::2] -= 0.03  # all bottoms touch
+    body, contact = body_of(uneven_worm), contact_of_scale(uneven_worm, 1000.0)
+    law, given, band, step = np.zeros(SIZE), np.zeros(SIZE), np.zeros((ROWS, SIZE)), 1e-7
+    evaluate(q, body, contact, now, True, law, NO_BAND)
+    own = now._replace(regime=regimes.of_law(q, body.a, contact, now))
+    assert len(set(own.regime.ravel())) > 3
+    evaluate(q, body, contact, own, True, given, NO_BAND)
+    assert_allclose(given, law, rtol=1e-12, atol=1e-12)
+    other = now._replace(regime=np.array([[OPEN, STICK], [STICK + 1, SLIDE], [SLIDE + 1, OPEN], [STICK, SLIDE]]))
+    evaluate(q, body, contact, other, True, given, band)
+    matrix = dense(band)
+    for i, e in enumerate(step * np.eye(SIZE)):
+        above, below = np.zeros(SIZE), np.zeros(SIZE)
+        evaluate(q + e, body, contact, other, True, above, NO_BAND)
+        evaluate(q - e, body, contact, other, True, below, NO_BAND)
+        assert_allclose(matrix[:, i], (above - below) / (2 * step), rtol=1e-6, atol=1e-4)
 
 
 def potential(worm: Linkage, q: np.ndarray, now: Now, **changes: object) -> float:

@@ -93,10 +93,10 @@ def test_in_lock_step_all_do_what_one_needs() -> None:
 def test_at_their_own_pace_all_do_what_one_needs() -> None:
     us = dict.fromkeys(lane_bound.KERNELS_OF, 1.0) | {"factorise": 1.0, "refactorise": 1.0, "solve": 0.0}
     alone = lane_bound._own_pace(us, Counts(1.0, 2.0, 3.0), 1)
-    assert_allclose(list(alone.values()), [5.0, 2.0, 7.0, 2.0, 1.0, 1.0])
+    assert_allclose(list(alone.values()), [5.0, 2.0, 6.0, 2.0, 1.0, 1.0])
     beside = lane_bound._own_pace(us, Counts(1.0, 2.0, 3.0), 2)
     turns, jacobians = 5.0 * (1.0 - 0.8**2), 5.0 * (1.0 - 0.6**2)
-    assert_allclose(list(beside.values()), [5.0, jacobians, 5.0 + 2.0 * turns, 2.0 * turns, turns, turns])
+    assert_allclose(list(beside.values()), [5.0, jacobians, 5.0 + turns, 2.0 * turns, turns, turns])
 
 
 def test_the_rest_of_a_loop_is_shared_by_the_lanes() -> None:
@@ -105,7 +105,7 @@ def test_the_rest_of_a_loop_is_shared_by_the_lanes() -> None:
     alone |= {"factorise": 8.0, "refactorise": 4.0}
     side = dict.fromkeys(names, 0.5) | {"factorise": 3.0, "solve": 1.0}
     filled = lane_bound._filled(alone, side, 4)
-    assert filled["look"] == 0.5 + 8.0 / 4.0
+    assert filled["expect"] == 0.5 + 8.0 / 4.0
     assert filled["end"] == 9.0 / 4.0
     assert (filled["factorise"], filled["refactorise"], filled["solve"]) == (3.0, 1.5, 1.0)
 

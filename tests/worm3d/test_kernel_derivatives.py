@@ -43,7 +43,6 @@ FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
     point.start,
     point.yielding,
     point.expected,
-    point.slip,
     point.after,
     point.momenta,
     node.start,

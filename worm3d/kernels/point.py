@@ -218,8 +218,9 @@ def yielding() -> ca.Function:
 
     y = s - s* (2); by how much it is beyond the yield limit, for the largest coefficient; the penetration -g - d*
     (negative where nothing touches); f' (2) of (C5) and the normal load; the square of the fraction of itself, or of
-    the yield limit, by which y changes; the regime that follows where the law denies one by more than `error`; and
-    whether K of before is out of date: with another regime, or where y changes by more than `SWUNG`.
+    the yield limit, by which y changes; the regime that follows where the law denies one by more than `error`;
+    whether K of before is out of date: with another regime, or where y changes by more than `SWUNG`; by how much eta is
+    beyond (C6); and by how much it changes, the error included.
     """
     s, c = LAYOUT.symbols, _contact()
     now = c.slide - c.law.centre
@@ -235,6 +236,7 @@ def yielding() -> ca.Function:
     touching = c.touching - ca.dot(s["normal"], s["first"])
     backs = ca.dot(_elastic(now) ** 2 * now, y) <= 0.0
     held = HELD * ca.if_else(at.multiplier > 0.0, contact.share(at.f, _sided(c.of), c.law.cap), 1.0)
+    recent = ca.norm_2(_elastic(y) * dy) + largest * s["error"]
     regime = _next(y, eta, excess, touching, share < held, backs)
     swings = ca.logic_and(s["regime"] == SLIDING, swing > SWUNG)
     rows = {
@@ -246,6 +248,8 @@ def yielding() -> ca.Function:
         "swing": swing,
         "regime": regime,
         "stale": ca.logic_or(regime != s["regime"], swings),
+        "reach": contact.reach(y, c.of, c.law),
+        "recent": recent,
     }
     return LAYOUT.function("point_yielding", rows)
 
@@ -306,12 +310,6 @@ def expected() -> ca.Function:
     return LAYOUT.function("point_expected", {"pull": pull, "foreseen": load, "regime": regime})
 
 
-def slip() -> ca.Function:
-    """Return the slip of the anchor (2) at X."""
-    return LAYOUT.function("point_slip", {"slip": _slip()})
-
-
-@cache
 def _slip() -> ca.SX:
     """Motion of the anchor (C4), shape (2,): zero where nothing touches, all of s where the place has no grip."""
     s, c = LAYOUT.symbols, _contact()

@@ -74,7 +74,6 @@ KERNELS = (
     "point_start",
     "point_yielding",
     "point_expected",
-    "point_slip",
     "point_after",
     "point_momenta",
     "node_start",
@@ -104,7 +103,6 @@ KERNELS = (
     POINT_START,
     POINT_YIELDING,
     POINT_EXPECTED,
-    POINT_SLIP,
     POINT_AFTER,
     POINT_MOMENTA,
     NODE_START,
@@ -184,8 +182,7 @@ ARRAYS = (
     "started",  # inside point_in: from tangent to deep
     "first",  # inside point_in, with the lanes of segments
     "segment_ledger",  # terms, hinge angles and "first", inside point_in
-    "yielding_out",  # y (2), excess, penetration, pull (2), load, swing, regime, whether stale
-    "slip_out",
+    "yielding_out",  # y (2), excess, penetration, pull (2), load, swing, regime, whether stale, reach, recent
     "after_out",  # terms of the ledger, and what becomes of the point, as in `point.AFTER`
     "joint_in",
     "joint_presets",  # inside joint_in: its last rows
@@ -263,7 +260,6 @@ ARRAYS = (
     FIRST,
     SEGMENT_LEDGER_,
     YIELDING_OUT,
-    SLIP_OUT,
     AFTER_OUT,
     JOINT_IN,
     JOINT_PRESETS,
@@ -362,7 +358,7 @@ class CoreMemory:
         Lanes for n segments, for the n - 1 joints between them and for all n + 1 joints.
     world_rows : int
         Inputs of the world's kernel: x (3) and its parameters.
-    kernels : ndarray of int, shape (27,)
+    kernels : ndarray of int, shape (26,)
         Addresses.
     """
 
@@ -448,8 +444,7 @@ def _shapes(n: int, lanes: int, joint_lanes: int, node_lanes: int, world_rows: i
         "started": (point.LAYOUT.first("anchor") - point.LAYOUT.first("tangent"), p),
         "first": (3 * POINTS, lanes),
         "segment_ledger": (segment.LEDGER_ROWS + 3 * POINTS, lanes),
-        "yielding_out": (10, p),
-        "slip_out": (2, p),
+        "yielding_out": (12, p),
         "after_out": (point.AFTER.rows, p),
         "moved": (1, BLOCK * (lanes + 1) + vectors.WIDTH),
         "sums": (1, vectors.WIDTH),

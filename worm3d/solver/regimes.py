@@ -9,7 +9,7 @@ from worm3d.codegen import evaluate as run
 from worm3d.compiled import inner, njit
 from worm3d.kernels import point, segment
 from worm3d.solver import arrays as a
-from worm3d.solver.arrays import BLOCK, POINTS, Core
+from worm3d.solver.arrays import BLOCK, Core
 from worm3d.solver.block import copy, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
 
@@ -18,14 +18,11 @@ FloatArray = NDArray[np.float64]
 _LOAD_N, _REGIME, _STIFFNESS, _CAP = point.LAYOUT.firsts("load_n", "regime", "stiffness", "cap")
 _DQ, _FIRST, _PULL = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull")
 _FORESEEN, _ERROR = point.LAYOUT.firsts("foreseen", "error")
-Y, EXCESS, TOUCHING, PULL, SWING, NEXT, STALE = 0, 2, 3, 4, 7, 8, 9
+Y, EXCESS, TOUCHING, PULL, SWING, NEXT, STALE, REACH, RECENT = 0, 2, 3, 4, 7, 8, 9, 10, 11
 """Rows of "yielding_out"."""
 
 SHALLOW = 1e-5
 """A step that drives what lands no deeper than this fraction of the segment length is taken."""
-
-UNSETTLED = 0.01
-"""Square of the change of y, as a fraction of itself, above which a contact that slides may yet come to rest."""
 
 PRESSED = 1e-3
 """What lands is taken for pressed in by this fraction of the segment length until a step foresees its load."""
@@ -126,37 +123,28 @@ def sticking(y: float) -> float:
 
 
 @inner
-def free(core: Core, least: float) -> bool:
-    """Let what slides at the static limit slide at the kinetic one; return whether there was such a contact.
+def break_away(core: Core, trust: float) -> bool:
+    """Let all that is stuck and reaches its static limit slide at the kinetic one (C6); return whether something did.
 
     Parameters
     ----------
-    least : float
-        How far beyond the limit the displacement is at least, while it changes little; 0 for all that slide, but none
-        as long as one is about to come to rest: its displacement changes by much of itself.
+    trust : float
+        Nothing breaks away yet where, for one contact, the distance from the limit is not more than so many times what
+        the last step has changed. 0: the iterate solves the step.
     """
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
-    stuck, freed = vector(core.block, a.STUCK), False
-    lanes, concerned = p.shape[1] // POINTS, vector(core.block, a.CHANGED)
-    if least == 0.0 and _swings(core):
+    stuck, concerned = vector(core.block, a.STUCK), vector(core.block, a.CHANGED)
+    reach, recent, breaks = out[REACH], out[RECENT], False
+    for k in range(p.shape[1]):
+        if p[_CAP, k] > 1.0 and p[_REGIME, k] != point.OPEN:
+            if trust > 0.0 and abs(reach[k]) <= trust * recent[k]:
+                return False
+            breaks = breaks or reach[k] > 0.0
+    if not breaks:
         return False
-    for s in range(POINTS):
-        for i in range(core.n):
-            k = s * lanes + i
-            slides = p[_CAP, k] > 1.0 and p[_REGIME, k] == point.SLIDING
-            far = out[NEXT, k] == point.SLIDING and out[EXCESS, k] > least and out[SWING, k] < UNSETTLED
-            if slides and (least == 0.0 or far):
-                stuck[k], p[_CAP, k], freed, concerned[k] = 0.0, 1.0, True, 1.0
-    return freed
-
-
-@inner
-def _swings(core: Core) -> bool:
-    """Return whether, of a contact that slides, the displacement changes by much of itself."""
-    p, swing = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)[SWING]
-    lanes = p.shape[1] // POINTS
-    for s in range(POINTS):
-        for k in range(s * lanes, s * lanes + core.n):
-            if p[_REGIME, k] == point.SLIDING and p[_STIFFNESS, k] > 0.0 and swing[k] > UNSETTLED:
-                return True
-    return False
+    for k in range(p.shape[1]):
+        if p[_CAP, k] > 1.0 and p[_REGIME, k] != point.OPEN and reach[k] > 0.0:
+            for row in (_PULL, _PULL + 1):
+                p[row, k] /= p[_CAP, k]
+            stuck[k], p[_CAP, k], concerned[k] = 0.0, 1.0, 1.0
+    return True

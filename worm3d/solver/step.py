@@ -11,10 +11,10 @@ from worm3d.compiled import inner
 from worm3d.kernels import inertia, joint, node, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, ledger
-from worm3d.solver.arrays import BLOCK, POINTS, Core
+from worm3d.solver.arrays import BLOCK, Core
 from worm3d.solver.block import address, combine, copy, fill, matrix, rows, vector
 from worm3d.solver.clamped import solve_clamped
-from worm3d.solver.entry import call, count, kernel, opened
+from worm3d.solver.entry import call, kernel, opened
 from worm3d.solver.evaluate import DIRECTOR, LENGTHS, TANGENT, place
 from worm3d.solver.faces import turn_faces
 from worm3d.solver.guard import NO_CONVERGENCE, OK, guard
@@ -23,8 +23,6 @@ from worm3d.solver.newton import solve
 
 FloatArray = NDArray[np.float64]
 
-MAX_BREAKAWAYS = 50
-"""Rounds of contacts going from stuck to kinetic within a step; each frees at least one, so it ends anyway."""
 _T_REF, _D_REF = segment.LAYOUT.firsts("t_ref", "d_ref")
 _SPAN, _DT, _COMMANDED, _COMMANDED_N = segment.LAYOUT.firsts("span", "dt", "commanded", "commanded_n")
 _L_HAT, _A_HAT, _L_N, _A_N = segment.LAYOUT.firsts("length_hat", "angle_hat", "length_n", "angle_n")
@@ -173,28 +171,12 @@ def _begin_points(core: Core, dt: float, span: float) -> None:
 
 @inner
 def _solve_contact(core: Core) -> bool:
-    """Solve with the static limit where stuck; contacts that yield become kinetic, and again."""
-    p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.SLIP_OUT)
-    stuck, ratio = vector(core.block, a.STUCK), vector(core.block, a.NUMBERS_)[a.STATIC_RATIO]
-    lanes = p.shape[1] // POINTS
-    for attempt in range(MAX_BREAKAWAYS):
-        for k in range(p.shape[1]):
-            p[_CAP, k] = ratio if stuck[k] > 0.0 else 1.0
-        if not solve(core, attempt > 0):
-            return False
-        if ratio == 1.0:
-            return True
-        run(kernel(core, a.POINT_SLIP), p, out, p.shape[1])
-        yielding = False
-        for s in range(POINTS):
-            for k in range(s * lanes, s * lanes + core.n):
-                if stuck[k] > 0.0 and (out[0, k] != 0.0 or out[1, k] != 0.0):
-                    stuck[k] = 0.0
-                    yielding = True
-        if not yielding:
-            return True
-        count(core, 2)
-    return True
+    """Solve with the static limit where contacts are stuck until they break away."""
+    cap, stuck = rows(core.block, a.POINT_IN, _CAP, 1), vector(core.block, a.STUCK)
+    ratio = vector(core.block, a.NUMBERS_)[a.STATIC_RATIO]
+    for k in range(len(cap)):
+        cap[k] = ratio if stuck[k] > 0.0 else 1.0
+    return solve(core, False)
 
 
 @inner

@@ -1,0 +1,67 @@
+"""Regimes of the contacts: where the law's kinks keep Newton from converging it solves with them given.
+
+A contact is open, or it is stuck or slides, towards the head or the tail. With given regimes a step is smooth: an open
+contact has no load even where it has sunk in, another one its linear load even where it would pull, and friction is one
+branch of (G2). A solution whose regimes are those of the law there solves the step itself.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planar.linkage.element import OPEN, SLIDE, STICK, Contact, Now
+from planar.linkage.shape import apexes
+from planar.linkage.worm import FloatArray
+
+Regimes = NDArray[np.int64]
+
+AT_ONCE = 10
+"""Rounds in which all regimes that the law denies change; after that only the one that it denies most, lest two or more
+take turns for ever."""
+
+ROUNDING = 1e-9
+"""Fraction of the yield displacement, or of the contact's mean load, by which the law may be missed."""
+
+
+def of_law(q: FloatArray, a: FloatArray, contact: Contact, now: Now) -> Regimes:
+    """Return the regimes at q by the law itself, shape (N, 2); `a` is the length of the links."""
+    load, y, limit = _state(q, a, contact, now)
+    slides = np.abs(y) > limit
+    return np.where(load > 0.0, np.where(slides, SLIDE, STICK) + (y <= 0.0), OPEN)
+
+
+def after(q: FloatArray, a: FloatArray, contact: Contact, now: Now, turn: int) -> Regimes:
+    """Return the regimes that follow those in `now`, with which q solves the step; the same where it obeys the law.
+
+    What slides comes to rest before it turns round, and turns round before it slides the other way.
+    """
+    load, y, limit = _state(q, a, contact, now)
+    old, scale = now.regime, max(float(np.abs(load).mean()), 1e-300)
+    tail = old % 2
+    along = np.where(tail == 1, -y, y) / limit
+    wrong = np.select(
+        [old == OPEN, load < 0.0, old >= SLIDE, along < 0.0],
+        [load / scale, -load / scale, 1.0 - along, -along],
+        along - 1.0,
+    )
+    new = np.select(
+        [old == OPEN, load < 0.0, old >= SLIDE, along < 0.0],
+        [of_law(q, a, contact, now), OPEN, STICK + tail, STICK + 1 - tail],
+        SLIDE + tail,
+    )
+    denied = wrong > ROUNDING
+    if turn >= AT_ONCE and denied.any():
+        denied = wrong == wrong.max()
+    return np.where(denied, new, old)
+
+
+def _state(q: FloatArray, a: FloatArray, contact: Contact, now: Now) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the load, negative where a contact is apart, y of (G2) and cap b, each of shape (N, 2)."""
+    at = apexes(q.reshape(-1, 2), a)
+    stiff = contact.stiffness + contact.damping / now.dt
+    load = -stiff * at[..., 1] - contact.damping / now.dt * now.depth_n
+    r = 1.0 / (1.0 / contact.yield_gauge + contact.gauge_damping / now.dt)
+    y = now.direction[:, None] * (at[..., 0] - now.anchor) - contact.gauge_damping / now.dt * r * now.slide_n
+    mu = np.where(y > 0.0, contact.mu_forward[:, None], contact.mu_backward[:, None])
+    return load, y, now.cap * r / np.maximum(mu, contact.least)

@@ -1,0 +1,51 @@
+"""2D = 3D for 200 random worms: the study `planar_worms.py` with few steps; WORM3D_PLANAR_STEPS asks for more."""
+
+import os
+
+import numpy as np
+import planar_worms as study
+import pytest
+
+from planar import linkage
+
+STEPS = int(os.environ.get("WORM3D_PLANAR_STEPS", "20"))
+COUNT = 200
+
+
+@pytest.fixture(scope="module")
+def outcomes() -> list[study.Outcome]:
+    return [study.outcome(study.case(1, index), STEPS) for index in range(COUNT)]
+
+
+@pytest.mark.slow
+def test_nearly_all_agree_and_the_others_solve_their_step(outcomes: list[study.Outcome]) -> None:
+    """At least 99 % to 1e-9 m; a step with high coefficients may have several solutions, and both found one."""
+    admitted = [one for one in outcomes if not one.refused]
+    assert len(admitted) > 0.95 * COUNT
+    assert sum(one.agree for one in admitted) >= 0.99 * len(admitted), [one for one in admitted if not one.agree]
+    for one in admitted:
+        assert one.solved == (True, True), one
+
+
+def test_the_check_of_a_step_tells_solutions_from_others() -> None:
+    """What `planar.linkage` found solves its step; the place a micrometre beside it or the one before does not."""
+    it = study.case(1, 3)
+    run = linkage.simulate(
+        linkage.Linkage(**it.worm),
+        it.gait,
+        duration=12 * it.dt,
+        dt=it.dt,
+        friction=linkage.Friction(*it.friction),
+        slope=it.slope,
+    )
+    for step in (1, 12):
+        slid = run.slip[step - 1]
+        assert study.solves(it, run, step, run.joints[step], slid)
+        assert not study.solves(it, run, step, run.joints[step] + [1e-6, 0.0], slid)
+        assert not study.solves(it, run, step, run.joints[step - 1], slid)
+
+
+def test_a_case_is_always_the_same() -> None:
+    one, same, other = study.case(1, 3), study.case(1, 3), study.case(1, 4)
+    assert one.sentence == same.sentence != other.sentence
+    np.testing.assert_array_equal(one.gait(0.3), same.gait(0.3))
