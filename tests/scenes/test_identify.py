@@ -179,7 +179,7 @@ def test_the_command_writes_what_controllers_and_people_need(
     tables = (tmp_path / "out" / "steering.md").read_text("utf-8").splitlines()
     assert sum(line.startswith(("| hinge |", "| bias |")) for line in tables) == studies.CURVES + 6
     assert (tmp_path / "out" / "steering.png").stat().st_size > 10_000
-    assert len(list((tmp_path / "cache" / "worm3d" / "identified").glob("*.json"))) == 1
+    assert len(list((tmp_path / "cache" / "worm3d" / "identified").glob("*.map"))) == 1
     with pytest.raises(SceneError, match="exists and is not empty"):
         command.run(load_scene("flat"), tmp_path / "out", force=False, quiet=True)
 
