@@ -20,11 +20,12 @@ Friction (C3), set-valued with anchors: s is the displacement from the anchor an
 
 It is linear while eta <= cap r. Far beyond, f = cap M^2 y/rho with M = diag(mu_x, mu_l): Coulomb's law with the
 greatest dissipation on an ellipse. f never leaves that ellipse: f_i/(cap mu_i) is a harmonic mean of e_i y_i/eta and
-mu_i y_i/rho, which make unit vectors. For e = mu, and for motion along one axis, f is the gradient of the potential
+mu_i y_i/rho, which make unit vectors. Where H = 1 it is the gradient of Huber's potential
 
-    h = cap^2 lambda + r/2 sum_i mu_i e_i (y_i/P_i)^2      (for e = mu that of Huber)
+    h = cap^2 lambda + r/2 sum_i (mu_i y_i/P_i)^2
 
-The limit mu_x -> 0 is regular: no force along x, an anchor that follows, and lateral friction that goes on to hold.
+and where it is not, there is none across the axes: descent (`worm3d.solver.newton`) takes H = 1 everywhere. The limit
+mu_x -> 0 is regular: no force along x, an anchor that follows, and lateral friction that goes on to hold.
 
 rho_b, the breakaway displacement times e, is one number, so that all contacts yield together whatever their load; D
 puts a damper beside the anchor's spring, both capped together. cap is 1, and static_ratio while a contact is stuck.
@@ -133,7 +134,7 @@ def friction(y: ca.SX, of: Coefficients, law: Law, sticks: ca.SX | float = 0.0) 
 
 
 def potential(y: ca.SX, at: Friction, law: Law) -> ca.SX:
-    """Return h(y) of (C3): the potential per unit of normal load [m]."""
+    """Return h(y) of (C3): the potential per unit of normal load [m], where the hardness is 1."""
     return law.cap**2 * at.multiplier + 0.5 * law.r * ca.dot(at.f, y * at.per_P)
 
 

@@ -130,7 +130,9 @@ def _force() -> dict[str, ca.SX]:
     s, c = LAYOUT.symbols, _contact()
     T = ca.horzcat(*_tangents())
     y = c.slide - c.law.centre
-    at = contact.friction(y, _sided(c.of), c.law, s["regime"] >= STICKING)
+    soft = [ca.if_else(s["coupled"] != 0.0, each, 1.0) for each in c.of.hardness]  # else f had no potential
+    of = _sided(contact.Coefficients(c.of.mu, contact.Directions(*soft)))
+    at = contact.friction(y, of, c.law, s["regime"] >= STICKING)
     mixed = ca.logic_and(s["coupled"] != 0.0, s["regime"] != FREE)
     load = ca.if_else(ca.logic_and(mixed, s["regime"] != OPEN), s["foreseen"], c.load)
     pull = ca.if_else(mixed, s["pull"], at.f)
