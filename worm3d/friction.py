@@ -138,4 +138,4 @@ class ContactConstants:
 def _least(mu: FloatArray) -> float:
     """Return the least coefficient that sets the breakaway displacement; smaller ones are as hard as that one."""
     largest = float(mu.max())
-    return max(float(mu.min()), SMALLEST_COEFFICIENT * largest) if largest > TINY else 1.0
+    return float(mu[mu >= SMALLEST_COEFFICIENT * largest].min()) if largest > TINY else 1.0

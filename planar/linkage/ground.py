@@ -137,7 +137,7 @@ class Ground:
         forward, backward = friction.coefficients(worm.segments)
         both = np.concatenate([forward, backward])
         largest = float(both.max())
-        mu = max(float(both.min()), SMALLEST_COEFFICIENT * largest) if largest > 0.0 else 1.0
+        mu = float(both[both >= SMALLEST_COEFFICIENT * largest].min()) if largest > 0.0 else 1.0
         yield_gauge = mu * BREAKAWAY * worm.l0
         return cls(
             stiffness=stiffness,
