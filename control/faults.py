@@ -159,7 +159,7 @@ def _tipped(waves: Sequence[Wave]) -> Iterator[Fault]:
         yield Fault(
             waves[-1].end,
             "tipped",
-            f"the worm rests on its {side} side: the chambers there carry it",
+            f"the worm leans on its {side} side, or lies on it: the chambers there carry it",
             "set it upright; no wave does that. Ask for gentler turns, or for less of a slope across",
         )
 
