@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import metrics
+from worm3d import metrics, roll
 from worm3d.read_only import brief, listed
 from worm3d.solver.arrays import TERMS
 from worm3d.state import State
@@ -218,6 +218,11 @@ class Result:
     def com_velocity(self) -> FloatArray:
         """Velocity of the centre of mass, shape (T, 3) [m/s]."""
         return self.momentum / self.worm.mass
+
+    @cached_property
+    def on_its_side(self) -> float | None:
+        """When the worm began to lie on its side [s]; None if it did not, or there is no ground (`worm3d.roll`)."""
+        return roll.on_its_side(self)
 
     @cached_property
     def heading(self) -> FloatArray:

@@ -13,7 +13,6 @@ from control.ladder import MOST_SHIFTED
 from control.loop import WaveController
 from control.plan import PlanStatus
 from scenes.summary import Cell
-from worm3d.roll import on_its_side
 
 Row = dict[str, Cell]
 """`time_s` [s], when it was found, `kind`, `what` and `advice`."""
@@ -26,7 +25,7 @@ SOLVERS = {status.value for status in PlanStatus}
 
 def of_plant(result: worm3d.Result) -> list[Row]:
     """Return what the plant knows that no controller has to tell."""
-    since = on_its_side(result)
+    since = result.on_its_side
     if since is None:
         return []
     advice = "what it does from then on is not what its gait means: ask for gentler turns, less slope or less of a push"

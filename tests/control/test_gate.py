@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from control.gate import KEPT, SPAN, Gate, Refusal
@@ -118,31 +116,3 @@ def test_long_runs_are_remembered_only_as_far_as_it_matters() -> None:
 def test_an_observation_is_no_measurement() -> None:
     with pytest.raises(TypeError, match=r"measurement: got dict, must be a .*Measurement; let sensors make it"):
         Gate(WORM)(NOW, {})  # type: ignore[arg-type]
-
-
-NUMBER = st.one_of(st.floats(), st.sampled_from([NAN, INF, -INF, 1e308, -1e308, 0.0, 0.3]))
-ANYTHING = st.one_of(st.none(), NUMBER, st.text(max_size=3), st.integers(), st.lists(NUMBER, max_size=4), st.binary())
-
-
-@settings(max_examples=150, deadline=None, derandomize=True)
-@given(
-    strain=st.one_of(ANYTHING, st.lists(NUMBER, min_size=12, max_size=12).map(lambda v: np.reshape(v, (6, 2)))),
-    com=st.one_of(ANYTHING, st.lists(NUMBER, min_size=3, max_size=3).map(np.array)),
-    heading=ANYTHING,
-    instants=st.lists(ANYTHING, min_size=3, max_size=3),
-)
-def test_whatever_comes_what_passes_can_be_used(strain, com, heading, instants) -> None:
-    gate = Gate(WORM)
-    seen = gate(NOW, Measurement(NOW, strain, instants[0], com, instants[1], heading, instants[2]))
-    for name in ("strain", "com", "heading"):
-        if getattr(seen, name) is not None:
-            assert NOW - SPAN <= getattr(seen, f"{name}_time") <= NOW + 1e-6
-    if seen.strain is not None:
-        assert seen.strain.shape == (6, 2)
-        assert np.isfinite(seen.strain).any(axis=1).sum() >= 4
-        assert np.nanmin(seen.strain) >= -1.0
-    if seen.com is not None:
-        assert seen.com.shape == (3,)
-        assert np.isfinite(seen.com[:2]).all()
-    if seen.heading is not None:
-        assert np.isfinite(seen.heading)

@@ -1,4 +1,4 @@
-"""Corrupted measurements, in closed loop on the plant: runs reach their end, hardly worse, without a NaN on the way."""
+"""Measurements damaged at random: closed loops reach their end, hardly worse, and nothing unusable passes the gate."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -6,9 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fuzzing import TIMES, examples
+from hypothesis import given
+from hypothesis import strategies as st
 
 from control.baselines import OpenLoop, PiLineOfSight
 from control.estimator import Estimator
+from control.gate import SPAN, Gate
 from control.identified import load
 from control.loop import WaveController
 from control.measurement import Measurement
@@ -24,7 +28,8 @@ from worm3d import Command, Observation, Plane, Result, Worm, simulate
 WORM = Worm()
 FOUND = load(WORM)
 REFERENCE = Reference(Constant(0.08), path=Circle(1.5, start=(0.5, 0.0)))
-NAN = float("nan")
+NAN, INF = float("nan"), float("inf")
+NOW = 5.0
 
 Corruption = Callable[[np.random.Generator, str, Any], Any]
 
@@ -144,7 +149,10 @@ def figures(result: Result, watched: Watched) -> dict[str, float | None]:
 
 @pytest.mark.parametrize(
     ("kind", "seed", "heading", "share"),
-    [("mpc", 1, False, 0.03), ("mpc", 2, True, 0.1), ("pi_los", 4, True, 0.03), ("open_loop", 5, True, 0.03)],
+    [
+        *(("mpc", 1, False, 0.03), ("mpc", 2, True, 0.1), ("pi_los", 4, True, 0.03), ("open_loop", 5, True, 0.03)),
+        *((("mpc", "pi_los")[k % 2], 100 + k, k % 3 == 0, 0.03) for k in range(10 * (TIMES - 1))),
+    ],
 )
 def test_rare_corruption_of_all_channels_costs_little(kind: str, seed: int, heading: bool, share: float) -> None:
     """Against the run of the same seed that is not corrupted."""
@@ -223,3 +231,31 @@ def test_an_estimator_without_a_gate_stays_finite_too(wrong: dict[str, Any]) -> 
         assert np.isfinite(last.covariance).all()
         assert np.isfinite(last.slope).all()
         assert last.state.x == pytest.approx(0.66, abs=0.02)
+
+
+NUMBER = st.one_of(st.floats(), st.sampled_from([NAN, INF, -INF, 1e308, -1e308, 0.0, 0.3]))
+ANYTHING = st.one_of(st.none(), NUMBER, st.text(max_size=3), st.integers(), st.lists(NUMBER, max_size=4), st.binary())
+
+
+@examples(150)
+@given(
+    strain=st.one_of(ANYTHING, st.lists(NUMBER, min_size=12, max_size=12).map(lambda v: np.reshape(v, (6, 2)))),
+    com=st.one_of(ANYTHING, st.lists(NUMBER, min_size=3, max_size=3).map(np.array)),
+    heading=ANYTHING,
+    instants=st.lists(ANYTHING, min_size=3, max_size=3),
+)
+def test_whatever_comes_what_passes_can_be_used(strain, com, heading, instants) -> None:
+    gate = Gate(WORM)
+    seen = gate(NOW, Measurement(NOW, strain, instants[0], com, instants[1], heading, instants[2]))
+    for name in ("strain", "com", "heading"):
+        if getattr(seen, name) is not None:
+            assert NOW - SPAN <= getattr(seen, f"{name}_time") <= NOW + 1e-6
+    if seen.strain is not None:
+        assert seen.strain.shape == (6, 2)
+        assert np.isfinite(seen.strain).any(axis=1).sum() >= 4
+        assert np.nanmin(seen.strain) >= -1.0
+    if seen.com is not None:
+        assert seen.com.shape == (3,)
+        assert np.isfinite(seen.com[:2]).all()
+    if seen.heading is not None:
+        assert np.isfinite(seen.heading)
