@@ -1,0 +1,195 @@
+"""How far the time step puts a run off: distance, turn and work of each scene against a fine reference.
+
+    python -m scenes.bench.accuracy --out DIR
+
+prints three tables and writes them as accuracy.md; `scenes/bench/accuracy.md` is one that it wrote. On rough ground
+every stone decides, so that a run says little: there the tables have mean and standard deviation over starts that
+differ by a millimetre, as the reference has. Takes two or three minutes of one core.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from scenes import folder as folders
+from scenes.bench.crawl import StoppedError
+from scenes.bench.machine import machine
+from scenes.bench.tables import Cells, aligned, markdown_table
+from scenes.errors import SceneError
+from scenes.files import write_bytes
+from scenes.loader import load_scene
+from scenes.runner import simulate
+
+FloatArray = NDArray[np.float64]
+
+STEPS = (0.02, 0.01, 0.005, 0.002)
+"""Time steps that are judged [s]."""
+REFERENCE = 0.0002
+"""Time step that they are judged by [s]."""
+ROW = 0.02
+"""Between two rows of a record [s]: a multiple of every time step."""
+
+STARTS, SHIFT, SEED = 8, 0.001, 7
+"""On rough ground: how many starts, and how far they are from the scene's along each axis, at most [m]."""
+
+FIGURES = ("distance_m", "heading_change_deg", "work_contract_J")
+
+SAYS = (
+    f"Time steps against one of {1e3 * REFERENCE:g} ms, scene by scene. Where a cell has two numbers they are mean and "
+    f"standard deviation over {STARTS} starts within {1e3 * SHIFT:g} mm of the scene's, of both time steps alike: less "
+    "than two thirds of the second is no difference. Made by `python -m scenes.bench.accuracy --out DIR`."
+)
+
+SPREADS = {".4g": ".1g", ".1f": ".1f", "+.1f": ".1f"}
+"""How a standard deviation is written, by how the mean is."""
+
+app = typer.Typer(add_completion=False)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene with changes, and whether its ground is rough."""
+
+    scene: str
+    changes: tuple[str, ...] = ()
+    rough: bool = False
+
+
+CASES: Mapping[str, Case] = {
+    "flat": Case("flat"),
+    "flat, period 0.5 s": Case("flat", ("gait.period_s=0.5",)),
+    "flat, little damping": Case("flat", ("worm.kelvin_voigt_time_s=0.005",)),
+    "flat, hinges 30 deg": Case("flat", ("gait.hinge_deg=30",)),
+    "flat, bias 0.5": Case("flat", ("gait.bias=0.5",)),
+    "slope_5": Case("slope_5"),
+    "flat, slope 9 deg": Case("flat", ("world.slope_deg=9",)),
+    "slope_15": Case("slope_15"),
+    "planar_case": Case("planar_case"),
+    "pipe_straight": Case("pipe_straight"),
+    "pipe_bend": Case("pipe_bend", ("run.duration_s=30",)),
+    "pipe_narrowing": Case("pipe_narrowing", ("run.duration_s=30",)),
+    "pipe_vertical": Case("pipe_vertical"),
+    "slope_into_pipe": Case("slope_into_pipe"),
+    "rubble": Case("rubble", rough=True),
+    "mesh_tunnel": Case("mesh_tunnel", rough=True),
+}
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a case came to.
+
+    Attributes
+    ----------
+    name : str
+    reference : ndarray, shape (starts, 3)
+        `FIGURES` at the fine time step.
+    coarse : ndarray, shape (steps, starts, 3)
+        At each of `STEPS`.
+    """
+
+    name: str
+    reference: FloatArray
+    coarse: FloatArray
+
+
+@app.command()
+def main(
+    out: Annotated[Path, typer.Option(help="Folder for accuracy.md.")],
+    force: Annotated[bool, typer.Option(help="Write into a folder that has something in it.")] = False,
+) -> None:
+    """Measure how far the time step puts the scenes off."""
+    try:
+        with folders.prepared(out, "bench-accuracy", force=force) as folder:
+            found = measure(lambda name: typer.echo(name, err=True))
+            write_bytes(folder / "accuracy.md", markdown(found).encode())
+    except SceneError as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(error.exit_code) from error
+    for title, header, rows in tables(found):
+        typer.echo("\n".join((title, *aligned(header, rows), "")))
+
+
+def measure(watch: Callable[[str], None] = lambda name: None) -> list[Found]:
+    """Run all cases; `watch` is called with the name of each before it begins.
+
+    Raises
+    ------
+    StoppedError
+        A run did not reach its end.
+    """
+    found = []
+    for name, case in CASES.items():
+        watch(name)
+        places = starts(case)
+        of = partial(_figures, name, case)
+        reference, *coarse = (np.array([of(place, dt) for place in places]) for dt in (REFERENCE, *STEPS))
+        found.append(Found(name, reference, np.array(coarse)))
+    return found
+
+
+def starts(case: Case) -> list[tuple[str, ...]]:
+    """Return the changes of a scene by which its runs start at different places: none where the ground is even."""
+    if not case.rough:
+        return [()]
+    x, y = load_scene(case.scene, case.changes).settings.start.position_m  # type: ignore[attr-defined]
+    moved = np.array([x, y]) + np.random.default_rng(SEED).uniform(-SHIFT, SHIFT, (STARTS, 2))
+    return [(f"start.position_m={place}",) for place in moved.tolist()]
+
+
+def _figures(name: str, case: Case, start: tuple[str, ...], dt: float) -> list[float]:
+    stepped = (f"run.dt_s={dt}", f"run.record_every={round(ROW / dt)}")
+    record = simulate(load_scene(case.scene, (*case.changes, *start, *stepped)))
+    if record.status != "done":
+        raise StoppedError(f"bench: {name}, time step {1e3 * dt:g} ms: {record.sentence}")
+    return [np.nan if record.summary[figure] is None else float(str(record.summary[figure])) for figure in FIGURES]
+
+
+def markdown(found: list[Found]) -> str:
+    """Return the report."""
+    lines = ["# What the time step changes", "", SAYS, ""]
+    for title, header, rows in tables(found):
+        lines += [f"## {title}", "", *markdown_table(header, rows), ""]
+    about = machine()
+    return "\n".join([*lines, f"{about['cpu']}, {about['system']}, {about['date']}."]) + "\n"
+
+
+def tables(found: list[Found]) -> Iterator[tuple[str, Cells, list[Cells]]]:
+    """Yield title, header and rows of each table."""
+    header = ("scene", f"{1e3 * REFERENCE:g} ms", *(f"{1e3 * dt:g} ms" for dt in STEPS))
+    yield "Distance: reference [m], and differences [%]", header, [_relative(each, 0) for each in found]
+    yield "Turn: reference, and differences [degrees]", header, [_absolute(each, 1) for each in found]
+    yield "Work of contraction: reference [J], and differences [%]", header, [_relative(each, 2) for each in found]
+
+
+def _relative(found: Found, figure: int) -> Cells:
+    reference = found.reference[:, figure]
+    off = 100.0 * (found.coarse[:, :, figure] - reference.mean()) / abs(reference.mean())
+    return (found.name, _shown(reference, ".4g"), *(_shown(each, "+.1f") for each in off))
+
+
+def _absolute(found: Found, figure: int) -> Cells:
+    reference = found.reference[:, figure]
+    off = found.coarse[:, :, figure] - reference.mean()
+    return (found.name, _shown(reference, ".1f"), *(_shown(each, "+.1f") for each in off))
+
+
+def _shown(values: FloatArray, form: str) -> str:
+    """Return a number, mean and standard deviation of several, or a dash for what has no value (a vertical heading)."""
+    if np.isnan(values).any():
+        return "-"
+    mean = f"{values.mean():{form}}"
+    mean = mean[1:] if float(mean) == 0.0 and mean[0] in "+-" else mean
+    return mean if len(values) == 1 else f"{mean} ± {values.std(ddof=1):{SPREADS[form]}}"
+
+
+if __name__ == "__main__":
+    app()

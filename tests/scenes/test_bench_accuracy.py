@@ -1,0 +1,73 @@
+"""`scenes.bench.accuracy`: what it measures is what runs say, and the table that is shipped has every scene."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from typer.testing import CliRunner
+
+from scenes.bench import accuracy
+from scenes.bench.accuracy import Case, Found
+from scenes.loader import load_scene, shipped_scenes
+from scenes.runner import simulate
+
+SHIPPED = Path(accuracy.__file__).with_suffix(".md").read_text(encoding="utf-8")
+
+
+def test_the_shipped_table_has_every_case_and_the_cases_every_scene() -> None:
+    for name in accuracy.CASES:
+        assert SHIPPED.count(f"| {name} |") == 3, "make it anew: python -m scenes.bench.accuracy --out DIR"
+    worms = {n for n in shipped_scenes() if load_scene(n).kind.name in ("worm", "worm_planar")}
+    assert {case.scene for case in accuracy.CASES.values()} >= worms - {"free_fall", "slope"}
+
+
+def test_the_shipped_table_fits_a_terminal() -> None:
+    assert max(map(len, SHIPPED.split("##", 1)[1].splitlines())) <= 100
+
+
+def test_differences_are_those_of_the_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    changes = ("run.duration_s=1", "gait.hinge_deg=20")
+    monkeypatch.setattr(accuracy, "CASES", {"bends": Case("flat", changes)})
+    done = CliRunner().invoke(accuracy.app, ["--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    (found,) = accuracy.measure()
+    summary = simulate(load_scene("flat", (*changes, "run.dt_s=0.005"))).summary
+    assert_allclose(found.coarse[2, 0], [summary[name] for name in accuracy.FIGURES], rtol=1e-9)
+    off = np.abs(found.coarse[:, 0] / found.reference[0] - 1.0)
+    assert (off[3] < off[0]).all(), "finer steps are better"
+    assert f"| bends | {found.reference[0, 0]:.4g} | " in (tmp_path / "out" / "accuracy.md").read_text()
+
+
+def test_several_starts_are_a_mean_and_a_spread() -> None:
+    reference = np.array([[1.0, 10.0, 2.0], [3.0, 20.0, 4.0]])
+    found = Found("rough", reference, np.array([reference, reference + 1.0, reference, reference]))
+    rows = [rows[0] for _, _, rows in accuracy.tables([found])]
+    assert rows[0][:4] == ("rough", "2 ± 1", "0.0 ± 70.7", "+50.0 ± 70.7")
+    assert rows[1][:4] == ("rough", "15.0 ± 7.1", "0.0 ± 7.1", "+1.0 ± 7.1")
+    assert rows[2][3] == "+33.3 ± 47.1"
+
+
+def test_rough_ground_is_entered_at_several_places_within_a_millimetre() -> None:
+    assert accuracy.starts(Case("flat")) == [()]
+    starts = accuracy.starts(Case("rubble", rough=True))
+    places = [
+        load_scene("rubble", start).settings.start.position_m  # type: ignore[attr-defined]
+        for start in starts
+    ]
+    off = np.array(places) - load_scene("rubble").settings.start.position_m  # type: ignore[attr-defined]
+    assert len(np.unique(off, axis=0)) == accuracy.STARTS
+    assert 0.0 < np.abs(off).max() <= accuracy.SHIFT
+
+
+def test_what_has_no_value_is_a_dash() -> None:
+    nothing = np.full((1, 3), np.nan)
+    (_, _, (row,)), *_ = accuracy.tables([Found("vertical", nothing, np.full((4, 1, 3), np.nan))])
+    assert row == ("vertical", *5 * ("-",))
+
+
+def test_a_run_that_stops_is_a_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(accuracy, "CASES", {"folds": Case("flat", ("gait.hinge_deg=110",))})
+    done = CliRunner().invoke(accuracy.app, ["--out", str(tmp_path / "out")])
+    assert done.exit_code == 3
+    assert "bench: folds, time step " in done.output
