@@ -143,7 +143,9 @@ def outcome(it: Case, steps: int) -> Outcome:
     if all(solved):
         found = (oracle.joints[step], oracle.slip[step - 1]), (joints[step], result.slip[step, :, :2])
         solved = solves(it, oracle, step, *found[0]), solves(it, oracle, step, *found[1])
-    return Outcome(False, False, step, solved, f"{it.sentence}; {oracle.status.name}/{result.status.name}")
+    parts = len(oracle.steps[step - 1]) if step <= len(oracle.steps) else 0
+    ends_as = f"{oracle.status.name} in {parts} parts/{result.status.name}, {result.halved_steps} steps halved"
+    return Outcome(False, False, step, solved, f"{it.sentence}; {ends_as}")
 
 
 def solves(it: Case, oracle: linkage.Run, step: int, q: np.ndarray, slipped: np.ndarray) -> bool:
