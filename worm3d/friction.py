@@ -22,6 +22,10 @@ SMALLEST_COEFFICIENT = 0.01
 """Coefficients below this fraction of the largest, 0 too, do not set the breakaway displacement: the others would
 become so stiff that rounding shows. Their contacts are harder instead, so that they yield no later."""
 
+LEAST_BESIDE_SMALL = 0.1
+"""Where there are such, the greatest fraction of the largest coefficient that sets it: what glides almost freely one
+way creeps across, in every step, by about as much as makes it yield there, and that has to be little."""
+
 NEGLIGIBLE = 1e-13
 """Coefficients below this fraction of the largest, 0 too, count as that: in a step its force changes a velocity by less
 than places are rounded, and the law needs no exception for 0."""
@@ -138,4 +142,7 @@ class ContactConstants:
 def _least(mu: FloatArray) -> float:
     """Return the least coefficient that sets the breakaway displacement; smaller ones are as hard as that one."""
     largest = float(mu.max())
-    return float(mu[mu >= SMALLEST_COEFFICIENT * largest].min()) if largest > TINY else 1.0
+    if largest <= TINY:
+        return 1.0
+    small = mu < SMALLEST_COEFFICIENT * largest
+    return min(float(mu[~small].min()), LEAST_BESIDE_SMALL * largest if small.any() else np.inf)

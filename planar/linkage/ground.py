@@ -45,6 +45,10 @@ SMALLEST_COEFFICIENT = 0.01
 """Coefficients below this fraction of the largest, 0 too, do not set the breakaway displacement: the others would
 become so stiff that rounding shows."""
 
+LEAST_BESIDE_SMALL = 0.1
+"""Where there are such, the greatest fraction of the largest coefficient that sets it (as in `worm3d`, whose contacts
+also creep sideways)."""
+
 TANGENTIAL_DAMPING_RATIO = 40.0
 """Of the contact with the smallest coefficient, for the mass that it holds; larger ones are damped more.
 
@@ -137,7 +141,10 @@ class Ground:
         forward, backward = friction.coefficients(worm.segments)
         both = np.concatenate([forward, backward])
         largest = float(both.max())
-        mu = float(both[both >= SMALLEST_COEFFICIENT * largest].min()) if largest > 0.0 else 1.0
+        small = both < SMALLEST_COEFFICIENT * largest
+        mu = float(both[~small].min()) if largest > 0.0 else 1.0
+        if small.any():
+            mu = min(mu, LEAST_BESIDE_SMALL * largest)
         yield_gauge = mu * BREAKAWAY * worm.l0
         return cls(
             stiffness=stiffness,
