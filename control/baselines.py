@@ -31,7 +31,7 @@ from control.preview import turn_rate
 from control.reduced import ReducedModel, ReducedState
 from control.references import Reference
 from control.steering import GaitParameters, Mechanism
-from worm3d import Worm
+from worm3d import Worm, arguments
 
 HEADING = ReducedState._fields.index("heading")
 
@@ -160,9 +160,9 @@ class Gains:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value >= 0.0) or (field.name == "reach" and value == 0.0):
-                raise ValueError(f"{field.name}: got {value!r}, must be finite and at least 0 (reach: above 0)")
+            low = {"gt": 0.0} if field.name == "reach" else {"ge": 0.0}
+            allowed = "finite and at least 0 (reach: above 0)"
+            arguments.number(field.name, getattr(self, field.name), **low, allowed=allowed)  # type: ignore[arg-type]
 
 
 class PiLineOfSight(_Baseline):

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline
 
+from worm3d import arguments
+
 FloatArray = NDArray[np.float64]
 
 PARTS = 16
@@ -207,11 +209,7 @@ def _unit(vector: FloatArray) -> FloatArray:
 
 def require_points(points: ArrayLike, least: int) -> FloatArray:
     """Return points as a read-only array; ValueError if it is not (P, 2) with at least so many."""
-    array = np.array(points, dtype=float)
-    if array.ndim != 2 or array.shape[1] != 2 or len(array) < least or not np.isfinite(array).all():
-        raise ValueError(f"points: got shape {array.shape}, must be finite and (P, 2) with P of at least {least}")
-    array.setflags(write=False)
-    return array
+    return arguments.array("points", points, ("P", 2), least=least)
 
 
 def require_apart(points: FloatArray) -> None:

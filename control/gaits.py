@@ -18,7 +18,7 @@ from typing import Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import Command, Commands
+from worm3d import Command, Commands, arguments
 
 FloatArray = NDArray[np.float64]
 Direction = Literal["direct", "retrograde"]
@@ -64,10 +64,8 @@ class Gait(ABC):
 
     def __post_init__(self) -> None:
         for name in ("amplitude", "hinge", "force"):
-            if not np.isfinite(getattr(self, name)):
-                raise ValueError(f"{name}: got {getattr(self, name)!r}, must be finite")
-        if not -1.0 <= self.bias <= 1.0:
-            raise ValueError(f"bias: got {self.bias!r}, must lie in [-1, 1]")
+            arguments.number(name, getattr(self, name))
+        arguments.number("bias", self.bias, ge=-1.0, le=1.0, allowed="a number in [-1, 1]")
 
     @abstractmethod
     def activation(self, t: float, segments: int) -> FloatArray:
@@ -137,7 +135,8 @@ class TravellingWave(Gait):
     def __post_init__(self) -> None:
         super().__post_init__()
         _require_positive(period=self.period, wavelength=self.wavelength)
-        _require_choice("direction", self.direction, get_args(WaveDirection))
+        arguments.choice("direction", self.direction, get_args(WaveDirection))
+        arguments.flag("rectified", self.rectified)
 
     def activation(self, t: float, segments: int) -> FloatArray:
         """Return the activation of each segment at time t [s], shape (segments,), in [-1, 1]."""
@@ -200,8 +199,9 @@ class ContractionEngine_segmentdriven(Gait):  # noqa: N801 - the paper's name
                 f"T_contract: got {self.T_contract!r} s, must be at most T_wave ({self.T_wave!r} s): "
                 "a segment must end its contraction before it is activated again"
             )
-        _require_choice("contractType", self.contractType, get_args(Pulse))
-        _require_choice("direction", self.direction, get_args(Direction))
+        arguments.choice("contractType", self.contractType, get_args(Pulse))
+        arguments.choice("direction", self.direction, get_args(Direction))
+        arguments.flag("alternating", self.alternating)
 
     def activation(self, t: float, segments: int) -> FloatArray:
         """Return the activation of each segment at time t [s], shape (segments,), in [-1, 1]."""
@@ -231,10 +231,4 @@ class ContractionEngine_segmentdriven(Gait):  # noqa: N801 - the paper's name
 
 def _require_positive(**values: float) -> None:
     for name, value in values.items():
-        if not (value > 0 and np.isfinite(value)):
-            raise ValueError(f"{name}: got {value!r}, must be finite and above 0")
-
-
-def _require_choice(name: str, value: str, allowed: tuple[str, ...]) -> None:
-    if value not in allowed:
-        raise ValueError(f"{name}: got {value!r}, must be one of {', '.join(map(repr, allowed))}")
+        arguments.number(name, value, gt=0.0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from control.gaits import Body
 from control.steering import GaitParameters, Schedule
-from worm3d import Command
+from worm3d import Command, arguments
 
 BLEND = 0.25
 """Waves in which a parameter covers 63 % of a change, if nothing else is said."""
@@ -42,8 +42,10 @@ class WaveGenerator:
     """
 
     def __init__(self, schedule: Schedule, body: Body, blend: float = BLEND) -> None:
-        if not (np.isfinite(blend) and blend > 0.0):
-            raise ValueError(f"blend: got {blend!r} waves, must be finite and above 0")
+        arguments.number("blend", blend, "waves", gt=0.0)
+        arguments.instance("schedule", schedule, Schedule, "a control.steering.Schedule")
+        if not (hasattr(body, "segments") and hasattr(body, "stroke")):
+            raise ValueError(f"body: got {type(body).__name__}, must be a worm3d.Worm")
         self.schedule, self.blend, self._body = schedule, blend, body
         self.reset()
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from control.curves import Curve, require_apart, require_points
-from worm3d import Bend, Centreline, Straight
+from worm3d import Bend, Centreline, Straight, arguments
+from worm3d.read_only import ReadOnly
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class PlanView(Curve):
+class PlanView(ReadOnly, Curve):
     """The centre line of a pipe seen from above.
 
     Attributes
@@ -27,6 +27,7 @@ class PlanView(Curve):
     centreline: Centreline
 
     def __post_init__(self) -> None:
+        arguments.instance("centreline", self.centreline, Centreline, "a worm3d.Centreline")
         if np.linalg.norm(self.centreline.at(self._nodes_of_line())[1][:, :2], axis=1).min() < 1e-3:
             raise ValueError("centreline: it is vertical somewhere, where it has no heading; follow a level part of it")
 
@@ -69,10 +70,8 @@ class WayPoints(PlanView):
 
     def __init__(self, points: ArrayLike, radius: float = 1.0) -> None:
         object.__setattr__(self, "points", require_points(points, 2))
-        object.__setattr__(self, "radius", float(radius))
+        object.__setattr__(self, "radius", arguments.number("radius", radius, "m", gt=0.0))
         require_apart(self.points)
-        if not (math.isfinite(radius) and radius > 0.0):
-            raise ValueError(f"radius: got {radius!r} m, must be finite and above 0")
         super().__init__(_rounded(self.points, self.radius))
 
 

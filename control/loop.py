@@ -11,7 +11,7 @@ import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import partial
-from math import inf, isfinite
+from math import inf
 from time import perf_counter
 from typing import Protocol
 
@@ -27,7 +27,7 @@ from control.measurement import Measurement
 from control.references import Reference
 from control.steering import GaitParameters, Schedule
 from control.watch import Watch
-from worm3d import Command, Worm
+from worm3d import Command, Worm, arguments
 
 _LOG = logging.getLogger(__name__)
 
@@ -85,8 +85,7 @@ class WaveController(ABC):
         control_period: float = 0.2,
         estimator: Estimates | None = None,
     ) -> None:
-        if not (isfinite(control_period) and control_period > 0.0):
-            raise ValueError(f"control_period: got {control_period!r} s, must be finite and above 0")
+        arguments.number("control_period", control_period, "s", gt=0.0)
         self.worm, self.reference, self.control_period, self.estimator = worm, reference, control_period, estimator
         self.generator = WaveGenerator(schedule, worm)
         self.gate = Gate(worm, getattr(estimator, "span", SPAN))

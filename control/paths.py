@@ -19,9 +19,14 @@ from scipy.interpolate import CubicSpline
 
 from control.curves import Curve, require_apart, require_points
 from control.legs import PlanView, WayPoints
+from worm3d import arguments
+from worm3d.read_only import ReadOnly
 
 FloatArray = NDArray[np.float64]
 Side = Literal["left", "right"]
+
+MOST_WAVES = 10_000
+"""Of an S-curve, whose length is summed up piece by piece."""
 
 __all__ = ["Circle", "Line", "Path", "PlanView", "SCurve", "Side", "SplinePath", "WayPoints", "offset", "track"]
 
@@ -73,8 +78,7 @@ class Line:
 
     def __post_init__(self) -> None:
         _require_start(self.start, self.azimuth)
-        if not self.length > 0.0:
-            raise ValueError(f"length: got {self.length!r} m, must be above 0")
+        arguments.number("length", self.length, "m", gt=0.0, infinite=True)
 
     def point(self, s: ArrayLike) -> FloatArray:
         """Return points; see `Path`."""
@@ -119,9 +123,8 @@ class Circle:
 
     def __post_init__(self) -> None:
         _require_start(self.start, self.azimuth)
-        _require_side(self.towards)
-        if not (math.isfinite(self.radius) and self.radius > 0.0):
-            raise ValueError(f"radius: got {self.radius!r} m, must be finite and above 0")
+        arguments.choice("towards", self.towards, get_args(Side))
+        arguments.number("radius", self.radius, "m", gt=0.0)
 
     @property
     def length(self) -> float:
@@ -183,11 +186,10 @@ class SCurve(Curve):
 
     def __post_init__(self) -> None:
         _require_start(self.start, self.azimuth)
-        _require_side(self.towards)
-        for name in ("amplitude", "wavelength", "waves"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name}: got {value!r}, must be finite and above 0")
+        arguments.choice("towards", self.towards, get_args(Side))
+        for name in ("amplitude", "wavelength"):
+            arguments.number(name, getattr(self, name), gt=0.0)
+        arguments.number("waves", self.waves, gt=0.0, le=MOST_WAVES)
 
     def knots(self) -> FloatArray:
         """Return every eighth of a wave; see `Curve`."""
@@ -204,7 +206,7 @@ class SCurve(Curve):
 
 
 @dataclass(frozen=True, eq=False)
-class SplinePath(Curve):
+class SplinePath(ReadOnly, Curve):
     """A cubic spline through points, with continuous curvature; over the chords, and natural at its ends.
 
     Attributes
@@ -219,7 +221,8 @@ class SplinePath(Curve):
     closed: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "points", require_points(self.points, 3 if self.closed else 2))
+        closed = arguments.flag("closed", self.closed)
+        object.__setattr__(self, "points", require_points(self.points, 3 if closed else 2))
         require_apart(self._run)
 
     def knots(self) -> FloatArray:
@@ -276,13 +279,6 @@ def _sign(side: Side) -> float:
     return 1.0 if side == "left" else -1.0
 
 
-def _require_side(side: str) -> None:
-    if side not in get_args(Side):
-        raise ValueError(f"towards: got {side!r}, must be 'left' or 'right'")
-
-
 def _require_start(start: tuple[float, float], azimuth: float) -> None:
-    if len(start) != 2 or not all(map(math.isfinite, (*start, azimuth))):
-        raise ValueError(
-            f"start, azimuth: got {start!r} and {azimuth!r}, must be finite: (x, y) [m] and an angle [rad]"
-        )
+    arguments.array("start", start, (2,))
+    arguments.number("azimuth", azimuth, "rad")

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from control.gaits import Direction, Gait
+from worm3d import arguments
 
 FloatArray = NDArray[np.float64]
 
@@ -53,14 +54,10 @@ class TwoAnchor(Gait):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not -1.0 <= self.extension <= 0.0:
-            raise ValueError(f"extension: got {self.extension!r}, must lie in [-1, 0]")
-        if not (np.isfinite(self.period) and self.period > 0.0):
-            raise ValueError(f"period: got {self.period!r} s, must be finite and above 0")
-        if isinstance(self.anchors, bool) or not isinstance(self.anchors, int) or self.anchors < 1:
-            raise ValueError(f"anchors: got {self.anchors!r}, must be a whole number of at least 1")
-        if self.direction not in get_args(Direction):
-            raise ValueError(f"direction: got {self.direction!r}, must be 'direct' or 'retrograde'")
+        arguments.number("extension", self.extension, ge=-1.0, le=0.0, allowed="a number in [-1, 0]")
+        arguments.number("period", self.period, "s", gt=0.0)
+        arguments.whole("anchors", self.anchors)
+        arguments.choice("direction", self.direction, get_args(Direction))
 
     def activation(self, t: float, segments: int) -> FloatArray:
         """Return the activation of each segment at time t [s], shape (segments,), in [extension, 1]."""

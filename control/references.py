@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from control.paths import Path
+from worm3d import arguments
 
 FloatArray = NDArray[np.float64]
 Profile = Callable[[Any], Any]
@@ -52,12 +52,12 @@ class Steps:
     values: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "times", tuple(map(float, self.times)))
-        object.__setattr__(self, "values", tuple(map(float, self.values)))
+        arguments.number("first", self.first)
+        for name in ("times", "values"):
+            given = arguments.array(name, getattr(self, name), ("K",), least=0)
+            object.__setattr__(self, name, tuple(given.tolist()))
         if len(self.times) != len(self.values):
             raise ValueError(f"values: got {len(self.values)} for {len(self.times)} times, must be one for each")
-        if not all(map(math.isfinite, (self.first, *self.times, *self.values))):
-            raise ValueError("first, times, values: must be finite")
         if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
             raise ValueError(f"times: got {self.times!r}, must grow")
 
@@ -78,8 +78,7 @@ class Sine:
 
     def __post_init__(self) -> None:
         _require_finite(self)
-        if self.period <= 0.0:
-            raise ValueError(f"period: got {self.period!r} s, must be above 0")
+        arguments.number("period", self.period, "s", gt=0.0)
 
     def __call__(self, t: ArrayLike) -> FloatArray:
         """Return the values at times of any shape [s]."""
@@ -114,16 +113,12 @@ class Reference:
             raise ValueError("heading, path: got both, must be at most one: a path has headings of its own")
         for name in ("speed", "heading"):
             given = getattr(self, name)
-            if not (callable(given) or (given is None and name == "heading")):
-                raise ValueError(
-                    f"{name}: got {given!r}, must be a function of time: control.references.Constant(0.08)"
-                )
+            if not (given is None and name == "heading"):
+                arguments.function(name, given, "a function of time: control.references.Constant(0.08)")
         if not (self.path is None or isinstance(self.path, Path)):
             raise ValueError(f"path: got {type(self.path).__name__}, must be a path such as control.paths.Line()")
 
 
 def _require_finite(profile: Constant | Sine) -> None:
     for field in fields(profile):
-        value = getattr(profile, field.name)
-        if not math.isfinite(value):
-            raise ValueError(f"{field.name}: got {value!r}, must be finite")
+        arguments.number(field.name, getattr(profile, field.name))

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from control.measurement import Measurement
-from worm3d import Observation
+from worm3d import Observation, arguments
 
 FloatArray = NDArray[np.float64]
 
@@ -61,13 +61,11 @@ class Channel:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name != "rate" and not (np.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{field.name}: got {value!r}, must be finite and at least 0")
-        if self.dropout > 1.0:
-            raise ValueError(f"dropout: got {self.dropout!r}, must be a probability, at most 1")
-        if not self.rate > 0.0:
-            raise ValueError(f"rate: got {self.rate!r} Hz, must be above 0; infinite for a sample at every call")
+            if field.name != "rate":
+                arguments.number(field.name, getattr(self, field.name), ge=0.0)
+        arguments.number("dropout", self.dropout, le=1.0, allowed="a probability, at most 1")
+        rate = "above 0; infinite for a sample at every call"
+        arguments.number("rate", self.rate, "Hz", gt=0.0, infinite=True, allowed=rate)
 
 
 STRAIN = Channel(noise=0.01)
@@ -106,8 +104,11 @@ class Sensors:
         seed: int = 0,
         mirrored: bool = False,
     ) -> None:
-        if seed < 0:
-            raise ValueError(f"seed: got {seed!r}, must be at least 0")
+        arguments.whole("seed", seed, ge=0)
+        for name, channel in (("strain", strain), ("com", com), ("heading", heading)):
+            optional = Channel | None if name == "heading" else Channel
+            arguments.instance(name, channel, optional, "a control.sensors.Channel")
+        arguments.flag("mirrored", mirrored)
         self.channels = {"strain": strain, "com": com} | ({} if heading is None else {"heading": heading})
         self.seed, self.mirrored = seed, mirrored
         self.reset()

@@ -53,7 +53,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from control.gaits import Body, Direction
-from worm3d import Command, Commands
+from worm3d import Command, Commands, arguments
 
 FloatArray = NDArray[np.float64]
 Mechanism = Literal["hinge", "bias"]
@@ -89,13 +89,11 @@ class GaitParameters:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            if not np.isfinite(value):
-                raise ValueError(f"{field.name}: got {value!r}, must be finite")
+            arguments.number(field.name, getattr(self, field.name))
         if self.amplitude < 0.0:
             raise ValueError(f"amplitude: got {self.amplitude!r}, must be at least 0")
-        if self.frequency <= 0.0:
-            raise ValueError(f"frequency: got {self.frequency!r} Hz, must be above 0; amplitude 0 stands still")
+        standing = "above 0; amplitude 0 stands still"
+        arguments.number("frequency", self.frequency, "Hz", gt=0.0, allowed=standing)
 
     def steered(self, mechanism: Mechanism, steering: float) -> GaitParameters:
         """Return the same wave, steered by one mechanism only."""
@@ -139,14 +137,10 @@ class Schedule:
 
     def __post_init__(self) -> None:
         for name in ("wavelength", "steering_wavelength"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise ValueError(f"{name}: got {getattr(self, name)!r}, must be finite and above 0")
+            arguments.number(name, getattr(self, name), gt=0.0)
         for name in ("bias_phase", "hinge_phase", "lead"):
-            if not np.isfinite(getattr(self, name)):
-                raise ValueError(f"{name}: got {getattr(self, name)!r}, must be finite")
-        if self.direction not in get_args(Direction):
-            allowed = ", ".join(map(repr, get_args(Direction)))
-            raise ValueError(f"direction: got {self.direction!r}, must be one of {allowed}")
+            arguments.number(name, getattr(self, name))
+        arguments.choice("direction", self.direction, get_args(Direction))
 
     def commands(self, phase: FloatArray, parameters: FloatArray, body: Body) -> Commands:
         """Return the commands at K phases psi [rad], (S1) and (S2).
@@ -189,6 +183,11 @@ class SteeredWave:
     parameters: GaitParameters
     schedule: Schedule = Schedule()
     blend: float = 0.25
+
+    def __post_init__(self) -> None:
+        arguments.instance("parameters", self.parameters, GaitParameters, "a control.steering.GaitParameters")
+        arguments.instance("schedule", self.schedule, Schedule, "a control.steering.Schedule")
+        arguments.number("blend", self.blend, "waves", gt=0.0)
 
     @property
     def period(self) -> float:

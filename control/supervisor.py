@@ -6,7 +6,7 @@ It is the loop of `control.loop`, with the choice of the wave's parameters by `c
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from control.reduced import ReducedModel
 from control.references import Reference
 from control.sensors import Channel
 from control.steering import Mechanism, Schedule
-from worm3d import Worm
+from worm3d import Worm, arguments
 
 Deadline = Literal["iterations", "wall"]
 
@@ -65,8 +65,7 @@ class Supervisor(WaveController):
         control_period: float = 0.2,
         deadline: Deadline = "iterations",
     ) -> None:
-        if deadline not in ("iterations", "wall"):
-            raise ValueError(f"deadline: got {deadline!r}, must be 'iterations' or 'wall'")
+        arguments.choice("deadline", deadline, get_args(Deadline))
         self._ladder = Ladder(model, mpc, reference, control_period if deadline == "wall" else np.inf)
         super().__init__(worm, reference, schedule or Schedule(), mpc.feed_forward, control_period, estimator)
 

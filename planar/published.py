@@ -23,7 +23,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from numbers import Integral
 from typing import TypeVar
 
 import numpy as np
@@ -35,6 +34,8 @@ from planar.net import BAND, Net
 from planar.published_parameters import Parameters
 from planar.published_run import Run
 from planar.status import Status, Stop
+from worm3d import arguments
+from worm3d.room import require_room
 
 __all__ = ["Activation", "Observer", "Parameters", "Run", "simulate", "travelling_wave"]
 
@@ -45,6 +46,15 @@ Activation = Callable[[float], FloatArray]
 
 Observer = Callable[[int], bool]
 """Called with the number of finished steps; returning False ends the run there."""
+
+
+MOST_SEGMENTS = 10_000
+"""A step solves a band matrix of six times as many rows."""
+
+
+def bytes_per_step(segments: int) -> float:
+    """Return the memory that a step takes until the run is a record, as measured [byte]."""
+    return 1000.0 + 12.0 * (3 * segments + 1) * 2 * 8
 
 
 class _BadCommandError(Exception):
@@ -247,16 +257,17 @@ def simulate(
     ValueError
         A number out of range, or an activation of the wrong shape.
     """
-    for name, count in (("n", n), ("steps", steps)):
-        if not isinstance(count, Integral) or isinstance(count, bool) or count < 1:
-            raise ValueError(f"{name}: got {count!r}, must be a whole number of at least 1")
+    arguments.whole("n", n, le=MOST_SEGMENTS)
+    arguments.whole("steps", steps)
     for name, seconds in (("T_wave", T_wave), ("dt", dt)):
-        if not (seconds > 0 and np.isfinite(seconds)):
-            raise ValueError(f"{name}: got {seconds!r} s, must be finite and above 0")
-    p = parameters or Parameters()
-    wave = activation or travelling_wave(n, T_wave, p)
-    if np.shape(wave(0.0)) != (n,):
-        raise ValueError(f"activation: got shape {np.shape(wave(0.0))}, must be ({n},), one value per segment")
+        arguments.number(name, seconds, "s", gt=0.0)
+    require_room("steps", steps * bytes_per_step(n), f"{steps} steps of {n} segments", "fewer of them")
+    p = Parameters() if parameters is None else parameters
+    arguments.instance("parameters", p, Parameters, "planar.published.Parameters")
+    wave = travelling_wave(n, T_wave, p) if activation is None else activation
+    arguments.array("activation", arguments.function("activation", wave)(0.0), (n,))
+    if observer is not None:
+        arguments.function("observer", observer, "a function of the number of finished steps")
     worm = _Worm(n, wave, p, dt)
     done, stop = _advance(worm, steps, observer)
     return _collect(n, dt, worm, done, stop)

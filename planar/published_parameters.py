@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from planar.net import Net
+from worm3d import arguments
 
 
 @dataclass(frozen=True)
@@ -73,25 +72,21 @@ class Parameters:
     max_iterations: int = 100
 
     def __post_init__(self) -> None:
-        for name in ("length", "k_spring", "k_link", "mass", "wavelength", "tolerance", "max_iterations"):
-            self._require(name, getattr(self, name) > 0, "finite and above 0")
+        for name in ("length", "k_spring", "k_link", "mass", "connector_mass", "wavelength", "tolerance"):
+            arguments.number(name, getattr(self, name), gt=0.0)
         for name in ("gravity", "mu_forward", "mu_backward", "velocity_threshold", "ground_clearance"):
-            self._require(name, getattr(self, name) >= 0, "finite and at least 0")
-        self._require("contraction_force", True, "finite")
-        self._require("max_iterations", self.max_iterations == int(self.max_iterations), "a whole number")
+            arguments.number(name, getattr(self, name), ge=0.0)
+        arguments.number("contraction_force", self.contraction_force)
+        arguments.whole("max_iterations", self.max_iterations)
+        for name in ("snap", "rectified"):
+            arguments.flag(name, getattr(self, name))
         if not 0 < self.connector_mass < self.mass:
             raise ValueError(
                 f"connector_mass: got {self.connector_mass!r} kg, must lie between 0 and mass ({self.mass!r} kg)"
             )
-        if self.normal_load not in ("weight", "residual"):
-            raise ValueError(f"normal_load: got {self.normal_load!r}, must be 'weight' or 'residual'")
-        if self.elastic_sign not in (-1.0, 1.0):
+        arguments.choice("normal_load", self.normal_load, ("weight", "residual"))
+        if arguments.number("elastic_sign", self.elastic_sign) not in (-1.0, 1.0):
             raise ValueError(f"elastic_sign: got {self.elastic_sign!r}, must be -1 (the program) or +1 (mechanics)")
-
-    def _require(self, name: str, holds: bool, rule: str) -> None:
-        value = getattr(self, name)
-        if not (np.isfinite(value) and holds):
-            raise ValueError(f"{name}: got {value!r}, must be {rule}")
 
     def ground_height(self, net: Net) -> float:
         """Return the height of the ground under a worm [m]."""

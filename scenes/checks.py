@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from scenes.limits import MOST_MEMORY
 from scenes.mistakes import Mistake, dotted
 from scenes.schema import Section, default_text, field_at, only_for
 from scenes.toml_lines import KeyPath
+from worm3d.room import MOST_MEMORY
 
 STEPS_PER_PERIOD = 10
 """A gait's period takes at least this many time steps."""

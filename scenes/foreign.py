@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from scenes.errors import SceneError
-from scenes.limits import MOST_MEMORY
+from worm3d.room import MOST_MEMORY
 
 PATIENCE = 60
 """Longest time to read a file [s]."""

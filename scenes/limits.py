@@ -2,6 +2,3 @@
 
 MOVIE_S = 30.0
 """Longer runs are animated up to here [s]."""
-
-MOST_MEMORY = 4e9
-"""A scene that needs more memory is refused [byte]."""

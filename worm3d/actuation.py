@@ -83,8 +83,10 @@ class Driver:
                 f"actuation: got {type(actuation).__name__}, must be a gait (with bind), a controller (with reset and "
                 "step), or a function of time"
             )
+        if not (sensor is None or (callable(sensor) and not isinstance(sensor, type))):
+            raise ValueError(f"sensor: got {type(sensor).__name__}, must be a function of an Observation, or None")
         if sensor is not None and self.controller is None:
-            raise ValueError("sensor: only a controller takes measurements; the actuation has no reset and step")
+            raise ValueError("sensor: only a controller takes measurements; the actuation must have reset and step")
 
     @property
     def tabular(self) -> bool:

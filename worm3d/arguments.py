@@ -15,8 +15,13 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
-MOST_MEMORY = 4e9
-"""A run, grid or table that needs more is refused [byte]."""
+SMALLEST, LARGEST = 1e-12, 1e12
+"""What is above 0 has to be in this range, in SI units, and nothing may be larger: squares and cubes stay numbers."""
+
+LARGEST_WHOLE = 2**63 - 1
+"""What 64 bits hold."""
+
+_LIKELY = f"between {SMALLEST:g} and {LARGEST:g}"
 
 _LONGEST = 80
 """Characters of a value in a sentence."""
@@ -32,20 +37,23 @@ def number(
     lt: float | None = None,
     le: float | None = None,
     infinite: bool = False,
+    allowed: str = "",
 ) -> float:
-    """Return a real number within a range, finite unless `infinite`."""
+    """Return a real number within a range, finite unless `infinite`; `allowed` says the range in other words."""
     found = _real(value)
+    got = f"{shown(value)}{f' {unit}' if unit else ''}"
     if found is None or not _within(found, gt, ge, lt, le) or not (np.isfinite(found) or (infinite and found > 0.0)):
-        got = f"{shown(value)}{f' {unit}' if unit else ''}"
-        raise ValueError(f"{name}: got {got}, must be {_range(gt, ge, lt, le, infinite)}")
+        raise ValueError(f"{name}: got {got}, must be {allowed or _range(gt, ge, lt, le, infinite)}")
+    if not (np.isinf(found) or _of_a_likely_size(found, gt)):
+        raise ValueError(f"{name}: got {got}, must be of a size {_LIKELY}")
     return found
 
 
-def whole(name: str, value: Any, ge: int = 1, le: int | None = None) -> int:
+def whole(name: str, value: Any, ge: int = 1, le: int = LARGEST_WHOLE) -> int:
     """Return a whole number within a range."""
     right = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not (right and value >= ge and (le is None or value <= le)):
-        most = "" if le is None else f" and at most {le}"
+    if not (right and ge <= value <= le):
+        most = f" and at most {le}" if right and value > le else ""
         raise ValueError(f"{name}: got {shown(value)}, must be a whole number of at least {ge}{most}")
     return int(value)
 
@@ -111,6 +119,9 @@ def array(
         right = np.isfinite(found) & _within(found, gt, ge, lt, le)
     if not right.all():
         raise ValueError(f"{name}: got {float(found[~right][0])!r}, every value must be {_range(gt, ge, lt, le)}")
+    likely = _of_a_likely_size(found, gt)
+    if not likely.all():
+        raise ValueError(f"{name}: got {float(found[~likely][0])!r}, every value must be of a size {_LIKELY}")
     found.setflags(write=False)
     return found
 
@@ -124,15 +135,6 @@ def floats(name: str, value: Any) -> FloatArray:
     if given.dtype.kind not in "iuf":
         raise ValueError(f"{name}: got {shown(value)}, must be numbers")
     return np.array(given, dtype=np.float64)
-
-
-def room(name: str, needed: float, what: str, remedy: str) -> None:
-    """Refuse what would not fit into memory, before anything is allocated; `needed` in bytes."""
-    if not needed <= MOST_MEMORY:
-        raise ValueError(
-            f"{name}: got {what}, about {needed / 1e9:.3g} GB of memory, must be at most {MOST_MEMORY / 1e9:g} GB; "
-            f"use {remedy}"
-        )
 
 
 def shown(value: Any) -> str:
@@ -164,6 +166,11 @@ def _within(value: Any, gt: float | None, ge: float | None, lt: float | None, le
         if bound is not None:
             inside = inside & holds(value, bound)
     return inside
+
+
+def _of_a_likely_size(value: Any, gt: float | None) -> Any:
+    size = np.abs(value)
+    return (size <= LARGEST) & (size >= (SMALLEST if gt == 0.0 else 0.0))
 
 
 def _range(gt: float | None, ge: float | None, lt: float | None, le: float | None, infinite: bool = False) -> str:

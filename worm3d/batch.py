@@ -11,6 +11,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from worm3d import arguments
 from worm3d.actuation import Actuation
 from worm3d.friction import Friction
 from worm3d.held import Held
@@ -18,14 +19,17 @@ from worm3d.plant import ROUNDING
 from worm3d.result import Result
 from worm3d.run import Force, Run
 from worm3d.simulate import Integrator, prepare
-from worm3d.start import Placed, place, settle
-from worm3d.state import State
+from worm3d.start import LimitPointError, Placed, place, settle
+from worm3d.state import State, StateError
 from worm3d.status import Status
 from worm3d.worlds import World
 from worm3d.worm import Worm
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")
+
+MOST_THREADS = 1024
+"""More than any computer has cores for."""
 
 
 def simulate_batch(
@@ -63,15 +67,15 @@ def simulate_batch(
     Returns
     -------
     list of Result
-        In the order given; a run that stops early does not stop the others.
+        In the order given; a run that stops early does not stop the others, and neither does one whose actuation or
+        force raises an error.
 
     Raises
     ------
     ValueError
         Lists of different lengths, or an argument that `simulate` refuses: before any run begins.
     """
-    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
-        raise ValueError(f"threads: got {threads!r}, must be a whole number of at least 1")
+    arguments.whole("threads", threads, le=MOST_THREADS)
     each = {
         "worm": worm,
         "world": world,
@@ -101,8 +105,13 @@ def simulate_batch(
                 tolerance=tolerance,
                 placing=places.place,
             )
-        except ValueError as error:
+        except (StateError, LimitPointError) as error:
             raise type(error)(f"run {k}: {error}") from error
+        except ValueError as error:
+            raise ValueError(f"run {k}: {error}") from error
+        except Exception as error:
+            error.add_note(f"raised by the actuation of run {k} of the batch, before its first step")
+            raise
 
     with ThreadPoolExecutor(threads) as pool:
         runs = list(pool.map(prepared, range(count)))

@@ -8,11 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from worm3d import arguments
+from worm3d.read_only import ReadOnly
+
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, init=False, eq=False)
-class Command:
+class Command(ReadOnly):
     """Command to a worm of N segments; frozen, with read-only arrays.
 
     Attributes
@@ -36,7 +39,7 @@ class Command:
     force: FloatArray
 
     def __init__(self, contraction: ArrayLike, hinge: ArrayLike = 0.0, force: ArrayLike = 0.0) -> None:
-        c = np.array(contraction, dtype=float)
+        c = arguments.floats("contraction", contraction)
         if (c >= 1.0).any():
             raise ValueError(f"contraction: got {c.max()}, must be below 1: a chamber cannot shorten to nothing")
         if c.ndim != 2 or c.shape[0] < 1 or c.shape[1] != 2:
@@ -75,12 +78,4 @@ class Commands(NamedTuple):
 
 def _filled(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
     """Return `value` as a read-only array of `shape`; a scalar fills it."""
-    array = np.array(value, dtype=float)
-    if array.ndim == 0:
-        array = np.full(shape, float(array))
-    if array.shape != shape:
-        raise ValueError(f"{name}: got shape {array.shape}, must be {shape} (or a scalar)")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name}: got {array[~np.isfinite(array)][0]}, every value must be finite")
-    array.setflags(write=False)
-    return array
+    return arguments.array(name, value, shape, fill=True)

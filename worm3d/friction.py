@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import arguments
+from worm3d.read_only import ReadOnly
 from worm3d.worm import Worm
 
 FloatArray = NDArray[np.float64]
@@ -17,6 +19,9 @@ RESTING_PENETRATION = 1e-5
 
 BREAKAWAY = 1e-5
 """Displacement at which the contact with the smallest coefficient yields, as a fraction of the segment length."""
+
+GREATEST = 1e6
+"""Coefficient: whatever is larger sticks as well."""
 
 SMALLEST_COEFFICIENT = 0.01
 """Coefficients below this fraction of the largest, 0 too, do not set the breakaway displacement: the others would
@@ -43,7 +48,7 @@ rigid one does at once. The distance that a worm crawls does not depend on it.
 
 
 @dataclass(frozen=True, eq=False)
-class Friction:
+class Friction(ReadOnly):
     """Directional Coulomb friction.
 
     Attributes
@@ -66,13 +71,21 @@ class Friction:
 
     def __post_init__(self) -> None:
         for name in ("forward", "backward", "lateral"):
-            value = np.array(getattr(self, name), dtype=float)
-            if not (np.isfinite(value).all() and (value >= 0.0).all()):
-                raise ValueError(f"{name}: got {getattr(self, name)!r}, must be finite and at least 0")
+            value = arguments.floats(name, getattr(self, name))
+            if (
+                value.ndim > 1
+                or value.size == 0
+                or not (np.isfinite(value) & (value >= 0.0) & (value <= GREATEST)).all()
+            ):
+                got = arguments.shown(getattr(self, name))
+                raise ValueError(
+                    f"{name}: got {got}, must be finite and at least 0 (and at most {GREATEST:g}), a "
+                    "number or one for each segment"
+                )
             value.setflags(write=False)
             object.__setattr__(self, name, value)
-        if not (np.isfinite(self.static_ratio) and self.static_ratio >= 1.0):
-            raise ValueError(f"static_ratio: got {self.static_ratio!r}, must be finite and at least 1")
+        ratio = arguments.number("static_ratio", self.static_ratio, ge=1.0)
+        object.__setattr__(self, "static_ratio", ratio)
 
     def coefficients(self, segments: int) -> FloatArray:
         """Return forward, backward and lateral coefficients of each segment, shape (3, N).

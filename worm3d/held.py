@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,7 +40,7 @@ class Held:
         mask = np.ones((segments + 1, 5), dtype=bool)
         parts = (("joints", mask[:, :3]), ("roll", mask[:-1, 3]), ("bend", mask[:-1, 4]))
         for name, part in parts:
-            value = np.array(getattr(self, name))
+            value = _as_given(name, getattr(self, name))
             if value.dtype != bool:
                 raise ValueError(
                     f"held.{name}: got {value.dtype} values, must be True or False for each, not the numbers of those "
@@ -52,6 +53,13 @@ class Held:
                     f"held.{name}: got shape {value.shape}, must be {part.shape} (or one for all)"
                 ) from None
         return mask.ravel()
+
+
+def _as_given(name: str, value: ArrayLike) -> NDArray[Any]:
+    try:
+        return np.array(value)
+    except Exception as error:  # lists of unequal length
+        raise ValueError(f"held.{name}: got {type(value).__name__}, must be True or False for each") from error
 
 
 def held_mask(held: Held | ArrayLike | None, segments: int, *, flat: bool, clamped: bool) -> BoolArray:

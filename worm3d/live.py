@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import pictures
+from worm3d import arguments, pictures
 from worm3d.scenery import Window, scenery
 from worm3d.status import Status
 from worm3d.viewer import Frames
@@ -77,8 +77,10 @@ class Live:
         address: str | None = None,
         horizon: Horizon | None = None,
     ) -> None:
-        if not speed > 0.0:
-            raise ValueError(f"speed: got {speed!r}, must be above 0 (simulated over real time)")
+        above = "above 0 (simulated over real time)"
+        arguments.number("speed", speed, gt=0.0, infinite=True, allowed=above)
+        arguments.flag("open_browser", open_browser)
+        arguments.function("began", began, "a function of the address")
         self.speed, self.open_browser, self.began, self.address = speed, open_browser, began, address
         self.horizon = horizon
         self._view: LiveView | None = None

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d import metrics, roll
-from worm3d.read_only import brief, listed
+from worm3d.read_only import ReadOnly, brief, listed, read_only
 from worm3d.solver.arrays import TERMS
 from worm3d.state import State
 from worm3d.status import Status, Stop
@@ -28,7 +28,7 @@ HEADLINES = ("distance_m", "mean_speed_m_s", "heading_change_deg", "work_contrac
 
 
 @dataclass(frozen=True, eq=False)
-class Energy:
+class Energy(ReadOnly):
     """Energy ledger, each term of shape (T,): of the steps since the row before, 0 at the start [J].
 
     Attributes
@@ -98,7 +98,7 @@ class Energy:
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
+class Result(ReadOnly):
     """A run; T recorded instants, S finished steps, N segments; complete up to the last finished step.
 
     Attributes
@@ -212,12 +212,14 @@ class Result:
     @property
     def end_load(self) -> FloatArray:
         """Load of the end faces [tail, head], shape (T, 2) [N]."""
-        return self.joint_load[:, [0, -1]]
+        load: FloatArray = read_only(self.joint_load[:, [0, -1]])
+        return load
 
     @property
     def com_velocity(self) -> FloatArray:
         """Velocity of the centre of mass, shape (T, 3) [m/s]."""
-        return self.momentum / self.worm.mass
+        velocity: FloatArray = read_only(self.momentum / self.worm.mass)
+        return velocity
 
     @cached_property
     def on_its_side(self) -> float | None:
@@ -227,12 +229,14 @@ class Result:
     @cached_property
     def heading(self) -> FloatArray:
         """Azimuth of the tail-to-head chord, unwrapped, shape (T,) [rad]; NaN where the body is vertical."""
-        return metrics.heading(self.joints)
+        heading: FloatArray = read_only(metrics.heading(self.joints))
+        return heading
 
     @cached_property
     def chamber_strain(self) -> FloatArray:
         """Length over rest length less 1, shape (T, N, 2)."""
-        return self.chamber_length / self.worm.l0 - 1.0
+        strain: FloatArray = read_only(self.chamber_length / self.worm.l0 - 1.0)
+        return strain
 
     @property
     def distance(self) -> float:

@@ -11,6 +11,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from worm3d import arguments
 from worm3d.actuation import Driver
 from worm3d.metrics import heading
 from worm3d.observation import Observation
@@ -84,10 +85,15 @@ class Run:
         if abs(self.offset) < 1e-9 * dt:
             self.offset = 0.0  # a resumed run has the very times of one that went on
         self.remembers = bool(start.memory) and bool(start.memory.get("remembers", np.zeros(1))[0] == dt)
-        if not start.memory:
-            self._ask_at_start()
+        try:
+            if not start.memory:
+                self._ask_at_start()
+            self._forces(self.time(0))  # wrong shapes show before the first step
+        except Exception as error:
+            if _is_ours(error):
+                raise
+            self.begun, self.complaint = Status.BAD_COMMAND, _complaint(error)
         record(self.core, self.records.block, 0)
-        self._forces(self.time(0))  # wrong shapes show before the first step
 
     def time(self, k: float) -> float:
         """Return the time after k steps [s]."""
@@ -109,7 +115,7 @@ class Run:
     def _forces(self, t: float) -> FloatArray:
         if self.external_force is None:
             return np.zeros((0, self.n + 1))
-        force = np.array(self.external_force(t), dtype=float)
+        force = arguments.floats("external_force", self.external_force(t))
         if force.shape != (self.n + 1, 3) or not np.isfinite(force).all():
             raise ValueError(
                 f"external_force: got shape {force.shape}, must be finite and ({self.n + 1}, 3): x, y, z on each joint"
@@ -324,10 +330,15 @@ def _of_joints(of_points: FloatArray) -> FloatArray:
     return np.column_stack([of_points[:, :, 6], of_points[:, -1, 7]])
 
 
+def _is_ours(error: Exception) -> bool:
+    """Return whether it is a complaint of this package, not an error in the user's code."""
+    raised_in = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
+    return isinstance(error, ValueError) and raised_in.is_relative_to(Path(__file__).parent)
+
+
 def _complaint(error: Exception) -> str:
     """Return what an error says; one that the user's code raises, no complaint of ours about its values, is logged."""
-    raised_in = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
-    if isinstance(error, ValueError) and raised_in.is_relative_to(Path(__file__).parent):
+    if _is_ours(error):
         return str(error)
     _LOG.error("the actuation or the external force failed", exc_info=error)
     return f"{type(error).__name__}: {error}"

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from worm3d import arguments
 from worm3d.actuation import Actuation, Driver, Sensor
 from worm3d.friction import Friction
 from worm3d.held import Held, held_mask
 from worm3d.plant import ROUNDING
 from worm3d.result import Result
+from worm3d.room import bytes_of_run, require_room
 from worm3d.run import Force, Run
 from worm3d.solver import arrays
 from worm3d.start import Placed, place
@@ -28,6 +30,12 @@ Integrator = Literal["bdf2", "implicit_euler"]
 
 COARSEST = 1e-7
 """Greatest tolerance: contacts stick within a tenth of a micrometre."""
+
+SHORTEST = 1e-6
+"""Time step [s]: Newton no longer converges to rounding in shorter ones, and takes a hundred times the iterations."""
+
+FARTHEST = 1e10
+"""Time steps from time 0 at which a state may begin: farther away rounding makes them unequal."""
 
 Placing = Callable[[Worm, World | None, Friction, FloatArray, NDArray[np.bool_], State | None, bool | None], Placed]
 """As `worm3d.start.place`."""
@@ -106,6 +114,10 @@ def simulate(
     ValueError
         Another argument out of range or of the wrong shape.
     """
+    if observer is not None:
+        arguments.function("observer", observer, "a function of the number of finished steps, or None")
+    if live is not None and not hasattr(live, "follow"):
+        raise ValueError(f"live: got {type(live).__name__}, must be a worm3d.Live, or None")
     run = prepare(
         worm,
         world,
@@ -149,8 +161,14 @@ def prepare(
     _require_kinds(world, ground, external_force)
     weight = _vector(gravity)
     steps = _steps(duration, dt, record_every, integrator)
-    if not ROUNDING <= tolerance <= COARSEST:
-        raise ValueError(f"tolerance: got {tolerance!r}, must be between {ROUNDING:g} and {COARSEST:g} (body lengths)")
+    arguments.number("tolerance", tolerance, "body lengths", ge=ROUNDING, le=COARSEST)
+    if settle_first is not None:
+        arguments.flag("settle_first", settle_first)
+    arguments.instance("worm", worm, Worm, "a worm3d.Worm")
+    arguments.instance("state", state, State | None, "a worm3d.State, or None")
+    _require_room(worm, steps, record_every)
+    if state is not None and abs(state.time) > FARTHEST * dt:
+        raise ValueError(f"state: its time of {state.time:g} s is too far from 0 for steps of {dt:g} s, must be nearer")
     friction = ground if ground is not None else Friction()
     clamped = isinstance(world, ClampedGround)
     mask = held_mask(held, worm.segments, flat=worm.flat, clamped=clamped)
@@ -173,23 +191,31 @@ def _require_kinds(world: object, ground: object, external_force: object) -> Non
         raise ValueError(f"external_force: got {type(external_force).__name__}, must be a function of time, or None")
 
 
+def _require_room(worm: Worm, steps: int, every: int) -> None:
+    remedy = "a larger record_every, a shorter duration, a longer dt or fewer segments"
+    needed = bytes_of_run(worm.segments, steps, every)
+    require_room("duration", needed, f"{steps:.3g} steps of {worm.segments} segments", remedy)
+
+
 def _vector(gravity: ArrayLike) -> FloatArray:
-    vector = np.array(gravity, dtype=float)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise ValueError(f"gravity: got {gravity!r}, must be finite, x, y and z [m/s^2]")
+    vector = arguments.floats("gravity", gravity)
+    if vector.shape != (3,) or not (np.abs(vector) <= arguments.LARGEST).all():
+        raise ValueError(f"gravity: got {arguments.shown(gravity)}, must be finite, x, y and z [m/s^2]")
     return vector
 
 
 def _steps(duration: float, dt: float, every: int, integrator: str) -> int:
     """Check the numbers of a run and return its number of steps."""
     for name, value in (("duration", duration), ("dt", dt)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name}: got {value!r} s, must be finite and above 0")
-    if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
-        raise ValueError(f"record_every: got {every!r}, must be a whole number of at least 1")
-    if integrator not in ("bdf2", "implicit_euler"):
-        raise ValueError(f"integrator: got {integrator!r}, must be 'bdf2' or 'implicit_euler'")
+        arguments.number(name, value, "s", gt=0.0)
+    if dt < SHORTEST:
+        raise ValueError(f"dt: got {dt!r} s, must be at least {SHORTEST:g} s: rounding shows in shorter steps")
+    arguments.whole("record_every", every)
+    arguments.choice("integrator", integrator, get_args(Integrator))
     steps = max(1, round(duration / dt))
     if steps % every:
-        raise ValueError(f"record_every: got {every}, must divide the {steps} time steps of the run: its end is kept")
+        raise ValueError(
+            f"record_every: got {arguments.shown(every)}, must divide the {steps} time steps of the run: its end is "
+            "kept"
+        )
     return steps

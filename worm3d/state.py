@@ -11,7 +11,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from worm3d import elements
+from worm3d import arguments, elements
+from worm3d.read_only import ReadOnly, read_only
 from worm3d.worlds.base import World
 from worm3d.worlds.clamped import ClampedGround
 from worm3d.worm import Worm
@@ -31,7 +32,7 @@ class StateError(ValueError):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class State:
+class State(ReadOnly):
     """Pose and motion of a worm of N segments; frozen, with read-only arrays.
 
     Attributes
@@ -88,7 +89,7 @@ class State:
         laid: bool = False,
         memory: Mapping[str, NDArray[Any]] | None = None,
     ) -> None:
-        points = np.array(joints, dtype=float)
+        points = arguments.floats("joints", joints)
         if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3:
             raise ValueError(f"joints: got shape {points.shape}, must be (N+1, 3): x, y, z of each joint, tail first")
         n = len(points) - 1
@@ -102,22 +103,12 @@ class State:
             raise ValueError(f"contraction: got {float(self.contraction.max())!r}, must be below 1")
         self._set("directors", level_directors(self.joints) if directors is None else directors, (n, 3))
         self._check_directors()
-        if not np.isfinite(time):
-            raise ValueError(f"time: got {time!r} s, must be finite")
-        object.__setattr__(self, "time", float(time))
-        object.__setattr__(self, "laid", bool(laid))
-        object.__setattr__(self, "memory", dict(memory or {}))
+        object.__setattr__(self, "time", arguments.number("time", time, "s"))
+        object.__setattr__(self, "laid", arguments.flag("laid", laid))
+        object.__setattr__(self, "memory", read_only(_memory(memory)))
 
     def _set(self, name: str, value: ArrayLike, shape: tuple[int, ...]) -> None:
-        array = np.array(value, dtype=float)
-        if array.ndim == 0:
-            array = np.full(shape, float(array))
-        if array.shape != shape:
-            raise ValueError(f"{name}: got shape {array.shape}, must be {shape} (or a number)")
-        if not np.isfinite(array).all():
-            raise ValueError(f"{name}: got {array[~np.isfinite(array)][0]}, every value must be finite")
-        array.setflags(write=False)
-        object.__setattr__(self, name, array)
+        object.__setattr__(self, name, arguments.array(name, value, shape, fill=True))
 
     def _check_directors(self) -> None:
         edges = np.diff(self.joints, axis=0)
@@ -173,11 +164,12 @@ class State:
         StateError
             A world that has no room for the worm there.
         """
-        at = np.array(position, dtype=float)
-        if at.shape not in ((2,), (3,)) or not np.isfinite([*at, azimuth]).all():
-            raise ValueError(
-                f"position, azimuth: got {position!r} m, {azimuth!r} rad, must be finite: x, y (and a lift)"
-            )
+        arguments.instance("worm", worm, Worm, "a worm3d.Worm")
+        arguments.instance("world", world, World | None, "a world such as worm3d.Plane(), or None")
+        at = arguments.floats("position", position)
+        if at.shape not in ((2,), (3,)) or not (np.abs(at) <= arguments.LARGEST).all():
+            raise ValueError(f"position: got {arguments.shown(position)} m, must be finite: x, y (and a lift)")
+        azimuth = arguments.number("azimuth", azimuth, "rad")
         along = worm.l0 * np.arange(worm.segments + 1.0)
         lift = float(at[2]) if len(at) == 3 else 0.0
         if world is None:
@@ -195,6 +187,13 @@ class State:
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         laid = self.laid and not {"joints", "directors", "bend"} & changes.keys()
         return State(**{**given, "memory": None, "laid": laid, **changes})
+
+
+def _memory(given: Mapping[str, NDArray[Any]] | None) -> Mapping[str, NDArray[Any]]:
+    """Return a state's memory, arrays by name, as a copy."""
+    if not isinstance(given, Mapping | None):
+        raise ValueError(f"memory: got {type(given).__name__}, must be that of another state, or None")
+    return {name: np.array(value) for name, value in (given or {}).items()}  # `Plant.remember` looks at each
 
 
 def _laid(

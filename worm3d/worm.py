@@ -3,31 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from worm3d import arguments
+from worm3d.read_only import ReadOnly
 
 FloatArray = NDArray[np.float64]
 Numbers = float | FloatArray
 """A number, or one for each segment or joint."""
 
+MOST_SEGMENTS = 1000
+"""Longer worms no longer come to rest on their world."""
+
 _PER_SEGMENT = ("half_height", "k_spring", "k_apex")
 _PER_JOINT = ("k_torsion", "k_yaw", "k_twist", "cross0")
-_POSITIVE = ("length", "mass", "half_height", "k_spring", "rate_limit")
-_NOT_NEGATIVE = (
-    "chamber_offset",
-    "k_torsion",
-    "k_yaw",
-    "k_twist",
-    "k_apex",
-    "kelvin_voigt_time",
-    "drag",
-    "actuator_lag",
-)
+_RANGES: dict[str, dict[str, Any]] = {
+    **{name: {"gt": 0.0} for name in ("length", "mass", "half_height", "k_spring", "rate_limit")},
+    **{name: {"ge": 0.0} for name in ("chamber_offset", "k_torsion", "k_yaw", "k_twist", "k_apex")},
+    **{name: {"ge": 0.0} for name in ("kelvin_voigt_time", "drag", "actuator_lag")},
+    "joint_mass_fraction": {"ge": 0.0, "le": 1.0},
+    "cross0": {"gt": -1.0, "lt": 1.0},
+}
+_FLAGS = ("outward_apexes", "end_faces", "flat")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Worm:
+class Worm(ReadOnly):
     """A chain of N rhombic linkages with left and right chambers; frozen, validated, with read-only arrays.
 
     The defaults are the default worm of the project.
@@ -132,9 +136,13 @@ class Worm:
         k_apex : float or ndarray, shape (N,)
             Stiffness of each of the two apex hinges of a rhombus [N m/rad].
         """
+        segments = arguments.whole("segments", segments, le=MOST_SEGMENTS)
+        for name, value in (("length", length), ("density", density), ("depth", depth)):
+            arguments.number(name, value, gt=0.0)
+        apex_mass_fraction = arguments.number("apex_mass_fraction", apex_mass_fraction, ge=0.0, le=1.0)
         l0 = length / segments
         h0 = np.sqrt(3.0) / 4.0 * l0 if half_height is None else half_height
-        area = float(l0 * np.sum(np.broadcast_to(h0, (segments,))))
+        area = float(l0 * np.sum(arguments.array("half_height", h0, (segments,), fill=True)))
         return cls(
             segments=segments,
             length=length,
@@ -158,36 +166,20 @@ class Worm:
         )
 
     def __post_init__(self) -> None:
-        if isinstance(self.segments, bool) or self.segments != int(self.segments) or self.segments < 1:
-            raise ValueError(f"segments: got {self.segments!r}, must be a whole number of at least 1")
-        for names, size in ((_PER_SEGMENT, self.segments), (_PER_JOINT, self.segments - 1)):
-            for name in names:
-                self._fill(name, size)
-        for name in _POSITIVE:
-            self._require(name, np.asarray(getattr(self, name)) > 0.0, "above 0")
-        for name in _NOT_NEGATIVE:
-            self._require(name, np.asarray(getattr(self, name)) >= 0.0, "at least 0")
-        self._require("joint_mass_fraction", 0.0 <= self.joint_mass_fraction <= 1.0, "in [0, 1]")
-        self._require("cross0", np.abs(self.cross0) < 1.0, "between -1 and 1")
-        least, greatest = self.stroke
-        self._require("stroke", least <= 0.0 <= greatest < 1.0, "(c_min, c_max) with c_min <= 0 <= c_max < 1")
+        n = arguments.whole("segments", self.segments, le=MOST_SEGMENTS)
+        sizes = {**dict.fromkeys(_PER_SEGMENT, n), **dict.fromkeys(_PER_JOINT, n - 1)}
+        checked: dict[str, object] = {"segments": n, "stroke": _stroke(self.stroke)}
+        for name, within in _RANGES.items():
+            value = getattr(self, name)
+            if name in sizes:
+                checked[name] = arguments.array(name, value, (sizes[name],), fill=True, **within)
+            else:
+                checked[name] = arguments.number(name, value, infinite=name == "rate_limit", **within)
+        checked |= {name: arguments.flag(name, getattr(self, name)) for name in _FLAGS}
+        for name, checked_value in checked.items():
+            object.__setattr__(self, name, checked_value)
         if self.flat and self.chamber_offset != 0.0:
             raise ValueError(f"chamber_offset: got {self.chamber_offset!r}, must be 0 in a worm that is flat")
-
-    def _fill(self, name: str, size: int) -> None:
-        value = np.array(getattr(self, name), dtype=float)
-        if value.ndim == 0:
-            value = np.full(size, float(value))
-        if value.shape != (size,):
-            raise ValueError(f"{name}: got shape {value.shape}, must be a number or of shape ({size},)")
-        value.setflags(write=False)
-        object.__setattr__(self, name, value)
-
-    def _require(self, name: str, holds: bool | NDArray[np.bool_], rule: str) -> None:
-        value = np.asarray(getattr(self, name), dtype=float)
-        finite = np.isfinite(value) | ((name == "rate_limit") & (value == np.inf))
-        if not (np.all(finite) and np.all(holds)):
-            raise ValueError(f"{name}: got {getattr(self, name)!r}, must be finite and {rule}")
 
     @property
     def l0(self) -> float:
@@ -214,3 +206,12 @@ class Worm:
         return np.tile(
             (1.0 - self.joint_mass_fraction) * self.mass / self.segments * share / share.sum(), (self.segments, 1)
         )
+
+
+def _stroke(given: tuple[float, float]) -> tuple[float, float]:
+    found = arguments.floats("stroke", given)
+    if found.shape != (2,) or not (-arguments.LARGEST <= found[0] <= 0.0 <= found[1] < 1.0):
+        raise ValueError(
+            f"stroke: got {arguments.shown(given)}, must be finite and (c_min, c_max) with c_min <= 0 <= c_max < 1"
+        )
+    return float(found[0]), float(found[1])

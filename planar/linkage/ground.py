@@ -34,6 +34,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planar.linkage.worm import FloatArray, Linkage
+from worm3d import arguments
+from worm3d.read_only import ReadOnly
 
 RESTING_PENETRATION = 1e-5
 """Of the mean load, as a fraction of the segment length."""
@@ -65,7 +67,7 @@ YIELD_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Friction:
+class Friction(ReadOnly):
     """Directional Coulomb friction.
 
     Attributes
@@ -82,13 +84,17 @@ class Friction:
 
     def __post_init__(self) -> None:
         for name in ("forward", "backward"):
-            value = np.array(getattr(self, name), dtype=float)
-            if not (np.isfinite(value).all() and (value >= 0.0).all()):
-                raise ValueError(f"{name}: got {getattr(self, name)!r}, must be finite and at least 0")
+            value = arguments.floats(name, getattr(self, name))
+            if (
+                value.ndim > 1
+                or value.size == 0
+                or not (np.isfinite(value) & (value >= 0.0) & (value <= arguments.LARGEST)).all()
+            ):
+                got = arguments.shown(getattr(self, name))
+                raise ValueError(f"{name}: got {got}, must be finite and at least 0, a number or one for each segment")
             value.setflags(write=False)
             object.__setattr__(self, name, value)
-        if not (np.isfinite(self.static_ratio) and self.static_ratio >= 1.0):
-            raise ValueError(f"static_ratio: got {self.static_ratio!r}, must be finite and at least 1")
+        arguments.number("static_ratio", self.static_ratio, ge=1.0)
 
     def coefficients(self, segments: int) -> tuple[FloatArray, FloatArray]:
         """Return forward and backward coefficients of each segment, each of shape (N,)."""

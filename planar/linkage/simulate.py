@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from planar.linkage.ground import Friction, Ground
 from planar.linkage.run import Run
 from planar.linkage.start import (
-    require_choice,
     require_equilibrium,
     require_numbers,
     require_shape,
@@ -24,12 +23,20 @@ from planar.linkage.start import (
 from planar.linkage.step import ClampedStepper, ContactStepper, State, Step, Stepper, ThresholdStepper
 from planar.linkage.worm import FloatArray, Linkage
 from planar.status import Status, Stop
+from worm3d import arguments
+from worm3d.room import require_room
 
 Gait = Callable[[float], FloatArray]
 """Time [s] -> contraction of each segment, shape (N,): the commanded rest length is l0 (1 - contraction)."""
 
 Force = Callable[[float], FloatArray]
 """Time [s] -> force on each joint, shape (N+1, 2) [N]."""
+
+
+def bytes_per_step(segments: int) -> float:
+    """Return the memory that a step takes until the run is a record, as measured [byte]."""
+    return 2000.0 + 1200.0 * segments
+
 
 HALVINGS = 6
 """A step that does not converge is halved at most so often."""
@@ -99,11 +106,21 @@ def simulate(
     ValueError
         Another argument out of range or of the wrong shape.
     """
-    n, friction = worm.segments, friction or Friction()
+    arguments.instance("worm", worm, Linkage, "a planar.linkage.Linkage")
+    arguments.instance("friction", friction, Friction | None, "a planar.linkage.Friction, or None")
+    arguments.function("gait", gait)
+    arguments.flag("settle", settle)
+    if observer is not None:
+        arguments.function("observer", observer, "a function of the number of finished steps")
+    n, friction = worm.segments, Friction() if friction is None else friction
     require_numbers(duration, dt, gravity, slope, velocity_threshold)
-    require_choice("ground", ground, ("contact", "clamped"))
-    require_choice("friction_law", friction_law, ("anchored", "threshold"))
+    arguments.choice("ground", ground, ("contact", "clamped"))
+    arguments.choice("friction_law", friction_law, ("anchored", "threshold"))
     require_shape("gait", gait(0.0), (n,), "one value per segment")
+    steps = duration / dt
+    require_room("duration", steps * bytes_per_step(n), f"{steps:.3g} steps of {n} segments", "a longer dt")
+    if external_force is not None:
+        arguments.function("external_force", external_force)
     push = external_force or (lambda t: np.zeros((n + 1, 2)))
     require_shape("external_force", push(0.0), (n + 1, 2), "x, z of the force on each joint")
     weight = gravity * np.array([-np.sin(slope), -np.cos(slope)])

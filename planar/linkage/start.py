@@ -13,6 +13,7 @@ from planar.linkage.shape import apexes, diagonals, joint_cosines
 from planar.linkage.step import ContactStepper, State
 from planar.linkage.worm import FloatArray, Linkage
 from planar.status import Status
+from worm3d import arguments
 
 FLAT = 0.02
 """A rhombus lower than this fraction of its rest height is flattened."""
@@ -36,26 +37,17 @@ class LimitPointError(ValueError):
 def require_numbers(duration: float, dt: float, gravity: float, slope: float, threshold: float) -> None:
     """Raise ValueError where a number is out of range."""
     for name, value in (("duration", duration), ("dt", dt)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name}: got {value!r} s, must be finite and above 0")
+        arguments.number(name, value, "s", gt=0.0)
     for name, value in (("gravity", gravity), ("velocity_threshold", threshold)):
-        if not (np.isfinite(value) and value >= 0.0):
-            raise ValueError(f"{name}: got {value!r}, must be finite and at least 0")
-    if not abs(slope) < np.pi / 2:
-        raise ValueError(f"slope: got {slope!r} rad, must lie between -pi/2 and pi/2")
+        arguments.number(name, value, ge=0.0)
+    arguments.number("slope", slope, "rad", gt=-np.pi / 2, lt=np.pi / 2)
 
 
 def require_shape(name: str, got: object, shape: tuple[int, ...], meaning: str) -> None:
     """Raise ValueError where an array, or what a callable returns, has another shape."""
-    found = np.array(got).shape
+    found = np.asarray(got, dtype=object).shape if name == "held" else arguments.floats(name, got).shape
     if found != shape:
         raise ValueError(f"{name}: got shape {found}, must be {shape}: {meaning}")
-
-
-def require_choice(name: str, value: str, allowed: tuple[str, ...]) -> None:
-    """Raise ValueError where a word is not one of those allowed."""
-    if value not in allowed:
-        raise ValueError(f"{name}: got {value!r}, must be one of {', '.join(map(repr, allowed))}")
 
 
 def require_equilibrium(worm: Linkage, gravity: float) -> None:
@@ -94,7 +86,7 @@ def start_joints(worm: Linkage, start: FloatArray | None, on_ground: bool) -> Fl
         height = float(worm.rest_half_height.max()) if on_ground else 0.0
         raised: FloatArray = worm.rest() + np.array([0.0, height])
         return raised
-    joints: FloatArray = np.array(start, dtype=float)
+    joints: FloatArray = arguments.floats("start", start)
     require_shape("start", joints, (worm.segments + 1, 2), "x, z of each joint")
     length = np.linalg.norm(np.diff(joints, axis=0), axis=1)
     wrong = ~((length > 0.0) & (length < 2.0 * worm.link_length))

@@ -8,18 +8,30 @@ An active segment shortens and thereby widens.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import arguments
+from worm3d.read_only import ReadOnly
+
 FloatArray = NDArray[np.float64]
+
+MOST_SEGMENTS = 10_000
+"""Memory of a step, as of a run, is taken for each."""
 
 PER_SEGMENT = ("k_spring", "k_apex", "half_height")
 PER_JOINT = ("k_torsion", "cross0")
+_RANGES: dict[str, dict[str, Any]] = {
+    **{name: {"gt": 0.0} for name in ("k_spring", "half_height")},
+    **{name: {"ge": 0.0} for name in ("k_apex", "k_torsion")},
+    "cross0": {"gt": -1.0, "lt": 1.0},
+}
 
 
 @dataclass(frozen=True, eq=False)
-class Linkage:
+class Linkage(ReadOnly):
     """A chain of N rhombic linkages in the plane (x, z); frozen, validated, with read-only arrays.
 
     Attributes
@@ -66,54 +78,22 @@ class Linkage:
     drag: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.segments < 1:
-            raise ValueError(f"segments: got {self.segments!r}, must be at least 1")
-        self._require("length", above=0.0)
+        arguments.whole("segments", self.segments, le=MOST_SEGMENTS)
+        for name in ("length", "density", "depth"):
+            arguments.number(name, getattr(self, name), gt=0.0)
         if self.half_height is None:
             object.__setattr__(self, "half_height", np.sqrt(3.0) / 4.0 * self.l0)
-        for name in PER_SEGMENT:
-            self._fill(name, self.segments)
-        for name in PER_JOINT:
-            self._fill(name, self.segments - 1)
+        for names, size in ((PER_SEGMENT, self.segments), (PER_JOINT, self.segments - 1)):
+            for name in names:
+                array = arguments.array(name, getattr(self, name), (size,), fill=True, **_RANGES[name])
+                object.__setattr__(self, name, array)
         if self.mass is None:
             area = float(self.l0 * np.sum(self.rest_half_height))
             object.__setattr__(self, "mass", self.density * area * self.depth)
-        for name in ("half_height", "k_spring", "mass", "density", "depth"):
-            self._require(name, above=0.0)
-        for name in ("k_torsion", "k_apex", "kelvin_voigt_time", "drag"):
-            self._require(name, at_least=0.0)
-        self._require("apex_mass_fraction", at_least=0.0, at_most=1.0)
-        self._require("cross0", above=-1.0, below=1.0)
-
-    def _fill(self, name: str, size: int) -> None:
-        value = np.array(getattr(self, name), dtype=float)
-        if value.ndim == 0:
-            value = np.full(size, float(value))
-        if value.shape != (size,):
-            raise ValueError(f"{name}: got shape {value.shape}, must be a number or of shape ({size},)")
-        value.setflags(write=False)
-        object.__setattr__(self, name, value)
-
-    def _require(
-        self,
-        name: str,
-        *,
-        above: float | None = None,
-        at_least: float | None = None,
-        below: float | None = None,
-        at_most: float | None = None,
-    ) -> None:
-        value = np.asarray(getattr(self, name), dtype=float)
-        rules = {
-            "finite": np.isfinite(value),
-            f"above {above}": above is None or value > (above or 0.0),
-            f"at least {at_least}": at_least is None or value >= (at_least or 0.0),
-            f"below {below}": below is None or value < (below or 0.0),
-            f"at most {at_most}": at_most is None or value <= (at_most or 0.0),
-        }
-        for rule, holds in rules.items():
-            if not np.all(holds):
-                raise ValueError(f"{name}: got {getattr(self, name)!r}, must be {rule}")
+        arguments.number("mass", self.mass, gt=0.0)
+        for name in ("kelvin_voigt_time", "drag"):
+            arguments.number(name, getattr(self, name), ge=0.0)
+        arguments.number("apex_mass_fraction", self.apex_mass_fraction, ge=0.0, le=1.0)
 
     @property
     def l0(self) -> float:

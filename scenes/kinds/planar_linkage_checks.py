@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from planar import linkage
+from planar.linkage.simulate import bytes_per_step
 from scenes.checks import GAIT_CHECKS, RUN_CHECKS, Check, Found, kind_checks, memory_check
 from scenes.kinds.planar_linkage_build import KEYS, lengthens, simulate, worm_of
 from scenes.kinds.planar_linkage_schema import LinkageGait, LinkageScene
@@ -94,11 +95,6 @@ def in_keys(sentence: str, keys: Mapping[str, str] = KEYS) -> str:
         if "_" in parameter:
             sentence = sentence.replace(parameter, key)
     return sentence
-
-
-def bytes_per_step(segments: int) -> float:
-    """Return the memory that a step takes until the run is a record, as measured [byte]."""
-    return 2000.0 + 1200.0 * segments
 
 
 LIST_CHECKS = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from planar.published import Parameters
+from planar.published import Parameters, bytes_per_step
 from scenes.checks import GAIT_CHECKS, RUN_CHECKS, Check, Found, kind_checks, memory_check
 from scenes.schema import Section, Sign, quantity, setting
 from scenes.sections import WAVE, Gait, Settings
@@ -104,15 +104,10 @@ def _connectors_lighter_than_worm(connector_mass_kg: float, mass_kg: float) -> F
     }
 
 
-def _bytes_per_step(segments: int) -> float:
-    """Return the memory that a step takes until the run is a record, as measured [byte]."""
-    return 1000.0 + 12.0 * (3 * segments + 1) * 2 * 8
-
-
 CHECKS = (
     *RUN_CHECKS,
     *GAIT_CHECKS,
     *kind_checks(PublishedGait),
-    memory_check(_bytes_per_step),
+    memory_check(bytes_per_step),
     Check(("worm.connector_mass_kg", "worm.mass_kg"), _connectors_lighter_than_worm),
 )

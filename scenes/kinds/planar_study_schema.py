@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
+from planar.linkage.simulate import bytes_per_step
 from scenes.checks import RUN_CHECKS, Check, Found, cross_mistakes, too_much_memory
-from scenes.kinds.planar_linkage_checks import RULES, bytes_per_step
+from scenes.kinds.planar_linkage_checks import RULES
 from scenes.kinds.planar_linkage_schema import LinkageScene, LinkageSettings
 from scenes.mistakes import dotted, schema_mistakes
 from scenes.schema import Numbers, Section, field_at, is_number, quantity, setting

@@ -26,6 +26,7 @@ from scenes.kinds.worm_build import KEYS, gravity_of, start_of, worm_of
 from scenes.kinds.worm_schema import AnyWormScene, PlanarGait, PlanarWormScene, WormGait, WormScene
 from scenes.toml_text import shown
 from worm3d import start
+from worm3d.room import bytes_of_run
 from worm3d.state import StateError
 
 STARTS_WITH = ("worm", "world", "start", "run")
@@ -134,18 +135,9 @@ def _push_lasts_a_step(duration_s: float | None, dt_s: float) -> str | None:
     return f"got {duration_s} s: must be at least run.dt_s ({dt_s} s), or the steps miss the push"
 
 
-def bytes_per_row(segments: int) -> float:
-    """Return the memory that a stored state takes until the run is on disc, half as much again as measured [byte]."""
-    return 1000.0 + 2100.0 * segments
-
-
-BYTES_PER_STEP = 250.0
-"""What a step takes beside the stored states."""
-
-
 def _fits_into_memory(dt_s: float, duration_s: float, segments: int, record_every: int) -> Found:
     steps = duration_s / dt_s
-    needed = steps * (BYTES_PER_STEP + bytes_per_row(segments) / record_every)
+    needed = bytes_of_run(segments, steps, record_every)
     remedy = "a larger run.record_every, a shorter run.duration_s, a longer run.dt_s or fewer worm.segments"
     return too_much_memory(needed, steps, segments, remedy)
 

@@ -197,7 +197,7 @@ def test_a_reference_has_a_heading_or_a_path() -> None:
     assert Reference(Constant(0.08), path=Line()).heading is None
     with pytest.raises(ValueError, match="got both, must be at most one"):
         Reference(Constant(0.08), Constant(0.0), Line())
-    with pytest.raises(ValueError, match=r"speed: got 0.08, must be a function of time"):
+    with pytest.raises(ValueError, match=r"speed: got float, must be a function of time"):
         Reference(0.08)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="path: got list"):
         Reference(Constant(0.08), path=[(0, 0)])  # type: ignore[arg-type]

@@ -76,7 +76,7 @@ def test_without_a_wall_to_press_it_falls() -> None:
 
 
 MISTAKES: list[tuple[Callable[[], object], str]] = [
-    (lambda: TwoAnchor(extension=0.1), r"extension: got 0.1, must lie in \[-1, 0\]"),
+    (lambda: TwoAnchor(extension=0.1), r"extension: got 0.1, must be a number in \[-1, 0\]"),
     (lambda: TwoAnchor(period=0.0), "period: got 0.0 s, must be finite and above 0"),
     (lambda: TwoAnchor(anchors=0), "anchors: got 0, must be a whole number of at least 1"),
     (lambda: TwoAnchor(direction="standing"), "direction: got 'standing', must be 'direct' or 'retrograde'"),  # type: ignore[arg-type]

@@ -158,5 +158,5 @@ def test_bad_channels_are_refused(bad, sentence: str) -> None:
 
 
 def test_a_bad_seed_is_refused() -> None:
-    with pytest.raises(ValueError, match="seed: got -1, must be at least 0"):
+    with pytest.raises(ValueError, match="seed: got -1, must be a whole number of at least 0"):
         Sensors(seed=-1)

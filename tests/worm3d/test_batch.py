@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from control.gaits import TravellingWave
-from worm3d import Friction, LimitPointError, Plane, State, Status, Worm, batch, simulate, simulate_batch
+from worm3d import Command, Friction, LimitPointError, Plane, State, Status, Worm, batch, simulate, simulate_batch
 from worm3d.start import place
 
 WORMS = [Worm(), Worm(segments=8), Worm(mass=0.15)]
@@ -75,3 +75,29 @@ def test_what_cannot_be_run_is_said_before_any_begins() -> None:
     start = State.straight(Worm(), Plane(), (1.0, 0.0))
     ahead, here = simulate_batch(Worm(), Plane(), actuation=TravellingWave(), state=[start, None], duration=0.5)
     np.testing.assert_allclose(ahead.com[-1, 0] - here.com[-1, 0], 1.0, atol=1e-9)
+
+
+def _raises(t: float) -> Command:
+    raise ZeroDivisionError("valve 3")
+
+
+def test_a_function_that_raises_at_the_start_ends_its_own_run_only() -> None:
+    results = simulate_batch(Worm(), Plane(), actuation=[TravellingWave(), _raises, TravellingWave()], duration=0.1)
+    assert [result.status for result in results] == [Status.DONE, Status.BAD_COMMAND, Status.DONE]
+    assert "ZeroDivisionError: valve 3" in results[1].stop.sentence
+    assert len(results[1].time) == 1
+    alone = simulate(Worm(), Plane(), external_force=_raises, duration=0.1)
+    assert alone.status is Status.BAD_COMMAND
+    assert np.isfinite(alone.joints).all()
+
+
+def test_what_is_refused_names_the_run() -> None:
+    class Broken:
+        def bind(self, worm: Worm) -> None:
+            raise RuntimeError("no such valve")
+
+    with pytest.raises(ValueError, match="run 1: actuation: returned a NoneType"):
+        simulate_batch(Worm(), Plane(), actuation=[TravellingWave(), lambda t: None], duration=0.1)  # type: ignore[list-item, return-value]
+    with pytest.raises(RuntimeError, match="no such valve") as caught:
+        simulate_batch(Worm(), Plane(), actuation=[TravellingWave(), Broken()], duration=0.1)  # type: ignore[list-item]
+    assert "run 1 of the batch" in caught.value.__notes__[0]

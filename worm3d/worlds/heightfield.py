@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d import arguments
 from worm3d.compiled import cfunc
 from worm3d.read_only import ReadOnly
+from worm3d.room import require_room
 from worm3d.worlds import heightfield_kernel, table, terrain
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.laid import laid
@@ -64,16 +65,17 @@ class Heightfield(ReadOnly):
         self._keep("heights", self.heights)
         if self.heights.ndim != 2 or min(self.heights.shape) < 4:
             raise ValueError(f"heights: got shape {self.heights.shape}, must be (A, B) with at least 4 along each side")
-        arguments.room(
+        require_room(
             "heights", BYTES_PER_HEIGHT * self.heights.size, f"{self.heights.size:.3g} of them", "a wider spacing"
         )
         arguments.number("spacing", self.spacing, "m", gt=0.0)
         object.__setattr__(self, "origin", tuple(arguments.array("origin", self.origin, (2,)).tolist()))
         self._keep("grip", self.grip)
-        if np.shape(self.grip) not in ((), self.heights.shape) or np.min(self.grip) < 0.0:
+        shape, grips = np.shape(self.grip), np.atleast_1d(self.grip)
+        if shape not in ((), self.heights.shape) or not 0.0 <= grips.min() <= grips.max() <= arguments.LARGEST:
+            least = f" and least value {grips.min()}" if grips.size else ""
             raise ValueError(
-                f"grip: got shape {np.shape(self.grip)} and least value {np.min(self.grip)}, must be at least 0, a "
-                f"number or as the heights, {self.heights.shape}"
+                f"grip: got shape {shape}{least}, must be at least 0, a number or as the heights, {self.heights.shape}"
             )
 
     def _keep(self, name: str, value: ArrayLike) -> None:

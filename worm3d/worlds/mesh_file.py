@@ -96,11 +96,10 @@ def triangles(path: Path, data: bytes, scale: float) -> tuple[FloatArray, IntArr
     """
     _require_whole_stl(path, data)
     mesh = _read(path, data)
-    _require_indices(path.name, mesh)
     _require_finite(path.name, mesh)
     with np.errstate(all="ignore"):
         _require_size(path.name, np.asarray(mesh.vertices, dtype=float) * scale, np.asarray(mesh.faces))
-        mesh.merge_vertices(merge_tex=True, merge_norm=True)
+        mesh.merge_vertices()
     vertices, faces = np.asarray(mesh.vertices, dtype=float) * scale, np.asarray(mesh.faces, dtype=np.int64)
     _require_solid(path.name, mesh, vertices)
     return vertices, faces
@@ -127,23 +126,26 @@ def _read(path: Path, data: bytes) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            mesh: Any = trimesh.load(BytesIO(data), file_type=path.suffix.lower()[1:], force="mesh", process=False)
-            count = len(mesh.faces)
+            loaded: Any = trimesh.load(BytesIO(data), file_type=path.suffix.lower()[1:], force="mesh", process=False)
+            vertices, faces = np.array(loaded.vertices, dtype=np.float64), np.array(loaded.faces, dtype=np.int64)
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            raise ValueError("vertices without x, y and z")
     except Exception as error:  # readers fail in ways of their own
         reason = str(error).strip().splitlines() or [type(error).__name__]
         raise MeshError(
             f"mesh {path.name!r}: truncated, or no {path.suffix.lower()[1:].upper()} file at all ({reason[0][:80]}); "
             "export it again"
         ) from None
-    if count == 0:
+    if len(faces) == 0:
         raise MeshError(f"mesh {path.name!r}: no triangles in it: empty, truncated or garbage; export it again")
-    return mesh
+    _require_indices(path.name, faces, len(vertices))
+    # Of plain arrays anew: its readers leave normals, colours and caches that need not fit.
+    return trimesh.Trimesh(vertices, faces, process=False)
 
 
-def _require_indices(name: str, mesh: Any) -> None:
+def _require_indices(name: str, faces: IntArray, count: int) -> None:
     """Raise MeshError for faces of vertices that are not there, before anything goes by them."""
-    faces, count = np.asarray(mesh.faces), len(mesh.vertices)
-    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
+    if faces.ndim != 2 or faces.shape[1] != 3:
         raise MeshError(f"mesh {name!r}: got faces that are no triangles; export it again, triangulated")
     wrong = (faces < 0) | (faces >= count)
     if wrong.any():

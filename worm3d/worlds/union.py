@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import arguments
 from worm3d.compiled import cfunc
 from worm3d.read_only import ReadOnly
 from worm3d.worlds import symbolic, table, union_kernel
@@ -23,6 +24,9 @@ from worm3d.worlds.profile import Profile
 from worm3d.worlds.symbolic import Formula
 
 FloatArray = NDArray[np.float64]
+
+MOST_WORLDS = 100
+"""Of a union: each point is looked up in every one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +52,10 @@ class Union(ReadOnly):
     worlds: tuple[World, ...]
 
     def __init__(self, worlds: Sequence[World]) -> None:
+        arguments.instance("worlds", worlds, list | tuple, "a list of worlds")
         object.__setattr__(self, "worlds", tuple(worlds))
-        if not self.worlds:
-            raise ValueError("worlds: got none, must be at least one")
+        if not 0 < len(self.worlds) <= MOST_WORLDS:
+            raise ValueError(f"worlds: got {len(self.worlds)}, must be at least one and at most {MOST_WORLDS}")
         for world in self.worlds:
             if not isinstance(world, World) or isinstance(world, ClampedGround):
                 raise ValueError(
@@ -165,6 +170,11 @@ def slope_into_pipe(
     ValueError
         A pipe that would leave the hill, or arguments that `Plane`, `Centreline` or `Pipe` refuse.
     """
+    slope = arguments.number("slope", slope, "rad", gt=-np.pi / 2, lt=np.pi / 2)
+    for name, value, unit in (("mouth", mouth, "m"), ("tilt", tilt, "rad"), ("heading", heading, "rad")):
+        arguments.number(name, value, unit)
+    if not isinstance(radius, Profile):
+        arguments.number("radius", radius, "m", gt=0.0)
     if not tilt < slope:
         raise ValueError(
             f"tilt: got {tilt!r} rad, must be less than the slope ({slope!r} rad): the pipe leads into the hill"
