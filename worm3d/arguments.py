@@ -60,7 +60,8 @@ def whole(name: str, value: Any, ge: int = 1, le: int = LARGEST_WHOLE) -> int:
 
 def flag(name: str, value: Any) -> bool:
     """Return True or False."""
-    if not isinstance(value, bool | np.bool_):
+    single = isinstance(value, np.ndarray) and value.shape == () and value.dtype == bool
+    if not (single or isinstance(value, bool | np.bool_)):
         raise ValueError(f"{name}: got {shown(value)}, must be True or False")
     return bool(value)
 

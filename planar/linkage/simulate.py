@@ -109,7 +109,8 @@ def simulate(
     arguments.instance("worm", worm, Linkage, "a planar.linkage.Linkage")
     arguments.instance("friction", friction, Friction | None, "a planar.linkage.Friction, or None")
     arguments.function("gait", gait)
-    arguments.flag("settle", settle)
+    if settle is not None:
+        arguments.flag("settle", settle)
     if observer is not None:
         arguments.function("observer", observer, "a function of the number of finished steps")
     n, friction = worm.segments, Friction() if friction is None else friction

@@ -256,7 +256,8 @@ TARGETS: dict[str, Target] = {
         linkage.simulate,
         {"worm": LINKAGE, "gait": flat, "duration": 0.02},
         _kinds(object="worm", function="gait", positive="duration dt", choice="ground friction_law")
-        | _kinds(number="gravity slope velocity_threshold", flag="settle")
+        | _kinds(number="gravity slope velocity_threshold")
+        | {"settle": "flag?"}
         | {"friction": "object?", "external_force": "function?", "start": "array?", "observer": "function?"},
     ),
 }
