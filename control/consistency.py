@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+import scipy
 
 PROBABILITY = 0.95
 
@@ -52,5 +52,5 @@ def consistency(nis: Sequence[float], degrees: int = 2) -> Consistency:
     if not len(nis):
         raise ValueError("consistency: got no innovations, must be at least one; did samples of the sensors arrive?")
     tail, n = (1.0 - PROBABILITY) / 2.0, len(nis)
-    low, high = (float(chi2.ppf(share, n * degrees)) / n for share in (tail, 1.0 - tail))
+    low, high = (float(scipy.stats.chi2.ppf(share, n * degrees)) / n for share in (tail, 1.0 - tail))
     return Consistency(float(np.mean(nis)), low, high, n)

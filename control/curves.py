@@ -15,8 +15,8 @@ from abc import ABC, abstractmethod
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from worm3d import arguments
 
@@ -196,10 +196,10 @@ class Curve(ABC):
         return np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
 
     @cached_property
-    def _guess(self) -> CubicHermiteSpline:
+    def _guess(self) -> scipy.interpolate.CubicHermiteSpline:
         """Parameter as a function of the arc length, nearly."""
         u, s = self._nodes
-        return CubicHermiteSpline(s, u, 1.0 / np.linalg.norm(self.derivatives(u)[1], axis=1))
+        return scipy.interpolate.CubicHermiteSpline(s, u, 1.0 / np.linalg.norm(self.derivatives(u)[1], axis=1))
 
 
 def _unit(vector: FloatArray) -> FloatArray:

@@ -14,8 +14,8 @@ from functools import cached_property
 from typing import Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from control.curves import Curve, require_apart, require_points
 from control.legs import PlanView, WayPoints
@@ -239,8 +239,8 @@ class SplinePath(ReadOnly, Curve):
         return np.vstack([self.points, self.points[:1]]) if self.closed else self.points
 
     @cached_property
-    def _spline(self) -> CubicSpline:
-        return CubicSpline(self.knots(), self._run, bc_type="periodic" if self.closed else "natural")
+    def _spline(self) -> scipy.interpolate.CubicSpline:
+        return scipy.interpolate.CubicSpline(self.knots(), self._run, bc_type="periodic" if self.closed else "natural")
 
 
 def offset(path: Path, xy: ArrayLike, s: ArrayLike) -> FloatArray:
