@@ -55,7 +55,8 @@ class Union(ReadOnly):
         arguments.instance("worlds", worlds, list | tuple, "a list of worlds")
         object.__setattr__(self, "worlds", tuple(worlds))
         if not 0 < len(self.worlds) <= MOST_WORLDS:
-            raise ValueError(f"worlds: got {len(self.worlds)}, must be at least one and at most {MOST_WORLDS}")
+            got = len(self.worlds) or "none"
+            raise ValueError(f"worlds: got {got}, must be at least one (and at most {MOST_WORLDS})")
         for world in self.worlds:
             if not isinstance(world, World) or isinstance(world, ClampedGround):
                 raise ValueError(
