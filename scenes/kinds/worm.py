@@ -11,13 +11,13 @@ from scenes.checks import Check
 from scenes.errors import SceneError
 from scenes.kinds import worm_overview, worm_view
 from scenes.kinds.base import Kind, Observer, Outcome, Status, Watch
-from scenes.kinds.faults import of_plant
 from scenes.kinds.planar_linkage_checks import in_keys
 from scenes.kinds.worm_build import KEYS, Drive, simulate
 from scenes.kinds.worm_checks import WORM_CHECKS
 from scenes.kinds.worm_record import checkpoint_of, joined, missing, state_of, variables_of
 from scenes.kinds.worm_schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
 from scenes.record import Record
+from scenes.summary import Cell
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,9 +73,18 @@ def simulated(
         raise SceneError(in_keys(str(error), KEYS)) from error
 
 
+def _faults(result: worm3d.Result) -> list[dict[str, Cell]]:
+    """Return what the plant knows that went wrong."""
+    if result.on_its_side is None:
+        return []
+    from scenes.kinds.faults import of_plant  # imports the controllers
+
+    return of_plant(result)
+
+
 def outcome(result: worm3d.Result) -> Outcome:
     """Return a run as what the command line takes."""
-    figures, period, faults = result.summary(), result.period, of_plant(result)
+    figures, period, faults = result.summary(), result.period, _faults(result)
     speed = figures["mean_speed_m_s"]
     merits = {
         **{name: figure for name, figure in figures.items() if name not in OF_THE_CLOCK},
