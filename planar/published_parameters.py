@@ -73,10 +73,10 @@ class Parameters:
 
     def __post_init__(self) -> None:
         for name in ("length", "k_spring", "k_link", "mass", "connector_mass", "wavelength", "tolerance"):
-            arguments.number(name, getattr(self, name), gt=0.0)
+            arguments.number(name, getattr(self, name), gt=0.0, any_size=True)
         for name in ("gravity", "mu_forward", "mu_backward", "velocity_threshold", "ground_clearance"):
-            arguments.number(name, getattr(self, name), ge=0.0)
-        arguments.number("contraction_force", self.contraction_force)
+            arguments.number(name, getattr(self, name), ge=0.0, any_size=True)
+        arguments.number("contraction_force", self.contraction_force, any_size=True)
         arguments.whole("max_iterations", self.max_iterations)
         for name in ("snap", "rectified"):
             arguments.flag(name, getattr(self, name))

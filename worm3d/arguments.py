@@ -37,14 +37,18 @@ def number(
     lt: float | None = None,
     le: float | None = None,
     infinite: bool = False,
+    any_size: bool = False,
     allowed: str = "",
 ) -> float:
-    """Return a real number within a range, finite unless `infinite`; `allowed` says the range in other words."""
+    """Return a real number within a range, finite unless `infinite`; `allowed` says the range in other words.
+
+    With `any_size` it may be outside the sizes that are likely.
+    """
     found = _real(value)
     got = f"{shown(value)}{f' {unit}' if unit else ''}"
     if found is None or not _within(found, gt, ge, lt, le) or not (np.isfinite(found) or (infinite and found > 0.0)):
         raise ValueError(f"{name}: got {got}, must be {allowed or _range(gt, ge, lt, le, infinite)}")
-    if not (np.isinf(found) or _of_a_likely_size(found, gt)):
+    if not (any_size or np.isinf(found) or _of_a_likely_size(found, gt)):
         raise ValueError(f"{name}: got {got}, must be of a size {_LIKELY}")
     return found
 

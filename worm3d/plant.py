@@ -40,6 +40,16 @@ DEEPEST = 0.1
 ROUNDING = 2e-15
 """Least tolerance of Newton: a step of this fraction of the body length is rounding."""
 
+ROLL_DAMPING = 1e-7
+"""Damping of roll where all mass is on the axis, over the largest stiffnesses [J] of the worm [s].
+
+The roll of the whole worm has then neither inertia nor, in the air, stiffness: without it Newton's matrix is
+singular but for rounding. A tenth and ten times as much do as well.
+"""
+
+MASSLESS = 1e-3
+"""A segment with less than this fraction of its mass off the axis has some of that damping, with none all of it."""
+
 HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
 """Arrays that hold two instants, first the present one."""
 
@@ -89,6 +99,14 @@ def _addresses(world: WorldKernel) -> NDArray[np.int64]:
     addresses = {"world": world.address, **{name: kernel.address for name, kernel in kernels().items()}}
     addresses |= {name: entry.address for name, entry in entries().items()}
     return np.array([addresses[name] for name in arrays.KERNELS], dtype=np.int64)
+
+
+def _roll_damping(worm: Worm) -> FloatArray:
+    """Return C of `worm3d.kernels.segment`, shape (N,) [N m s]: 0 for a segment that has inertia in roll."""
+    share = worm.apex_mass.sum(axis=1) / (MASSLESS * worm.mass / worm.segments)
+    stiffness = sum(float(np.max(k, initial=0.0)) for k in (worm.k_spring * worm.l0, worm.k_torsion, worm.k_twist))
+    damping: FloatArray = ROLL_DAMPING * stiffness * np.maximum(0.0, 1.0 - share)
+    return damping
 
 
 class Plant:
@@ -200,6 +218,7 @@ class Plant:
             "k_apex": worm.k_apex,
             "l0": worm.l0,
             "tau": worm.kelvin_voigt_time,
+            "roll_damping": _roll_damping(worm),
             "commanded": worm.l0,
             "commanded_n": worm.l0,
         }

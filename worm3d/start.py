@@ -59,8 +59,8 @@ OVERLAP = 10.0 * RESTING_PENETRATION
 """A start with a contact point deeper in the world than this fraction of the segment length is refused."""
 
 LIMIT_PLACES, LIMIT_ROUNDS = 65, 5
-"""The limit point is looked for at so many lengths, and so many times, each time between the neighbours of the best:
-to 1e-7 of the length, and so to 1e-14 of the weight, which is level there."""
+"""The limit point is looked for at so many angles, and so many times, each time between the neighbours of the best:
+to 1e-7 of the angle, and so to 1e-14 of the weight, which is level there."""
 
 GUARDED = (
     Status.DONE,
@@ -95,14 +95,14 @@ def flattening_weight(worm: Worm, contraction: float = 0.0) -> FloatArray:
 
 @cache
 def _limit_point(k: float, k_apex: float, a: float, l0: float, contraction: float) -> float:
-    length = ca.SX.sym("length")
+    # In the angle of the hinges, unlike in the length, all of it is regular up to the flat chamber.
+    angle = ca.SX.sym("angle")
     commanded = l0 * (1.0 - contraction)
-    rest = elements.hinge_angle(ca.SX(a), ca.SX(l0))
-    energy = elements.chamber_energy(ca.SX(k), ca.SX(l0), length, ca.SX(commanded))
-    energy += k_apex / 2.0 * (elements.hinge_angle(ca.SX(a), length) - rest) ** 2
-    height = elements.half_height(ca.SX(a), length)
-    weight = ca.Function("weight", [length], [-2.0 * ca.gradient(energy, length) / ca.gradient(height, length)])
-    low, high = commanded, 2.0 * a * (1.0 - 1e-9)
+    length, height = 2.0 * a * ca.sin(angle / 2.0), a * ca.cos(angle / 2.0)
+    rest, low = (float(elements.hinge_angle(ca.SX(a), ca.SX(each))) for each in (l0, commanded))
+    energy = elements.chamber_energy(ca.SX(k), ca.SX(l0), length, ca.SX(commanded)) + k_apex / 2.0 * (angle - rest) ** 2
+    weight = ca.Function("weight", [angle], [-2.0 * ca.gradient(energy, angle) / ca.gradient(height, angle)])
+    high = np.pi
     for _ in range(LIMIT_ROUNDS):
         place = np.linspace(low, high, LIMIT_PLACES)
         carried = weight(place[None]).full()[0]

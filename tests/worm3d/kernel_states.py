@@ -92,6 +92,7 @@ def some_segment(seed: int = 0) -> Values:
         "k_apex": uniform(0.05, 0.3),
         "l0": l0,
         "tau": uniform(0.01, 0.1),
+        "roll_damping": uniform(0.1, 1.0),
         "span": uniform(0.005, 0.02),
         "dt": uniform(0.005, 0.02),
         "commanded": l0 * uniform(0.7, 1.05, 2),

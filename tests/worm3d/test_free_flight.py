@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from worm3d import Command, Result, State, Status, Worm, simulate
+from worm3d import Command, Friction, Held, Result, State, Status, Worm, simulate
+from worm3d.kernels import segment
+from worm3d.plant import Plant
 
 N = 4
 PLACES = (np.arange(N) + 0.5) / N
@@ -211,3 +213,31 @@ def test_both_integrators_tend_to_the_same_motion() -> None:
     true = end(fly("bdf2", 2.5e-4))
     assert np.abs(fine - true).max() > 1e-4
     assert_allclose(2.0 * fine - coarse, true, rtol=0, atol=2e-5)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize(
+    "way", [(0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)], ids=["hangs", "stands", "juts out"]
+)
+@pytest.mark.parametrize("segments", [2, 3, 6, 20])
+def test_a_chain_without_inertia_in_roll_moves_on(segments: int, way: tuple[float, ...], integrator: Any) -> None:
+    """All mass on the axis, held by its tail, straight but for rounding; only damping resists the roll of it all."""
+    rng = np.random.default_rng(0)
+    for k_twist, off in ((0.5, 0.0), (0.5, 1e-9), (1e-3, 1e-9), (0.5, 1e-4)):
+        worm = Worm(segments=segments, joint_mass_fraction=1.0, k_spring=200.0, k_twist=k_twist)
+        joints = worm.l0 * np.arange(segments + 1)[:, None] * np.array(way)
+        state = State(joints=joints + off * rng.standard_normal(joints.shape))
+        tail = Held(np.arange(segments + 1)[:, None] == 0)
+        run = simulate(worm, None, state=state, held=tail, duration=0.5, integrator=integrator)
+        assert run.status is Status.DONE
+        assert run.energy.balance_error < 1e-12
+
+
+def test_damping_of_roll_leaves_worms_with_mass_off_the_axis_alone() -> None:
+    """It fades with the first thousandth of the mass that lies on apexes."""
+    dampings = []
+    for fraction in (1.0, 0.9995, 0.999, 0.5):
+        plant = Plant(Worm(joint_mass_fraction=fraction), None, Friction(), np.zeros(3), np.zeros(35, dtype=bool))
+        dampings.append(float(plant.arrays["segment_in"][segment.LAYOUT.first("roll_damping"), 0]))
+    assert dampings[0] > 0.0
+    assert_allclose(dampings, [dampings[0], 0.5 * dampings[0], 0.0, 0.0], rtol=1e-9, atol=1e-15)

@@ -3,6 +3,9 @@
 Coordinates: [p_i (3), roll g, bend th, p_{i+1} (3)]; the roll counts from the director at the start of the step.
 Points: the six apexes in the order of the conventions, tail face, head face; their coordinates stand axis by axis,
 row 8 axis + point, so that the rows of an axis are consecutive points for the kernels of `worm3d.kernels.point`.
+
+Where all mass lies on the axis, the roll of the whole worm has no inertia. There a damper resists the roll g of each
+step: potential C g^2/(2 dt), loss C g^2/dt.
 """
 
 from __future__ import annotations
@@ -35,6 +38,7 @@ LAYOUT = Layout(
         "k_apex": 1,
         "l0": 1,
         "tau": 1,  # Kelvin-Voigt time [s]
+        "roll_damping": 1,  # C [N m s], 0 where roll has inertia
         "span": 1,  # beta dt [s]
         "dt": 1,
         "commanded": 2,  # rest length of each chamber at t_{n+1}
@@ -125,7 +129,7 @@ def jacobian() -> ca.Function:
 def _potential() -> tuple[ca.SX, ca.SX, ca.SX]:
     """Potential of the springs and dampers, and gradient and Hessian of everything that moves with the segment."""
     s, x = LAYOUT.symbols, _shape_of_reduced()
-    phi = ca.SX(0.0)
+    phi = s["roll_damping"] / (2.0 * s["dt"]) * _REDUCED[6] ** 2
     for c in range(2):
         stretch, turn = x.lengths[c] - s["length_hat"][c], x.angles[c] - s["angle_hat"][c]
         phi += _chamber(x.lengths[c], s["commanded"][c]) + s["force"][c] * x.lengths[c] + _hinge(x.angles[c])
@@ -186,7 +190,9 @@ def ledger() -> ca.Function:
 
     Behind them, and a row that says nothing, stands what `motion` returns (24).
     """
+    s = LAYOUT.symbols
     terms = _chamber_ledger(0) + _chamber_ledger(1)
+    terms[LEDGER_TERMS.index("viscous_loss")] += s["roll_damping"] / s["dt"] * s["q"][3] * s["dq"][3]
     rest = {"nothing": ca.SX.zeros(LEDGER_ROWS - len(LEDGER_TERMS) - 2), "points": _motion()}
     return LAYOUT.function("segment_ledger", {"terms": terms, "angles": _shape().angles, **rest})
 
