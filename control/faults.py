@@ -141,8 +141,13 @@ def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def lean(wave: Wave) -> tuple[float, float]:
-    """Return the difference of the mean gains of left and right over their sum, positive to the left, and its error."""
+    """Return the difference of the mean gains of left and right over their sum, positive to the left, and its error.
+
+    Segments with a chamber that does not obey are left out: it alone would be a difference of 8 % for six segments.
+    """
     both = np.isfinite(wave.gain).all(axis=1)
+    if both.any():
+        both &= (wave.gain > DISOBEYS * np.nanmedian(wave.gain)).all(axis=1)
     if not both.any():
         return 0.0, float("inf")
     left, right = wave.gain[both].mean(axis=0)

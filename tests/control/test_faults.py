@@ -88,6 +88,13 @@ def test_a_chamber_that_does_not_obey_is_named_within_three_waves(segment, side,
     assert len(found) == 1
 
 
+def test_a_chamber_that_does_not_obey_is_not_taken_for_a_worm_that_tips() -> None:
+    """Its gain alone once made left and right differ by more than the limit."""
+    result, _, found = run(Reference(Constant(0.11), path=LINE), 11.4, stuck(4, 0, 5.4097, 0.1))
+    assert on_its_side(result) is None
+    assert set(found) == {"chamber 4 left"}
+
+
 def test_all_chambers_without_pressure() -> None:
     _, broken, found = run(Reference(Constant(0.08), path=LINE), 10.0, lambda t, c: c if t < 5.0 else 0.2 * c)
     assert broken.waves_from(5.0, found["chambers"].time) < 3.0
