@@ -7,12 +7,14 @@ worm3d.show(result)                 # at the end of a notebook cell
 from __future__ import annotations
 
 from collections.abc import Mapping
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from worm3d import arguments
 from worm3d.result import Result
 from worm3d.scenery import Window, on_ground, scenery
 from worm3d.viewer import Frames
@@ -85,9 +87,12 @@ def draw(
     FileNotFoundError
         No such folder, or no ffmpeg for an MP4.
     """
-    require_ending(Path(path))
+    arguments.instance("result", result, Result, "a worm3d.Result")
+    arguments.instance("path", path, str | PathLike, "the path of a file")
+    path = Path(path)
+    require_ending(path)
     shown = frames_of(result, fps=fps, at=at, reference=reference, horizon=horizon)
-    write(shown, Path(path), at=at, skin=skin, title=title)
+    write(shown, path, at=at, skin=skin, title=title)
 
 
 def show(

@@ -116,10 +116,12 @@ class Run:
         if self.external_force is None:
             return np.zeros((0, self.n + 1))
         force = arguments.floats("external_force", self.external_force(t))
-        if force.shape != (self.n + 1, 3) or not np.isfinite(force).all():
+        if force.shape != (self.n + 1, 3):
             raise ValueError(
-                f"external_force: got shape {force.shape}, must be finite and ({self.n + 1}, 3): x, y, z on each joint"
+                f"external_force: got shape {force.shape}, must be ({self.n + 1}, 3): x, y, z on each joint"
             )
+        if not np.isfinite(force).all():
+            raise ValueError(f"external_force: got {force[~np.isfinite(force)][0]}, every value must be finite [N]")
         return force.T
 
     def finish(self, observer: Callable[[int], bool] | None = None) -> Result:

@@ -212,7 +212,9 @@ def _steps(duration: float, dt: float, every: int, integrator: str) -> int:
         raise ValueError(f"dt: got {dt!r} s, must be at least {SHORTEST:g} s: rounding shows in shorter steps")
     arguments.whole("record_every", every)
     arguments.choice("integrator", integrator, get_args(Integrator))
-    steps = max(1, round(duration / dt))
+    steps = round(duration / dt)
+    if not steps:
+        raise ValueError(f"dt: got {dt:g} s, must be at most the duration of the run, {duration:g} s")
     if steps % every:
         raise ValueError(
             f"record_every: got {arguments.shown(every)}, must divide the {steps} time steps of the run: its end is "

@@ -25,6 +25,7 @@ STRAIGHT = np.column_stack([np.linspace(0.0, 1.0, 7), np.zeros(7), np.full(7, 0.
             "duration: got 1e.14 steps of 6 segments, about .* GB of memory, must be at most 4 GB; use a",
         ),
         ({"duration": 1e5, "dt": 1e-3}, "duration: got 1e.08 steps of 6 segments, about 1.38e.03 GB of memory"),
+        ({"dt": 5.0}, "dt: got 5 s, must be at most the duration of the run, 0.1 s"),
         ({"duration": None}, "duration: got None s, must be finite and above 0"),
         ({"dt": "0.01"}, "dt: got '0.01' s, must be finite and above 0"),
         (
@@ -37,8 +38,8 @@ STRAIGHT = np.column_stack([np.linspace(0.0, 1.0, 7), np.zeros(7), np.full(7, 0.
         ({"integrator": "rk4"}, "integrator: got 'rk4', must be 'bdf2' or 'implicit_euler'"),
         ({"gravity": 9.81}, "gravity: got 9.81, must be finite, x, y and z"),
         ({"gravity": (0.0, 0.0, float("nan"))}, "gravity: got .*nan.*, must be finite"),
-        ({"external_force": lambda t: np.zeros(7)}, r"external_force: got shape \(7,\), must be finite and \(7, 3\)"),
-        ({"external_force": lambda t: np.full((7, 3), np.inf)}, r"external_force: got shape \(7, 3\), must be finite"),
+        ({"external_force": lambda t: np.zeros(7)}, r"external_force: got shape \(7,\), must be \(7, 3\): x, y, z"),
+        ({"external_force": lambda t: np.full((7, 3), np.inf)}, "external_force: got inf, every value must be finite"),
         ({"actuation": 3.0}, "actuation: got float, must be a gait .* a controller .* or a function of time"),
         ({"actuation": lambda t: None}, "actuation: returned a NoneType, must return a worm3d.Command"),
         ({"actuation": lambda t: Command(np.zeros((5, 2)))}, "returned a command for 5 segments, the worm has 6"),

@@ -58,7 +58,7 @@ def test_one_run_that_stops_does_not_stop_the_others() -> None:
     )
     assert [run.status for run in runs] == [Status.DONE, Status.BAD_COMMAND, Status.DONE]
     assert len(runs[1].time) == 20
-    with pytest.raises(ValueError, match="run 1: external_force: got shape"):
+    with pytest.raises(ValueError, match="run 1: external_force: got nan, every value must be finite"):
         simulate_batch(Worm(), None, external_force=pulls)
 
 

@@ -96,6 +96,10 @@ def test_what_cannot_be_drawn_is_named(crawled: worm3d.Result, tmp_path: Path) -
         worm3d.draw(crawled, tmp_path / "a.jpg")
     with pytest.raises(ValueError, match=r"at: got 3.1 s, must be between 0 and 3 s, where the run is known"):
         worm3d.draw(crawled, tmp_path / "a.png", at=3.1)
+    with pytest.raises(ValueError, match=r"path: got NoneType, must be the path of a file"):
+        worm3d.draw(crawled, None)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"result: got int, must be a worm3d.Result"):
+        worm3d.draw(3, "a.png")  # type: ignore[arg-type]
     with pytest.raises(FileNotFoundError, match="nowhere"):
         worm3d.draw(crawled, tmp_path / "nowhere" / "a.html")
 
