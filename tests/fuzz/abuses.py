@@ -239,7 +239,10 @@ TARGETS: dict[str, Target] = {
     "published.Parameters": Target(
         published.Parameters,
         {},
-        dict.fromkeys("length k_spring k_link mass connector_mass wavelength tolerance".split(), "positive of any size")
+        dict.fromkeys(
+            ["length", "k_spring", "k_link", "mass", "connector_mass", "wavelength", "tolerance"],
+            "positive of any size",
+        )
         | dict.fromkeys(
             ("gravity", "mu_forward", "velocity_threshold", "contraction_force", "ground_clearance"),
             "number of any size",
