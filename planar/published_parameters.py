@@ -8,6 +8,9 @@ from typing import Literal
 from planar.net import Net
 from worm3d import arguments
 
+LARGEST = 1e100
+"""Largest size of a parameter, and the inverse of the smallest: the program takes masses of any size for points."""
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -73,10 +76,10 @@ class Parameters:
 
     def __post_init__(self) -> None:
         for name in ("length", "k_spring", "k_link", "mass", "connector_mass", "wavelength", "tolerance"):
-            arguments.number(name, getattr(self, name), gt=0.0, any_size=True)
+            arguments.number(name, getattr(self, name), gt=0.0, largest=LARGEST)
         for name in ("gravity", "mu_forward", "mu_backward", "velocity_threshold", "ground_clearance"):
-            arguments.number(name, getattr(self, name), ge=0.0, any_size=True)
-        arguments.number("contraction_force", self.contraction_force, any_size=True)
+            arguments.number(name, getattr(self, name), ge=0.0, largest=LARGEST)
+        arguments.number("contraction_force", self.contraction_force, largest=LARGEST)
         arguments.whole("max_iterations", self.max_iterations)
         for name in ("snap", "rectified"):
             arguments.flag(name, getattr(self, name))

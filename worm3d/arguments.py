@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
-SMALLEST, LARGEST = 1e-12, 1e12
-"""What is above 0 has to be in this range, in SI units, and nothing may be larger: squares and cubes stay numbers."""
+LARGEST = 1e12
+"""Nothing may be larger, in SI units, and what is above 0 not less than its inverse: squares and cubes stay numbers."""
 
 LARGEST_WHOLE = 2**63 - 1
 """What 64 bits hold."""
-
-_LIKELY = f"between {SMALLEST:g} and {LARGEST:g}"
 
 _LONGEST = 80
 """Characters of a value in a sentence."""
@@ -37,19 +35,19 @@ def number(
     lt: float | None = None,
     le: float | None = None,
     infinite: bool = False,
-    any_size: bool = False,
+    largest: float = LARGEST,
     allowed: str = "",
 ) -> float:
     """Return a real number within a range, finite unless `infinite`; `allowed` says the range in other words.
 
-    With `any_size` it may be outside the sizes that are likely.
+    Its size lies below `largest` and, where it has to be above 0, above the inverse of that.
     """
     found = _real(value)
     got = f"{shown(value)}{f' {unit}' if unit else ''}"
     if found is None or not _within(found, gt, ge, lt, le) or not (np.isfinite(found) or (infinite and found > 0.0)):
         raise ValueError(f"{name}: got {got}, must be {allowed or _range(gt, ge, lt, le, infinite)}")
-    if not (any_size or np.isinf(found) or _of_a_likely_size(found, gt)):
-        raise ValueError(f"{name}: got {got}, must be of a size {_LIKELY}")
+    if not (np.isinf(found) or _of_a_likely_size(found, gt, largest)):
+        raise ValueError(f"{name}: got {got}, must be of a size {_likely(largest)}")
     return found
 
 
@@ -126,7 +124,7 @@ def array(
         raise ValueError(f"{name}: got {float(found[~right][0])!r}, every value must be {_range(gt, ge, lt, le)}")
     likely = _of_a_likely_size(found, gt)
     if not likely.all():
-        raise ValueError(f"{name}: got {float(found[~likely][0])!r}, every value must be of a size {_LIKELY}")
+        raise ValueError(f"{name}: got {float(found[~likely][0])!r}, every value must be of a size {_likely(LARGEST)}")
     found.setflags(write=False)
     return found
 
@@ -173,9 +171,13 @@ def _within(value: Any, gt: float | None, ge: float | None, lt: float | None, le
     return inside
 
 
-def _of_a_likely_size(value: Any, gt: float | None) -> Any:
+def _of_a_likely_size(value: Any, gt: float | None, largest: float = LARGEST) -> Any:
     size = np.abs(value)
-    return (size <= LARGEST) & (size >= (SMALLEST if gt == 0.0 else 0.0))
+    return (size <= largest) & (size >= (1.0 / largest if gt == 0.0 else 0.0))
+
+
+def _likely(largest: float) -> str:
+    return f"between {1.0 / largest:g} and {largest:g}"
 
 
 def _range(gt: float | None, ge: float | None, lt: float | None, le: float | None, infinite: bool = False) -> str:
