@@ -45,8 +45,6 @@ def prepared(out: Path | None, scene_name: str, *, force: bool) -> Iterator[Path
 
 def _require_empty(folder: Path, *, force: bool) -> None:
     try:
-        if folder.exists() and not folder.is_dir():
-            raise SceneError(f"{folder} is a file: choose a folder for --out")
         if not force and folder.is_dir() and any(not path.name.startswith(lock.PREFIX) for path in folder.iterdir()):
             raise SceneError(
                 f"{folder} exists and is not empty: choose another --out, or replace its results with --force"
@@ -60,10 +58,14 @@ def made(folder: Path) -> Path:
 
     Raises
     ------
+    SceneError
+        It is a file.
     DiscError
         It cannot be made or written.
     """
     try:
+        if folder.exists() and not folder.is_dir():
+            raise SceneError(f"{folder} is a file: choose a folder for --out")
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             return folder

@@ -146,6 +146,8 @@ def test_plot_draws_into_the_results_folder_or_another(worm3d, result: Path) -> 
     drawn = {path.name for path in result.glob("*.png")}
     assert drawn == {"overview.png", *(f"{stem}.png" for stem in kinds.get("planar_published").figures)}
     assert worm3d("plot", result / "result.nc", "--out", "other").code == 0
+    ended = worm3d("plot", result, "--out", result / "result.nc")
+    assert (ended.code, ended.complaints) == (2, [f"{result / 'result.nc'} is a file: choose a folder for --out"])
     assert {path.name for path in (result / "other").iterdir()} == drawn
 
 
