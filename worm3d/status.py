@@ -21,8 +21,8 @@ class Status(Enum):
     FOLDED = "two neighbouring segments folded, or were bent, by 90 degrees or more; the steps before are kept"
     SUNK = "a joint was pressed deep into the world; the steps before are kept"
     BAD_COMMAND = (
-        "the actuation (or the external force) returned something that cannot be applied: a Command for as many "
-        "segments as the worm has, finite forces of shape (N+1, 3); the steps before are kept"
+        "the actuation (or the external force) failed, or did not return a Command for as many segments as "
+        "the worm has (finite forces of shape (N+1, 3)); the steps before are kept"
     )
 
     @property

@@ -60,7 +60,8 @@ def load(folder: Path | None, key: str, suffix: str = ".kernel") -> bytes | None
     except UntrustedError as error:
         _tell_untrusted(folder, error)
     except (_DamagedError, OSError, MemoryError) as error:
-        _tell(f"the cache {folder} has a file that cannot be used ({_reason(error)}); what it kept is made anew")
+        sentence = f"the cache {folder} has files that cannot be used ({_reason(error)}); what they kept is made anew"
+        _tell(sentence, f"damaged {folder}")
     return None
 
 
@@ -196,9 +197,10 @@ def _reason(error: Exception) -> str:
     return (isinstance(error, OSError) and error.strerror) or str(error) or type(error).__name__
 
 
-def _tell(sentence: str) -> None:
-    """Say a sentence on stderr, once in a process."""
-    if sentence not in _told:
-        _told.add(sentence)
+def _tell(sentence: str, about: str = "") -> None:
+    """Say a sentence on stderr, once in a process, or once `about` the same."""
+    about = about or sentence
+    if about not in _told:
+        _told.add(about)
         sys.stderr.write(f"worm3d: {sentence}\n")
         sys.stderr.flush()
