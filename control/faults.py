@@ -58,7 +58,7 @@ REACH = 1.02
 """Share of the greatest speed of the map from which a speed cannot be reached."""
 
 TURNS = 1.1
-"""Likewise of the greatest turn rate at a speed."""
+"""Share of the greatest turn rate at a speed from which a turn cannot be reached."""
 
 LEFT_PATH = 0.3
 """Way by which a worm that leaves its path is farther from it than it was [body lengths]."""

@@ -26,7 +26,7 @@ SPAN = 2.0
 """Age beyond which a sample is not used, unless the sensors are known to be slower [s]."""
 
 AHEAD = 1e-6
-"""By which an instant may be ahead of the clock for rounding [s]."""
+"""Time by which a stamp may be ahead of the clock for rounding [s]."""
 
 FARTHEST = 1e7
 """Greatest magnitude of a coordinate [m]: more than any grid on earth has."""

@@ -49,7 +49,7 @@ IMPOSSIBLE = 25.0
 """A sample with a greater nis is held for impossible: of two normal numbers, one pair in 270 000 is."""
 
 IMPOSSIBLE_HEADING = 21.0
-"""Likewise for a heading, one number: as rare."""
+"""Squared deviation, over its variance, beyond which a measured heading is not believed."""
 
 PATIENCE = 3
 """After so many impossible samples in a row it is the belief that is held for wrong: the worm was moved."""

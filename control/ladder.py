@@ -53,7 +53,7 @@ NOT_NUMBERS = "the plan is of another shape, or not finite"
 OUTSIDE = "the plan is outside the ranges in which the worm was identified"
 
 ROUNDING = 1e-6
-"""By which a plan may be outside the identified ranges, as a share of them."""
+"""Distance by which a plan may be outside the identified ranges, as a share of them."""
 LONGEST_COMPLAINT = 200
 """Letters of an exception that are kept."""
 

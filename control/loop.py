@@ -108,7 +108,7 @@ class WaveController(ABC):
 
     @property
     def period(self) -> float:
-        """Of the wave at the preferred frequency [s], over which `worm3d.simulate` averages."""
+        """Period of the wave at the preferred frequency [s], over which `worm3d.simulate` averages."""
         return 1.0 / self._frequency
 
     @property

@@ -26,7 +26,7 @@ SMOOTHING = 0.25
 """Waves over which a is smoothed: the shorter waves, of which two pass in a wave, nearly vanish."""
 
 UNKNOWNS = 3
-"""Of (W1) in one sample, and segments without which it says nothing."""
+"""Number of unknowns of (W1) in one sample; fewer segments tell nothing."""
 
 
 class MeasuredWave:

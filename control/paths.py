@@ -26,7 +26,7 @@ FloatArray = NDArray[np.float64]
 Side = Literal["left", "right"]
 
 MOST_WAVES = 10_000
-"""Of an S-curve, whose length is summed up piece by piece."""
+"""Largest number of waves of an S-curve, whose length is summed up piece by piece."""
 
 __all__ = ["Circle", "Line", "Path", "PlanView", "SCurve", "Side", "SplinePath", "WayPoints", "offset", "track"]
 

@@ -20,7 +20,7 @@ from worm3d import Command, Worm
 FloatArray = NDArray[np.float64]
 
 HARMONICS = 3
-"""Of the wave that are fitted to strains and commands: what is left over is noise."""
+"""Number of harmonics of the wave that are fitted to strains and commands: what is left over is noise."""
 
 SAMPLES = 16
 """Strains without which gains are not known: those of more waves are taken together."""

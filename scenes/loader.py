@@ -26,7 +26,7 @@ SHIPPED = Path(__file__).parent
 """Folder of the scenes that come with the program."""
 
 LARGEST_FILE = 4_000_000
-"""Of a scene [byte]: a pipe through 50,000 points."""
+"""Largest scene file [byte]: a pipe through 50,000 points."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from pathlib import Path
 from scenes.errors import SceneError
 
 PREFIX = ".worm3d-"
-"""Of the names of files that are there while something is written."""
+"""First letters of the names of files that are there while something is written."""
 NAME = f"{PREFIX}lock"
 BEHIND = 1 << 20
 """Byte that is locked on Windows, where others cannot read what is locked."""

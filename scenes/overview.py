@@ -23,10 +23,10 @@ FloatArray = NDArray[np.float64]
 FILE_NAME = "overview.png"
 
 WIDTH, LEFT, RIGHT, ABOVE, BELOW, HEADER = 720, 62, 16, 24, 36, 46
-"""Of the picture, of the margins around each panel, and of the head line [pixels]."""
+"""Width of the picture, margins around each panel, and height of the head line [pixels]."""
 
 BODY_HIGH, CURVES_HIGH, CASES_HIGH = 190, 150, 220
-"""Of panels with a body (at most), with curves, and with the cases of a study [pixels]."""
+"""Heights of panels with a body (at most), with curves, and with the cases of a study [pixels]."""
 
 MOST_LENGTHS = 4.0
 """A body that went further than so many of its own lengths is shown where it ended."""

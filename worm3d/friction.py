@@ -36,7 +36,7 @@ NEGLIGIBLE = 1e-13
 than places are rounded, and the law needs no exception for 0."""
 
 TINY = 1e-30
-"""The same where all coefficients are 0."""
+"""Coefficient that counts for 0 where all are 0."""
 
 TANGENTIAL_DAMPING_RATIO = 40.0
 """Of the contact with the smallest coefficient, for the mass that it holds; larger ones are damped more.

@@ -32,7 +32,7 @@ TABLES = {
         "overruns": "overruns",
     },
 }
-"""Of a report: title, and the columns of each, which stand beside scene, controller and seeds."""
+"""Tables of a report: title and columns of each, which stand beside scene, controller and seeds."""
 KEYS = ("scene", "controller", "seeds")
 SCALES = dict.fromkeys((*SPEED_METRICS, *SETTLED_METRICS), 100.0)
 UNITS = {

@@ -31,7 +31,7 @@ LAYERS = {
 FULLNESS = 0.74
 """Semi-axes of a chamber's ellipsoid over half the diagonals of its linkage; 0.71 touches the links."""
 FACE_THICKNESS = 0.05
-"""Of the discs at the ends, over their radius; they are thick outwards, beyond the face that touches."""
+"""Thickness of the discs at the ends, over their radius, outwards beyond the face that touches."""
 ARROW = 0.2
 """Length of the arrow of `Scales.force` in body lengths, roughly: it is 1, 2 or 5 times a power of ten [m]."""
 TRAIL_SIDES = 6

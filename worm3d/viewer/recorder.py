@@ -31,7 +31,7 @@ _TOP, _BOTTOM = [0.93, 0.95, 0.97], [0.72, 0.76, 0.80]
 _ROOT = "/meshcat"
 _STANDING = np.eye(4).ravel().tolist()
 _KINDS = {"<f4": ("Float32Array", 0x17), "<u4": ("Uint32Array", 0x16)}
-"""Of packed arrays: three.js' name, and the number by which meshcat's viewer knows them."""
+"""Kinds of packed arrays: three.js' name, and the number by which meshcat's viewer knows them."""
 
 
 FONT = 22

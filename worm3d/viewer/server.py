@@ -25,7 +25,7 @@ with warnings.catch_warnings():
     from meshcat.servers import zmqserver
 
 NAMES = ("127.0.0.1", "localhost", "[::1]")
-"""Of this machine, as a browser may call it."""
+"""Names of this machine, as a browser may call it."""
 
 
 class Local:

@@ -31,11 +31,11 @@ SIDES = 28
 WAIST = 0.68
 """Size of a section at a joint over that of the segments beside it; nothing but the joint itself touches there."""
 WAIST_OFFSET = 0.9
-"""Likewise for the distance between the chambers."""
+"""Distance between the chambers at a joint over that of the segments beside it."""
 
 PANEL_RINGS = 3
 PANEL_SIDES = [*(_HALF := [0, 2, 4, 6, 7, 9, 11, 13]), *(corner + SIDES // 2 for corner in _HALF)]
-"""Of a coarser skin: every how manieth ring, and which corners; those at apexes are among them."""
+"""Step between the rings of a coarser skin, and its corners; those at apexes are among them."""
 JOINT_SHADE = 0.85
 """Brightness at the joints, so that one can tell segments."""
 

@@ -32,10 +32,10 @@ LARGEST_TURN = 200.0 * np.pi
 """A bend may be a helix seen along its axis, of a hundred turns [rad]."""
 
 MOST_PIECES = 100_000
-"""Of a centre line: some 12,000 points of a spline."""
+"""Largest number of pieces of a centre line: some 12,000 points of a spline."""
 
 MOST_SAMPLES = 100_000
-"""By which a reach is looked for; what would take more has none that is known."""
+"""Largest number of samples by which a reach is looked for; what would take more has none that is known."""
 
 KINK = 1e-9
 """Two pieces meet if positions (in metres) and tangents differ by no more than this."""

@@ -28,7 +28,7 @@ LARGEST, SMALLEST = 1000.0, 0.01
 """Longest side that a mesh may have [m]."""
 
 LARGEST_FILE = 500_000_000
-"""Of a mesh [byte]: ten million triangles."""
+"""Largest mesh file [byte]: ten million triangles."""
 
 FLAT = 1e-9
 """Volume below this fraction of the cube of the longest side: nothing is enclosed."""

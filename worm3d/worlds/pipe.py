@@ -33,7 +33,7 @@ CERTAIN = 1e-12
 """A point this far from a plane lies on the same side of it however that is rounded, times the line's extent [m]."""
 
 PLACES = 2_000_000
-"""Of which distances from pieces of the centre line are computed at once."""
+"""Number of pairs of place and piece whose distances are computed at once."""
 
 BENT = 1e-9
 """Slack in comparing places along the pipe [m]."""

@@ -19,16 +19,16 @@ STONES = 4.0
 
 
 MOST_STONES = 100_000
-"""Of rubble: a few seconds."""
+"""Largest number of stones in rubble: a few seconds."""
 
 MOST_HEIGHTS = 4_000_000
 """Nodes of terrain that is made or read: 32 MB for each of its tables."""
 
 LARGEST_FILE = 200_000_000
-"""Of an image [byte]."""
+"""Largest image file [byte]."""
 
 FORMATS = ("PNG", "TIFF", "JPEG", "BMP", "PPM", "GIF")
-"""Of images; other readers of the library run programs, or know no limits."""
+"""Formats of images that are read; other readers of the library run programs, or know no limits."""
 
 
 def require_few(along: float, across: float) -> None:

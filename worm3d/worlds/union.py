@@ -26,7 +26,7 @@ from worm3d.worlds.symbolic import Formula
 FloatArray = NDArray[np.float64]
 
 MOST_WORLDS = 100
-"""Of a union: each point is looked up in every one."""
+"""Largest number of worlds in a union: each point is looked up in every one."""
 
 
 @dataclass(frozen=True, eq=False)
