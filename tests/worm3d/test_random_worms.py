@@ -23,7 +23,7 @@ def test_random_worms_end_with_a_name(kind: str, part: int) -> None:
         assert one.finite, one
         assert one.balance_error < 1e-6, one
         assert one.penetration < 0.02, one
-        assert one.wall_s < 60.0, one
+        assert one.mean_iterations < 150.0, one  # the most that one of them takes is 56
     assert len(admitted) >= PART // 2
     assert sum(one.good for one in admitted) >= len(admitted) - 2, outcomes
     assert sum(one.end == "NO_CONVERGENCE" for one in admitted) == 0, outcomes
