@@ -3,12 +3,14 @@
 from collections.abc import Callable
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from control.gaits import Gait, TravellingWave
-from worm3d import Command, Friction, Plane, Result, State, Status, Worm, simulate
+from planar.linkage import ground as planar_ground
+from worm3d import Command, Friction, Plane, Result, State, Status, Worm, contact, simulate
 
 WAVE = TravellingWave()
 TURN = TravellingWave(amplitude=0.3, bias=0.3, hinge=0.5)
@@ -177,3 +179,16 @@ def test_swapped_friction_and_reversed_wave_mirror_the_path_fore_and_aft() -> No
     back = done(simulate(worm, Plane(), Friction(0.2, 0.03, 0.2), reversed_wave, duration=4.0))
     assert_allclose(back.joints[:, ::-1] * [-1.0, 1.0, 1.0] + [1.0, 0.0, 0.0], there.joints, rtol=0, atol=1e-8)
     assert abs(there.distance) > 0.05
+
+
+@pytest.mark.parametrize(("share", "breaks"), [(1.0 - 5e-10, True), (1.0 - 2e-9, False), (1.0, True)])
+@pytest.mark.parametrize("way", [(1.0, 0.0), (-1.0, 0.0), (0.6, -0.8)], ids=["forward", "backward", "across"])
+def test_a_contact_breaks_away_from_1e_9_below_its_limit_on(way: tuple[float, ...], share: float, breaks: bool) -> None:
+    """(C6): the limit is eta = cap r. The planar model, (G4), has the same margin."""
+    mu, cap, r = np.array([0.05, 0.2, 0.3]), 1.3, 2e-6
+    of = contact.Coefficients(contact.Directions(*map(ca.SX, mu)), contact.Directions(*map(ca.SX, (1.0, 1.0, 1.0))))
+    law = contact.Law(ca.SX(r), ca.SX(cap), ca.SX.zeros(2))
+    along = np.array(way) * [mu[0] if way[0] > 0.0 else mu[1], mu[2]]
+    y = np.array(way) / np.linalg.norm(along) * cap * r * share
+    assert (float(contact.reach(ca.SX(y), of, law)) > 0.0) == breaks
+    assert planar_ground.TIE == contact.TIE
