@@ -19,19 +19,20 @@ import math
 from abc import abstractmethod
 from dataclasses import dataclass, fields
 
-from control.decision import Source
-from control.estimate import Estimate
-from control.estimator import Estimator
-from control.feedforward import FeedForward
-from control.identification import Identified
-from control.ladder import KNOWN, LONGEST_START, Choice, turn_of_path
+from control.estimation.estimate import Estimate
+from control.estimation.estimator import Estimator
+from control.estimation.reduced import ReducedModel, ReducedState
+from control.gaits.steering import GaitParameters, Mechanism
+from control.identification.feedforward import FeedForward
+from control.identification.fit import Identified
 from control.loop import Estimates, WaveController
-from control.paths import offset
-from control.preview import turn_rate
-from control.reduced import ReducedModel, ReducedState
-from control.references import Reference
-from control.steering import GaitParameters, Mechanism
-from worm3d import Worm, arguments
+from control.planning.decision import Source
+from control.planning.fallback import KNOWN, LONGEST_START, Choice, turn_of_path
+from control.planning.preview import turn_rate
+from control.tracking.paths import offset
+from control.tracking.references import Reference
+from worm3d import Worm
+from worm3d.values import arguments
 
 HEADING = ReducedState._fields.index("heading")
 
@@ -173,7 +174,7 @@ class PiLineOfSight(_Baseline):
     worm, identified, reference, mechanism, control_period
         As of `OpenLoop`.
     estimator : Estimates, optional
-        `control.estimator.Estimator` if left out.
+        `control.estimation.estimator.Estimator` if left out.
     gains : Gains, optional
 
     Attributes

@@ -15,25 +15,26 @@ from math import inf
 from time import perf_counter
 from typing import Protocol
 
-from control.decision import Decision
-from control.estimate import Estimate
-from control.estimator import Estimator
+from control.estimation.estimate import Estimate
+from control.estimation.estimator import Estimator
 from control.faults import Fault
-from control.feedforward import FeedForward
-from control.gate import SPAN, Gate
-from control.generator import WaveGenerator
-from control.ladder import LOST, MOST_HELD, Choice, complaint_of, rest
-from control.measurement import Measurement
-from control.references import Reference
-from control.steering import GaitParameters, Schedule
+from control.gaits.generator import WaveGenerator
+from control.gaits.steering import GaitParameters, Schedule
+from control.identification.feedforward import FeedForward
+from control.planning.decision import Decision
+from control.planning.fallback import LOST, MOST_HELD, Choice, complaint_of, rest
+from control.sensing.gate import SPAN, Gate
+from control.sensing.measurement import Measurement
+from control.tracking.references import Reference
 from control.watch import Watch
-from worm3d import Command, Worm, arguments
+from worm3d import Command, Worm
+from worm3d.values import arguments
 
 _LOG = logging.getLogger(__name__)
 
 
 class Estimates(Protocol):
-    """What gives estimates, such as `control.estimator.Estimator`."""
+    """What gives estimates, such as `control.estimation.estimator.Estimator`."""
 
     def reset(self) -> None:
         """Begin anew."""

@@ -1,6 +1,6 @@
 """The supervisor: model predictive control with all that is needed for commands to follow, whatever becomes of plans.
 
-It is the loop of `control.loop`, with the choice of the wave's parameters by `control.ladder`.
+It is the loop of `control.loop`, with the choice of the wave's parameters by `control.planning.fallback`.
 """
 
 from __future__ import annotations
@@ -10,17 +10,18 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from control.estimate import Estimate
-from control.estimator import Estimator
-from control.identification import Identified
-from control.ladder import Choice, Ladder, Planner
+from control.estimation.estimate import Estimate
+from control.estimation.estimator import Estimator
+from control.estimation.reduced import ReducedModel
+from control.gaits.steering import Mechanism, Schedule
+from control.identification.fit import Identified
 from control.loop import Estimates, WaveController
-from control.mpc import GaitMPC
-from control.reduced import ReducedModel
-from control.references import Reference
-from control.sensors import Channel
-from control.steering import Mechanism, Schedule
-from worm3d import Worm, arguments
+from control.planning.fallback import Choice, Ladder, Planner
+from control.planning.mpc import GaitMPC
+from control.sensing.sensors import Channel
+from control.tracking.references import Reference
+from worm3d import Worm
+from worm3d.values import arguments
 
 Deadline = Literal["iterations", "wall"]
 
@@ -86,7 +87,7 @@ class Supervisor(WaveController):
         ----------
         worm, reference, identified, mechanism, control_period, deadline
         sensors : mapping of str to Channel, optional
-            How good the sensors are, `control.sensors.Sensors.channels`; the default ones if left out.
+            How good the sensors are, `control.sensing.sensors.Sensors.channels`; the default ones if left out.
         """
         model = ReducedModel.of(worm, identified, mechanism)
         estimator = Estimator.told(worm, model, identified.schedule, sensors or {})

@@ -8,13 +8,13 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from control.estimate import Estimate
+from control.estimation.estimate import Estimate
 from control.faults import AT_LIMIT, Fault, Wave, faults
-from control.feedforward import FeedForward
-from control.measurement import Measurement
-from control.paths import offset
-from control.references import Reference
-from control.steering import GaitParameters
+from control.gaits.steering import GaitParameters
+from control.identification.feedforward import FeedForward
+from control.sensing.measurement import Measurement
+from control.tracking.paths import offset
+from control.tracking.references import Reference
 from worm3d import Command, Worm
 
 FloatArray = NDArray[np.float64]

@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-from worm3d.cache.functions import keep, sources_digest
+from worm3d.machine.cache.functions import keep, sources_digest
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from planar.net import Net
-from worm3d import arguments
+from worm3d.values import arguments
 
 LARGEST = 1e100
 """Largest size of a parameter, and the inverse of the smallest: the program takes masses of any size for points."""

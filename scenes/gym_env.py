@@ -19,7 +19,7 @@ length:
 The reward of a period is 1 - (speed/asked for - 1)^2 - (offset/0.1 L)^2 of the true centre of mass, no less than -1;
 the speed is that over the last commanded wave, which rocks the worm, along the path or heading that is asked for.
 An episode ends with the scene's duration (truncated), or when the run diverges (terminated). Samples that cannot be are
-not used (`control.gate`); `info["measurements_refused"]` counts them.
+not used (`control.sensing.gate`); `info["measurements_refused"]` counts them.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 import worm3d
-from control.estimator import span_of
-from control.gate import Gate
-from control.generator import WaveGenerator
-from control.measurement import Measurement
-from control.paths import offset
-from control.reduced import INPUTS
-from control.steering import GaitParameters
-from scenes.errors import MissingPartError, SceneError
-from scenes.kinds.control_build import identified_of, reference_of, sensors_of
-from scenes.kinds.control_schema import ControlScene
-from scenes.kinds.worlds_build import world_of
-from scenes.kinds.worm_build import force_of, friction_of, gravity_of, start_of, worm_of
-from scenes.loader import load_scene
+from control.estimation.estimator import span_of
+from control.estimation.reduced import INPUTS
+from control.gaits.generator import WaveGenerator
+from control.gaits.steering import GaitParameters
+from control.sensing.gate import Gate
+from control.sensing.measurement import Measurement
+from control.tracking.paths import offset
+from scenes.language.errors import MissingPartError, SceneError
+from scenes.language.loader import load_scene
+from scenes.models.control.build import identified_of, reference_of, sensors_of
+from scenes.models.control.schema import ControlScene
+from scenes.models.worlds.build import world_of
+from scenes.models.worm.build import force_of, friction_of, gravity_of, start_of, worm_of
 from worm3d.run import Run
 from worm3d.simulate import prepare
 from worm3d.status import Status

@@ -3,7 +3,7 @@
     result = worm3d.simulate(worm, world, ground, actuation=gait, duration=10.0)
 
 Start reading at `worm3d/simulate.py`, then `worm3d/solver/step.py`, `worm3d/kernels/`, and the formulas in
-`worm3d/elements.py` and `worm3d/contact.py`; the letters are listed in NOTATION.md.
+`worm3d/physics/elements.py` and `worm3d/physics/contact.py`; the letters are listed in NOTATION.md.
 
 What needs the compiler is imported when it is first asked for: gaits and scene checks need the parameters only.
 """
@@ -18,10 +18,10 @@ from worm3d.worm import Worm
 
 if TYPE_CHECKING:
     from worm3d.batch import simulate_batch
-    from worm3d.friction import Friction
-    from worm3d.held import Held
+    from worm3d.constraints import Held
     from worm3d.live import Live
     from worm3d.observation import Observation
+    from worm3d.physics.friction import Friction
     from worm3d.pictures import draw, show
     from worm3d.result import Energy, Result
     from worm3d.simulate import simulate
@@ -49,9 +49,9 @@ _HOMES = {
     "Centreline": "worlds",
     "ClampedGround": "worlds",
     "Energy": "result",
-    "Friction": "friction",
+    "Friction": "physics.friction",
     "Heightfield": "worlds",
-    "Held": "held",
+    "Held": "constraints",
     "LimitPointError": "start",
     "Live": "live",
     "Mesh": "worlds",

@@ -11,10 +11,9 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from worm3d import arguments
 from worm3d.actuation import Actuation
-from worm3d.friction import Friction
-from worm3d.held import Held
+from worm3d.constraints import Held
+from worm3d.physics.friction import Friction
 from worm3d.plant import ROUNDING
 from worm3d.result import Result
 from worm3d.run import Force, Run
@@ -22,6 +21,7 @@ from worm3d.simulate import Integrator, prepare
 from worm3d.start import LimitPointError, Placed, place, settle
 from worm3d.state import State, StateError
 from worm3d.status import Status
+from worm3d.values import arguments
 from worm3d.worlds import World
 from worm3d.worm import Worm
 

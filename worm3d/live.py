@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import arguments, pictures
-from worm3d.scenery import Window, scenery
+from worm3d import pictures
 from worm3d.status import Status
+from worm3d.values import arguments
 from worm3d.viewer import Frames
 from worm3d.viewer.live import LiveView
 from worm3d.viewer.pieces import rounded_up
+from worm3d.worlds.scenery import Window, scenery
 
 if TYPE_CHECKING:
     from worm3d.result import Result

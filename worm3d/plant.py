@@ -11,11 +11,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import vectors
-from worm3d.codegen import Kernel, compile_kernel, evaluate
-from worm3d.compiled import announce, cfunc
-from worm3d.friction import ContactConstants, Friction
-from worm3d.kernels import joint, node, point, segment
+from worm3d.machine import vectors
+from worm3d.machine.codegen import Kernel, compile_kernel, evaluate
+from worm3d.machine.compiled import announce, cfunc
+from worm3d.physics.friction import ContactConstants, Friction
+from worm3d.physics.kernels import joint, node, point, segment
 from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, REMEMBERED, CoreMemory
 from worm3d.solver.entry import SIGNATURE
@@ -102,7 +102,7 @@ def _addresses(world: WorldKernel) -> NDArray[np.int64]:
 
 
 def _roll_damping(worm: Worm) -> FloatArray:
-    """Return C of `worm3d.kernels.segment`, shape (N,) [N m s]: 0 for a segment that has inertia in roll."""
+    """Return C of `worm3d.physics.kernels.segment`, shape (N,) [N m s]: 0 for a segment that has inertia in roll."""
     share = worm.apex_mass.sum(axis=1) / (MASSLESS * worm.mass / worm.segments)
     stiffness = sum(float(np.max(k, initial=0.0)) for k in (worm.k_spring * worm.l0, worm.k_torsion, worm.k_twist))
     damping: FloatArray = ROLL_DAMPING * stiffness * np.maximum(0.0, 1.0 - share)

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d import metrics, roll
-from worm3d.read_only import ReadOnly, brief, listed, read_only
 from worm3d.solver.arrays import TERMS
 from worm3d.state import State
 from worm3d.status import Status, Stop
+from worm3d.values.read_only import ReadOnly, brief, listed, read_only
 from worm3d.worlds import World
 from worm3d.worm import Worm
 

@@ -11,19 +11,19 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from worm3d import arguments
 from worm3d.actuation import Driver
 from worm3d.metrics import heading
 from worm3d.observation import Observation
 from worm3d.plant import HISTORIES
-from worm3d.refused import refused
 from worm3d.result import Energy, Result
 from worm3d.solver.advance import advance, worst_residual
 from worm3d.solver.arrays import COUNTERS, POINTS
 from worm3d.solver.guard import NO_CONVERGENCE, OK
 from worm3d.solver.records import mass_centre, record, record_memory
+from worm3d.solver.refused import refused
 from worm3d.start import GUARDED, Placed
 from worm3d.status import Status, Stop
+from worm3d.values import arguments
 
 FloatArray = NDArray[np.float64]
 Force = Callable[[float], ArrayLike]

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from worm3d import arguments
 from worm3d.actuation import Actuation, Driver, Sensor
-from worm3d.friction import Friction
-from worm3d.held import Held, held_mask
+from worm3d.constraints import Held, held_mask
+from worm3d.physics.friction import Friction
 from worm3d.plant import ROUNDING
 from worm3d.result import Result
-from worm3d.room import bytes_of_run, require_room
 from worm3d.run import Force, Run
 from worm3d.solver import arrays
 from worm3d.start import Placed, place
 from worm3d.state import State
+from worm3d.values import arguments
+from worm3d.values.memory import bytes_of_run, require_room
 from worm3d.worlds import ClampedGround, World
 from worm3d.worm import Worm
 

@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import elements
-from worm3d.friction import RESTING_PENETRATION, Friction
+from worm3d.physics import elements
+from worm3d.physics.friction import RESTING_PENETRATION, Friction
 from worm3d.plant import DEEPEST, Plant
 from worm3d.solver.advance import advance
 from worm3d.solver.arrays import POINTS

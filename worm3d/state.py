@@ -11,8 +11,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from worm3d import arguments, elements
-from worm3d.read_only import ReadOnly, read_only
+from worm3d.physics import elements
+from worm3d.values import arguments
+from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.worlds.base import World
 from worm3d.worlds.clamped import ClampedGround
 from worm3d.worm import Worm

@@ -34,8 +34,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planar.linkage.worm import FloatArray, Linkage
-from worm3d import arguments
-from worm3d.read_only import ReadOnly
+from worm3d.values import arguments
+from worm3d.values.read_only import ReadOnly
 
 RESTING_PENETRATION = 1e-5
 """Of the mean load, as a fraction of the segment length."""

@@ -23,8 +23,8 @@ from planar.linkage.start import (
 from planar.linkage.step import ClampedStepper, ContactStepper, State, Step, Stepper, ThresholdStepper
 from planar.linkage.worm import FloatArray, Linkage
 from planar.status import Status, Stop
-from worm3d import arguments
-from worm3d.room import require_room
+from worm3d.values import arguments
+from worm3d.values.memory import require_room
 
 Gait = Callable[[float], FloatArray]
 """Time [s] -> contraction of each segment, shape (N,): the commanded rest length is l0 (1 - contraction)."""

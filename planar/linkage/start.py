@@ -13,7 +13,7 @@ from planar.linkage.shape import apexes, diagonals, joint_cosines
 from planar.linkage.step import ContactStepper, State
 from planar.linkage.worm import FloatArray, Linkage
 from planar.status import Status
-from worm3d import arguments
+from worm3d.values import arguments
 
 FLAT = 0.02
 """A rhombus lower than this fraction of its rest height is flattened."""

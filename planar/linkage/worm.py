@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import arguments
-from worm3d.read_only import ReadOnly
+from worm3d.values import arguments
+from worm3d.values.read_only import ReadOnly
 
 FloatArray = NDArray[np.float64]
 

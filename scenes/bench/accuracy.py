@@ -19,14 +19,14 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from scenes import folder as folders
 from scenes.bench.crawl import StoppedError
 from scenes.bench.machine import machine
 from scenes.bench.tables import Cells, aligned, markdown_table
-from scenes.errors import SceneError
-from scenes.files import write_bytes
-from scenes.loader import load_scene
-from scenes.runner import simulate
+from scenes.commands.runner import simulate
+from scenes.language.errors import SceneError
+from scenes.language.loader import load_scene
+from scenes.records import folder as folders
+from scenes.records.files import write_bytes
 
 FloatArray = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 
-from scenes.kinds.control_build import identified_of
-from scenes.kinds.control_schema import ControlScene
-from scenes.loader import Scene
-from scenes.versions import versions
+from scenes.language.loader import Scene
+from scenes.models.control.build import identified_of
+from scenes.models.control.schema import ControlScene
+from scenes.records.versions import versions
 
 PACKAGES = ("worm3d", "control", "scenes")
 """Whose sources count."""

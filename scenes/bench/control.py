@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from scenes.bench.basis import basis
-from scenes.files import write_bytes
-from scenes.loader import Scene, load_scene
-from scenes.report import timing
-from scenes.runner import simulate
-from scenes.summary import without_nan
+from scenes.commands.report import timing
+from scenes.commands.runner import simulate
+from scenes.language.loader import Scene, load_scene
+from scenes.records.files import write_bytes
+from scenes.records.summary import without_nan
 
 CONTROLLERS = ("mpc", "pi_los", "open_loop")
 BLIND = "open_loop"

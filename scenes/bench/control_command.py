@@ -6,15 +6,15 @@ from pathlib import Path
 
 import typer
 
-from scenes import folder as folders
 from scenes.bench import control, control_figure, control_report
 from scenes.bench.control import Plan, Row, Study
 from scenes.bench.control_bars import BROKEN, verdicts
 from scenes.bench.machine import machine
-from scenes.drawing import save_figure
-from scenes.errors import SceneError
-from scenes.files import write_bytes
-from scenes.progress import counted, progress
+from scenes.commands.progress import counted, progress
+from scenes.language.errors import SceneError
+from scenes.records import folder as folders
+from scenes.records.drawing import save_figure
+from scenes.records.files import write_bytes
 
 PICTURE = "control.png"
 FAILED, BAR_BROKEN = 5, 6

@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from control.metrics import SETTLED_METRICS, SPEED_METRICS
+from control.tracking.metrics import SETTLED_METRICS, SPEED_METRICS
 from scenes.bench.control import BLIND, METRICS, TIMES, Found, Row, Value
 from scenes.bench.control_bars import MPC, RIVAL, Verdict, verdicts
 from scenes.bench.tables import Cells, aligned, markdown_table

@@ -7,7 +7,7 @@ import numpy as np
 import worm3d
 from control.gaits import TravellingWave
 from scenes.bench.task import steps_of
-from scenes.errors import SceneError
+from scenes.language.errors import SceneError
 from worm3d import Plane, Result, Status, Worm
 
 DT = 0.01

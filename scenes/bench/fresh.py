@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import time
 
-from scenes.errors import SceneError
+from scenes.language.errors import SceneError
 
 SEGMENTS = 6
 

@@ -29,7 +29,7 @@ from scenes.bench.lane_elimination import elimination, side_by_side
 from scenes.bench.shares import ROUNDS, Bed, Counts, Loop, parts_of_step
 from scenes.bench.throughput import PERIODS, SEGMENTS, Throughput, measure_throughput
 from worm3d import Plane, Result, Worm
-from worm3d.banded import B
+from worm3d.machine.banded import B
 from worm3d.plant import kernels
 from worm3d.solver.arrays import WORLD_ROWS
 

@@ -2,7 +2,7 @@
 
 Entry (i, j) of the matrix in lane w stands at [B + i, B + j - i, w]; the first B rows are zero. It is elimination
 without pivoting, row by row: a row stays in registers until it is finished. Pivots are not looked at, and zeros within
-the band, which `worm3d.banded_lu` leaves out, are computed with.
+the band, which `worm3d.machine.banded_lu` leaves out, are computed with.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from worm3d.banded import B
+from worm3d.machine.banded import B
 
 FloatArray = NDArray[np.float64]
 Loop = Callable[[FloatArray, FloatArray, FloatArray, FloatArray, bool, int], None]
@@ -28,7 +28,7 @@ _INT = ir.IntType(64)
 
 
 def side_by_side(bands: Sequence[FloatArray]) -> FloatArray:
-    """Return matrices of `worm3d.banded`, each of shape (n + B, WIDTH), as lanes, shape (B + n, 2 B + 1, W)."""
+    """Return matrices of `worm3d.machine.banded`, each of shape (n + B, WIDTH), as lanes, shape (B + n, 2 B + 1, W)."""
     return np.stack([np.roll(band[:, :COLUMNS], B, axis=0) for band in bands], axis=2)
 
 

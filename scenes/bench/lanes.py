@@ -12,14 +12,14 @@ from typing import Annotated
 
 import typer
 
-from scenes import folder as folders
 from scenes.bench import lane_figure
 from scenes.bench.lane_bound import LaneStudy, measure_lanes
 from scenes.bench.machine import machine
 from scenes.bench.tables import Cells, aligned, markdown_table
-from scenes.drawing import save_figure
-from scenes.errors import SceneError
-from scenes.files import write_bytes
+from scenes.language.errors import SceneError
+from scenes.records import folder as folders
+from scenes.records.drawing import save_figure
+from scenes.records.files import write_bytes
 
 BAR = 1.5
 """Throughput of a batch over that of single runs that is asked for."""

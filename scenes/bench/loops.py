@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.banded_lu import lu_factor, lu_solve
-from worm3d.codegen import evaluate as run
-from worm3d.compiled import njit
+from worm3d.machine.banded_lu import lu_factor, lu_solve
+from worm3d.machine.codegen import evaluate as run
+from worm3d.machine.compiled import njit
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, ledger, regimes
 from worm3d.solver.advance import actuate

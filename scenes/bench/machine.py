@@ -10,7 +10,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from scenes.versions import versions
+from scenes.records.versions import versions
 
 RIVALS = ("mujoco", "pyelastica")
 

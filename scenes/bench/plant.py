@@ -15,7 +15,7 @@ from scenes.bench.search import NotConvergedError
 from scenes.bench.shares import Shares, measure_shares
 from scenes.bench.speed import Growth, Speed, growth, measure_speed
 from scenes.bench.throughput import Throughput, measure_throughput
-from scenes.progress import progress
+from scenes.commands.progress import progress
 
 K = TypeVar("K")
 R = TypeVar("R")

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import typer
 
-from scenes import folder as folders
 from scenes.bench import plant, plant_figure
 from scenes.bench.plant import Study
 from scenes.bench.plant_report import markdown, terminal_lines
-from scenes.drawing import save_figure
-from scenes.files import write_bytes
-from scenes.summary import without_nan
+from scenes.records import folder as folders
+from scenes.records.drawing import save_figure
+from scenes.records.files import write_bytes
+from scenes.records.summary import without_nan
 
 PICTURE = "plant.png"
 

@@ -15,7 +15,7 @@ import numpy as np
 from scenes.bench import loops
 from scenes.bench.crawl import DT, crawl, us_per_step
 from worm3d import Friction, Result
-from worm3d.held import held_mask
+from worm3d.constraints import held_mask
 from worm3d.plant import Plant
 from worm3d.solver.arrays import BLOCK
 from worm3d.solver.evaluate import NONE, WHOLE

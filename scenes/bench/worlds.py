@@ -22,13 +22,13 @@ from matplotlib.figure import Figure
 
 import worm3d
 from control.gaits import TravellingWave
-from scenes import folder as folders
 from scenes.bench.crawl import StoppedError, us_per_step
 from scenes.bench.machine import machine
 from scenes.bench.tables import Cells, aligned, markdown_table
-from scenes.drawing import save_figure
-from scenes.errors import SceneError
-from scenes.files import write_bytes
+from scenes.language.errors import SceneError
+from scenes.records import folder as folders
+from scenes.records.drawing import save_figure
+from scenes.records.files import write_bytes
 from worm3d import Bend, Centreline, Heightfield, Mesh, Pipe, Plane, Profile, Result, Status, Straight, Worm
 from worm3d.worlds import World
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control import identified as kept
 from control.baselines import Gains, OpenLoop, PiLineOfSight
-from control.estimator import Estimate
-from control.ladder import MOST_HELD
-from control.measurement import Measurement
-from control.paths import Circle, Line, SCurve
-from control.reduced import STATES, ReducedState
-from control.references import Constant, Reference, Sine, Steps
-from control.steering import GaitParameters
+from control.estimation.estimator import Estimate
+from control.estimation.reduced import STATES, ReducedState
+from control.gaits.steering import GaitParameters
+from control.identification import identified as kept
+from control.planning.fallback import MOST_HELD
+from control.sensing.measurement import Measurement
+from control.tracking.paths import Circle, Line, SCurve
+from control.tracking.references import Constant, Reference, Sine, Steps
 from worm3d import Worm
 
 WORM = Worm()

@@ -9,17 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from control.estimator import Estimate, Estimator
-from control.identification import Identified
-from control.identified import load
-from control.metrics import Motion, summary, tracking
-from control.mpc import GaitMPC
-from control.paths import Circle, Line, Path
-from control.plan import Plan, PlanStatus
-from control.reduced import ReducedModel
-from control.references import Constant, Reference, Steps
-from control.sensors import Sensors
+from control.estimation.estimator import Estimate, Estimator
+from control.estimation.reduced import ReducedModel
+from control.identification.fit import Identified
+from control.identification.identified import load
+from control.planning.mpc import GaitMPC
+from control.planning.plan import Plan, PlanStatus
+from control.sensing.sensors import Sensors
 from control.supervisor import Supervisor
+from control.tracking.metrics import Motion, summary, tracking
+from control.tracking.paths import Circle, Line, Path
+from control.tracking.references import Constant, Reference, Steps
 from worm3d import Command, Plane, Result, Worm, simulate
 
 WORM = Worm()

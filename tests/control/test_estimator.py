@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.consistency import consistency
-from control.estimator import Estimate, Estimator
-from control.generator import WaveGenerator
-from control.identified import load
-from control.reduced import ReducedModel, ReducedState
-from control.sensors import COM, HEADING, STRAIN, Channel, Sensors
-from control.steering import GaitParameters, Schedule
+from control.estimation.consistency import consistency
+from control.estimation.estimator import Estimate, Estimator
+from control.estimation.reduced import ReducedModel, ReducedState
+from control.gaits.generator import WaveGenerator
+from control.gaits.steering import GaitParameters, Schedule
+from control.identification.identified import load
+from control.sensing.sensors import COM, HEADING, STRAIN, Channel, Sensors
 from worm3d import Command, Observation, Plane, Worm, simulate
 
 WORM = Worm()

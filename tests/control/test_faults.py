@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from control.faults import Fault
-from control.identified import load
-from control.measurement import Measurement
-from control.paths import Circle, Line
-from control.references import Constant, Reference, Steps
-from control.sensors import COM, Channel, Sensors
+from control.identification.identified import load
+from control.sensing.measurement import Measurement
+from control.sensing.sensors import COM, Channel, Sensors
 from control.supervisor import Supervisor
+from control.tracking.paths import Circle, Line
+from control.tracking.references import Constant, Reference, Steps
 from worm3d import Command, Plane, Result, Worm, simulate
 from worm3d.roll import on_its_side, roll
 

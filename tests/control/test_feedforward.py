@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from control.feedforward import FeedForward
-from control.identification import SteeringMap
-from control.identified import load
+from control.identification.feedforward import FeedForward
+from control.identification.fit import SteeringMap
+from control.identification.identified import load
 from worm3d import Worm
 
 

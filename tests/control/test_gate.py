@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from control.gate import KEPT, SPAN, Gate, Refusal
-from control.measurement import Measurement
+from control.sensing.gate import KEPT, SPAN, Gate, Refusal
+from control.sensing.measurement import Measurement
 from worm3d import Worm
 
 WORM = Worm()

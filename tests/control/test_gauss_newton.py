@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from control.gauss_newton import GaussNewton, Outcome, half_square
+from control.planning.gauss_newton import GaussNewton, Outcome, half_square
 
 BOX = np.full(2, -2.0), np.full(2, 2.0)
 

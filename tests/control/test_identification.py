@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control import identified
-from control.identification import Design, Identified, Motion, Sample, fit_map, lag, steady_motion
-from control.identified import SHIPPED, key, load, store
-from control.steering import MECHANISMS, GaitParameters, Schedule, SteeredWave
+from control.gaits.steering import MECHANISMS, GaitParameters, Schedule, SteeredWave
+from control.identification import identified
+from control.identification.fit import Design, Identified, Motion, Sample, fit_map, lag, steady_motion
+from control.identification.identified import SHIPPED, key, load, store
 from worm3d import Friction, Plane, Worm, simulate
 
 DESIGN = Design()

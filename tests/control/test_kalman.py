@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.belief import Belief, merged, reduced, weights, wrapped
-from control.consistency import consistency
-from control.identified import load
-from control.kalman import IMPOSSIBLE, PATIENCE, ROCKING, SIZE, Kalman, Uncertainty
-from control.reduced import STATES, ReducedModel
+from control.estimation.belief import Belief, merged, reduced, weights, wrapped
+from control.estimation.consistency import consistency
+from control.estimation.kalman import IMPOSSIBLE, PATIENCE, ROCKING, SIZE, Kalman, Uncertainty
+from control.estimation.reduced import STATES, ReducedModel
+from control.identification.identified import load
 from worm3d import Worm
 
 WORM = Worm()

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.driven import Driven
-from control.ground import MOST, STRIDE, Ground, GroundTrust, Standing
-from control.measured_wave import MeasuredWave
-from control.steering import Schedule
+from control.estimation.ground import MOST, STRIDE, Ground, GroundTrust, Standing
+from control.estimation.input_history import Driven
+from control.estimation.measured_wave import MeasuredWave
+from control.gaits.steering import Schedule
 from worm3d import Worm
 
 

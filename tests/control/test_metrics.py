@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.metrics import METRICS, Motion, settling_periods, summary, tracking
-from control.paths import Circle, Line
-from control.references import Constant, Reference, Sine, Steps
+from control.tracking.metrics import METRICS, Motion, settling_periods, summary, tracking
+from control.tracking.paths import Circle, Line
+from control.tracking.references import Constant, Reference, Sine, Steps
 
 TIME = 0.01 * np.arange(3001)
 PERIOD = 1.25

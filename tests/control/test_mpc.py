@@ -8,15 +8,15 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
-from control.estimator import Estimate
-from control.identification import Identified
-from control.identified import load
-from control.mpc import GaitMPC
-from control.paths import Circle, Line, SCurve, offset, track
-from control.plan import Plan, PlanStatus
-from control.problem import Problem, Tolerances
-from control.reduced import STATES, ReducedModel, ReducedState
-from control.references import Constant, Reference, Steps
+from control.estimation.estimator import Estimate
+from control.estimation.reduced import STATES, ReducedModel, ReducedState
+from control.identification.fit import Identified
+from control.identification.identified import load
+from control.planning.mpc import GaitMPC
+from control.planning.plan import Plan, PlanStatus
+from control.planning.problem import Problem, Tolerances
+from control.tracking.paths import Circle, Line, SCurve, offset, track
+from control.tracking.references import Constant, Reference, Steps
 from worm3d import Worm
 
 FloatArray = NDArray[np.float64]

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from control.estimator import Estimator
-from control.identified import load
-from control.metrics import Motion, summary, tracking
-from control.noise import LEAST, WINDOW, Noise
-from control.paths import Circle
-from control.reduced import ReducedModel
-from control.references import Constant, Reference
-from control.sensors import COM, HEADING, STRAIN, Channel, Sensors
+from control.estimation.estimator import Estimator
+from control.estimation.reduced import ReducedModel
+from control.identification.identified import load
+from control.sensing.noise import LEAST, WINDOW, Noise
+from control.sensing.sensors import COM, HEADING, STRAIN, Channel, Sensors
 from control.supervisor import Supervisor
+from control.tracking.metrics import Motion, summary, tracking
+from control.tracking.paths import Circle
+from control.tracking.references import Constant, Reference
 from worm3d import Plane, Worm, simulate
 
 WORM = Worm()

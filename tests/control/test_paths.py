@@ -9,8 +9,8 @@ from hypothesis import given, seed
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from control.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints, offset, track
-from control.references import Constant, Reference, Sine, Steps
+from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints, offset, track
+from control.tracking.references import Constant, Reference, Sine, Steps
 from worm3d import Bend, Centreline, Straight
 
 PIPE = Centreline.of([Straight(1.0), Bend(1.2, 1.5, "right"), Straight(0.5), Bend(2.0, 2.0, "left")], heading=0.4)

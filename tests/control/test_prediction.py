@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from control.identified import load
-from control.prediction import Prediction
-from control.reduced import ReducedModel, ReducedState
+from control.estimation.reduced import ReducedModel, ReducedState
+from control.identification.identified import load
+from control.planning.prediction import Prediction
 from worm3d import Worm
 
 STEPS = 5

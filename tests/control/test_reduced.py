@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.generator import PlannedWave, WaveGenerator
-from control.identification import Identified
-from control.identified import load
-from control.reduced import INPUTS, STATES, ReducedInput, ReducedModel, ReducedState, body_shape
-from control.steering import GaitParameters, Schedule, SteeredWave
+from control.estimation.reduced import INPUTS, STATES, ReducedInput, ReducedModel, ReducedState, body_shape
+from control.gaits.generator import PlannedWave, WaveGenerator
+from control.gaits.steering import GaitParameters, Schedule, SteeredWave
+from control.identification.fit import Identified
+from control.identification.identified import load
 from worm3d import Plane, Worm, simulate
 from worm3d.metrics import averaged
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from control.measurement import Measurement
-from control.sensors import Channel, Sensors
+from control.sensing.measurement import Measurement
+from control.sensing.sensors import Channel, Sensors
 from worm3d import Observation
 
 EXACT = Channel(noise=0.0)

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.estimator import Estimate
-from control.feedforward import FeedForward
-from control.identification import Identified
-from control.identified import load
-from control.ladder import FORGET, LATE, LONGEST_START, LOST, MOST_HELD, MOST_SHIFTED, STANDS, UNKNOWN
-from control.measurement import Measurement
-from control.mpc import GaitMPC
-from control.paths import Circle, Line
-from control.plan import Plan, PlanStatus
-from control.preview import turn_rate
-from control.reduced import STATES, ReducedInput, ReducedModel, ReducedState
-from control.references import Constant, Reference, Steps
-from control.steering import GaitParameters
+from control.estimation.estimator import Estimate
+from control.estimation.reduced import STATES, ReducedInput, ReducedModel, ReducedState
+from control.gaits.steering import GaitParameters
+from control.identification.feedforward import FeedForward
+from control.identification.fit import Identified
+from control.identification.identified import load
+from control.planning.fallback import FORGET, LATE, LONGEST_START, LOST, MOST_HELD, MOST_SHIFTED, STANDS, UNKNOWN
+from control.planning.mpc import GaitMPC
+from control.planning.plan import Plan, PlanStatus
+from control.planning.preview import turn_rate
+from control.sensing.measurement import Measurement
 from control.supervisor import Supervisor
+from control.tracking.paths import Circle, Line
+from control.tracking.references import Constant, Reference, Steps
 from worm3d import Worm
 
 WORM = Worm()

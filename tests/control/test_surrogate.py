@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.surrogate import POWERS, Polynomial, Ranges, exponents, fit, misfit
+from control.identification.surrogate import POWERS, Polynomial, Ranges, exponents, fit, misfit
 
 RANGES = Ranges((0.1, 0.4), (0.5, 1.5), 0.2)
 

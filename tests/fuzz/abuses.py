@@ -9,8 +9,12 @@ from typing import Any
 import numpy as np
 
 import worm3d
-from control import baselines, generator, paths, pipe_gait, references, sensors, steering
+from control import baselines
 from control import gaits as gait
+from control.gaits import generator, steering
+from control.gaits import pipe as pipe_gait
+from control.sensing import sensors
+from control.tracking import paths, references
 from planar import linkage, published
 
 NAN, INF = float("nan"), float("inf")

@@ -12,8 +12,8 @@ import pytest
 from fuzzing import TIMES
 from kept_files import AS_ROOT, KINDS, damage, fresh, mend
 
-from worm3d import cache
-from worm3d.cache import files
+from worm3d.machine import cache
+from worm3d.machine.cache import files
 
 KEY, CONTENT = "ab" * 32, bytes(range(256)) * 4
 SEED = 11 if TIMES == 1 else None
@@ -60,7 +60,7 @@ RUN = """
 import hashlib
 import worm3d
 from control.gaits import TravellingWave
-from scenes.loader import SHIPPED
+from scenes.language.loader import SHIPPED
 world = worm3d.Mesh(SHIPPED / "mesh_tunnel.stl", units="m", solid="outside")
 start = worm3d.State.straight(worm3d.Worm(), world, position=(0.6, 0.0))
 result = worm3d.simulate(worm3d.Worm(), world, actuation=TravellingWave(), duration=0.5, dt=0.01, state=start)

@@ -11,18 +11,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from control.baselines import OpenLoop, PiLineOfSight
-from control.estimator import Estimator
-from control.gate import SPAN, Gate
-from control.identified import load
+from control.estimation.estimator import Estimator
+from control.estimation.reduced import ReducedModel
+from control.gaits.steering import GaitParameters
+from control.identification.identified import load
 from control.loop import WaveController
-from control.measurement import Measurement
-from control.metrics import Motion, summary, tracking
-from control.paths import Circle
-from control.reduced import ReducedModel
-from control.references import Constant, Reference
-from control.sensors import COM, HEADING, STRAIN, Sensors
-from control.steering import GaitParameters
+from control.sensing.gate import SPAN, Gate
+from control.sensing.measurement import Measurement
+from control.sensing.sensors import COM, HEADING, STRAIN, Sensors
 from control.supervisor import Supervisor
+from control.tracking.metrics import Motion, summary, tracking
+from control.tracking.paths import Circle
+from control.tracking.references import Constant, Reference
 from worm3d import Command, Observation, Plane, Result, Worm, simulate
 
 WORM = Worm()

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from fuzzing import TIMES, no_hang
 
-from scenes import digest, store
-from scenes.errors import SceneError
-from scenes.loader import load_scene
-from scenes.runner import simulate
+from scenes.commands.runner import simulate
+from scenes.language.errors import SceneError
+from scenes.language.loader import load_scene
+from scenes.records import digest, store
 
 SEED = 5 if TIMES == 1 else None
 

@@ -10,10 +10,10 @@ from fuzzing import examples, no_hang
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenes import kinds
-from scenes.errors import SceneError
-from scenes.loader import SHIPPED, parse_scene, read_text, shipped_scenes
-from scenes.template import template
+from scenes import models as kinds
+from scenes.language.errors import SceneError
+from scenes.language.loader import SHIPPED, parse_scene, read_text, shipped_scenes
+from scenes.language.template import template
 
 TEXTS = [*map(read_text, shipped_scenes().values()), *(template(kinds.get(name)) for name in kinds.names())]
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from scenes.cli import main
-from scenes.loader import load_scene
-from scenes.record import Record
-from scenes.runner import simulate
+from scenes.commands.cli import main
+from scenes.commands.runner import simulate
+from scenes.language.loader import load_scene
+from scenes.records.record import Record
 from worm3d.plant import entries
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")

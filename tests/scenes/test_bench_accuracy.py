@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from scenes.bench import accuracy
 from scenes.bench.accuracy import Case, Found
-from scenes.loader import load_scene, shipped_scenes
-from scenes.runner import simulate
+from scenes.commands.runner import simulate
+from scenes.language.loader import load_scene, shipped_scenes
 
 SHIPPED = Path(accuracy.__file__).with_suffix(".md").read_text(encoding="utf-8")
 

@@ -16,7 +16,7 @@ from scenes.bench import lane_bound, lane_elimination, lane_figure, lanes, share
 from scenes.bench.lane_bound import Bound, LaneStudy, in_lock_step
 from scenes.bench.shares import Bed, Counts
 from scenes.bench.throughput import Throughput
-from worm3d.banded import WIDTH, B
+from worm3d.machine.banded import WIDTH, B
 from worm3d.solver.arrays import KERNELS
 
 

@@ -326,6 +326,6 @@ def test_the_processor_has_a_name(tmp_path: Path) -> None:
 
 
 def test_the_command_line_stays_light() -> None:
-    code = "import sys, scenes.commands; print(*[m for m in ('numba', 'matplotlib', 'numpy') if m in sys.modules])"
+    code = "import sys, scenes.commands.app; print(*[m for m in ('numba', 'matplotlib', 'numpy') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from fuzzing import no_hang
 
-from scenes.errors import SceneError, printable
-from scenes.loader import load_scene, parse_scene
+from scenes.language.errors import SceneError, printable
+from scenes.language.loader import load_scene, parse_scene
 
 LONG = "a" * 5000
 

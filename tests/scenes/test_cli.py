@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scenes import cli, kinds
-from scenes.loader import parse_scene, shipped_scenes
-from scenes.store import save
+from scenes import models as kinds
+from scenes.commands import cli
+from scenes.language.loader import parse_scene, shipped_scenes
+from scenes.records.store import save
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 
@@ -23,7 +24,7 @@ def result(record, tmp_path: Path) -> Path:
 
 def modules_after(*arguments: str) -> set[str]:
     code = (
-        "import sys; from scenes.cli import main\n"
+        "import sys; from scenes.commands.cli import main\n"
         "try: main(sys.argv[1:])\n"
         "except SystemExit as end: assert not end.code, end.code\n"
         "print('MODULES', *sys.modules)"
@@ -203,7 +204,7 @@ def test_ctrl_c_while_starting_is_130_and_no_traceback(tmp_path: Path) -> None:
         "    def find_spec(self, name, path=None, target=None):\n"
         "        if name == 'typer': raise KeyboardInterrupt\n"
         "sys.meta_path.insert(0, Slow())\n"
-        "from scenes.cli import main; main(['list'])"
+        "from scenes.commands.cli import main; main(['list'])"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
@@ -253,7 +254,7 @@ def test_paper_passes_its_options_on_and_its_exit_code_back(worm3d, monkeypatch:
         asked.extend(options)
         return 3
 
-    monkeypatch.setattr("scenes.paper.run", study)
+    monkeypatch.setattr("scenes.commands.paper.run", study)
     assert worm3d("paper", "--out", "x", "--force", "--quiet").code == 3
     assert asked == [Path("x"), True, True]
 
@@ -261,7 +262,7 @@ def test_paper_passes_its_options_on_and_its_exit_code_back(worm3d, monkeypatch:
 def test_info_says_what_is_installed_and_where(worm3d) -> None:
     lines = worm3d("info").out.splitlines()
     assert lines[0] == "worm3d 0.1.0"
-    assert f"package scenes at {Path(cli.__file__).parent / '__init__.py'}" in lines
+    assert f"package scenes at {Path(cli.__file__).parents[1] / '__init__.py'}" in lines
     assert any("numpy " + np.__version__ in line for line in lines)
     assert len(lines) < 12
 
@@ -270,13 +271,13 @@ def test_ctrl_c_outside_a_run_is_130(worm3d, monkeypatch: pytest.MonkeyPatch) ->
     def interrupted() -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("scenes.versions.info_lines", interrupted)
+    monkeypatch.setattr("scenes.records.versions.info_lines", interrupted)
     ended = worm3d("info")
     assert ended.code == 130
     assert "Traceback" not in ended.err
 
 
 def test_it_runs_as_a_module_too(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "scenes.cli", "list"]
+    command = [sys.executable, "-m", "scenes.commands.cli", "list"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert "flat  the default worm crawls" in done.stdout

@@ -13,30 +13,30 @@ from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
 import worm3d as plant
-from control import identified as kept
 from control.baselines import OpenLoop, PiLineOfSight
-from control.decision import SOURCES
-from control.estimator import Estimator
-from control.measurement import Measurement
-from control.paths import Circle, Line, PlanView, SCurve, SplinePath, WayPoints
-from control.references import Constant, Sine, Steps
-from control.sensors import Sensors
+from control.estimation.estimator import Estimator
+from control.identification import identified as kept
+from control.planning.decision import SOURCES
+from control.sensing.measurement import Measurement
+from control.sensing.sensors import Sensors
 from control.supervisor import Supervisor
-from scenes import report
+from control.tracking.paths import Circle, Line, PlanView, SCurve, SplinePath, WayPoints
+from control.tracking.references import Constant, Sine, Steps
 from scenes.bench.control import SCENES
-from scenes.errors import SceneError
-from scenes.kinds import worm_view
-from scenes.kinds.base import Watch
-from scenes.kinds.control_build import controller_of, path_of, reference_of, sensors_of
-from scenes.kinds.control_record import tracked
-from scenes.kinds.control_schema import ControlScene
-from scenes.kinds.faults import in_turn, of_controller, refused
-from scenes.kinds.worm_control import KIND
-from scenes.loader import load_scene
-from scenes.record import Record
-from scenes.report import faults
-from scenes.runner import simulate
-from scenes.store import load, save
+from scenes.commands import report
+from scenes.commands.report import faults
+from scenes.commands.runner import simulate
+from scenes.language.errors import SceneError
+from scenes.language.loader import load_scene
+from scenes.models.base import Watch
+from scenes.models.control.build import controller_of, path_of, reference_of, sensors_of
+from scenes.models.control.faults import in_turn, of_controller, refused
+from scenes.models.control.model import KIND
+from scenes.models.control.record import tracked
+from scenes.models.control.schema import ControlScene
+from scenes.models.worm import view as worm_view
+from scenes.records.record import Record
+from scenes.records.store import load, save
 from worm3d.viewer.live import LiveView
 
 TIMED = ("control_step_ms_p50", "control_step_ms_p99", "overruns")

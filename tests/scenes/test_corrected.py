@@ -12,9 +12,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from planar.linkage import Linkage, Run, simulate
-from scenes.paper import corrected, corrected_claims, corrected_figures
-from scenes.paper.corrected import CorrectedRow, Key
-from scenes.paper.tables import PERIODS, SEGMENTS
+from scenes.commands.paper import corrected, corrected_claims, corrected_figures
+from scenes.commands.paper.corrected import CorrectedRow, Key
+from scenes.commands.paper.tables import PERIODS, SEGMENTS
 
 ROW = CorrectedRow(6, 2.0, "contact", "anchored", 0.1, 0.6, 0.01, 5.0, 8000.0, 0.01, 8.0, 0, "it ended")
 

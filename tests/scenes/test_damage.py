@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 import xarray
 
-from scenes import digest, foreign, store
-from scenes.errors import SceneError
-from scenes.record import Record
-from scenes.store import load, save
+from scenes.language.errors import SceneError
+from scenes.records import digest, foreign, store
+from scenes.records.record import Record
+from scenes.records.store import load, save
 
 
 @pytest.fixture(scope="module")

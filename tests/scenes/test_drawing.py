@@ -7,11 +7,12 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from scenes import drawing, kinds
-from scenes.errors import DiscError, MissingPartError, SceneError
-from scenes.loader import load_scene
-from scenes.record import Record
-from scenes.runner import simulate
+from scenes import models as kinds
+from scenes.commands.runner import simulate
+from scenes.language.errors import DiscError, MissingPartError, SceneError
+from scenes.language.loader import load_scene
+from scenes.records import drawing
+from scenes.records.record import Record
 
 KIND = kinds.get("planar_published")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from scenes.guard import HOME, NAMES
+from scenes.commands.guard import HOME, NAMES
 
 
 def python_in(path: Path, code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -19,7 +19,7 @@ def python_in(path: Path, code: str, *arguments: str) -> subprocess.CompletedPro
 
 
 def version_with(path: Path) -> subprocess.CompletedProcess[str]:
-    return python_in(path, "from scenes.cli import main; main(['--version'])")
+    return python_in(path, "from scenes.commands.cli import main; main(['--version'])")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -53,7 +53,7 @@ def test_a_missing_package_is_named(tmp_path: Path) -> None:
     code = (
         "import importlib.util as u; found = u.find_spec\n"
         "u.find_spec = lambda name, *a: None if name == 'planar' else found(name, *a)\n"
-        "from scenes.cli import main; main(['--version'])"
+        "from scenes.commands.cli import main; main(['--version'])"
     )
     done = python_in(tmp_path, code)
     assert done.returncode == 2

@@ -10,10 +10,10 @@ pytest.importorskip("gymnasium", reason="Gymnasium is not installed (extra 'gym'
 
 from gymnasium.utils.env_checker import check_env
 
-from control.measurement import Measurement
-from control.sensors import Sensors
-from scenes.errors import SceneError
+from control.sensing.measurement import Measurement
+from control.sensing.sensors import Sensors
 from scenes.gym_env import WormEnv
+from scenes.language.errors import SceneError
 from worm3d import Observation
 
 STRAIGHT = np.array([0.29, -0.2, 0.0], dtype=np.float32)

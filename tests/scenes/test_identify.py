@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from control.gaits import TravellingWave
-from control.generator import BLEND
-from control.identification import Design, lag
-from control.identified import load
-from control.steering import GaitParameters, Schedule, SteeredWave
-from control.surrogate import Ranges
-from scenes.errors import SceneError
-from scenes.identify import command, figure, phases, plant, report, runs
-from scenes.identify import study as studies
-from scenes.kinds.worm_build import worm_of
-from scenes.loader import load_scene
+from control.gaits.generator import BLEND
+from control.gaits.steering import GaitParameters, Schedule, SteeredWave
+from control.identification.fit import Design, lag
+from control.identification.identified import load
+from control.identification.surrogate import Ranges
+from scenes.commands.identify import command, figure, phases, plant, report, runs
+from scenes.commands.identify import study as studies
+from scenes.language.errors import SceneError
+from scenes.language.loader import load_scene
+from scenes.models.worm.build import worm_of
 from worm3d import Friction, Worm
 
 WORM, GROUND, SCHEDULE = Worm(), Friction(), Schedule()

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from scenes.errors import SceneError
-from scenes.loader import SHIPPED, load_scene, parse_scene, shipped_scenes
+from scenes.language.errors import SceneError
+from scenes.language.loader import SHIPPED, load_scene, parse_scene, shipped_scenes
 
 EIGHT = """\
 model = "planar_published"

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from scenes import files, folder, lock
-from scenes.errors import SceneError
+from scenes.language.errors import SceneError
+from scenes.records import files, folder, lock
 
 HOLDS = """
 import sys, time

@@ -7,9 +7,9 @@ from typing import Any, Literal
 
 import pytest
 
-from scenes.mistakes import Mistake, report, schema_mistakes
-from scenes.schema import Each, Numbers, Positive, Section, quantity, setting
-from scenes.toml_lines import key_lines
+from scenes.language.mistakes import Mistake, report, schema_mistakes
+from scenes.language.schema import Each, Numbers, Positive, Section, quantity, setting
+from scenes.language.toml_lines import key_lines
 
 
 class Wave(Section):

@@ -18,9 +18,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from planar import published
 from planar.animation import Movie
 from planar.published import Parameters, Run
-from scenes.paper import claims, command, corrected, corrected_figures, differences, figures, report, tables
-from scenes.paper.corrected import CorrectedRow, Overstatement
-from scenes.paper.tables import Key, Row
+from scenes.commands.paper import claims, command, corrected, corrected_figures, differences, figures, report, tables
+from scenes.commands.paper.corrected import CorrectedRow, Overstatement
+from scenes.commands.paper.tables import Key, Row
 
 ROW = Row(6, 2.0, 0.7, 4.5, 6.2, 1.2, 100.0)
 CORRECTED = CorrectedRow(6, 2.0, "contact", "anchored", -0.1, 0.6, 0.01, None, 8000.0, 0.01, 8.0, 0, "it ended")

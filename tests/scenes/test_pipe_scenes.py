@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import worm3d
-from scenes.errors import SceneError
-from scenes.kinds.worm_build import simulate
-from scenes.loader import load_scene, parse_scene
-from scenes.world_limits import LIMITS, passes, pipe_of
+from scenes.language.errors import SceneError
+from scenes.language.loader import load_scene, parse_scene
+from scenes.models.worlds.limits import LIMITS, passes, pipe_of
+from scenes.models.worm.build import simulate
 
 
 @cache

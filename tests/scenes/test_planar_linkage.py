@@ -14,15 +14,16 @@ from PIL import Image
 from control import gaits
 from planar import linkage
 from planar.linkage.ledger import Ledger
-from scenes import drawing, kinds
-from scenes.errors import SceneError
-from scenes.kinds.planar_linkage import INCOMING, LOST, STORED
-from scenes.kinds.planar_linkage_build import gait_of, worm_of
-from scenes.kinds.planar_linkage_schema import LinkageScene
-from scenes.loader import load_scene, parse_scene
-from scenes.record import Record
-from scenes.runner import simulate
-from scenes.store import load, save
+from scenes import models as kinds
+from scenes.commands.runner import simulate
+from scenes.language.errors import SceneError
+from scenes.language.loader import load_scene, parse_scene
+from scenes.models.planar.linkage import INCOMING, LOST, STORED
+from scenes.models.planar.linkage_build import gait_of, worm_of
+from scenes.models.planar.linkage_schema import LinkageScene
+from scenes.records import drawing
+from scenes.records.record import Record
+from scenes.records.store import load, save
 
 REQUIRED = [
     "status", "duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J",

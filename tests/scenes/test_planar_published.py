@@ -9,11 +9,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from planar import metrics, published
-from scenes.kinds.planar_published import KIND, gait_of, parameters_of
-from scenes.kinds.planar_published_schema import PublishedScene
-from scenes.loader import load_scene
-from scenes.record import Record
-from scenes.runner import simulate
+from scenes.commands.runner import simulate
+from scenes.language.loader import load_scene
+from scenes.models.planar.published import KIND, gait_of, parameters_of
+from scenes.models.planar.published_schema import PublishedScene
+from scenes.records.record import Record
 
 FIGURES = [
     "status", "duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J",

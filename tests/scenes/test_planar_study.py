@@ -14,13 +14,15 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
-from scenes import drawing, kinds, runner
-from scenes.errors import SceneError
-from scenes.kinds.planar_study import NOT_RUN
-from scenes.loader import load_scene, parse_scene
-from scenes.record import Record
-from scenes.runner import simulate
-from scenes.store import load, save
+from scenes import models as kinds
+from scenes.commands import runner
+from scenes.commands.runner import simulate
+from scenes.language.errors import SceneError
+from scenes.language.loader import load_scene, parse_scene
+from scenes.models.planar.study import NOT_RUN
+from scenes.records import drawing
+from scenes.records.record import Record
+from scenes.records.store import load, save
 
 BRIEF = ("run.duration_s=0.4", "gait.period_s=0.2")
 HEAVY = ("study.vary=worm.mass_kg", "study.values=[0.07, 5.0, 0.08]")

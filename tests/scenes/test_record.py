@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes.record import Record, Variable
-from scenes.summary import Summary
+from scenes.records.record import Record, Variable
+from scenes.records.summary import Summary
 
 
 def record_of(*variables: Variable, **changes: Any) -> Record:

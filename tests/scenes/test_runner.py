@@ -14,12 +14,13 @@ from pathlib import Path
 import pytest
 from numpy.testing import assert_allclose
 
-from scenes import kinds, report, runner
-from scenes.errors import DiscError
-from scenes.interrupt import Interruption
-from scenes.report import ending
-from scenes.store import load
-from scenes.summary import Summary
+from scenes import models as kinds
+from scenes.commands import report, runner
+from scenes.commands.interrupt import Interruption
+from scenes.commands.report import ending
+from scenes.language.errors import DiscError
+from scenes.records.store import load
+from scenes.records.summary import Summary
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 # The only segment pushes with an absurd force from t = T/2 on.
@@ -245,7 +246,7 @@ def test_segments_that_are_inside_out_are_told(record) -> None:
 
 
 def test_an_animation_that_stops_early_says_so(worm3d, monkeypatch) -> None:
-    for module in ("scenes.drawing", "scenes.kinds.planar_published"):
+    for module in ("scenes.records.drawing", "scenes.models.planar.published"):
         monkeypatch.setattr(f"{module}.MOVIE_S", 0.1)
     ended = worm3d("run", "planar_published", *SHORT, "--out", "x")
     assert ended.out.splitlines()[-1] == "  the animation shows the first 0.1 s of 0.2 s"

@@ -11,12 +11,12 @@ import pytest
 import xarray
 from numpy.testing import assert_array_equal
 
-from scenes import store
-from scenes.errors import DiscError, SceneError
-from scenes.loader import load_scene
-from scenes.record import Record, Variable
-from scenes.runner import simulate
-from scenes.store import load, save
+from scenes.commands.runner import simulate
+from scenes.language.errors import DiscError, SceneError
+from scenes.language.loader import load_scene
+from scenes.records import store
+from scenes.records.record import Record, Variable
+from scenes.records.store import load, save
 
 
 def assert_same_variables(ours: tuple[Variable, ...], theirs: tuple[Variable, ...]) -> None:
@@ -72,7 +72,7 @@ def test_xarray_opens_it(record: Record, tmp_path: Path) -> None:
 
 
 def load_scene_of(text: str) -> str:
-    from scenes.loader import parse_scene
+    from scenes.language.loader import parse_scene
 
     return parse_scene(text, "again").kind.name
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scenes.summary import Summary, write_summary
+from scenes.records.summary import Summary, write_summary
 
 
 @pytest.mark.parametrize("figure", [None, math.nan, math.inf, -math.inf])

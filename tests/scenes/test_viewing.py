@@ -13,10 +13,10 @@ import pytest
 import trimesh
 from PIL import Image
 
-from scenes.loader import load_scene
-from scenes.record import Record
-from scenes.runner import simulate
-from scenes.store import save
+from scenes.commands.runner import simulate
+from scenes.language.loader import load_scene
+from scenes.records.record import Record
+from scenes.records.store import save
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 

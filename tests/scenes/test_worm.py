@@ -14,12 +14,17 @@ from PIL import Image
 
 import worm3d
 from control import gaits
-from scenes import drawing, kinds, report
-from scenes.kinds import worm_build, worm_view
-from scenes.kinds.planar_linkage_build import KEYS as PLANAR_KEYS
-from scenes.kinds.worlds_build import WORLDS, world_of
-from scenes.kinds.worlds_schema import World
-from scenes.kinds.worm_build import (
+from scenes import models as kinds
+from scenes.commands import report
+from scenes.commands.runner import simulate
+from scenes.language.loader import load_scene
+from scenes.language.schema import choices
+from scenes.models.planar.linkage_build import KEYS as PLANAR_KEYS
+from scenes.models.worlds.build import WORLDS, world_of
+from scenes.models.worlds.schema import World
+from scenes.models.worm import build as worm_build
+from scenes.models.worm import view as worm_view
+from scenes.models.worm.build import (
     KEYS,
     force_of,
     friction_of,
@@ -28,14 +33,12 @@ from scenes.kinds.worm_build import (
     start_of,
     worm_of,
 )
-from scenes.kinds.worm_figures import INCOMING, LOST, STORED
-from scenes.kinds.worm_record import COUNTERS, ENERGIES, SERIES
-from scenes.kinds.worm_schema import PlanarWormScene, Push, WormScene
-from scenes.loader import load_scene
-from scenes.record import Record, Variable
-from scenes.runner import simulate
-from scenes.schema import choices
-from scenes.store import load, save
+from scenes.models.worm.figures import INCOMING, LOST, STORED
+from scenes.models.worm.record import COUNTERS, ENERGIES, SERIES
+from scenes.models.worm.schema import PlanarWormScene, Push, WormScene
+from scenes.records import drawing
+from scenes.records.record import Record, Variable
+from scenes.records.store import load, save
 from worm3d import pictures
 from worm3d.viewer import Frames
 

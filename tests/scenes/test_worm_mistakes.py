@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from scenes.errors import SceneError
-from scenes.loader import load_scene, parse_scene
+from scenes.language.errors import SceneError
+from scenes.language.loader import load_scene, parse_scene
 
 ELEVEN = """\
 model = "worm"

@@ -14,14 +14,15 @@ from matplotlib.collections import PolyCollection
 from matplotlib.contour import ContourSet
 from numpy.testing import assert_array_equal
 
-from scenes import kinds, runner
-from scenes.errors import SceneError
-from scenes.kinds import worm_figures
-from scenes.loader import load_scene, shipped_scenes
-from scenes.record import Record, Variable
-from scenes.resume import lengthened
-from scenes.runner import simulate
-from scenes.store import load, save
+from scenes import models as kinds
+from scenes.commands import runner
+from scenes.commands.resume import lengthened
+from scenes.commands.runner import simulate
+from scenes.language.errors import SceneError
+from scenes.language.loader import load_scene, shipped_scenes
+from scenes.models.worm import figures as worm_figures
+from scenes.records.record import Record, Variable
+from scenes.records.store import load, save
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 WORMS = [name for name in shipped_scenes() if load_scene(name).kind.name in ("worm", "worm_planar")]
@@ -224,10 +225,10 @@ def test_a_model_with_a_view_gets_its_page(worm3d, tmp_path: Path, monkeypatch: 
         path.write_text(f"<title>{record.title}</title>")
 
     kind = replace(kinds.get("worm"), view=view)
-    monkeypatch.setattr("scenes.kinds.worm.KIND", kind)
+    monkeypatch.setattr("scenes.models.worm.model.KIND", kind)
     assert worm3d("run", "flat", *SHORT, "--out", "x", "--quiet").code == 0
     assert (tmp_path / "x" / "viewer.html").read_text() == "<title>The worm on flat ground</title>"
-    monkeypatch.setattr("scenes.kinds.worm.KIND", replace(kind, view=None))
+    monkeypatch.setattr("scenes.models.worm.model.KIND", replace(kind, view=None))
     assert worm3d("run", "flat", *SHORT, "--out", "x", "--quiet", "--force").code == 0
     assert not (tmp_path / "x" / "viewer.html").exists()
 

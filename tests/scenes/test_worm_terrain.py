@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import worm3d
-from scenes.errors import SceneError
-from scenes.kinds import worm_build
-from scenes.kinds.worlds_build import world_of
-from scenes.loader import load_scene, parse_scene
+from scenes.language.errors import SceneError
+from scenes.language.loader import load_scene, parse_scene
+from scenes.models.worlds.build import world_of
+from scenes.models.worm import build as worm_build
 
 MODEL = 'model = "worm"\n[world]\n'
 

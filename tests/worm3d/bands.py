@@ -1,8 +1,8 @@
-"""Matrices in bands, as `worm3d.banded` keeps them, and whole."""
+"""Matrices in bands, as `worm3d.machine.banded` keeps them, and whole."""
 
 import numpy as np
 
-from worm3d.banded import WIDTH, B
+from worm3d.machine.banded import WIDTH, B
 
 
 def banded(whole: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from numba.core.ccallback import CFunc
 from numba.core.sigutils import normalize_signature
 
-from worm3d.cache.functions import keep
+from worm3d.machine.cache.functions import keep
 
 AS_ROOT = os.geteuid() == 0
 KINDS = ("flip", "cut", "empty", "zeros", "folder", "link", "fifo", "locked", "longer")

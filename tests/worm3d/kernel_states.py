@@ -5,9 +5,9 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
-from worm3d.codegen import Kernel
-from worm3d.kernels import joint, node, point, segment
-from worm3d.kernels.layout import Layout
+from worm3d.machine.codegen import Kernel
+from worm3d.physics.kernels import joint, node, point, segment
+from worm3d.physics.kernels.layout import Layout
 from worm3d.plant import kernels
 from worm3d.solver.regimes import PULL, SWING
 

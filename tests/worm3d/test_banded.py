@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bands import banded
 
-from worm3d.banded import B, cholesky_solve
+from worm3d.machine.banded import B, cholesky_solve
 
 SIZES = [1, 2, 8, 12, 13, 33, 100]
 

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from kept_files import AS_ROOT, fresh, total
 
-from worm3d import cache
-from worm3d.cache import files, trust
-from worm3d.cache.functions import SUFFIX, keep
+from worm3d.machine import cache
+from worm3d.machine.cache import files, trust
+from worm3d.machine.cache.functions import SUFFIX, keep
 
 KEY, CONTENT = "ab" * 32, bytes(range(256)) * 4
 
@@ -128,8 +128,8 @@ SCRIPT = r"""
 import os
 import sys
 import numba
-from worm3d.cache import obstacle, folder
-from worm3d.cache.functions import keep
+from worm3d.machine.cache import obstacle, folder
+from worm3d.machine.cache.functions import keep
 
 def double(value):
     return 2.0 * value

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from worm3d.codegen import (
+from worm3d.machine.codegen import (
     FallbackWarning,
     Host,
     Kernel,
@@ -24,7 +24,7 @@ from worm3d.codegen import (
     program,
     this_host,
 )
-from worm3d.codegen import kernel as kernels
+from worm3d.machine.codegen import kernel as kernels
 
 EDGES = [0.0, 1.0, 0.5, 0.25, 2.0, 3.0, 1e-8, 1e-160, 1e-300, 5e-324, 1e160, 1e290, 1e308, np.inf, 700.0, 709.7, 745.1]
 EDGES += [np.pi / 2, np.pi, 1e5 * np.pi, 355.0, 1e6, 1.1e6, 1e22]

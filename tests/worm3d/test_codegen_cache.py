@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from worm3d import cache
-from worm3d.cache import files
-from worm3d.codegen import Kernel, Origin, compile_kernel, native, this_host
-from worm3d.codegen import kernel as kernels
+from worm3d.machine import cache
+from worm3d.machine.cache import files
+from worm3d.machine.codegen import Kernel, Origin, compile_kernel, native, this_host
+from worm3d.machine.codegen import kernel as kernels
 
 COLUMNS = np.arange(12.0).reshape(3, 4)
 
@@ -116,7 +116,7 @@ import json, sys
 import numba
 import numpy as np
 import casadi as ca
-from worm3d.codegen import compile_kernel, evaluate, native
+from worm3d.machine.codegen import compile_kernel, evaluate, native
 
 if "warm" in sys.argv:
     def refuse(*_):

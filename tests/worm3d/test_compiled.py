@@ -4,7 +4,7 @@ import ast
 from pathlib import Path
 
 import worm3d
-from worm3d.compiled import COMPILED
+from worm3d.machine.compiled import COMPILED
 
 HOME = Path(worm3d.__file__).parent
 

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from planar.linkage import shape
-from worm3d import elements
+from worm3d.physics import elements
 
 
 def values(expression: ca.SX) -> np.ndarray:

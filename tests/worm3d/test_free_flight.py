@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from worm3d import Command, Friction, Held, Result, State, Status, Worm, simulate
-from worm3d.kernels import segment
+from worm3d.physics.kernels import segment
 from worm3d.plant import Plant
 
 N = 4

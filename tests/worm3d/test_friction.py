@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Friction, Patch, Plane, State, Status, Worm
-from worm3d.friction import ContactConstants
+from worm3d.physics.friction import ContactConstants
 
 G = 9.81
 BOTH = pytest.mark.parametrize("integrator", ["bdf2", "implicit_euler"])

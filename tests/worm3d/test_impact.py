@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from worm3d import Friction, Plane, Result, State, Status, Worm, simulate
-from worm3d.friction import ContactConstants
+from worm3d.physics.friction import ContactConstants
 
 HEIGHT = 0.2
 INTEGRATORS = ("bdf2", "implicit_euler")

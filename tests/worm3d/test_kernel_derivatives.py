@@ -21,8 +21,8 @@ from kernel_states import (
 from numpy.testing import assert_allclose
 
 from worm3d import Plane
-from worm3d.codegen import compile_kernel
-from worm3d.kernels import joint, node, point, segment
+from worm3d.machine.codegen import compile_kernel
+from worm3d.physics.kernels import joint, node, point, segment
 from worm3d.plant import kernels
 
 FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (

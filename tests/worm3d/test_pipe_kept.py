@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Bend, Centreline, Patch, Pipe, Profile, Straight, Worm
-from worm3d.codegen import evaluate
+from worm3d.machine.codegen import evaluate
 from worm3d.worlds import pipe_table, symbolic, table
 from worm3d.worlds.base import FloatArray, WorldKernel
 

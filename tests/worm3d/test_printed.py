@@ -7,7 +7,7 @@ import pytest
 
 import worm3d
 from control.gaits import TravellingWave
-from worm3d.read_only import COLUMNS, LINES
+from worm3d.values.read_only import COLUMNS, LINES
 
 LINE = worm3d.Centreline.through([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.8, 0.2, 0.05), (2.5, 0.7, 0.1)])
 RUN = worm3d.simulate(worm3d.Worm(), worm3d.Plane(), actuation=TravellingWave(), duration=3.0)

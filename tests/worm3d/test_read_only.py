@@ -12,7 +12,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from control.gaits import TravellingWave
-from control.paths import SplinePath, WayPoints
+from control.tracking.paths import SplinePath, WayPoints
 from planar import linkage
 from worm3d import (
     Centreline,

@@ -8,9 +8,9 @@ import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 
 import worm3d
-from worm3d.scenery import Window, on_ground, scenery, tile_size
 from worm3d.viewer import WorldMesh, banded_pipe, chequered, heightfield
 from worm3d.worlds import World
+from worm3d.worlds.scenery import Window, on_ground, scenery, tile_size
 
 WORM = np.array([[0.3, -0.2, 0.1], [1.7, 0.4, 0.3], [1.0, 1.1, 0.2]])
 AROUND = Window(WORM, body_length=1.0)
@@ -191,7 +191,7 @@ def test_a_mesh_of_too_many_triangles_is_drawn_from_its_distance(
 ) -> None:
     trimesh.creation.box(extents=(1.0, 1.0, 0.4)).export(tmp_path / "box.stl")
     world = worm3d.Mesh(tmp_path / "box.stl", units="m", cell=0.05)
-    monkeypatch.setattr("worm3d.scenery.mesh.MOST_FACES", 10)
+    monkeypatch.setattr("worm3d.worlds.scenery.mesh.MOST_FACES", 10)
     seen = scenery(world, AROUND).meshes
     assert [mesh.name for mesh in seen] == ["terrain", "terrain, dark"]
     assert np.abs(world.distance(triangles(seen).reshape(-1, 3))).max() < 0.01

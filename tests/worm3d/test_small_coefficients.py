@@ -12,7 +12,7 @@ from test_locomotion import PERIOD, STEPS, quantile, slow_crawl
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Friction, Patch, Plane, Status, Worm
-from worm3d.kernels import point
+from worm3d.physics.kernels import point
 from worm3d.solver.regimes import EXCESS, Y
 
 BOTH = pytest.mark.parametrize("integrator", ["bdf2", "implicit_euler"])

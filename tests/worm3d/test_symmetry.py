@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose
 
 from control.gaits import Gait, TravellingWave
 from planar.linkage import ground as planar_ground
-from worm3d import Command, Friction, Plane, Result, State, Status, Worm, contact, simulate
+from worm3d import Command, Friction, Plane, Result, State, Status, Worm, simulate
+from worm3d.physics import contact
 
 WAVE = TravellingWave()
 TURN = TravellingWave(amplitude=0.3, bias=0.3, hinge=0.5)

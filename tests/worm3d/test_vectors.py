@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from worm3d import vectors
+from worm3d.machine import vectors
 
 
 @njit

@@ -22,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import vectors
-from worm3d.banded import WIDTH, B
-from worm3d.kernels import joint, node, point, segment
+from worm3d.machine import vectors
+from worm3d.machine.banded import WIDTH, B
+from worm3d.physics.kernels import joint, node, point, segment
 from worm3d.solver.block import Block, Memory
 
 FloatArray = NDArray[np.float64]

@@ -8,12 +8,12 @@ derivatives: that is less than dK by the ratio of penetration, or of the way to 
 
 from __future__ import annotations
 
-from worm3d import vectors
-from worm3d.banded import B
-from worm3d.codegen import evaluate_some as run_some
-from worm3d.compiled import inner
-from worm3d.congruence import add_congruent
-from worm3d.kernels import joint, segment
+from worm3d.machine import vectors
+from worm3d.machine.banded import B
+from worm3d.machine.codegen import evaluate_some as run_some
+from worm3d.machine.compiled import inner
+from worm3d.machine.congruence import add_congruent
+from worm3d.physics.kernels import joint, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import address, fill, matrix, vector

@@ -14,8 +14,8 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 from numpy.typing import NDArray
 
-from worm3d.compiled import inner
-from worm3d.vectors import doubles_at, integers_at
+from worm3d.machine.compiled import inner
+from worm3d.machine.vectors import doubles_at, integers_at
 
 FloatArray = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from worm3d.compiled import inner
-from worm3d.kernels import segment
+from worm3d.machine.compiled import inner
+from worm3d.physics.kernels import segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, Core
 from worm3d.solver.block import fill, matrix, vector

@@ -13,7 +13,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from worm3d.compiled import inner
+from worm3d.machine.compiled import inner
 from worm3d.solver.arrays import COUNTERS, HANDLE, Core
 from worm3d.solver.block import Block, integers
 

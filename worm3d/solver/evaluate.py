@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.banded import B
-from worm3d.codegen import evaluate as run
-from worm3d.compiled import inner, njit
-from worm3d.kernels import joint, point, segment
+from worm3d.machine.banded import B
+from worm3d.machine.codegen import evaluate as run
+from worm3d.machine.compiled import inner, njit
+from worm3d.physics.kernels import joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.band import exchange, fill_band, fill_joint_band

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from worm3d import vectors
-from worm3d.codegen import evaluate_some as run_some
-from worm3d.compiled import inner, njit
-from worm3d.kernels import point, segment
+from worm3d.machine import vectors
+from worm3d.machine.codegen import evaluate_some as run_some
+from worm3d.machine.compiled import inner, njit
+from worm3d.physics.kernels import point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import Core
 from worm3d.solver.block import address, matrix

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.codegen import evaluate as run
-from worm3d.compiled import inner
-from worm3d.kernels import point
+from worm3d.machine.codegen import evaluate as run
+from worm3d.machine.compiled import inner
+from worm3d.physics.kernels import point
 from worm3d.solver import arrays as a
 from worm3d.solver import regimes
 from worm3d.solver.arrays import POINTS, Core

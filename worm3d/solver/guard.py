@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from worm3d.compiled import inner
-from worm3d.kernels import joint, point
+from worm3d.machine.compiled import inner
+from worm3d.physics.kernels import joint, point
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import matrix, total, vector

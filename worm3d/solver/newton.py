@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import vectors
-from worm3d.banded import B, cholesky_solve
-from worm3d.banded_lu import lu_factor, lu_solve
-from worm3d.compiled import inner
-from worm3d.kernels import point
+from worm3d.machine import vectors
+from worm3d.machine.banded import B, cholesky_solve
+from worm3d.machine.banded_lu import lu_factor, lu_solve
+from worm3d.machine.compiled import inner
+from worm3d.physics.kernels import point
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, regimes
 from worm3d.solver.arrays import BLOCK, POINTS, Core

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import vectors
-from worm3d.codegen import evaluate as run
-from worm3d.compiled import inner, njit
-from worm3d.kernels import point, segment
+from worm3d.machine import vectors
+from worm3d.machine.codegen import evaluate as run
+from worm3d.machine.compiled import inner, njit
+from worm3d.physics.kernels import point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, TERMS, Core
 from worm3d.solver.block import Block, Memory, address, copy, fill, matrix, vector

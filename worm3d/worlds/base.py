@@ -7,7 +7,7 @@ A world's compiled kernel takes points and its own parameters, as rows of the in
     H (6)           its Hessian, xx, xy, xz, yy, yz, zz [1/m]; zero is allowed and costs Newton steps only
     grip            multiplier of the friction coefficients at that place
 
-in the layout of `worm3d.codegen`: row r of point k stands at [r, k].
+in the layout of `worm3d.machine.codegen`: row r of point k stands at [r, k].
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class WorldKernel:
     Attributes
     ----------
     address : int
-        Of the C function (`worm3d.codegen.emit`).
+        Of the C function (`worm3d.machine.codegen.emit`).
     parameters : ndarray, shape (m,)
         Rows of the inputs after the point's coordinates, the same for all points.
     owner : object

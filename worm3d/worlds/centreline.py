@@ -12,8 +12,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from worm3d import arguments
-from worm3d.read_only import ReadOnly, read_only
+from worm3d.values import arguments
+from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.worlds import biarc
 
 FloatArray = NDArray[np.float64]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import arguments
+from worm3d.values import arguments
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.plane import Plane
 

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.compiled import inner, njit
+from worm3d.machine.compiled import inner, njit
 from worm3d.worlds import table
 
 FloatArray = NDArray[np.float64]

@@ -16,8 +16,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from worm3d.compiled import inner, njit
-from worm3d.read_only import ReadOnly
+from worm3d.machine.compiled import inner, njit
+from worm3d.values.read_only import ReadOnly
 from worm3d.worlds import distance_fit
 
 FloatArray = NDArray[np.float64]

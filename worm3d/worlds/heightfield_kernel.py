@@ -20,8 +20,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.codegen.emit import FINE, WRONG_SHAPE
-from worm3d.compiled import inner
+from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
+from worm3d.machine.compiled import inner
 from worm3d.worlds import table
 from worm3d.worlds.table import Jet
 

@@ -13,10 +13,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import arguments
-from worm3d import cache as disk
-from worm3d.compiled import cfunc
-from worm3d.read_only import ReadOnly
+from worm3d.machine import cache as disk
+from worm3d.machine.compiled import cfunc
+from worm3d.values import arguments
+from worm3d.values.read_only import ReadOnly
 from worm3d.worlds import distance_grid, mesh_file, mesh_kernel, mesh_spline, table
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.distance_grid import MOST_NODES, Grid

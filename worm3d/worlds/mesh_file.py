@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import regular_file
+from worm3d.values import regular_file
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

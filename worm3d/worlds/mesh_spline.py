@@ -22,7 +22,7 @@ from typing import Any
 
 import casadi as ca
 
-from worm3d.codegen import Kernel, compile_kernel
+from worm3d.machine.codegen import Kernel, compile_kernel
 from worm3d.worlds import table
 
 NARROW = 0.1

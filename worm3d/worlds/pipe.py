@@ -11,9 +11,9 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from worm3d import arguments
-from worm3d.compiled import cfunc
-from worm3d.read_only import ReadOnly
+from worm3d.machine.compiled import cfunc
+from worm3d.values import arguments
+from worm3d.values.read_only import ReadOnly
 from worm3d.worlds import pipe_table, placing, symbolic, table
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.centreline import Centreline

@@ -13,10 +13,10 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 from numpy.typing import NDArray
 
-from worm3d.codegen import evaluate, evaluate_some
-from worm3d.codegen.emit import FINE, WRONG_SHAPE
-from worm3d.compiled import inner
-from worm3d.vectors import integers_at
+from worm3d.machine.codegen import evaluate, evaluate_some
+from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
+from worm3d.machine.compiled import inner
+from worm3d.machine.vectors import integers_at
 from worm3d.worlds import table
 from worm3d.worlds.pipe_kernel import BETWEEN, PIECE
 

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import arguments
+from worm3d.values import arguments
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.symbolic import compiled
 

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.codegen import Kernel, compile_kernel
+from worm3d.machine.codegen import Kernel, compile_kernel
 from worm3d.worlds import table
 from worm3d.worlds.base import World, WorldKernel
 

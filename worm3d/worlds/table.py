@@ -1,7 +1,8 @@
 """What kernels written by hand share: arrays handed over by address, and cubic B-splines.
 
-A table cannot be a CasADi expression, so these kernels are Numba's, with the signature of `worm3d.codegen.emit`. Their
-arrays stand among a world's parameters as two numbers, the halves of an address, each exact in a double.
+A table cannot be a CasADi expression, so these kernels are Numba's, with the signature of
+`worm3d.machine.codegen.emit`. Their arrays stand among a world's parameters as two numbers, the halves of an address,
+each exact in a double.
 
 Cubic B-spline (T1), for 0 <= t < 1 between nodes 1 and 2 of four (de Boor, A Practical Guide to Splines):
 
@@ -14,9 +15,9 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 from numpy.typing import NDArray
 
-from worm3d.codegen import evaluate
-from worm3d.compiled import inner
-from worm3d.vectors import doubles_at, singles_at
+from worm3d.machine.codegen import evaluate
+from worm3d.machine.compiled import inner
+from worm3d.machine.vectors import doubles_at, singles_at
 from worm3d.worlds.base import WorldKernel
 
 FloatArray = NDArray[np.float64]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import arguments, regular_file
+from worm3d.values import arguments, regular_file
 
 FloatArray = NDArray[np.float64]
 

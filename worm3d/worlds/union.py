@@ -11,9 +11,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import arguments
-from worm3d.compiled import cfunc
-from worm3d.read_only import ReadOnly
+from worm3d.machine.compiled import cfunc
+from worm3d.values import arguments
+from worm3d.values.read_only import ReadOnly
 from worm3d.worlds import symbolic, table, union_kernel
 from worm3d.worlds.base import World, WorldKernel
 from worm3d.worlds.centreline import Bend, Centreline, Straight

@@ -1,0 +1,1 @@
+"""Estimation of the worm's place, heading and drift from measurements."""

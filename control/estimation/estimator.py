@@ -1,0 +1,325 @@
+"""The estimator: where the worm is, where it heads and what it does besides what its gait should make it do.
+
+It is an extended Kalman filter (`control.estimation.kalman`) on the reduced model (R1), fed with samples of the centre
+of mass at the instants at which they were taken: a late one takes the filter back to its instant, and those after it
+are taken again. The noise of these samples is what the sensors are told to have, or more if the innovations show more
+(`control.sensing.noise`). The strains give the wave that rocks the centre of mass (`control.estimation.measured_wave`).
+A heading that is not told at the start is sought from all sides at once, by a filter for each; they agree, or die out,
+within a wave or so of crawling.
+
+Why not the no-slip motion of the feet, or the mean over a wave? On the default worm the motion of feet that do not
+slip, as the strains give it, explains a third to a half of how the speed changes within a wave, and a fifth of the
+turn rate at best: its feet slide all the time. The mean of the centre of mass over a wave is half a wave old. And the
+rocking (4 mm rms) taken for noise is no white noise: errors were twice what the covariance said (at 100 samples a
+second).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from control.estimation.belief import HEADING, Belief, merged, reduced
+from control.estimation.estimate import Estimate
+from control.estimation.ground import Ground, GroundTrust, Standing
+from control.estimation.input_history import Driven
+from control.estimation.kalman import IMPOSSIBLE, ROCKING, SIZE, Corrected, Kalman, Uncertainty
+from control.estimation.measured_wave import MeasuredWave
+from control.estimation.reduced import STATES, ReducedModel, ReducedState
+from control.gaits.steering import GaitParameters, Schedule
+from control.sensing.gate import AHEAD, SPAN
+from control.sensing.measurement import Measurement
+from control.sensing.noise import Noise
+from control.sensing.sensors import COM, Channel
+from control.sensing.sensors import HEADING as HEADING_SENSOR
+from worm3d import Worm
+
+__all__ = ["Estimate", "Estimator"]
+
+FloatArray = NDArray[np.float64]
+
+PAUSE = 0.2
+"""After such a time without samples the filter goes on without one [s]."""
+
+SIDES = 12
+"""Headings from which a filter starts where none is told."""
+
+ANYWHERE = 10.0
+"""Deviation of the position before the first sample [m]."""
+
+RIPPLE = 0.002
+"""Least deviation of a sample of the centre of mass: what the measured wave does not explain of its rocking [m]."""
+
+ROCKED = 0.016
+"""Deviation of the chord's azimuth from the heading, by which a wave rocks it besides the noise of its sensor [rad]."""
+
+NOISIEST = 0.2
+"""Greatest noise of the centre of mass that is believed in [body lengths]."""
+
+BEGIN = {"speed": 0.02, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01}
+"""Deviations at the start, from a worm at rest that does what its map says [m/s], [rad/s], [1], [rad/s]."""
+BEGIN_ROCKING = 0.05
+"""[m] a unit of strain."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """What arrived of an instant; nothing, where the filter just went on to it."""
+
+    time: float
+    com: FloatArray | None = None
+    wave: FloatArray | None = None
+    deviation: float = 0.0
+    standing: float = 0.0
+    heading: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Fused:
+    """A sample, and what is believed since."""
+
+    sample: _Sample
+    beliefs: list[Belief]
+    ground: Ground
+    nis: float | None
+    placed: bool = False
+    """Whether there has been a sample of the centre of mass."""
+    refused: int = 0
+    """Samples so far that were held for impossible."""
+
+
+class Estimator:
+    """Makes an estimate of each measurement.
+
+    Parameters
+    ----------
+    worm : Worm
+    model : ReducedModel
+    schedule : Schedule, optional
+        Of the wave; the default if left out.
+    heading : float, optional
+        At the start [rad]; None: not known.
+    heading_deviation : float
+        How uncertain that is [rad].
+    uncertainty : Uncertainty, optional
+        How far sensors and model are trusted.
+    ground : GroundTrust, optional
+        How the ground may be.
+    span : float
+        Age beyond which a sample is not used [s].
+
+    Attributes
+    ----------
+    noise : Noise
+        Of the samples of the centre of mass.
+
+    Raises
+    ------
+    ValueError
+        A heading that is not finite, or a deviation that is not above 0.
+    """
+
+    def __init__(
+        self,
+        worm: Worm,
+        model: ReducedModel,
+        schedule: Schedule | None = None,
+        heading: float | None = None,
+        heading_deviation: float = 0.05,
+        uncertainty: Uncertainty | None = None,
+        ground: GroundTrust | None = None,
+        span: float = SPAN,
+    ) -> None:
+        if heading is not None and not np.isfinite(heading):
+            raise ValueError(f"heading: got {heading!r} rad, must be finite, or None where it is not known")
+        if not (np.isfinite(heading_deviation) and heading_deviation > 0.0):
+            raise ValueError(f"heading_deviation: got {heading_deviation!r} rad, must be finite and above 0")
+        self._mechanism, self.span = model.mechanism, span
+        trust = uncertainty or Uncertainty()
+        self._filter = Kalman(model, trust)
+        self._trust_ground = ground or GroundTrust()
+        self._wave, self._standing = MeasuredWave(worm.segments, schedule or Schedule()), Standing(worm)
+        self.noise = Noise(trust.com, NOISIEST * worm.length)
+        self._driven = Driven(2.0 * span)
+        self._begin = _beginning(trust, heading, heading_deviation)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything; a run begins."""
+        self._wave.reset()
+        self._driven.reset()
+        self.noise.reset()
+        self._past: list[_Fused] = []
+        self._settled: list[tuple[float, float]] = []
+        self._heights: deque[tuple[float, float]] = deque()
+
+    def update(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> Estimate:
+        """Take a measurement and return the estimate of an instant: `take` and `estimate`.
+
+        Parameters
+        ----------
+        t : float
+            Now, later than at the last call [s].
+        measurement : Measurement
+        parameters : GaitParameters
+            Asked for since the last call.
+        phase : float
+            Commanded phase [rad].
+        """
+        self.take(t, measurement, parameters, phase)
+        return self.estimate(t)
+
+    def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
+        """Take a measurement; parameters as of `update`."""
+        steering = getattr(parameters, self._mechanism)
+        self._driven.add(t, np.array([parameters.amplitude, parameters.frequency, steering]), phase)
+        if not self._past:
+            self._past = [_Fused(_Sample(t), self._begin, Ground.unknown(self._trust_ground), None)]
+        if measurement.strain is not None:
+            self._look_at(measurement.strain, measurement.strain_time)
+        for sample in self._arrived(measurement):
+            self._take(t, sample)
+        if t - self._past[-1].sample.time > PAUSE:
+            self._take(t, _Sample(t - PAUSE / 2.0))
+        self._forget(t - self.span)
+
+    @classmethod
+    def told(cls, worm: Worm, model: ReducedModel, schedule: Schedule, sensors: Mapping[str, Channel]) -> Estimator:
+        """Return the estimator that is told how good its sensors are, as in `control.sensing.sensors.Sensors`."""
+        noise = {name: channel.noise for name, channel in sensors.items()}
+        place, heading = noise.get("com", COM.noise), noise.get("heading", HEADING_SENSOR.noise)
+        uncertainty = Uncertainty(com=max(place, RIPPLE), heading_sample=float(np.hypot(heading, ROCKED)))
+        ground = GroundTrust(height=max(place, RIPPLE))
+        return cls(worm, model, schedule, uncertainty=uncertainty, ground=ground, span=span_of(sensors))
+
+    @property
+    def innovations(self) -> list[tuple[float, float]]:
+        """Instant [s] and nis of every sample of the centre of mass; see `control.estimation.consistency`."""
+        return self._settled + [(each.sample.time, each.nis) for each in self._past if each.nis is not None]
+
+    def _look_at(self, strain: FloatArray, instant: float) -> None:
+        """Take in the shape of the body at an instant."""
+        self._wave.take(strain, self._driven.phase(instant))
+        self._heights.append((instant, self._standing.height(strain)))
+        while self._heights[0][0] < instant - self.span:
+            self._heights.popleft()
+
+    def _stood(self, t: float) -> float:
+        """Return how high the body stood at an instant; 0 as long as no strains have arrived."""
+        if not self._heights:
+            return 0.0
+        times, heights = np.array(self._heights).T
+        return float(np.interp(t, times, heights))
+
+    def _arrived(self, measurement: Measurement) -> list[_Sample]:
+        """Return the samples of a measurement, in the order of their instants."""
+        samples = []
+        if measurement.com is not None:
+            instant = measurement.com_time
+            wave, stood = self._wave.at(self._driven.phase(instant)), self._stood(instant)
+            samples.append(_Sample(instant, measurement.com, wave, self.noise.deviation, stood))
+        if measurement.heading is not None:
+            samples.append(_Sample(measurement.heading_time, heading=measurement.heading))
+        return sorted(samples, key=lambda sample: sample.time)
+
+    def _take(self, now: float, sample: _Sample) -> None:
+        """Fuse a sample at its instant, and again all those after it."""
+        if not self._past[0].sample.time <= sample.time <= now + AHEAD:
+            return
+        again = []
+        while self._past[-1].sample.time > sample.time:
+            again.append(self._past.pop().sample)
+        for each in (sample, *reversed(again)):
+            self._past.append(self._fused(self._past[-1], each, new=each is sample))
+
+    def _fused(self, last: _Fused, sample: _Sample, new: bool) -> _Fused:
+        """Return what is believed at the instant of a sample and after it; a new one tells of its noise, too."""
+        beliefs, ground, nis, refused = self._predicted(last, sample.time), last.ground, None, last.refused
+        if sample.com is not None and sample.wave is not None:
+            corrected = self._with_com(beliefs, sample, gated=last.placed)
+            best = max(corrected, key=lambda each: each.belief.log_weight)
+            beliefs, nis, refused = [each.belief for each in corrected], best.nis, refused + best.refused
+            height = sample.com[2] - sample.standing
+            if not best.refused and np.isfinite(height):
+                ground = ground.sampled(merged(beliefs).mean[:2], height, self._trust_ground)
+            if new and np.isfinite(nis):
+                self.noise.learn(best.innovation, best.spread)
+        if sample.heading is not None:
+            beliefs, unlikely = self._with_heading(beliefs, sample.heading)
+            refused += unlikely
+        return _Fused(sample, reduced(beliefs), ground, nis, last.placed or sample.com is not None, refused)
+
+    def _with_com(self, beliefs: list[Belief], sample: _Sample, gated: bool) -> list[Corrected]:
+        """Return the beliefs after a sample of the centre of mass; gated, it may be held for impossible."""
+        assert sample.com is not None
+        assert sample.wave is not None
+        given = sample.com[:2], sample.wave
+        corrected = [self._filter.with_com(each, *given, False, sample.deviation) for each in beliefs]
+        # While there are several, those for which it is impossible die out; it is refused if all would.
+        if not gated or min(each.nis for each in corrected) <= IMPOSSIBLE:
+            return corrected
+        return [self._filter.with_com(each, *given, True, sample.deviation) for each in beliefs]
+
+    def _with_heading(self, beliefs: list[Belief], heading: float) -> tuple[list[Belief], bool]:
+        """Return the beliefs after a sample of the heading, and whether that was refused."""
+        alone = len(beliefs) == 1
+        found = [self._filter.with_heading(belief, heading, gated=alone) for belief in beliefs]
+        return [belief for belief, _ in found], all(refused for _, refused in found)
+
+    def _predicted(self, last: _Fused, t: float) -> list[Belief]:
+        """Return what is believed of a later instant."""
+        beliefs = last.beliefs
+        for given, seconds in self._driven.between(last.sample.time, t):
+            beliefs = [self._filter.predicted(belief, given, last.ground.slope, seconds) for belief in beliefs]
+        return beliefs
+
+    def _forget(self, before: float) -> None:
+        """Keep no samples that nothing can come before any more, but one to go on from."""
+        while len(self._past) > 1 and self._past[1].sample.time < before:
+            oldest = self._past.pop(0)
+            if oldest.nis is not None:
+                self._settled.append((oldest.sample.time, oldest.nis))
+
+    def estimate(self, t: float) -> Estimate:
+        """Return the estimate of the instant of the last measurement that was taken."""
+        last = self._past[-1]
+        now = merged(self._predicted(last, t))
+        nis = next((each.nis for each in reversed(self._past) if each.nis is not None), None)
+        return Estimate(
+            time=t,
+            state=ReducedState(*now.mean[:STATES].tolist()),
+            covariance=now.covariance[:STATES, :STATES].copy(),
+            nis=nis,
+            slope=last.ground.slope.copy(),
+            slope_covariance=last.ground.covariance[1:, 1:].copy(),
+            refused=last.refused,
+        )
+
+
+def span_of(sensors: Mapping[str, Channel]) -> float:
+    """Return the age beyond which samples of some sensors, by channel, are not used [s]."""
+    return SPAN + max((channel.delay for channel in sensors.values()), default=0.0)
+
+
+def _beginning(trust: Uncertainty, heading: float | None, deviation: float) -> list[Belief]:
+    """Return what is believed before the first sample: a belief for each heading that may be."""
+    if heading is not None:
+        return [_believed(trust, heading, deviation)]
+    apart = 2.0 * np.pi / SIDES
+    # Mirror images of each other, so that mirrored worms are treated alike.
+    sides = ((np.arange(SIDES) + 0.5 - SIDES / 2.0) * apart).tolist()
+    return [_believed(trust, side, apart / 2.0) for side in sides]
+
+
+def _believed(trust: Uncertainty, heading: float, deviation: float) -> Belief:
+    mean, deviations = np.zeros(SIZE), np.zeros(SIZE)
+    mean[HEADING] = heading
+    known = {"x": ANYWHERE, "y": ANYWHERE, "heading": deviation, "drift": trust.drift, **BEGIN}
+    for name, each in known.items():
+        deviations[ReducedState._fields.index(name)] = each
+    deviations[ROCKING] = BEGIN_ROCKING
+    return Belief(mean, np.diag(deviations**2))

@@ -1,0 +1,244 @@
+"""The reduced model: a worm as its controller sees it, averaged over a wave; symbolic, for MPC and estimator alike.
+
+Pose and motion, with d, c and the turn omega a wave from the identified map (`control.identification.fit`), the lags
+n_v in waves and T_w in seconds, f the frequency, L the body length:
+
+    x'  = (1 - slip) v cos(h) - u sin(h)        v' = (L f d(A, f, s) - v) f / n_v
+    y'  = (1 - slip) v sin(h) + u cos(h)        w' = (f omega(A, f, s) - w) / T_w                             (R1)
+    h'  = w + yaw_bias                          u  = L f c(A, f, s) + drift
+                                                s' = (s_asked - s) f / blend
+
+s is the steering in force, which `control.gaits.generator` leads to what is asked for: weak steering turns a worm out
+of proportion (`control.identification.surrogate`), so that it matters whether a change goes through the map before it
+is smoothed or after. (By what the default worm did on paths, (R1) misses the turn rate by 0.005 rad/s; one lag of 0.95
+s after a map that is odd powers of the steering does by 0.008.) Below the least amplitude that was identified d, c and
+omega fade in proportion to it: without contraction a worm rests.
+slip, yaw_bias and drift are what the map does not know (a slope, another ground); they are constant in the model, and
+estimated. x, y is the centre of mass and h the heading, both without what a wave rocks them by; that part is a matter
+of the body's shape, which the strains give: with the inverse of (E2) and no strain in yaw (E5),
+
+    l_i = (l_L + l_R)/2,   th_i = (l_R - l_L)/(2 b),   a_{i+1} - a_i = th_i/2 + th_{i+1}/2 + hinge            (R2)
+
+are lengths, bends and azimuths a_i of the segments, and (E1), (E3) place joints and masses. Exact for a flat body whose
+yaw joints are not strained. On the plant the joints of the default worm lie within 4 mm of it when chambers steer, and
+within 12 mm when hinges do: the ground holds the feet back, and the yaw joints give way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from control.gaits.generator import BLEND
+from control.gaits.steering import GaitParameters, Mechanism
+from control.identification.fit import Identified
+from worm3d import Worm
+from worm3d.physics import elements
+
+FASTEST = 0.5
+"""Greatest share of its time constant that a substep of Runge and Kutta may take."""
+
+
+class ReducedState(NamedTuple):
+    """State of the reduced model; each an SX of one entry, or a number."""
+
+    x: float | ca.SX
+    """Centre of mass [m]."""
+    y: float | ca.SX
+    heading: float | ca.SX
+    """Azimuth [rad]."""
+    speed: float | ca.SX
+    """v, that the gait makes along the heading [m/s]."""
+    turn_rate: float | ca.SX
+    """w, that the gait makes [rad/s]."""
+    slip: float | ca.SX = 0.0
+    """Share of v that is lost."""
+    yaw_bias: float | ca.SX = 0.0
+    """Turn rate that the gait does not make [rad/s]."""
+    drift: float | ca.SX = 0.0
+    """Speed to the left that the gait does not make [m/s]."""
+    steering: float | ca.SX = 0.0
+    """s, in force: hinge [rad] or bias."""
+
+
+STATES = len(ReducedState._fields)
+
+
+class ReducedInput(NamedTuple):
+    """Input of the reduced model: the gait's parameters, steered by one mechanism."""
+
+    amplitude: float | ca.SX
+    frequency: float | ca.SX
+    """[Hz]"""
+    steering: float | ca.SX
+    """Asked for: hinge [rad] or bias."""
+
+
+INPUTS = len(ReducedInput._fields)
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedModel:
+    """The functions of a worm's reduced model, each with named inputs and outputs.
+
+    Attributes
+    ----------
+    mechanism : str
+        What steers.
+    dynamics : casadi.Function
+        (state (9,), input (3,)) -> rate (9,): (R1).
+    output : casadi.Function
+        (state, input) -> velocity (2,) of the centre of mass [m/s] and turn rate [rad/s] (3,).
+    shape : casadi.Function
+        (chamber_length (N, 2) [m], hinge (N-1,) [rad]) -> joints (N+1, 2) [m] with the centre of mass at the origin and
+        the tail-to-head chord along x: (R2).
+    """
+
+    mechanism: Mechanism
+    dynamics: ca.Function
+    output: ca.Function
+    shape: ca.Function
+    _fastest_rate: float
+
+    @classmethod
+    def of(cls, worm: Worm, identified: Identified, mechanism: Mechanism = "hinge") -> ReducedModel:
+        """Return the model of a worm that was identified.
+
+        Raises
+        ------
+        ValueError
+            The worm was not identified with this mechanism.
+        """
+        if mechanism not in identified.maps:
+            known = ", ".join(map(repr, identified.maps))
+            raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")
+        state, given = ca.SX.sym("state", STATES), ca.SX.sym("input", INPUTS)
+        rate = _rate(_state(state), _input(given), worm, identified, mechanism)
+        names = ["state", "input"]
+        lags = identified.lags[mechanism]
+        highest = identified.maps[mechanism].ranges.frequency[1]
+        fastest = max(highest / lags.amplitude, highest / BLEND, 1.0 / lags.steering)
+        return cls(
+            mechanism,
+            ca.Function("dynamics", [state, given], [rate], names, ["rate"]),
+            ca.Function("output", [state, given], [rate[:3]], names, ["velocity"]),
+            body_shape(worm),
+            fastest,
+        )
+
+    def step(self, dt: float) -> ca.Function:
+        """Return (state, input) -> next state after `dt` seconds at constant input, by Runge and Kutta's fourth order.
+
+        Raises
+        ------
+        ValueError
+            A step that is not above 0.
+        """
+        if not dt > 0.0:
+            raise ValueError(f"dt: got {dt!r} s, must be above 0")
+        parts = int(np.ceil(dt / self.longest_step))
+        begin, given = ca.SX.sym("state", STATES), ca.SX.sym("input", INPUTS)
+        state = begin
+        for _ in range(parts):
+            state = self.advance(state, given, dt / parts)
+        return ca.Function("step", [begin, given], [state], ["state", "input"], ["next"])
+
+    @property
+    def longest_step(self) -> float:
+        """Time that one step of Runge and Kutta may span [s]."""
+        return FASTEST / self._fastest_rate
+
+    def advance(self, state: ca.SX, given: ca.SX, dt: float | ca.SX) -> ca.SX:
+        """Return the state after one step of Runge and Kutta's fourth order; dt [s] up to `longest_step`."""
+        k1 = self.dynamics(state, given)
+        k2 = self.dynamics(state + dt / 2.0 * k1, given)
+        k3 = self.dynamics(state + dt / 2.0 * k2, given)
+        k4 = self.dynamics(state + dt * k3, given)
+        return state + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+    def parameters(self, given: ReducedInput) -> GaitParameters:
+        """Return the gait parameters that an input means."""
+        amplitude, frequency, steering = map(float, given)
+        return GaitParameters(amplitude, frequency).steered(self.mechanism, steering)
+
+
+def _rate(s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, mechanism: Mechanism) -> ca.SX:
+    """Return (R1)."""
+    found, lags = identified.maps[mechanism], identified.lags[mechanism]
+    least = found.ranges.amplitude[0]
+    known, fading = (ca.fmax(u.amplitude, least), u.frequency, s.steering), ca.fmin(1.0, u.amplitude / least)
+    forward = (1.0 - s.slip) * s.speed
+    sideways = fading * worm.length * found.drift_speed(*known) + s.drift
+    speed_rate = (fading * worm.length * found.speed(*known) - s.speed) * u.frequency / lags.amplitude
+    turn_acceleration = (fading * found.turn_rate(*known) - s.turn_rate) / lags.steering
+    return ca.vertcat(
+        forward * ca.cos(s.heading) - sideways * ca.sin(s.heading),
+        forward * ca.sin(s.heading) + sideways * ca.cos(s.heading),
+        s.turn_rate + s.yaw_bias,
+        speed_rate,
+        turn_acceleration,
+        ca.SX.zeros(3),
+        (u.steering - s.steering) * u.frequency / BLEND,
+    )
+
+
+def body_shape(worm: Worm) -> ca.Function:
+    """Return the body's shape from its chamber lengths and hinges, (R2); see `ReducedModel.shape`.
+
+    Raises
+    ------
+    ValueError
+        The chambers lie on the centre line: their lengths do not tell the bend.
+    """
+    if worm.chamber_offset == 0.0:
+        raise ValueError("chamber_offset: got 0, must be above 0 for chamber lengths to tell how the body bends")
+    lengths, hinge = ca.SX.sym("chamber_length", worm.segments, 2), ca.SX.sym("hinge", max(worm.segments - 1, 0))
+    azimuth = _azimuths(lengths, hinge, worm.chamber_offset)
+    along = (lengths[:, 0] + lengths[:, 1]) / 2.0
+    edges = [
+        ca.vertcat(along[i] * ca.cos(azimuth[i]), along[i] * ca.sin(azimuth[i]), 0.0) for i in range(worm.segments)
+    ]
+    joints = [ca.SX.zeros(3)]
+    for edge in edges:
+        joints.append(joints[-1] + edge)
+    com = sum(mass * place for mass, place in _masses(worm, joints, edges, lengths)) / worm.mass
+    chord = joints[-1] - joints[0]
+    cos, sin = chord[0] / ca.norm_2(chord[:2]), chord[1] / ca.norm_2(chord[:2])
+    turned = [_turned(joint - com, cos, sin) for joint in joints]
+    return ca.Function("shape", [lengths, hinge], [ca.vertcat(*turned)], ["chamber_length", "hinge"], ["joints"])
+
+
+def _azimuths(lengths: ca.SX, hinge: ca.SX, offset: float) -> list[ca.SX]:
+    """Return the azimuths of the segments against the tail's, (R2)."""
+    bend = (lengths[:, 1] - lengths[:, 0]) / (2.0 * offset)
+    azimuth = [ca.SX(0)]
+    for j in range(hinge.numel()):
+        azimuth.append(azimuth[-1] + bend[j] / 2.0 + bend[j + 1] / 2.0 + hinge[j])
+    return azimuth
+
+
+def _masses(worm: Worm, joints: list[ca.SX], edges: list[ca.SX], lengths: ca.SX) -> Iterator[tuple[float, ca.SX]]:
+    """Give every mass [kg] and its place."""
+    yield from zip(worm.joint_mass.tolist(), joints, strict=True)
+    ahead, left = ca.SX([1, 0, 0]), ca.SX([0, 1, 0])
+    for i, edge in enumerate(edges):
+        f = elements.frame(edge, ca.SX(0), ahead, left)
+        middle, chambers = (joints[i] + joints[i + 1]) / 2.0, [lengths[i, 0], lengths[i, 1]]
+        places = elements.apexes(middle, f, chambers, ca.SX(worm.link_length[i]), ca.SX(worm.chamber_offset))
+        yield from zip(worm.apex_mass[i].tolist(), places, strict=True)
+
+
+def _turned(place: ca.SX, cos: ca.SX, sin: ca.SX) -> ca.SX:
+    return ca.horzcat(cos * place[0] + sin * place[1], cos * place[1] - sin * place[0])
+
+
+def _state(vector: ca.SX) -> ReducedState:
+    return ReducedState(*ca.vertsplit(vector))
+
+
+def _input(vector: ca.SX) -> ReducedInput:
+    return ReducedInput(*ca.vertsplit(vector))

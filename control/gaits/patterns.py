@@ -1,0 +1,235 @@
+"""Gaits: open-loop patterns of contraction, bound to a worm to become its actuation.
+
+A gait is an activation A_i(t) in [-1, 1] of each segment i = 0 (tail) ... N-1 (head), and how it is applied:
+
+    contraction = amplitude A (1 + bias) left, amplitude A (1 - bias) right, clipped to the worm's stroke
+    force       = force A (1 + bias) left,     force A (1 - bias) right
+    hinge_j     = hinge max(0, A_j),           j = 1 ... N-1 (the joint belongs to its headward segment)
+
+`TravellingWave` is the paper's second scheme, `ContractionEngine_segmentdriven` its first (section III.C).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Literal, Protocol, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d import Command, Commands
+from worm3d.values import arguments
+
+FloatArray = NDArray[np.float64]
+Direction = Literal["direct", "retrograde"]
+WaveDirection = Literal["direct", "retrograde", "standing"]
+Pulse = Literal["gaussian", "square", "dirac"]
+
+GAUSSIAN_WIDTH = 0.15
+"""Standard deviation of the gaussian pulse as a fraction of the contraction's duration."""
+
+
+class Body(Protocol):
+    """What a gait needs to know of a worm."""
+
+    @property
+    def segments(self) -> int:
+        """Number of segments."""
+
+    @property
+    def stroke(self) -> tuple[float, float]:
+        """Least and greatest contraction of a chamber."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gait(ABC):
+    """An activation pattern and how it is applied to the chambers and hinges.
+
+    Attributes
+    ----------
+    amplitude : float
+        Contraction of a chamber at activation 1.
+    bias : float
+        In [-1, 1]: scales the left chamber by 1 + bias and the right one by 1 - bias.
+    hinge : float
+        Hinge angle at activation 1 [rad]; positive yaws the headward segment to the left.
+    force : float
+        Force of a chamber at activation 1 [N]; positive contracts.
+    """
+
+    amplitude: float = 0.2
+    bias: float = 0.0
+    hinge: float = 0.0
+    force: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("amplitude", "hinge", "force"):
+            arguments.number(name, getattr(self, name))
+        arguments.number("bias", self.bias, ge=-1.0, le=1.0, allowed="a number in [-1, 1]")
+
+    @abstractmethod
+    def activation(self, t: float, segments: int) -> FloatArray:
+        """Return the activation of each segment at time t [s], shape (segments,), in [-1, 1]."""
+
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activations at K times, shape (K, segments)."""
+        return np.array([self.activation(t, segments) for t in times]).reshape(-1, segments)
+
+    def bind(self, worm: Body) -> BoundGait:
+        """Return the actuation of `worm`: time [s] -> `worm3d.Command`, clipped to the worm's stroke."""
+        return BoundGait(self, worm.segments, worm.stroke)
+
+
+class BoundGait:
+    """A gait as the actuation of one worm.
+
+    Parameters
+    ----------
+    gait : Gait
+    segments : int
+    stroke : tuple of float
+        Least and greatest contraction.
+    """
+
+    def __init__(self, gait: Gait, segments: int, stroke: tuple[float, float]) -> None:
+        self._gait, self._segments, self._stroke = gait, segments, stroke
+
+    def __call__(self, t: float) -> Command:
+        """Return the command at time t [s]."""
+        contraction, hinge, force = self._applied(self._gait.activation(t, self._segments))
+        return Command(contraction, hinge, force)
+
+    def commands(self, times: FloatArray) -> Commands:
+        """Return the commands at K times [s] at once."""
+        return self._applied(self._gait.activations(times, self._segments))
+
+    def _applied(self, activation: FloatArray) -> Commands:
+        gait = self._gait
+        chambers = activation[..., None] * np.array([1.0 + gait.bias, 1.0 - gait.bias])
+        hinge = gait.hinge * np.maximum(0.0, activation[..., 1:])
+        return Commands(np.clip(gait.amplitude * chambers, *self._stroke), hinge, gait.force * chambers)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TravellingWave(Gait):
+    """The paper's wave A = sin(k x - w t), x = (i + 1/2)/N, and its variants.
+
+    Attributes
+    ----------
+    period : float
+        T_wave; w = 2 pi / period [s].
+    wavelength : float
+        k = 2 pi / wavelength [body lengths].
+    direction : str
+        "direct" runs tail to head: sin(kx - wt), the paper's wave in our numbering; "retrograde" runs head to
+        tail, as in earthworms: sin(kx + wt); "standing" is the mean of the two: sin(kx) cos(wt).
+    rectified : bool
+        Whether segments only contract, max(0, A); the full wave also lengthens them.
+    """
+
+    period: float = 2.0
+    wavelength: float = 1.0
+    direction: WaveDirection = "retrograde"
+    rectified: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require_positive(period=self.period, wavelength=self.wavelength)
+        arguments.choice("direction", self.direction, get_args(WaveDirection))
+        arguments.flag("rectified", self.rectified)
+
+    def activation(self, t: float, segments: int) -> FloatArray:
+        """Return the activation of each segment at time t [s], shape (segments,), in [-1, 1]."""
+        activation: FloatArray = self.activations(np.array([t]), segments)[0]
+        return activation
+
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activations at K times, shape (K, segments)."""
+        kx = 2.0 * np.pi / self.wavelength * (np.arange(segments) + 0.5) / segments
+        wt = 2.0 * np.pi / self.period * times[:, None]
+        match self.direction:
+            case "direct":
+                wave = np.sin(kx - wt)
+            case "retrograde":
+                wave = np.sin(kx + wt)
+            case "standing":
+                wave = np.sin(kx) * np.cos(wt)
+        return np.maximum(0.0, wave) if self.rectified else wave
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContractionEngine_segmentdriven(Gait):  # noqa: N801 - the paper's name
+    """The paper's segment-by-segment contraction, its four steps as a pure function of time.
+
+    1. Wave-based activation: one segment after the other is activated, one every T_wave/N.
+    2. Phase update: its contraction phase rises from 0 to 1 over T_contract; then it deactivates and resets.
+    3. Pulse generation: a pulse of unit height by that phase.
+    4. Force computation: signs alternate along the body, + on even segments; inactive segments give zero.
+
+    Attributes
+    ----------
+    T_wave : float
+        Time after which a segment is activated again [s].
+    T_contract : float
+        Duration of one contraction, at most T_wave [s]. At most T_wave/N, the segments contract one at a time;
+        longer contractions of neighbours overlap.
+    contractType : str
+        "gaussian" exp(-((phase - 1/2)/0.15)^2 / 2), "square" 1, or "dirac": 1 for `impulse` seconds from the
+        activation on, then 0.
+    alternating : bool
+        Whether the signs alternate (step 4); otherwise all contract.
+    direction : str
+        "direct", the paper's order in our numbering, activates tail to head; "retrograde" head to tail.
+    impulse : float
+        Duration of the dirac pulse [s]: use the time step, so that it acts in one step.
+    """
+
+    T_wave: float = 2.0
+    T_contract: float = 0.25
+    contractType: Pulse = "gaussian"
+    alternating: bool = True
+    direction: Direction = "direct"
+    impulse: float = 0.01
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require_positive(T_wave=self.T_wave, T_contract=self.T_contract, impulse=self.impulse)
+        if self.T_contract > self.T_wave:
+            raise ValueError(
+                f"T_contract: got {self.T_contract!r} s, must be at most T_wave ({self.T_wave!r} s): "
+                "a segment must end its contraction before it is activated again"
+            )
+        arguments.choice("contractType", self.contractType, get_args(Pulse))
+        arguments.choice("direction", self.direction, get_args(Direction))
+        arguments.flag("alternating", self.alternating)
+
+    def activation(self, t: float, segments: int) -> FloatArray:
+        """Return the activation of each segment at time t [s], shape (segments,), in [-1, 1]."""
+        activation: FloatArray = self.activations(np.array([t]), segments)[0]
+        return activation
+
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activations at K times, shape (K, segments)."""
+        order = np.arange(segments) if self.direction == "direct" else np.arange(segments)[::-1]
+        since = times[:, None] - order * self.T_wave / segments
+        # Rounding must not decide on which side of its activation a segment is: times within 1e-9 are equal.
+        elapsed = np.mod(since + 1e-9 * self.T_wave, self.T_wave)
+        active = (since > -1e-9 * self.T_wave) & (elapsed < self.T_contract)
+        sign = np.where(np.arange(segments) % 2 == 0, 1.0, -1.0) if self.alternating else np.ones(segments)
+        return np.where(active, sign * self._pulse(elapsed), 0.0)
+
+    def _pulse(self, elapsed: FloatArray) -> FloatArray:
+        match self.contractType:
+            case "gaussian":
+                phase = elapsed / self.T_contract
+                return np.exp(-0.5 * ((phase - 0.5) / GAUSSIAN_WIDTH) ** 2)
+            case "square":
+                return np.ones_like(elapsed)
+            case "dirac":
+                return np.where(elapsed < self.impulse, 1.0, 0.0)
+
+
+def _require_positive(**values: float) -> None:
+    for name, value in values.items():
+        arguments.number(name, value, gt=0.0)

@@ -1,0 +1,97 @@
+"""Feed-forward: the wave that by the identified map has a wanted speed and turn rate.
+
+Two parameters make the speed. The frequency stays at a preferred one and the amplitude does the work; only where that
+ends, at the least or greatest amplitude, the frequency moves too: a line through the map, along which speed rises.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from control.estimation.reduced import ReducedInput
+from control.identification.fit import SteeringMap
+from control.identification.surrogate import Ranges
+
+FloatArray = NDArray[np.float64]
+
+PREFERRED = 0.8
+"""Frequency at which the default worm has most of its speeds [Hz]; one outside a range gives way to its middle."""
+POINTS = 33
+"""On each part of the line."""
+STEERINGS = 97
+"""Values of the steering: weak steering hardly turns the worm, so that they have to be close."""
+RISE = 1e-6
+"""Turn rate that a unit of steering adds to the map's [rad/s], so that only no steering at all has none."""
+REPEATS = 3
+"""Steering changes the speed a little, and speed the steering: found in turns."""
+
+
+class FeedForward:
+    """The identified map of one mechanism, the other way round.
+
+    Parameters
+    ----------
+    found : SteeringMap
+    length : float
+        Of the body [m].
+
+    Attributes
+    ----------
+    frequency : float
+        The preferred one [Hz].
+    slowest : float
+        Speed below which the worm had better stand: half of the least one that is identified [m/s].
+    fastest : float
+        Greatest speed of the identified map, straight ahead [m/s].
+    ranges : Ranges
+        Within which the map was identified.
+    """
+
+    def __init__(self, found: SteeringMap, length: float) -> None:
+        low, high = found.ranges.frequency
+        self.frequency = PREFERRED if low <= PREFERRED <= high else (low + high) / 2.0
+        self.ranges = found.ranges
+        self._amplitudes, self._frequencies = _line(found.ranges, self.frequency)
+        self._steerings = np.linspace(0.0, found.ranges.steering, STEERINGS)
+        wave = ca.SX.sym("amplitude"), ca.SX.sym("frequency"), ca.SX.sym("steering")
+        speed, rate = length * found.speed(*wave), found.turn_rate(*wave)
+        self._speed = ca.Function("speed", [*wave], ca.cse([speed])).map(len(self._amplitudes))
+        self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(STEERINGS)
+        self._straight = self._speeds(0.0)
+        self.slowest, self.fastest = 0.5 * float(self._straight[0]), float(self._straight[-1])
+
+    def __call__(self, speed: float, turn_rate: float) -> ReducedInput:
+        """Return the wave of a steady speed [m/s] and turn rate [rad/s], or the nearest that there is."""
+        steering = 0.0  # its magnitude: left and right are mirror images
+        for _ in range(REPEATS):
+            along = self._speeds(steering)
+            amplitude = float(np.interp(speed, along, self._amplitudes))
+            frequency = float(np.interp(speed, along, self._frequencies))
+            rates = np.array(self._turn_rate(amplitude, frequency, self._steerings[None])).ravel()
+            rising = np.maximum.accumulate(rates) + RISE * self._steerings
+            steering = float(np.interp(abs(turn_rate), rising, self._steerings))
+        return ReducedInput(amplitude, frequency, float(np.copysign(steering, turn_rate)))
+
+    def sharpest(self, speed: float) -> float:
+        """Return the greatest turn rate of the map at a speed straight ahead [rad/s]."""
+        wave = (float(np.interp(speed, self._straight, line)) for line in (self._amplitudes, self._frequencies))
+        return float(np.array(self._turn_rate(*wave, self._steerings[None])).max())
+
+    def _speeds(self, steering: float) -> FloatArray:
+        """Return the speeds along the line [m/s]; they rise, whatever the fit does at its edges."""
+        speeds = np.array(self._speed(self._amplitudes[None], self._frequencies[None], steering)).ravel()
+        return np.maximum.accumulate(speeds)
+
+
+def _line(ranges: Ranges, preferred: float) -> tuple[FloatArray, FloatArray]:
+    """Return amplitudes and frequencies from the slowest wave to the fastest."""
+    (least, greatest), (low, high) = ranges.amplitude, ranges.frequency
+    amplitudes = [np.full(POINTS, least), np.linspace(least, greatest, POINTS), np.full(POINTS, greatest)]
+    frequencies = [
+        np.linspace(low, preferred, POINTS),
+        np.full(POINTS, preferred),
+        np.linspace(preferred, high, POINTS),
+    ]
+    return np.concatenate(amplitudes), np.concatenate(frequencies)

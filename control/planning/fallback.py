@@ -1,0 +1,237 @@
+"""The fallback ladder: which wave to ask for, whatever becomes of the plans on the way.
+
+The first of these that there is:
+
+1. an accepted plan ("mpc"): finite, within the identified ranges, no worse than the plan before and the plain wave,
+   and in time;
+2. the last accepted plan as it goes on ("shifted plan"), at most five times in a row;
+3. the plain wave, the feed-forward of the identified map ("gait"), and nothing else until the heading is known: it
+   turns as the path does, or goes straight;
+4. the parameters in force ("gait"), at most five times in a row;
+5. rest ("stop"), as also where the reference asks for (almost) no speed.
+
+After three failures in a row the search forgets its last plan. The reference's clock never stops. An exception, whoever
+raises it and of whatever type, is a failure of what was asked for, and the next best follows.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from math import isfinite, nan
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from control.estimation.estimate import Estimate
+from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel, ReducedState
+from control.gaits.steering import GaitParameters
+from control.identification.feedforward import FeedForward
+from control.identification.surrogate import Ranges
+from control.planning.decision import Source
+from control.planning.plan import Plan, PlanStatus
+from control.planning.preview import turn_rate
+from control.tracking.references import Reference
+
+MOST_SHIFTED = 5
+"""Times in a row that a plan is used without a new one."""
+MOST_HELD = 5
+"""Times in a row that parameters are kept for want of anything better."""
+FORGET = 3
+"""Failures in a row after which the search begins anew."""
+KNOWN = 0.08
+"""Standard deviation below which the heading counts as known [rad]: whoever steers by a worse one leaves its path."""
+LONGEST_START = 3.0
+"""Waves after which it is steered with whatever is known."""
+
+UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
+STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
+LATE = "the plan came too late"
+LOST = "nothing is known to go by"
+NO_PLAN = "what was planned is no plan"
+NOT_NUMBERS = "the plan is of another shape, or not finite"
+OUTSIDE = "the plan is outside the ranges in which the worm was identified"
+
+ROUNDING = 1e-6
+"""Distance by which a plan may be outside the identified ranges, as a share of them."""
+LONGEST_COMPLAINT = 200
+"""Letters of an exception that are kept."""
+
+_HEADING = ReducedState._fields.index("heading")
+_LOG = logging.getLogger(__name__)
+
+
+class Planner(Protocol):
+    """What plans, such as `control.planning.mpc.GaitMPC`."""
+
+    @property
+    def feed_forward(self) -> FeedForward:
+        """The identified map the other way round."""
+
+    def reset(self) -> None:
+        """Begin anew."""
+
+    def forget(self) -> None:
+        """Drop the last plan."""
+
+    def plan(self, t: float, estimate: Estimate, reference: Reference) -> Plan:
+        """Return the plan from time t [s] on."""
+
+    def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
+        """Return the plain wave."""
+
+
+class Choice(NamedTuple):
+    """What was chosen."""
+
+    source: Source
+    parameters: GaitParameters
+    status: str
+    """Of the plan, or why there is none."""
+    plan: Plan | None = None
+    """That was made now, whether it was accepted or not."""
+    failed: bool = False
+    """Whether there should have been an accepted plan."""
+
+
+class Ladder:
+    """The choice, with the memory that it needs.
+
+    Parameters
+    ----------
+    model : ReducedModel
+    planner : Planner
+    reference : Reference
+    longest : float
+        Time that a plan may take [s]; infinite where runs are to repeat bit for bit.
+    """
+
+    def __init__(self, model: ReducedModel, planner: Planner, reference: Reference, longest: float = np.inf) -> None:
+        self._model, self.planner, self._reference, self._longest = model, planner, reference, longest
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.planner.reset()
+        self._accepted: Plan | None = None
+        self._failures = self._held = 0
+        self._steers = False
+
+    def choose(self, t: float, estimate: Estimate, in_force: GaitParameters, waves: float) -> Choice:
+        """Return what to ask for from time t [s] on.
+
+        Parameters
+        ----------
+        t : float
+        estimate : Estimate
+        in_force : GaitParameters
+            Asked for until now.
+        waves : float
+            Since the beginning.
+        """
+        if self._speed(t) < self.planner.feed_forward.slowest:
+            return Choice("stop", rest(in_force), STANDS)
+        blind = self._blind(t, estimate, waves)
+        if blind is not None:
+            return Choice("gait", blind, UNKNOWN)
+        plan, complaint = self._plan(t, estimate)
+        if plan is None or complaint:
+            return self._without(t, estimate, in_force, complaint, plan)
+        assert plan.parameters is not None
+        self._accepted, self._failures, self._held = plan, 0, 0
+        return Choice("mpc", plan.parameters, plan.status.value, plan)
+
+    def _blind(self, t: float, estimate: Estimate, waves: float) -> GaitParameters | None:
+        """Return the wave that turns as the path does, until the heading is known or has had time enough for that."""
+        variance = float(estimate.covariance[_HEADING, _HEADING])
+        self._steers = self._steers or variance <= KNOWN**2 or waves >= LONGEST_START
+        if self._steers:
+            return None
+        speed, turn = self._speed(t), _tried(turn_of_path, self._reference, t, estimate)[0]
+        return self._parameters(_tried(self.planner.feed_forward, speed, 0.0 if turn is None else turn)[0])
+
+    def _speed(self, t: float) -> float:
+        """Return the speed that is asked for [m/s]; NaN if there is none."""
+        speed, _ = _tried(lambda: float(self._reference.speed(t)))
+        return nan if speed is None else speed
+
+    def _plan(self, t: float, estimate: Estimate) -> tuple[Plan | None, str]:
+        """Return a plan, if one is made, and why it is not accepted."""
+        plan, complaint = _tried(self.planner.plan, t, estimate, self._reference)
+        if not complaint:
+            complaint = " ".join(filter(None, _tried(_fault, plan, self.planner.feed_forward.ranges)))
+        if complaint:
+            _LOG.warning("no plan at %.3f s: %s", t, complaint)
+            return None, complaint
+        if not plan.status.ok:
+            return plan, plan.status.value
+        return plan, LATE if plan.seconds > self._longest else ""
+
+    def _without(
+        self, t: float, estimate: Estimate, in_force: GaitParameters, complaint: str, plan: Plan | None
+    ) -> Choice:
+        """Return the next best."""
+        self._failures += 1
+        if self._failures % FORGET == 0:
+            _tried(self.planner.forget)
+        if self._accepted is not None and self._failures <= MOST_SHIFTED:
+            shifted = self._model.parameters(ReducedInput(*self._accepted.at(t)))
+            return Choice("shifted plan", shifted, complaint, plan, failed=True)
+        slip = float(estimate.state.slip)
+        plain = self._parameters(_tried(self.planner.plain, t, slip if isfinite(slip) else 0.0, self._reference)[0])
+        if plain is not None:
+            return Choice("gait", plain, complaint, plan, failed=True)
+        self._held += 1
+        if self._held <= MOST_HELD:
+            return Choice("gait", in_force, complaint, plan, failed=True)
+        return Choice("stop", rest(in_force), LOST, plan, failed=True)
+
+    def _parameters(self, wave: ReducedInput | None) -> GaitParameters | None:
+        """Return the parameters of a wave, if there is one and the reference of which it comes is finite."""
+        known = wave is not None and all(isfinite(part) for part in wave)
+        return _tried(self._model.parameters, wave)[0] if known else None
+
+
+def complaint_of(error: Exception) -> str:
+    """Return an exception as a line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST_COMPLAINT]
+
+
+def rest(in_force: GaitParameters) -> GaitParameters:
+    """Return the parameters of a worm at rest."""
+    return GaitParameters(0.0, in_force.frequency)
+
+
+def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:
+    """Return what a function returns, or None and why it did not."""
+    try:
+        return act(*given), ""
+    except Exception as error:
+        return None, complaint_of(error)
+
+
+def _fault(plan: Any, ranges: Ranges) -> str:
+    """Return what is wrong with what should be a plan; nothing if it is one that says itself that it cannot be used."""
+    if not isinstance(plan, Plan) or not isinstance(plan.status, PlanStatus):
+        return NO_PLAN
+    if np.array([plan.cost, plan.seconds, plan.iterations]).dtype.kind not in "fi":
+        return NOT_NUMBERS
+    if not plan.status.ok:
+        return ""
+    if not isinstance(plan.parameters, GaitParameters):
+        return NO_PLAN
+    inputs, horizon = np.asarray(plan.inputs, dtype=float), np.asarray(plan.horizon, dtype=float)
+    if inputs.ndim != 2 or inputs.shape[1] != INPUTS or not len(inputs) or horizon.shape != (len(inputs) + 1, 2):
+        return NOT_NUMBERS
+    if not (np.isfinite(inputs).all() and np.isfinite(horizon).all() and plan.step > 0.0 and plan.seconds >= 0.0):
+        return NOT_NUMBERS
+    first = plan.parameters
+    waves = np.vstack([inputs, [first.amplitude, first.frequency, max(first.bias, first.hinge, key=abs)]])
+    return OUTSIDE if np.abs(ranges.scaled(*waves.T)).max() > 1.0 + ROUNDING else ""
+
+
+def turn_of_path(reference: Reference, t: float, estimate: Estimate) -> float:
+    """Return the turn rate of the path where the worm is [rad/s]; 0 without a path."""
+    if reference.path is None or not np.isfinite(estimate.position).all():
+        return 0.0
+    return turn_rate(reference, t, float(reference.path.project(estimate.position)))

@@ -1,0 +1,196 @@
+"""Model predictive control of the gait's parameters: amplitude, frequency and steering over some waves ahead.
+
+The problem is (G2), `control.planning.problem`. Slip, yaw bias and drift are those of the estimate and constant over
+the horizon: what they stand for leaves no lasting error. The search begins at the better of two waves, the plan before
+and the plain wave of the feed-forward, and is never worse than either.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from control.estimation.estimator import Estimate
+from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel, ReducedState
+from control.identification.feedforward import FeedForward
+from control.identification.fit import Identified
+from control.planning.gauss_newton import GaussNewton, Outcome, Solution, half_square
+from control.planning.plan import Plan, PlanStatus
+from control.planning.prediction import Prediction
+from control.planning.preview import Preview, look_ahead, turn_rate
+from control.planning.problem import Problem, Scale, Tolerances
+from control.tracking.references import Reference
+from worm3d import Worm
+
+FloatArray = NDArray[np.float64]
+
+LEAST_SHARE = 0.5
+"""Of the speed that the gait makes, whatever the estimate of the slip says: more than that is not made up for."""
+
+STATUS = {
+    Outcome.CONVERGED: PlanStatus.OPTIMAL,
+    Outcome.IMPROVED: PlanStatus.BETTER,
+    Outcome.STUCK: PlanStatus.NOT_BETTER,
+    Outcome.NOT_FINITE: PlanStatus.NOT_FINITE,
+    Outcome.NO_STEP: PlanStatus.NOT_SOLVED,
+}
+
+
+class GaitMPC:
+    """The controller of the gait's parameters.
+
+    Parameters
+    ----------
+    worm : Worm
+    identified : Identified
+        The worm's map, of which `model` is.
+    model : ReducedModel
+    tolerances : Tolerances, optional
+    step : float
+        Of the prediction [s].
+    steps : int
+        H.
+    iterations : int
+        At most, in each plan. The search goes on in the next one; more of them make no difference that could be seen.
+
+    Attributes
+    ----------
+    progress : float
+        Arc length on the path at the last plan [m].
+    feed_forward : FeedForward
+
+    Raises
+    ------
+    ValueError
+        A step that is not above 0, fewer than two steps, or no iteration.
+    """
+
+    def __init__(
+        self,
+        worm: Worm,
+        identified: Identified,
+        model: ReducedModel,
+        tolerances: Tolerances | None = None,
+        step: float = 0.4,
+        steps: int = 16,
+        iterations: int = 2,
+    ) -> None:
+        for name, value, least in (("steps", steps, 2), ("iterations", iterations, 1)):
+            if value < least:
+                raise ValueError(f"{name}: got {value!r}, must be at least {least}")
+        found = identified.maps[model.mechanism]
+        self.feed_forward, self.tolerances = FeedForward(found, worm.length), tolerances or Tolerances()
+        self._model, self._length = model, worm.length
+        self._prediction, self._scale = Prediction(model, step, steps), Scale(found.ranges)
+        self._search = GaussNewton(INPUTS * steps, iterations)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._near: float | None = None
+        self.forget()
+
+    def forget(self) -> None:
+        """Drop the last plan: the next one begins at the plain wave."""
+        self._last: Plan | None = None
+
+    @property
+    def progress(self) -> float:
+        """Arc length on the path at the last plan [m]; 0 before."""
+        return self._near or 0.0
+
+    def plan(self, t: float, estimate: Estimate, reference: Reference) -> Plan:
+        """Return the plan from time t [s] on; the estimate is of that instant."""
+        began = perf_counter()
+        preview = self._preview(t, estimate, reference)
+        if preview is None:
+            return self._no_plan(t, perf_counter() - began)
+        waves = self._candidates(t, estimate, reference)
+        problem = self._problem(t, estimate.state, preview, waves[-1])
+        found, plain_cost = self._searched(problem, waves)
+        plan = self._made(t, problem, found, plain_cost, began)
+        if plan.status.ok:
+            self._last = plan
+        return plan
+
+    def _preview(self, t: float, estimate: Estimate, reference: Reference) -> Preview | None:
+        """Return what the reference asks for; None if that, or the estimate, is not finite."""
+        if not all(isfinite(part) for part in estimate.state):
+            return None
+        step, steps = self._prediction.step, self._prediction.steps
+        preview = look_ahead(reference, t, step, steps, estimate.position, estimate.heading, self._near)
+        if not all(np.isfinite(part).all() for part in (preview.speed, preview.point, preview.heading)):
+            return None
+        self._near = preview.progress
+        return preview
+
+    def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
+        """Return the plain wave: the feed-forward of what is asked for at time t [s], at an estimated slip."""
+        kept = max(1.0 - slip, LEAST_SHARE)
+        return self.feed_forward(float(reference.speed(t)) / kept, turn_rate(reference, t, self.progress))
+
+    def _candidates(self, t: float, estimate: Estimate, reference: Reference) -> list[FloatArray]:
+        """Return inputs, shape (H, 3), to begin with: the plan before, if there is one, and the plain wave."""
+        instants = t + self._prediction.step * (0.5 + np.arange(self._prediction.steps))
+        wave = np.array(self.plain(t, float(estimate.state.slip), reference), dtype=float)
+        plain = np.tile(wave, (len(instants), 1))
+        return [plain] if self._last is None else [self._last.at(instants), plain]
+
+    def _problem(self, t: float, state: ReducedState, preview: Preview, plain: FloatArray) -> Problem:
+        """Return (G2); `plain` is the plain wave, shape (H, 3)."""
+        preferred = self._scale.scaled(np.array([[0.0, self.feed_forward.frequency, 0.0]]))[1]
+        return Problem(
+            prediction=self._prediction,
+            scale=self._scale,
+            tolerances=self.tolerances,
+            length=self._length,
+            state=np.array(state, dtype=float),
+            preview=preview,
+            crab=preview.follows / np.maximum(preview.speed, self.feed_forward.slowest),
+            before=self._scale.scaled(plain[:1]) if self._last is None else self._scale.scaled(self._last.at(t)),
+            preferred=float(preferred),
+        )
+
+    def _searched(self, problem: Problem, waves: list[FloatArray]) -> tuple[Solution, float]:
+        """Return what the search found, and the cost of the better wave to begin with."""
+        starts = [self._scale.scaled(wave) for wave in waves]
+        costs = [half_square(problem.residuals(start)) for start in starts]
+        best, bound = int(np.argmin(costs)), np.ones(starts[0].size)
+        found = self._search.minimise(problem.residuals, problem.linearised, starts[best], -bound, bound)
+        return found, costs[best]
+
+    def _made(self, t: float, problem: Problem, found: Solution, plain_cost: float, began: float) -> Plan:
+        inputs = self._scale.inputs(found.z)
+        return Plan(
+            time=t,
+            step=self._prediction.step,
+            inputs=inputs,
+            parameters=self._model.parameters(ReducedInput(*inputs[0])),
+            horizon=problem.states(inputs)[:, :2],
+            status=STATUS[found.outcome],
+            iterations=found.iterations,
+            cost=found.cost,
+            plain_cost=plain_cost,
+            certificate=found.certificate,
+            seconds=perf_counter() - began,
+        )
+
+    def _no_plan(self, t: float, seconds: float) -> Plan:
+        """Return that there is none."""
+        steps, unknown = self._prediction.steps, float("nan")
+        return Plan(
+            time=t,
+            step=self._prediction.step,
+            inputs=np.full((steps, INPUTS), unknown),
+            parameters=None,
+            horizon=np.full((steps + 1, 2), unknown),
+            status=PlanStatus.NOT_FINITE,
+            iterations=0,
+            cost=unknown,
+            plain_cost=unknown,
+            certificate=unknown,
+            seconds=seconds,
+        )

@@ -1,0 +1,1 @@
+"""Sensors, the measurements that they make, and the gate that refuses what cannot be a measurement."""

@@ -1,0 +1,1 @@
+"""Paths and references to follow, and the metrics of how well a run kept to them."""

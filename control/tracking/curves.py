@@ -1,0 +1,218 @@
+"""Smooth curves in the plane by arc length: what paths other than lines and circles have in common.
+
+A curve r(u) is given with its first two derivatives. With s the arc length,
+
+    ds/du = |r'|,   t = r'/|r'|,   kappa = (x' y'' - y' x'') / |r'|^3                                          (L1)
+
+and the point of a curve that is nearest to p solves (r(s) - p) . t(s) = 0, a function of slope 1 - kappa n . (p - r),
+n to the left of t. An open curve goes straight on beyond both ends; a closed one repeats.
+"""
+
+from __future__ import annotations
+
+import itertools
+from abc import ABC, abstractmethod
+from functools import cached_property
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike, NDArray
+
+from worm3d.values import arguments
+
+FloatArray = NDArray[np.float64]
+
+PARTS = 16
+"""Of each interval between knots."""
+
+REACH = 0.125
+"""Share of the length by which a projection may lie from the one before."""
+
+ITERATIONS = 20
+"""Of Newton's method, at most; three or four are enough but at the centre of curvature."""
+
+GAUSS = np.polynomial.legendre.leggauss(5)
+
+
+class Curve(ABC):
+    """A curve by arc length; subclasses give r(u), 0 <= u <= the last knot.
+
+    Attributes
+    ----------
+    closed : bool
+        Whether it ends where it begins, without a kink.
+    """
+
+    closed: bool = False
+
+    @abstractmethod
+    def derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return r, r' and r'' at u of shape (K,), each of shape (K, 2)."""
+
+    @abstractmethod
+    def knots(self) -> FloatArray:
+        """Return where, from 0 on, the curve may be less than smooth; it is smooth between them, shape (M,)."""
+
+    @property
+    def length(self) -> float:
+        """Length from one end to the other [m]."""
+        return float(self._nodes[1][-1])
+
+    def point(self, s: ArrayLike) -> FloatArray:
+        """Return the points at arc lengths of shape (...) [m], shape (..., 2) [m]."""
+        inside, beyond, _ = self._inside(s)
+        r, d, _ = self._at(inside)
+        point: FloatArray = r + beyond[..., None] * _unit(d)
+        return point
+
+    def heading(self, s: ArrayLike) -> FloatArray:
+        """Return the azimuths of the tangents at arc lengths of shape (...), continuous along the curve [rad]."""
+        inside, _, laps = self._inside(s)
+        _, d, _ = self._at(inside)
+        azimuth = np.arctan2(d[..., 1], d[..., 0])
+        nodes, known = self._nodes[1], self._headings
+        near = np.interp(inside, nodes, known)
+        turned: FloatArray = azimuth + 2.0 * np.pi * np.round((near - azimuth) / (2.0 * np.pi))
+        whole: FloatArray = turned + laps * (known[-1] - known[0])
+        return whole
+
+    def curvature(self, s: ArrayLike) -> FloatArray:
+        """Return the curvatures at arc lengths of shape (...), positive to the left, (L1) [1/m]."""
+        inside, beyond, _ = self._inside(s)
+        _, d, dd = self._at(inside)
+        kappa = (d[..., 0] * dd[..., 1] - d[..., 1] * dd[..., 0]) / np.linalg.norm(d, axis=-1) ** 3
+        inner: FloatArray = np.where(beyond == 0.0, kappa, 0.0)
+        return inner
+
+    def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
+        """Return the arc lengths of the nearest points, shape (...) [m].
+
+        Parameters
+        ----------
+        xy : array_like, shape (..., 2)
+            [m]
+        near : float, optional
+            Only points within an eighth of the curve's length of this arc length are looked at; all if left out.
+        """
+        places = np.asarray(xy, dtype=float)
+        flat = [self._nearest(place, near) for place in places.reshape(-1, 2)]
+        return np.array(flat).reshape(places.shape[:-1])
+
+    def _nearest(self, place: FloatArray, near: float | None) -> float:
+        """Return the arc length of the nearest point by Newton's method in the parameter, from the nearest node."""
+        (nodes, lengths), k, laps = self._nodes, *self._nearest_node(place, near)
+        low, high = self._beside(k)
+        u = float(nodes[k])
+        for _ in range(ITERATIONS):
+            r, d, dd = (part[0] for part in self._derivatives(np.array([u])))
+            speed = float(d @ d)
+            change = float((r - place) @ d) / max(speed + float((r - place) @ dd), 0.1 * speed)
+            u, before = min(max(u - change, low), high), u
+            if abs(u - before) <= 1e-13 * float(nodes[-1]):
+                break
+        s = float(lengths[k]) + float(self._ways(nodes[k : k + 1], np.array([u]))[0])
+        return s + laps * self.length + self._beyond(place, u)
+
+    def _beyond(self, place: FloatArray, u: float) -> float:
+        """Return how far beyond the ends of an open curve the nearest point of its straight continuation is [m]."""
+        if self.closed or 0.0 < u < self._nodes[0][-1]:
+            return 0.0
+        r, d, _ = (part[0] for part in self.derivatives(np.array([u])))
+        along = float((place - r) @ _unit(d))
+        return min(along, 0.0) if u == 0.0 else max(along, 0.0)
+
+    def _nearest_node(self, place: FloatArray, near: float | None) -> tuple[int, float]:
+        """Return the node that is nearest, of those that are looked at, and the laps before it."""
+        lengths, laps = self._nodes[1], np.zeros(len(self._nodes[1]))
+        distance = np.linalg.norm(self._places - place, axis=1)
+        if near is not None and self.closed:
+            laps = np.round((near - lengths) / self.length)
+        if near is not None:
+            inside = near if self.closed else min(max(near, 0.0), self.length)
+            distance[np.abs(lengths + laps * self.length - inside) > REACH * self.length] = np.inf
+        k = int(np.argmin(distance))
+        return k, float(laps[k])
+
+    def _beside(self, k: int) -> tuple[float, float]:
+        """Return the parameters of the nodes before and after one; those of a closed curve go on beyond its ends."""
+        nodes = self._nodes[0]
+        if self.closed and k == 0:
+            return float(nodes[-2] - nodes[-1]), float(nodes[1])
+        if self.closed and k == len(nodes) - 1:
+            return float(nodes[-2]), float(nodes[-1] + nodes[1])
+        return float(nodes[max(k - 1, 0)]), float(nodes[min(k + 1, len(nodes) - 1)])
+
+    def _inside(self, s: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return arc lengths between the ends, what they are beyond them, and how many laps of a closed curve."""
+        given = np.asarray(s, dtype=float)
+        if self.closed:
+            laps = np.floor(given / self.length)
+            return given - laps * self.length, np.zeros_like(given), laps
+        inside = np.clip(given, 0.0, self.length)
+        return inside, given - inside, np.zeros_like(given)
+
+    def _at(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        parts = self.derivatives(self._parameter(s.ravel()))
+        r, d, dd = (part.reshape(*s.shape, 2) for part in parts)
+        return r, d, dd
+
+    @cached_property
+    def _nodes(self) -> tuple[FloatArray, FloatArray]:
+        """Parameter and arc length at the knots and between them."""
+        parts = [np.linspace(a, b, PARTS, endpoint=False) for a, b in itertools.pairwise(self.knots())]
+        u = np.append(np.concatenate(parts), self.knots()[-1])
+        return u, np.concatenate([[0.0], np.cumsum(self._ways(u[:-1], u[1:]))])
+
+    def _ways(self, begin: FloatArray, end: FloatArray) -> FloatArray:
+        """Return arc lengths between parameters, by Gauss's rule, shape (K,)."""
+        half = (end - begin) / 2.0
+        places = begin[:, None] + half[:, None] * (1.0 + GAUSS[0])
+        speed = np.linalg.norm(self.derivatives(places.ravel())[1], axis=1).reshape(places.shape)
+        ways: FloatArray = half * (speed @ GAUSS[1])
+        return ways
+
+    def _parameter(self, s: FloatArray) -> FloatArray:
+        """Return the parameters of arc lengths, shape (K,): a cubic between nodes, then a step of Newton's method."""
+        nodes, lengths = self._nodes
+        u = np.clip(self._guess(s), 0.0, nodes[-1])
+        k = np.clip(np.searchsorted(nodes, u, side="right") - 1, 0, len(nodes) - 2)
+        missing = s - lengths[k] - self._ways(nodes[k], u)
+        speed = np.linalg.norm(self.derivatives(u)[1], axis=1)
+        inside: FloatArray = np.clip(u + missing / speed, 0.0, nodes[-1])
+        return inside
+
+    @cached_property
+    def _places(self) -> FloatArray:
+        """Points of the nodes."""
+        return self.derivatives(self._nodes[0])[0]
+
+    def _derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return r, r' and r'', of a closed curve also beyond its ends."""
+        return self.derivatives(np.mod(u, self._nodes[0][-1]) if self.closed else u)
+
+    @cached_property
+    def _headings(self) -> FloatArray:
+        d = self.derivatives(self._nodes[0])[1]
+        return np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
+
+    @cached_property
+    def _guess(self) -> scipy.interpolate.CubicHermiteSpline:
+        """Parameter as a function of the arc length, nearly."""
+        u, s = self._nodes
+        return scipy.interpolate.CubicHermiteSpline(s, u, 1.0 / np.linalg.norm(self.derivatives(u)[1], axis=1))
+
+
+def _unit(vector: FloatArray) -> FloatArray:
+    unit: FloatArray = vector / np.linalg.norm(vector, axis=-1)[..., None]
+    return unit
+
+
+def require_points(points: ArrayLike, least: int) -> FloatArray:
+    """Return points as a read-only array; ValueError if it is not (P, 2) with at least so many."""
+    return arguments.array("points", points, ("P", 2), least=least)
+
+
+def require_apart(points: FloatArray) -> None:
+    """Raise ValueError if two points that follow each other coincide."""
+    if not (np.linalg.norm(np.diff(points, axis=0), axis=1) > 0.0).all():
+        raise ValueError("points: two that follow each other coincide; leave one of them out")

@@ -1,0 +1,283 @@
+"""Metrics of tracking: how well a run kept to its reference; definitions as in the conventions of the project.
+
+A wave rocks the body, so everything is averaged over a moving window of one commanded period: with the commanded phase
+w(t) in waves, the window that ends at t begins at b with w(b) = w(t) - 1, and
+
+    mean y (t) = 1/(t - b) int_b^t y,    velocity V = (x(t) - x(b))/(t - b)                                    (T1)
+
+for centre of mass x, heading h and offset e from the path. Speed is V along the path's tangent at the mean place, or
+without a path along the mean heading; the reference speed is averaged over the same window, and so is that heading.
+Windows that reach into the first three periods of the run are left out of bias, rms and greatest values. The speed has
+a second bias and rms, `..._settled_relative`, which leave out those that reach into the three periods after a step of
+the reference speed, too; the step itself is measured by the periods until the speed has come within 10 % for good.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from control.tracking.paths import offset, track
+from control.tracking.references import Reference, Steps
+
+FloatArray = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+DROPPED = 3.0
+"""Periods at the beginning, and for `SETTLED_METRICS` after a step, that are left out."""
+
+ROUNDING = 1e-6
+"""By which two times may differ and be the same [s]."""
+
+SETTLED = 0.10
+"""Share of the reference speed within which a speed has settled."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What a worm did, at T instants.
+
+    Attributes
+    ----------
+    time : ndarray, shape (T,)
+        [s]
+    com : ndarray, shape (T, 2)
+        True centre of mass [m].
+    heading : ndarray, shape (T,)
+        True azimuth of the chord, unwrapped [rad].
+    waves : ndarray, shape (T,)
+        Commanded phase, not falling [waves].
+    """
+
+    time: FloatArray
+    com: FloatArray
+    heading: FloatArray
+    waves: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Tracking:
+    """How a worm kept to its reference, over windows of one period, (T1); K windows.
+
+    Attributes
+    ----------
+    time : ndarray, shape (K,)
+        Ends of the windows [s].
+    waves : ndarray, shape (K,)
+        Commanded phase there [waves].
+    place : ndarray, shape (K, 2)
+        Mean centre of mass [m].
+    speed, wanted_speed : ndarray, shape (K,)
+        [m/s]
+    heading, wanted_heading : ndarray, shape (K,)
+        [rad]; the latter NaN without a path or heading to keep to.
+    cross_track : ndarray, shape (K,)
+        Mean offset to the left of the path [m]; NaN without a path.
+    counted : ndarray of bool, shape (K,)
+        Windows that the metrics take.
+    settled : ndarray of bool, shape (K,)
+        Those of them that lie beyond the steps of the reference speed, too.
+    """
+
+    time: FloatArray
+    waves: FloatArray
+    place: FloatArray
+    speed: FloatArray
+    wanted_speed: FloatArray
+    heading: FloatArray
+    wanted_heading: FloatArray
+    cross_track: FloatArray
+    counted: Bools
+    settled: Bools
+
+    @property
+    def heading_error(self) -> FloatArray:
+        """Heading less the wanted one, within half a turn, shape (K,) [rad]."""
+        error: FloatArray = np.mod(self.heading - self.wanted_heading + np.pi, 2.0 * np.pi) - np.pi
+        return error
+
+
+def tracking(motion: Motion, reference: Reference) -> Tracking:
+    """Return how a worm kept to its reference.
+
+    Raises
+    ------
+    ValueError
+        Less than one commanded period.
+    """
+    window = _Window(motion)
+    began, time = window.began, window.time
+    velocity = (window.at_end(motion.com) - window.at_begin(motion.com)) / (time - began)[:, None]
+    place, heading = window.mean(motion.com), window.mean(motion.heading)
+    wanted_heading, along, cross_track = _course(motion, reference, window, place, heading)
+    speed = velocity[:, 0] * np.cos(along) + velocity[:, 1] * np.sin(along)
+    wanted = window.mean(np.asarray(reference.speed(motion.time), dtype=float))
+    return Tracking(
+        time,
+        window.waves,
+        place,
+        speed,
+        wanted,
+        heading,
+        wanted_heading,
+        cross_track,
+        _beyond(window, motion, ()),
+        _beyond(window, motion, step_times(reference)),
+    )
+
+
+def _course(
+    motion: Motion, reference: Reference, window: _Window, place: FloatArray, heading: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the wanted heading, the direction in which speed counts, and the offset from the path, each (K,)."""
+    none = np.full(len(place), np.nan)
+    if reference.path is not None:
+        azimuth = reference.path.heading(track(reference.path, place))
+        return azimuth, azimuth, window.mean(offset(reference.path, motion.com, track(reference.path, motion.com)))
+    if reference.heading is not None:
+        return window.mean(np.asarray(reference.heading(motion.time), dtype=float)), heading, none
+    return none, heading, none
+
+
+def measured(motion: Motion, reference: Reference, length: float) -> tuple[dict[str, float | None], dict[str, str]]:
+    """Return the metrics of a run of any length, and why some have no value; see `summary`."""
+    if motion.waves[-1] - motion.waves[0] < 1.0:
+        return dict.fromkeys(METRICS), dict.fromkeys(METRICS, TOO_SHORT)
+    return summary(tracking(motion, reference), reference, length)
+
+
+def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dict[str, float | None], dict[str, str]]:
+    """Return the metrics, and why some have no value.
+
+    Parameters
+    ----------
+    tracked : Tracking
+    reference : Reference
+    length : float
+        Of the body [m].
+    """
+    taken = tracked.counted
+    if not taken.any():
+        return dict.fromkeys(METRICS), dict.fromkeys(METRICS, TOO_SHORT)
+    figures: dict[str, float | None] = dict.fromkeys(METRICS)
+    settling, why = settling_periods(tracked, reference)
+    figures |= dict(zip(SPEED_METRICS, _of_speed(tracked, taken), strict=True))
+    figures |= dict(zip(SETTLED_METRICS, _of_speed(tracked, tracked.settled), strict=True))
+    error, aside = np.rad2deg(tracked.heading_error[taken]), tracked.cross_track[taken] / length
+    if np.isfinite(error).all():
+        figures |= {"heading_error_mean_deg": float(error.mean()), "heading_error_rms_deg": _rms(error)}
+    if np.isfinite(aside).all():
+        figures |= {"cross_track_rms_bl": _rms(aside), "cross_track_max_bl": float(np.abs(aside).max())}
+    figures["settling_periods"] = settling
+    reasons = {**{name: _because(name) for name in METRICS}, "settling_periods": why}
+    return figures, reasons if tracked.settled.any() else {**reasons, **dict.fromkeys(SETTLED_METRICS, UNSETTLED)}
+
+
+def _of_speed(tracked: Tracking, taken: Bools) -> tuple[float | None, float | None]:
+    """Return bias and rms error of the speed over some windows, relative to the mean reference there."""
+    size = float(np.abs(tracked.wanted_speed[taken]).mean()) if taken.any() else 0.0
+    if size == 0.0:
+        return None, None
+    miss = (tracked.speed - tracked.wanted_speed)[taken]
+    return float(miss.mean()) / size, _rms(miss) / size
+
+
+def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | None, str]:
+    """Return the commanded periods after which the speed is within 10 % for good, of the worst step, and why none is.
+
+    Parameters
+    ----------
+    tracked : Tracking
+    reference : Reference
+        Its speed has steps if it is a `control.tracking.references.Steps`.
+    """
+    steps = step_times(reference)
+    if not steps:
+        return None, "the reference speed has no step"
+    longest = 0.0
+    for begin, end in zip(steps, (*steps[1:], np.inf), strict=True):
+        rows = (tracked.time >= begin) & (tracked.time < end - ROUNDING)  # at its end the next speed is asked for
+        wanted = np.asarray(reference.speed(tracked.time[rows]), dtype=float)
+        off = np.flatnonzero(np.abs(tracked.speed[rows] - wanted) > SETTLED * np.abs(wanted))
+        waves = tracked.waves[rows]
+        if len(waves) == 0 or (len(off) and off[-1] == len(waves) - 1):
+            return None, f"the speed has not settled after the step at {begin:g} s"
+        began = float(np.interp(begin, tracked.time, tracked.waves))
+        longest = max(longest, float(waves[off[-1] + 1]) - began if len(off) else 0.0)
+    return longest, ""
+
+
+def step_times(reference: Reference) -> Sequence[float]:
+    """Return when the reference speed jumps [s]."""
+    return reference.speed.times if isinstance(reference.speed, Steps) else ()
+
+
+SPEED_METRICS = ("speed_bias_relative", "speed_error_rms_relative")
+SETTLED_METRICS = ("speed_bias_settled_relative", "speed_error_rms_settled_relative")
+METRICS = (
+    *SPEED_METRICS,
+    *SETTLED_METRICS,
+    *("heading_error_mean_deg", "heading_error_rms_deg", "cross_track_rms_bl", "cross_track_max_bl"),
+    "settling_periods",
+)
+"""Names of what `summary` returns."""
+
+TOO_SHORT = f"the run is shorter than the {DROPPED:g} periods that are left out and one more"
+
+UNSETTLED = f"no window lies beyond the {DROPPED:g} periods after each step of the reference speed"
+
+
+def _because(name: str) -> str:
+    """Return why a metric of a run that is long enough may have no value."""
+    if name.startswith("speed"):
+        return "the reference speed is 0"
+    return "there is no path to follow" if name.startswith("cross") else "there is no heading and no path to keep to"
+
+
+def _beyond(window: _Window, motion: Motion, steps: Sequence[float]) -> Bools:
+    """Return which windows lie beyond the periods that are left out at the beginning, and after steps [s]."""
+    begins = [motion.time[0], *(t for t in steps if t <= motion.time[-1])]
+    first = np.interp(begins, motion.time, motion.waves - motion.waves[0])
+    since = np.searchsorted(np.asarray(begins) + ROUNDING, window.time, side="left") - 1
+    beyond: Bools = window.waves - 1.0 - first[np.maximum(since, 0)] >= DROPPED - 1e-9
+    return beyond
+
+
+class _Window:
+    """Moving windows of one commanded period, one for each instant that has a whole period before it."""
+
+    def __init__(self, motion: Motion) -> None:
+        rows = motion.waves - motion.waves[0] >= 1.0
+        if not rows.any():
+            raise ValueError("tracking: the run is shorter than one commanded period")
+        self._all, self._rows = motion.time, rows
+        self.time, self.waves = motion.time[rows], motion.waves[rows] - motion.waves[0]
+        self.began = np.interp(self.waves - 1.0, motion.waves - motion.waves[0], motion.time)
+
+    def at_end(self, values: FloatArray) -> FloatArray:
+        ends: FloatArray = values[self._rows]
+        return ends
+
+    def at_begin(self, values: FloatArray) -> FloatArray:
+        columns = [np.interp(self.began, self._all, column) for column in np.atleast_2d(values.T)]
+        return np.array(columns).T.reshape(-1, *values.shape[1:])
+
+    def mean(self, values: FloatArray) -> FloatArray:
+        """Return (T1); the integral is that of the polygon through the values."""
+        steps = np.diff(self._all).reshape(-1, *(1,) * (values.ndim - 1))
+        total = np.concatenate(
+            [np.zeros((1, *values.shape[1:])), np.cumsum(steps * (values[1:] + values[:-1]) / 2, axis=0)]
+        )
+        k = np.clip(np.searchsorted(self._all, self.began, side="right") - 1, 0, len(self._all) - 2)
+        share = (self.began - self._all[k]).reshape(-1, *(1,) * (values.ndim - 1))
+        part = share * (values[k] + self.at_begin(values)) / 2
+        length = (self.time - self.began).reshape(share.shape)
+        mean: FloatArray = (self.at_end(total) - total[k] - part) / length
+        return mean
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,322 @@
+"""The commands of `worm3d`; everything heavy is imported by the command that needs it."""
+
+from __future__ import annotations
+
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scenes.language.errors import SceneError
+
+app = typer.Typer(
+    name="worm3d",
+    help="Simulate and control worm-inspired robots: start with 'worm3d run flat'.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+bench = typer.Typer(help="Measure how fast, and how good, it is.", no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(bench, name="bench")
+
+
+def _path(text: str) -> Path:
+    """Return a path; an empty one would be this folder without saying so."""
+    if not text.strip():
+        raise typer.BadParameter("got an empty name: must name a file or folder, '.' is this folder")
+    return Path(text)
+
+
+SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A name of 'worm3d list', or a TOML file.")]
+ResultArgument = Annotated[Path, typer.Argument(metavar="RESULT", help="Folder of a run, or its result.nc.")]
+Overrides = Annotated[
+    list[str] | None, typer.Option("-o", metavar="KEY=VALUE", help="Override, e.g. gait.period_s=3; repeatable.")
+]
+Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", parser=_path, help="Folder to write to.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")]
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"worm3d {metadata.version('worm3d')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Options of the program itself."""
+
+
+@app.command()
+def run(scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
+    """Run a scene.
+
+    Writes result.nc, summary.json, overview.png, and viewer.html, a page that plays the run in any browser; for planar
+    worms an animation (of the first 30 s) instead. Ctrl-C keeps what was computed.
+    """
+    from scenes.commands.runner import run_scene
+    from scenes.language.loader import load_scene
+
+    raise typer.Exit(run_scene(load_scene(scene, o or ()), out, force=force, quiet=quiet))
+
+
+@app.command()
+def resume(
+    result: ResultArgument,
+    duration: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS_MORE", help="Simulated time to add; left out: to the planned end of the run."),
+    ] = None,
+    out: Out = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Go on with a run.
+
+    Writes the whole run, its first part included, as if it had never been stopped, into a new folder.
+    """
+    from scenes.commands.resume import lengthened
+    from scenes.commands.runner import run_scene
+    from scenes.records.store import load
+
+    earlier = load(result)
+    raise typer.Exit(run_scene(lengthened(earlier, duration), out, force=force, quiet=quiet, earlier=earlier))
+
+
+@app.command()
+def check(scene: SceneArgument, o: Overrides = None) -> None:
+    """Check a scene without running it.
+
+    All mistakes are listed at once, a line each.
+    """
+    from scenes.commands.progress import counted
+    from scenes.language.loader import load_scene
+
+    loaded = load_scene(scene, o or ())
+    typer.echo(
+        f"{loaded.name}: the scene is right (model {loaded.kind.name}, {counted(loaded.settings.steps, 'step')})"
+    )
+
+
+@app.command(name="list")
+def list_scenes() -> None:
+    """Name the scenes that come with the program, a line each."""
+    from scenes.language.loader import says, shipped_scenes
+
+    for name, path in shipped_scenes().items():
+        typer.echo(f"{name}  {says(path)}")
+
+
+@app.command()
+def init(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="TOML file to write.")],
+    model: Annotated[str, typer.Option(help="Model of the scene.")] = "worm",
+    force: Force = False,
+) -> None:
+    """Write a commented scene to start from.
+
+    Every key is there at its default, with its meaning, unit and range.
+    """
+    from scenes import models as kinds
+    from scenes.language.template import template
+    from scenes.records.files import write_bytes
+
+    if model not in kinds.names():
+        raise SceneError(f"--model: got '{model}', must be one of {', '.join(kinds.names())}")
+    if file.exists() and not force:
+        raise SceneError(f"{file} exists: choose another name, or replace it with --force")
+    write_bytes(file, template(kinds.get(model)).encode())
+    typer.echo(f"wrote {file}; 'worm3d run {file}' runs it")
+
+
+@app.command()
+def plot(result: ResultArgument, out: Out = None) -> None:
+    """Draw all figures of a result, into its folder or another."""
+    from scenes.records import drawing
+    from scenes.records.folder import made
+    from scenes.records.store import load
+
+    record = load(result)
+    folder = made(out or _home(result))
+    for path in drawing.plot(record, drawing.kind_of(record), folder):
+        typer.echo(str(path))
+
+
+@app.command()
+def view(
+    result: Annotated[
+        str, typer.Argument(metavar="RESULT", help="Folder of a run, or its result.nc; with --live a scene.")
+    ],
+    live: Annotated[bool, typer.Option("--live", help="Run a scene and show it meanwhile; nothing is kept.")] = False,
+    o: Overrides = None,
+    speed: Annotated[float, typer.Option(min=0.01, max=1000.0, help="With --live: simulated over real time.")] = 1.0,
+    skin: Annotated[bool, typer.Option(help="Cover the worm with a smooth skin; without it: chambers, links.")] = True,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Only name the page.")] = False,
+) -> None:
+    """Open the page of a result in a browser, or watch a run while it goes on.
+
+    The page, viewer.html in the folder of the result, needs no network: it may be sent to others. On a machine
+    without a screen it is only named.
+    """
+    from scenes.commands import viewing
+
+    if live:
+        from scenes.language.loader import load_scene
+
+        raise typer.Exit(viewing.watch(load_scene(result, o or ()), speed=speed, opens=not no_open))
+    if o:
+        raise SceneError("view: -o changes a scene, and a result has been computed; it goes with --live")
+    from scenes.records.folder import VIEWER
+    from scenes.records.store import load
+
+    path = _path(result)
+    page = viewing.write_page(load(path), _home(path) / VIEWER, skin=skin)
+    typer.echo(str(page))
+    if not no_open:
+        viewing.open_in_browser(page.resolve().as_uri())
+
+
+@app.command()
+def animate(
+    result: ResultArgument,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", parser=_path, help="File ending in .gif or .mp4 (needs ffmpeg)."),
+    ] = None,
+    fps: Annotated[int, typer.Option(min=1, max=50, help="Frames per second.")] = 20,
+    force: Force = False,
+) -> None:
+    """Draw the animation of a result, in real time; a longer run than 30 s up to there."""
+    from scenes.records import drawing
+    from scenes.records.folder import ANIMATION, require_free
+    from scenes.records.store import load
+
+    path = out or _home(result) / ANIMATION
+    require_free([path], result, force=force)
+    record = load(result)
+    typer.echo(str(drawing.animate(record, drawing.kind_of(record), path, fps=fps)))
+    if line := drawing.cut_short(record):
+        typer.echo(line)
+
+
+@app.command()
+def export(
+    result: ResultArgument,
+    csv: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", parser=_path, help="What is known at each instant, a row each."),
+    ] = None,
+    npz: Annotated[
+        Path | None, typer.Option(metavar="FILE", parser=_path, help="All variables, for numpy.load.")
+    ] = None,
+    glb: Annotated[
+        Path | None, typer.Option(metavar="FILE", parser=_path, help="A mesh of worm and world, for 3D programs.")
+    ] = None,
+    at: Annotated[float | None, typer.Option(metavar="SECONDS", help="Instant of the mesh; left out: the end.")] = None,
+    force: Force = False,
+) -> None:
+    """Write a result for other programs."""
+    from scenes.records import drawing
+    from scenes.records.export import export_csv, export_npz
+    from scenes.records.folder import require_free
+    from scenes.records.store import load
+
+    if csv is None and npz is None and glb is None:
+        raise SceneError("export: nothing to write; give --csv FILE, --npz FILE or --glb FILE")
+    if at is not None and glb is None:
+        raise SceneError("export: --at is the instant of a mesh; give --glb FILE too")
+    require_free([path for path in (csv, npz, glb) if path is not None], result, force=force)
+    record = load(result)
+    for path, write in ((csv, export_csv), (npz, export_npz)):
+        if path is not None:
+            write(record, path)
+            typer.echo(str(path))
+    if glb is not None:
+        typer.echo(str(drawing.mesh(record, drawing.kind_of(record), at, glb)))
+
+
+@app.command()
+def paper(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
+    """Reproduce the paper's tables and figures.
+
+    With the verdict on each of its claims, and the differences between its text and its program.
+    """
+    from scenes.commands import paper as study
+
+    raise typer.Exit(study.run(out, force, quiet))
+
+
+@app.command()
+def identify(
+    scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force = False, quiet: Quiet = False
+) -> None:
+    """Find out how the worm of a scene crawls and turns.
+
+    Short runs on level ground, over amplitude, frequency and steering by hinges and by unequal chambers: the map that
+    controllers need, kept for them, with its error and a figure. Takes a minute or two.
+    """
+    from scenes.commands.identify import command
+
+    raise typer.Exit(command.run(command.load(scene, o or ()), out, force=force, quiet=quiet))
+
+
+@bench.command(name="plant")
+def bench_plant(
+    out: Out = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Short worms and short runs only.")] = False,
+    without_rivals: Annotated[
+        bool, typer.Option("--without-rivals", help="Leave out MuJoCo and PyElastica (extra 'bench').")
+    ] = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure the 3D worm.
+
+    Time of a step by the number of segments and what it is spent on, many runs at once, start and memory, and the
+    same worm in other simulators at the same error of the distance. Takes minutes; nothing else should run meanwhile.
+    """
+    from scenes.bench import plant_command
+
+    raise typer.Exit(plant_command.run(out, quick=quick, with_rivals=not without_rivals, force=force, quiet=quiet))
+
+
+@bench.command(name="control")
+def bench_control(
+    out: Out = None,
+    seeds: Annotated[int, typer.Option("--seeds", help="Runs of each scene and controller.")] = 5,
+    quick: Annotated[bool, typer.Option("--quick", help="Two short scenes only.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure the controllers.
+
+    All scenes with a controller, by model predictive control and by the baselines: how well speed, heading and path
+    are kept to, and how long the control steps take. Takes half an hour; started again on the same --out it goes on
+    with what the same programs, scenes and map of the worm have not run yet. Ends with 5 if runs failed, or else with
+    6 if a bar is not kept (with --quick there are no bars).
+    """
+    from scenes.bench import control_command
+
+    raise typer.Exit(control_command.run(out, seeds=seeds, quick=quick, quiet=quiet))
+
+
+@app.command()
+def info() -> None:
+    """Print versions, the platform and where the packages come from."""
+    from scenes.records.versions import info_lines
+
+    for line in info_lines():
+        typer.echo(line)
+
+
+def _home(result: Path) -> Path:
+    """Return the folder that a result is in."""
+    return result if result.is_dir() else result.parent

@@ -1,0 +1,106 @@
+"""`worm3d identify`: run the plant, fit, keep, and write `identified.json`, `steering.md` and `steering.png`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import typer
+
+import worm3d
+from control.gaits.steering import MECHANISMS, Schedule
+from control.identification import identified as kept
+from control.identification.fit import Design, Identified
+from scenes.commands.identify import figure, plant, report
+from scenes.commands.identify import phases as phases_of
+from scenes.commands.identify import study as studies
+from scenes.commands.identify.phases import Phases
+from scenes.commands.identify.study import Curve
+from scenes.commands.progress import progress
+from scenes.language.errors import SceneError
+from scenes.language.loader import Scene, find_scene, load_scene, read_text
+from scenes.language.toml_syntax import parse
+from scenes.models.worm.build import friction_of, worm_of
+from scenes.models.worm.schema import SpatialScene
+from scenes.records import folder as folders
+from scenes.records.drawing import save_figure
+from scenes.records.files import write_bytes
+from scenes.records.summary import without_nan
+
+WORM_CONTROL = "worm_control"
+"""Model of the scenes with a controller."""
+CONTENT, TABLES, PICTURE = "identified.json", "steering.md", "steering.png"
+Measured = tuple[Identified, tuple[Curve, ...], tuple[Phases, ...]]
+
+
+def load(name: str, overrides: Sequence[str]) -> Scene:
+    """Return the scene of a worm that nobody has identified yet, which a controller's own map would ask for.
+
+    Raises
+    ------
+    SceneError
+        With one line for each mistake.
+    """
+    controlled = parse(read_text(find_scene(name))).get("model") == WORM_CONTROL
+    return load_scene(name, (*overrides, "controller.map=default") if controlled else overrides)
+
+
+def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
+    """Identify the worm of a scene on level ground with the scene's friction, and return the exit code.
+
+    Parameters
+    ----------
+    scene : Scene
+    out : Path, optional
+        Folder to write to; `runs/identify-<scene>-<time>` if left out.
+    force : bool
+        Whether to write into a folder that has something in it.
+    quiet : bool
+        Whether to print nothing.
+
+    Raises
+    ------
+    SceneError
+        The scene is not of the 3D worm, or its worm does not crawl on its feet.
+    """
+    settings = scene.settings
+    if not isinstance(settings, SpatialScene):
+        raise SceneError(f"{scene.name}: a scene of the model '{scene.kind.name}' does not steer, must be of 'worm'")
+    worm, ground = worm_of(settings), friction_of(settings)
+    with folders.prepared(out, f"identify-{scene.name}", force=force) as folder:
+        found, curves, phases = _measure(worm, ground, quiet)
+        cached = kept.store(found, worm, ground, Design())
+        _write(folder, found, curves, phases, worm, ground)
+        if not quiet:
+            for line in report.terminal_lines(found, curves, worm.length):
+                typer.echo(line)
+            typer.echo(
+                f"Written to {folder}: {TABLES}, {CONTENT}, {PICTURE}" + ("; kept for controllers" if cached else "")
+            )
+    return 0
+
+
+def _measure(worm: worm3d.Worm, ground: worm3d.Friction, quiet: bool) -> Measured:
+    schedule = Schedule()
+    with progress("maps", len(MECHANISMS), quiet=quiet, what="mechanism") as show:
+        found = plant.identify(worm, ground, schedule, Design(), show)
+    with progress("schedules", studies.CURVES, quiet=quiet, what="curve") as show:
+        curves = studies.study(worm, ground, schedule, show)
+    with progress("phases", phases_of.COUNT, quiet=quiet, what="wave") as show:
+        return found, curves, phases_of.study(worm, ground, schedule, show)
+
+
+def _write(
+    folder: Path,
+    found: Identified,
+    curves: tuple[Curve, ...],
+    phases: tuple[Phases, ...],
+    worm: worm3d.Worm,
+    ground: worm3d.Friction,
+) -> None:
+    content = report.content(found, curves, phases, kept.parameters(worm), kept.parameters(ground))
+    text = json.dumps(without_nan(content), indent=1, ensure_ascii=False, allow_nan=False)
+    write_bytes(folder / CONTENT, f"{text}\n".encode())
+    write_bytes(folder / TABLES, report.markdown(found, curves, PICTURE).encode())
+    save_figure(figure.draw(curves, phases, found), folder / PICTURE)

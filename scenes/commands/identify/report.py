@@ -1,0 +1,124 @@
+"""What `worm3d identify` says: how fast the worm can go, how it steers, and how good the map is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from control.identification.fit import Identified, SteeringMap
+from scenes.commands.identify.phases import Phases
+from scenes.commands.identify.study import GOAL_DEG, Curve
+
+
+def terminal_lines(identified: Identified, curves: Sequence[Curve], length: float) -> list[str]:
+    """Return the lines for a person."""
+    lines = []
+    for mechanism, found in identified.maps.items():
+        lags = identified.lags[mechanism]
+        fit, check = found.misfits, found.checks
+        low, high = speeds(found)
+        lines += [
+            f"{mechanism}: steering up to {found.ranges.steering:.3g}; straight ahead {low:.3f} to {high:.3f} body "
+            f"lengths/s ({low * length:.3f} to {high * length:.3f} m/s)",
+            f"  rms of the fit (fresh runs): speed {fit['distance'].rms_percent:.1f} % "
+            f"({check['distance'].rms_percent:.1f} %), "
+            f"turn {fit['turn'].rms_percent:.1f} % ({check['turn'].rms_percent:.1f} %), that is "
+            f"{np.rad2deg(fit['turn'].rms):.2f}° ({np.rad2deg(check['turn'].rms):.2f}°) a wave",
+            f"  lag: speed {lags.amplitude:.2f} waves, turn rate {lags.steering:.2f} s",
+        ]
+    lines += [_line(curve) for curve in curves]
+    return lines
+
+
+def speeds(found: SteeringMap) -> tuple[float, float]:
+    """Return the least and greatest speed straight ahead within the map's ranges [body lengths/s]."""
+    amplitude, frequency = np.meshgrid(
+        np.linspace(*found.ranges.amplitude, 21), np.linspace(*found.ranges.frequency, 21)
+    )
+    speed = found.speed(amplitude, frequency, 0.0)
+    return float(speed.min()), float(speed.max())
+
+
+def content(
+    identified: Identified,
+    curves: Sequence[Curve],
+    phases: Sequence[Phases],
+    worm: dict[str, Any],
+    ground: dict[str, Any],
+) -> dict[str, Any]:
+    """Return what `identified.json` holds."""
+    return {
+        "worm": worm,
+        "ground": ground,
+        **identified.as_dict(),
+        "speed_range_bl_s": {mechanism: speeds(found) for mechanism, found in identified.maps.items()},
+        "curves": [curve.as_dict() for curve in curves],
+        "phases": [each.as_dict() for each in phases],
+    }
+
+
+def markdown(identified: Identified, curves: Sequence[Curve], picture: str) -> str:
+    """Return the tables: what each schedule does, and how good each map is."""
+    rows = [
+        "# How the worm crawls and turns",
+        "",
+        f"![Turn, speed and slip against the steering]({picture})",
+        "",
+        f"| steering | wave | speed kept at {GOAL_DEG:g}° a wave | turn grows up to | at | roll there |",
+        "|---|---|---|---|---|---|",
+        *map(_row, curves),
+        "",
+        "| map | quantity | rms of the fit | of its size | rms at fresh runs | worst of them |",
+        "|---|---|---|---|---|---|",
+    ]
+    for mechanism, found in identified.maps.items():
+        for name, (unit, scale) in UNITS.items():
+            fit, check = found.misfits[name], found.checks[name]
+            rows.append(
+                f"| {mechanism} | {name} [{unit}] | {scale * fit.rms:.3g} | {fit.rms_percent:.1f} % | "
+                f"{scale * check.rms:.3g} | {scale * check.worst:.3g} |"
+            )
+    return "\n".join(rows) + "\n"
+
+
+UNITS = {
+    "distance": ("body lengths a wave", 1.0),
+    "turn": ("° a wave", float(np.rad2deg(1.0))),
+    "drift": ("body lengths a wave", 1.0),
+}
+
+
+def _row(curve: Curve) -> str:
+    kept, last = curve.speed_kept, curve.useful[-1]
+    share = "not reached" if kept is None else f"{100.0 * kept:.0f} %"
+    grows = len(curve.useful) > 1
+    end = f"{last.turn_deg:.1f}° | {last.steering:g} | {last.roll_deg:.0f}°" if grows else f"{_astray(curve)} | |"
+    return f"| {curve.mechanism} | {curve.name} | {share} | {end} |"
+
+
+def _line(curve: Curve) -> str:
+    kept, last = curve.speed_kept, curve.useful[-1]
+    name = f"{curve.mechanism}, {curve.name}"
+    if len(curve.useful) == 1:
+        return f"{name}: {_astray(curve)}"
+    reached = f"less than {GOAL_DEG:g}°" if kept is None else f"{GOAL_DEG:g}° at {100.0 * kept:.0f} % of the speed"
+    return (
+        f"{name}: {reached}; grows up to {last.turn_deg:.1f}° a wave at {last.steering:g} (roll {last.roll_deg:.0f}°)"
+    )
+
+
+def _astray(curve: Curve) -> str:
+    """Return where a schedule turns that does not turn to the left from the start."""
+    steered = curve.standing[1:]
+    if not steered:
+        return "the worm tips over from the start"
+    least, most = (choose(steered, key=lambda point: point.turn_deg) for choose in (min, max))
+    if most.turn_deg <= 0.0:
+        return f"turns the other way, by up to {-least.turn_deg:.1f}° a wave at {least.steering:g}"
+    wrong = max((point.steering for point in steered if point.turn_deg <= 0.0), default=0.0)
+    return (
+        f"turns the other way, or not, up to {wrong:g}; then to the left, by up to {most.turn_deg:.1f}° a wave at "
+        f"{most.steering:g} (roll {most.roll_deg:.0f}°)"
+    )

@@ -1,0 +1,154 @@
+"""The paper's nine cases on the corrected worm: in contact, with the paper's threshold friction, and clamped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+import numpy as np
+
+from control import gaits
+from planar.linkage import Linkage, Run, simulate
+from planar.linkage.simulate import Gait
+from scenes.commands.paper.tables import PERIODS
+from scenes.commands.paper.tables import keys as papers_cases
+from scenes.models.planar.linkage import cumulative_cost
+from scenes.models.planar.merit import Travel, cost_of_transport
+
+Ground = Literal["anchored", "threshold", "clamped"]
+"""In contact with set-valued friction, in contact with the paper's (P10), or clamped with (P9) and (P10)."""
+
+NAMES: dict[Ground, str] = {
+    "anchored": "contact, set-valued friction",
+    "threshold": "contact, threshold friction (P10)",
+    "clamped": "clamped, (P9) and (P10)",
+}
+
+Key = tuple[int, float, Ground]
+"""Number of segments, wave period [s], ground."""
+
+AMPLITUDE = 0.2
+"""Contraction at activation 1."""
+
+
+@dataclass(frozen=True)
+class CorrectedRow:
+    """One run of the corrected worm.
+
+    Attributes
+    ----------
+    ground, law : str
+        "contact" or "clamped"; "anchored", "threshold" or, clamped, "threshold" on the joints.
+    work_contract_J, work_friction_J : float
+        Net work of the actuators, and energy lost to friction.
+    cost_of_transport : float or None
+        work_contract over weight and distance; None if the worm made no way forward.
+    cumulative_cot_J_per_m : float
+        Sum of |F.dq / dx| over the steps, (P11) and (P12), as the paper plots it.
+    speed_BL_per_wave : float
+        Speed averaged over a period, in body lengths per wave.
+    """
+
+    n: int
+    T_wave_s: float
+    ground: str
+    law: str
+    distance_m: float
+    work_contract_J: float
+    work_friction_J: float
+    cost_of_transport: float | None
+    cumulative_cot_J_per_m: float
+    speed_BL_per_wave: float | None
+    newton_iterations_mean: float
+    halved_steps: int
+    sentence: str
+
+    def as_dict(self) -> dict[str, float | str | None]:
+        """Return the row with its field names as keys."""
+        return asdict(self)
+
+
+def cases() -> list[Key]:
+    """Return the runs, each once: all nine in contact, those of six segments on every ground."""
+    grounds: tuple[Ground, ...] = ("threshold", "clamped")
+    return [
+        *((n, T, "anchored") for n, T in papers_cases()),
+        *((6, T, ground) for ground in grounds for T in PERIODS),
+    ]
+
+
+def run(key: Key) -> Run:
+    """Make one run: ten seconds of the paper's rectified wave, Table I's worm and friction."""
+    n, T, ground = key
+    return simulate(
+        Linkage(segments=n),
+        wave(n, T),
+        ground="clamped" if ground == "clamped" else "contact",
+        friction_law="threshold" if ground == "threshold" else "anchored",
+    )
+
+
+def wave(n: int, T: float, direction: gaits.Direction = "direct") -> Gait:
+    """Return the paper's wave as contraction of n segments."""
+    pattern = gaits.TravellingWave(amplitude=AMPLITUDE, period=T, direction=direction)
+    return lambda t: pattern.amplitude * pattern.activation(t, n)
+
+
+def rows(runs: Mapping[Key, Run]) -> list[CorrectedRow]:
+    """Return what the runs have come to."""
+    return [_row(key, each) for key, each in runs.items()]
+
+
+def _row(key: Key, result: Run) -> CorrectedRow:
+    n, T, ground = key
+    worm, work = result.worm, result.work_contract
+    travel = Travel.of(result.com, result.time, T)
+    weight = worm.total_mass * float(np.hypot(*result.gravity))
+    return CorrectedRow(
+        n=n,
+        T_wave_s=T,
+        ground="clamped" if ground == "clamped" else "contact",
+        law="anchored" if ground == "anchored" else "threshold",
+        distance_m=travel.distance,
+        work_contract_J=work,
+        work_friction_J=result.work_friction,
+        cost_of_transport=cost_of_transport(work, weight, travel.distance),
+        cumulative_cot_J_per_m=float(cumulative_cost(result.ledger.work_contract_p11, result.com[:, 0])[-1]),
+        speed_BL_per_wave=None if travel.mean_speed is None else travel.mean_speed * T / worm.length,
+        newton_iterations_mean=float(result.newton_iterations.mean()),
+        halved_steps=result.halved_steps,
+        sentence=result.stop.sentence,
+    )
+
+
+@dataclass(frozen=True)
+class Overstatement:
+    """How much further the worm seems to go than with set-valued friction.
+
+    Attributes
+    ----------
+    threshold_percent, clamped_percent : float or None
+        Of the set-valued distance; None where that is not above zero.
+    """
+
+    T_wave_s: float
+    set_valued_distance_m: float
+    threshold_percent: float | None
+    clamped_percent: float | None
+
+    def as_dict(self) -> dict[str, float | None]:
+        """Return the numbers with their field names as keys."""
+        return asdict(self)
+
+
+def overstatements(distance: Callable[[Key], float]) -> list[Overstatement]:
+    """Compare the grounds for each period with six segments; `distance` gives that of a run [m]."""
+
+    def percent(T: float, ground: Ground) -> float | None:
+        true = distance((6, T, "anchored"))
+        return 100.0 * (distance((6, T, ground)) / true - 1.0) if true > 0.0 else None
+
+    return [
+        Overstatement(T, distance((6, T, "anchored")), percent(T, "threshold"), percent(T, "clamped")) for T in PERIODS
+    ]

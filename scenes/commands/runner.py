@@ -1,0 +1,153 @@
+"""From a scene to a folder of results, whatever happens on the way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from scenes.commands import report
+from scenes.commands.interrupt import Interruption
+from scenes.commands.progress import busy, progress
+from scenes.language.loader import Scene
+from scenes.models.base import Observer, Outcome, Watch
+from scenes.records import folder as folders
+from scenes.records.drawing import animate, cut_short, draw_overview, is_drawable, view
+from scenes.records.record import Record, Variable
+from scenes.records.store import FILE_NAME, save
+from scenes.records.summary import Summary, write_summary
+from scenes.records.versions import versions
+
+EXIT_CODES = {"done": 0, "diverged": 3, "incomplete": 5, "interrupted": 130}
+"""What a run ends the program with, by its status."""
+
+
+def run_scene(
+    scene: Scene, out: Path | None = None, *, force: bool = False, quiet: bool = False, earlier: Record | None = None
+) -> int:
+    """Run a scene, or the rest of it, write everything that was computed, and return the exit code.
+
+    Parameters
+    ----------
+    scene : Scene
+        From `load_scene`.
+    out : Path, optional
+        Folder to write to; `runs/<scene>-<time>` if left out.
+    force : bool
+        Whether to replace the results in a folder that has some.
+    quiet : bool
+        Whether to print only what went wrong.
+    earlier : Record, optional
+        A first part of this run, to go on from (`scenes.commands.resume`).
+
+    Raises
+    ------
+    SceneError
+        The folder cannot be used, or the disc refused a file.
+    """
+    with folders.prepared(out, scene.name, force=force) as folder:
+        return _run_into(folder, scene, earlier, quiet=quiet)
+
+
+def _run_into(folder: Path, scene: Scene, earlier: Record | None, *, quiet: bool) -> int:
+    kept = "nothing of this run was kept"
+    try:
+        record = _simulate_patiently(scene, earlier, quiet=quiet)
+        with Interruption() as late:
+            _keep(record, folder)
+        kept = f"{folder / FILE_NAME} is safe, 'worm3d plot {folder}' draws it"
+        if late.requested:
+            raise KeyboardInterrupt
+        with busy("drawing", quiet=quiet):
+            _draw(record, scene, folder)
+    except KeyboardInterrupt:
+        typer.echo(f"{scene.name}: stopped by Ctrl-C; {kept}", err=True)
+        return EXIT_CODES["interrupted"]
+    _tell(record, scene, folder, quiet=quiet)
+    return EXIT_CODES[record.status]
+
+
+def _simulate_patiently(scene: Scene, earlier: Record | None, *, quiet: bool) -> Record:
+    """Simulate until the end or the first Ctrl-C; the second one is a KeyboardInterrupt."""
+    steps = scene.settings.steps - (earlier.sizes["step"] if earlier else 0)
+    with Interruption() as interruption, progress(scene.name, steps, quiet=quiet) as show:
+
+        def observer(done: int) -> bool:
+            show(done)
+            return not interruption.requested
+
+        return simulate(scene, observer, earlier)
+
+
+def _keep(record: Record, folder: Path) -> None:
+    """Write the result and only then remove what an earlier run left."""
+    save(record, folder / FILE_NAME)
+    folders.clear_pictures(folder)
+    write_summary(record.summary, report.timing(record), folder / folders.SUMMARY)
+
+
+def simulate(
+    scene: Scene, observer: Observer = lambda done: True, earlier: Record | None = None, how: Watch | None = None
+) -> Record:
+    """Run a scene and return its record; the observer is called with the number of finished steps.
+
+    With a first part of the run the simulation goes on from its end, and the record is that of the whole run. With
+    `how` it is seen in a live view, where the model has one.
+    """
+    outcome = _outcome(scene, observer, earlier, how)
+    return Record(
+        name=scene.name,
+        kind=scene.kind.name,
+        scene=scene.to_toml(),
+        status=outcome.status,
+        sentence=outcome.sentence,
+        seed=scene.settings.seed,
+        versions=versions(),
+        summary=Summary({"status": outcome.status, **outcome.summary}, outcome.reasons),
+        variables=outcome.variables,
+        timing=_timing(outcome),
+        checkpoint=outcome.checkpoint,
+    )
+
+
+def _outcome(scene: Scene, observer: Observer, earlier: Record | None, how: Watch | None) -> Outcome:
+    if how is not None:
+        assert scene.kind.watch is not None  # `scenes.commands.viewing` refuses the others
+        watched: Outcome = scene.kind.watch(scene.settings, observer, how)
+        return watched
+    if earlier is None:
+        outcome: Outcome = scene.kind.run(scene.settings, observer)
+        return outcome
+    assert scene.kind.resume is not None  # `scenes.commands.resume` refuses the others
+    return scene.kind.resume(scene.settings, earlier, observer)
+
+
+def _timing(outcome: Outcome) -> tuple[Variable, ...]:
+    simulated = outcome.summary["duration_s"]
+    factor = simulated / outcome.wall_s if isinstance(simulated, float) and outcome.wall_s > 0.0 else 0.0
+    return (
+        Variable("wall_s", (), outcome.wall_s, "s", "wall time of the simulation"),
+        Variable("real_time_factor", (), factor, "1", "simulated time over wall time"),
+        *outcome.timing,
+    )
+
+
+def _draw(record: Record, scene: Scene, folder: Path) -> None:
+    if not is_drawable(record):
+        return
+    draw_overview(record, scene.kind, folder)
+    if record.status != "interrupted":  # who presses Ctrl-C does not want to wait; `worm3d animate` draws it
+        if scene.kind.animate is not None and scene.kind.view is None:
+            animate(record, scene.kind, folder / folders.ANIMATION)
+        view(record, scene.kind, folder / folders.VIEWER)
+
+
+def _tell(record: Record, scene: Scene, folder: Path, *, quiet: bool) -> None:
+    if report.failed(record):
+        typer.echo(report.failure(record, scene.kind), err=True)
+    for warning in report.warnings(record):
+        typer.echo(f"warning: {warning}", err=True)
+    if not quiet:
+        typer.echo(report.ending(record, scene.kind, folder))
+        if scene.kind.view is None and (line := cut_short(record)) and record.status != "interrupted":
+            typer.echo(f"  {line}")

@@ -1,0 +1,80 @@
+"""Results in a browser: the page of a stored one, and a run that is seen while it goes on."""
+
+from __future__ import annotations
+
+import os
+import sys
+import webbrowser
+from pathlib import Path
+
+import typer
+
+from scenes.commands import report
+from scenes.commands.interrupt import Interruption
+from scenes.commands.runner import EXIT_CODES, simulate
+from scenes.language.errors import SceneError
+from scenes.language.loader import Scene
+from scenes.models.base import Watch
+from scenes.records.drawing import is_drawable, kind_of
+from scenes.records.files import written_whole
+from scenes.records.record import Record
+
+
+def write_page(record: Record, path: Path, *, skin: bool = True) -> Path:
+    """Write the page that plays a record, whole or not at all, and return its path.
+
+    Raises
+    ------
+    SceneError
+        The model has no page, or no step was finished.
+    DiscError
+        The file cannot be written.
+    """
+    kind = kind_of(record)
+    if kind.view is None:
+        raise SceneError(f"{record.name}: the model '{kind.name}' has no page; 'worm3d animate' makes its animation")
+    if not is_drawable(record):
+        raise SceneError(f"{record.name}: no step was finished, there is nothing to see")
+    with written_whole(path) as part:
+        kind.view(record, part, skin=skin)
+    return path
+
+
+def open_in_browser(address: str) -> bool:
+    """Open an address where there is a screen; a browser in the terminal would only be in the way."""
+    screens = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    if sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in screens):
+        return webbrowser.open(address, new=2)
+    return False
+
+
+def watch(scene: Scene, *, speed: float, opens: bool) -> int:
+    """Run a scene in a live view, keep nothing, and return the exit code.
+
+    Raises
+    ------
+    SceneError
+        The model cannot be watched, or the view does not start.
+    """
+    if scene.kind.watch is None:
+        raise SceneError(f"{scene.name}: the model '{scene.kind.name}' cannot be watched; 'worm3d run' animates it")
+
+    def began(address: str) -> None:
+        seen = opens and open_in_browser(address)
+        typer.echo(f"{scene.name}: {'seen' if seen else 'to be seen'} at {address} until the run ends; Ctrl-C stops it")
+
+    with Interruption() as interruption:
+        record = _watched(scene, Watch(speed, began), interruption)
+    if report.failed(record):
+        typer.echo(report.failure(record, scene.kind), err=True)
+    else:
+        how = "stopped by Ctrl-C" if record.status == "interrupted" else record.sentence
+        typer.echo(f"{scene.name}: {how}; nothing was kept, 'worm3d run' keeps it")
+    return EXIT_CODES[record.status]
+
+
+def _watched(scene: Scene, how: Watch, interruption: Interruption) -> Record:
+    try:
+        return simulate(scene, lambda done: not interruption.requested, how=how)
+    except ConnectionError as error:
+        raise SceneError(str(error)) from error

@@ -1,9 +1,0 @@
-"""The model `worm_planar`: the planar special case of the 3D worm, with the keys of the planar model."""
-
-from __future__ import annotations
-
-from scenes.kinds.worm import kind
-from scenes.kinds.worm_checks import PLANAR_CHECKS
-from scenes.kinds.worm_schema import PlanarWormScene
-
-KIND = kind("worm_planar", "the planar worm as a special case of the 3D one", PlanarWormScene, PLANAR_CHECKS)

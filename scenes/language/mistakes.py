@@ -1,0 +1,144 @@
+"""Mistakes in a scene, each as one line for the user."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import ValidationError
+
+from scenes.language.schema import FORMS, Section, choices, describe, field_at, names, section_type, table_type
+from scenes.language.toml_lines import KeyPath, line_of
+from scenes.language.toml_text import shown
+
+MOST_LINES = 100
+"""Mistakes that are explained; a file with more is no scene, or has one mistake many times."""
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One thing that is wrong.
+
+    Attributes
+    ----------
+    path : tuple
+        Key or section that is wrong.
+    text : str
+        What was found, what is allowed.
+    suspects : tuple of paths
+        Further keys that may be to blame: where to point if `path` is not written down.
+    spoils : tuple, optional
+        Key whose value cannot be trusted: `path` itself, or the key that a misspelt one was meant to be.
+    """
+
+    path: KeyPath
+    text: str
+    suspects: tuple[KeyPath, ...] = ()
+    spoils: KeyPath = ()
+
+    @property
+    def untrusted(self) -> KeyPath:
+        """The key whose value cannot be trusted."""
+        return self.spoils or self.path
+
+
+Models = Callable[[str], Sequence[str]]
+"""Name of a section -> names of the models that have it."""
+
+
+def schema_mistakes(schema: type[Section], data: Mapping[str, Any], models: Models = lambda name: ()) -> list[Mistake]:
+    """Return what is wrong with each key on its own: unknown, missing, of the wrong type, out of range."""
+    try:
+        schema.model_validate(data)
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+        explained = [_translated(schema, detail, models) for detail in details[:MOST_LINES]]
+        return explained + [Mistake(_path(detail), "wrong too") for detail in details[MOST_LINES:]]
+    return []
+
+
+def did_you_mean(word: str, known: Iterable[tuple[str, str]]) -> str | None:
+    """Return the name that `word` was probably meant to be; `known` pairs what people write with the name."""
+    meaning = dict(known)
+    close = get_close_matches(word.lower(), {tried.lower() for tried in meaning}, n=1)
+    return next((name for tried, name in meaning.items() if [tried.lower()] == close), None)
+
+
+def _translated(schema: type[Section], detail: Any, models: Models) -> Mistake:
+    path, found = _path(detail), detail["input"]
+    if detail["type"] == "extra_forbidden":
+        return _unknown(schema, path, "section" if isinstance(found, dict) else "key", models)
+    field = field_at(schema, path)
+    if field is None:
+        raise AssertionError(f"pydantic names a key that the schema does not have: {path}")
+    if detail["type"] == "missing":
+        return Mistake(path, f"missing: {field.title}{describe(field)}")
+    if section_type(field):
+        return Mistake(path, f"got {shown(found)}: must be a section of keys under the header [{dotted(path)}]")
+    if table_type(field):
+        header = dotted(tuple(part for part in path if isinstance(part, str)))
+        return Mistake(path, f"got {shown(found)}: must be sections of keys under headers [[{header}]]")
+    advice = (
+        _suggestion(found, [(c, c) for c in choices(field) if isinstance(c, str)]) if isinstance(found, str) else ""
+    )
+    message = (detail["msg"][0].lower() + detail["msg"][1:]).replace("tuple", "list")  # a file has lists
+    return Mistake(path, f"got {shown(found)}: {message}{advice}{describe(field)}")
+
+
+def _path(detail: Any) -> KeyPath:
+    return tuple(part for part in detail["loc"] if part not in FORMS)
+
+
+def _unknown(schema: type[Section], path: KeyPath, what: str, models: Models) -> Mistake:
+    parent = field_at(schema, path[:-1]) if path[:-1] else None
+    home = ((section_type(parent) or table_type(parent)) if parent else None) or schema
+    meant = did_you_mean(str(path[-1]), names(home))
+    if meant:
+        return Mistake(path, f"unknown {what}; did you mean '{meant}'?", spoils=(*path[:-1], meant))
+    owners = models(str(path[0])) if len(path) == 1 else ()
+    hint = f"; scenes with model = {' or '.join(map(repr, owners))} have it" if owners else ""
+    return Mistake(path, f"unknown {what}; known here: {', '.join(home.model_fields)}{hint}")
+
+
+def _suggestion(word: str, known: Iterable[tuple[str, str]]) -> str:
+    meant = did_you_mean(word, known)
+    return f"; did you mean '{meant}'?" if meant else ""
+
+
+def dotted(path: KeyPath) -> str:
+    """Return a path as it is written in a scene: `gait.period_s`, `obstacle[1].radius_m`."""
+    text = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path)
+    return text.removeprefix(".")
+
+
+def report(mistakes: Iterable[Mistake], lines: Mapping[KeyPath, int], overridden: Iterable[KeyPath]) -> tuple[str, ...]:
+    """Return one line per mistake, those of the file by line number, then those of the overrides; not of too many."""
+    overrides, found = list(overridden), list(mistakes)
+    placed = [(*_place(mistake, lines, overrides), mistake) for mistake in found[:MOST_LINES]]
+    told = [_line(label, mistake) for _, label, mistake in sorted(placed, key=lambda item: item[0])]
+    return (*told, f"and {len(found) - MOST_LINES} mistakes more") if len(found) > MOST_LINES else tuple(told)
+
+
+def _place(mistake: Mistake, lines: Mapping[KeyPath, int], overrides: list[KeyPath]) -> tuple[tuple[int, int], str]:
+    """Return the rank of a mistake among the others, and the label that says where it stands."""
+    candidates = (mistake.path, *mistake.suspects)
+    for path in candidates:
+        for rank, override in enumerate(overrides):
+            if _stems_from(path, override, lines):
+                return (1, rank), f"override {dotted(override)}"
+    line = line_of(lines, next((path for path in candidates if path in lines), mistake.path))
+    return (0, line), f"line {line}"
+
+
+def _stems_from(path: KeyPath, override: KeyPath, lines: Mapping[KeyPath, int]) -> bool:
+    """Tell whether an override set `path` or something around it, or made a section that the file does not have."""
+    sets_it = path[: len(override)] == override
+    made_it = override[: len(path)] == path and path not in lines
+    return sets_it or made_it
+
+
+def _line(label: str, mistake: Mistake) -> str:
+    name = dotted(mistake.path)
+    return f"{label}: {mistake.text}" if label == f"override {name}" else f"{label}: {name}: {mistake.text}"

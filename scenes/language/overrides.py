@@ -1,0 +1,67 @@
+"""Overrides from the command line, `section.key=value`, put into a scene's data."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from scenes.language.errors import SceneError
+from scenes.language.mistakes import Mistake, dotted
+from scenes.language.toml_lines import KeyPath
+from scenes.language.toml_syntax import DEEPEST, require_shallow
+
+MOST = 1000
+"""Overrides of a scene; more belong into its file."""
+
+
+def apply_overrides(
+    data: Mapping[str, Any], overrides: Iterable[str]
+) -> tuple[dict[str, Any], list[KeyPath], list[Mistake]]:
+    """Return a copy of the data with the overrides in it, their paths, and the overrides that cannot be used.
+
+    Raises
+    ------
+    SceneError
+        Too many of them, or one nested deeper than a scene may be.
+    """
+    overrides = tuple(overrides)
+    if len(overrides) > MOST:
+        raise SceneError(f"got {len(overrides)} overrides, at most {MOST} are allowed: write them into a scene's file")
+    result: dict[str, Any] = dict(data)
+    paths: list[KeyPath] = []
+    mistakes: list[Mistake] = []
+    for override in overrides:
+        key, equals, text = override.partition("=")
+        path = tuple(part.strip() for part in key.split("."))
+        paths.append(path)
+        if not (equals and all(path)) or len(path) > DEEPEST:
+            mistakes.append(Mistake(path, "must be written as section.key=value"))
+        elif (outer := _plain_value_above(result, path)) is not None:
+            mistakes.append(Mistake(path, f"{dotted(outer)} is not a section, it has no keys"))
+        else:
+            result = _with(result, path, _value(text.strip()))
+    require_shallow(result)
+    return result, paths, mistakes
+
+
+def _value(text: str) -> Any:
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return text
+    return parsed["value"] if len(parsed) == 1 else text
+
+
+def _plain_value_above(data: Mapping[str, Any], path: KeyPath) -> KeyPath | None:
+    here: Any = data
+    for depth, key in enumerate(path[:-1], start=1):
+        here = here.get(key, {})
+        if not isinstance(here, Mapping):
+            return path[:depth]
+    return None
+
+
+def _with(data: Mapping[str, Any], path: tuple[str, ...], value: Any) -> dict[str, Any]:
+    key, rest = path[0], path[1:]
+    return {**data, key: _with(data.get(key, {}), rest, value) if rest else value}

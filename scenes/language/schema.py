@@ -1,0 +1,206 @@
+"""How a scene's sections are declared: strict, frozen, each key with its unit, range, default and meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Strict, Tag
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError
+
+from scenes.language import toml_text
+from scenes.language.toml_lines import KeyPath
+
+N = TypeVar("N")
+
+FORMS = ("<number>", "<list>")
+"""Tags of the two forms of an `Each`; pydantic puts them into the place of a mistake."""
+
+
+def _form(value: Any) -> str:
+    return FORMS[isinstance(value, list | tuple)]
+
+
+Each = Annotated[
+    Annotated[N, Tag(FORMS[0])] | Annotated[tuple[N, ...], Strict(False), Tag(FORMS[1])], Discriminator(_form)
+]
+"""A number for all, or a list with one for each; `Each[Positive]` checks the range of every one."""
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Cross = Annotated[float, Field(gt=-1, lt=1)]
+
+
+def _is_int(value: Any) -> Any:
+    if isinstance(value, str) or (type(value) is int):
+        return value
+    raise PydanticCustomError("literal_error", "input should be -1 or 1")
+
+
+Sign = Annotated[Literal[-1, 1], BeforeValidator(_is_int)]
+"""-1 or 1; to Python `true` and 1.0 are equal to 1, to a scene they are not."""
+
+Numbers = Annotated[tuple[float, ...], Strict(False), Field(min_length=1)]
+"""A list of numbers, at least one."""
+
+Pair = Annotated[tuple[float, ...], Strict(False), Field(min_length=2, max_length=2)]
+Triple = Annotated[tuple[float, ...], Strict(False), Field(min_length=3, max_length=3)]
+"""A list of two or three numbers."""
+
+Points = Annotated[tuple[Triple, ...], Strict(False)]
+"""A list of places, [x, y, z] each."""
+
+Tables = Annotated[tuple[N, ...], Strict(False)]
+"""An array of tables: `Tables[Patch]` are sections under headers [[world.patches]]."""
+
+
+class Section(BaseModel):
+    """Keys of one section of a scene; nothing is converted, nothing unknown passes."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def quantity(
+    default: float | tuple[float, ...] | None = None,
+    *,
+    title: str,
+    unit: str = "",
+    gt: float | None = None,
+    ge: float | None = None,
+    lt: float | None = None,
+    le: float | None = None,
+    aka: tuple[str, ...] = (),
+    each: Literal["", "segment", "joint"] = "",
+    left_out: str = "",
+    only: str | tuple[str, ...] = "",
+) -> Any:
+    """Declare a number, or several.
+
+    Parameters
+    ----------
+    default : float or tuple of float, optional
+        Without one the key must be given.
+    title : str
+        What it is, in a few words.
+    unit : str
+        As in the key's name; empty for a pure number.
+    gt, ge, lt, le : float, optional
+        The range.
+    aka : tuple of str
+        Other names that people try, for "did you mean".
+    each : str
+        Of what the worm has several, so that the key, an `Each`, takes a list too.
+    left_out : str
+        What holds if the key is left out; it then has no default but None.
+    only : str or tuple of str
+        The `kind`, or kinds, of its section that the key is for; empty for all.
+    """
+    extra: dict[str, Any] = {"unit": unit, "aka": list(aka), "number": True, "each": each, "left_out": left_out}
+    extra["only"] = _kinds(only)
+    given = ... if default is None and not left_out else default
+    return Field(given, title=title, gt=gt, ge=ge, lt=lt, le=le, json_schema_extra=extra)
+
+
+def setting(
+    default: str | int | bool | None = None,
+    *,
+    title: str,
+    aka: tuple[str, ...] = (),
+    left_out: str = "",
+    only: str | tuple[str, ...] = "",
+) -> Any:
+    """Declare a choice, a switch or a text; without a default it must be given. See `quantity`."""
+    given = ... if default is None and not left_out else default
+    return Field(given, title=title, json_schema_extra={"aka": list(aka), "left_out": left_out, "only": _kinds(only)})
+
+
+def tables(*, title: str, only: str | tuple[str, ...] = "") -> Any:
+    """Declare an array of tables, none by default. See `quantity`."""
+    return Field((), title=title, json_schema_extra={"aka": [], "only": _kinds(only)})
+
+
+def _kinds(only: str | tuple[str, ...]) -> list[Any]:
+    """Return kinds of a section as a list, empty for all."""
+    return list(only) if isinstance(only, tuple) else [only] if only else []
+
+
+def section_type(field: FieldInfo) -> type[Section] | None:
+    """Return the section that a field holds, or None if it is a plain key."""
+    kind = field.annotation
+    return kind if isinstance(kind, type) and issubclass(kind, Section) else None
+
+
+def table_type(field: FieldInfo) -> type[Section] | None:
+    """Return the section of which a field holds an array, or None if it holds something else."""
+    kind = next(iter(get_args(field.annotation)), None) if get_origin(field.annotation) is tuple else None
+    return kind if isinstance(kind, type) and issubclass(kind, Section) else None
+
+
+def field_at(schema: type[Section], path: KeyPath) -> FieldInfo | None:
+    """Return the declaration of a key or section, or None if there is none; indices in the path are passed over."""
+    keys = [key for key in path if isinstance(key, str)]
+    field = schema.model_fields.get(keys[0])
+    if field is None or len(keys) == 1:
+        return field
+    inner = section_type(field) or table_type(field)
+    return field_at(inner, tuple(keys[1:])) if inner else field
+
+
+def names(schema: type[Section]) -> Iterator[tuple[str, str]]:
+    """Yield each name that may be tried for a key, with the key it means."""
+    for name, field in schema.model_fields.items():
+        yield name, name
+        yield from ((other, name) for other in _extra(field, "aka") or ())
+
+
+def choices(field: FieldInfo) -> tuple[Any, ...]:
+    """Return the allowed values of a choice, empty for anything else."""
+    return get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
+
+
+def describe(field: FieldInfo, *, with_default: bool = True) -> str:
+    """Return what an error line says of a key: ` [m], 0 < … <= 100 (default 1.0)`."""
+    unit, span, each = (_extra(field, "unit"), range_text(field), _extra(field, "each"))
+    text = (f" [{unit}]" if unit else "") + (f", {span}" if span else "")
+    text += f", one for all or a list with one for each {each}" if each else ""
+    known = with_default and not field.is_required() and section_type(field) is None
+    return text + (f" (default {default_text(field)})" if known else "")
+
+
+def default_text(field: FieldInfo) -> str:
+    """Return the default of a key, or what holds if the key is left out."""
+    return _extra(field, "left_out") or toml_text.shown(field.default)
+
+
+def only_for(field: FieldInfo) -> tuple[str, ...]:
+    """Return the kinds of its section that a key is for; empty for all."""
+    return tuple(_extra(field, "only") or ())
+
+
+def is_number(field: FieldInfo) -> bool:
+    """Return whether a key holds a number (or several)."""
+    return bool(_extra(field, "number"))
+
+
+def range_text(field: FieldInfo) -> str:
+    """Return the range of a number, `0 < … <= 100`; empty if it has none."""
+    rules = (*field.metadata, *_rules(field.annotation))
+    bounds = {key: getattr(m, key) for m in rules for key in ("gt", "ge", "lt", "le") if hasattr(m, key)}
+    low = next((f"{_short(bounds[k])} {sign} " for k, sign in (("gt", "<"), ("ge", "<=")) if k in bounds), "")
+    high = next((f" {sign} {_short(bounds[k])}" for k, sign in (("lt", "<"), ("le", "<=")) if k in bounds), "")
+    return f"{low}…{high}" if bounds else ""
+
+
+def _rules(annotation: Any) -> Iterator[Any]:
+    """Yield what the items of an annotation have to obey."""
+    for part in get_args(annotation):
+        yield from part.metadata if isinstance(part, FieldInfo) else _rules(part)
+
+
+def _short(number: float) -> str:
+    return str(number) if isinstance(number, int) else f"{number:g}"
+
+
+def _extra(field: FieldInfo, key: str) -> Any:
+    return field.json_schema_extra.get(key) if isinstance(field.json_schema_extra, dict) else None

@@ -1,0 +1,39 @@
+"""A commented scene to start from, written from the schema, so that it cannot go stale."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from scenes.language.schema import Section, choices, default_text, describe, section_type
+from scenes.language.toml_text import value
+from scenes.models.base import Kind
+
+
+def template(kind: Kind[Any]) -> str:
+    """Return a scene with every key at its default, its meaning, unit and range as a comment."""
+    head = (
+        f"# A scene for worm3d: {kind.title}.",
+        "# 'worm3d check FILE' checks it, 'worm3d run FILE' runs it; keys that are left out keep their defaults.",
+        "",
+    )
+    given = {"model": kind.name, "title": "My worm", "says": "what to look for, in one line"}
+    return "\n".join((*head, *_section(kind.schema, "", given))) + "\n"
+
+
+def _section(schema: type[Section], prefix: str, given: dict[str, Any]) -> Iterator[str]:
+    for name, field in schema.model_fields.items():
+        inner = section_type(field)
+        if inner:
+            yield from ("", f"[{prefix}{name}]  # {_first_sentence(inner)}")
+            yield from _section(inner, f"{prefix}{name}.", {})
+        else:
+            allowed = ", ".join(map(value, choices(field)))
+            one_of = f"; one of {allowed}" if allowed else ""
+            yield f"# {field.title}{describe(field, with_default=False)}{one_of}"
+            default = given.get(name, field.default)
+            yield f"# {name} is left out: {default_text(field)}" if default is None else f"{name} = {value(default)}"
+
+
+def _first_sentence(section: type[Section]) -> str:
+    return (section.__doc__ or "").split(".")[0]

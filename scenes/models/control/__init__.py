@@ -1,0 +1,1 @@
+"""Scenes of control: schema, checks, construction, records and figures."""

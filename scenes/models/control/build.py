@@ -1,0 +1,179 @@
+"""From the settings of a scene to its reference, its sensors and its controller."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+import worm3d
+from control.baselines import OpenLoop, PiLineOfSight
+from control.estimation.estimator import Estimator
+from control.estimation.reduced import ReducedModel
+from control.identification import identified as kept
+from control.identification.fit import Identified
+from control.loop import WaveController
+from control.planning.mpc import GaitMPC
+from control.sensing.sensors import Channel, Sensors
+from control.supervisor import Supervisor
+from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
+from control.tracking.references import Constant, Profile, Reference, Sine, Steps
+from scenes.language.errors import SceneError
+from scenes.models.control.schema import ControlScene, Sensor
+from scenes.models.control.schema import Reference as Asked
+from scenes.models.worlds.build import world_of
+from scenes.models.worm.build import friction_of, start_of, worm_of
+
+FloatArray = NDArray[np.float64]
+NOT_IDENTIFIED = (
+    "has not been identified on this friction, so that no controller knows what its wave does: identify it once by "
+    "'worm3d identify SCENE' with the same options -o (some minutes), or take the default worm's map by "
+    "-o controller.map=default"
+)
+
+
+def controller_of(scene: ControlScene) -> WaveController:
+    """Return the controller.
+
+    Raises
+    ------
+    SceneError
+        The worm has not been identified.
+    """
+    worm, found, reference, asked = worm_of(scene), identified_of(scene), reference_of(scene), scene.controller
+    if found is None:
+        raise SceneError(f"worm: {NOT_IDENTIFIED}")
+    if asked.kind == "mpc":
+        model = ReducedModel.of(worm, found, asked.mechanism)
+        estimator, mpc = _estimator(scene, worm, found), GaitMPC(worm, found, model)
+        return Supervisor(worm, reference, model, estimator, mpc, found.schedule, asked.period_s)
+    if asked.kind == "pi_los":
+        estimator = _estimator(scene, worm, found)
+        return PiLineOfSight(worm, found, reference, asked.mechanism, asked.period_s, estimator)
+    return OpenLoop(worm, found, reference, asked.mechanism, asked.period_s)
+
+
+def _estimator(scene: ControlScene, worm: worm3d.Worm, found: Identified) -> Estimator:
+    """Return the estimator; it is told how good the scene's sensors are."""
+    model = ReducedModel.of(worm, found, scene.controller.mechanism)
+    return Estimator.told(worm, model, found.schedule, sensors_of(scene).channels)
+
+
+def identified_of(scene: ControlScene) -> Identified | None:
+    """Return what the controller knows of the worm; None if that has not been identified."""
+    if scene.controller.map == "default":
+        return kept.load(worm3d.Worm())
+    return kept.load(worm_of(scene), friction_of(scene))
+
+
+def reference_of(scene: ControlScene) -> Reference:
+    """Return what the worm is asked to do."""
+    asked = scene.reference
+    heading = None
+    if asked.kind == "heading":
+        steps = [(step.at_s, math.radians(step.heading_deg)) for step in asked.heading_steps]
+        heading = _profile(math.radians(asked.heading_deg), steps)
+    return Reference(speed_of(asked), heading, path_of(scene))
+
+
+def speed_of(asked: Asked) -> Profile:
+    """Return the speed over time."""
+    if asked.speed_sine_m_s > 0.0:
+        return Sine(asked.speed_m_s, asked.speed_sine_m_s, asked.speed_sine_period_s)
+    return _profile(asked.speed_m_s, [(step.at_s, step.speed_m_s) for step in asked.speed_steps])
+
+
+def _profile(first: float, steps: list[tuple[float, float]]) -> Profile:
+    if not steps:
+        return Constant(first)
+    times, values = zip(*steps, strict=True)
+    return Steps(first, times, values)
+
+
+def path_of(scene: ControlScene) -> Path | None:
+    """Return the path, if there is one; ValueError if there can be no such path."""
+    make = PATHS.get(scene.reference.kind)
+    return None if make is None else make(scene)
+
+
+def _line(scene: ControlScene) -> Path:
+    return Line(*_begin(scene))
+
+
+def _circle(scene: ControlScene) -> Path:
+    return Circle(scene.reference.radius_m, *_begin(scene), scene.reference.towards)
+
+
+def _s_curve(scene: ControlScene) -> Path:
+    asked, (start, azimuth) = scene.reference, _begin(scene)
+    waves = math.ceil(2.0 * _farthest(scene) / asked.wavelength_m) / 2.0
+    return SCurve(asked.amplitude_m, asked.wavelength_m, max(waves, 0.5), start, azimuth, asked.towards)
+
+
+def _spline(scene: ControlScene) -> Path:
+    return SplinePath(_points(scene), scene.reference.closed)
+
+
+def _way_points(scene: ControlScene) -> Path:
+    return WayPoints(_points(scene), scene.reference.radius_m)
+
+
+def _pipe(scene: ControlScene) -> Path:
+    world = world_of(scene.world)
+    if not isinstance(world, worm3d.Pipe):
+        raise ValueError(f"kind: got 'pipe' in a world of kind '{scene.world.kind}', must be in a pipe")
+    return PlanView(world.centreline)
+
+
+PATHS: dict[str, Callable[[ControlScene], Path]] = {
+    "line": _line,
+    "circle": _circle,
+    "s_curve": _s_curve,
+    "spline": _spline,
+    "way_points": _way_points,
+    "pipe": _pipe,
+}
+"""What each `kind` of reference that is a path becomes."""
+
+
+def _begin(scene: ControlScene) -> tuple[tuple[float, float], float]:
+    """Return where a path begins, and its direction there: as said, or in the middle of the worm and along it."""
+    asked = scene.reference
+    azimuth = scene.start.azimuth_deg if asked.azimuth_deg is None else asked.azimuth_deg
+    if asked.start_m is not None:
+        x, y = asked.start_m
+    else:
+        worm = worm_of(scene)
+        x, y, _ = start_of(scene, worm, world_of(scene.world)).joints[[0, -1]].mean(axis=0)
+    return (float(x), float(y)), math.radians(azimuth)
+
+
+def _points(scene: ControlScene) -> FloatArray:
+    return np.array([(point.x_m, point.y_m) for point in scene.reference.points]).reshape(-1, 2)
+
+
+def _farthest(scene: ControlScene) -> float:
+    """Return how far the worm is asked to go, and a body length more [m]."""
+    times = np.linspace(0.0, scene.run.duration_s, 1001)
+    speeds = np.asarray(speed_of(scene.reference)(times), dtype=float)
+    return float(speeds.mean() * scene.run.duration_s) + scene.worm.length_m
+
+
+def sensors_of(scene: ControlScene) -> Sensors:
+    """Return the sensors; their errors follow from the scene's seed."""
+    asked = scene.sensor
+    return Sensors(
+        _channel(asked, "strain", asked.strain_noise, asked.strain_bias),
+        _channel(asked, "com", asked.com_noise_m, asked.com_bias_m),
+        _channel(asked, "heading", math.radians(asked.heading_noise_deg), math.radians(asked.heading_bias_deg))
+        if asked.heading
+        else None,
+        scene.seed,
+    )
+
+
+def _channel(asked: Sensor, name: str, noise: float, bias: float) -> Channel:
+    delay, dropout, rate = (getattr(asked, f"{name}_{key}") for key in ("delay_s", "dropout", "rate_Hz"))
+    return Channel(noise=noise, bias=bias, delay=delay, dropout=dropout, rate=math.inf if rate is None else rate)

@@ -1,0 +1,92 @@
+"""What is wrong with a scene of the controlled worm though each of its keys is right."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+from scenes.models.checks import Check, Found, kind_checks
+from scenes.models.control.build import NOT_IDENTIFIED, identified_of, path_of
+from scenes.models.control.schema import Controller, ControlScene, Reference
+from scenes.models.worm.checks import SPATIAL_CHECKS, STARTS_WITH, WORLD_CHECKS, refusal
+
+
+def _can_start(mass_kg: float, *sections: Mapping[str, Any]) -> Found:
+    return refusal(_scene(STARTS_WITH, sections))
+
+
+def _is_identified(*sections: Mapping[str, Any]) -> Found:
+    scene = _scene(("worm", "friction", "controller"), sections)
+    return (
+        None if identified_of(scene) is not None else dict.fromkeys(("worm", "friction"), f"this worm {NOT_IDENTIFIED}")
+    )
+
+
+def _there_is_such_a_path(*sections: Mapping[str, Any]) -> Found:
+    try:
+        path_of(_scene(("reference", "world", "worm", "start", "run"), sections))
+    except ValueError as error:
+        return str(error)
+    return None
+
+
+def _scene(names: Sequence[str], sections: Sequence[Mapping[str, Any]]) -> ControlScene:
+    return ControlScene.model_validate({"model": "worm_control", **dict(zip(names, sections, strict=True))})
+
+
+def _steps_in_turn(steps: Sequence[Mapping[str, Any]], duration_s: float, *, key: str) -> Found:
+    times = [step["at_s"] for step in steps]
+    if any(later <= sooner for sooner, later in pairwise(times)):
+        return f"got steps at {', '.join(f'{t:g}' for t in times)} s: each must be later than the one before"
+    if not times or times[-1] < duration_s:
+        return None
+    last = f"{times[-1]:g} s"
+    mend = f"let the run last longer, or leave out steps ({key} = [] leaves out all)"
+    return {
+        key: f"got a step at {last}: must be before the end of the run (run.duration_s = {duration_s:g} s); {mend}",
+        "run.duration_s": f"got {duration_s:g} s: must be more than {last}, when the last of {key} comes; {mend}",
+    }
+
+
+def _steps_or_a_sine(speed_steps: Sequence[Any], speed_sine_m_s: float) -> Found:
+    if not (speed_steps and speed_sine_m_s > 0.0):
+        return None
+    text = "a speed has steps (reference.speed_steps) or a sine (reference.speed_sine_m_s), not both: leave one out"
+    return dict.fromkeys(("reference.speed_steps", "reference.speed_sine_m_s"), text)
+
+
+def _never_backwards(speed_sine_m_s: float, speed_m_s: float) -> Found:
+    if speed_sine_m_s <= speed_m_s:
+        return None
+    text = "the sine's amplitude is at most reference.speed_m_s: a speed of less than 0 cannot be asked for"
+    return {
+        "reference.speed_sine_m_s": f"got {speed_sine_m_s} m/s: {text}",
+        "reference.speed_m_s": f"got {speed_m_s} m/s, with a sine of {speed_sine_m_s} m/s: {text}",
+    }
+
+
+def _decides_no_more_than_once_a_step(period_s: float, dt_s: float) -> Found:
+    if period_s >= dt_s * (1.0 - 1e-9):
+        return None
+    return {
+        "controller.period_s": f"got {period_s} s: must be at least run.dt_s ({dt_s} s), the time between measurements",
+        "run.dt_s": f"got {dt_s} s: must be at most controller.period_s ({period_s} s)",
+    }
+
+
+STEPS = ("reference.speed_steps", "reference.heading_steps")
+CONTROL_CHECKS = (
+    *WORLD_CHECKS,
+    *SPATIAL_CHECKS,
+    *kind_checks(Reference, "reference"),
+    *kind_checks(Controller, "controller"),
+    Check(("controller.period_s", "run.dt_s"), _decides_no_more_than_once_a_step),
+    *(Check((key, "run.duration_s"), partial(_steps_in_turn, key=key)) for key in STEPS),
+    Check(("reference.speed_steps", "reference.speed_sine_m_s"), _steps_or_a_sine),
+    Check(("reference.speed_sine_m_s", "reference.speed_m_s"), _never_backwards),
+    Check(("reference", "world", "worm", "start", "run"), _there_is_such_a_path),
+    Check(("worm.mass_kg", *STARTS_WITH), _can_start),
+    Check(("worm", "friction", "controller"), _is_identified),
+)

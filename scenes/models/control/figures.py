@@ -1,0 +1,275 @@
+"""Figures of a controlled run from its record; each returns (figure, axes) and is named after its file."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from control.estimation.reduced import ReducedState
+from control.planning.decision import SOURCES
+from control.tracking.metrics import SETTLED, Tracking
+from scenes.commands.report import faults
+from scenes.models.control.build import reference_of
+from scenes.models.control.record import tracked
+from scenes.models.control.schema import ControlScene
+from scenes.models.control.view import drawn
+from scenes.models.worm.view import scene_of
+from scenes.records.record import Record
+
+FloatArray = NDArray[np.float64]
+
+COLOURS = dict(zip(SOURCES, ("C0", "C1", "C2", "C3", "C4", "C5"), strict=True))
+
+BOUND = 2.0
+"""Standard deviations of a bound that is drawn."""
+
+UNITS = ("m", "m", "deg", "m/s", "deg/s", "1", "deg/s", "m/s")
+"""Of the estimated state, as drawn."""
+
+
+def tracking(record: Record) -> tuple[Figure, Axes]:
+    """Draw the way seen from above with the path, and the offset from it and the heading's error over time."""
+    seen, figure = _tracked(record), Figure(figsize=(6.8, 8.0), layout="constrained", dpi=120)
+    way, aside, turned = figure.subplots(3, 1, height_ratios=(2.2, 1, 1))
+    _from_above(way, record, seen)
+    if seen is not None:
+        aside.plot(seen.time, 1e3 * seen.cross_track, color="C0")
+        turned.plot(seen.time, np.rad2deg(seen.heading_error), color="C0")
+        for axes, least in ((aside, 10.0), (turned, 2.0)):
+            _at_least(axes, least)
+            _shade(axes, seen)
+    for axes, label in ((aside, "left of the path [mm]"), (turned, "heading error [deg]")):
+        axes.axhline(0.0, color="0.6", lw=0.8)
+        axes.set(ylabel=label, xlim=_span(record))
+        _mark_faults(axes, record)
+    turned.set_xlabel("time [s]  (means over a period; grey: not counted)")
+    _grids(figure)
+    return figure, way
+
+
+def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
+    """Draw the path, the centre of mass, its mean over a period, its estimate, and the body at both ends."""
+    path, com, joints = reference_of(_scene(record)).path, record["com"][:, :2], record["joints"][..., :2]
+    if path is not None:
+        axes.plot(*drawn(path, com).T, color="0.6", lw=3, alpha=0.6, label="path")
+    axes.plot(*com.T, color="C0", lw=0.6, alpha=0.6, label="centre of mass")
+    for row, colour in ((0, "0.75"), (-1, "0.35")):
+        axes.plot(*joints[row].T, "o-", color=colour, ms=2, lw=1.5)
+        axes.plot(*joints[row, -1], "o", color=colour, ms=6)
+    if _has(record, "estimate"):
+        axes.plot(*record["estimate"][:, :2].T, color="C3", lw=0.9, label="estimate")
+    if seen is not None:
+        axes.plot(*seen.place.T, color="C0", lw=1.6, label="its mean over a period")
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=f"{record.title}: seen from above")
+    _square(axes)
+    axes.legend(fontsize=7)
+
+
+def speed_and_heading(record: Record) -> tuple[Figure, Axes]:
+    """Draw speed and heading, averaged over a period, with what was asked for and what was estimated."""
+    seen, figure = _tracked(record), Figure(figsize=(6.8, 5.6), layout="constrained", dpi=120)
+    speed, heading = figure.subplots(2, 1, sharex=True)
+    _speed(speed, record, seen)
+    _heading(heading, record, seen)
+    speed.set(ylabel="speed [m/s]", title=f"{record.title}: speed and heading", xlim=_span(record))
+    heading.set(ylabel="heading [deg]", xlabel="time [s]")
+    for axes in (speed, heading):
+        if axes.lines:
+            axes.legend(fontsize=7)
+    _grids(figure)
+    return figure, speed
+
+
+def _speed(axes: Axes, record: Record, seen: Tracking | None) -> None:
+    time = record["time"]
+    wanted = np.asarray(reference_of(_scene(record)).speed(time), dtype=float)
+    axes.fill_between(time, (1 - SETTLED) * wanted, (1 + SETTLED) * wanted, color="0.85", lw=0, label="10 % of it")
+    axes.plot(time, wanted, color="0.4", lw=1.2, label="asked for")
+    if _has(record, "estimate"):
+        state, bound = record["estimate"], BOUND * record["estimate_deviation"]
+        kept, k = 1.0 - state[:, _index("slip")], _index("speed")
+        _band(axes, record["decision_time"], kept * state[:, k], kept * bound[:, k])
+    if seen is not None:
+        axes.plot(seen.time, seen.speed, color="C0", label="worm, mean over a period")
+        axes.set_ylim(min(0.0, float(seen.speed.min())), 1.35 * max(float(wanted.max()), float(seen.speed.max())))
+
+
+def _heading(axes: Axes, record: Record, seen: Tracking | None) -> None:
+    if _has(record, "estimate"):
+        bound = BOUND * record["estimate_deviation"][:, _index("heading")]
+        turn = _unwrapped_to(record["estimate"][:, _index("heading")], record)
+        _band(axes, record["decision_time"], np.rad2deg(turn), np.rad2deg(bound))
+    if seen is not None:
+        axes.plot(seen.time, np.rad2deg(seen.heading), color="C0", label="worm, mean over a period")
+        if np.isfinite(seen.wanted_heading).all():
+            asked = seen.heading - seen.heading_error
+            axes.plot(seen.time, np.rad2deg(asked), color="0.4", lw=1.2, label="asked for")
+        axes.set_ylim(*_around(np.rad2deg(seen.heading)))
+
+
+def commands(record: Record) -> tuple[Figure, Axes]:
+    """Draw the gait parameters that were asked for, coloured by whose they were."""
+    figure = Figure(figsize=(6.8, 6.4), layout="constrained", dpi=120)
+    rows = figure.subplots(4, 1, sharex=True, height_ratios=(2, 2, 2, 1))
+    amplitude, frequency, bias, hinge = record["decision_parameters"].T
+    steers = ("hinge [deg]", np.rad2deg(hinge)) if np.any(hinge) or not np.any(bias) else ("bias", bias)
+    time, source = record["decision_time"], record["decision_source"]
+    for axes, (label, values) in zip(
+        rows, (("amplitude", amplitude), ("frequency [Hz]", frequency), steers), strict=False
+    ):
+        axes.step(time, values, where="post", color="0.7", lw=0.8)
+        for code in np.unique(source):
+            of = source == code
+            name = SOURCES[code]
+            axes.plot(time[of], values[of], ".", ms=3, color=COLOURS[name], label=f"{name} ({int(of.sum())})")
+        axes.set_ylabel(label)
+    rows[0].legend(fontsize=7)
+    rows[3].step(time, record["decision_iterations"], where="post", color="0.3", lw=0.8)
+    rows[3].set(ylabel="iterations", xlabel="time [s]", xlim=_span(record))
+    rows[0].set_title(f"{record.title}: commands and whose they are")
+    _grids(figure)
+    return figure, rows[0]
+
+
+def estimates(record: Record) -> tuple[Figure, Axes]:
+    """Draw the errors of the estimated pose, the other estimates, all with bounds, and the normalised innovations."""
+    figure = Figure(figsize=(9.0, 7.0), layout="constrained", dpi=120)
+    grid = figure.subplots(3, 3, sharex=True)
+    if not _has(record, "estimate"):
+        grid[0, 0].set_title(f"{record.title}: this controller estimates nothing", fontsize=9)
+        return figure, grid[0, 0]
+    time, state, bound = record["decision_time"], record["estimate"], BOUND * record["estimate_deviation"]
+    seen = _tracked(record)
+    for k, (axes, name, unit) in enumerate(zip(grid.flat, ReducedState._fields, UNITS, strict=False)):
+        scale = np.rad2deg(1.0) if unit.startswith("deg") else 1.0
+        values = state[:, k]
+        if k < 3:
+            values, name = values - _true(record, seen, time, k, values), f"{name}, error"
+        _band(axes, time, scale * values, scale * bound[:, k])
+        axes.axhline(0.0, color="0.6", lw=0.8)
+        axes.set_ylabel(f"{name.replace('_', ' ')} [{unit}]", fontsize=8)
+        axes.set_ylim(*_around(scale * values[len(values) // 4 :], float(scale * np.median(bound[:, k]))))
+    last: Axes = grid[2, 2]
+    last.plot(time, record["estimate_nis"], ".", ms=2, color="C3")
+    last.axhline(5.99, color="0.4", lw=0.8)  # of chi squared with two degrees of freedom
+    last.set_ylabel("normalised innovation\nsquared; line: 95 %", fontsize=8)
+    for axes in grid[-1]:
+        axes.set(xlabel="time [s]", xlim=_span(record))
+    figure.suptitle(f"{record.title}: estimates with bounds of {BOUND:g} standard deviations", fontsize=10)
+    _grids(figure)
+    return figure, grid[0, 0]
+
+
+def control_steps(record: Record) -> tuple[Figure, Axes]:
+    """Draw how long the control steps took, against their period."""
+    figure = Figure(figsize=(6.8, 3.4), layout="constrained", dpi=120)
+    axes = figure.subplots()
+    seconds = next((v.values for v in record.timing if v.name == "control_step_s"), np.zeros(0))
+    period = _scene(record).controller.period_s
+    axes.semilogy(record["decision_time"], np.maximum(1e3 * seconds, 1e-3), ".", ms=4)
+    for share, label in ((1.0, "control period"), (0.1, "a tenth of it")):
+        axes.axhline(1e3 * share * period, color="C3", lw=1.0, ls="-" if share == 1.0 else "--", label=label)
+    axes.set(xlabel="time [s]", ylabel="wall time of a control step [ms]", title=f"{record.title}: control steps")
+    axes.legend(fontsize=7)
+    _grids(figure)
+    return figure, axes
+
+
+def _scene(record: Record) -> ControlScene:
+    scene = scene_of(record)
+    assert isinstance(scene, ControlScene)
+    return scene
+
+
+def _tracked(record: Record) -> Tracking | None:
+    return tracked(record, reference_of(_scene(record)))
+
+
+def _has(record: Record, name: str) -> bool:
+    return any(variable.name == name for variable in record.variables)
+
+
+def _index(name: str) -> int:
+    return ReducedState._fields.index(name)
+
+
+def _true(record: Record, seen: Tracking | None, time: FloatArray, k: int, estimated: FloatArray) -> FloatArray:
+    """Return the true x, y or heading at instants; averaged over the period around each where that is known."""
+    if seen is None:
+        return np.full(len(time), np.nan)
+    middle = seen.time - 0.5 * (
+        seen.time - np.interp(seen.waves - 1.0, record["waves"] - record["waves"][0], record["time"])
+    )
+    values = seen.heading if k == _index("heading") else seen.place[:, k]
+    at = np.interp(time, middle, values, left=np.nan, right=np.nan)
+    turns = np.round((estimated - at) / (2.0 * np.pi)) if k == _index("heading") else 0.0
+    true: FloatArray = at + 2.0 * np.pi * turns
+    return true
+
+
+def _unwrapped_to(heading: FloatArray, record: Record) -> FloatArray:
+    """Return estimated headings on the turn of the true ones."""
+    at = np.interp(record["decision_time"], record["time"], record["heading"])
+    unwrapped: FloatArray = heading - 2.0 * np.pi * np.round((heading - at) / (2.0 * np.pi))
+    return unwrapped
+
+
+def _band(axes: Axes, time: FloatArray, values: FloatArray, bound: FloatArray) -> None:
+    axes.fill_between(time, values - bound, values + bound, color="C3", alpha=0.2, lw=0)
+    axes.plot(time, values, color="C3", lw=0.9, label="estimate")
+
+
+def _shade(axes: Axes, seen: Tracking) -> None:
+    """Mark the times that the metrics leave out."""
+    low, high = axes.get_ylim()
+    axes.fill_between(seen.time, low, high, where=~seen.counted, color="0.9", lw=0, zorder=0)
+    axes.set_ylim(low, high)
+
+
+def _mark_faults(axes: Axes, record: Record) -> None:
+    """Mark when faults were found."""
+    for when, rows in groupby(faults(record), key=itemgetter("time_s")):
+        time, kinds = float(when or 0.0), ", ".join(str(row["kind"]) for row in rows)
+        axes.axvline(time, color="C3", lw=0.8, ls=":")
+        axes.annotate(
+            kinds, (time, 0.97), xycoords=axes.get_xaxis_transform(), rotation=90, va="top", ha="right", size=6
+        )
+
+
+def _around(values: FloatArray, least: float = 1.0) -> tuple[float, float]:
+    """Return limits that show all values with some room."""
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    room = 0.15 * (high - low) + max(least, 1e-6)
+    return low - room, high + room
+
+
+def _span(record: Record) -> tuple[float, float]:
+    return float(record["time"][0]), float(record["time"][-1])
+
+
+def _at_least(axes: Axes, half: float) -> None:
+    """Widen the vertical range to both sides of 0, so that noise does not fill the picture."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, -half), max(high, half))
+
+
+def _square(axes: Axes) -> None:
+    """Widen a narrow strip, so that the picture is no line."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    least = 0.3 * max(right - left, high - low)
+    for limits, put in (((left, right), axes.set_xlim), ((low, high), axes.set_ylim)):
+        middle, half = sum(limits) / 2.0, max(limits[1] - limits[0], least) / 2.0
+        put(middle - half, middle + half)
+
+
+def _grids(figure: Figure) -> None:
+    each: Any
+    for each in figure.axes:
+        each.grid(alpha=0.3)

@@ -1,0 +1,166 @@
+"""The model `worm_control`: the 3D worm with a controller that sees it through sensors and keeps to a reference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+import worm3d
+from control.loop import WaveController
+from control.sensing.measurement import Measurement
+from control.supervisor import Supervisor
+from control.tracking.metrics import measured
+from control.tracking.references import Reference
+from scenes.models.base import Kind, Observer, Outcome, Watch
+from scenes.models.control import view as control_view
+from scenes.models.control.build import controller_of, reference_of, sensors_of
+from scenes.models.control.checks import CONTROL_CHECKS
+from scenes.models.control.faults import in_turn, of_controller, of_plant, refused
+from scenes.models.control.record import motion_of, timing_of, variables_of
+from scenes.models.control.schema import ControlScene
+from scenes.models.worm import model as worm
+from scenes.models.worm import overview as worm_overview
+from scenes.models.worm import view as worm_view
+from scenes.records.record import Record
+from scenes.records.summary import Figure as Merit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FloatArray = NDArray[np.float64]
+
+FIGURES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
+"""Stems of the pictures of a controlled run; each is drawn by the function of that name in `control_figures`."""
+
+OF_THE_WORM = ("body", "contraction", "loads_and_slip", "energy_ledger")
+"""Of those of `worm_figures`."""
+
+NO_MPC = "this controller plans nothing"
+
+
+class Phased:
+    """A controller of which the commanded phase is kept, step by step.
+
+    Parameters
+    ----------
+    controller : WaveController
+
+    Attributes
+    ----------
+    waves : list of float
+        At the begin of each step.
+    """
+
+    def __init__(self, controller: WaveController) -> None:
+        self.controller = controller
+        self.waves: list[float] = []
+
+    @property
+    def period(self) -> float:
+        """Over which the speed is averaged [s]."""
+        return self.controller.period
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.controller.reset()
+        self.waves = []
+
+    def step(self, t: float, measurement: Measurement) -> worm3d.Command:
+        """Return the command from time t [s] on."""
+        command = self.controller.step(t, measurement)
+        self.waves.append(self.controller.generator.waves)
+        return command
+
+    def at_rows(self, rows: int, every: int) -> FloatArray:
+        """Return the phase at the stored instants, shape (rows,); at the end as it would have gone on."""
+        waves = self.waves or [0.0]
+        further = waves[-1] + (waves[-1] - waves[-2] if len(waves) > 1 else 0.0)
+        return np.array([*waves, further])[: (rows - 1) * every + 1 : every]
+
+
+def run(scene: ControlScene, observer: Observer) -> Outcome:
+    """Simulate a scene."""
+    return _run(scene, observer, Phased(controller_of(scene)))
+
+
+def watch(scene: ControlScene, observer: Observer, how: Watch) -> Outcome:
+    """Simulate a scene in a live view, in whose browser it is seen as it goes on."""
+    driver = Phased(controller_of(scene))
+    horizon = control_view.horizon_of(lambda: driver.controller.decisions, scene)
+    with worm3d.Live(speed=how.speed, began=how.began, horizon=horizon) as live:
+        return _run(scene, observer, driver, live)
+
+
+def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.Live | None = None) -> Outcome:
+    result = worm.simulated(scene, observer, live=live, drive=(driver, sensors_of(scene)))
+    waves = driver.at_rows(len(result.time), scene.run.record_every)
+    return _with_control(worm.outcome(result), result, driver.controller, waves, reference_of(scene))
+
+
+def _with_control(
+    plain: Outcome, result: worm3d.Result, controller: WaveController, waves: FloatArray, reference: Reference
+) -> Outcome:
+    """Return the outcome of a run with what its controller did and how well that kept to the reference."""
+    figures, reasons = measured(motion_of(result, waves), reference, result.worm.length)
+    failures = controller.failures if isinstance(controller, Supervisor) else None
+    merits: dict[str, Merit] = {**plain.summary, **figures, "mpc_failures": failures}
+    merits |= {
+        "measurements_refused": refused(controller),
+        "faults": in_turn([*of_plant(result), *of_controller(controller)]),
+    }
+    decisions = controller.decisions
+    return replace(
+        plain,
+        variables=(*plain.variables, *variables_of(decisions, waves)),
+        summary=merits,
+        reasons={**plain.reasons, **reasons, "mpc_failures": NO_MPC},
+        checkpoint=(),
+        timing=timing_of(decisions, controller.control_period) if decisions else (),
+    )
+
+
+def _draw(stem: str, record: Record) -> tuple[Figure, Axes]:
+    from scenes.models.control import figures as control_figures
+
+    made: Callable[[Record], tuple[Figure, Axes]] = getattr(control_figures, stem)
+    return made(record)
+
+
+def _kind() -> Kind[ControlScene]:
+    figures: Mapping[str, Callable[[Record], tuple[Figure, Axes]]] = {
+        **{stem: partial(_draw, stem) for stem in FIGURES},
+        "side_and_top": worm_view.side_and_top,
+        **{stem: partial(worm.draw, stem) for stem in OF_THE_WORM},
+    }
+    return Kind(
+        name="worm_control",
+        title="the 3D worm with a controller, sensors and a reference",
+        schema=ControlScene,
+        checks=CONTROL_CHECKS,
+        run=run,
+        figures=figures,
+        overview=worm_overview.draw,
+        animate=worm_view.RunMovie,
+        view=worm_view.view,
+        mesh=worm_view.mesh,
+        watch=watch,
+        advice="try a smaller run.dt_s or reference.speed_m_s, a lighter worm or larger worm.spring_N",
+        headlines=(
+            ("speed_bias_relative", "speed bias", ""),
+            ("speed_error_rms_relative", "speed error, rms", ""),
+            ("heading_error_rms_deg", "heading error, rms", "deg"),
+            ("cross_track_rms_bl", "beside the path, rms", "body lengths"),
+            ("settling_periods", "settling", "periods"),
+            ("mpc_failures", "failures of the MPC", ""),
+            ("measurements_refused", "measurements refused", ""),
+        ),
+    )
+
+
+KIND = _kind()

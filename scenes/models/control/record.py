@@ -1,0 +1,97 @@
+"""A run with a controller as variables of a record: what was decided, why, and what was believed of the worm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import astuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import worm3d
+from control.estimation.reduced import STATES, ReducedState
+from control.planning.decision import SOURCES, Decision
+from control.tracking.metrics import Motion, Tracking, tracking
+from control.tracking.references import Reference
+from scenes.records.record import Record, Variable
+
+FloatArray = NDArray[np.float64]
+
+PARAMETERS = "amplitude, frequency [Hz], bias, hinge [rad]"
+SERIES = ("time", "com", "heading")
+STATE = ", ".join(ReducedState._fields)
+
+
+def variables_of(decisions: Sequence[Decision], waves: FloatArray) -> tuple[Variable, ...]:
+    """Return what a controller wrote down, and the commanded phase at the stored instants, shape (T,) [waves]."""
+    texts = sorted({decision.status for decision in decisions})
+    meant = "; ".join(f"{code}: {text or 'nothing to solve'}" for code, text in enumerate(texts))
+    sources = "; ".join(f"{code}: {source}" for code, source in enumerate(SOURCES))
+    each = ("decision",)
+    return (
+        Variable("waves", ("time",), waves, "1", "commanded phase, in waves"),
+        Variable("decision_time", each, [d.time for d in decisions], "s", "from when on a decision is in force"),
+        Variable("decision_source", each, [SOURCES.index(d.source) for d in decisions], "1", f"whose: {sources}"),
+        Variable("decision_status", each, [texts.index(d.status) for d in decisions], "1", meant or "no decision"),
+        Variable("decision_iterations", each, [d.iterations for d in decisions], "1", "iterations of the solver"),
+        Variable("decision_cost", each, [d.cost for d in decisions], "1", "cost of the plan; NaN without one"),
+        Variable(
+            "decision_parameters",
+            ("decision", "parameter"),
+            np.array([astuple(d.parameters) for d in decisions]).reshape(-1, 4),
+            "1",
+            f"asked for: {PARAMETERS}",
+        ),
+        *_estimates(decisions),
+        *_horizon(decisions),
+    )
+
+
+def _estimates(decisions: Sequence[Decision]) -> tuple[Variable, ...]:
+    known = [d.estimate for d in decisions]
+    if any(estimate is None for estimate in known):
+        return ()
+    states = np.array([e.state for e in known if e is not None], dtype=float).reshape(-1, STATES)
+    bounds = np.array([e.deviations for e in known if e is not None]).reshape(-1, STATES)
+    nis = [np.nan if e is None or e.nis is None else e.nis for e in known]
+    dims = ("decision", "state")
+    return (
+        Variable("estimate", dims, states, "SI", f"estimated {STATE}"),
+        Variable("estimate_deviation", dims, bounds, "SI", f"standard deviations of {STATE}"),
+        Variable("estimate_nis", ("decision",), nis, "1", "normalised innovation squared; NaN before the first sample"),
+    )
+
+
+def _horizon(decisions: Sequence[Decision]) -> tuple[Variable, ...]:
+    """Return the predicted ways; where there is none a decision has that of the one before, or NaN."""
+    shape = next((d.horizon.shape for d in decisions if d.horizon is not None), None)
+    if shape is None:
+        return ()
+    unknown = np.full(shape, np.nan)
+    ways = [unknown if d.horizon is None or d.horizon.shape != shape else d.horizon for d in decisions]
+    meaning = "predicted way of the centre of mass; NaN where nothing was predicted"
+    return (Variable("horizon", ("decision", "ahead", "plane"), ways, "m", meaning),)
+
+
+def timing_of(decisions: Sequence[Decision], control_period: float) -> tuple[Variable, ...]:
+    """Return how long the decisions took, the first one apart: it compiles."""
+    seconds = np.array([d.seconds for d in decisions])
+    later = 1e3 * (seconds[1:] if len(seconds) > 1 else seconds)
+    return (
+        Variable("control_step_s", ("decision",), seconds, "s", "wall time of a control step, estimates included"),
+        Variable("control_step_ms_p50", (), np.percentile(later, 50.0), "ms", "median of the control steps"),
+        Variable("control_step_ms_p99", (), np.percentile(later, 99.0), "ms", "99th percentile of the control steps"),
+        Variable("overruns", (), int(np.sum(seconds > control_period)), "1", "control steps longer than their period"),
+    )
+
+
+def motion_of(result: worm3d.Result | Record, waves: FloatArray) -> Motion:
+    """Return what the worm did, for the metrics; `waves` is the commanded phase at its instants, shape (T,)."""
+    time, com, heading = (result[n] if isinstance(result, Record) else getattr(result, n) for n in SERIES)
+    return Motion(time, com[:, :2], heading, waves)
+
+
+def tracked(record: Record, reference: Reference) -> Tracking | None:
+    """Return how the worm of a record kept to its reference; None for a run of less than a period."""
+    waves = record["waves"]
+    return tracking(motion_of(record, waves), reference) if waves[-1] - waves[0] >= 1.0 else None

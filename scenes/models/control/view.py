@@ -1,0 +1,97 @@
+"""What pictures of a controlled run show besides the worm: where it was to go, and where its controller saw it go."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenes.models.control.schema import ControlScene
+from scenes.records.record import Record
+
+if TYPE_CHECKING:
+    from control.planning.decision import Decision
+    from control.tracking.paths import Path
+    from worm3d.live import Horizon
+
+FloatArray = NDArray[np.float64]
+
+ABOVE = 0.004
+"""Height of lines over the ground, so that they are seen [m]."""
+
+SPACING = 0.02
+"""Of the points of a path that is drawn [m]."""
+
+
+class Overlay(TypedDict, total=False):
+    """What is shown beside the worm; arguments of `worm3d.pictures.arrays`."""
+
+    reference: FloatArray
+    horizon: FloatArray
+    reference_speed: FloatArray
+
+
+def overlay(record: Record, scene: ControlScene, rows: NDArray[np.bool_] | slice) -> Overlay:
+    """Return the path and, at the stored instants `rows`, the predicted way and the speed asked for; what there is."""
+    from scenes.models.control.build import path_of, speed_of  # imports the solvers
+
+    lines: Overlay = {"reference_speed": np.asarray(speed_of(scene.reference)(record["time"][rows]), dtype=float)}
+    path = path_of(scene)
+    if path is not None:
+        lines["reference"] = _raised(drawn(path, record["com"][:, :2]), record, scene)
+    if any(variable.name == "horizon" for variable in record.variables):
+        lines["horizon"] = _raised(_horizons(record)[rows], record, scene)
+    return lines
+
+
+def period(record: Record) -> float | None:
+    """Return the mean commanded period [s]; None for a worm that was not told to move."""
+    waves = float(record["waves"][-1] - record["waves"][0])
+    return float(record["time"][-1] - record["time"][0]) / waves if waves > 0.0 else None
+
+
+def drawn(path: Path, com: FloatArray) -> FloatArray:
+    """Return points of the part of a path that a worm, shape (T, 2), passed, and a little more, shape (P, 2) [m]."""
+    ends = [float(path.project(place)) for place in (com[0], com[-1])]
+    end = path.length if math.isfinite(path.length) else max(ends) + 1.0
+    begin = 0.0 if math.isfinite(path.length) else min(ends) - 0.5
+    return path.point(np.linspace(begin, end, max(2, math.ceil((end - begin) / SPACING) + 1)))
+
+
+def _horizons(record: Record) -> FloatArray:
+    """Return the way predicted by the latest decision at each instant; where there is none, the place of the worm."""
+    ways, time = record["horizon"], record["time"]
+    latest = np.clip(np.searchsorted(record["decision_time"], time + 1e-9) - 1, 0, len(ways) - 1)
+    at = ways[latest]
+    here = np.broadcast_to(record["com"][:, None, :2], at.shape)
+    return np.where(np.isfinite(at), at, here)
+
+
+def horizon_of(decisions: Callable[[], Sequence[Decision]], scene: ControlScene) -> Horizon:
+    """Return what shows, while a run goes on, the way that the latest decision predicted, if it predicted one."""
+
+    def horizon(time: float, com: FloatArray) -> FloatArray | None:
+        latest = next((each for each in reversed(decisions()) if each.time <= time + 1e-9), None)
+        way = None if latest is None else latest.horizon
+        return None if way is None or not np.isfinite(way).all() else _in_space(way, float(com[2]), scene)
+
+    return horizon
+
+
+def _raised(places: FloatArray, record: Record, scene: ControlScene) -> FloatArray:
+    return _in_space(places, float(record["com"][:, 2].mean()), scene)
+
+
+def _in_space(places: FloatArray, height: float, scene: ControlScene) -> FloatArray:
+    """Return places (..., 2) in space: a little above a plane, or at the height of the worm's centre of mass."""
+    world = scene.world
+    if world.kind != "plane":
+        heights = np.full(places.shape[:-1], height)
+    else:
+        azimuth = math.radians(world.heading_deg)
+        ascent = places @ np.array([math.cos(azimuth), math.sin(azimuth)])
+        heights = ABOVE + math.tan(math.radians(world.slope_deg)) * ascent
+    return np.concatenate([places, heights[..., None]], axis=-1)

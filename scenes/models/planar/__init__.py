@@ -1,0 +1,1 @@
+"""Scenes of planar: schema, checks, construction, records and figures."""

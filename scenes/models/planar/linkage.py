@@ -1,0 +1,276 @@
+"""The model `planar_linkage`: the corrected planar worm, run from a scene and turned into a record."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planar import linkage
+from planar.metrics import FloatArray, p12_cost_of_transport
+from scenes.language.limits import MOVIE_S
+from scenes.models.base import Kind, Movie, Observer, Outcome
+from scenes.models.planar.linkage_build import simulate
+from scenes.models.planar.linkage_checks import CHECKS
+from scenes.models.planar.linkage_schema import LinkageScene, LinkageSettings
+from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
+from scenes.records import overview
+from scenes.records.record import Record, Variable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from PIL.Image import Image
+
+SHORTEST_STEP = 1e-6
+"""Steps that move the centre of mass no further are left out of the cumulative cost of transport [m]."""
+
+ADVICE = (
+    "try a smaller run.dt_s or gait.amplitude, a longer gait.period_s, a lighter worm or larger worm.spring_N, "
+    "worm.torsion_J or worm.kelvin_voigt_time_s"
+)
+
+INCOMING = {
+    "work_contract": "work of the actuators",
+    "work_external": "work of external forces",
+    "load_change": "anchor energy changed by the normal loads",
+}
+STORED = {
+    "kinetic": "change of kinetic energy",
+    "elastic": "change of elastic energy",
+    "potential": "change of potential energy of the weight",
+    "penetration": "change of energy of the normal contact",
+    "anchor": "change of energy of the friction's anchors",
+}
+LOST = {
+    "friction_loss": "loss to friction",
+    "viscous_loss": "loss to Kelvin-Voigt damping, medium and friction's dampers",
+    "impact": "loss to impacts on the ground",
+    "numerical_loss": "numerical loss of implicit Euler",
+}
+PAPERS = {
+    "work_contract_p11": "work F.dq of the contraction force, (P11)",
+    "work_friction_p13": "work F.dq of the friction force, (P13)",
+}
+
+
+def run(scene: LinkageScene, observer: Observer) -> Outcome:
+    """Simulate a scene with the corrected worm."""
+    start = perf_counter()
+    result = simulate(scene, observer)
+    wall_s = perf_counter() - start
+    summary = merits(scene, result)
+    return Outcome(
+        status=status_word(result.status),
+        sentence=result.stop.sentence,
+        variables=_variables(scene, result),
+        summary=summary,
+        reasons=reasons(summary),
+        wall_s=wall_s,
+    )
+
+
+def cumulative_cost(work: FloatArray, com_x: FloatArray) -> FloatArray:
+    """Return the sum of |work / dx| (P12), (P14) over the steps so far, as the paper plots it, shape (S,) [J/m]."""
+    cumulative: FloatArray = np.cumsum(np.abs(p12_cost_of_transport(work, com_x, SHORTEST_STEP)))
+    return cumulative
+
+
+def merits(scene: LinkageSettings, result: linkage.Run) -> dict[str, float | None]:
+    """Return the figures of `summary.json` of one run."""
+    ledger, worm = result.ledger, result.worm
+    travel = Travel.of(result.com, result.time, scene.gait.period_s)
+    work = float(ledger.work_contract.sum())
+    weight = worm.total_mass * scene.ground.gravity_m_s2
+    cumulative = cumulative_cost(ledger.work_contract_p11, result.com[:, 0])
+    in_lengths = scene.gait.period_s / worm.length
+    return {
+        "duration_s": float(result.time[-1]),
+        "distance_m": travel.distance,
+        "path_length_m": travel.path_length,
+        "mean_speed_m_s": travel.mean_speed,
+        "heading_change_deg": 0.0,  # a planar worm cannot turn
+        "work_contract_J": work,
+        "work_friction_J": ledger.uses["friction"],
+        "cost_of_transport": cost_of_transport(work, weight, travel.distance),
+        "energy_balance_error": ledger.balance_error,
+        "newton_iterations_mean": float(result.newton_iterations.mean()) if result.steps else None,
+        "speed_BL_per_period": None if travel.mean_speed is None else travel.mean_speed * in_lengths,
+        "work_contract_positive_J": float(np.maximum(0.0, ledger.work_contract).sum()),
+        "work_contract_p11_J": float(ledger.work_contract_p11.sum()),
+        "work_friction_p13_J": float(ledger.work_friction_p13.sum()),
+        "cumulative_cot_J_per_m": float(cumulative[-1]) if result.steps else None,
+        "mass_kg": worm.total_mass,
+        "halved_steps": float(result.halved_steps),
+        **{f"work_{name}_J": joules for name, joules in ledger.uses.items()},
+    }
+
+
+def reasons(summary: dict[str, float | None]) -> dict[str, str]:
+    """Return why figures of one run may have no value."""
+    return {
+        **dict.fromkeys(("path_length_m", "mean_speed_m_s", "speed_BL_per_period"), SHORT_RUN),
+        **dict.fromkeys(("newton_iterations_mean", "cumulative_cot_J_per_m"), NO_STEP),
+        "cost_of_transport": no_cost_because(
+            summary["work_contract_J"], summary["distance_m"], "the worm gave its actuators more than they gave it"
+        ),
+    }
+
+
+def _variables(scene: LinkageScene, result: linkage.Run) -> tuple[Variable, ...]:
+    parts = np.array([len(each) for each in result.steps], dtype=np.int64)
+    return (
+        *states(result, scene.run.record_every),
+        Variable("step_time", ("step",), result.time[1:], "s", "end of each time step"),
+        *(_contact(scene, result) if scene.ground.kind == "contact" else _clamped(result)),
+        *_energies(result),
+        Variable("newton_iterations", ("step",), result.newton_iterations, "1", "evaluations of the Jacobian"),
+        Variable("parts", ("step",), parts, "1", "parts that the step was taken in, 1 for a whole one"),
+    )
+
+
+def states(result: linkage.Run, every: int) -> tuple[Variable, ...]:
+    """Return where the worm was, and what it was told, at every so many instants."""
+    stored, time = slice(None, None, every), ("time",)
+    apexes = result.apexes[stored]
+    return (
+        Variable("time", time, result.time[stored], "s", "time"),
+        Variable("joint", ("time", "joint", "axis"), result.joints[stored], "m", "joints, from tail to head"),
+        Variable("bottom_apex", ("time", "segment", "axis"), apexes[:, :, 0], "m", "bottom apex of each segment"),
+        Variable("top_apex", ("time", "segment", "axis"), apexes[:, :, 1], "m", "top apex of each segment"),
+        Variable("com", ("time", "axis"), result.com[stored], "m", "centre of mass of joints and apexes"),
+        Variable("com_velocity", ("time", "axis"), result.com_velocity[stored], "m/s", "its velocity"),
+        Variable("length", ("time", "segment"), result.length[stored], "m", "length of each segment"),
+        Variable("contraction", ("time", "segment"), result.contraction[stored], "1", "commanded contraction"),
+    )
+
+
+def _contact(scene: LinkageScene, result: linkage.Run) -> tuple[Variable, ...]:
+    load = result.normal_load[:: scene.run.record_every]
+    return (
+        Variable("ground", (), 0.0, "m", "height of the ground"),
+        Variable("normal_load", ("time", "segment", "side"), load, "N", "normal load of each apex [bottom, top]"),
+        Variable("slip", ("step", "segment", "side"), result.slip, "m", "metres slid by each apex [bottom, top]"),
+    )
+
+
+def _clamped(result: linkage.Run) -> tuple[Variable, ...]:
+    return (
+        Variable("joint_load", ("step", "joint"), result.joint_load, "N", "normal load of each joint, (P9)"),
+        Variable("joint_friction", ("step", "joint"), result.joint_friction, "N", "friction on each joint, (P10)"),
+    )
+
+
+def _energies(result: linkage.Run) -> tuple[Variable, ...]:
+    ledger, com_x = result.ledger, result.com[:, 0]
+    terms = {**INCOMING, **STORED, **LOST, **PAPERS, "residual": "what comes in less what is stored or lost"}
+    costs = {
+        "cumulative_cot_contract": ("work_contract_p11", "cumulative |cost of transport| of contraction, (P12)"),
+        "cumulative_cot_friction": ("work_friction_p13", "cumulative |cost of transport| of friction, (P14)"),
+    }
+    return (
+        *(Variable(name, ("step",), getattr(ledger, name), "J", meaning) for name, meaning in terms.items()),
+        *(
+            Variable(name, ("step",), cumulative_cost(getattr(ledger, work), com_x), "J/m", meaning)
+            for name, (work, meaning) in costs.items()
+        ),
+    )
+
+
+def draw_com(record: Record) -> tuple[Figure, Axes]:
+    """Draw the centre of mass along the ground."""
+    from planar import figures
+
+    curves = {"centre of mass": record["com"][:, 0]}
+    return figures.centre_of_mass(record["time"], curves, title=f"{record.title}: centre of mass")
+
+
+def _draw_cost(record: Record) -> tuple[Figure, Axes]:
+    from planar import figures
+
+    curves = {
+        "contraction, (P12)": record["cumulative_cot_contract"],
+        "friction, (P14)": record["cumulative_cot_friction"],
+    }
+    title = f"{record.title}: cumulative cost of transport, sum of |work / dx|"
+    return figures.cumulative_cost(record["step_time"], curves, title=title, logarithmic=True)
+
+
+def _draw_energy(record: Record) -> tuple[Figure, Axes]:
+    from planar import figures
+
+    def summed(names: dict[str, str]) -> dict[str, FloatArray]:
+        return {name.replace("_", " "): np.cumsum(record[name]) for name in names if np.any(record[name])}
+
+    title = f"{record.title}: energy, summed over the steps"
+    return figures.energy_ledger(record["step_time"], summed(INCOMING), summed(STORED), summed(LOST), title=title)
+
+
+def _draw_loads(record: Record) -> tuple[Figure, Axes]:
+    from planar import figures
+
+    step_time = record["step_time"]
+    if "side" not in record.sizes:
+        panels = {
+            "normal load (P9) [N]": (step_time, record["joint_load"]),
+            "friction (P10) [N]": (step_time, record["joint_friction"]),
+        }
+        return figures.space_time(panels, "joint (0 = tail)", title=f"{record.title}: loads and friction of the joints")
+    dt = np.diff(step_time, prepend=0.0)[:, None]
+    panels = {
+        "normal load [N]": (record["time"], record["normal_load"].sum(axis=2)),
+        "slip [mm/s]": (step_time, 1e3 * record["slip"].sum(axis=2) / dt),
+    }
+    return figures.space_time(panels, "segment (0 = tail)", title=f"{record.title}: loads and slip of the apexes")
+
+
+def draw_contraction(record: Record) -> tuple[Figure, Axes]:
+    """Draw what each segment was told to do."""
+    from planar import figures
+
+    title = f"{record.title}: commanded contraction"
+    return figures.activation(record["time"], record["contraction"], title=title, quantity="contraction")
+
+
+def _overview(record: Record) -> Image:
+    return overview.of_planar(record, ("joint", "top_apex", "bottom_apex"), record["contraction"][-1])
+
+
+def animate(record: Record) -> Movie:
+    """Return the movie of a record that holds the states of a worm."""
+    from planar import animation
+
+    shown = record["time"] <= MOVIE_S
+    contraction = record["contraction"][shown]
+    return animation.Movie(
+        record["time"][shown],
+        main=record["joint"][shown],
+        top=record["top_apex"][shown],
+        bottom=record["bottom_apex"][shown],
+        activation=contraction / (np.abs(contraction).max() or 1.0),
+        ground=float(record["ground"]) if any(v.name == "ground" for v in record.variables) else None,
+    )
+
+
+KIND = Kind(
+    name="planar_linkage",
+    title="the paper's planar worm with the physics right",
+    schema=LinkageScene,
+    checks=CHECKS,
+    run=run,
+    figures={
+        "centre_of_mass": draw_com,
+        "cumulative_cost_of_transport": _draw_cost,
+        "energy_ledger": _draw_energy,
+        "loads_and_slip": _draw_loads,
+        "contraction": draw_contraction,
+    },
+    overview=_overview,
+    animate=animate,
+    advice=ADVICE,
+    headlines=(
+        ("speed_BL_per_period", "speed", "BL/period"),
+        ("work_contract_positive_J", "positive work", "J"),
+    ),
+)

@@ -1,0 +1,65 @@
+"""Figures of merit that all planar models share, and why one of them may have no value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from planar import status as planar
+from planar.metrics import FloatArray, path_length
+from scenes.models.base import Status
+
+SHORT_RUN = "the run is shorter than one period of the gait, over which the centre of mass is averaged"
+
+NO_STEP = "no step was finished"
+
+
+def status_word(status: planar.Status) -> Status:
+    """Return how a planar run ended, in a word."""
+    if status.diverged:
+        return "diverged"
+    return "done" if status is planar.Status.DONE else "interrupted"
+
+
+@dataclass(frozen=True)
+class Travel:
+    """How far and how fast the centre of mass went.
+
+    Attributes
+    ----------
+    distance : float
+        Along x [m].
+    path_length, mean_speed : float or None
+        Along x, of the centre of mass averaged over one period, which removes its rocking [m], [m/s]; no path without
+        a step, no speed if the run is shorter than a period.
+    """
+
+    distance: float
+    path_length: float | None
+    mean_speed: float | None
+
+    @classmethod
+    def of(cls, com: FloatArray, time: FloatArray, period: float) -> Travel:
+        """Measure a centre of mass, shape (T, 2) [m], at evenly spaced times, shape (T,) [s]."""
+        distance = float(com[-1, 0] - com[0, 0])
+        if len(time) < 2:
+            return cls(distance, None, None)
+        path = path_length(com[:, :1], time, period)
+        if len(time) <= (window := round(period / (time[1] - time[0]))):
+            return cls(distance, path, None)
+        first, last = com[:window, 0].mean(), com[-window:, 0].mean()
+        speed = float((last - first) / (time[-1] - time[window - 1]))
+        return cls(distance, path, speed)
+
+
+def cost_of_transport(work: float, weight: float, distance: float) -> float | None:
+    """Return W / (m g d); None without weight, without way forward, or if the worm was driven rather than driving."""
+    return work / (weight * distance) if work >= 0.0 and weight * distance > 0.0 else None
+
+
+def no_cost_because(work: float | None, distance: float | None, supplier: str) -> str:
+    """Return why there is no cost of transport; `supplier` says where the energy of negative net work is from."""
+    if work is not None and work < 0:
+        return f"the net work of the contraction is negative ({work:.4g} J): {supplier}"
+    if distance is not None and distance <= 0:
+        return f"the worm made no way forward ({distance:.4g} m)"
+    return "the worm has no weight, or its state overflowed"

@@ -1,0 +1,199 @@
+"""The model `planar_published`: the paper's program, run from a scene and turned into a record."""
+
+from __future__ import annotations
+
+from functools import partial
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from control import gaits
+from planar import published
+from scenes.language.limits import MOVIE_S
+from scenes.models.base import Kind, Movie, Observer, Outcome
+from scenes.models.pattern import pattern
+from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
+from scenes.models.planar.published_schema import CHECKS, PublishedScene
+from scenes.records import overview
+from scenes.records.record import Record, Variable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from PIL.Image import Image
+
+
+def run(scene: PublishedScene, observer: Observer) -> Outcome:
+    """Simulate a scene with the paper's program."""
+    start = perf_counter()
+    result = published.simulate(
+        n=scene.worm.segments,
+        T_wave=scene.gait.period_s,
+        dt=scene.run.dt_s,
+        steps=scene.run.steps,
+        activation=partial(gait_of(scene).activation, segments=scene.worm.segments),
+        parameters=parameters_of(scene),
+        observer=observer,
+    )
+    wall_s = perf_counter() - start
+    # The last steps before a divergence may overflow; what becomes of the figures then has a reason.
+    with np.errstate(all="ignore"):
+        summary = _summary(scene, result)
+        return Outcome(
+            status=status_word(result.status),
+            sentence=result.stop.sentence,
+            variables=_variables(scene, result),
+            summary=summary,
+            reasons=_reasons(summary),
+            wall_s=wall_s,
+        )
+
+
+def parameters_of(scene: PublishedScene) -> published.Parameters:
+    """Return the program's constants as the scene sets them."""
+    return published.Parameters(
+        length=scene.worm.length_m,
+        k_spring=scene.worm.spring_N,
+        k_link=scene.worm.link_N,
+        mass=scene.worm.mass_kg,
+        connector_mass=scene.worm.connector_mass_kg,
+        gravity=scene.friction.gravity_m_s2,
+        mu_forward=scene.friction.forward,
+        mu_backward=scene.friction.backward,
+        velocity_threshold=scene.friction.velocity_threshold_m_s,
+        contraction_force=scene.gait.force_N,
+        wavelength=scene.gait.wavelength_m,
+        ground_clearance=scene.ground.clearance_m,
+        elastic_sign=scene.solver.elastic_sign,
+        rectified=scene.gait.rectified,
+        tolerance=scene.solver.tolerance_N,
+        max_iterations=scene.solver.max_iterations,
+    )
+
+
+def gait_of(scene: PublishedScene) -> gaits.Gait:
+    """Return the gait that the scene describes."""
+    return pattern(scene.gait, scene.run.dt_s, wavelength=scene.gait.wavelength_m / scene.worm.length_m)
+
+
+def _variables(scene: PublishedScene, result: published.Run) -> tuple[Variable, ...]:
+    stored = slice(None, None, scene.run.record_every)
+    nodes, time, step = result.q[stored], ("time",), ("step",)
+    return (
+        Variable("time", time, result.time[stored], "s", "time"),
+        Variable("main_node", ("time", "joint", "axis"), nodes[:, 0::3], "m", "main nodes, from tail to head"),
+        Variable("top_node", ("time", "segment", "axis"), nodes[:, 1::3], "m", "top connector of each segment"),
+        Variable("bottom_node", ("time", "segment", "axis"), nodes[:, 2::3], "m", "bottom connector of each segment"),
+        Variable("com", ("time", "axis"), result.com[stored], "m", "centre of mass of all nodes"),
+        Variable("reported_com", time, result.reported_com[stored], "m", "centre of mass as the program takes it"),
+        Variable("ground", (), result.ground, "m", "height of the ground"),
+        Variable("step_time", step, result.time[1:], "s", "end of each time step"),
+        Variable("activation", ("step", "segment"), result.activation, "1", "activation of each segment"),
+        Variable("work_contract", step, result.work_contract, "J", "work of the contraction force, (P11)"),
+        Variable("work_friction", step, result.work_friction, "J", "work of the friction force, (P13)"),
+        Variable("cumulative_cot", step, result.cumulative_cot, "J/m", "cumulative cost of transport, as plotted"),
+        Variable("newton_iterations", step, result.newton_iterations, "1", "iterations, predictor and corrector"),
+        Variable("residual", step, result.residual, "N", "norm of the residual of the last iterate tested"),
+    )
+
+
+def _summary(scene: PublishedScene, result: published.Run) -> dict[str, float | None]:
+    travel = Travel.of(result.com, result.time, scene.gait.period_s)
+    work = float(result.work_contract.sum())
+    weight = scene.worm.mass_kg * scene.friction.gravity_m_s2
+    return {
+        "duration_s": float(result.time[-1]),
+        "distance_m": travel.distance,
+        "path_length_m": travel.path_length,
+        "mean_speed_m_s": travel.mean_speed,
+        "heading_change_deg": 0.0,  # a planar worm cannot turn
+        "work_contract_J": work,
+        "work_friction_J": float(result.work_friction.sum()),
+        "cost_of_transport": cost_of_transport(work, weight, travel.distance),
+        "energy_balance_error": result.energy_balance_error,
+        "newton_iterations_mean": float(result.newton_iterations.mean()) if len(result.residual) else None,
+        "reported_distance_m": result.reported_distance,
+        "reported_work_J": result.work,
+        "reported_total_cot_J_per_m": result.total_cot,
+        "true_displacement_m": result.true_displacement,
+        "work_contract_positive_J": float(np.maximum(0.0, result.work_contract).sum()),
+        "work_contract_p11_J": float(result.work_contract_p11.sum()),
+        "unconverged_steps": result.unconverged_steps,
+        "inverted_steps": result.inverted_steps,
+    }
+
+
+def _reasons(summary: dict[str, float | None]) -> dict[str, str]:
+    reasons = dict.fromkeys(summary, "not a finite number: the state overflowed")
+    reasons["path_length_m"] = reasons["mean_speed_m_s"] = SHORT_RUN
+    reasons["newton_iterations_mean"] = NO_STEP
+    reasons["reported_total_cot_J_per_m"] = "the distance as the program takes it is zero"
+    reasons["cost_of_transport"] = no_cost_because(
+        summary["work_contract_J"],
+        summary["distance_m"],
+        "the integrator, whose numerical loss is negative here, and the snaps to the ground supply that energy",
+    )
+    return reasons
+
+
+def _draw_com(record: Record) -> tuple[Figure, Axes]:
+    from planar import figures
+
+    curves = {"all nodes": record["com"][:, 0], "as the program reports it": record["reported_com"]}
+    return figures.centre_of_mass(record["time"], curves, title=f"{record.title}: centre of mass")
+
+
+def _draw_cost(record: Record) -> tuple[Figure, Axes]:
+    from planar import figures
+
+    title = f"{record.title}: cumulative cost of transport"
+    return figures.cumulative_cost(record["step_time"], {"contraction": record["cumulative_cot"]}, title=title)
+
+
+def _draw_activation(record: Record) -> tuple[Figure, Axes]:
+    from planar import figures
+
+    return figures.activation(record["step_time"], record["activation"], title=f"{record.title}: activation")
+
+
+def _overview(record: Record) -> Image:
+    return overview.of_planar(record, ("main_node", "top_node", "bottom_node"), record["activation"][-1])
+
+
+def _animate(record: Record) -> Movie:
+    from planar import animation
+
+    shown = record["time"] <= MOVIE_S
+    steps = np.searchsorted(record["step_time"], record["time"][1:])
+    activation = record["activation"]
+    return animation.Movie(
+        record["time"][shown],
+        main=record["main_node"][shown],
+        top=record["top_node"][shown],
+        bottom=record["bottom_node"][shown],
+        activation=np.vstack([activation[:1], activation[steps]])[shown],
+        ground=float(record["ground"]),
+    )
+
+
+KIND = Kind(
+    name="planar_published",
+    title="the paper's planar worm, number for number as its author's program computes it",
+    schema=PublishedScene,
+    checks=CHECKS,
+    run=run,
+    figures={
+        "centre_of_mass": _draw_com,
+        "cumulative_cost_of_transport": _draw_cost,
+        "activation": _draw_activation,
+    },
+    overview=_overview,
+    animate=_animate,
+    advice="try a smaller run.dt_s, a smaller gait.force_N or a larger worm.mass_kg",
+    headlines=(
+        ("reported_distance_m", "reported distance", "m"),
+        ("reported_work_J", "reported work", "J"),
+        ("reported_total_cot_J_per_m", "reported total CoT", "J/m"),
+    ),
+)

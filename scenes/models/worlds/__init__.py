@@ -1,0 +1,1 @@
+"""Scenes of worlds: schema, checks, construction, records and figures."""

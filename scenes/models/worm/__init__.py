@@ -1,0 +1,1 @@
+"""Scenes of worm: schema, checks, construction, records and figures."""

@@ -1,0 +1,150 @@
+"""From the settings of a scene to the 3D worm, its world, its gait and its run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+import worm3d
+from control.gaits import Gait
+from scenes.models.base import Observer
+from scenes.models.pattern import pattern
+from scenes.models.planar.linkage_build import KEYS as PLANAR_KEYS
+from scenes.models.worlds.build import world_of
+from scenes.models.worm.schema import (
+    AimedStart,
+    AnyWormScene,
+    GaitScene,
+    PlanarWormScene,
+    Push,
+    Start,
+    WormScene,
+)
+from worm3d.actuation import Actuation, Sensor
+
+KEYS = {
+    "segments": "segments",
+    "length": "length_m",
+    "mass": "mass_kg",
+    "joint_mass_fraction": "joint_mass_fraction",
+    "chamber_offset": "chamber_offset_m",
+    "half_height": "half_height_m",
+    "k_spring": "spring_N",
+    "k_torsion": "torsion_J",
+    "k_yaw": "yaw_J",
+    "k_twist": "twist_J",
+    "cross0": "cross0",
+    "k_apex": "apex_hinge_N_m_rad",
+    "kelvin_voigt_time": "kelvin_voigt_time_s",
+    "drag": "drag_N_s_m",
+    "actuator_lag": "actuator_lag_s",
+    "stroke": "stroke",
+    "rate_limit": "rate_limit_per_s",
+    "outward_apexes": "outward_apexes",
+    "end_faces": "end_faces",
+}
+"""Each parameter of `worm3d.Worm` and its key in the section [worm]."""
+
+EDGE = 1e-6
+"""Of a time step: a push that begins or ends at a step does so by its number, not by rounding."""
+
+Force = Callable[[float], NDArray[np.float64]]
+
+Drive = tuple[Actuation, Sensor | None]
+
+
+def simulate(
+    scene: AnyWormScene,
+    observer: Observer,
+    state: worm3d.State | None = None,
+    done: int = 0,
+    live: worm3d.Live | None = None,
+    drive: Drive | None = None,
+) -> worm3d.Result:
+    """Run the worm of a scene to its end, from its start or from a state after so many steps; its gait drives it.
+
+    `drive` is a controller in the place of the gait, and its sensor.
+
+    Raises
+    ------
+    ValueError
+        The worm is refused, its weight would flatten it (`LimitPointError`), or the state is not of this worm.
+    """
+    worm, world, run = worm_of(scene), world_of(scene.world), scene.run
+    every = run.record_every
+    actuation, sensor = (gait_of(scene), None) if drive is None else drive
+    return worm3d.simulate(
+        worm,
+        world,
+        friction_of(scene),
+        actuation=actuation,
+        duration=(run.steps - done) * run.dt_s,
+        dt=run.dt_s,
+        integrator=run.integrator,
+        gravity=gravity_of(scene),
+        external_force=force_of(scene.push, worm.segments, run.dt_s),
+        state=start_of(scene, worm, world) if state is None else state,
+        sensor=sensor,
+        record_every=every,
+        settle_first=scene.start.settle,
+        tolerance=run.tolerance,
+        # An end between two stored states could not be gone on from without a gap.
+        observer=lambda steps: observer(steps) or steps % every != 0,
+        live=live,
+    )
+
+
+def worm_of(scene: AnyWormScene) -> worm3d.Worm:
+    """Return the worm that the section [worm] describes."""
+    if not isinstance(scene, PlanarWormScene):
+        given = {parameter: getattr(scene.worm, key) for parameter, key in KEYS.items()}
+        return worm3d.Worm(**{**given, "rate_limit": math.inf if given["rate_limit"] is None else given["rate_limit"]})
+    return worm3d.Worm.planar(**{parameter: getattr(scene.worm, key) for parameter, key in PLANAR_KEYS.items()})
+
+
+def friction_of(scene: AnyWormScene) -> worm3d.Friction:
+    """Return the coefficients of friction."""
+    names = ("forward", "backward", "lateral", "static_ratio")
+    return worm3d.Friction(**{name: getattr(scene.friction, name) for name in names if hasattr(scene.friction, name)})
+
+
+def gait_of(scene: AnyWormScene) -> Gait:
+    """Return the gait."""
+    assert isinstance(scene, GaitScene)
+    gait, turning = scene.gait, {"force": scene.gait.force_N}
+    if isinstance(scene, WormScene):
+        turning |= {"bias": scene.gait.bias, "hinge": math.radians(scene.gait.hinge_deg)}
+    return pattern(gait, scene.run.dt_s, wavelength=gait.wavelength, amplitude=gait.amplitude, **turning)
+
+
+def gravity_of(scene: AnyWormScene) -> NDArray[np.float64]:
+    """Return the acceleration of free fall, shape (3,) [m/s^2]."""
+    g = scene.run.gravity_m_s2
+    return np.array([0.0, 0.0, -g] if isinstance(g, float | int) else g)
+
+
+def start_of(scene: AnyWormScene, worm: worm3d.Worm, world: worm3d.worlds.World | None) -> worm3d.State:
+    """Return the state that the run starts from."""
+    start, azimuth, contraction = scene.start, 0.0, np.zeros((worm.segments, 2))
+    if isinstance(start, AimedStart):
+        azimuth = math.radians(start.azimuth_deg)
+        if isinstance(start, Start) and start.contracted:
+            contraction = gait_of(scene).bind(worm)(0.0).contraction
+    return worm3d.State.straight(worm, world, (*start.position_m, start.lift_m), azimuth, contraction)
+
+
+def force_of(push: Push, segments: int, dt: float) -> Force | None:
+    """Return the push as forces over time, shape (N+1, 3) [N]; None if there is none.
+
+    A step is pushed if its end lies in (begin, begin + duration].
+    """
+    if not any(push.force_N):
+        return None
+    force = np.zeros((segments + 1, 3))
+    force[push.joint] = push.force_N
+    begin = push.begin_s + EDGE * dt
+    end = math.inf if push.duration_s is None else begin + push.duration_s
+    return lambda t: force if begin < t <= end else np.zeros_like(force)

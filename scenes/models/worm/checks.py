@@ -1,0 +1,200 @@
+"""What is wrong with a scene of the 3D worm though each of its keys is right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from scenes.language.toml_text import shown
+from scenes.models.checks import GAIT_CHECKS, RUN_CHECKS, Check, Found, kind_checks, too_much_memory
+from scenes.models.planar.linkage_build import lengthens
+from scenes.models.planar.linkage_checks import (
+    LIST_CHECKS,
+    REACH_NEEDS,
+    as_many_as_joints,
+    as_many_as_segments,
+    in_keys,
+    links_reach,
+)
+from scenes.models.worlds.build import world_of
+from scenes.models.worlds.pipe_checks import PIPE_CHECKS, WORM_IN_PIPE_CHECKS
+from scenes.models.worlds.schema import World
+from scenes.models.worlds.terrain_checks import TERRAIN_CHECKS
+from scenes.models.worm.build import KEYS, gravity_of, start_of, worm_of
+from scenes.models.worm.schema import AnyWormScene, PlanarGait, PlanarWormScene, WormGait, WormScene
+from worm3d import start
+from worm3d.state import StateError
+from worm3d.values.memory import bytes_of_run
+
+STARTS_WITH = ("worm", "world", "start", "run")
+"""Sections that decide whether a worm can start."""
+
+
+def _worm_can_start(mass_kg: float, *sections: Mapping[str, Any]) -> Found:
+    data = dict(zip(STARTS_WITH, sections, strict=True))
+    return refusal(WormScene.model_validate({"model": "worm", **data}))
+
+
+def _planar_worm_can_start(mass_kg: float | None, *sections: Mapping[str, Any]) -> Found:
+    data = dict(zip(STARTS_WITH, sections, strict=True))
+    return refusal(PlanarWormScene.model_validate({"model": "worm_planar", **data}))
+
+
+def refusal(scene: AnyWormScene) -> Found:
+    """Tell what the plant refuses before its first step, such as a worm that its weight would flatten."""
+    try:
+        with np.errstate(all="ignore"):
+            worm, world, gravity = worm_of(scene), world_of(scene.world), gravity_of(scene)
+            start.require_felt(worm, world)
+            start.require_shape(worm, start_of(scene, worm, world))
+            if world is not None and start.settles(world, gravity):
+                start.require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))))
+    except StateError as error:
+        return dict.fromkeys(("start", "world"), in_keys(str(error), KEYS))
+    except (ValueError, ArithmeticError) as error:
+        return in_keys(str(error), KEYS)
+    return None
+
+
+def _stroke_holds_rest(stroke: Sequence[float]) -> str | None:
+    least, greatest = stroke
+    if least <= 0.0 <= greatest < 1.0:
+        return None
+    return f"got {shown(stroke)}: must be [least, greatest] contraction with least <= 0 <= greatest < 1"
+
+
+def _chamber_links_reach(
+    amplitude: float,
+    stroke: Sequence[float],
+    half_height_m: Any,
+    length_m: float,
+    segments: int,
+    bias: float,
+    kind: str,
+    rectified: bool,
+    alternating: bool,
+) -> Found:
+    """Tell of a gait that lengthens a chamber beyond its links."""
+    if not lengthens(kind, rectified, alternating):
+        return None
+    l0 = length_m / segments
+    longest = l0 * (1.0 + min(amplitude * (1.0 + abs(bias)), -stroke[0]))
+    reach = 2.0 * math.hypot(float(np.min(half_height_m)), l0 / 2.0)
+    if longest < reach:
+        return None
+    too_long = f"the gait lengthens a chamber to {longest:.4g} m, but its links end at {reach:.4g} m"
+    mend = f"keep one of gait.amplitude and -worm.stroke[0] below {reach / l0 - 1.0:.4g}, or let the gait only contract"
+    found = {
+        "gait.amplitude": amplitude,
+        "worm.stroke": stroke,
+        "worm.half_height_m": half_height_m,
+        "gait.rectified": rectified,
+        "gait.kind": kind,
+    }
+    return {key: f"got {shown(value)}: {too_long}; {mend}" for key, value in found.items()}
+
+
+def _g_or_a_vector(gravity_m_s2: Any) -> str | None:
+    if isinstance(gravity_m_s2, list | tuple):
+        if len(gravity_m_s2) == 3:
+            return None
+        return f"got a list of {len(gravity_m_s2)}: must be one number, g downwards, or three, x, y, z"
+    return (
+        None if gravity_m_s2 >= 0 else f"got {gravity_m_s2} m/s^2: g is at least 0; a list of x, y, z may point upwards"
+    )
+
+
+def _patches_have_an_inside(patches: Sequence[Mapping[str, Any]]) -> str | None:
+    for number, patch in enumerate(patches):
+        for key in ("along_m", "across_m"):
+            side = patch.get(key)
+            if side is not None and not side[0] < side[1]:
+                return f"{key} of patch {number}: got {shown(side)}: must be [from, to] with from < to"
+    return None
+
+
+def _a_body_between_anchors(anchors: int, segments: int, kind: str) -> Found:
+    if kind != "two_anchor" or 2 * anchors < segments:
+        return None
+    return (
+        f"got {anchors}: two anchors take {2 * anchors} of the worm's {segments} segments (worm.segments), must leave "
+        "one between them"
+    )
+
+
+def _push_on_a_joint(joint: int, segments: int) -> str | None:
+    return None if joint <= segments else f"got {joint}: the last joint, the head, is {segments} (worm.segments)"
+
+
+def _push_lasts_a_step(duration_s: float | None, dt_s: float) -> str | None:
+    if duration_s is None or duration_s >= dt_s * (1.0 - 1e-9):
+        return None
+    return f"got {duration_s} s: must be at least run.dt_s ({dt_s} s), or the steps miss the push"
+
+
+def _fits_into_memory(dt_s: float, duration_s: float, segments: int, record_every: int) -> Found:
+    steps = duration_s / dt_s
+    needed = bytes_of_run(segments, steps, record_every)
+    remedy = "a larger run.record_every, a shorter run.duration_s, a longer run.dt_s or fewer worm.segments"
+    return too_much_memory(needed, steps, segments, remedy)
+
+
+WORLD_CHECKS = (
+    *RUN_CHECKS,
+    *kind_checks(World, "world"),
+    *(Check((f"friction.{key}", "worm.segments"), as_many_as_segments) for key in ("forward", "backward")),
+    Check(("run.gravity_m_s2",), _g_or_a_vector),
+    Check(("world.patches",), _patches_have_an_inside),
+    *PIPE_CHECKS,
+    *TERRAIN_CHECKS,
+    Check(("push.joint", "worm.segments"), _push_on_a_joint),
+    Check(("push.duration_s", "run.dt_s"), _push_lasts_a_step),
+    Check(("run.dt_s", "run.duration_s", "worm.segments", "run.record_every"), _fits_into_memory),
+)
+"""Of every worm."""
+
+SHARED = (
+    *WORLD_CHECKS,
+    *GAIT_CHECKS,
+    Check(("gait.anchors", "worm.segments", "gait.kind"), _a_body_between_anchors),
+)
+
+SPATIAL_CHECKS = (
+    *(
+        Check((f"worm.{key}", "worm.segments"), as_many_as_segments)
+        for key in ("half_height_m", "spring_N", "apex_hinge_N_m_rad")
+    ),
+    *(
+        Check((f"worm.{key}", "worm.segments"), as_many_as_joints)
+        for key in ("torsion_J", "yaw_J", "twist_J", "cross0")
+    ),
+    Check(("friction.lateral", "worm.segments"), as_many_as_segments),
+    Check(("worm.stroke",), _stroke_holds_rest),
+    *WORM_IN_PIPE_CHECKS,
+)
+"""Of every 3D worm, whatever drives it."""
+
+WORM_CHECKS = (
+    *SHARED,
+    *kind_checks(WormGait),
+    *SPATIAL_CHECKS,
+    Check(
+        (
+            *("gait.amplitude", "worm.stroke", "worm.half_height_m", "worm.length_m", "worm.segments", "gait.bias"),
+            *("gait.kind", "gait.rectified", "gait.alternating"),
+        ),
+        _chamber_links_reach,
+    ),
+    Check(("worm.mass_kg", *STARTS_WITH), _worm_can_start),
+)
+
+PLANAR_CHECKS = (
+    *SHARED,
+    *kind_checks(PlanarGait),
+    *LIST_CHECKS,
+    Check(REACH_NEEDS, links_reach),
+    Check(("worm.mass_kg", *STARTS_WITH), _planar_worm_can_start),
+)

@@ -1,0 +1,163 @@
+"""Figures of the 3D worm from a record; each returns (figure, axes) and is named after its file."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from numpy.typing import NDArray
+
+from planar import figures as planar_figures
+from scenes.models.worm.body_figure import body
+from scenes.models.worm.overview import in_its_frame
+from scenes.models.worm.view import scene_of
+from scenes.records.record import Record
+
+if TYPE_CHECKING:
+    from scenes.models.worm.schema import AnyWormScene
+
+__all__ = ["body", "centre_of_mass_and_heading", "contraction", "energy_ledger", "loads_and_slip", "path"]
+
+FloatArray = NDArray[np.float64]
+
+ARROWS = 8
+"""Headings drawn along the path."""
+
+ALWAYS = ("work_contract", "kinetic")
+"""Of the ledger, terms that are drawn even if they are zero all along."""
+
+INCOMING = ("work_contract", "work_external", "load_change")
+STORED = ("kinetic", "elastic", "potential", "penetration", "anchor")
+LOST = ("friction_loss", "viscous_loss", "impact", "numerical_loss")
+
+FAR = 1e3
+"""Stands for infinity in a picture [m]."""
+
+
+def path(record: Record) -> tuple[Figure, Axes]:
+    """Draw the way of the centre of mass seen from above, with headings, and the body at both ends."""
+    com, joints, heading = record["com"], record["joints"][..., :2], record["heading"]
+    axes = _map(joints.reshape(-1, 2))
+    for row, colour, label in ((0, "0.75", "body at the start"), (-1, "0.35", "body at the end")):
+        axes.plot(*joints[row].T, "o-", color=colour, ms=3, lw=2, label=label)
+        axes.plot(*joints[row, -1:].T, "o", color=colour, ms=8)
+    rows = np.unique(np.linspace(0, len(com) - 1, ARROWS).round().astype(int))
+    arrows = 0.05 * float(np.ptp(axes.get_xlim())) * np.array([np.cos(heading[rows]), np.sin(heading[rows])])
+    style: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004, "color": "C3"}
+    axes.quiver(*com[rows, :2].T, *arrows, zorder=3, label="heading", **style)
+    axes.plot(*com[:, :2].T, color="C0", lw=1.2, zorder=4, label="centre of mass")
+    _patches(axes, scene_of(record))
+    axes.set_title(f"{record.title}: path seen from above", fontsize=10)
+    axes.legend(fontsize=7)
+    figure = axes.figure
+    assert isinstance(figure, Figure)
+    return figure, axes
+
+
+def centre_of_mass_and_heading(record: Record) -> tuple[Figure, Axes]:
+    """Draw the displacement of the centre of mass, its height and the heading over time."""
+    time, moved, heading = record["time"], in_its_frame(record, record["com"]), np.rad2deg(record["heading"])
+    figure = Figure(figsize=(6.4, 6.0), layout="constrained", dpi=120)
+    way, height, turned = figure.subplots(3, 1, sharex=True, height_ratios=(2, 1, 1))
+    way.plot(time, moved[:, 0] - moved[0, 0], label="along the initial heading")
+    way.plot(time, moved[:, 1] - moved[0, 1], label="to its left")
+    way.legend(fontsize=8)
+    height.plot(time, moved[:, 2], color="C2")
+    turned.plot(time, heading, color="C3")
+    _at_least(way, 0.002)
+    _at_least(height, 0.02)
+    _at_least(turned, 2.0)
+    labels = ("displacement of the\ncentre of mass [m]", "its height, z [m]", "heading [deg]")
+    for axes, label in zip((way, height, turned), labels, strict=True):
+        axes.set_ylabel(label)
+        axes.grid(alpha=0.3)
+    way.set_title(f"{record.title}: centre of mass and heading", fontsize=10)
+    turned.set_xlabel("time [s]")
+    return figure, turned
+
+
+def contraction(record: Record) -> tuple[Figure, Axes]:
+    """Draw the contraction of the chambers, and the hinges if they move, over time and along the worm."""
+    time, given = record["time"], record["contraction"]
+    panels = {"contraction": (time, given.mean(axis=2))}
+    if not np.array_equal(given[..., 0], given[..., 1]):
+        panels = {f"contraction, {side}": (time, given[..., k]) for k, side in enumerate(("left", "right"))}
+    if np.any(record["hinge"]):
+        hinge = np.rad2deg(record["hinge"])  # joint j belongs to segment j; the tail's has none
+        panels["hinge [deg]"] = (time, np.column_stack([np.zeros(len(time)), hinge]))
+    title = f"{record.title}: contraction given by the actuators"
+    return planar_figures.space_time(panels, "segment (0 = tail)", title=title)
+
+
+def loads_and_slip(record: Record) -> tuple[Figure, Axes]:
+    """Draw where the worm carries its weight and where it slides: apexes, or the joints of the clamped worm."""
+    time = record["time"]
+    if scene_of(record).world.kind == "clamped":
+        panels = {"normal load (P9) [N]": (time, record["joint_load"])}
+        return planar_figures.space_time(panels, "joint (0 = tail)", title=f"{record.title}: loads of the joints")
+    load = _of_segments(record["normal_load"], record["joint_load"])
+    slip = _of_segments(record["slip"], record["joint_slip"])
+    rate = slip / np.diff(time, prepend=-np.inf)[:, None]
+    panels = {"normal load [N]": (time, load), "slip [mm/s]": (time, 1e3 * rate)}
+    title = f"{record.title}: loads and slip, summed over the contacts"
+    return planar_figures.space_time(panels, "segment (0 = tail)", title=title)
+
+
+def energy_ledger(record: Record) -> tuple[Figure, Axes]:
+    """Draw where the energy comes from and goes to."""
+
+    def summed(names: tuple[str, ...]) -> dict[str, FloatArray]:
+        return {
+            name.replace("_", " "): np.cumsum(record[name]) for name in names if name in ALWAYS or np.any(record[name])
+        }
+
+    title = f"{record.title}: energy, summed over the run"
+    terms = (summed(INCOMING), summed(STORED), summed(LOST))
+    figure, axes = planar_figures.energy_ledger(record["time"], *terms, title=title)
+    figure.set_size_inches(8.4, 4.0)
+    axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure, axes
+
+
+def _of_segments(of_apexes: FloatArray, of_faces: FloatArray) -> FloatArray:
+    """Return what the apexes, (T, N, 6), and the end faces and joints, (T, N+1), of each segment have, shape (T, N)."""
+    total: FloatArray = of_apexes.sum(axis=2) + of_faces[:, :-1]
+    total[:, -1] += of_faces[:, -1]
+    return total
+
+
+def _map(places: FloatArray) -> Axes:
+    """Return axes that show all places, shape (K, 2) [m], in one scale, in a strip that is not too narrow."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    span = 1.1 * np.maximum(high - low, 0.4 * float((high - low).max()))
+    (left, bottom), (right, top) = 0.5 * (low + high - span), 0.5 * (low + high + span)
+    height = min(max(5.6 * span[1] / span[0] + 0.9, 2.4), 6.4)
+    axes = Figure(figsize=(6.4, height), layout="constrained", dpi=120).subplots()
+    axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    axes.grid(alpha=0.3)
+    return axes
+
+
+def _at_least(axes: Axes, span: float) -> None:
+    """Widen the vertical range, so that noise does not fill the picture."""
+    low, high = axes.get_ylim()
+    if high - low < span:
+        axes.set_ylim(0.5 * (low + high - span), 0.5 * (low + high + span))
+
+
+def _patches(axes: Axes, scene: AnyWormScene) -> None:
+    """Draw the places with another friction."""
+    world, limits = scene.world, (axes.get_xlim(), axes.get_ylim())
+    slope, heading = math.radians(world.slope_deg), math.radians(world.heading_deg)
+    ascent = math.cos(slope) * np.array([math.cos(heading), math.sin(heading)])
+    left = np.array([-math.sin(heading), math.cos(heading)])
+    for k, patch in enumerate(world.patches):
+        along, across = patch.along_m or (-FAR, FAR), patch.across_m or (-FAR, FAR)
+        corners = [u * ascent + v * left for u, v in zip((*along, *along[::-1]), np.repeat(across, 2), strict=True)]
+        area = Polygon(corners, facecolor=f"C{k + 1}", alpha=0.15, zorder=0, label=f"friction x {patch.grip:g}")
+        axes.add_patch(area)
+    axes.set(xlim=limits[0], ylim=limits[1])

@@ -1,0 +1,150 @@
+"""The model `worm`: the 3D worm, run from a scene and turned into a record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
+
+import worm3d
+from scenes.language.errors import SceneError
+from scenes.models.base import Kind, Observer, Outcome, Status, Watch
+from scenes.models.checks import Check
+from scenes.models.planar.linkage_checks import in_keys
+from scenes.models.worm import overview as worm_overview
+from scenes.models.worm import view as worm_view
+from scenes.models.worm.build import KEYS, Drive, simulate
+from scenes.models.worm.checks import WORM_CHECKS
+from scenes.models.worm.record import checkpoint_of, joined, missing, state_of, variables_of
+from scenes.models.worm.schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
+from scenes.records.record import Record
+from scenes.records.summary import Cell
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+S = TypeVar("S", WormScene, PlanarWormScene)
+
+ADVICE = (
+    "try a smaller run.dt_s or gait.amplitude (or gait.hinge_deg), a longer gait.period_s, a lighter worm or larger "
+    "worm.spring_N, worm.torsion_J or worm.kelvin_voigt_time_s"
+)
+
+FIGURES = ("path", "centre_of_mass_and_heading", "body", "contraction", "loads_and_slip", "energy_ledger")
+"""Stems of the pictures; each is drawn by the function of that name in `worm_figures`."""
+
+OF_THE_CLOCK = ("status", "real_time_factor")
+"""Figures of the plant's summary that a record keeps elsewhere."""
+
+
+def run(scene: GaitScene, observer: Observer) -> Outcome:
+    """Simulate a scene."""
+    return outcome(simulated(scene, observer))
+
+
+def watch(scene: GaitScene, observer: Observer, how: Watch) -> Outcome:
+    """Simulate a scene in a live view, in whose browser it is seen as it goes on."""
+    with worm3d.Live(speed=how.speed, began=how.began) as live:
+        return outcome(simulated(scene, observer, live=live))
+
+
+def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
+    """Go on from the end of a record to the end of the scene."""
+    if lacking := missing(earlier):
+        raise SceneError(
+            f"{earlier.name}: made by another version of worm3d, it has no {', '.join(lacking)} to go on from"
+        )
+    rest = simulated(scene, observer, state_of(earlier), earlier.sizes["step"])
+    return outcome(joined(earlier, rest))
+
+
+def simulated(
+    scene: AnyWormScene,
+    observer: Observer,
+    state: worm3d.State | None = None,
+    done: int = 0,
+    live: worm3d.Live | None = None,
+    drive: Drive | None = None,
+) -> worm3d.Result:
+    """Return the run of a scene; parameters as of `worm_build.simulate`, what the plant refuses is a SceneError."""
+    try:
+        return simulate(scene, observer, state, done, live, drive)
+    except (worm3d.StateError, worm3d.LimitPointError) as error:  # what only the compiled plant can tell
+        raise SceneError(in_keys(str(error), KEYS)) from error
+
+
+def _faults(result: worm3d.Result) -> list[dict[str, Cell]]:
+    """Return what the plant knows that went wrong."""
+    if result.on_its_side is None:
+        return []
+    from scenes.models.control.faults import of_plant  # imports the controllers
+
+    return of_plant(result)
+
+
+def outcome(result: worm3d.Result) -> Outcome:
+    """Return a run as what the command line takes."""
+    figures, period, faults = result.summary(), result.period, _faults(result)
+    speed = figures["mean_speed_m_s"]
+    merits = {
+        **{name: figure for name, figure in figures.items() if name not in OF_THE_CLOCK},
+        "speed_BL_per_period": speed * period / result.worm.length if isinstance(speed, float) and period else None,
+        "mass_kg": result.worm.mass,
+        "faults": faults,
+    }
+    reasons = result.reasons()
+    return Outcome(
+        status=_status(result.status),
+        sentence=result.stop.sentence,
+        variables=variables_of(result),
+        summary=merits,
+        reasons={**reasons, "speed_BL_per_period": reasons.get("mean_speed_m_s", "")},
+        wall_s=result.wall_s,
+        checkpoint=checkpoint_of(result.state),
+    )
+
+
+def _status(status: worm3d.Status) -> Status:
+    if status.diverged:
+        return "diverged"
+    return "done" if status is worm3d.Status.DONE else "interrupted"
+
+
+def draw(stem: str, record: Record) -> tuple[Figure, Axes]:
+    """Draw one of `FIGURES`."""
+    from scenes.models.worm import figures as worm_figures
+
+    made: Callable[[Record], tuple[Figure, Axes]] = getattr(worm_figures, stem)
+    return made(record)
+
+
+def kind(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) -> Kind[S]:
+    """Return a model of the 3D plant."""
+    figures: Mapping[str, Callable[[Record], tuple[Figure, Axes]]] = {
+        "side_and_top": worm_view.side_and_top,
+        **{stem: partial(draw, stem) for stem in FIGURES},
+    }
+    return Kind(
+        name=name,
+        title=title,
+        schema=schema,
+        checks=checks,
+        run=run,
+        resume=resume,
+        figures=figures,
+        overview=worm_overview.draw,
+        animate=worm_view.RunMovie,
+        view=worm_view.view,
+        mesh=worm_view.mesh,
+        watch=watch,
+        advice=ADVICE,
+        headlines=(
+            ("speed_BL_per_period", "speed", "BL/period"),
+            ("heading_change_deg", "turned", "deg"),
+            ("work_contract_positive_J", "positive work", "J"),
+        ),
+    )
+
+
+KIND = kind("worm", "the 3D worm in contact", WormScene, WORM_CHECKS)

@@ -1,0 +1,61 @@
+"""The overview of a run of the 3D worm: from the side and from above, in the frame of its first heading."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL.Image import Image
+
+from scenes.records import overview
+from scenes.records.record import Record
+
+FloatArray = NDArray[np.float64]
+
+SIDES = (("below", 0, 3), ("above", 1, 4), ("outward", 2, 5))
+"""Apexes of a segment by their place: rows of the left and of the right chamber."""
+
+
+def draw(record: Record) -> Image:
+    """Draw the overview of a record."""
+    com = in_its_frame(record, record["com"])
+    joints, points = (in_its_frame(record, record[name][[0, -1]]) for name in ("joints", "points"))
+    given = record["contraction"][-1]
+    below, above, outward = ([points[:, :, row] for row in rows] for _, *rows in SIDES)
+    tail, head = joints[:, :-1], joints[:, 1:]
+    most = float(np.abs(record["contraction"]).max()) or 1.0
+    left, right = (np.stack([tail, above[k], head, below[k]], axis=2) for k in (0, 1))
+    flat = np.stack([tail, outward[0], head, outward[1]], axis=2)
+    views = (
+        overview.Side(
+            "from its right: height [m]",
+            "along the first heading [m]",
+            np.concatenate([left, right], axis=1)[..., [0, 2]],
+            np.concatenate([given[:, 0], given[:, 1]]) / most,
+            com[:, [0, 2]],
+        ),
+        overview.Side(
+            "from above: to the left [m]",
+            "along the first heading [m]",
+            flat[..., :2],
+            given.mean(axis=1) / most,
+            com[:, :2],
+        ),
+    )
+    moved = com - com[0]
+    return overview.of_run(record, views, {"along the first heading": moved[:, 0], "to its left": moved[:, 1]})
+
+
+def in_its_frame(record: Record, places: FloatArray, *, back: bool = False) -> FloatArray:
+    """Return places, shape (..., 3), along the initial heading, to its left, and up, or such places as x, y, z [m]."""
+    azimuth = -initial_azimuth(record) if back else initial_azimuth(record)
+    c, s = math.cos(azimuth), math.sin(azimuth)
+    turned: FloatArray = places @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return turned
+
+
+def initial_azimuth(record: Record) -> float:
+    """Return the heading at the start; 0 for a vertical body."""
+    azimuth = float(record["heading"][0])
+    return 0.0 if math.isnan(azimuth) else azimuth

@@ -1,0 +1,9 @@
+"""The model `worm_planar`: the planar special case of the 3D worm, with the keys of the planar model."""
+
+from __future__ import annotations
+
+from scenes.models.worm.checks import PLANAR_CHECKS
+from scenes.models.worm.model import kind
+from scenes.models.worm.schema import PlanarWormScene
+
+KIND = kind("worm_planar", "the planar worm as a special case of the 3D one", PlanarWormScene, PLANAR_CHECKS)

@@ -1,0 +1,242 @@
+"""Sections of a scene of the 3D worm; every default is that of the plant itself."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any, Literal
+
+from control import gaits
+from scenes.language.schema import (
+    Cross,
+    Each,
+    NonNegative,
+    Pair,
+    Positive,
+    Section,
+    Triple,
+    quantity,
+    setting,
+)
+from scenes.models.planar.linkage_schema import LinkageGait
+from scenes.models.planar.linkage_schema import Worm as PlanarWorm
+from scenes.models.sections import Run, Settings
+from scenes.models.worlds.schema import World
+from worm3d.physics.friction import Friction as PlantFriction
+from worm3d.worm import Worm as PlantWorm
+
+_WORM: dict[str, Any] = {field.name: field.default for field in fields(PlantWorm)}
+_FRICTION: dict[str, Any] = {field.name: field.default for field in fields(PlantFriction)}
+_WAVE = gaits.TravellingWave()
+
+
+class Worm(Section):
+    """The chain of rhombic linkages with left and right chambers."""
+
+    segments: int = quantity(_WORM["segments"], ge=1, le=200, title="number of segments", aka=("n", "n_segments"))
+    length_m: float = quantity(_WORM["length"], unit="m", gt=0, le=100, title="length at rest")
+    mass_kg: float = quantity(_WORM["mass"], unit="kg", gt=0, title="mass of the whole worm")
+    joint_mass_fraction: float = quantity(
+        _WORM["joint_mass_fraction"], ge=0, le=1, title="share of the mass on the joints; the rest is on the apexes"
+    )
+    chamber_offset_m: float = quantity(
+        _WORM["chamber_offset"], unit="m", gt=0, title="distance b of the chambers from the centre line", aka=("b_m",)
+    )
+    half_height_m: Each[Positive] = quantity(
+        _WORM["half_height"], unit="m", each="segment", title="rest half-height of a chamber's rhombus", aka=("h0_m",)
+    )
+    spring_N: Each[Positive] = quantity(
+        _WORM["k_spring"],
+        unit="N",
+        each="segment",
+        title="stiffness k of a segment's springs, both chambers together",
+        aka=("k_spring",),
+    )
+    torsion_J: Each[NonNegative] = quantity(
+        _WORM["k_torsion"],
+        unit="J",
+        each="joint",
+        title="stiffness of a joint in pitch",
+        aka=("k_torsion", "pitch_J"),
+    )
+    yaw_J: Each[NonNegative] = quantity(
+        _WORM["k_yaw"], unit="J", each="joint", title="stiffness of a joint in yaw", aka=("k_yaw",)
+    )
+    twist_J: Each[NonNegative] = quantity(
+        _WORM["k_twist"], unit="J", each="joint", title="stiffness of a joint in twist", aka=("k_twist",)
+    )
+    cross0: Each[Cross] = quantity(
+        _WORM["cross0"], each="joint", title="rest value of the pitch, sine of an angle; positive bends the head up"
+    )
+    apex_hinge_N_m_rad: Each[NonNegative] = quantity(
+        _WORM["k_apex"],
+        unit="N m/rad",
+        each="segment",
+        title="stiffness of a segment's apex hinges, both chambers together, on their angle",
+        aka=("k_apex",),
+    )
+    kelvin_voigt_time_s: float = quantity(
+        _WORM["kelvin_voigt_time"], unit="s", ge=0, title="damping of every strain over its stiffness"
+    )
+    drag_N_s_m: float = quantity(
+        _WORM["drag"], unit="N s/m", ge=0, title="viscous medium: force over speed of the worm"
+    )
+    actuator_lag_s: float = quantity(
+        _WORM["actuator_lag"], unit="s", ge=0, title="time constant of a chamber's response to its command"
+    )
+    stroke: Pair = quantity(
+        _WORM["stroke"], title="least and greatest contraction of a chamber, as a fraction of its length"
+    )
+    rate_limit_per_s: float | None = quantity(
+        unit="1/s", gt=0, left_out="no limit", title="greatest speed of contraction of a chamber"
+    )
+    outward_apexes: bool = setting(
+        _WORM["outward_apexes"], title="whether the outward apexes exist: have mass and touch the world"
+    )
+    end_faces: bool = setting(
+        _WORM["end_faces"], title="whether the end faces, and the joints between them, touch the world"
+    )
+
+
+class PlanarFriction(Section):
+    """Directional Coulomb friction that sticks."""
+
+    forward: Each[NonNegative] = quantity(
+        _FRICTION["forward"],
+        each="segment",
+        title="kinetic coefficient against motion towards the head",
+        aka=("mu_forward",),
+    )
+    backward: Each[NonNegative] = quantity(
+        _FRICTION["backward"],
+        each="segment",
+        title="kinetic coefficient against motion towards the tail",
+        aka=("mu_backward",),
+    )
+    static_ratio: float = quantity(_FRICTION["static_ratio"], ge=1, title="static over kinetic coefficient")
+
+
+class Friction(PlanarFriction):
+    """Directional Coulomb friction that sticks."""
+
+    lateral: Each[NonNegative] = quantity(
+        _FRICTION["lateral"],
+        each="segment",
+        title="kinetic coefficient against motion sideways",
+        aka=("mu_lateral", "sideways"),
+    )
+
+
+class PlanarGait(LinkageGait):
+    """What the chambers are told: to shorten by amplitude x activation."""
+
+    force_N: float = quantity(
+        _WAVE.force, unit="N", title="force of a chamber at activation 1, beside its contraction; positive contracts"
+    )
+
+
+class WormGait(PlanarGait):
+    """What the chambers and hinges are told: to shorten by amplitude x activation, and to turn."""
+
+    bias: float = quantity(
+        _WAVE.bias, ge=-1, le=1, title="the left chambers shorten 1 + bias, the right ones 1 - bias times as much"
+    )
+    hinge_deg: float = quantity(
+        0.0,
+        unit="deg",
+        gt=-180,
+        lt=180,
+        title="hinge angle of a joint at activation 1; positive yaws the headward segment to the left",
+    )
+
+
+class PlanarStart(Section):
+    """Where the straight worm starts from."""
+
+    position_m: Pair = quantity(
+        (0.0, 0.0), unit="m", title="where the tail is, seen from above: x, y; in a pipe how far along it, and 0"
+    )
+    lift_m: float = quantity(0.0, unit="m", ge=0, title="height above the place where it touches the world")
+    settle: bool | None = setting(
+        title="whether it is first brought to rest on its world; false: it starts to fall as the run begins",
+        left_out="where it touches the world",
+    )
+
+
+class AimedStart(PlanarStart):
+    """Where the straight worm starts from, and where it looks."""
+
+    azimuth_deg: float = quantity(
+        0.0,
+        unit="deg",
+        title="heading, from x towards y; in a pipe 0 looks along it, 180 back",
+        aka=("heading_deg", "direction_deg"),
+    )
+
+
+class Start(AimedStart):
+    """Where the straight worm starts from, where it looks, and whether it begins as the gait does."""
+
+    contracted: bool = setting(
+        False, title="whether its chambers are contracted as the gait asks at time 0: so it is wedged in a steep pipe"
+    )
+
+
+class Push(Section):
+    """A force on one joint from outside, from a time on, for ever or for a while."""
+
+    joint: int = quantity(0, ge=0, title="which joint: 0 is the tail, the number of segments is the head")
+    force_N: Triple = quantity((0.0, 0.0, 0.0), unit="N", title="x, y, z of the force; all 0: no push")
+    begin_s: float = quantity(0.0, unit="s", ge=0, title="when it begins")
+    duration_s: float | None = quantity(unit="s", gt=0, left_out="to the end of the run", title="how long it lasts")
+
+
+class WormRun(Run):
+    """How long, in what steps, by which integrator, under what weight, and how much of it is stored."""
+
+    integrator: Literal["bdf2", "implicit_euler"] = setting(
+        "bdf2", title="bdf2 is of second order, implicit_euler the paper's"
+    )
+    tolerance: float = quantity(
+        2e-15, ge=2e-15, le=1e-7, title="of Newton: motion as a fraction of the body length; 1e-9 is a fifth faster"
+    )
+    gravity_m_s2: Each[float] = quantity(9.81, unit="m/s^2", title="g, downwards; or a list of x, y, z", aka=("g",))
+
+
+class Surroundings(Settings):
+    """What the scenes of both worms share."""
+
+    run: WormRun = WormRun()
+    world: World = World()
+    push: Push = Push()
+
+
+class SpatialScene(Surroundings):
+    """What the scenes of the 3D worm share, whatever drives it."""
+
+    worm: Worm = Worm()
+    friction: Friction = Friction()
+    start: AimedStart = AimedStart()
+
+
+class WormScene(SpatialScene):
+    """A whole scene."""
+
+    model: Literal["worm"] = setting(title="which simulation the scene is for")
+    gait: WormGait = WormGait()
+    start: Start = Start()
+
+
+class PlanarWormScene(Surroundings):
+    """A whole scene of the planar worm: that of the model planar_linkage, key by key, on the grounds of the 3D worm."""
+
+    model: Literal["worm_planar"] = setting(title="which simulation the scene is for")
+    worm: PlanarWorm = PlanarWorm()
+    friction: PlanarFriction = PlanarFriction()
+    gait: PlanarGait = PlanarGait()
+    start: PlanarStart = PlanarStart()
+
+
+GaitScene = WormScene | PlanarWormScene
+"""A gait drives the worm."""
+
+AnyWormScene = GaitScene | SpatialScene

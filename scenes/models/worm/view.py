@@ -1,0 +1,89 @@
+"""Stored runs of the 3D worm as pictures: the page for the browser, the movie, one instant from two sides, a mesh."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scenes import models as kinds
+from scenes.language.limits import MOVIE_S
+from scenes.models.worlds.build import world_of
+from scenes.models.worm.build import worm_of
+from scenes.models.worm.schema import AnyWormScene, GaitScene
+from scenes.records.record import Record
+from worm3d import pictures
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from worm3d.viewer import Frames
+
+
+def scene_of(record: Record) -> AnyWormScene:
+    """Return the scene that a record was made from."""
+    scene: AnyWormScene = kinds.get(record.kind).schema.model_validate(tomllib.loads(record.scene))
+    return scene
+
+
+def frames_of(
+    record: Record, *, fps: float | None = None, at: float | None = None, until: float | None = None
+) -> Frames:
+    """Return a record as plain arrays for pictures; parameters as in `worm3d.pictures.frames_of`.
+
+    Parameters
+    ----------
+    until : float, optional
+        What comes later is left out [s].
+    """
+    scene = scene_of(record)
+    rows = slice(None) if until is None else record["time"] <= until
+    series = {name: record[name][rows] for name in pictures.SERIES}
+    worm, world = worm_of(scene), world_of(scene.world)
+    if isinstance(scene, GaitScene):  # not driven by a controller
+        return pictures.arrays(series, worm, world, scene.gait.period_s, fps=fps, at=at)
+    from scenes.models.control import schema as control_schema
+    from scenes.models.control import view as control_view
+
+    assert isinstance(scene, control_schema.ControlScene)
+
+    lines = control_view.overlay(record, scene, rows)
+    return pictures.arrays(series, worm, world, control_view.period(record), fps=fps, at=at, **lines)
+
+
+def view(record: Record, path: Path, *, skin: bool = True) -> None:
+    """Write the page that plays a record in a browser, under a smooth skin or as chambers and links."""
+    from worm3d.viewer import write_html
+
+    write_html(frames_of(record), path, fps=None, skin=skin, title=record.title)
+
+
+def side_and_top(record: Record) -> tuple[Figure, Axes]:
+    """Draw the worm at the end of the run from the side and from above, with the trail of its centre of mass."""
+    from worm3d.viewer.pictures import figure
+
+    drawn, (_, top) = figure(frames_of(record), -1)
+    return drawn, top
+
+
+def mesh(record: Record, at: float | None) -> bytes:
+    """Return what is seen at an instant [s] as a GLB file (None: at the end); ValueError if there is no such."""
+    from worm3d.viewer.meshes import glb
+
+    frames = frames_of(record, at=at)
+    return glb(frames, pictures.nearest(frames.time, at))
+
+
+@dataclass(frozen=True)
+class RunMovie:
+    """A movie of a record, ready to be written."""
+
+    record: Record
+
+    def save(self, path: Path, fps: int = 20) -> None:
+        """Write a GIF or MP4; FileNotFoundError if ffmpeg is missing."""
+        from worm3d.viewer.movie import write_movie
+
+        write_movie(frames_of(self.record, fps=fps, until=MOVIE_S), path, fps=fps)

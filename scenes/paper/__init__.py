@@ -1,5 +1,0 @@
-"""`worm3d paper`: the paper's tables, figures and claims from our own runs."""
-
-from scenes.paper.command import run
-
-__all__ = ["run"]

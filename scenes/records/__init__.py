@@ -1,0 +1,1 @@
+"""Results on disc: records, their store, figures and exports."""

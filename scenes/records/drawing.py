@@ -1,0 +1,167 @@
+"""Figures and animations of a record, as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenes import models as kinds
+from scenes.language.errors import MissingPartError, SceneError
+from scenes.language.limits import MOVIE_S
+from scenes.models.base import Kind, Movie
+from scenes.records import overview
+from scenes.records.files import write_bytes, written_whole
+from scenes.records.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Picture
+
+
+def kind_of(record: Record) -> Kind[Any]:
+    """Return the model that made a record.
+
+    Raises
+    ------
+    SceneError
+        This version of the program does not know it.
+    """
+    if record.kind not in kinds.names():
+        known = ", ".join(kinds.names())
+        raise SceneError(f"{record.name}: made by the model '{record.kind}', this worm3d knows only {known}")
+    return kinds.get(record.kind)
+
+
+def is_drawable(record: Record) -> bool:
+    """Return whether at least one step was finished."""
+    return record.sizes.get("step", 0) > 0
+
+
+def plot(record: Record, kind: Kind[Any], folder: Path) -> list[Path]:
+    """Write the overview and all figures of the model as PNG into a folder and return their paths.
+
+    Raises
+    ------
+    SceneError
+        The record has no finished step to draw.
+    DiscError
+        The folder cannot be written.
+    """
+    paths = [draw_overview(record, kind, folder)]
+    for stem, draw in kind.figures.items():
+        path = folder / f"{stem}.png"
+        figure, _ = draw(record)
+        save_figure(figure, path)
+        paths.append(path)
+    return paths
+
+
+def draw_overview(record: Record, kind: Kind[Any], folder: Path) -> Path:
+    """Write the one figure that every run draws into a folder and return its path; errors as of `plot`."""
+    _require_steps(record)
+    return overview.write(kind.overview(record), folder / overview.FILE_NAME)
+
+
+def animate(record: Record, kind: Kind[Any], path: Path, fps: int = 20) -> Path:
+    """Write the animation, GIF or MP4 by the ending of `path`, and return the path.
+
+    Raises
+    ------
+    MissingPartError
+        MP4 needs ffmpeg, which is not there.
+    SceneError
+        Another ending, no finished step to draw, or a model without animation.
+    DiscError
+        The file cannot be written.
+    """
+    _require_steps(record)
+    if kind.animate is None:
+        raise SceneError(f"{record.name}: the model '{kind.name}' has no animation; 'worm3d plot' draws its figures")
+    if path.suffix.lower() not in (".gif", ".mp4"):
+        raise SceneError(f"{path}: the name of an animation must end in .gif or .mp4")
+    save_movie(kind.animate(record), path, fps)
+    return path
+
+
+def view(record: Record, kind: Kind[Any], path: Path) -> None:
+    """Write the page that shows a record in a browser, whole or not at all, where the model has one.
+
+    Raises
+    ------
+    DiscError
+        The file cannot be written.
+    """
+    if kind.view is not None:
+        with written_whole(path) as part:
+            kind.view(record, part)
+
+
+def mesh(record: Record, kind: Kind[Any], at: float | None, path: Path) -> Path:
+    """Write the worm and its world at an instant [s] (None: the end) as a GLB file, and return the path.
+
+    Raises
+    ------
+    SceneError
+        Another ending, an instant that the run does not have, no finished step, or a model without mesh.
+    DiscError
+        The file cannot be written.
+    """
+    _require_steps(record)
+    if kind.mesh is None:
+        raise SceneError(f"{record.name}: the model '{kind.name}' has no mesh")
+    if path.suffix.lower() != ".glb":
+        raise SceneError(f"{path}: the name of a mesh must end in .glb")
+    try:
+        content = kind.mesh(record, at)
+    except ValueError as error:
+        raise SceneError(f"--{error}") from error
+    write_bytes(path, content)
+    return path
+
+
+def cut_short(record: Record) -> str | None:
+    """Return the line that says so if the animation does not show the whole run."""
+    simulated = float(record["time"][-1])
+    if not is_drawable(record) or kind_of(record).animate is None or simulated <= MOVIE_S * (1.0 + 1e-9):
+        return None
+    return f"the animation shows the first {MOVIE_S:g} s of {simulated:g} s"
+
+
+def save_figure(figure: Picture, path: Path) -> None:
+    """Write a figure as PNG, whole or not at all."""
+    for title in (*figure.texts, *(axes.title for axes in figure.axes)):
+        title.set_wrap(True)  # the names of scenes are as long as people like
+    with written_whole(path) as part:
+        # Without the version of matplotlib in it the file is the same on every machine.
+        figure.savefig(part, format="png", metadata={"Software": None})
+
+
+def save_movie(movie: Movie, path: Path, fps: int = 20) -> None:
+    """Write a movie by the ending of `path`, whole or not at all.
+
+    Raises
+    ------
+    MissingPartError
+        MP4 needs ffmpeg, which is not there.
+    DiscError
+        The file cannot be written.
+    """
+    # The writers choose the format by the ending, so the unfinished file keeps it.
+    with written_whole(path) as part:
+        unfinished = part.with_name(f"{part.name}{path.suffix}")
+        try:
+            movie.save(unfinished, fps=fps)
+            unfinished.replace(part)
+        except FileNotFoundError as error:
+            raise _explained(error) from error
+        finally:
+            unfinished.unlink(missing_ok=True)
+
+
+def _explained(error: FileNotFoundError) -> Exception:
+    """Return the missing program as our error; a missing folder (with an errno) stays a disc error."""
+    return error if error.errno is not None else MissingPartError(str(error))
+
+
+def _require_steps(record: Record) -> None:
+    if not is_drawable(record):
+        raise SceneError(f"{record.name}: no step was finished, there is nothing to draw")

@@ -1,0 +1,171 @@
+"""The one figure that every run draws: the worm and how far it came, or the cases of a study; cheap on purpose.
+
+`worm3d plot` draws all figures of a result.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from scenes.records.canvas import SCALE, Canvas, Colour, Panel, limits
+from scenes.records.files import written_whole
+from scenes.records.record import Record
+
+FloatArray = NDArray[np.float64]
+
+FILE_NAME = "overview.png"
+
+WIDTH, LEFT, RIGHT, ABOVE, BELOW, HEADER = 720, 62, 16, 24, 36, 46
+"""Width of the picture, margins around each panel, and height of the head line [pixels]."""
+
+BODY_HIGH, CURVES_HIGH, CASES_HIGH = 190, 150, 220
+"""Heights of panels with a body (at most), with curves, and with the cases of a study [pixels]."""
+
+MOST_LENGTHS = 4.0
+"""A body that went further than so many of its own lengths is shown where it ended."""
+
+SHORTER, REST, LONGER, START = (199, 31, 41), (245, 204, 176), (36, 92, 199), "#a8a8a8"
+INVALID = "white"
+"""Where a run diverged to what is no number."""
+
+COLOURS = ("#1f6fb4", "#e08214", "#3a923a", "#8c2d83")
+
+
+@dataclass(frozen=True)
+class Side:
+    """A view of the body.
+
+    Attributes
+    ----------
+    title, along : str
+        What is seen, and what lies along the horizontal axis.
+    bodies : ndarray, shape (2, K, C, 2)
+        Corners of the polygons at the start and at the end [m].
+    shortening : ndarray, shape (K,)
+        Of each polygon at the end, from -1 to 1.
+    trail : ndarray, shape (T, 2)
+        Of the centre of mass [m].
+    """
+
+    title: str
+    along: str
+    bodies: FloatArray
+    shortening: FloatArray
+    trail: FloatArray
+
+
+def write(picture: Image.Image, path: Path) -> Path:
+    """Write a picture as PNG, whole or not at all, and return the path."""
+    with written_whole(path) as part:
+        picture.save(part, format="png")
+    return path
+
+
+def of_run(record: Record, sides: Sequence[Side], curves: Mapping[str, FloatArray]) -> Image.Image:
+    """Return the overview of a run: its views, and curves [m], each of shape (T,), over its time."""
+    heights = [_height(side) for side in sides]
+    canvas = _headed(record, sum(heights) + CURVES_HIGH + (len(sides) + 1) * (ABOVE + BELOW))
+    top = HEADER
+    for side, height in zip(sides, heights, strict=True):
+        _draw_side(canvas, side, top + ABOVE, height)
+        top += ABOVE + height + BELOW
+    _draw_curves(canvas, record["time"], curves, top + ABOVE)
+    return canvas.image
+
+
+def of_planar(record: Record, names: tuple[str, str, str], activation: FloatArray) -> Image.Image:
+    """Return the overview of a planar worm; the names are those of its joints, top and bottom apexes.
+
+    Parameters
+    ----------
+    activation : ndarray, shape (N,)
+        Of each segment at the end.
+    """
+    joints, top, bottom = (record[name][[0, -1]] for name in names)
+    bodies = np.stack([joints[:, :-1], top, joints[:, 1:], bottom], axis=2)
+    com, most = record["com"], float(np.abs(activation).max()) or 1.0
+    side = Side("height [m]", "along the ground [m]", bodies, activation / most, com)
+    return of_run(record, [side], {"along the ground": com[:, 0] - com[0, 0]})
+
+
+def of_cases(record: Record, vary: str, panels: Mapping[str, FloatArray]) -> Image.Image:
+    """Return the overview of a study: figures of merit, each of shape (C,), over what was varied."""
+    canvas = _headed(record, ABOVE + CASES_HIGH + BELOW)
+    width = (WIDTH - len(panels) * (LEFT + RIGHT)) / len(panels)
+    value = record["value"]
+    for number, (label, figures) in enumerate(panels.items()):
+        left = number * (LEFT + width + RIGHT) + LEFT
+        x, y = limits(value, 1e-9 + 0.1 * float(np.abs(value).max()), 0.08), limits(figures, 1e-12, 0.12)
+        box = (left, HEADER + ABOVE, left + width, HEADER + ABOVE + CASES_HIGH)
+        panel = Panel(canvas, box, np.array([x[0], y[0]]), np.array([x[1], y[1]]))
+        panel.frame(label, vary)
+        points = np.column_stack([value, figures])[np.argsort(value)]
+        panel.line(points, COLOURS[0])
+        panel.dots(points, COLOURS[0])
+    return canvas.image
+
+
+def _headed(record: Record, height: int) -> Canvas:
+    """Return a canvas with the title and how the run ended."""
+    canvas = Canvas(WIDTH, HEADER + height)
+    canvas.text(12, 16, record.title, size=15, width=WIDTH - 24)
+    canvas.text(12, 36, record.sentence, width=WIDTH - 24)
+    return canvas
+
+
+def _window(side: Side) -> tuple[FloatArray, FloatArray]:
+    """Return the corners of what is shown of a view."""
+    places = side.bodies.reshape(2, -1, 2)
+    with np.errstate(invalid="ignore"):
+        length = float(np.ptp(places[0, :, 0]))
+        far = not np.ptp(places[:, :, 0]) <= MOST_LENGTHS * length
+    shown = places[1:] if far else places
+    x, y = (limits(shown[..., axis], 1.1 * length if axis == 0 else 0.2 * length, 0.08) for axis in (0, 1))
+    return np.array([x[0], y[0]]), np.array([x[1], y[1]])
+
+
+def _height(side: Side) -> int:
+    low, high = _window(side)
+    return round(min(BODY_HIGH, (WIDTH - LEFT - RIGHT) * float((high[1] - low[1]) / (high[0] - low[0]))))
+
+
+def _draw_side(canvas: Canvas, side: Side, top: int, height: int) -> None:
+    """Draw a view in one scale: what is too high for its place is made narrower."""
+    low, high = _window(side)
+    scale = min((WIDTH - LEFT - RIGHT) / (high[0] - low[0]), height / (high[1] - low[1]))
+    right = LEFT + scale * float(high[0] - low[0])
+    panel = Panel(canvas, (LEFT, top, right, top + scale * float(high[1] - low[1])), low, high)
+    panel.frame(side.title, side.along)
+    panel.areas(side.bodies[0], [None] * len(side.shortening), START)
+    panel.areas(side.bodies[1], [_shade(share) for share in side.shortening.tolist()])
+    panel.line(side.trail, COLOURS[3])
+
+
+def _shade(share: float) -> Colour:
+    """Return red for what is shortened, blue for what is lengthened, skin-coloured at rest."""
+    if not math.isfinite(share):
+        return INVALID
+    far, size = (SHORTER, min(share, 1.0)) if share > 0.0 else (LONGER, min(-share, 1.0))
+    red, green, blue = (round(rest + size * (end - rest)) for rest, end in zip(REST, far, strict=True))
+    return red, green, blue
+
+
+def _draw_curves(canvas: Canvas, time: FloatArray, curves: Mapping[str, FloatArray], top: int) -> None:
+    x, y = limits(time, 1e-9, 0.0), limits(np.concatenate(list(curves.values())), 1e-3)
+    box = (LEFT, top, WIDTH - RIGHT, top + CURVES_HIGH)
+    panel = Panel(canvas, box, np.array([x[0], y[0]]), np.array([x[1], y[1]]))
+    panel.frame("displacement of the centre of mass [m]", "time [s]")
+    for number, (label, values) in enumerate(curves.items()):
+        colour, row = COLOURS[number], top + 12 + 15 * number
+        panel.line(np.column_stack([time, values]), colour)
+        if len(curves) > 1:
+            ends = [(SCALE * (LEFT + shift), SCALE * row) for shift in (10, 28)]
+            canvas.draw.line(ends, fill=colour, width=2 * SCALE)
+            canvas.text(LEFT + 34, row, label, size=10)

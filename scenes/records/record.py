@@ -1,0 +1,147 @@
+"""What a run leaves behind: named arrays with dimensions and units, and how they came about."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from scenes.language.errors import SceneError
+from scenes.records.summary import Summary
+
+
+class MissingVariableError(SceneError, KeyError):
+    """A result lacks a variable."""
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Variable:
+    """A named array.
+
+    Attributes
+    ----------
+    name : str
+    dims : tuple of str
+        Name of each dimension, () for a single number.
+    values : ndarray
+        Numbers, read-only.
+    units : str
+        "1" for a pure number.
+    long_name : str
+        What it is, in a few words.
+    """
+
+    name: str
+    dims: tuple[str, ...]
+    values: NDArray[Any]
+    units: str
+    long_name: str
+
+    def __init__(self, name: str, dims: tuple[str, ...], values: ArrayLike, units: str, long_name: str) -> None:
+        array = np.array(values)
+        if array.dtype.kind not in "iuf":
+            raise ValueError(f"{name}: got values of type {array.dtype}, must be integers or floats")
+        if array.ndim != len(dims):
+            raise ValueError(f"{name}: got shape {array.shape}, must have one axis for each of {dims}")
+        array.setflags(write=False)
+        fields = {"name": name, "dims": dims, "values": array, "units": units, "long_name": long_name}
+        for key, item in fields.items():
+            object.__setattr__(self, key, item)
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Length of each dimension."""
+        return dict(zip(self.dims, self.values.shape, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A finished run; frozen, with read-only arrays.
+
+    Everything but `timing` is the same, bit for bit, when the scene is run again.
+
+    Attributes
+    ----------
+    name : str
+        Of the scene.
+    kind : str
+        The scene's model.
+    scene : str
+        The resolved scene as TOML, every default written out.
+    status, sentence : str
+        How the run ended, in a word and in a sentence.
+    seed : int
+        Of everything random.
+    versions : mapping
+        Of the programs that made it.
+    summary : Summary
+        Figures of merit.
+    variables : tuple of Variable
+        Names are unique; a dimension has one length throughout.
+    timing : tuple of Variable
+        Wall-clock figures.
+    checkpoint : tuple of Variable
+        From which the run can go on, bit for bit.
+    """
+
+    name: str
+    kind: str
+    scene: str
+    status: str
+    sentence: str
+    seed: int
+    versions: Mapping[str, str]
+    summary: Summary
+    variables: tuple[Variable, ...]
+    timing: tuple[Variable, ...] = ()
+    checkpoint: tuple[Variable, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "versions", MappingProxyType(dict(self.versions)))
+        for group in (self.variables, self.timing, self.checkpoint):
+            _require_unique([variable.name for variable in group])
+            _require_consistent(group)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Return the values of a variable."""
+        return self.variable(name).values
+
+    def variable(self, name: str) -> Variable:
+        """Return a variable; a KeyError with a sentence names those that there are."""
+        for variable in self.variables:
+            if variable.name == name:
+                return variable
+        raise MissingVariableError(
+            f"{name}: not in this result, which has {', '.join(v.name for v in self.variables)}; perhaps another "
+            "version of worm3d wrote it"
+        )
+
+    @cached_property
+    def title(self) -> str:
+        """Title of the scene for people, its name if it has none."""
+        return str(tomllib.loads(self.scene).get("title") or self.name)
+
+    @cached_property
+    def sizes(self) -> dict[str, int]:
+        """Length of each dimension."""
+        return {dim: size for variable in self.variables for dim, size in variable.sizes.items()}
+
+
+def _require_unique(names: list[str]) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"variables: {', '.join(twice)} given more than once, names must be unique")
+
+
+def _require_consistent(variables: tuple[Variable, ...]) -> None:
+    sizes: dict[str, int] = {}
+    for variable in variables:
+        for dim, size in variable.sizes.items():
+            if sizes.setdefault(dim, size) != size:
+                raise ValueError(f"{variable.name}: got {size} along '{dim}', must be {sizes[dim]} as before")

@@ -1,9 +1,0 @@
-"""The simulator's kernels: the formulas of `worm3d.elements` and `worm3d.contact` put together, derived and compiled.
-
-Each module defines CasADi functions of one kind of instance, all with the same list of inputs, so that they share one
-array; `layout` says in which rows the inputs stand.
-
-    segment   eight contact points, springs, dampers and apex hinges of a segment
-    point     what acts on a contact point: inertia, weight, normal contact, friction
-    joint     pitch, yaw and twist between two segments
-"""

@@ -1,0 +1,1 @@
+"""Code generation, compilation, its cache on disc and banded algebra; nothing here knows of worms."""

@@ -1,0 +1,247 @@
+"""LU factors of the matrices of Newton's steps, in compiled code, block by block without pivoting.
+
+A matrix stands as in `worm3d.machine.banded`. Coordinates come in blocks of five; what couples them are groups of 13
+that begin with a block, and entries outside of all these must be zero. So a block concerns itself and 8 coordinates
+behind it. With A as the blocks before have left it,
+
+    [A11 A12]   A11 (5, 5)   H = A11^-1 A12
+    [A21 A22]   A22 (8, 8)   G = A21 A11^-1   A22 - A21 H is left to the next block
+
+Rows of 8 numbers stay in registers. In a solution, too, little waits for the block before: forwards the 8 numbers
+behind a block lose G y, y being its own; backwards these become A11^-1 y - H x with the 8 numbers x behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from worm3d.machine import vectors
+from worm3d.machine.banded import SMALLEST_PIVOT, WIDTH, B
+from worm3d.machine.compiled import njit
+from worm3d.machine.vector_writer import DOUBLE, INT, LANES, ONE, ZERO, Writer
+
+FloatArray = NDArray[np.float64]
+
+_utils: Any = cgutils  # without types
+
+BLOCK = 5
+"""Coordinates of a block."""
+_SHARED = LANES - BLOCK
+"""Coordinates of the second block behind one that it concerns; those concern the block between them too."""
+_ROOM = BLOCK * WIDTH
+"""Numbers that a block has in the array of the factors."""
+_INVERSE, _H, _G, _CORNER, _Y = (LANES * k for k in (0, 5, 10, 15, 23))
+"""Where they begin: 5 rows of A11^-1 and the first columns of H; 5 rows of H; 5 columns of G; the first 8 rows and
+columns of A; the block's numbers of a right-hand side, as the blocks before have left them."""
+
+
+def _of_matrix(row: int, column: int) -> int:
+    """Return where an entry stands, counted from one on the diagonal."""
+    return row * (WIDTH - 1) + column
+
+
+def _inverse(w: Writer, pivot: Any, diagonal: Any) -> Any:
+    """Return 1/pivot, zero where the pivot has vanished."""
+    least = w.builder.fmul(w.size(diagonal), ir.Constant(DOUBLE, SMALLEST_PIVOT))
+    vanished = w.builder.fcmp_ordered("<=", w.size(pivot), least)  # a NaN has not
+    one, zero = (ir.Constant(DOUBLE, value) for value in (1.0, 0.0))
+    return w.builder.select(vanished, zero, w.builder.fdiv(one, pivot))
+
+
+def _eliminated(w: Writer, factors: Any, band: Any, between: Callable[[int], None]) -> tuple[list[Any], list[Any]]:
+    """Return the rows of A11^-1, with the first columns of H, and of H, by Gauss-Jordan elimination.
+
+    What `between` writes after each pivot is done while that waits for the next one.
+    """
+    near = [w.load(factors, _CORNER + LANES * r) for r in range(BLOCK)]
+    far = [w.load(band, _of_matrix(r, LANES)) for r in range(BLOCK)]
+    pivot = w.lane(near[0], 0)
+    for k in range(BLOCK):
+        inverse = _inverse(w, pivot, w.number(band, _of_matrix(k, k)))
+        if k + 1 < BLOCK:  # ahead of the rows, for the next inverse takes longest
+            product = w.builder.fmul(w.lane(near[k + 1], k), w.lane(near[k], k + 1))
+            pivot = w.less(w.lane(near[k + 1], k + 1), product, inverse)
+        own = [w.builder.fmul(w.spread_number(inverse), row) for row in (w.exchanged(near[k], ONE, k), far[k])]
+        for r in range(BLOCK):
+            if r != k:
+                factor = w.spread(near[r], k)
+                near[r] = w.less(w.exchanged(near[r], ZERO, k), factor, own[0])
+                far[r] = w.less(far[r], factor, own[1])
+        near[k], far[k] = own
+        between(k)
+    return near, [w.lanes(x, y, list(range(BLOCK, BLOCK + LANES))) for x, y in zip(near, far, strict=True)]
+
+
+def _below(w: Writer, factors: Any, band: Any, r: int) -> list[Any]:
+    """Return the numbers of a row of A21; the first three rows are in the corner."""
+    if r < _SHARED:
+        return [w.spread_number(w.number(factors, _CORNER + LANES * (BLOCK + r) + j)) for j in range(BLOCK)]
+    return [w.spread_number(w.number(band, _of_matrix(BLOCK + r, j))) for j in range(BLOCK)]
+
+
+def _behind(w: Writer, factors: Any, band: Any, r: int) -> Any:
+    """Return a row of A22; of the first three rows three numbers are in the corner."""
+    row = w.load(band, _of_matrix(BLOCK + r, BLOCK))
+    if r >= _SHARED:
+        return row
+    return w.lanes(w.load(factors, _CORNER + LANES * (BLOCK + r)), row, [5, 6, 7, 11, 12, 13, 14, 15])
+
+
+def _write_corner(w: Writer, factors: Any, band: Any, h: list[Any]) -> None:
+    """Put down what is left to the next block."""
+    for r in range(LANES):
+        row = w.less_sum(_behind(w, factors, band, r), _below(w, factors, band, r), h)
+        w.store(row, factors, _ROOM + _CORNER + LANES * r)
+
+
+def _intrinsic(write: Any) -> Any:
+    """Return the intrinsic (factors, band) of two addresses, for which code is written so."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        write(Writer(builder), *args)
+        return ir.Constant(INT, 0)
+
+    def typed(_context: Any, factors: Any, band: Any) -> Any:
+        return types.int64(types.int64, types.int64), generate
+
+    return intrinsic(typed)
+
+
+@_intrinsic
+def _begin(w: Writer, factors: Any, band: Any) -> None:
+    """Put down the corner of a block as it is in the matrix."""
+    for r in range(LANES):
+        w.store(w.load(band, _of_matrix(r, 0)), factors, _CORNER + LANES * r)
+
+
+@_intrinsic
+def _again(w: Writer, factors: Any, band: Any) -> None:
+    """Put down what is left to the next block by one whose factors are there."""
+    _write_corner(w, factors, band, [w.load(factors, _H + LANES * r) for r in range(BLOCK)])
+
+
+def _write_elimination(w: Writer, factors: Any, band: Any, before: Any, band_before: Any) -> None:
+    """Put down A11^-1 and H of a block, its corner for the next one, and meanwhile G of the block before."""
+    places = [(before, _CORNER + LANES * (BLOCK + r)) for r in range(_SHARED)]
+    places += [(band_before, _of_matrix(BLOCK + r, 0)) for r in range(_SHARED, LANES)]
+    below = vectors.transposed(w.builder, [w.load(*place) for place in places])[:BLOCK]
+
+    def between(k: int) -> None:
+        inverse = [w.spread_number(w.number(before, _INVERSE + LANES * r + k)) for r in range(BLOCK)]
+        w.store(w.sum(inverse, below), before, _G + LANES * k)
+
+    near, h = _eliminated(w, factors, band, between)
+    _write_corner(w, factors, band, h)
+    for r in range(BLOCK):
+        w.store(near[r], factors, _INVERSE + LANES * r)
+        w.store(h[r], factors, _H + LANES * r)
+
+
+def _type_eliminate(_context: Any, factors: Any, band: Any, before: Any, band_before: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        _write_elimination(Writer(builder), *args)
+        return ir.Constant(INT, 0)
+
+    return types.int64(types.int64, types.int64, types.int64, types.int64), generate
+
+
+_eliminate: Any = intrinsic(_type_eliminate)
+
+
+def _type_forwards(_context: Any, factors: Any, x: Any, n: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        w, (factors, x, n) = Writer(builder), args
+        place = _utils.alloca_once_value(builder, w.load_some(x, n))
+        with _blocks(builder, n) as block:
+            here = builder.add(factors, builder.mul(block, ir.Constant(INT, 8 * _ROOM)))
+            done = builder.mul(builder.add(block, ir.Constant(INT, 1)), ir.Constant(INT, BLOCK))
+            y = builder.load(place)
+            w.store(y, here, _Y)
+            ahead = w.load_some(builder.add(x, builder.mul(done, ir.Constant(INT, 8))), builder.sub(n, done))
+            ahead = w.lanes(y, ahead, [5, 6, 7, 11, 12, 13, 14, 15])
+            g = [w.load(here, _G + LANES * j) for j in range(BLOCK)]
+            builder.store(w.less_sum(ahead, [w.spread(y, j) for j in range(BLOCK)], g), place)
+        return ir.Constant(INT, 0)
+
+    return types.int64(types.int64, types.int64, types.int64), generate
+
+
+def _type_backwards(_context: Any, factors: Any, x: Any, n: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        w, (factors, x, n) = Writer(builder), args
+        place = _utils.alloca_once_value(builder, ZERO)
+        with _blocks(builder, n, backwards=True) as block:
+            here = builder.add(factors, builder.mul(block, ir.Constant(INT, 8 * _ROOM)))
+            done = builder.mul(block, ir.Constant(INT, BLOCK))
+            y, behind = w.lanes(w.load(here, _Y), ZERO, [0, 1, 2, 3, 4, 13, 14, 15]), builder.load(place)
+            own = [builder.fmul(w.load(here, _INVERSE + LANES * r), y) for r in range(BLOCK)]
+            rows = [w.less(own[r], w.load(here, _H + LANES * r), behind) for r in range(BLOCK)]
+            found = w.totals(rows, behind)
+            builder.store(found, place)
+            w.store_some(found, builder.add(x, builder.mul(done, ir.Constant(INT, 8))), builder.sub(n, done))
+        return ir.Constant(INT, 0)
+
+    return types.int64(types.int64, types.int64, types.int64), generate
+
+
+@contextmanager
+def _blocks(builder: Any, n: Any, *, backwards: bool = False) -> Iterator[Any]:
+    """Write a loop over the blocks of n coordinates."""
+    count = builder.sdiv(builder.add(n, ir.Constant(INT, BLOCK - 1)), ir.Constant(INT, BLOCK))
+    with _utils.for_range(builder, count) as loop:
+        last = builder.sub(count, ir.Constant(INT, 1))
+        yield builder.sub(last, loop.index) if backwards else loop.index
+
+
+_forwards: Any = intrinsic(_type_forwards)
+_backwards: Any = intrinsic(_type_backwards)
+
+
+@njit
+def lu_factor(band: FloatArray, factors: FloatArray, start: int) -> None:
+    """Factorise A by elimination without pivoting.
+
+    The matrices of a step are close to positive definite ones; what is lost where they are not, Newton's next residual
+    shows. A coordinate with neither mass nor stiffness left, such as the roll of a body without apex masses, stays.
+
+    Parameters
+    ----------
+    band : ndarray, shape (n + B, WIDTH)
+    factors : ndarray, shape (n + B, WIDTH)
+        Overwritten by the factors, in an order of their own.
+    start : int
+        The first coordinate of a block: those of the blocks before it are there already; A is as it was then, but for
+        rows and columns from here on.
+    """
+    blocks, first = (len(band) - B + BLOCK - 1) // BLOCK, start // BLOCK
+    to, source = factors.ctypes.data, band.ctypes.data + 8 * B
+    room, rows = 8 * _ROOM, 8 * BLOCK * WIDTH
+    known = max(0, first - 2)  # with no more than its last rows right, which alone count for the block after it
+    _begin(to + known * room, source + known * rows)
+    for k in range(known, first):
+        _again(to + k * room, source + k * rows)
+    for k in range(first, blocks):
+        before = max(k - 1, first)  # G of the first one is made twice: no other block is to be touched
+        _eliminate(to + k * room, source + k * rows, to + before * room, source + before * rows)
+
+
+@njit
+def lu_solve(factors: FloatArray, x: FloatArray) -> None:
+    """Solve A x = b in place with the factors of `lu_factor`; x holds b.
+
+    Parameters
+    ----------
+    factors : ndarray, shape (n + B, WIDTH)
+        Working memory too.
+    x : ndarray, shape (n,)
+    """
+    _forwards(factors.ctypes.data, x.ctypes.data, len(x))
+    _backwards(factors.ctypes.data, x.ctypes.data, len(x))

@@ -1,0 +1,34 @@
+"""CasADi functions as native code, with one instance of the function in each lane of the processor's vectors.
+
+`compile_kernel(function)` reads the elementary instructions of an SX function (`program`), writes them as LLVM's
+language (`emit`, `text`, `lanes`), compiles them for this processor (`native`), keeps the result on disk
+(`worm3d.machine.cache`), and returns a `Kernel`. It is called from Python, or from Numba's compiled code by its
+address:
+
+    kernel = compile_kernel(function)
+    inputs, outputs = kernel.allocate(count)
+    kernel(inputs, outputs, count)  # Python
+    evaluate(kernel.address, inputs, outputs, count)  # inside @worm3d.machine.compiled.njit
+
+Arithmetic may fuse multiplication and addition and share reciprocals (LLVM's `contract arcp`), nothing else, so that
+results equal CasADi's virtual machine up to rounding and NaN goes where it goes there; note that C's fmin and fmax drop
+a NaN beside a number, there as here.
+"""
+
+from worm3d.machine.codegen.call import evaluate, evaluate_some
+from worm3d.machine.codegen.kernel import Backend, FallbackWarning, Kernel, Origin, compile_kernel
+from worm3d.machine.codegen.native import Host, this_host
+from worm3d.machine.codegen.program import UnsupportedError
+
+__all__ = [
+    "Backend",
+    "FallbackWarning",
+    "Host",
+    "Kernel",
+    "Origin",
+    "UnsupportedError",
+    "compile_kernel",
+    "evaluate",
+    "evaluate_some",
+    "this_host",
+]

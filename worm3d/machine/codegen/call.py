@@ -1,0 +1,74 @@
+"""Kernels called from Numba's compiled code, through their address, which is a value like any other.
+
+No symbol of the kernel enters the compiled caller, so Numba may keep the caller on disk: in the next process it
+receives that process's address as an argument.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from llvmlite import ir
+from numba.core import types
+from numba.core.errors import TypingError
+from numba.extending import intrinsic
+
+from worm3d.machine.compiled import kept
+
+INT = ir.IntType(64)
+
+
+def _type_invoke(_context: Any, address: Any, inputs: Any, outputs: Any, first: Any, count: Any) -> Any:
+    """Status of the kernel at `address` (`worm3d.machine.codegen.emit`), with the arrays from lane `first` on."""
+    for array in (inputs, outputs):
+        if not (isinstance(array, types.Array) and (array.dtype, array.ndim, array.layout) == (types.float64, 2, "C")):
+            raise TypingError(f"kernel: arrays must be float64, two-dimensional and C-contiguous, got {array}")
+    return types.int64(address, inputs, outputs, first, count), _generate
+
+
+def _generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    address, first, count = (context.cast(builder, args[i], signature.args[i], types.int64) for i in (0, 3, 4))
+    values = [*_pointer_and_shape(context, builder, signature, args, 1)]
+    values += [*_pointer_and_shape(context, builder, signature, args, 2), count]
+    for k in (0, 3):
+        values[k] = builder.gep(values[k], [first])
+    kind = ir.FunctionType(INT, [value.type for value in values])
+    return builder.call(builder.inttoptr(address, kind.as_pointer()), values)
+
+
+def _pointer_and_shape(context: Any, builder: Any, signature: Any, args: Any, i: int) -> tuple[Any, Any, Any]:
+    array = context.make_array(signature.args[i])(context, builder, args[i])
+    return (array.data, builder.extract_value(array.shape, 0), builder.extract_value(array.shape, 1))
+
+
+_invoke: Any = intrinsic(_type_invoke)
+
+
+@kept
+def evaluate(address: int, inputs: npt.NDArray[np.float64], outputs: npt.NDArray[np.float64], count: int) -> None:
+    """Evaluate `count` instances of the kernel at `address`, in compiled code; arrays as for `Kernel.__call__`.
+
+    Raises
+    ------
+    ValueError
+        If the shapes are not the kernel's.
+    """
+    if _invoke(address, inputs, outputs, 0, count) != 0:
+        raise ValueError("kernel: the arrays have not the kernel's rows or not enough lanes (see Kernel.allocate)")
+
+
+@kept
+def evaluate_some(
+    address: int, inputs: npt.NDArray[np.float64], outputs: npt.NDArray[np.float64], first: int, count: int
+) -> None:
+    """Evaluate `count` instances from lane `first` on, a multiple of the kernel's width; otherwise as `evaluate`.
+
+    Raises
+    ------
+    ValueError
+        If the shapes are not the kernel's, or there are fewer lanes.
+    """
+    if first + count > inputs.shape[1] or _invoke(address, inputs, outputs, first, count) != 0:
+        raise ValueError("kernel: the arrays have not the kernel's rows or not enough lanes (see Kernel.allocate)")

@@ -1,0 +1,92 @@
+"""Numba's compiler with a cache of its own: functions are kept under a digest of all sources they are made of.
+
+Any change makes them other functions (`worm3d.machine.cache.functions`). Where nothing can be written nothing is kept.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+from numba.core.ccallback import CFunc
+from numba.core.sigutils import normalize_signature
+
+from worm3d.machine import cache
+from worm3d.machine.cache.functions import FOLDER, keep, sources_digest
+
+_typed: Any = normalize_signature
+F = TypeVar("F", bound=Callable[..., Any])
+
+COMPILED = ("machine", "physics/kernels", "solver", "worlds")
+"""Folders of the modules of which compiled functions, and the layouts that they have as constants, are made."""
+
+OPTIMISATION = 1
+"""Of Numba's for the entries: more takes a quarter longer to compile and does not show in the time of a step."""
+
+
+def njit(function: F) -> F:
+    """Compile a function by Numba, without Python objects and their lock, and keep the result on disk."""
+    return cast(F, keep(numba.njit(error_model="numpy", nogil=True)(function), version))
+
+
+def kept(function: F) -> F:
+    """Compile a function by Numba as it comes, and keep the result on disk."""
+    return cast(F, keep(numba.njit(function), version))
+
+
+def inner(function: F) -> F:
+    """Compile a function that only compiled code calls: without what Python needs to call it; kept with its caller."""
+    options: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return cast(F, numba.njit(error_model="numpy", nogil=True, **options)(function))
+
+
+def cfunc(
+    signature: str,
+    function: Callable[..., Any],
+    optimisation: int = OPTIMISATION,
+    missed: Callable[[], None] = lambda: None,
+) -> Any:
+    """Compile a function as a C function with an `address`, and keep the result on disk.
+
+    `missed` is called before the function is compiled because it is not on disk.
+    """
+    # numba.cfunc, which compiles at once, lets nobody choose the cache.
+    compiled = keep(CFunc(function, _typed(signature), locals={}, options={}), version, missed)
+    with _configured("OPT", optimisation):
+        compiled.compile()
+    return compiled
+
+
+@functools.cache
+def announce() -> None:
+    """Say on stderr, once, that the solver is compiled, for half a minute."""
+    folder = cache.folder(FOLDER)
+    why = cache.obstacle(folder)
+    if why is None:
+        sys.stderr.write(f"worm3d: compiling, once, for about half a minute (kept in {folder})\n")
+    else:
+        sys.stderr.write(f"worm3d: compiling, for about half a minute, every time: {why}\n")
+    sys.stderr.flush()
+
+
+@contextlib.contextmanager
+def _configured(name: str, value: object) -> Iterator[None]:
+    """Set one of Numba's options for a while."""
+    before = getattr(numba.config, name)
+    setattr(numba.config, name, value)
+    try:
+        yield
+    finally:
+        setattr(numba.config, name, before)
+
+
+@functools.cache
+def version() -> str:
+    """Return a digest of all that compiled functions of this package are made of, besides their own file."""
+    root = Path(__file__).parents[1]
+    return sources_digest(root, [path for name in COMPILED for path in (root / name).rglob("*.py")])

@@ -1,0 +1,161 @@
+"""Coefficients of friction, and the constants of the contact law (`worm3d.physics.contact`) scaled to a worm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.values import arguments
+from worm3d.values.read_only import ReadOnly
+from worm3d.worm import Worm
+
+FloatArray = NDArray[np.float64]
+Numbers = float | FloatArray
+
+RESTING_PENETRATION = 1e-5
+"""Of the mean load, as a fraction of the segment length."""
+
+BREAKAWAY = 1e-5
+"""Displacement at which the contact with the smallest coefficient yields, as a fraction of the segment length."""
+
+GREATEST = 1e6
+"""Coefficient: whatever is larger sticks as well."""
+
+SMALLEST_COEFFICIENT = 0.01
+"""Coefficients below this fraction of the largest, 0 too, do not set the breakaway displacement: the others would
+become so stiff that rounding shows. Their contacts are harder instead, so that they yield no later."""
+
+LEAST_BESIDE_SMALL = 0.1
+"""Where there are such, the greatest fraction of the largest coefficient that sets it: what glides almost freely one
+way creeps across, in every step, by about as much as makes it yield there, and that has to be little."""
+
+NEGLIGIBLE = 1e-13
+"""Coefficients below this fraction of the largest, 0 too, count as that: in a step its force changes a velocity by less
+than places are rounded, and the law needs no exception for 0."""
+
+TINY = 1e-30
+"""Coefficient that counts for 0 where all are 0."""
+
+TANGENTIAL_DAMPING_RATIO = 40.0
+"""Of the contact with the smallest coefficient, for the mass that it holds; larger ones are damped more.
+
+The damper shares the cap with the spring, so its only effects are micrometres and milliseconds: too little (1) and a
+suddenly applied load overshoots and breaks loose early; the more, the sooner the contact carries its full load, as a
+rigid one does at once. The distance that a worm crawls does not depend on it.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Friction(ReadOnly):
+    """Directional Coulomb friction.
+
+    Attributes
+    ----------
+    forward, backward, lateral : float or ndarray, shape (N,)
+        Kinetic coefficient against motion towards the head, towards the tail and sideways.
+    static_ratio : float
+        Static over kinetic coefficient, at least 1.
+
+    Raises
+    ------
+    ValueError
+        A value that is not finite or out of range.
+    """
+
+    forward: Numbers = 0.03
+    backward: Numbers = 0.20
+    lateral: Numbers = 0.20
+    static_ratio: float = 1.2
+
+    def __post_init__(self) -> None:
+        for name in ("forward", "backward", "lateral"):
+            value = arguments.floats(name, getattr(self, name))
+            if (
+                value.ndim > 1
+                or value.size == 0
+                or not (np.isfinite(value) & (value >= 0.0) & (value <= GREATEST)).all()
+            ):
+                got = arguments.shown(getattr(self, name))
+                raise ValueError(
+                    f"{name}: got {got}, must be finite and at least 0 (and at most {GREATEST:g}), a "
+                    "number or one for each segment"
+                )
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        ratio = arguments.number("static_ratio", self.static_ratio, ge=1.0)
+        object.__setattr__(self, "static_ratio", ratio)
+
+    def coefficients(self, segments: int) -> FloatArray:
+        """Return forward, backward and lateral coefficients of each segment, shape (3, N).
+
+        Raises
+        ------
+        ValueError
+            An array that has not one value per segment.
+        """
+        rows = []
+        for name in ("forward", "backward", "lateral"):
+            value = np.asarray(getattr(self, name))
+            if value.shape not in ((), (segments,)):
+                raise ValueError(f"{name}: got shape {value.shape}, must be a number or of shape ({segments},)")
+            rows.append(np.broadcast_to(value, (segments,)))
+        return np.array(rows)
+
+
+@dataclass(frozen=True)
+class ContactConstants:
+    """Constants of the contact law for one worm and one friction.
+
+    Attributes
+    ----------
+    stiffness, damping : float
+        k [N/m] and c [N s/m] of one contact point, (C1).
+    yield_gauge : float
+        rho_b of (C3) [m].
+    gauge_damping : float
+        D of (C3) [s/m].
+    mu, hardness : ndarray, shape (3, N)
+        Coefficients forward, backward and lateral of each segment, and H of (C2).
+    """
+
+    stiffness: float
+    damping: float
+    yield_gauge: float
+    gauge_damping: float
+    mu: FloatArray
+    hardness: FloatArray
+
+    @classmethod
+    def of(cls, worm: Worm, friction: Friction, gravity: float) -> ContactConstants:
+        """Return the constants scaled to a worm's weight (to 9.81 m/s^2 where it has none).
+
+        Left and right apexes below a segment share its load, so that one of them has half of its stiffness.
+        """
+        g = gravity if gravity > 0.0 else 9.81
+        share = worm.mass / (2 * worm.segments)
+        stiffness = share * g / (RESTING_PENETRATION * worm.l0)
+        mu = friction.coefficients(worm.segments)
+        acting = mu[: 2 if worm.flat else 3]
+        mu = np.maximum(mu, max(NEGLIGIBLE * float(acting.max()), TINY))
+        least = _least(acting)
+        yield_gauge = least * BREAKAWAY * worm.l0
+        return cls(
+            stiffness=stiffness,
+            damping=2.0 * float(np.sqrt(stiffness * share)),
+            yield_gauge=yield_gauge,
+            # The mass held is N/g: critical is D mu^2 = 2 sqrt((mu^2/rho_b) (1/g)) per unit of N.
+            gauge_damping=TANGENTIAL_DAMPING_RATIO * 2.0 / (least * float(np.sqrt(yield_gauge * g))),
+            mu=mu,
+            hardness=np.maximum(1.0, least / mu),
+        )
+
+
+def _least(mu: FloatArray) -> float:
+    """Return the least coefficient that sets the breakaway displacement; smaller ones are as hard as that one."""
+    largest = float(mu.max())
+    if largest <= TINY:
+        return 1.0
+    small = mu < SMALLEST_COEFFICIENT * largest
+    return min(float(mu[~small].min()), LEAST_BESIDE_SMALL * largest if small.any() else np.inf)

@@ -1,0 +1,92 @@
+"""Mass points in time, symbolic: what the integrator presets, velocities, momenta, and inertia in the energy ledger.
+
+Both kinds of mass points, joints (`worm3d.physics.kernels.node`) and contact points (`worm3d.physics.kernels.point`),
+have the inputs `SIZES` in their layouts, beside their place "x" and their "weight".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+
+SIZES = {
+    "past": 6,  # X at t_n and t_{n-1}
+    "velocity": 6,  # likewise
+    "mass": 1,
+    "dt": 1,
+    "span": 1,  # beta dt, dt for implicit Euler [s]
+    "lands": 1,  # 1 in a step in which a point strikes the world
+}
+BDF2, EULER = (4.0 / 3.0, -1.0 / 3.0), (1.0, 0.0)
+"""Weights of t_n and t_{n-1} in the backward difference of the integrators."""
+
+Symbols = Mapping[str, ca.SX]
+
+
+def _weigh(s: Symbols, both: ca.SX) -> ca.SX:
+    """Return what the integrator's difference subtracts for values of t_n and t_{n-1}, shape (3,)."""
+    weights = [ca.if_else(_is_bdf2(s), new, old) for new, old in zip(BDF2, EULER, strict=True)]
+    return weights[0] * both[:3] + weights[1] * both[3:]
+
+
+def _is_bdf2(s: Symbols) -> ca.SX:
+    return s["span"] != s["dt"]
+
+
+def still(s: Symbols) -> ca.SX:
+    """Return where the integrator takes the point to have no velocity, shape (3,) [m]."""
+    return _weigh(s, s["past"])
+
+
+def coasting(s: Symbols) -> ca.SX:
+    """Return "x_hat", where the integrator takes the point to have no acceleration, shape (3,) [m]."""
+    return still(s) + s["span"] * _weigh(s, s["velocity"])
+
+
+def force(s: Symbols) -> ca.SX:
+    """Return m A, shape (3,) [N]."""
+    return s["inertia"] * (s["x"] - s["x_hat"])
+
+
+def stiffness(s: Symbols) -> ca.SX:
+    """Return m/(beta dt)^2 [N/m]."""
+    return s["mass"] / s["span"] ** 2
+
+
+def velocity(s: Symbols) -> ca.SX:
+    """Return the velocity at the end of the step, shape (3,) [m/s]."""
+    return (s["x"] - s["x_hat"]) / s["span"] + _weigh(s, s["velocity"])
+
+
+def motion(s: Symbols) -> ca.SX:
+    """Return X - X_n, shape (3,) [m]."""
+    return s["x"] - s["past"][:3]
+
+
+def mean_motion(s: Symbols) -> ca.SX:
+    """Return dt (V + V_n)/2, the way over which the force of a step does its work on a free mass, shape (3,) [m]."""
+    return 0.5 * s["dt"] * (velocity(s) + s["velocity"][:3])
+
+
+def ledger(s: Symbols, first: ca.SX) -> dict[str, ca.SX]:
+    """Return a mass point's terms of the energy ledger [J]; `first` is its motion to first order, shape (3,) [m].
+
+    In a landing the contact also carries the weight, whose impulse is none of the impact's.
+    """
+    v, v_n, v_m, mean = velocity(s), s["velocity"][:3], s["velocity"][3:], mean_motion(s)
+    e_v = ca.if_else(_is_bdf2(s), 0.5 * (v - 2.0 * v_n + v_m), 0.0)
+    carried, moved = s["lands"] * ca.dot(s["weight"], first - mean), motion(s)
+    lost = s["mass"] * ca.dot(e_v, mean) / s["dt"] + ca.dot(force(s), first - mean)
+    return {
+        "kinetic": 0.5 * s["mass"] * (ca.sumsqr(v) - ca.sumsqr(v_n)),
+        "potential": -ca.dot(s["weight"], moved),
+        "impact": carried,
+        "numerical_loss": lost - ca.dot(s["weight"], first - moved) - carried,
+    }
+
+
+def momenta(s: Symbols) -> ca.SX:
+    """Return momentum (3), angular momentum about the origin (3) and mass times place (3), at t_n."""
+    x, p = s["past"][:3], s["mass"] * s["velocity"][:3]
+    return ca.vertcat(p, ca.cross(x, p), s["mass"] * x)

@@ -1,0 +1,224 @@
+"""Kernels of a segment: from its 8 coordinates to its 8 contact points and chambers, and back with the forces.
+
+Coordinates: [p_i (3), roll g, bend th, p_{i+1} (3)]; the roll counts from the director at the start of the step.
+Points: the six apexes in the order of the conventions, tail face, head face; their coordinates stand axis by axis,
+row 8 axis + point, so that the rows of an axis are consecutive points for the kernels of
+`worm3d.physics.kernels.point`.
+
+Where all mass lies on the axis, the roll of the whole worm has no inertia. There a damper resists the roll g of each
+step: potential C g^2/(2 dt), loss C g^2/dt.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import casadi as ca
+
+from worm3d.physics import elements
+from worm3d.physics.kernels import losses
+from worm3d.physics.kernels.layout import Layout
+
+POINTS = 8
+"""Contact points of a segment: six apexes and two faces."""
+COORDINATES = 8
+
+LAYOUT = Layout(
+    {
+        "q": COORDINATES,
+        "dq": COORDINATES,  # motion of q in the step
+        "t_ref": 3,
+        "d_ref": 3,
+        "link": 1,
+        "offset": 1,
+        "radius": 2,  # of the faces at p_i and p_{i+1}
+        "normal": 6,  # of the world at the faces, one after the other
+        "rim": 4,  # r of (E6), likewise
+        "k": 1,
+        "k_apex": 1,
+        "l0": 1,
+        "tau": 1,  # Kelvin-Voigt time [s]
+        "roll_damping": 1,  # C [N m s], 0 where roll has inertia
+        "span": 1,  # beta dt [s]
+        "dt": 1,
+        "commanded": 2,  # rest length of each chamber at t_{n+1}
+        "force": 2,  # chamber forces at t_{n+1}
+        "length_hat": 2,  # of the damper: s_n, or (4 s_n - s_{n-1})/3
+        "angle_hat": 2,
+        "commanded_n": 2,
+        "length_n": 2,
+        "angle_n": 2,
+        "f": 3 * POINTS,  # gradient of the potential in the points
+        "of_points": 2 * POINTS,  # numbers of each point, which its kernel leaves before what follows
+        "f_ahead": 3 * POINTS,  # f as Newton foresaw it, for the second derivatives
+        "K": 9 * POINTS,  # Hessian of the potential, row 8 (3 r + c) + point
+    }
+)
+
+
+_REDUCED = ca.SX.sym("z", COORDINATES)
+"""Midpoint (3), edge p_{i+1} - p_i (3), roll, bend: in these the derivatives are shortest."""
+
+
+def _reduced() -> ca.SX:
+    """Return `_REDUCED` as the linear function of the coordinates that it is."""
+    q = LAYOUT.symbols["q"]
+    return ca.vertcat((q[0:3] + q[5:8]) / 2.0, q[5:8] - q[0:3], q[3], q[4])
+
+
+class _Shape(NamedTuple):
+    frame: elements.Frame
+    lengths: ca.SX
+    angles: ca.SX
+    points: ca.SX
+    """Shape (24,)."""
+
+
+@cache
+def _shape_of_reduced() -> _Shape:
+    s, z = LAYOUT.symbols, _REDUCED
+    middle, edge, link, offset = z[0:3], z[3:6], s["link"], s["offset"]
+    f = elements.frame(edge, z[6], s["t_ref"], s["d_ref"])
+    chambers = elements.chamber_lengths(f.length, z[7], offset)
+    points = elements.apexes(middle, f, chambers, link, offset)
+    for k, p in enumerate((middle - edge / 2.0, middle + edge / 2.0)):
+        points.append(elements.face_point(p, f, s["radius"][k], s["rim"][2 * k : 2 * k + 2]))
+    angles = [elements.hinge_angle(link, length) for length in chambers]
+    return _Shape(f, ca.vertcat(*chambers), ca.vertcat(*angles), ca.vec(ca.horzcat(*points).T))
+
+
+@cache
+def _shape() -> _Shape:
+    x = _shape_of_reduced()
+    parts = [*x.frame, x.lengths, x.angles, x.points]
+    *frame, lengths, angles, points = ca.substitute(parts, [_REDUCED], [_reduced()])
+    return _Shape(elements.Frame(*frame), lengths, angles, points)
+
+
+def shape() -> ca.Function:
+    """Return chamber lengths (2), tangent (3), director (3), and points (24)."""
+    x = _shape()
+    return LAYOUT.function("segment_shape", {"rest": [x.lengths, x.frame.t, x.frame.d], "points": x.points})
+
+
+def rims() -> ca.Function:
+    """Return the places of the faces' rims that are nearest to the world (4)."""
+    normal = LAYOUT.symbols["normal"]
+    nearest = [elements.nearest_rim(_shape().frame, normal[3 * k : 3 * k + 3]) for k in range(2)]
+    return LAYOUT.function("segment_rims", {"rim": nearest})
+
+
+def motion() -> ca.Function:
+    """Return the first-order motion of the points (24) under dq."""
+    return LAYOUT.function("segment_motion", {"points": _motion()})
+
+
+def _motion() -> ca.SX:
+    return ca.jtimes(_shape().points, LAYOUT.symbols["q"], LAYOUT.symbols["dq"])
+
+
+def jacobian() -> ca.Function:
+    """Return the derivatives of the points in the coordinates (192): point by point, axis by axis."""
+    of_reduced = ca.jacobian(_shape_of_reduced().points, _REDUCED)
+    of_points = ca.substitute([of_reduced], [_REDUCED], [_reduced()])[0] @ ca.jacobian(_reduced(), LAYOUT.symbols["q"])
+    rows = [of_points[POINTS * axis + k, :].T for k in range(POINTS) for axis in range(3)]
+    return LAYOUT.function("segment_jacobian", {"jacobian": rows})
+
+
+@cache
+def _potential() -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Potential of the springs and dampers, and gradient and Hessian of everything that moves with the segment."""
+    s, x = LAYOUT.symbols, _shape_of_reduced()
+    phi = s["roll_damping"] / (2.0 * s["dt"]) * _REDUCED[6] ** 2
+    for c in range(2):
+        stretch, turn = x.lengths[c] - s["length_hat"][c], x.angles[c] - s["angle_hat"][c]
+        phi += _chamber(x.lengths[c], s["commanded"][c]) + s["force"][c] * x.lengths[c] + _hinge(x.angles[c])
+        phi += (_chamber_damping() * stretch**2 + _hinge_damping() * turn**2) / (2.0 * s["span"])
+    slope = ca.gradient(phi + ca.dot(s["f"], x.points), _REDUCED)
+    curve, _ = ca.hessian(phi + ca.dot(s["f_ahead"], x.points), _REDUCED)
+    jacobian = ca.jacobian(x.points, _REDUCED)
+    curve += jacobian.T @ _point_hessian() @ jacobian
+    L = ca.jacobian(_reduced(), s["q"])
+    at = ca.substitute([phi, L.T @ slope, L.T @ curve @ L], [_REDUCED], [_reduced()])
+    return at[0], at[1], at[2]
+
+
+def _chamber(length: ca.SX, commanded: ca.SX) -> ca.SX:
+    return elements.chamber_energy(LAYOUT.symbols["k"], LAYOUT.symbols["l0"], length, commanded)
+
+
+def _hinge(angle: ca.SX) -> ca.SX:
+    s = LAYOUT.symbols
+    return s["k_apex"] / 2.0 * (angle - elements.hinge_angle(s["link"], s["l0"])) ** 2
+
+
+def _chamber_damping() -> ca.SX:
+    """Time times stiffness of one chamber [N s/m]."""
+    return LAYOUT.symbols["tau"] * LAYOUT.symbols["k"] / (2.0 * LAYOUT.symbols["l0"])
+
+
+def _hinge_damping() -> ca.SX:
+    return LAYOUT.symbols["tau"] * LAYOUT.symbols["k_apex"]
+
+
+def _point_hessian() -> ca.SX:
+    """Put the 3 x 3 Hessians of the points into one of shape (24, 24)."""
+    K = LAYOUT.symbols["K"]
+    blocks = [[K[POINTS * (3 * r + c) : POINTS * (3 * r + c + 1)] for c in range(3)] for r in range(3)]
+    return ca.vertcat(*[ca.horzcat(*[ca.diag(block) for block in row]) for row in blocks])
+
+
+def gradient() -> ca.Function:
+    """Return the potential of springs and dampers, and the gradient (8) of it and of the points' potential."""
+    phi, slope, _ = _potential()
+    return LAYOUT.function("segment_gradient", {"phi": phi, "gradient": slope})
+
+
+def hessian() -> ca.Function:
+    """Return potential and gradient as `gradient` does, and the Hessian (64), row by row."""
+    phi, slope, curve = _potential()
+    return LAYOUT.function("segment_hessian", {"phi": phi, "gradient": slope, "hessian": curve.T})
+
+
+LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss", "work_contract_p11")
+LEDGER_ROWS = 8
+"""Before the motion of the points: a row of the point array."""
+
+
+def ledger() -> ca.Function:
+    """Return the segment's terms of the energy ledger, in the order of `LEDGER_TERMS`, and its hinge angles (2).
+
+    Behind them, and a row that says nothing, stands what `motion` returns (24).
+    """
+    s = LAYOUT.symbols
+    terms = _chamber_ledger(0) + _chamber_ledger(1)
+    terms[LEDGER_TERMS.index("viscous_loss")] += s["roll_damping"] / s["dt"] * s["q"][3] * s["dq"][3]
+    rest = {"nothing": ca.SX.zeros(LEDGER_ROWS - len(LEDGER_TERMS) - 2), "points": _motion()}
+    return LAYOUT.function("segment_ledger", {"terms": terms, "angles": _shape().angles, **rest})
+
+
+def _chamber_ledger(c: int) -> ca.SX:
+    s, x = LAYOUT.symbols, _shape()
+    length, length_n, now, force = x.lengths[c], s["length_n"][c], s["commanded"][c], s["force"][c]
+    stretch, opening = (ca.jtimes(each, s["q"], s["dq"]) for each in (length, x.angles[c]))
+
+    def chamber(at: ca.SX) -> ca.SX:
+        return _chamber(at, now)
+
+    commanding = [chamber(at) - _chamber(at, s["commanded_n"][c]) for at in (length_n, length)]
+    work, missed = losses.trapezoid(*commanding)  # integral of (dE/dl_cmd) dl_cmd
+    change, numerical = losses.spring(chamber, length, length_n, stretch)
+    hinge_change, hinge_numerical = losses.spring(_hinge, x.angles[c], s["angle_n"][c], opening)
+    span, dt = s["span"], s["dt"]
+    lost, off = losses.damper(_chamber_damping(), length - s["length_hat"][c], span, dt, stretch)
+    hinge_lost, hinge_off = losses.damper(_hinge_damping(), x.angles[c] - s["angle_hat"][c], span, dt, opening)
+    pulled = length - length_n
+    passive = losses.slope(lambda at: _chamber(at, s["l0"]), length)
+    return ca.vertcat(
+        work - force * pulled,
+        commanding[0] + change + hinge_change,
+        lost + hinge_lost,
+        numerical + missed + hinge_numerical + off + hinge_off + force * (stretch - pulled),
+        -(losses.slope(chamber, length) + force - passive) * stretch,
+    )

@@ -1,0 +1,74 @@
+"""Where a worm has taken a shape that the model does not stand for, and what to do about it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.physics.kernels import joint, point, segment
+from worm3d.solver.arrays import POINTS
+from worm3d.solver.evaluate import LENGTHS, TANGENT
+from worm3d.status import Status
+
+FloatArray = NDArray[np.float64]
+Arrays = dict[str, FloatArray]
+
+BEND = 4
+"""Row of the chamber bend among a segment's coordinates."""
+
+SIDES = ("left", "right")
+
+
+def refused(arrays: Arrays, segments: int, status: Status) -> tuple[int, str]:
+    """Return the segment in which a step ended that the solver's guard refused, and why, in words.
+
+    Parameters
+    ----------
+    arrays : dict of str to ndarray
+        Of the solver, as the step left them (`worm3d.solver.arrays`): all but the coordinates are those of the shape
+        that was refused.
+    segments : int
+        N.
+    status : Status
+    """
+    of = {Status.FOLDED: _folded, Status.FLATTENED: _flattened, Status.SUNK: _sunk}.get(status)
+    return of(arrays, segments) if of else (0, "")
+
+
+def joint_angles(arrays: Arrays, segments: int) -> tuple[FloatArray, FloatArray]:
+    """Return the angles between neighbouring segments, and those that bends and hinges ask for, each (N-1,) [rad]."""
+    tangent = arrays["rest"][TANGENT : TANGENT + 3, :segments]
+    cosine = np.sum(tangent[:, :-1] * tangent[:, 1:], axis=0)
+    bend = arrays["segment_in"][segment.LAYOUT.first("q") + BEND, :segments]
+    hinge = arrays["joint_in"][joint.LAYOUT.first("hinge"), : segments - 1]
+    return np.arccos(np.clip(cosine, -1.0, 1.0)), np.abs(0.5 * (bend[:-1] + bend[1:]) + hinge)
+
+
+def _folded(arrays: Arrays, segments: int) -> tuple[int, str]:
+    enclosed, asked = joint_angles(arrays, segments)
+    i = int(np.argmax(np.maximum(enclosed, asked)))
+    return i + 1, (
+        f"joint {i + 1}, between segments {i} and {i + 1}, is bent by {np.rad2deg(enclosed[i]):.3g} degrees, where "
+        f"hinge and chambers ask for {np.rad2deg(asked[i]):.3g}; ask for less (hinge, bias, amplitude), or make it "
+        "stiffer (k_yaw, k_torsion)"
+    )
+
+
+def _flattened(arrays: Arrays, segments: int) -> tuple[int, str]:
+    share = arrays["rest"][LENGTHS : LENGTHS + 2, :segments] / arrays["longest"][0, :segments]
+    side, i = np.unravel_index(int(np.argmax(share)), share.shape)
+    length = float(share[side, i] * arrays["longest"][0, i])
+    return int(i), (
+        f"segment {i}, whose {SIDES[side]} chamber is {length:.4g} m long, as long as its links can be; "
+        "lengthen it less (negative contraction, bias, pull), or make the worm lighter, k_spring or half_height larger"
+    )
+
+
+def _sunk(arrays: Arrays, segments: int) -> tuple[int, str]:
+    distance = arrays["point_in"][point.LAYOUT.first("distance")].reshape(POINTS, -1)[6:, :segments]
+    faces = np.append(distance[0], distance[1, -1])
+    j = int(np.argmin(faces))
+    return min(j, segments - 1), (
+        f"joint {j} is {-faces[j]:.3g} m deep; press on it less (weight, external force), or make the worm stiffer "
+        "(k_torsion, k_spring)"
+    )
