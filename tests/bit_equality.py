@@ -1,12 +1,13 @@
 """Compare two checkouts: every shipped scene bit for bit, or the cost of a step. For changes that keep behaviour.
 
-    python tests/bit_equality.py OLD NEW [--scenes NAME ...] [--seconds 6]
+    python tests/bit_equality.py OLD NEW [--scenes NAME ...] [--seconds 6] [--keep DIR]
     python tests/bit_equality.py OLD NEW --cost
 
 OLD and NEW are checkouts, each with its own `.venv`. The first form runs every scene in both, at most `--seconds` of
 simulated time (whole for studies and the planar models), and compares all variables of `result.nc` but wall-clock
-times. A variable that only one of the two has is named, and is a difference too unless `RENAMED` maps it. The second
-prints the cost of a step of NEW over that of OLD, from runs that take turns.
+times. A variable that only one of the two has is named, and is a difference too unless `RENAMED` maps it. With `--keep`
+the results of OLD stay in DIR, and are read there the next time. The second prints the cost of a step of NEW over that
+of OLD, from runs that take turns.
 """
 
 from __future__ import annotations
@@ -52,22 +53,24 @@ def main() -> int:
     parser.add_argument("new", type=Path)
     parser.add_argument("--scenes", nargs="*", help="names; all if left out")
     parser.add_argument("--seconds", type=float, default=6.0, help="simulated time of a worm's scene")
+    parser.add_argument("--keep", type=Path, help="folder of the results of OLD, for this many seconds")
     parser.add_argument("--cost", action="store_true")
     given = parser.parse_args()
     if given.cost:
         _print_costs(given.old, given.new)
         return 0
     names = given.scenes or sorted(path.stem for path in (given.old / "scenes").glob("*.toml"))
-    return sum(not _equal(name, given.old, given.new, given.seconds) for name in names)
+    return sum(not _equal(name, given) for name in names)
 
 
-def _equal(name: str, old: Path, new: Path, seconds: float) -> bool:
+def _equal(name: str, given: argparse.Namespace) -> bool:
     """Run a scene in both checkouts, and print whether and where its results differ."""
     with tempfile.TemporaryDirectory() as folder:
-        results = [
-            _run(name, checkout, Path(folder) / side, seconds) for side, checkout in (("old", old), ("new", new))
-        ]
-        before, after = (dict(_variables(result)) for result in results)
+        kept = (given.keep or Path(folder) / "old") / name
+        if not (kept / "result.nc").exists():
+            _run(name, given.old, kept, given.seconds)
+        before = dict(_variables(kept / "result.nc"))
+        after = dict(_variables(_run(name, given.new, Path(folder) / "new", given.seconds)))
     renamed = {RENAMED.get(path, path): values for path, values in before.items()}
     lines = [f"{path}: only in {side}" for side, path in _unpaired(renamed, after)]
     lines += [_difference(path, renamed[path], after[path]) for path in renamed if path in after]

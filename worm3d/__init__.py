@@ -2,7 +2,7 @@
 
     result = worm3d.simulate(worm, world, ground, actuation=gait, duration=10.0)
 
-Start reading at `worm3d/simulate.py`, then `worm3d/solver/step.py`, `worm3d/kernels/`, and the formulas in
+Start reading at `worm3d/simulate.py`, then `worm3d/solver/step.py`, and the formulas in
 `worm3d/physics/elements.py` and `worm3d/physics/contact.py`; the letters are listed in NOTATION.md.
 
 What needs the compiler is imported when it is first asked for: gaits and scene checks need the parameters only.
