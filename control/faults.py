@@ -21,9 +21,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 DISOBEYS = 0.55
 """Gain of a chamber, as a share of the median gain, below which it does not obey. Neighbours of dead chambers, and

@@ -6,7 +6,6 @@ import logging
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from control.estimation.estimate import Estimate
 from control.faults import AT_LIMIT, Fault, Wave, faults
@@ -16,8 +15,7 @@ from control.sensing.measurement import Measurement
 from control.tracking.paths import offset
 from control.tracking.references import Reference
 from worm3d import Command, Worm
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 HARMONICS = 3
 """Number of harmonics of the wave that are fitted to strains and commands: what is left over is noise."""

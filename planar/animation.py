@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
-from planar.metrics import FloatArray
+from worm3d.values.arrays import FloatArray
 
 DPI = 100
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from planar.metrics import FloatArray
+from worm3d.values.arrays import FloatArray
 
 
 def centre_of_mass(

@@ -9,9 +9,8 @@ Source: the paper, section IV. Their siblings with the right units are dimension
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 
 def p11_work(force: FloatArray, displacement: FloatArray) -> FloatArray:

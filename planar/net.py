@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planar.metrics import FloatArray
+from worm3d.values.arrays import FloatArray
 
 BAND = 7
 """Half bandwidth of the Hessian in the flat coordinates (x0, y0, x1, y1, ...)."""

@@ -29,12 +29,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgbsv
 
-from planar.metrics import FloatArray
 from planar.net import BAND, Net
 from planar.published_parameters import Parameters
 from planar.published_run import Run
 from planar.status import Status, Stop
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.memory import require_room
 
 __all__ = ["Activation", "Observer", "Parameters", "Run", "simulate", "travelling_wave"]

@@ -8,10 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from planar.metrics import FloatArray, p11_work, p12_cost_of_transport
+from planar.metrics import p11_work, p12_cost_of_transport
 from planar.net import Net
 from planar.published_parameters import Parameters
 from planar.status import Status, Stop
+from worm3d.values.arrays import FloatArray
 
 
 @dataclass(frozen=True)

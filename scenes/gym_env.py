@@ -46,13 +46,13 @@ from scenes.models.worm.build import force_of, friction_of, gravity_of, start_of
 from worm3d.run import Run
 from worm3d.simulate import prepare
 from worm3d.status import Status
+from worm3d.values.arrays import FloatArray
 
 try:
     import gymnasium
 except ImportError as error:
     raise MissingPartError("scenes.gym_env needs Gymnasium: pip install 'worm3d[gym]'") from error
 
-FloatArray = NDArray[np.float64]
 Seen = NDArray[np.float32]
 
 LARGEST = 10.0

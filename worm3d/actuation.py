@@ -6,13 +6,11 @@ from collections.abc import Callable
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.command import Command, Commands
 from worm3d.observation import Observation
+from worm3d.values.arrays import FloatArray
 from worm3d.worm import Worm
-
-FloatArray = NDArray[np.float64]
 
 
 @runtime_checkable

@@ -22,10 +22,10 @@ from worm3d.start import LimitPointError, Placed, place, settle
 from worm3d.state import State, StateError
 from worm3d.status import Status
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World
 from worm3d.worm import Worm
 
-FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
 MOST_THREADS = 1024

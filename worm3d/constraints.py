@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-BoolArray = NDArray[np.bool_]
+from worm3d.values.arrays import BoolArray
 
 
 @dataclass(frozen=True, eq=False)

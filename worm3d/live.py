@@ -13,11 +13,11 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d import pictures
 from worm3d.status import Status
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer import Frames
 from worm3d.viewer.live import LiveView
 from worm3d.viewer.pieces import rounded_up
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from worm3d.result import Result
     from worm3d.run import Run
 
-FloatArray = NDArray[np.float64]
 
 AHEAD = 3.0
 """The world is drawn so many body lengths around the start."""

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds import ClampedGround, Heightfield, Mesh, Pipe, Plane, World
 
 if TYPE_CHECKING:
     from worm3d.result import Result
 
-FloatArray = NDArray[np.float64]
 
 UPRIGHT = 1e-3
 """A chord of which the horizontal part is below this fraction of it has no heading."""

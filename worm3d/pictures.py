@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from worm3d.result import Result
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer import Frames
 from worm3d.viewer.frames import instants
 from worm3d.worlds import World
@@ -25,7 +26,6 @@ from worm3d.worm import Worm
 if TYPE_CHECKING:
     from worm3d.viewer.notebook import NotebookView
 
-FloatArray = NDArray[np.float64]
 
 FPS = 25.0
 """Frames a second of a page or movie, at most."""

@@ -24,12 +24,11 @@ from worm3d.solver.faces import turn_faces
 from worm3d.solver.newton import solve_entry
 from worm3d.solver.step import step_entry
 from worm3d.state import State, StateError
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds import ClampedGround, World
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.plane import Plane
 from worm3d.worm import Worm
-
-FloatArray = NDArray[np.float64]
 
 FLAT = 0.02
 """A chamber lower than this fraction of its rest height is flattened."""

@@ -12,11 +12,10 @@ from worm3d import metrics, roll
 from worm3d.solver.arrays import TERMS
 from worm3d.state import State
 from worm3d.status import Status, Stop
+from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly, brief, listed, read_only
 from worm3d.worlds import World
 from worm3d.worm import Worm
-
-FloatArray = NDArray[np.float64]
 
 INCOMING = ("work_contract", "work_external", "load_change")
 STORED = ("kinetic", "elastic", "potential", "penetration", "anchor")

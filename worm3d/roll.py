@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
     from worm3d.result import Result
     from worm3d.worlds import World
 
-FloatArray = NDArray[np.float64]
 
 ON_ITS_SIDE = float(np.deg2rad(35.0))
 """Roll from which a worm lies on its side [rad]; lying there the default worm has 45 degrees. Crawling it has at most 5

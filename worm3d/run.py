@@ -9,7 +9,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from worm3d.actuation import Driver
 from worm3d.metrics import heading
@@ -24,8 +24,8 @@ from worm3d.solver.refused import refused
 from worm3d.start import GUARDED, Placed
 from worm3d.status import Status, Stop
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Force = Callable[[float], ArrayLike]
 """Time [s] -> force on each joint, shape (N+1, 3) [N]."""
 

@@ -18,6 +18,7 @@ from worm3d.solver import arrays
 from worm3d.start import Placed, place
 from worm3d.state import State
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.memory import bytes_of_run, require_room
 from worm3d.worlds import ClampedGround, World
 from worm3d.worm import Worm
@@ -25,7 +26,6 @@ from worm3d.worm import Worm
 if TYPE_CHECKING:
     from worm3d.live import Live
 
-FloatArray = NDArray[np.float64]
 Integrator = Literal["bdf2", "implicit_euler"]
 
 COARSEST = 1e-7

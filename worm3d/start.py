@@ -19,10 +19,10 @@ from worm3d.solver.guard import OK
 from worm3d.solver.records import record_memory
 from worm3d.state import State, StateError
 from worm3d.status import Status
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds import ClampedGround, World
 from worm3d.worm import Worm
 
-FloatArray = NDArray[np.float64]
 Settling = Callable[[Worm, World, FloatArray, NDArray[np.bool_], State], tuple[State, Status]]
 """As `settle`."""
 

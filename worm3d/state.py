@@ -13,13 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from worm3d.physics import elements
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.worlds.base import World
 from worm3d.worlds.clamped import ClampedGround
 from worm3d.worm import Worm
-
-FloatArray = NDArray[np.float64]
-
 
 LIFTS = 50
 """A worm put on its world is lifted at most so often until it fits."""

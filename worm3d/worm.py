@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 
-FloatArray = NDArray[np.float64]
 Numbers = float | FloatArray
 """A number, or one for each segment or joint."""
 

@@ -13,9 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 HEADING = 2
 """Index of the heading in the state."""

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from control.estimation.reduced import ReducedState
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

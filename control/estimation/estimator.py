@@ -21,7 +21,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from control.estimation.belief import HEADING, Belief, merged, reduced
 from control.estimation.estimate import Estimate
@@ -37,10 +36,10 @@ from control.sensing.noise import Noise
 from control.sensing.sensors import COM, Channel
 from control.sensing.sensors import HEADING as HEADING_SENSOR
 from worm3d import Worm
+from worm3d.values.arrays import FloatArray
 
 __all__ = ["Estimate", "Estimator"]
 
-FloatArray = NDArray[np.float64]
 
 PAUSE = 0.2
 """After such a time without samples the filter goes on without one [s]."""

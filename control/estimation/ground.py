@@ -23,11 +23,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d import Worm
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 SHARPNESS = 0.1
 """delta over the mean rest half-height."""

@@ -6,9 +6,8 @@ from bisect import bisect_left
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 
 class Driven:

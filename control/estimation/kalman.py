@@ -33,13 +33,11 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from control.estimation.belief import HEADING, Belief, wrapped
 from control.estimation.reduced import INPUTS, STATES, ReducedModel, ReducedState
 from control.planning.buffered import Buffered
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 ROCKING = slice(STATES, STATES + 4)
 SIZE = STATES + 4

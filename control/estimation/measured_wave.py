@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from control.gaits.steering import Schedule
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 SMOOTHING = 0.25
 """Waves over which a is smoothed: the shorter waves, of which two pass in a wave, nearly vanish."""

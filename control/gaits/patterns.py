@@ -16,12 +16,11 @@ from dataclasses import dataclass
 from typing import Literal, Protocol, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d import Command, Commands
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Direction = Literal["direct", "retrograde"]
 WaveDirection = Literal["direct", "retrograde", "standing"]
 Pulse = Literal["gaussian", "square", "dirac"]

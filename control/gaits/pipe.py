@@ -15,12 +15,10 @@ from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from control.gaits import Direction, Gait
 from worm3d.values import arguments
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 PARTS = 6
 REAR, BODY, FRONT = (3, 5), (1, 4), (0, 2)

@@ -50,13 +50,12 @@ from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from control.gaits import Body, Direction
 from worm3d import Command, Commands
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Mechanism = Literal["hinge", "bias"]
 MECHANISMS: tuple[Mechanism, ...] = get_args(Mechanism)
 

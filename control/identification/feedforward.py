@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from control.estimation.reduced import ReducedInput
 from control.identification.fit import SteeringMap
 from control.identification.surrogate import Ranges
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 PREFERRED = 0.8
 """Frequency at which the default worm has most of its speeds [Hz]; one outside a range gives way to its middle."""

@@ -26,13 +26,11 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from control.gaits.steering import GaitParameters, Mechanism, Schedule
 from control.identification import surrogate
 from control.identification.surrogate import Misfit, Parity, Polynomial, Ranges
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 QUANTITIES: Mapping[str, Parity] = MappingProxyType({"distance": "even", "turn": "odd", "drift": "odd"})
 """What is mapped, and its parity in the steering."""

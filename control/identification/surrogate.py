@@ -20,9 +20,10 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
+
 Parity = Literal["even", "odd"]
 
 DEGREE = 4

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 
 class Buffered:

@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-import numpy as np
-from numpy.typing import NDArray
-
 from control.estimation.estimate import Estimate
 from control.gaits.steering import GaitParameters
+from worm3d.values.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Source = Literal["mpc", "shifted plan", "gait", "stop", "pi_los", "open_loop"]
 SOURCES: tuple[Source, ...] = get_args(Source)
 

@@ -16,9 +16,9 @@ from enum import Enum
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
+
 Residuals = Callable[[FloatArray], FloatArray]
 """z (n,) -> r (m,)."""
 Linearised = Callable[[FloatArray], tuple[FloatArray, FloatArray]]

@@ -11,7 +11,6 @@ from math import isfinite
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from control.estimation.estimator import Estimate
 from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel, ReducedState
@@ -24,8 +23,7 @@ from control.planning.preview import Preview, look_ahead, turn_rate
 from control.planning.problem import Problem, Scale, Tolerances
 from control.tracking.references import Reference
 from worm3d import Worm
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 LEAST_SHARE = 0.5
 """Of the speed that the gait makes, whatever the estimate of the slip says: more than that is not made up for."""

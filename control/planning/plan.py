@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from control.gaits.steering import GaitParameters
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 
 class PlanStatus(Enum):

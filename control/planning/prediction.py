@@ -18,12 +18,10 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from control.estimation.reduced import INPUTS, STATES, ReducedModel
 from control.planning.buffered import Buffered
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 GREATEST_CRAB = 0.3
 """By which the body may stand across its path [rad]."""

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from control.tracking.references import Reference
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 MOMENT = 0.05
 """Over which a heading's rate is taken [s]."""

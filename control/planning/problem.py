@@ -16,14 +16,12 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from control.estimation.reduced import INPUTS
 from control.identification.surrogate import Ranges
 from control.planning.prediction import Prediction
 from control.planning.preview import Preview
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 
 @dataclass(frozen=True)

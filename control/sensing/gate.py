@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from control.sensing.measurement import Measurement
 from worm3d import Worm
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 SPAN = 2.0
 """Age beyond which a sample is not used, unless the sensors are known to be slower [s]."""

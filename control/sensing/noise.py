@@ -14,10 +14,7 @@ from __future__ import annotations
 from collections import deque
 from math import log, sqrt
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 WINDOW = 100
 """Samples of which the noise is that of now: five seconds of the default sensors. With half of them the estimate is off

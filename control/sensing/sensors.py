@@ -19,13 +19,11 @@ from dataclasses import dataclass, fields
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 
 from control.sensing.measurement import Measurement
 from worm3d import Observation
 from worm3d.values import arguments
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 ROUNDING = 1e-9
 """By which an instant may be missed [s]: times are sums of time steps."""

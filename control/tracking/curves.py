@@ -16,11 +16,10 @@ from functools import cached_property
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from worm3d.values import arguments
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 PARTS = 16
 """Of each interval between knots."""

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from control.tracking.paths import offset, track
 from control.tracking.references import Reference, Steps
+from worm3d.values.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 DROPPED = 3.0

@@ -15,14 +15,14 @@ from typing import Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from control.tracking.curves import Curve, require_apart, require_points
 from control.tracking.waypoints import PlanView, WayPoints
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 
-FloatArray = NDArray[np.float64]
 Side = Literal["left", "right"]
 
 MOST_WAVES = 10_000

@@ -7,12 +7,12 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from control.tracking.paths import Path
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Profile = Callable[[Any], Any]
 """Time [s], a number or an array -> a speed [m/s] or a heading [rad], likewise."""
 SpeedProfile = Profile

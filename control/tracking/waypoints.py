@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from control.tracking.curves import Curve, require_apart, require_points
 from worm3d import Bend, Centreline, Straight
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planar.compiled import njit
-from planar.linkage.worm import FloatArray
+from worm3d.values.arrays import FloatArray
 
 BAND = 5
 ROWS = 3 * BAND + 1

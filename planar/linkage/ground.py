@@ -33,8 +33,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planar.linkage.worm import FloatArray, Linkage
+from planar.linkage.worm import Linkage
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 
 RESTING_PENETRATION = 1e-5

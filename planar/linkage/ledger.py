@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 
 from planar.linkage.ground import Ground
 from planar.linkage.shape import R, apexes, cross_products, diagonals, hinge_angles, joint_cosines
-from planar.linkage.worm import FloatArray, Linkage
+from planar.linkage.worm import Linkage
+from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
     from planar.linkage.step import State, Step

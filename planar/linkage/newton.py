@@ -18,7 +18,7 @@ from planar.compiled import njit
 from planar.linkage import regimes
 from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Contact, Now, apex_gauge, evaluate
 from planar.linkage.shape import apexes
-from planar.linkage.worm import FloatArray
+from worm3d.values.arrays import FloatArray
 
 MAX_DESCENT = 60
 MAX_SEARCH = 40

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from planar.linkage.element import OPEN, SLIDE, STICK, Contact, Now
 from planar.linkage.shape import apexes
-from planar.linkage.worm import FloatArray
+from worm3d.values.arrays import FloatArray
 
 Regimes = NDArray[np.int64]
 

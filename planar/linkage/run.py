@@ -12,9 +12,10 @@ from planar.linkage.ground import Ground
 from planar.linkage.ledger import Ledger, Parts
 from planar.linkage.shape import apexes, diagonals
 from planar.linkage.step import State, Step
-from planar.linkage.worm import FloatArray, Linkage
+from planar.linkage.worm import Linkage
 from planar.metrics import dimensionless_cost_of_transport
 from planar.status import Status, Stop
+from worm3d.values.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planar.linkage.worm import FloatArray
+from worm3d.values.arrays import FloatArray
 
 R = np.array([[0.0, -1.0], [1.0, 0.0]])
 """Turns a vector by 90 degrees to the left."""

@@ -21,9 +21,10 @@ from planar.linkage.start import (
     touches,
 )
 from planar.linkage.step import ClampedStepper, ContactStepper, State, Step, Stepper, ThresholdStepper
-from planar.linkage.worm import FloatArray, Linkage
+from planar.linkage.worm import Linkage
 from planar.status import Status, Stop
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.memory import require_room
 
 Gait = Callable[[float], FloatArray]

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from planar.linkage.ground import RESTING_PENETRATION, Friction, Ground
 from planar.linkage.shape import apexes, diagonals, joint_cosines
 from planar.linkage.step import ContactStepper, State
-from planar.linkage.worm import FloatArray, Linkage
+from planar.linkage.worm import Linkage
 from planar.status import Status
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 
 FLAT = 0.02
 """A rhombus lower than this fraction of its rest height is flattened."""

@@ -12,7 +12,8 @@ from planar.linkage.element import LAW, Body, Contact, Now
 from planar.linkage.ground import TIE, YIELD_TOLERANCE, Ground
 from planar.linkage.newton import Newton, Solution, loads
 from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
-from planar.linkage.worm import FloatArray, Linkage
+from planar.linkage.worm import Linkage
+from worm3d.values.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,12 +11,10 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
-
-FloatArray = NDArray[np.float64]
 
 MOST_SEGMENTS = 10_000
 """Memory of a step, as of a run, is taken for each."""

@@ -17,7 +17,6 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from scenes.bench.crawl import StoppedError
 from scenes.bench.machine import machine
@@ -27,8 +26,7 @@ from scenes.language.errors import SceneError
 from scenes.language.loader import load_scene
 from scenes.records import folder as folders
 from scenes.records.files import write_bytes
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 STEPS = (0.02, 0.01, 0.005, 0.002)
 """Time steps that are judged [s]."""

@@ -33,8 +33,6 @@ from worm3d.machine.banded import B
 from worm3d.plant import kernels
 from worm3d.solver.arrays import WORLD_ROWS
 
-FloatArray = NDArray[np.float64]
-
 WORMS = (2, 4, 8)
 """Side by side."""
 

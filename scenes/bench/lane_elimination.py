@@ -16,11 +16,10 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
 from worm3d.machine.banded import B
+from worm3d.values.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Loop = Callable[[FloatArray, FloatArray, FloatArray, FloatArray, bool, int], None]
 
 COLUMNS = 2 * B + 1

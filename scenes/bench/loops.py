@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from worm3d.machine.banded_lu import lu_factor, lu_solve
 from worm3d.machine.codegen import evaluate as run
 from worm3d.machine.compiled import njit
@@ -18,8 +15,7 @@ from worm3d.solver.evaluate import LOCAL, WHOLE, evaluate, hold
 from worm3d.solver.newton import _newton_step
 from worm3d.solver.records import record
 from worm3d.solver.step import _commit, begin, place_start
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 
 @njit

@@ -29,7 +29,8 @@ from mujoco.rollout import Rollout
 from scenes.bench.mujoco_model import Settings, mjcf
 from scenes.bench.rivals import SEARCH_SECONDS, Measured, Searching, measure
 from scenes.bench.search import NotConvergedError
-from scenes.bench.task import FloatArray, Task
+from scenes.bench.task import Task
+from worm3d.values.arrays import FloatArray
 
 STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 UNSTABLE = (

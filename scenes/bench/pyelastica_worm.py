@@ -25,8 +25,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from scenes.bench.rivals import SEARCH_SECONDS, Searching
-from scenes.bench.task import FloatArray, Task
+from scenes.bench.task import Task
 from worm3d.machine.compiled import njit
+from worm3d.values.arrays import FloatArray
 
 SLIP_SPEED = 3e-4
 """Below it friction is static [m/s]; a tenth of it changes the distance by 1 %."""

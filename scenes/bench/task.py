@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from control.gaits import TravellingWave
 from worm3d import Worm
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

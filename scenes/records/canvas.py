@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
+
 Colour = tuple[int, int, int] | str
 
 SCALE = 3

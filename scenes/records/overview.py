@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from scenes.records.canvas import SCALE, Canvas, Colour, Panel, limits
 from scenes.records.files import written_whole
 from scenes.records.record import Record
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 FILE_NAME = "overview.png"
 

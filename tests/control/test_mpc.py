@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from numpy.typing import NDArray
 
 from control.estimation.estimator import Estimate
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
@@ -18,8 +17,8 @@ from control.planning.problem import Problem, Tolerances
 from control.tracking.paths import Circle, Line, SCurve, offset, track
 from control.tracking.references import Constant, Reference, Steps
 from worm3d import Worm
+from worm3d.values.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 WORM = Worm()
 PERIOD = 0.2
 

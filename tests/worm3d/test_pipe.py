@@ -6,7 +6,7 @@ import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 
 from worm3d import Bend, Centreline, Patch, Pipe, Profile, Straight
-from worm3d.worlds.base import FloatArray
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds.symbolic import rows
 
 CROOKED = Centreline.of(

@@ -8,8 +8,9 @@ import worm3d
 from control.gaits import TravellingWave
 from worm3d import Bend, Centreline, Patch, Pipe, Profile, Straight, Worm
 from worm3d.machine.codegen import evaluate
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds import pipe_table, symbolic, table
-from worm3d.worlds.base import FloatArray, WorldKernel
+from worm3d.worlds.base import WorldKernel
 
 TURN = np.linspace(0.0, 8.0 * np.pi, 80)
 COIL = Centreline.through(np.column_stack([2.0 * np.cos(TURN), 2.0 * np.sin(TURN), 0.1 / 2.0 / np.pi * TURN]))

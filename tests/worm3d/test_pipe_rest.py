@@ -21,7 +21,7 @@ from worm3d import (
     Straight,
     Worm,
 )
-from worm3d.worlds.base import FloatArray
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds.symbolic import rows
 
 STIFF = Worm(k_spring=100.0)

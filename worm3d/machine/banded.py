@@ -9,15 +9,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
 from worm3d.machine.compiled import njit
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 B = 12
 """Half bandwidth: a joint couples 13 coordinates."""

@@ -17,18 +17,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
 from worm3d.machine import vectors
 from worm3d.machine.banded import SMALLEST_PIVOT, WIDTH, B
 from worm3d.machine.compiled import njit
 from worm3d.machine.vector_writer import DOUBLE, INT, LANES, ONE, ZERO, Writer
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 _utils: Any = cgutils  # without types
 

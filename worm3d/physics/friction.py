@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 from worm3d.worm import Worm
 
-FloatArray = NDArray[np.float64]
 Numbers = float | FloatArray
 
 RESTING_PENETRATION = 1e-5

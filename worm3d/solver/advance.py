@@ -14,8 +14,7 @@ from worm3d.solver.entry import reset
 from worm3d.solver.guard import OK
 from worm3d.solver.records import record
 from worm3d.solver.step import step
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 _COMMANDED, _FORCE = segment.LAYOUT.firsts("commanded", "force")
 _HINGE = joint.LAYOUT.first("hinge")

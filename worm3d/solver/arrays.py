@@ -27,8 +27,6 @@ from worm3d.machine.banded import WIDTH, B
 from worm3d.physics.kernels import joint, node, point, segment
 from worm3d.solver.block import Block, Memory
 
-FloatArray = NDArray[np.float64]
-
 POINTS = segment.POINTS
 BLOCK = 5
 """Coordinates of a joint's block: p (3), roll and bend of the segment ahead of it."""

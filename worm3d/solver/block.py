@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from worm3d.machine.compiled import inner
 from worm3d.machine.vectors import doubles_at, integers_at
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 LINE = 8
 """Doubles in a cache line; every array begins on one."""

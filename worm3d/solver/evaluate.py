@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.machine.banded import B
 from worm3d.machine.codegen import evaluate as run
@@ -14,8 +13,7 @@ from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.band import exchange, fill_band, fill_joint_band
 from worm3d.solver.block import copy, fill, matrix, rows, vector
 from worm3d.solver.entry import call, count, kernel, opened
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 _Q, _LINK, _T_REF = segment.LAYOUT.firsts("q", "link", "t_ref")
 _JOINT_Q = joint.LAYOUT.first("q")

@@ -7,9 +7,6 @@ many steps later. All others go on as in their last two steps. A wrong guess cos
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from worm3d.machine.codegen import evaluate as run
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import point
@@ -18,8 +15,6 @@ from worm3d.solver import regimes
 from worm3d.solver.arrays import POINTS, Core
 from worm3d.solver.block import combine, copy, dot, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
-
-FloatArray = NDArray[np.float64]
 
 DOES, DID, SINCE, AHEAD, STEADY, DUE = range(6)
 """Rows of "fronts": what a contact does and did before, a slide towards the tail being negative; steps since; by how

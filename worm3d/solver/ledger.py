@@ -38,8 +38,7 @@ from worm3d.solver.arrays import BLOCK, TERMS, Core
 from worm3d.solver.block import address, combine, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
 from worm3d.solver.evaluate import LOAD
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 WORK_CONTRACT, WORK_POSITIVE = TERMS.index("work_contract"), TERMS.index("work_contract_positive")
 VISCOUS, DRAG = TERMS.index("viscous_loss"), TERMS.index("drag_loss")

@@ -8,7 +8,6 @@ the step for given loads (it always descends) and follow from there; after each,
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.machine import vectors
 from worm3d.machine.banded import B, cholesky_solve
@@ -22,8 +21,7 @@ from worm3d.solver.block import address, combine, copy, dot, fill, matrix, rows,
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import LOAD, LOCAL, NONE, WHOLE, WITH_KEPT_JOINTS, evaluate, hold
 from worm3d.solver.regimes import Y
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 MAX_DESCENT = 60
 MAX_SEARCH = 40

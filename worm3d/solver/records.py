@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as run
@@ -13,8 +12,7 @@ from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, TERMS, Core
 from worm3d.solver.block import Block, Memory, address, copy, fill, matrix, vector
 from worm3d.solver.entry import kernel
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 NAMES = (
     "joints",  # (N+1, 3)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.physics.kernels import joint, point, segment
 from worm3d.solver.arrays import POINTS
 from worm3d.solver.evaluate import LENGTHS, TANGENT
 from worm3d.status import Status
+from worm3d.values.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Arrays = dict[str, FloatArray]
 
 BEND = 4

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from worm3d.machine.codegen import evaluate as run
 from worm3d.machine.compiled import inner, njit
 from worm3d.physics.kernels import point, segment
@@ -12,8 +9,7 @@ from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, Core
 from worm3d.solver.block import copy, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 _LOAD_N, _REGIME, _STIFFNESS, _CAP = point.LAYOUT.firsts("load_n", "regime", "stiffness", "cap")
 _DQ, _FIRST, _PULL = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull")

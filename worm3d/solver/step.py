@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as run
@@ -20,8 +19,6 @@ from worm3d.solver.faces import turn_faces
 from worm3d.solver.guard import NO_CONVERGENCE, OK, guard
 from worm3d.solver.ledger import gravity
 from worm3d.solver.newton import solve
-
-FloatArray = NDArray[np.float64]
 
 _T_REF, _D_REF = segment.LAYOUT.firsts("t_ref", "d_ref")
 _SPAN, _DT, _COMMANDED, _COMMANDED_N = segment.LAYOUT.firsts("span", "dt", "commanded", "commanded_n")

@@ -10,9 +10,9 @@ import operator
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
+
 T = TypeVar("T")
 
 LARGEST = 1e12

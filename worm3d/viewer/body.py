@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from worm3d.viewer.arrays import FloatArray
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer.frames import Frames
 
 _OPPOSITE = np.array([1.0, -1.0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from worm3d.viewer.arrays import FloatArray
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.world import WorldMesh
 

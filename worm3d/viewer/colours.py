@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from worm3d.viewer.arrays import FloatArray
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer.world import Colour
 
 SHORTER: Colour = (0.78, 0.12, 0.16)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.viewer.arrays import FloatArray, Shape, check_shape, frozen
+from worm3d.values.arrays import FloatArray
+from worm3d.viewer.arrays import Shape, check_shape, frozen
 from worm3d.viewer.world import WorldMesh
 
 _ARRAYS: dict[str, Shape] = {

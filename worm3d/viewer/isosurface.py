@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.viewer.arrays import FloatArray
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer.tube import Mesh
 
 _CORNERS = np.array(list(product((0, 1), repeat=3)))

@@ -9,8 +9,8 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer import pieces, recorder
-from worm3d.viewer.arrays import FloatArray
 from worm3d.viewer.connection import Connection, Server
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import Piece

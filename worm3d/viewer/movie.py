@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from worm3d.viewer.arrays import FloatArray
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.pictures import Stage
 

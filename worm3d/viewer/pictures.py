@@ -16,8 +16,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer import colours
-from worm3d.viewer.arrays import FloatArray
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.pieces import Scales, arrow_length
 from worm3d.viewer.projection import Projection

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer import rotation
-from worm3d.viewer.arrays import FloatArray
 from worm3d.viewer.tube import Mesh
 from worm3d.viewer.world import Colour
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer import colours, rotation, shapes
-from worm3d.viewer.arrays import FloatArray
 from worm3d.viewer.body import Bars, Body
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import HIDDEN, Piece

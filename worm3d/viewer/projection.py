@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.viewer.arrays import FloatArray
+from worm3d.values.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ import numpy as np
 import umsgpack
 from numpy.typing import NDArray
 
-from worm3d.viewer.arrays import FloatArray
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer.colours import as_number
 from worm3d.viewer.piece import Piece
 

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer import colours
-from worm3d.viewer.arrays import FloatArray
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import Piece
 from worm3d.viewer.tube import Mesh, cap_faces, wall_faces

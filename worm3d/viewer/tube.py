@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.viewer.arrays import FloatArray
+from worm3d.values.arrays import FloatArray
 
 
 class Mesh(NamedTuple):

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.viewer.arrays import FloatArray, frozen
+from worm3d.values.arrays import FloatArray
+from worm3d.viewer.arrays import frozen
 from worm3d.viewer.tube import tube
 
 Colour = tuple[float, float, float]

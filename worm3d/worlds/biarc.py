@@ -15,9 +15,9 @@ from itertools import pairwise
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
+
 Pieces = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 STRAIGHT = 1e-9

@@ -13,10 +13,10 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.worlds import biarc
 
-FloatArray = NDArray[np.float64]
 Side = Literal["left", "right", "up", "down"]
 
 LONGEST_ARC = np.pi / 2.0

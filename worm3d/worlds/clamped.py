@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.plane import Plane
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

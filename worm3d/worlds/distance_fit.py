@@ -15,13 +15,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.machine.compiled import inner, njit
+from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.worlds import table
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Shift = tuple[float, ...]
 """Along x, y and z."""
 

@@ -17,12 +17,10 @@ import scipy
 from numpy.typing import NDArray
 
 from worm3d.machine.compiled import inner, njit
+from worm3d.values.arrays import FloatArray, IntArray, SingleArray
 from worm3d.values.read_only import ReadOnly
 from worm3d.worlds import distance_fit
 
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-IntArray = NDArray[np.int64]
 Vector = tuple[float, float, float]
 
 NEAR = 3.0

@@ -9,18 +9,17 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from worm3d.machine.compiled import cfunc
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.memory import require_room
 from worm3d.values.read_only import ReadOnly
 from worm3d.worlds import heightfield_kernel, table, terrain
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.laid import laid
 from worm3d.worlds.table import looked_up
-
-FloatArray = NDArray[np.float64]
 
 EDGE = 14
 """Nodes added all around, as high as the edge: after so many the spline is level to single precision, and stays so."""

@@ -18,14 +18,13 @@ tangent plane below P: it only tells that it is far.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
 from worm3d.machine.compiled import inner
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds import table
 from worm3d.worlds.table import Jet
 
-FloatArray = NDArray[np.float64]
 Height = tuple[float, float, float, float, float, float]
 """h, h_u, h_v, h_uu, h_uv, h_vv."""
 

@@ -6,9 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 REACH = 1.6
 """How far the body reaches sideways from its axis, in clearances: the outward apexes of the default worm."""

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.machine import cache as disk
 from worm3d.machine.compiled import cfunc
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.values.read_only import ReadOnly
 from worm3d.worlds import distance_grid, mesh_file, mesh_kernel, mesh_spline, table
 from worm3d.worlds.base import WorldKernel
@@ -23,9 +23,6 @@ from worm3d.worlds.distance_grid import MOST_NODES, Grid
 from worm3d.worlds.laid import laid
 from worm3d.worlds.mesh_file import MeshError, Units
 from worm3d.worlds.table import looked_up
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 NODES = 1_000_000
 """Of a grid whose cell is not given: 4 MB, about a second to fill."""

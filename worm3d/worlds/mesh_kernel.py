@@ -7,16 +7,13 @@ than `CONTACT`, a parameter, the distance is read linearly from it: it only tell
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.machine.codegen import evaluate
 from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
 from worm3d.machine.compiled import inner
+from worm3d.values.arrays import FloatArray, SingleArray
 from worm3d.worlds import mesh_spline, table
 from worm3d.worlds.table import Jet
-
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
 
 CONTACT = 2.8
 """Cells: the point is then a cell from the surface at least, as the node before it is at most sqrt(3) away."""

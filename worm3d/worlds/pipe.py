@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from worm3d.machine.compiled import cfunc
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 from worm3d.worlds import pipe_table, placing, symbolic, table
 from worm3d.worlds.base import WorldKernel
@@ -21,8 +22,6 @@ from worm3d.worlds.pipe_kernel import Bends, piece, pipe, place
 from worm3d.worlds.plane import Patch, patches_of
 from worm3d.worlds.profile import Profile
 from worm3d.worlds.symbolic import Formula
-
-FloatArray = NDArray[np.float64]
 
 Kind = tuple[Bends, int, bool, bool]
 

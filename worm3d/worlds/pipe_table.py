@@ -11,17 +11,14 @@ from __future__ import annotations
 
 import numpy as np
 from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
-from numpy.typing import NDArray
 
 from worm3d.machine.codegen import evaluate, evaluate_some
 from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
 from worm3d.machine.compiled import inner
 from worm3d.machine.vectors import integers_at
+from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.worlds import table
 from worm3d.worlds.pipe_kernel import BETWEEN, PIECE
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 KEPT = PIECE + BETWEEN
 """Numbers of a piece, as the formula takes them; rows of the inputs after the point, written here."""

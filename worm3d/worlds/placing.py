@@ -7,11 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds.centreline import Centreline
-
-FloatArray = NDArray[np.float64]
 
 STEEP = np.deg2rad(60.0)
 """A worm on a stretch steeper than this is put on the centre line, not on the bottom."""

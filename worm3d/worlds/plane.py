@@ -8,13 +8,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds.base import WorldKernel
 from worm3d.worlds.symbolic import compiled
-
-FloatArray = NDArray[np.float64]
 
 MOST_PATCHES = 1000
 """Each is part of one formula, which takes three seconds to compile for so many, and longer with their square."""

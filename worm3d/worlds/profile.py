@@ -9,12 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
-
-FloatArray = NDArray[np.float64]
 
 STRAIGHT = 1e-9
 """Corners by less than this angle [rad] stay as they are."""

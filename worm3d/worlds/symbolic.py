@@ -7,14 +7,11 @@ from typing import Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.machine.codegen import Kernel, compile_kernel
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds import table
 from worm3d.worlds.base import World, WorldKernel
-
-FloatArray = NDArray[np.float64]
-
 
 Formula = tuple[ca.Function, FloatArray]
 """A world's rows (11) as a function of a point (3) and parameters (m), and the parameters, shape (m,)."""

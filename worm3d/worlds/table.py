@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from worm3d.machine.codegen import evaluate
 from worm3d.machine.compiled import inner
 from worm3d.machine.vectors import doubles_at, singles_at
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds.base import WorldKernel
 
-FloatArray = NDArray[np.float64]
 Weights = tuple[float, float, float, float]
 Jet = tuple[float, float, float, float, float, float, float, float, float, float]
 """Value, gradient (3) and Hessian (6: xx, xy, xz, yy, yz, zz) of a distance."""

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.values import arguments, regular_file
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 STONES = 4.0
 """Stones of rubble on the area of the square about one of them: they overlap, and little ground shows between."""

@@ -9,10 +9,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.machine.compiled import cfunc
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 from worm3d.worlds import symbolic, table, union_kernel
 from worm3d.worlds.base import World, WorldKernel
@@ -22,8 +22,6 @@ from worm3d.worlds.pipe import Pipe
 from worm3d.worlds.plane import Plane
 from worm3d.worlds.profile import Profile
 from worm3d.worlds.symbolic import Formula
-
-FloatArray = NDArray[np.float64]
 
 MOST_WORLDS = 100
 """Largest number of worlds in a union: each point is looked up in every one."""

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from worm3d.machine.codegen import evaluate
 from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
 from worm3d.machine.compiled import inner
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds import table
-
-FloatArray = NDArray[np.float64]
 
 TOGETHER = 528
 """Points that are handed over at once: a multiple of every vector, and no power of 2, by which rows would fall on the

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import worm3d
 from control.gaits import TravellingWave
 from control.gaits.generator import BLEND, PlannedWave, WaveGenerator
 from control.gaits.steering import GaitParameters, Mechanism, Schedule, SteeredWave
 from control.identification.fit import Lags, Motion, Sample, lag, steady_motion
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 DT = 0.01
 """Time step of the runs, that of the closed loop [s]."""

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 
 from planar import figures
 from planar.linkage import Run
-from planar.metrics import FloatArray
 from scenes.commands.paper.corrected import NAMES, CorrectedRow, Ground, Key, Overstatement
 from scenes.commands.paper.tables import PERIODS, SEGMENTS
 from scenes.models.planar.linkage import cumulative_cost
+from worm3d.values.arrays import FloatArray
 
 COMPARED = (2.0, 5.0)
 """Wave periods at which the grounds are compared [s]."""

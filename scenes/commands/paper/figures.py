@@ -11,9 +11,9 @@ from control import gaits
 from control.gaits import ContractionEngine_segmentdriven as SegmentDriven
 from control.gaits.patterns import GAUSSIAN_WIDTH
 from planar import figures
-from planar.metrics import FloatArray
 from planar.published import Parameters, Run
 from scenes.commands.paper.tables import PERIODS, SEGMENTS, Key
+from worm3d.values.arrays import FloatArray
 
 FORCE = Parameters().contraction_force
 """Of a segment at activation 1 [N]."""

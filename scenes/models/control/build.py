@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 import worm3d
 from control.baselines import OpenLoop, PiLineOfSight
@@ -25,8 +24,8 @@ from scenes.models.control.schema import ControlScene, Sensor
 from scenes.models.control.schema import Reference as Asked
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import friction_of, start_of, worm_of
+from worm3d.values.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 NOT_IDENTIFIED = (
     "has not been identified on this friction, so that no controller knows what its wave does: identify it once by "
     "'worm3d identify SCENE' with the same options -o (some minutes), or take the default worm's map by "

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from control.estimation.reduced import ReducedState
 from control.planning.decision import SOURCES
@@ -21,8 +20,7 @@ from scenes.models.control.schema import ControlScene
 from scenes.models.control.view import drawn
 from scenes.models.worm.view import scene_of
 from scenes.records.record import Record
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 COLOURS = dict(zip(SOURCES, ("C0", "C1", "C2", "C3", "C4", "C5"), strict=True))
 

@@ -8,7 +8,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 import worm3d
 from control.loop import WaveController
@@ -28,12 +27,12 @@ from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
 from scenes.records.record import Record
 from scenes.records.summary import Figure as Merit
+from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FloatArray = NDArray[np.float64]
 
 FIGURES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
 """Stems of the pictures of a controlled run; each is drawn by the function of that name in `control_figures`."""

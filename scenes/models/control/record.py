@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import astuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import worm3d
 from control.estimation.reduced import STATES, ReducedState
@@ -14,8 +13,7 @@ from control.planning.decision import SOURCES, Decision
 from control.tracking.metrics import Motion, Tracking, tracking
 from control.tracking.references import Reference
 from scenes.records.record import Record, Variable
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 PARAMETERS = "amplitude, frequency [Hz], bias, hinge [rad]"
 SERIES = ("time", "com", "heading")

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from scenes.models.control.schema import ControlScene
 from scenes.records.record import Record
+from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
     from control.planning.decision import Decision
     from control.tracking.paths import Path
     from worm3d.live import Horizon
 
-FloatArray = NDArray[np.float64]
 
 ABOVE = 0.004
 """Height of lines over the ground, so that they are seen [m]."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planar import linkage
-from planar.metrics import FloatArray, p12_cost_of_transport
+from planar.metrics import p12_cost_of_transport
 from scenes.language.limits import MOVIE_S
 from scenes.models.base import Kind, Movie, Observer, Outcome
 from scenes.models.planar.linkage_build import simulate
@@ -17,6 +17,7 @@ from scenes.models.planar.linkage_schema import LinkageScene, LinkageSettings
 from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
 from scenes.records import overview
 from scenes.records.record import Record, Variable
+from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

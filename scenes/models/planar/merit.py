@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from planar import status as planar
-from planar.metrics import FloatArray, path_length
+from planar.metrics import path_length
 from scenes.models.base import Status
+from worm3d.values.arrays import FloatArray
 
 SHORT_RUN = "the run is shorter than one period of the gait, over which the centre of mass is averaged"
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planar import linkage
-from planar.metrics import FloatArray
 from scenes.models.base import Kind, Observer, Outcome, Status
 from scenes.models.planar.linkage import ADVICE, animate, cumulative_cost, merits, reasons
 from scenes.models.planar.linkage import states as states_of
@@ -21,6 +20,7 @@ from scenes.models.planar.study_schema import CHECKS, StudyScene
 from scenes.records import overview
 from scenes.records.record import Record, Variable
 from scenes.records.summary import Cell
+from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

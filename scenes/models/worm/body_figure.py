@@ -15,11 +15,11 @@ from scenes.models.worlds.build import world_of
 from scenes.models.worm.overview import in_its_frame
 from scenes.models.worm.view import scene_of
 from scenes.records.record import Record
+from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
     from worm3d import World
 
-FloatArray = NDArray[np.float64]
 
 INSTANTS = 5
 """Bodies drawn one below the other."""

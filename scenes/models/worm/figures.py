@@ -9,20 +9,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from numpy.typing import NDArray
 
 from planar import figures as planar_figures
 from scenes.models.worm.body_figure import body
 from scenes.models.worm.overview import in_its_frame
 from scenes.models.worm.view import scene_of
 from scenes.records.record import Record
+from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
     from scenes.models.worm.schema import AnyWormScene
 
 __all__ = ["body", "centre_of_mass_and_heading", "contraction", "energy_ledger", "loads_and_slip", "path"]
 
-FloatArray = NDArray[np.float64]
 
 ARROWS = 8
 """Headings drawn along the path."""

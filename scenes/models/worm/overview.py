@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL.Image import Image
 
 from scenes.records import overview
 from scenes.records.record import Record
-
-FloatArray = NDArray[np.float64]
+from worm3d.values.arrays import FloatArray
 
 SIDES = (("below", 0, 3), ("above", 1, 4), ("outward", 2, 5))
 """Apexes of a segment by their place: rows of the left and of the right chamber."""

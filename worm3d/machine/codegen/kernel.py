@@ -13,14 +13,13 @@ from typing import Literal
 
 import casadi
 import numpy as np
-import numpy.typing as npt
 
 from worm3d.machine import cache
 from worm3d.machine.codegen import casadi_vm as machine
 from worm3d.machine.codegen import native, program
 from worm3d.machine.codegen.emit import FINE
+from worm3d.values.arrays import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 FOLDER = "kernels"
 """In the cache."""
 Backend = Literal["llvm", "casadi"]

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from functools import singledispatch
 
 import numpy as np
-from numpy.typing import NDArray
 
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer.isosurface import isosurface
 from worm3d.viewer.pieces import rounded_up
 from worm3d.viewer.world import GROUND, PIPE, WorldMesh, chequered
 from worm3d.worlds.base import World
-
-FloatArray = NDArray[np.float64]
 
 MARGIN = 1.0
 """How far the world is drawn beyond the worm, in body lengths."""

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from worm3d.values.arrays import FloatArray
 from worm3d.worlds.base import World
-
-FloatArray = NDArray[np.float64]
 
 MOST_STEPS = 80
 """Steps of a distance at a time; on a plane of 60 degrees they take half of what is left, at 80 degrees a sixth."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer.pieces import rounded_up
 from worm3d.viewer.world import PIPE, WorldMesh, banded_pipe
 from worm3d.worlds.pipe import Pipe
 from worm3d.worlds.scenery.base import MARGIN, TILE, Scenery, Window, scenery
-
-FloatArray = NDArray[np.float64]
 
 ASKED = 300
 """Places of the worm, out of all, by which the stretch that is drawn is found."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer.world import Colour, WorldMesh, plane
 from worm3d.worlds.clamped import ClampedGround
 from worm3d.worlds.plane import Patch, Plane
 from worm3d.worlds.scenery.base import MARGIN, Scenery, Window, scenery, tile_size
-
-FloatArray = NDArray[np.float64]
 
 SLIPPERY: Colour = (0.62, 0.78, 0.92)
 ROUGH: Colour = (0.72, 0.60, 0.45)
