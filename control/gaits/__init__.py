@@ -1,6 +1,7 @@
 """Gaits: open-loop patterns of contraction, and the waves that controllers drive."""
 
 from control.gaits.patterns import (
+    GAITS,
     Body,
     BoundGait,
     ContractionEngine_segmentdriven,
@@ -10,8 +11,10 @@ from control.gaits.patterns import (
     TravellingWave,
     WaveDirection,
 )
+from control.gaits.pipe import TwoAnchor
 
 __all__ = [
+    "GAITS",
     "BoundGait",
     "Body",
     "ContractionEngine_segmentdriven",
@@ -19,5 +22,6 @@ __all__ = [
     "Gait",
     "Pulse",
     "TravellingWave",
+    "TwoAnchor",
     "WaveDirection",
 ]

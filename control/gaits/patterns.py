@@ -7,13 +7,16 @@ A gait is an activation A_i(t) in [-1, 1] of each segment i = 0 (tail) ... N-1 (
     hinge_j     = hinge max(0, A_j),           j = 1 ... N-1 (the joint belongs to its headward segment)
 
 `TravellingWave` is the paper's second scheme, `ContractionEngine_segmentdriven` its first (section III.C).
+
+To add a gait, derive a dataclass from `Gait` with the name that scenes call it by, `class Mine(Gait, name="mine")`; a
+gait in a module of its own has to be imported in `control/gaits/__init__.py`.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Literal, Protocol, get_args
+from typing import ClassVar, Literal, Protocol, get_args
 
 import numpy as np
 
@@ -29,8 +32,12 @@ GAUSSIAN_WIDTH = 0.15
 """Standard deviation of the gaussian pulse as a fraction of the contraction's duration."""
 
 
+GAITS: dict[str, type[Gait]] = {}
+"""Class of each gait, by its name."""
+
+
 class Body(Protocol):
-    """What a gait needs to know of a worm."""
+    """Properties of a worm that a gait needs."""
 
     @property
     def segments(self) -> int:
@@ -45,8 +52,12 @@ class Body(Protocol):
 class Gait(ABC):
     """An activation pattern and how it is applied to the chambers and hinges.
 
+    A subclass is found in `GAITS` under its `name`, and says whether it `lengthens`.
+
     Attributes
     ----------
+    lengthens : bool
+        Whether the activation falls below 0 at some time, where the gait lengthens segments: their links must reach.
     amplitude : float
         Contraction of a chamber at activation 1.
     bias : float
@@ -61,19 +72,32 @@ class Gait(ABC):
     bias: float = 0.0
     hinge: float = 0.0
     force: float = 0.0
+    name: ClassVar[str] = ""
+
+    def __init_subclass__(cls, name: str = "") -> None:
+        if name in GAITS:
+            raise ValueError(f"name: got {name!r}, must be another than those of the gaits that there are")
+        if name:
+            cls.name, GAITS[name] = name, cls
 
     def __post_init__(self) -> None:
         for name in ("amplitude", "hinge", "force"):
             arguments.number(name, getattr(self, name))
         arguments.number("bias", self.bias, ge=-1.0, le=1.0, allowed="a number in [-1, 1]")
 
+    @property
     @abstractmethod
+    def lengthens(self) -> bool:
+        """Whether the activation falls below 0 at some time."""
+
+    @abstractmethod
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activation of each segment at K times [s], shape (K, segments), in [-1, 1]."""
+
     def activation(self, t: float, segments: int) -> FloatArray:
         """Return the activation of each segment at time t [s], shape (segments,), in [-1, 1]."""
-
-    def activations(self, times: FloatArray, segments: int) -> FloatArray:
-        """Return the activations at K times, shape (K, segments)."""
-        return np.array([self.activation(t, segments) for t in times]).reshape(-1, segments)
+        activation: FloatArray = self.activations(np.array([t]), segments)[0]
+        return activation
 
     def bind(self, worm: Body) -> BoundGait:
         """Return the actuation of `worm`: time [s] -> `worm3d.Command`, clipped to the worm's stroke."""
@@ -111,7 +135,7 @@ class BoundGait:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TravellingWave(Gait):
+class TravellingWave(Gait, name="travelling_wave"):
     """The paper's wave A = sin(k x - w t), x = (i + 1/2)/N, and its variants.
 
     Attributes
@@ -138,13 +162,13 @@ class TravellingWave(Gait):
         arguments.choice("direction", self.direction, get_args(WaveDirection))
         arguments.flag("rectified", self.rectified)
 
-    def activation(self, t: float, segments: int) -> FloatArray:
-        """Return the activation of each segment at time t [s], shape (segments,), in [-1, 1]."""
-        activation: FloatArray = self.activations(np.array([t]), segments)[0]
-        return activation
+    @property
+    def lengthens(self) -> bool:
+        """Whether the activation falls below 0 at some time."""
+        return not self.rectified
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
-        """Return the activations at K times, shape (K, segments)."""
+        """Return the activation of each segment at K times [s], shape (K, segments), in [-1, 1]."""
         kx = 2.0 * np.pi / self.wavelength * (np.arange(segments) + 0.5) / segments
         wt = 2.0 * np.pi / self.period * times[:, None]
         match self.direction:
@@ -158,7 +182,7 @@ class TravellingWave(Gait):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContractionEngine_segmentdriven(Gait):  # noqa: N801 - the paper's name
+class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N801 - the paper's name
     """The paper's segment-by-segment contraction, its four steps as a pure function of time.
 
     1. Wave-based activation: one segment after the other is activated, one every T_wave/N.
@@ -203,13 +227,13 @@ class ContractionEngine_segmentdriven(Gait):  # noqa: N801 - the paper's name
         arguments.choice("direction", self.direction, get_args(Direction))
         arguments.flag("alternating", self.alternating)
 
-    def activation(self, t: float, segments: int) -> FloatArray:
-        """Return the activation of each segment at time t [s], shape (segments,), in [-1, 1]."""
-        activation: FloatArray = self.activations(np.array([t]), segments)[0]
-        return activation
+    @property
+    def lengthens(self) -> bool:
+        """Whether the activation falls below 0 at some time."""
+        return self.alternating
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
-        """Return the activations at K times, shape (K, segments)."""
+        """Return the activation of each segment at K times [s], shape (K, segments), in [-1, 1]."""
         order = np.arange(segments) if self.direction == "direct" else np.arange(segments)[::-1]
         since = times[:, None] - order * self.T_wave / segments
         # Rounding must not decide on which side of its activation a segment is: times within 1e-9 are equal.

@@ -16,7 +16,7 @@ from typing import get_args
 
 import numpy as np
 
-from control.gaits import Direction, Gait
+from control.gaits.patterns import Direction, Gait
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
@@ -26,7 +26,7 @@ REAR, BODY, FRONT = (3, 5), (1, 4), (0, 2)
 
 
 @dataclass(frozen=True, kw_only=True)
-class TwoAnchor(Gait):
+class TwoAnchor(Gait, name="two_anchor"):
     """Two anchors in turn, as in inchworms and burrowing earthworms; it climbs pipes of any tilt.
 
     The command has no jumps: each change takes a part of the period, with the speed of a cosine.
@@ -57,13 +57,13 @@ class TwoAnchor(Gait):
         arguments.whole("anchors", self.anchors)
         arguments.choice("direction", self.direction, get_args(Direction))
 
-    def activation(self, t: float, segments: int) -> FloatArray:
-        """Return the activation of each segment at time t [s], shape (segments,), in [extension, 1]."""
-        activation: FloatArray = self.activations(np.array([t]), segments)[0]
-        return activation
+    @property
+    def lengthens(self) -> bool:
+        """Whether the activation falls below 0 at some time."""
+        return self.extension < 0.0
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
-        """Return the activations at K times, shape (K, segments).
+        """Return the activation of each segment at K times [s], shape (K, segments), in [extension, 1].
 
         Raises
         ------

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Literal
 
 from control import gaits
-from control.gaits.pipe import TwoAnchor
 from scenes.models.sections import Gait
 
 
@@ -35,7 +34,7 @@ def pattern(gait: Gait, dt: float, *, wavelength: float, amplitude: float = 1.0,
         )
     direction: Literal["direct", "retrograde"] = "retrograde" if gait.direction == "retrograde" else "direct"
     if gait.kind == "two_anchor":
-        return TwoAnchor(
+        return gaits.TwoAnchor(
             amplitude=amplitude,
             period=gait.period_s,
             extension=gait.extension,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Literal
 
 from control import gaits
-from control.gaits.pipe import TwoAnchor
 from scenes.language.schema import Section, quantity, setting
 
 LARGEST_SEED = 2**63 - 1
@@ -13,7 +12,7 @@ LARGEST_SEED = 2**63 - 1
 WAVE, SEGMENTS, TWO_ANCHOR = "travelling_wave", "segment_driven", "two_anchor"
 
 _SEGMENTS = gaits.ContractionEngine_segmentdriven()
-_TWO_ANCHOR = TwoAnchor()
+_TWO_ANCHOR = gaits.TwoAnchor()
 
 
 class Run(Section):

@@ -8,7 +8,7 @@ from hypothesis import given, seed
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from control.gaits import ContractionEngine_segmentdriven, Gait, TravellingWave
+from control.gaits import GAITS, ContractionEngine_segmentdriven, Gait, TravellingWave, TwoAnchor
 from planar import published
 from planar.published import Parameters
 
@@ -169,3 +169,35 @@ def test_pulses() -> None:
 def test_bad_gaits(build, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         build()
+
+
+def test_gaits_are_found_by_name() -> None:
+    named = {
+        "travelling_wave": TravellingWave,
+        "segment_driven": ContractionEngine_segmentdriven,
+        "two_anchor": TwoAnchor,
+    }
+    assert named.items() <= GAITS.items()
+    assert all(gait.name == name for name, gait in GAITS.items())
+    with pytest.raises(ValueError, match="name: got 'two_anchor', must be another than those of the gaits"):
+
+        class Again(TwoAnchor, name="two_anchor"):
+            pass
+
+    assert GAITS["two_anchor"] is TwoAnchor
+
+
+@pytest.mark.parametrize(
+    "gait",
+    [
+        *(gait() for gait in GAITS.values()),
+        *(TravellingWave(rectified=False, direction=way) for way in ("direct", "retrograde", "standing")),
+        ContractionEngine_segmentdriven(alternating=False),
+        TwoAnchor(extension=0.0),
+    ],
+)
+def test_a_gait_says_whether_it_lengthens(gait: Gait) -> None:
+    sampled = gait.activations(np.linspace(0.0, 12.0, 2401), 7)
+    assert gait.lengthens == (sampled.min() < 0.0)
+    assert np.abs(sampled).max() <= 1.0
+    assert_array_equal(sampled[100], gait.activation(0.5, 7))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 
+from control.gaits import GAITS
 from planar import linkage
 from planar.linkage.simulate import Gait
 from scenes.models.base import Observer
@@ -63,6 +65,8 @@ def gait_of(scene: LinkageSettings) -> Gait:
     return lambda t: wave.amplitude * wave.activation(t, segments)
 
 
-def lengthens(kind: str, rectified: bool, alternating: bool) -> bool:
-    """Return whether a gait makes segments longer too: the full wave, pulses of alternating signs, and two anchors."""
-    return {"segment_driven": alternating, "two_anchor": True}.get(kind, not rectified)
+def lengthens(kind: str, **settings: bool) -> bool:
+    """Return whether a gait of some settings, of which it has some, makes segments longer too."""
+    gait = GAITS[kind]
+    own = {field.name for field in fields(gait)}
+    return gait(**{name: value for name, value in settings.items() if name in own}).lengthens

@@ -51,7 +51,7 @@ def links_reach(
     except ValueError:
         return None  # `_can_start` tells
     longest, reach = worm.l0 * (1.0 + amplitude), 2.0 * float(np.min(worm.link_length))
-    if longest < reach or not lengthens(kind, rectified, alternating):
+    if longest < reach or not lengthens(kind, rectified=rectified, alternating=alternating):
         return None
     limit = f"must be below {reach / worm.l0 - 1.0:.4g} unless the gait only contracts"
     too_long = f"lengthens a segment to {longest:.4g} m, but its links end at {reach:.4g} m"

@@ -78,7 +78,7 @@ def _chamber_links_reach(
     alternating: bool,
 ) -> Found:
     """Tell of a gait that lengthens a chamber beyond its links."""
-    if not lengthens(kind, rectified, alternating):
+    if not lengthens(kind, rectified=rectified, alternating=alternating):
         return None
     l0 = length_m / segments
     longest = l0 * (1.0 + min(amplitude * (1.0 + abs(bias)), -stroke[0]))

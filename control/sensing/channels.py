@@ -1,0 +1,163 @@
+"""Channels of a robot's sensors: what each measures of the true state, and how well.
+
+Each quantity is declared once, in `QUANTITIES`. Sensors, measurements, the gate, the section [sensor] of a scene and
+the list of faults find it there by the name of its channel. A robot of one's own may add to the table:
+
+    QUANTITIES["tail"] = Quantity("height of the tail", "m", Channel(noise=0.001), lambda seen: seen.joints[0, 2], ...)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d import Observation, Worm
+from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
+
+MAX_COORDINATE = 1e7
+"""Largest magnitude of a coordinate that can be right, more than any grid on earth has [m]."""
+
+MAX_HEADING = 1e4
+"""Largest magnitude of a heading that can be right; sensors may count whole turns [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Channel:
+    """Quality of a sensor.
+
+    Attributes
+    ----------
+    noise : float
+        Standard deviation of the white noise of each sample, in the unit of the quantity.
+    bias : float
+        Standard deviation from which the constant error of a run is drawn, in the unit of the quantity.
+    delay : float
+        Time from the instant of a sample to its arrival [s].
+    dropout : float
+        Probability that a sample is lost, in [0, 1].
+    rate : float
+        Samples a second [Hz]; infinite: one at every call.
+
+    Raises
+    ------
+    ValueError
+        A value is out of range.
+    """
+
+    noise: float
+    bias: float = 0.0
+    delay: float = 0.0
+    dropout: float = 0.0
+    rate: float = float("inf")
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if field.name != "rate":
+                arguments.number(field.name, getattr(self, field.name), ge=0.0)
+        arguments.number("dropout", self.dropout, le=1.0, allowed="a probability, at most 1")
+        rate = "above 0; infinite for a sample at every call"
+        arguments.number("rate", self.rate, "Hz", gt=0.0, infinite=True, allowed=rate)
+
+
+def _any(right: NDArray[np.bool_]) -> bool:
+    return bool(right.any())
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Quantity that a channel measures.
+
+    Attributes
+    ----------
+    meaning : str
+        What is measured, in a few words.
+    unit : str
+        Unit of a sample, "" for a pure number; scenes have degrees in place of radians.
+    default : Channel
+        Quality of a usual sensor.
+    true_value : callable
+        Observation -> value without error, an array.
+    shape : callable
+        Worm -> shape of a sample.
+    limits : callable
+        Worm -> least and greatest number that a sample can hold.
+    mirrored : callable
+        Value -> its mirror image, in which left and right, y and -y are exchanged.
+    is_enough : callable
+        Which numbers of a sample can be right, bool of its shape -> whether these are of use without the others.
+    standard : bool
+        Whether a robot has such a sensor unless its user says otherwise.
+    ordered : bool
+        Whether a sample is of no use once one of a later instant has come.
+    angle : bool
+        Whether samples are wrapped to (-pi, pi].
+    """
+
+    meaning: str
+    unit: str
+    default: Channel
+    true_value: Callable[[Observation], FloatArray]
+    shape: Callable[[Worm], tuple[int, ...]]
+    limits: Callable[[Worm], tuple[float, float]]
+    mirrored: Callable[[FloatArray], FloatArray]
+    is_enough: Callable[[NDArray[np.bool_]], bool] = _any
+    standard: bool = False
+    ordered: bool = False
+    angle: bool = False
+
+
+STRAIN = Channel(noise=0.01)
+"""Quality of strain gauges: 1 % of a chamber's rest length."""
+COM = Channel(noise=0.005, rate=20.0)
+"""Quality of a camera: 5 mm in each direction, 20 pictures a second."""
+HEADING = Channel(noise=float(np.deg2rad(1.1)))
+"""Quality of a compass: 1.1 degrees."""
+
+QUANTITIES = {
+    "strain": Quantity(  # l_c/l0 - 1, [left, right]
+        "strain of the chambers",
+        "",
+        STRAIN,
+        true_value=lambda seen: seen.chamber_strain,
+        shape=lambda worm: (worm.segments, 2),
+        limits=lambda worm: (-1.0, 2.0 * float(np.max(worm.link_length / worm.l0))),  # up to a chamber pressed flat
+        mirrored=lambda value: value[:, ::-1],
+        is_enough=lambda right: 2 * int(right.any(axis=1).sum()) > len(right),
+        standard=True,
+        ordered=True,  # the wave in the strains is smoothed as they come
+    ),
+    "com": Quantity(
+        "centre of mass",
+        "m",
+        COM,
+        true_value=lambda seen: seen.com,
+        shape=lambda worm: (3,),
+        limits=lambda worm: (-MAX_COORDINATE, MAX_COORDINATE),
+        mirrored=lambda value: value * [1.0, -1.0, 1.0],
+        is_enough=lambda right: bool(right[:2].all()),
+        standard=True,
+    ),
+    "heading": Quantity(
+        "heading",
+        "rad",
+        HEADING,
+        true_value=lambda seen: np.array(seen.heading),
+        shape=lambda worm: (),
+        limits=lambda worm: (-MAX_HEADING, MAX_HEADING),
+        mirrored=lambda value: -value,
+        angle=True,
+    ),
+}
+"""Quantity of each channel, by its name."""
+
+
+def require_known(names: Any) -> None:
+    """Raise ValueError unless there is a channel of each name."""
+    for name in names:
+        if name not in QUANTITIES:
+            raise ValueError(f"{name}: got a channel of this name, must be one of {', '.join(QUANTITIES)}")
