@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import ReadOnly
 
 Numbers = float | FloatArray
@@ -17,62 +17,13 @@ Numbers = float | FloatArray
 MOST_SEGMENTS = 1000
 """Longer worms no longer come to rest on their world."""
 
-_PER_SEGMENT = ("half_height", "k_spring", "k_apex")
-_PER_JOINT = ("k_torsion", "k_yaw", "k_twist", "cross0")
-_RANGES: dict[str, dict[str, Any]] = {
-    **{name: {"gt": 0.0} for name in ("length", "mass", "half_height", "k_spring", "rate_limit")},
-    **{name: {"ge": 0.0} for name in ("chamber_offset", "k_torsion", "k_yaw", "k_twist", "k_apex")},
-    **{name: {"ge": 0.0} for name in ("kelvin_voigt_time", "drag", "actuator_lag")},
-    "joint_mass_fraction": {"ge": 0.0, "le": 1.0},
-    "cross0": {"gt": -1.0, "lt": 1.0},
-}
-_FLAGS = ("outward_apexes", "end_faces", "flat")
 
-
+@documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Worm(ReadOnly):
     """A chain of N rhombic linkages with left and right chambers; frozen, validated, with read-only arrays.
 
-    The defaults are the default worm of the project.
-
-    Attributes
-    ----------
-    segments : int
-        N, at least 1; segment and joint 0 are the tail.
-    length : float
-        Rest length of the body [m]; segments are equally long, l0 = length / N.
-    mass : float
-        Total mass [kg].
-    joint_mass_fraction : float
-        Share of the mass on the joints, like rod nodes (the ends half as much); the rest is on the apexes, equally.
-    chamber_offset : float
-        b, lateral distance of the chambers from the centre line [m].
-    half_height : float or ndarray, shape (N,)
-        Rest half-height h0 of each chamber's rhombus [m]; the links follow, a^2 = h0^2 + l0^2/4.
-    k_spring : float or ndarray, shape (N,)
-        Stiffness of a segment's springs, both chambers together [N].
-    k_torsion, k_yaw, k_twist : float or ndarray, shape (N-1,)
-        Stiffness of the joints in pitch, yaw and twist [J].
-    cross0 : float or ndarray, shape (N-1,)
-        Rest value of the cross product of successive tangents in the (x, z) plane; positive bends the head up.
-    k_apex : float or ndarray, shape (N,)
-        Stiffness of the apex hinges of a segment, both chambers together, on their angle [N m/rad].
-    kelvin_voigt_time : float
-        Damping of every strain: its coefficient is this time [s] x the stiffness of that strain.
-    drag : float
-        Viscous medium: force over speed of the whole worm [N s/m], shared over the joints like their mass.
-    actuator_lag : float
-        Time constant of the chambers' first-order response to a command [s].
-    stroke : tuple of float
-        Least and greatest contraction of a chamber, below 1.
-    rate_limit : float
-        Greatest speed of contraction of a chamber [1/s].
-    outward_apexes : bool
-        Whether the outward apexes exist: have mass and touch the world.
-    end_faces : bool
-        Whether the end faces (discs of the end segments' rest height) and, as points, the inner joints touch the world.
-    flat : bool
-        Whether the worm stays in its plane: y, roll and bend are held (`Worm.planar`).
+    The defaults are the default worm of the project. Segment and joint 0 are the tail.
 
     Raises
     ------
@@ -80,26 +31,87 @@ class Worm(ReadOnly):
         A value that is not finite or out of range, or an array of the wrong shape.
     """
 
-    segments: int = 6
-    length: float = 1.0
-    mass: float = 0.1
-    joint_mass_fraction: float = 0.5
-    chamber_offset: float = 0.03
-    half_height: Numbers = 0.05
-    k_spring: Numbers = 13.0
-    k_torsion: Numbers = 10.0
-    k_yaw: Numbers = 0.5
-    k_twist: Numbers = 0.5
-    cross0: Numbers = 0.0
-    k_apex: Numbers = 0.0
-    kelvin_voigt_time: float = 0.05
-    drag: float = 0.0
-    actuator_lag: float = 0.1
-    stroke: tuple[float, float] = (-0.1, 0.45)
-    rate_limit: float = float("inf")
-    outward_apexes: bool = True
-    end_faces: bool = True
-    flat: bool = False
+    segments: int = parameter(
+        6, meaning="number of segments, N", ge=1, le=MOST_SEGMENTS, key="segments", aka=("n", "n_segments")
+    )
+    length: float = parameter(1.0, meaning="length at rest; segments are equally long, l0 = length / N", unit="m", gt=0)
+    mass: float = parameter(0.1, meaning="mass of the whole worm", unit="kg", gt=0)
+    joint_mass_fraction: float = parameter(
+        0.5,
+        meaning="share of the mass on the joints, like rod nodes (the ends half as much); the rest is on the apexes",
+        ge=0,
+        le=1,
+    )
+    chamber_offset: float = parameter(
+        0.03, meaning="distance b of the chambers from the centre line", unit="m", ge=0, aka=("b_m",)
+    )
+    half_height: Numbers = parameter(
+        0.05,
+        meaning="rest half-height h0 of a chamber's rhombus; the links follow, a^2 = h0^2 + l0^2/4",
+        unit="m",
+        gt=0,
+        each="segment",
+        aka=("h0_m",),
+    )
+    k_spring: Numbers = parameter(
+        13.0,
+        meaning="stiffness k of a segment's springs, both chambers together",
+        unit="N",
+        gt=0,
+        each="segment",
+        key="spring_N",
+    )
+    k_torsion: Numbers = parameter(
+        10.0, meaning="stiffness of a joint in pitch", unit="J", ge=0, each="joint", key="torsion_J", aka=("pitch_J",)
+    )
+    k_yaw: Numbers = parameter(0.5, meaning="stiffness of a joint in yaw", unit="J", ge=0, each="joint", key="yaw_J")
+    k_twist: Numbers = parameter(
+        0.5, meaning="stiffness of a joint in twist", unit="J", ge=0, each="joint", key="twist_J"
+    )
+    cross0: Numbers = parameter(
+        0.0,
+        meaning="rest value of the pitch, the cross product of successive tangents in the (x, z) plane (sine of an "
+        "angle); positive bends the head up",
+        gt=-1,
+        lt=1,
+        each="joint",
+    )
+    k_apex: Numbers = parameter(
+        0.0,
+        meaning="stiffness of a segment's apex hinges, both chambers together, on their angle",
+        unit="N m/rad",
+        ge=0,
+        each="segment",
+        key="apex_hinge_N_m_rad",
+    )
+    kelvin_voigt_time: float = parameter(0.05, meaning="damping of every strain over its stiffness", unit="s", ge=0)
+    drag: float = parameter(
+        0.0,
+        meaning="viscous medium: force over speed of the whole worm, shared over the joints like their mass",
+        unit="N s/m",
+        ge=0,
+    )
+    actuator_lag: float = parameter(
+        0.1, meaning="time constant of a chamber's first-order response to its command", unit="s", ge=0
+    )
+    stroke: tuple[float, float] = parameter(
+        (-0.1, 0.45), meaning="least and greatest contraction of a chamber, as a fraction of its length, below 1"
+    )
+    rate_limit: float = parameter(
+        float("inf"),
+        meaning="greatest speed of contraction of a chamber",
+        unit="1/s",
+        gt=0,
+        infinite=True,
+        left_out="no limit",
+    )
+    outward_apexes: bool = parameter(True, meaning="whether the outward apexes exist: have mass and touch the world")
+    end_faces: bool = parameter(
+        True,
+        meaning="whether the end faces (discs of the end segments' rest height) and, as points, the joints between "
+        "them touch the world",
+    )
+    flat: bool = parameter(False, meaning="whether the worm stays in its plane: y, roll and bend are held (`planar`)")
 
     @classmethod
     def planar(
@@ -166,17 +178,8 @@ class Worm(ReadOnly):
 
     def __post_init__(self) -> None:
         n = arguments.whole("segments", self.segments, le=MOST_SEGMENTS)
-        sizes = {**dict.fromkeys(_PER_SEGMENT, n), **dict.fromkeys(_PER_JOINT, n - 1)}
-        checked: dict[str, object] = {"segments": n, "stroke": _stroke(self.stroke)}
-        for name, within in _RANGES.items():
-            value = getattr(self, name)
-            if name in sizes:
-                checked[name] = arguments.array(name, value, (sizes[name],), fill=True, **within)
-            else:
-                checked[name] = arguments.number(name, value, infinite=name == "rate_limit", **within)
-        checked |= {name: arguments.flag(name, getattr(self, name)) for name in _FLAGS}
-        for name, checked_value in checked.items():
-            object.__setattr__(self, name, checked_value)
+        check(self, segment=n, joint=n - 1)
+        object.__setattr__(self, "stroke", _stroke(self.stroke))
         if self.flat and self.chamber_offset != 0.0:
             raise ValueError(f"chamber_offset: got {self.chamber_offset!r}, must be 0 in a worm that is flat")
 

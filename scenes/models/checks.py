@@ -197,14 +197,13 @@ def _segments_have_a_direction(direction: str, kind: str) -> Found:
     return "got 'standing': only a travelling_wave can stand; allowed here: 'direct', 'retrograde'"
 
 
-def _of_this_kind(value: Any, kind: str, *, section: str, default: Any, only: tuple[str, ...], usual: str) -> Found:
+def _of_this_kind(value: Any, kind: str, *, key: str, default: Any, only: tuple[str, ...], usual: str) -> Found:
     # A key at its default does nothing: resolved scenes and templates hold all keys.
     if kind in only or value == default or (isinstance(value, list) and tuple(value) == default):
         return None
     kinds = " or ".join(map(repr, only))
     return (
-        f"only for {section}.kind = {kinds}, which this scene is not ('{kind}'): leave it out (default {usual}), "
-        f"or change {section}.kind"
+        f"only for {key} = {kinds}, which this scene is not ('{kind}'): leave it out (default {usual}), or change {key}"
     )
 
 
@@ -235,12 +234,12 @@ def memory_check(bytes_per_step: Callable[[int], float]) -> Check:
     return Check(("run.dt_s", "run.duration_s", "worm.segments"), fits)
 
 
-def kind_checks(schema: type[Section], section: str = "gait") -> tuple[Check, ...]:
-    """Return the checks that no key of another `kind` of the section is set."""
+def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") -> tuple[Check, ...]:
+    """Return the checks that no key is set that is for other values of the section's key `by`."""
     return tuple(
         Check(
-            (f"{section}.{name}", f"{section}.kind"),
-            partial(_of_this_kind, section=section, default=field.default, only=only, usual=default_text(field)),
+            (f"{section}.{name}", f"{section}.{by}"),
+            partial(_of_this_kind, key=f"{section}.{by}", default=field.default, only=only, usual=default_text(field)),
         )
         for name, field in schema.model_fields.items()
         if (only := only_for(field))

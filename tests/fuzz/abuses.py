@@ -16,6 +16,7 @@ from control.gaits import pipe as pipe_gait
 from control.sensing import sensors
 from control.tracking import paths, references
 from planar import linkage, published
+from worm3d.values.parameters import Parameter, parameters_of
 
 NAN, INF = float("nan"), float("inf")
 NOTHING = (None, "1", "", True, 1j, (), [], {}, object(), NAN, b"1", 10**400, np.array([None]), np.array(["1"]))
@@ -49,6 +50,19 @@ def _kinds(**groups: str) -> dict[str, str]:
     return {name: kind.rstrip("_") for kind, names in groups.items() for name in names.split()}
 
 
+def _declared(part: type) -> dict[str, str]:
+    """Return the kind of each parameter of a dataclass that declares them."""
+    return {name: _kind(known) + "?" * known.optional for name, known in parameters_of(part).items()}
+
+
+def _kind(known: Parameter) -> str:
+    if known.each or known.choices or known.is_pair:
+        return "each" if known.each else "choice" if known.choices else "array"
+    if known.hint in (bool, int):
+        return "flag" if known.hint is bool else "whole"
+    return "infinite" if known.infinite else "positive" if known.bounds.get("gt") == 0 else "number"
+
+
 WORM, PLANE = worm3d.Worm(), worm3d.Plane()
 JOINTS = np.column_stack([np.linspace(0.0, 1.0, 7), np.zeros(7), np.full(7, 0.06)])
 LINE = worm3d.Centreline.of([worm3d.Straight(2.0)])
@@ -67,26 +81,14 @@ def flat(t: float) -> np.ndarray:
 
 
 TARGETS: dict[str, Target] = {
-    "Worm": Target(
-        worm3d.Worm,
-        {},
-        _kinds(
-            whole="segments",
-            positive="length mass",
-            number="joint_mass_fraction chamber_offset kelvin_voigt_time drag actuator_lag",
-            infinite="rate_limit",
-            each="half_height k_spring k_torsion k_yaw k_twist cross0 k_apex",
-            array="stroke",
-            flag="outward_apexes end_faces flat",
-        ),
-    ),
+    "Worm": Target(worm3d.Worm, {}, _declared(worm3d.Worm)),
     "Worm.planar": Target(
         worm3d.Worm.planar,
         {},
         _kinds(whole="segments", positive="length density depth", number="apex_mass_fraction drag")
         | {"half_height": "each?", "mass": "positive?", "k_spring": "each"},
     ),
-    "Friction": Target(worm3d.Friction, {}, _kinds(each="forward backward lateral", positive="static_ratio")),
+    "Friction": Target(worm3d.Friction, {}, _declared(worm3d.Friction)),
     "Command": Target(
         worm3d.Command, {"contraction": np.zeros((6, 2))}, _kinds(array="contraction", each="hinge force")
     ),

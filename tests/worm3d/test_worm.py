@@ -69,7 +69,7 @@ def test_the_limit_point_is_that_of_the_linkage() -> None:
     [
         ({"flat": True}, "chamber_offset: got 0.03, must be 0 in a worm that is flat"),
         ({"segments": 2.5}, "segments: got 2.5, must be a whole number of at least 1"),
-        ({"mass": 0.0}, "mass: got 0.0, must be finite and above 0"),
+        ({"mass": 0.0}, "mass: got 0.0 kg, must be finite and above 0"),
         ({"k_spring": np.ones(5)}, r"k_spring: got shape \(5,\), must be \(6,\) \(or a number\)"),
         ({"k_yaw": np.ones(6)}, r"k_yaw: got shape \(6,\), must be \(5,\) \(or a number\)"),
         ({"k_twist": -1.0}, "k_twist: .* must be finite and at least 0"),
@@ -77,8 +77,8 @@ def test_the_limit_point_is_that_of_the_linkage() -> None:
         ({"joint_mass_fraction": 1.1}, r"joint_mass_fraction: got 1.1, must be finite and in \[0, 1\]"),
         ({"cross0": 1.0}, r"cross0: got .*, every value must be finite and in \(-1, 1\)"),
         ({"stroke": (0.1, 0.4)}, r"stroke: got \(0.1, 0.4\), must be .* c_min <= 0 <= c_max < 1"),
-        ({"rate_limit": 0.0}, "rate_limit: got 0.0, must be above 0"),
-        ({"actuator_lag": float("inf")}, "actuator_lag: got inf, must be finite"),
+        ({"rate_limit": 0.0}, "rate_limit: got 0.0 1/s, must be above 0"),
+        ({"actuator_lag": float("inf")}, "actuator_lag: got inf s, must be finite"),
     ],
 )
 def test_bad_worms(changes: dict, sentence: str) -> None:

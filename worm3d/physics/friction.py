@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import ReadOnly
 from worm3d.worm import Worm
 
@@ -46,16 +46,10 @@ rigid one does at once. The distance that a worm crawls does not depend on it.
 """
 
 
+@documented
 @dataclass(frozen=True, eq=False)
 class Friction(ReadOnly):
     """Directional Coulomb friction.
-
-    Attributes
-    ----------
-    forward, backward, lateral : float or ndarray, shape (N,)
-        Kinetic coefficient against motion towards the head, towards the tail and sideways.
-    static_ratio : float
-        Static over kinetic coefficient, at least 1.
 
     Raises
     ------
@@ -63,28 +57,34 @@ class Friction(ReadOnly):
         A value that is not finite or out of range.
     """
 
-    forward: Numbers = 0.03
-    backward: Numbers = 0.20
-    lateral: Numbers = 0.20
-    static_ratio: float = 1.2
+    forward: Numbers = parameter(
+        0.03,
+        meaning="kinetic coefficient against motion towards the head",
+        ge=0,
+        le=GREATEST,
+        each="segment",
+        aka=("mu_forward",),
+    )
+    backward: Numbers = parameter(
+        0.20,
+        meaning="kinetic coefficient against motion towards the tail",
+        ge=0,
+        le=GREATEST,
+        each="segment",
+        aka=("mu_backward",),
+    )
+    lateral: Numbers = parameter(
+        0.20,
+        meaning="kinetic coefficient against motion sideways",
+        ge=0,
+        le=GREATEST,
+        each="segment",
+        aka=("mu_lateral", "sideways"),
+    )
+    static_ratio: float = parameter(1.2, meaning="static over kinetic coefficient", ge=1)
 
     def __post_init__(self) -> None:
-        for name in ("forward", "backward", "lateral"):
-            value = arguments.floats(name, getattr(self, name))
-            if (
-                value.ndim > 1
-                or value.size == 0
-                or not (np.isfinite(value) & (value >= 0.0) & (value <= GREATEST)).all()
-            ):
-                got = arguments.shown(getattr(self, name))
-                raise ValueError(
-                    f"{name}: got {got}, must be finite and at least 0 (and at most {GREATEST:g}), a "
-                    "number or one for each segment"
-                )
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
-        ratio = arguments.number("static_ratio", self.static_ratio, ge=1.0)
-        object.__setattr__(self, "static_ratio", ratio)
+        check(self)
 
     def coefficients(self, segments: int) -> FloatArray:
         """Return forward, backward and lateral coefficients of each segment, shape (3, N).

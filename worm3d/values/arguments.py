@@ -45,7 +45,7 @@ def number(
     found = _real(value)
     got = f"{shown(value)}{f' {unit}' if unit else ''}"
     if found is None or not _within(found, gt, ge, lt, le) or not (np.isfinite(found) or (infinite and found > 0.0)):
-        raise ValueError(f"{name}: got {got}, must be {allowed or _range(gt, ge, lt, le, infinite)}")
+        raise ValueError(f"{name}: got {got}, must be {allowed or range_text(gt, ge, lt, le, infinite)}")
     if not (np.isinf(found) or _of_a_likely_size(found, gt, largest)):
         raise ValueError(f"{name}: got {got}, must be of a size {_likely(largest)}")
     return found
@@ -121,10 +121,30 @@ def array(
     with np.errstate(invalid="ignore"):
         right = np.isfinite(found) & _within(found, gt, ge, lt, le)
     if not right.all():
-        raise ValueError(f"{name}: got {float(found[~right][0])!r}, every value must be {_range(gt, ge, lt, le)}")
+        raise ValueError(f"{name}: got {float(found[~right][0])!r}, every value must be {range_text(gt, ge, lt, le)}")
     likely = _of_a_likely_size(found, gt)
     if not likely.all():
         raise ValueError(f"{name}: got {float(found[~likely][0])!r}, every value must be of a size {_likely(LARGEST)}")
+    found.setflags(write=False)
+    return found
+
+
+def one_or_each(
+    name: str,
+    value: Any,
+    what: str,
+    *,
+    gt: float | None = None,
+    ge: float | None = None,
+    lt: float | None = None,
+    le: float | None = None,
+) -> FloatArray:
+    """Return a number, shape (), or one `what`, shape (N,), as a read-only array of one's own; N is checked later."""
+    found = floats(name, value)
+    with np.errstate(invalid="ignore"):
+        right = np.isfinite(found) & _within(found, gt, ge, lt, le)
+    if found.ndim > 1 or found.size == 0 or not right.all():
+        raise ValueError(f"{name}: got {shown(value)}, must be {range_text(gt, ge, lt, le)}, a number or one {what}")
     found.setflags(write=False)
     return found
 
@@ -180,7 +200,13 @@ def _likely(largest: float) -> str:
     return f"between {1.0 / largest:g} and {largest:g}"
 
 
-def _range(gt: float | None, ge: float | None, lt: float | None, le: float | None, infinite: bool = False) -> str:
+def range_text(
+    gt: float | None = None,
+    ge: float | None = None,
+    lt: float | None = None,
+    le: float | None = None,
+    infinite: bool = False,
+) -> str:
     """Return a range in words: "finite and above 0", "finite and in [0, 1)"."""
     finite = "" if infinite else "finite"
     low, high = ge if gt is None else gt, le if lt is None else lt

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import worm3d
 from control.gaits import Gait
+from scenes.language.parts import keys_by_parameter, part_of
 from scenes.models.base import Observer
 from scenes.models.pattern import pattern
 from scenes.models.planar.linkage_build import KEYS as PLANAR_KEYS
@@ -25,27 +26,7 @@ from scenes.models.worm.schema import (
 )
 from worm3d.actuation import Actuation, Sensor
 
-KEYS = {
-    "segments": "segments",
-    "length": "length_m",
-    "mass": "mass_kg",
-    "joint_mass_fraction": "joint_mass_fraction",
-    "chamber_offset": "chamber_offset_m",
-    "half_height": "half_height_m",
-    "k_spring": "spring_N",
-    "k_torsion": "torsion_J",
-    "k_yaw": "yaw_J",
-    "k_twist": "twist_J",
-    "cross0": "cross0",
-    "k_apex": "apex_hinge_N_m_rad",
-    "kelvin_voigt_time": "kelvin_voigt_time_s",
-    "drag": "drag_N_s_m",
-    "actuator_lag": "actuator_lag_s",
-    "stroke": "stroke",
-    "rate_limit": "rate_limit_per_s",
-    "outward_apexes": "outward_apexes",
-    "end_faces": "end_faces",
-}
+KEYS = keys_by_parameter(worm3d.Worm)
 """Each parameter of `worm3d.Worm` and its key in the section [worm]."""
 
 EDGE = 1e-6
@@ -99,16 +80,14 @@ def simulate(
 
 def worm_of(scene: AnyWormScene) -> worm3d.Worm:
     """Return the worm that the section [worm] describes."""
-    if not isinstance(scene, PlanarWormScene):
-        given = {parameter: getattr(scene.worm, key) for parameter, key in KEYS.items()}
-        return worm3d.Worm(**{**given, "rate_limit": math.inf if given["rate_limit"] is None else given["rate_limit"]})
-    return worm3d.Worm.planar(**{parameter: getattr(scene.worm, key) for parameter, key in PLANAR_KEYS.items()})
+    if isinstance(scene, PlanarWormScene):
+        return worm3d.Worm.planar(**{parameter: getattr(scene.worm, key) for parameter, key in PLANAR_KEYS.items()})
+    return part_of(worm3d.Worm, scene.worm)
 
 
 def friction_of(scene: AnyWormScene) -> worm3d.Friction:
     """Return the coefficients of friction."""
-    names = ("forward", "backward", "lateral", "static_ratio")
-    return worm3d.Friction(**{name: getattr(scene.friction, name) for name in names if hasattr(scene.friction, name)})
+    return part_of(worm3d.Friction, scene.friction)
 
 
 def gait_of(scene: AnyWormScene) -> Gait:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import Any, Literal
+from typing import Literal
 
 from control import gaits
+from scenes.language.parts import PartSection, keys_of
 from scenes.language.schema import (
-    Cross,
     Each,
-    NonNegative,
     Pair,
-    Positive,
     Section,
     Triple,
     quantity,
@@ -24,106 +21,22 @@ from scenes.models.worlds.schema import World
 from worm3d.physics.friction import Friction as PlantFriction
 from worm3d.worm import Worm as PlantWorm
 
-_WORM: dict[str, Any] = {field.name: field.default for field in fields(PlantWorm)}
-_FRICTION: dict[str, Any] = {field.name: field.default for field in fields(PlantFriction)}
+WORM_BOUNDS = {"segments": {"ge": 1, "le": 200}, "length": {"gt": 0, "le": 100}, "chamber_offset": {"gt": 0}}
+"""Ranges that are narrower in a scene than in Python."""
+
 _WAVE = gaits.TravellingWave()
 
 
-class Worm(Section):
+class Worm(PartSection, keys=keys_of(PlantWorm, without=("flat",), bounds=WORM_BOUNDS)):
     """The chain of rhombic linkages with left and right chambers."""
 
-    segments: int = quantity(_WORM["segments"], ge=1, le=200, title="number of segments", aka=("n", "n_segments"))
-    length_m: float = quantity(_WORM["length"], unit="m", gt=0, le=100, title="length at rest")
-    mass_kg: float = quantity(_WORM["mass"], unit="kg", gt=0, title="mass of the whole worm")
-    joint_mass_fraction: float = quantity(
-        _WORM["joint_mass_fraction"], ge=0, le=1, title="share of the mass on the joints; the rest is on the apexes"
-    )
-    chamber_offset_m: float = quantity(
-        _WORM["chamber_offset"], unit="m", gt=0, title="distance b of the chambers from the centre line", aka=("b_m",)
-    )
-    half_height_m: Each[Positive] = quantity(
-        _WORM["half_height"], unit="m", each="segment", title="rest half-height of a chamber's rhombus", aka=("h0_m",)
-    )
-    spring_N: Each[Positive] = quantity(
-        _WORM["k_spring"],
-        unit="N",
-        each="segment",
-        title="stiffness k of a segment's springs, both chambers together",
-        aka=("k_spring",),
-    )
-    torsion_J: Each[NonNegative] = quantity(
-        _WORM["k_torsion"],
-        unit="J",
-        each="joint",
-        title="stiffness of a joint in pitch",
-        aka=("k_torsion", "pitch_J"),
-    )
-    yaw_J: Each[NonNegative] = quantity(
-        _WORM["k_yaw"], unit="J", each="joint", title="stiffness of a joint in yaw", aka=("k_yaw",)
-    )
-    twist_J: Each[NonNegative] = quantity(
-        _WORM["k_twist"], unit="J", each="joint", title="stiffness of a joint in twist", aka=("k_twist",)
-    )
-    cross0: Each[Cross] = quantity(
-        _WORM["cross0"], each="joint", title="rest value of the pitch, sine of an angle; positive bends the head up"
-    )
-    apex_hinge_N_m_rad: Each[NonNegative] = quantity(
-        _WORM["k_apex"],
-        unit="N m/rad",
-        each="segment",
-        title="stiffness of a segment's apex hinges, both chambers together, on their angle",
-        aka=("k_apex",),
-    )
-    kelvin_voigt_time_s: float = quantity(
-        _WORM["kelvin_voigt_time"], unit="s", ge=0, title="damping of every strain over its stiffness"
-    )
-    drag_N_s_m: float = quantity(
-        _WORM["drag"], unit="N s/m", ge=0, title="viscous medium: force over speed of the worm"
-    )
-    actuator_lag_s: float = quantity(
-        _WORM["actuator_lag"], unit="s", ge=0, title="time constant of a chamber's response to its command"
-    )
-    stroke: Pair = quantity(
-        _WORM["stroke"], title="least and greatest contraction of a chamber, as a fraction of its length"
-    )
-    rate_limit_per_s: float | None = quantity(
-        unit="1/s", gt=0, left_out="no limit", title="greatest speed of contraction of a chamber"
-    )
-    outward_apexes: bool = setting(
-        _WORM["outward_apexes"], title="whether the outward apexes exist: have mass and touch the world"
-    )
-    end_faces: bool = setting(
-        _WORM["end_faces"], title="whether the end faces, and the joints between them, touch the world"
-    )
 
-
-class PlanarFriction(Section):
+class PlanarFriction(PartSection, keys=keys_of(PlantFriction, without=("lateral",))):
     """Directional Coulomb friction that sticks."""
 
-    forward: Each[NonNegative] = quantity(
-        _FRICTION["forward"],
-        each="segment",
-        title="kinetic coefficient against motion towards the head",
-        aka=("mu_forward",),
-    )
-    backward: Each[NonNegative] = quantity(
-        _FRICTION["backward"],
-        each="segment",
-        title="kinetic coefficient against motion towards the tail",
-        aka=("mu_backward",),
-    )
-    static_ratio: float = quantity(_FRICTION["static_ratio"], ge=1, title="static over kinetic coefficient")
 
-
-class Friction(PlanarFriction):
+class Friction(PartSection, keys=keys_of(PlantFriction)):
     """Directional Coulomb friction that sticks."""
-
-    lateral: Each[NonNegative] = quantity(
-        _FRICTION["lateral"],
-        each="segment",
-        title="kinetic coefficient against motion sideways",
-        aka=("mu_lateral", "sideways"),
-    )
 
 
 class PlanarGait(LinkageGait):

@@ -1,0 +1,107 @@
+"""Sections whose keys follow from the parameters of dataclasses."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import pytest
+from numpy.testing import assert_allclose
+
+from scenes.language.mistakes import dotted, schema_mistakes
+from scenes.language.parts import PartSection, keys_by_parameter, keys_of, part_of
+from scenes.language.schema import Section, choices, describe, only_for, quantity
+from scenes.models.checks import cross_mistakes, kind_checks
+from worm3d.values.parameters import check, parameter
+
+
+@dataclass(frozen=True)
+class Spring:
+    stiffness: float = parameter(2.0, meaning="force over strain", unit="N", gt=0, key="spring_N")
+    angle: float = parameter(math.pi / 6, meaning="angle at rest", unit="rad", ge=-math.pi, le=math.pi, aka=("turn",))
+    weights: float = parameter(1.0, meaning="share of each segment", ge=0, each="segment")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Piston:
+    pressure: float = parameter(1e4, meaning="pressure of the supply", unit="Pa", ge=0)
+    angle: float = parameter(0.0, meaning="angle at rest", unit="rad")
+    valve: Literal["open", "shut"] = parameter("open", meaning="state of the valve")
+    rate: float = parameter(math.inf, meaning="steps a second", unit="1/s", gt=0, infinite=True, left_out="no limit")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+DRIVES = {"spring": Spring, "piston": Piston}
+
+
+class Drive(PartSection, keys=keys_of(DRIVES, by="kind", title="what drives it", defaults={"pressure": 3e4})):
+    """What drives it."""
+
+    gain: float = quantity(1.0, title="a key of its own")
+
+
+class Two(PartSection, keys=keys_of(Spring, prefix="a_") | keys_of(Spring, prefix="b_", without=("weights",))):
+    """Two springs."""
+
+
+class Scene(Section):
+    """A scene."""
+
+    drive: Drive = Drive()
+
+
+def test_keys_are_names_with_their_units() -> None:
+    keys = ["kind", "spring_N", "angle_deg", "weights", "pressure_Pa", "valve", "rate_per_s", "gain"]
+    assert list(Drive.model_fields) == keys
+    assert keys_by_parameter(Piston)["rate"] == "rate_per_s"
+    assert [key for key in Two.model_fields if key.startswith("b_")] == ["b_spring_N", "b_angle_deg"]
+
+
+def test_a_section_says_what_the_fields_say() -> None:
+    fields = Drive.model_fields
+    assert fields["spring_N"].title == "force over strain"
+    assert describe(fields["spring_N"]) == " [N], 0 < … (default 2.0)"
+    assert describe(fields["angle_deg"]) == " [deg], -180 <= … <= 180 (default 30.0)"
+    assert describe(fields["rate_per_s"]) == " [1/s], 0 < … (default no limit)"
+    assert describe(fields["pressure_Pa"]).endswith("(default 30000.0)")
+    assert choices(fields["kind"]) == ("spring", "piston")
+    assert only_for(fields["spring_N"]) == ("spring",)
+    assert only_for(fields["angle_deg"]) == ()
+
+
+def test_a_section_becomes_its_part() -> None:
+    spring = part_of(Spring, Drive(angle_deg=45.0, weights=[1.0, 2.0]))
+    assert_allclose(spring.angle, math.pi / 4)
+    assert_allclose(spring.weights, [1.0, 2.0])
+    piston = part_of(DRIVES["piston"], Drive(kind="piston", valve="shut"), stiffness=1.0)  # which it does not have
+    assert (piston.valve, piston.rate, piston.pressure) == ("shut", math.inf, 3e4)
+    assert part_of(Spring, Two(b_spring_N=5.0), prefix="b_", weights=4.0).stiffness == 5.0
+
+
+@pytest.mark.parametrize(
+    ("drive", "text"),
+    [
+        ({"spring_N": 0.0}, "drive.spring_N: got 0.0: input should be greater than 0 [N], 0 < … (default 2.0)"),
+        ({"stiffness": 1.0}, "drive.stiffness: unknown key; did you mean 'spring_N'?"),
+        ({"turn": 1.0}, "drive.turn: unknown key; did you mean 'angle_deg'?"),
+        (
+            {"weights": [1.0, -1.0]},
+            "drive.weights[1]: got -1.0: input should be greater than or equal to 0, 0 <= …, one for all or a list "
+            "with one for each segment (default 1.0)",
+        ),
+        (
+            {"pressure_Pa": 1.0},
+            "drive.pressure_Pa: only for drive.kind = 'piston', which this scene is not ('spring'): leave it out "
+            "(default 30000.0), or change drive.kind",
+        ),
+    ],
+)
+def test_mistakes_follow(drive: dict, text: str) -> None:
+    data = {"drive": drive}
+    found = schema_mistakes(Scene, data)
+    found += cross_mistakes(kind_checks(Drive, "drive"), Scene, data, found)
+    assert [f"{dotted(mistake.path)}: {mistake.text}" for mistake in found] == [text]

@@ -1,0 +1,228 @@
+"""Parameters of a dataclass: unit, range and meaning stand on the field itself.
+
+    @documented
+    @dataclass(frozen=True, kw_only=True)
+    class Wave:
+        period: float = parameter(2.0, meaning="duration of a wave", unit="s", gt=0)
+
+        def __post_init__(self) -> None:
+            check(self)
+
+`check` validates an instance, `documented` writes the Attributes of the docstring, and `scenes.language.parts` makes
+the keys of a scene's section from the same fields.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from textwrap import fill
+from types import MappingProxyType
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+
+from worm3d.values import arguments
+
+T = TypeVar("T")
+
+PARAMETER = "parameter"
+"""Name under which the metadata of a field hold its `Parameter`."""
+
+WIDTH = 110
+"""Columns of a documented parameter."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """What is known of a parameter.
+
+    Attributes
+    ----------
+    meaning : str
+        What it is, a noun phrase.
+    unit : str
+        SI, radians; empty for a pure number.
+    bounds : mapping
+        The range: of gt, ge, lt, le those that it has.
+    each : str
+        "segment" or "joint": a number for all, or an array with one for each; empty: one number.
+    infinite : bool
+        Whether it may be infinite.
+    allowed : str
+        The range in words, where an error is to say it in others than its own.
+    key : str
+        Its name in a scene, if that is not its own name and unit.
+    aka : tuple of str
+        Further names that people try in a scene.
+    left_out : str
+        What holds where it has no finite default.
+    name, default, hint
+        Of the field; the hint is its type.
+    """
+
+    meaning: str
+    unit: str = ""
+    bounds: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    each: Literal["", "segment", "joint"] = ""
+    infinite: bool = False
+    allowed: str = ""
+    key: str = ""
+    aka: tuple[str, ...] = ()
+    left_out: str = ""
+    name: str = ""
+    default: Any = None
+    hint: Any = None
+
+    @property
+    def optional(self) -> bool:
+        """Whether None stands for a default that follows from other parameters."""
+        return type(None) in get_args(self.hint)
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """The words to choose from; empty if it is none of several words."""
+        return get_args(self.hint) if get_origin(self.hint) is Literal else ()
+
+    @property
+    def is_pair(self) -> bool:
+        """Whether it is a pair of numbers, which its class checks."""
+        return get_origin(self.hint) is tuple
+
+    def checked(self, value: Any, size: int | None = None) -> Any:
+        """Return a value in the type that the rest relies on.
+
+        Parameters
+        ----------
+        size : int, optional
+            Numbers of an array; None where its class does not know.
+
+        Raises
+        ------
+        ValueError
+            A value of another type, or out of range.
+        """
+        if (value is None and self.optional) or self.is_pair:
+            return value
+        if self.choices:
+            return arguments.choice(self.name, value, self.choices)
+        if self.hint is bool:
+            return arguments.flag(self.name, value)
+        if self.hint is int:
+            return arguments.whole(self.name, value, **{key: int(bound) for key, bound in self.bounds.items()})
+        if not self.each:
+            return arguments.number(
+                self.name, value, self.unit, infinite=self.infinite, allowed=self.allowed, **self.bounds
+            )
+        if size is None:
+            return arguments.one_or_each(self.name, value, f"for each {self.each}", **self.bounds)
+        return arguments.array(self.name, value, (size,), fill=True, **self.bounds)
+
+
+def parameter(
+    default: Any = dataclasses.MISSING,
+    *,
+    meaning: str,
+    unit: str = "",
+    gt: float | None = None,
+    ge: float | None = None,
+    lt: float | None = None,
+    le: float | None = None,
+    each: Literal["", "segment", "joint"] = "",
+    infinite: bool = False,
+    allowed: str = "",
+    key: str = "",
+    aka: tuple[str, ...] = (),
+    left_out: str = "",
+) -> Any:
+    """Return a dataclass field; arguments as the attributes of `Parameter`, without a default it must be given."""
+    bounds = {name: bound for name, bound in (("gt", gt), ("ge", ge), ("lt", lt), ("le", le)) if bound is not None}
+    known = Parameter(
+        meaning=meaning,
+        unit=unit,
+        bounds=bounds,
+        each=each,
+        infinite=infinite,
+        allowed=allowed,
+        key=key,
+        aka=aka,
+        left_out=left_out,
+    )
+    return dataclasses.field(default=default, metadata={PARAMETER: known})
+
+
+def parameters_of(part: type) -> Mapping[str, Parameter]:
+    """Return the parameters of a dataclass (the class) by name; fields that are declared otherwise are left out."""
+    return _parameters(part)
+
+
+def _read(part: Any) -> Mapping[str, Parameter]:
+    hints = get_type_hints(part)
+    return MappingProxyType(
+        {
+            field.name: dataclasses.replace(
+                field.metadata[PARAMETER],
+                name=field.name,
+                default=None if field.default is dataclasses.MISSING else field.default,
+                hint=hints[field.name],
+            )
+            for field in dataclasses.fields(part)
+            if PARAMETER in field.metadata
+        }
+    )
+
+
+_parameters: Callable[[type], Mapping[str, Parameter]] = cache(_read)
+
+
+def check(instance: Any, **sizes: int) -> None:
+    """Check the parameters of a (frozen) instance and store them in the types that the rest relies on.
+
+    Parameters
+    ----------
+    sizes : int
+        Numbers of an array, by what the parameter has one for: `segment=6, joint=5`.
+    """
+    for name, known in parameters_of(type(instance)).items():
+        object.__setattr__(instance, name, known.checked(getattr(instance, name), sizes.get(known.each)))
+
+
+def documented(part: type[T]) -> type[T]:
+    """Write the parameters of a dataclass into its docstring, before the section Raises if it has one."""
+    head, raises, rest = (part.__doc__ or "").partition("    Raises\n")
+    lines = "".join(_described(known) for known in parameters_of(part).values())
+    gap = "\n" if raises else ""
+    part.__doc__ = f"{head.rstrip()}\n\n    Attributes\n    ----------\n{lines}{gap}{raises}{rest}"
+    return part
+
+
+def _described(known: Parameter) -> str:
+    """Return a parameter as two or more lines of a docstring: name, type and default, then meaning, unit and range."""
+    default = f", default {known.left_out or known.default}" if known.left_out or known.default is not None else ""
+    unit, span = f" [{known.unit}]" if known.unit else "", known.allowed or _range(known)
+    text = f"{known.meaning[:1].upper()}{known.meaning[1:]}{unit}{f'; {span}' if span else ''}."
+    body = fill(text, WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8)
+    return f"    {known.name} : {_type_text(known)}{default}\n{body}\n"
+
+
+def _type_text(known: Parameter) -> str:
+    if known.each:
+        return f"float or ndarray, shape ({'N' if known.each == 'segment' else 'N-1'},)"
+    if known.choices:
+        return " or ".join(map(repr, known.choices))
+    return "tuple of float" if known.is_pair else "float" if known.optional else str(known.hint.__name__)
+
+
+def _range(known: Parameter) -> str:
+    return arguments.range_text(**known.bounds, infinite=True) if known.bounds else ""
+
+
+def in_degrees(known: Parameter) -> Parameter:
+    """Return a parameter in radians (also per second) as one in degrees; any other as it is."""
+    if not known.unit.startswith("rad"):
+        return known
+    turned = {name: round(math.degrees(bound), 9) for name, bound in known.bounds.items()}
+    default = round(math.degrees(known.default), 9) if isinstance(known.default, float) else known.default
+    unit = known.unit.replace("rad", "deg")
+    return dataclasses.replace(known, unit=unit, bounds=turned, default=default)
