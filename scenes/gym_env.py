@@ -24,6 +24,7 @@ not used (`control.sensing.gate`); `info["measurements_refused"]` counts them.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -41,10 +42,8 @@ from scenes.language.errors import MissingPartError, SceneError
 from scenes.language.loader import load_scene
 from scenes.models.control.build import identified_of, reference_of, sensors_of
 from scenes.models.control.schema import ControlScene
-from scenes.models.worlds.build import world_of
-from scenes.models.worm.build import force_of, friction_of, gravity_of, start_of, worm_of
+from scenes.models.worm.build import problem_of, worm_of
 from worm3d.run import Run
-from worm3d.simulate import prepare
 from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
 
@@ -132,25 +131,9 @@ class WormEnv(gymnasium.Env[Seen, Seen]):
 
     def _begun(self) -> Run:
         """Return the run before its first step."""
-        scene, worm = self._scene, self._worm
-        world = world_of(scene.world)
-        steps = max(1, scene.run.steps // self._every) * self._every
-        return prepare(
-            worm,
-            world,
-            friction_of(scene),
-            self._wave,
-            steps * scene.run.dt_s,
-            scene.run.dt_s,
-            scene.run.integrator,
-            gravity_of(scene),
-            force_of(scene.push, worm.segments, scene.run.dt_s),
-            start_of(scene, worm, world),
-            None,
-            self._sensors,
-            self._every,
-            settle_first=scene.start.settle,
-        )
+        problem = problem_of(self._scene, drive=(self._wave, self._sensors))
+        steps = max(1, problem.steps // self._every) * self._every
+        return Run(replace(problem, duration=steps * problem.dt, record_every=self._every))
 
     def _crawled(self) -> Status:
         """Take the steps of a control period; return how the run stands."""

@@ -8,21 +8,19 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from threading import Lock
 from typing import Any, Generic, TypeVar
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from worm3d.actuation import Actuation
 from worm3d.constraints import Held
 from worm3d.physics.friction import Friction
 from worm3d.plant import ROUNDING
+from worm3d.problem import Force, Integrator, Problem
 from worm3d.result import Result
-from worm3d.run import Force, Run
-from worm3d.simulate import Integrator, prepare
+from worm3d.run import Run
 from worm3d.start import LimitPointError, Placed, place, settle
 from worm3d.state import State, StateError
 from worm3d.status import Status
 from worm3d.values import arguments
-from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World
 from worm3d.worm import Worm
 
@@ -87,24 +85,22 @@ def simulate_batch(
     count = _count(each)
     given = {name: _spread(value, count) for name, value in each.items()}
 
+    shared: dict[str, Any] = {
+        "duration": duration,
+        "dt": dt,
+        "integrator": integrator,
+        "gravity": gravity,
+        "held": held,
+        "record_every": record_every,
+        "settle_first": settle_first,
+        "tolerance": tolerance,
+    }
     places = _Places()
 
     def prepared(k: int) -> Run:
         own = {name: values[k] for name, values in given.items()}
         try:
-            return prepare(
-                **own,
-                duration=duration,
-                dt=dt,
-                integrator=integrator,
-                gravity=gravity,
-                held=held,
-                sensor=None,
-                record_every=record_every,
-                settle_first=settle_first,
-                tolerance=tolerance,
-                placing=places.place,
-            )
+            return Run(Problem(**own, **shared), places.place)
         except (StateError, LimitPointError) as error:
             raise type(error)(f"run {k}: {error}") from error
         except ValueError as error:
@@ -144,29 +140,24 @@ class _Places:
     def __init__(self) -> None:
         self._placed, self._rested = _Once[Placed](), _Once[tuple[State, Status]]()
 
-    def place(
-        self,
-        worm: Worm,
-        world: World | None,
-        friction: Friction,
-        gravity: FloatArray,
-        held: NDArray[np.bool_],
-        state: State | None,
-        settle_first: bool | None,
-    ) -> Placed:
+    def place(self, problem: Problem) -> Placed:
         """Return what `worm3d.start.place` returns."""
-        key = id(world), gravity.tobytes(), held.tobytes(), settle_first, pickle.dumps((worm, friction, state))
-        given = worm, world, friction, gravity, held, state, settle_first
-        placed = self._placed(key, lambda: place(*given, self._settle))
+        key = self._key(problem, problem.settle_first, problem.friction, problem.state)
+        placed = self._placed(key, lambda: place(problem, self._settle))
         own = placed.plant.copy()
-        own.worm, own.friction = worm, friction
+        own.worm, own.friction = problem.worm, problem.friction
         return placed._replace(plant=own)
 
-    def _settle(
-        self, worm: Worm, world: World, gravity: FloatArray, held: NDArray[np.bool_], state: State
-    ) -> tuple[State, Status]:
-        key = id(world), gravity.tobytes(), held.tobytes(), pickle.dumps((worm, state))
-        return self._rested(key, lambda: settle(worm, world, gravity, held, state))
+    def _settle(self, problem: Problem, start: State) -> tuple[State, Status]:
+        return self._rested(self._key(problem, start), lambda: settle(problem, start))
+
+    def _key(self, problem: Problem, *parts: object) -> Hashable:
+        return (
+            id(problem.world),
+            problem.weight.tobytes(),
+            problem.held_mask.tobytes(),
+            pickle.dumps((problem.worm, *parts)),
+        )
 
 
 def _count(each: Mapping[str, object]) -> int:

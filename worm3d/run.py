@@ -9,25 +9,22 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from worm3d.actuation import Driver
 from worm3d.metrics import heading
 from worm3d.observation import Observation
 from worm3d.plant import HISTORIES
+from worm3d.problem import Problem
 from worm3d.result import Energy, Result
 from worm3d.solver.advance import advance, worst_residual
-from worm3d.solver.arrays import COUNTERS, POINTS
+from worm3d.solver.arrays import COUNTERS, POINTS, TOLERANCE
 from worm3d.solver.guard import NO_CONVERGENCE, OK
 from worm3d.solver.records import mass_centre, record, record_memory
 from worm3d.solver.refused import refused
-from worm3d.start import GUARDED, Placed
+from worm3d.start import GUARDED, Placed, place
 from worm3d.status import Status, Stop
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
-
-Force = Callable[[float], ArrayLike]
-"""Time [s] -> force on each joint, shape (N+1, 3) [N]."""
 
 HALVINGS = 6
 """A step that does not converge is halved at most so often."""
@@ -46,45 +43,28 @@ class Run:
 
     Parameters
     ----------
-    placed : Placed
-        The worm in its initial state, and the state where it began, for its time and memory.
-    driver : Driver
-    external_force : callable or None
-    dt : float
-        [s]
-    bdf2 : bool
-    every : int
-        Steps between two rows of the result.
-    steps : int
-    period : float or None
-        Of the gait [s].
+    problem : Problem
+    placing : callable
+        Returns the worm in its initial state, as `worm3d.start.place`.
     """
 
-    def __init__(
-        self,
-        placed: Placed,
-        driver: Driver,
-        external_force: Force | None,
-        dt: float,
-        bdf2: bool,
-        every: int,
-        steps: int,
-        period: float | None,
-    ) -> None:
-        plant, start, self.begun, self.settling = placed
-        self.period = period
-        self.plant, self.driver, self.external_force = plant, driver, external_force
-        self.dt, self.bdf2, self.every, self.steps = dt, bdf2, every, steps
+    def __init__(self, problem: Problem, placing: Callable[[Problem], Placed] = place) -> None:
+        plant, start, self.begun, self.settling = placing(problem)
+        plant.arrays["numbers"][0, TOLERANCE] = problem.tolerance
+        self.driver = Driver(problem.actuation, problem.worm, problem.sensor)
+        self.plant, self.external_force, self.period = plant, problem.external_force, problem.period
+        self.dt, self.bdf2 = problem.dt, problem.integrator == "bdf2"
+        self.every, self.steps = problem.record_every, problem.steps
         self.n, self.core = plant.n, plant.core
-        self.records = record_memory(self.n, steps // every + 1)
-        self.counters = np.zeros((steps, COUNTERS), dtype=np.int64)
+        self.records = record_memory(self.n, problem.rows)
+        self.counters = np.zeros((self.steps, COUNTERS), dtype=np.int64)
         self.done, self.halved, self.last_share, self.wall = 0, 0, 1.0, 0.0
         self.complaint, self.residual, self.segment = "", 0.0, 0
-        self.first = round(start.time / dt)
-        self.offset = start.time - self.first * dt
-        if abs(self.offset) < 1e-9 * dt:
+        self.first = round(start.time / self.dt)
+        self.offset = start.time - self.first * self.dt
+        if abs(self.offset) < 1e-9 * self.dt:
             self.offset = 0.0  # a resumed run has the very times of one that went on
-        self.remembers = bool(start.memory) and bool(start.memory.get("remembers", np.zeros(1))[0] == dt)
+        self.remembers = bool(start.memory) and bool(start.memory.get("remembers", np.zeros(1))[0] == self.dt)
         try:
             if not start.memory:
                 self._ask_at_start()

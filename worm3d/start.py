@@ -8,59 +8,66 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.physics import elements
 from worm3d.physics.friction import RESTING_PENETRATION, Friction
 from worm3d.plant import DEEPEST, Plant
+from worm3d.problem import Problem
 from worm3d.solver.advance import advance
-from worm3d.solver.arrays import POINTS
+from worm3d.solver.arrays import COUNTERS, POINTS
+from worm3d.solver.block import Block
 from worm3d.solver.guard import OK
-from worm3d.solver.records import record_memory
 from worm3d.state import State, StateError
 from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds import ClampedGround, World
 from worm3d.worm import Worm
 
-Settling = Callable[[Worm, World, FloatArray, NDArray[np.bool_], State], tuple[State, Status]]
-"""As `settle`."""
+Settling = Callable[[Problem, State], tuple[State, Status]]
+"""Function with the parameters and results of `settle`."""
 
 
-class _Settling(NamedTuple):
-    """A way to come to rest: coefficient of friction, time step [s], and how many steps at most."""
+class _Method(NamedTuple):
+    """A way to bring a worm to rest."""
 
     mu: float
+    """Coefficient of friction."""
     dt: float
-    most: int
+    """Time step [s]."""
+    steps: int
+    """Largest number of steps."""
 
 
-SLIDING = _Settling(0.0, 1.0, 200)
-STICKING = tuple(_Settling(mu, 0.01, 1000) for mu in (3.0, 1.0, 10.0))
-"""One after the other is tried: too little friction lets a worm slide down a steep place, too much may jam it in a pose
-to which no step leads."""
+SLIDING = _Method(0.0, 1.0, 200)
+"""Method for even worlds."""
 
-SETTLED = 1e-13
-"""Motion of the joints in such a step, as a fraction of the body length, at which the worm rests."""
+STICKING = tuple(_Method(mu, 0.01, 1000) for mu in (3.0, 1.0, 10.0))
+"""Methods for uneven worlds, tried in turn: too little friction lets a worm slide down a steep place, too much may jam
+it in a pose to which no step leads."""
 
-RESTS = 1e-9
-"""And that at which it rests well enough where rounding keeps it from coming closer."""
+REST_TOLERANCE = 1e-13
+"""Motion of the joints per step, as a fraction of the body length, at which the worm rests."""
 
-HOLDING_DT, HOLDING_MOST = 0.01, 2000
-"""Time step [s] and steps at most in which a worm comes to rest by the friction of its run."""
+REST_TOLERANCE_LOOSE = 1e-9
+"""Motion per step, as a fraction of the body length, accepted as rest when rounding prevents `REST_TOLERANCE`."""
+
+HOLDING_DT, HOLDING_STEPS = 0.01, 2000
+"""Time step [s] and largest number of steps in which a worm comes to rest by the friction of its run."""
 
 SLIDES = 0.03
-"""A worm that moves by this fraction of its length meanwhile is not held: where it slides to is the run's to tell."""
+"""Motion meanwhile, as a fraction of the body length, from which the worm is not held: its slide belongs to the run."""
 
 TOUCHING = 1e-6
-"""A contact point closer to the world than this fraction of the body length touches it: the gap may be rounding."""
+"""Gap that may be rounding, as a fraction of the body length: a closer contact point touches the world."""
 
 OVERLAP = 10.0 * RESTING_PENETRATION
-"""A start with a contact point deeper in the world than this fraction of the segment length is refused."""
+"""Largest depth of a contact point at the start, as a fraction of the segment length."""
 
-LIMIT_PLACES, LIMIT_ROUNDS = 65, 5
-"""The limit point is looked for at so many angles, and so many times, each time between the neighbours of the best:
-to 1e-7 of the angle, and so to 1e-14 of the weight, which is level there."""
+LIMIT_ANGLES, LIMIT_ROUNDS = 65, 5
+"""Angles at which the limit point is sought, and rounds, each between the neighbours of the best angle: to 1e-7 of the
+angle, and so to 1e-14 of the weight, which is level there."""
+
+NO_RECORDS = Block(0, 0)
 
 GUARDED = (
     Status.DONE,
@@ -104,10 +111,10 @@ def _limit_point(k: float, k_apex: float, a: float, l0: float, contraction: floa
     weight = ca.Function("weight", [angle], [-2.0 * ca.gradient(energy, angle) / ca.gradient(height, angle)])
     high = np.pi
     for _ in range(LIMIT_ROUNDS):
-        place = np.linspace(low, high, LIMIT_PLACES)
+        place = np.linspace(low, high, LIMIT_ANGLES)
         carried = weight(place[None]).full()[0]
         best = int(np.argmax(carried))
-        low, high = place[max(best - 1, 0)], place[min(best + 1, LIMIT_PLACES - 1)]
+        low, high = place[max(best - 1, 0)], place[min(best + 1, LIMIT_ANGLES - 1)]
     return float(carried[best])
 
 
@@ -175,44 +182,47 @@ def require_clear(plant: Plant, overlap: float) -> None:
         raise StateError(f"state: segment {segment} lies {depth.max():.3g} m inside the world; lift or move the worm")
 
 
-def settle(
-    worm: Worm, world: World, gravity: FloatArray, held: NDArray[np.bool_], state: State
-) -> tuple[State, Status]:
+def settle(problem: Problem, start: State) -> tuple[State, Status]:
     """Return the worm at rest under the part of gravity that presses it to the world, and DONE or why it does not rest.
 
     Steps of implicit Euler with a second each and no friction, stopped after each; where the world is `uneven`, short
     ones with contacts that stick, until the worm rests. The state has loads and no anchors yet (anchors are where the
     worm touches).
     """
-    ways = STICKING if getattr(world, "uneven", False) else (SLIDING,)
-    for way in ways:
-        rested, status = _settled(worm, world, gravity, held, state, way)
+    for method in STICKING if getattr(problem.world, "uneven", False) else (SLIDING,):
+        rested, status = _settled(problem, start, method)
         if status is Status.DONE:
             break
     return rested, status
 
 
-def _settled(
-    worm: Worm, world: World, gravity: FloatArray, held: NDArray[np.bool_], state: State, way: _Settling
-) -> tuple[State, Status]:
-    friction = Friction(way.mu, way.mu, way.mu, 1.0)
-    plant = Plant(worm, world, friction, world.pressing(gravity), held, scale=gravity)
-    plant.set_pose(state)
-    records, counters = record_memory(worm.segments, 1), np.zeros((0, 3), dtype=np.int64)
-    command, none, moved = np.zeros((1, 5 * worm.segments)), np.zeros((0, 3, worm.segments + 1)), np.inf
-    command[0, : 2 * worm.segments] = state.contraction.ravel()
-    for _ in range(way.most):
+def _settled(problem: Problem, start: State, method: _Method) -> tuple[State, Status]:
+    worm, world = problem.worm, problem.world
+    assert world is not None
+    friction = Friction(method.mu, method.mu, method.mu, 1.0)
+    plant = Plant(worm, world, friction, world.pressing(problem.weight), problem.held_mask, scale=problem.weight)
+    plant.set_pose(start)
+    command, moved = np.zeros(5 * worm.segments), np.inf
+    command[: 2 * worm.segments] = start.contraction.ravel()
+    for _ in range(method.steps):
         before = plant.arrays["joints"][:3].copy()
-        done, end = advance(plant.core, records.block, counters, command, none, 0, 0, way.dt, False, False)
-        if end != OK or done != 1:
-            return state, Status.UNSETTLED if GUARDED[end] is Status.NO_CONVERGENCE else GUARDED[end]
+        end = _step(plant, command, method.dt)
+        if end != OK:
+            return start, Status.UNSETTLED if GUARDED[end] is Status.NO_CONVERGENCE else GUARDED[end]
         moved = np.abs(plant.arrays["joints"][:3] - before).max()
-        if way.mu == 0.0:  # anchors are needed where friction holds
+        if method.mu == 0.0:  # anchors are needed where friction holds
             plant.stop()
-        if moved < SETTLED * worm.length:
+        if moved < REST_TOLERANCE * worm.length:
             break
     plant.stop()
-    return plant.state(state.time), Status.DONE if moved < RESTS * worm.length else Status.UNSETTLED
+    return plant.state(start.time), Status.DONE if moved < REST_TOLERANCE_LOOSE * worm.length else Status.UNSETTLED
+
+
+def _step(plant: Plant, command: FloatArray, dt: float) -> int:
+    """Take an unrecorded step of implicit Euler, and return how it ended."""
+    no_counters, no_force = np.zeros((0, COUNTERS), dtype=np.int64), np.zeros((0, 3, plant.n + 1))
+    _, end = advance(plant.core, NO_RECORDS, no_counters, command[None], no_force, 0, 0, dt, False, False)
+    return end
 
 
 def hold(plant: Plant) -> bool:
@@ -221,14 +231,13 @@ def hold(plant: Plant) -> bool:
     Steps of implicit Euler until it rests again, with its anchors where they are then; if it does not it is put back.
     """
     before, start = plant.memory(), plant.arrays["joints"][:3].copy()
-    records, counters = record_memory(plant.n, 1), np.zeros((0, 3), dtype=np.int64)
-    command, none, holds = plant.arrays["asked"][:1].copy(), np.zeros((0, 3, plant.n + 1)), False
-    for _ in range(HOLDING_MOST):
+    command, holds = plant.arrays["asked"][0].copy(), False
+    for _ in range(HOLDING_STEPS):
         here = plant.arrays["joints"][:3].copy()
-        _, end = advance(plant.core, records.block, counters, command, none, 0, 0, HOLDING_DT, False, False)
+        end = _step(plant, command, HOLDING_DT)
         moved, away = (np.abs(plant.arrays["joints"][:3] - there).max() / plant.worm.length for there in (here, start))
-        holds = end == OK and moved < RESTS and away <= SLIDES
-        if end != OK or away > SLIDES or moved < SETTLED:
+        holds = end == OK and moved < REST_TOLERANCE_LOOSE and away <= SLIDES
+        if end != OK or away > SLIDES or moved < REST_TOLERANCE:
             break
     if not holds:
         plant.remember(before)
@@ -267,16 +276,7 @@ def touches(plant: Plant, start: State) -> bool:
     return plant.gap() <= max(grown + TOUCHING * worm.length, float(height.max()) if start.laid else 0.0)
 
 
-def place(
-    worm: Worm,
-    world: World | None,
-    friction: Friction,
-    gravity: FloatArray,
-    held: NDArray[np.bool_],
-    state: State | None,
-    settle_first: bool | None,
-    settling: Settling = settle,
-) -> Placed:
+def place(problem: Problem, settling: Settling = settle) -> Placed:
     """Return the worm before its first step.
 
     Raises
@@ -284,19 +284,20 @@ def place(
     LimitPointError, StateError
         As `worm3d.simulate`.
     """
-    start = State.straight(worm, world) if state is None else state
+    worm, world, gravity = problem.worm, problem.world, problem.weight
+    start = State.straight(worm, world) if problem.state is None else problem.state
     require_shape(worm, start)
     require_felt(worm, world)
     if settles(world, gravity):
         assert world is not None
         require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))))
-    plant = Plant(worm, world, friction, gravity, held)
+    plant = Plant(worm, world, problem.friction, gravity, problem.held_mask)
     plant.set_pose(start)
     require_clear(plant, DEEPEST if start.memory else OVERLAP)
     if start.memory:
         plant.remember(start.memory)
-    elif _is_settled(plant, start, settle_first):
-        status = _come_to_rest(plant, start, held, settling)
+    elif _is_settled(plant, start, problem.settle_first):
+        status = _come_to_rest(plant, problem, start, settling)
         moved = float(np.linalg.norm(plant.arrays["joints"][:3, : plant.n + 1].T - start.joints, axis=1).max())
         return Placed(plant, start, status, moved if status is Status.DONE else None)
     return Placed(plant, start, Status.DONE, None)
@@ -309,10 +310,9 @@ def _is_settled(plant: Plant, start: State, settle_first: bool | None) -> bool:
     return touches(plant, start) if settle_first is None else settle_first
 
 
-def _come_to_rest(plant: Plant, start: State, held: NDArray[np.bool_], settling: Settling) -> Status:
+def _come_to_rest(plant: Plant, problem: Problem, start: State, settling: Settling) -> Status:
     """Bring the worm to rest from its initial state; return DONE, or why it does not come to rest."""
-    assert plant.world is not None
-    rested, status = settling(plant.worm, plant.world, plant.gravity, held, start)
+    rested, status = settling(problem, start)
     if status is Status.DONE:
         plant.set_pose(rested)
         plant.bear(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])

@@ -12,8 +12,8 @@ import worm3d
 from control.gaits import ContractionEngine_segmentdriven, TravellingWave
 from worm3d import ClampedGround, Command, Friction, Pipe, Plane, State, Status, Worm
 from worm3d import run as run_module
+from worm3d.problem import Problem
 from worm3d.result import Energy
-from worm3d.simulate import prepare
 
 BOTH = pytest.mark.parametrize("integrator", ["bdf2", "implicit_euler"])
 TURNING = TravellingWave(amplitude=0.3, bias=0.3, hinge=0.5, force=0.1)
@@ -307,10 +307,8 @@ def test_a_run_that_is_watched_is_the_same(every: int, monkeypatch: pytest.Monke
 
 
 def test_every_number_of_a_row_is_written() -> None:
-    run = prepare(
-        *(Worm(), Plane(), None, TURNING, 0.1, 0.01, "bdf2", (0.0, 0.0, -9.81), None, None, None, None, 5),
-        settle_first=True,
-    )
+    problem = Problem(worm=Worm(), world=Plane(), actuation=TURNING, duration=0.1, record_every=5)
+    run = run_module.Run(problem)
     for array in run.records.arrays().values():
         array[1:] = np.nan
     assert run.finish().status is Status.DONE

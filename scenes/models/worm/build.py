@@ -25,6 +25,8 @@ from scenes.models.worm.schema import (
     WormScene,
 )
 from worm3d.actuation import Actuation, Sensor
+from worm3d.problem import Problem
+from worm3d.run import Run
 
 KEYS = keys_by_parameter(worm3d.Worm)
 """Each parameter of `worm3d.Worm` and its key in the section [worm]."""
@@ -54,13 +56,23 @@ def simulate(
     ValueError
         The worm is refused, its weight would flatten it (`LimitPointError`), or the state is not of this worm.
     """
+    run = Run(problem_of(scene, state, done, drive))
+    every = run.every
+    # An end between two stored states could not be gone on from without a gap.
+    looks = lambda steps: observer(steps) or steps % every != 0  # noqa: E731
+    return run.finish(looks if live is None else live.follow(run, looks))
+
+
+def problem_of(
+    scene: AnyWormScene, state: worm3d.State | None = None, done: int = 0, drive: Drive | None = None
+) -> Problem:
+    """Return what a scene simulates; parameters as of `simulate`."""
     worm, world, run = worm_of(scene), world_of(scene.world), scene.run
-    every = run.record_every
     actuation, sensor = (gait_of(scene), None) if drive is None else drive
-    return worm3d.simulate(
-        worm,
-        world,
-        friction_of(scene),
+    return Problem(
+        worm=worm,
+        world=world,
+        ground=friction_of(scene),
         actuation=actuation,
         duration=(run.steps - done) * run.dt_s,
         dt=run.dt_s,
@@ -69,12 +81,9 @@ def simulate(
         external_force=force_of(scene.push, worm.segments, run.dt_s),
         state=start_of(scene, worm, world) if state is None else state,
         sensor=sensor,
-        record_every=every,
+        record_every=run.record_every,
         settle_first=scene.start.settle,
         tolerance=run.tolerance,
-        # An end between two stored states could not be gone on from without a gap.
-        observer=lambda steps: observer(steps) or steps % every != 0,
-        live=live,
     )
 
 

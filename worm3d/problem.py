@@ -1,0 +1,135 @@
+"""What a run is given: the arguments of `worm3d.simulate` as one value, checked once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from worm3d.actuation import Actuation, Sensor
+from worm3d.constraints import Held, held_mask
+from worm3d.physics.friction import Friction
+from worm3d.plant import ROUNDING
+from worm3d.state import State
+from worm3d.values import arguments
+from worm3d.values.arrays import BoolArray, FloatArray
+from worm3d.values.memory import bytes_of_run, require_room
+from worm3d.worlds import ClampedGround, World
+from worm3d.worm import Worm
+
+Integrator = Literal["bdf2", "implicit_euler"]
+
+Force = Callable[[float], ArrayLike]
+"""Time [s] -> force on each joint, shape (N+1, 3) [N]."""
+
+LARGEST_TOLERANCE = 1e-7
+"""Largest tolerance, as a fraction of the body length: contacts stick within a tenth of a micrometre."""
+
+SHORTEST_STEP = 1e-6
+"""Shortest time step [s]: in shorter ones Newton does not reach rounding and iterates a hundred times as often."""
+
+FARTHEST = 1e10
+"""Largest distance of a state from time 0, in time steps: beyond it rounding makes the steps unequal."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Problem:
+    """A run to be simulated; frozen and validated.
+
+    Attributes, their defaults and the errors raised are those of the parameters of `worm3d.simulate`.
+    """
+
+    worm: Worm
+    world: World | None
+    ground: Friction | None = None
+    actuation: Actuation | None = None
+    duration: float = 10.0
+    dt: float = 0.01
+    integrator: Integrator = "bdf2"
+    gravity: ArrayLike = (0.0, 0.0, -9.81)
+    external_force: Force | None = None
+    state: State | None = None
+    held: Held | ArrayLike | None = None
+    sensor: Sensor | None = None
+    record_every: int = 1
+    settle_first: bool | None = None
+    tolerance: float = ROUNDING
+
+    def __post_init__(self) -> None:
+        self._check_types()
+        self._check_numbers()
+        needed = bytes_of_run(self.worm.segments, self.steps, self.record_every)
+        remedy = "a larger record_every, a shorter duration, a longer dt or fewer segments"
+        require_room("duration", needed, f"{self.steps:.3g} steps of {self.worm.segments} segments", remedy)
+        if self.steps % self.record_every:
+            raise ValueError(
+                f"record_every: got {arguments.shown(self.record_every)}, must divide the {self.steps} time steps of "
+                "the run: its end is kept"
+            )
+        if self.state is not None and abs(self.state.time) > FARTHEST * self.dt:
+            raise ValueError(
+                f"state: its time of {self.state.time:g} s is too far from 0 for steps of {self.dt:g} s, must be nearer"
+            )
+        if self.worm.chamber_offset == 0.0 and not self.held_mask.reshape(-1, 5)[:, 4].all():
+            raise ValueError("chamber_offset: got 0 with bends that are free; hold them (held.bend) or give it a width")
+
+    def _check_types(self) -> None:
+        arguments.instance("worm", self.worm, Worm, "a worm3d.Worm")
+        arguments.instance("world", self.world, World | None, "a world such as worm3d.Plane(), or None")
+        arguments.instance("ground", self.ground, Friction | None, "a worm3d.Friction, or None for the default")
+        arguments.instance("state", self.state, State | None, "a worm3d.State, or None")
+        if self.external_force is not None:
+            arguments.function("external_force", self.external_force, "a function of time, or None")
+
+    def _check_numbers(self) -> None:
+        if not (self.weight.shape == (3,) and (np.abs(self.weight) <= arguments.LARGEST).all()):
+            raise ValueError(f"gravity: got {arguments.shown(self.gravity)}, must be finite, x, y and z [m/s^2]")
+        for name in ("duration", "dt"):
+            arguments.number(name, getattr(self, name), "s", gt=0.0)
+        if self.dt < SHORTEST_STEP:
+            raise ValueError(
+                f"dt: got {self.dt!r} s, must be at least {SHORTEST_STEP:g} s: rounding shows in shorter steps"
+            )
+        if not self.steps:
+            raise ValueError(f"dt: got {self.dt:g} s, must be at most the duration of the run, {self.duration:g} s")
+        arguments.whole("record_every", self.record_every)
+        arguments.choice("integrator", self.integrator, get_args(Integrator))
+        arguments.number("tolerance", self.tolerance, "body lengths", ge=ROUNDING, le=LARGEST_TOLERANCE)
+        if self.settle_first is not None:
+            arguments.flag("settle_first", self.settle_first)
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps."""
+        return round(self.duration / self.dt)
+
+    @property
+    def rows(self) -> int:
+        """Number of recorded instants, the start included."""
+        return self.steps // self.record_every + 1
+
+    @cached_property
+    def friction(self) -> Friction:
+        """Coefficients of friction, the default ones where none are given."""
+        return Friction() if self.ground is None else self.ground
+
+    @cached_property
+    def weight(self) -> FloatArray:
+        """Gravity, shape (3,) [m/s^2]."""
+        return arguments.floats("gravity", self.gravity)
+
+    @cached_property
+    def held_mask(self) -> BoolArray:
+        """Which coordinates stay fixed, those included that the model holds, shape (5 (N+1),)."""
+        clamped = isinstance(self.world, ClampedGround)
+        return held_mask(self.held, self.worm.segments, flat=self.worm.flat, clamped=clamped)
+
+    @property
+    def period(self) -> float | None:
+        """Period of the gait, over which speeds are averaged [s]; None without one."""
+        period: float | None = getattr(self.actuation, "period", getattr(self.actuation, "T_wave", None))
+        return period
