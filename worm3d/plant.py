@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +16,7 @@ from worm3d.machine.compiled import announce, cfunc
 from worm3d.physics.friction import ContactConstants, Friction
 from worm3d.physics.kernels import joint, node, point, segment
 from worm3d.solver import arrays
-from worm3d.solver.arrays import BLOCK, POINTS, REMEMBERED, CoreMemory
+from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
 from worm3d.solver.entry import SIGNATURE
 from worm3d.solver.evaluate import evaluate_entry
 from worm3d.solver.faces import turn_faces
@@ -52,38 +51,12 @@ MASSLESS = 1e-3
 HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
 """Arrays that hold two instants, first the present one."""
 
-_ROWS_REMEMBERED = (
-    (segment.LAYOUT, "segment_in", ("t_ref", "d_ref", "rim", "commanded_n")),
-    (point.LAYOUT, "point_in", ("anchor", "load_n", "load_m", "pull", "pull_m")),
-    (joint.LAYOUT, "joint_in", ("hinge_n",)),
-)
-
 
 @cache
 def kernels() -> dict[str, Kernel]:
     """Return the compiled kernels by name."""
-    return {
-        "segment_shape": compile_kernel(segment.shape()),
-        "segment_rims": compile_kernel(segment.rims()),
-        "segment_motion": compile_kernel(segment.motion()),
-        "segment_gradient": compile_kernel(segment.gradient()),
-        "segment_hessian": compile_kernel(segment.hessian()),
-        "segment_jacobian": compile_kernel(segment.jacobian()),
-        "segment_ledger": compile_kernel(segment.ledger()),
-        "joint_start": compile_kernel(joint.start()),
-        "joint_gradient": compile_kernel(joint.gradient()),
-        "joint_hessian": compile_kernel(joint.hessian()),
-        "joint_angles": compile_kernel(joint.angles()),
-        "joint_ledger": compile_kernel(joint.ledger()),
-        **{function.name(): compile_kernel(function, padded=True) for function in _of_mass_points()},
-    }
-
-
-def _of_mass_points() -> list[ca.Function]:
-    """Return what is evaluated in all lanes: those without a point or joint have neither mass nor stiffness."""
-    forces = (point.force, point.stiffness, point.yielding, point.expected)
-    of_points = (*forces, point.start, point.after, point.momenta)
-    return [make() for make in (*of_points, node.start, node.after, node.momenta)]
+    rows = arrays.KERNELS.items()
+    return {name: compile_kernel(row.make(), padded=row.padded) for name, row in rows if row.make is not None}
 
 
 @cache
@@ -139,8 +112,8 @@ class Plant:
         width = max(vectors.WIDTH, *(kernel.width for kernel in kernels().values()))
         lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
         self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
-        world_rows = 3 + len(self.world_kernel.parameters)
-        self._open(CoreMemory(self.n, lanes, joint_lanes, nodes, world_rows, _addresses(self.world_kernel)))
+        sizes = Sizes(self.n, lanes, joint_lanes, nodes, 3 + len(self.world_kernel.parameters))
+        self._open(CoreMemory(sizes, _addresses(self.world_kernel)))
         self.arrays["held"][0] = held
         self._fill_numbers()
         self._fill_segments()
@@ -187,26 +160,23 @@ class Plant:
         mu = self.friction.coefficients(n)
         self.arrays["point_mass"][:6, :n] = worm.apex_mass.T
         self.arrays["joint_mass"][0, : n + 1], self.arrays["drag"][0, : n + 1] = worm.joint_mass, drag
-        weight = node.LAYOUT.first("weight")
-        self.arrays["node_in"][weight : weight + 3] = self.arrays["joint_mass"] * self.gravity[:, None]
+        node.LAYOUT.of("weight", self.arrays["node_in"])[:] = self.arrays["joint_mass"] * self.gravity[:, None]
         self.arrays["joint_mu"][:] = 0.5 * (np.column_stack([mu[:, :1], mu]) + np.column_stack([mu, mu[:, -1:]]))
         self.arrays["longest"][0] = 2.0 * np.sqrt(worm.link_length**2 - (FLAT * np.asarray(worm.half_height)) ** 2)
         self.arrays["stuck"][:] = 1.0
 
     def _segment_row(self, name: str) -> FloatArray:
         """Return rows of the segment array, for the segments alone: (size, N)."""
-        first, size = segment.LAYOUT.first(name), segment.LAYOUT.sizes[name]
-        return self.arrays["segment_in"][first : first + size, : self.n]
+        return segment.LAYOUT.of(name, self.arrays["segment_in"])[:, : self.n]
 
     def _joint_row(self, name: str) -> FloatArray:
         """Return rows of the joint array: (size, N-1)."""
-        first, size = joint.LAYOUT.first(name), joint.LAYOUT.sizes[name]
-        return self.arrays["joint_in"][first : first + size, : self.n - 1]
+        return joint.LAYOUT.of(name, self.arrays["joint_in"])[:, : self.n - 1]
 
     def _point_row(self, name: str) -> FloatArray:
         """Return rows of the point array: (size, 8, S)."""
-        first, size = point.LAYOUT.first(name), point.LAYOUT.sizes[name]
-        return self.arrays["point_in"][first : first + size].reshape(size, POINTS, -1)
+        rows = point.LAYOUT.of(name, self.arrays["point_in"])
+        return rows.reshape(len(rows), POINTS, -1)
 
     def _fill_segments(self) -> None:
         worm, h0 = self.worm, np.asarray(self.worm.half_height)
@@ -249,17 +219,9 @@ class Plant:
         self._point_row("tangent")[[0, 4]] = 1.0
         self._point_row("dt")[:] = self._point_row("cap")[:] = 1.0
 
-    def _remembered(self) -> dict[str, FloatArray]:
-        """Return views of all that the next step depends on, by name."""
-        views = {name: self.arrays[name] for name in REMEMBERED}
-        for layout, array, names in _ROWS_REMEMBERED:
-            for name in names:
-                views[name] = self.arrays[array][layout.first(name) : layout.first(name) + layout.sizes[name]]
-        return views
-
     def memory(self) -> dict[str, FloatArray]:
         """Return copies of all that the next step depends on, by name."""
-        return {name: array.copy() for name, array in self._remembered().items()}
+        return {name: array.copy() for name, array in self.memory_of_core.remembered().items()}
 
     def remember(self, memory: Mapping[str, FloatArray]) -> None:
         """Take over what `memory` has returned.
@@ -269,7 +231,7 @@ class Plant:
         StateError
             If it is that of another worm, or of a computer with other vectors.
         """
-        for name, view in self._remembered().items():
+        for name, view in self.memory_of_core.remembered().items():
             value = memory.get(name)
             if value is None or value.shape != view.shape:
                 got = "nothing" if value is None else f"shape {value.shape}"
@@ -310,7 +272,7 @@ class Plant:
         self._run("world", world_in, self.arrays["world_out"], world_in.shape[1])
 
     def _run(self, name: str, inputs: FloatArray, outputs: FloatArray, count: int) -> None:
-        evaluate(self.memory_of_core.kernels[arrays.KERNELS.index(name)], inputs, outputs, count)
+        evaluate(self.memory_of_core.kernels[list(arrays.KERNELS).index(name)], inputs, outputs, count)
 
     def _begin_histories(self, state: State) -> None:
         n, a = self.n, self.arrays

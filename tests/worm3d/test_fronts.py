@@ -124,4 +124,4 @@ def test_the_first_guess_of_a_run_that_is_resumed_is_that_of_the_whole_run() -> 
     rest = simulate(worm, Plane(), actuation=gait, duration=0.5, state=begun.state)
     assert_array_equal(rest.newton_iterations, whole.newton_iterations[-len(rest.newton_iterations) :])
     assert np.any(begun.state.memory["fronts"] != 0.0)
-    assert arrays.ARRAYS[arrays.FRONTS] == "fronts"
+    assert list(arrays.ARRAYS)[arrays.FRONTS] == "fronts"

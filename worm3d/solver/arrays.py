@@ -1,31 +1,28 @@
-"""Everything that a step reads and writes, in the layout of the kernels.
+"""Arrays, kernels and numbers of a step, each declared once, by the constant that names it.
 
 Lanes are segments (S of them, a multiple of the vector width); the eight contact points of segment i are the lanes
-S slot + i of point arrays. Some arrays share memory, so that one kernel writes where the next one reads:
-
-    segment_shape -> REST | points      points are rows "x" of the point array
-    segment_motion -> points            are its rows "first"
-    segment_ledger -> ... | points      likewise, with terms and angles in the row before them
-    world -> distance ... grip          are its rows 3 to 13
-    point_start -> tangent ... deep     are rows of it too
-    joint_start, node_start             write the last rows of the joint and of the node array
-    point_stiffness -> f ... K          are the last rows of the segment array
-
-The past of points and joints stands in rows of their arrays. What becomes of a point in a step is an output of
-point_after; friction's state and the world's force stay there, the rest `worm3d.solver.step` makes the past.
+S slot + i of point arrays. An array that stands `inside` another shares its memory, so that one kernel writes where
+the next one reads: chamber lengths and frames are followed by the points, the world's outputs are rows of the points'
+inputs, and so on. The past of points and joints stands in rows of their arrays. What becomes of a point in a step is
+an output of point_after; friction's state and the world's force stay there, the rest `worm3d.solver.step` makes the
+past.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.machine import vectors
 from worm3d.machine.banded import WIDTH, B
 from worm3d.physics.kernels import joint, node, point, segment
+from worm3d.physics.kernels.layout import Layout
 from worm3d.solver.block import Block, Memory
+from worm3d.values.arrays import FloatArray
 
 POINTS = segment.POINTS
 BLOCK = 5
@@ -51,280 +48,255 @@ TERMS = (
     "work_contract_p11",
     "work_friction_p13",
 )
-"""Of the energy ledger, in the order of the records."""
+"""Terms of the energy ledger, in the order of the records."""
 
-KERNELS = (
-    "world",
-    "segment_shape",
-    "segment_rims",
-    "segment_motion",
-    "segment_gradient",
-    "segment_hessian",
-    "segment_jacobian",
-    "segment_ledger",
-    "joint_start",
-    "joint_gradient",
-    "joint_hessian",
-    "joint_angles",
-    "joint_ledger",
-    "point_force",
-    "point_stiffness",
-    "point_start",
-    "point_yielding",
-    "point_expected",
-    "point_after",
-    "point_momenta",
-    "node_start",
-    "node_after",
-    "node_momenta",
-    "evaluate",  # entries, `worm3d.solver.entry`
-    "solve",
-    "step",
+
+class KernelRow(NamedTuple):
+    """A compiled function."""
+
+    make: Callable[[], ca.Function] | None
+    """Returns what is compiled; None for the world's kernel and for entries (`worm3d.solver.entry`)."""
+    padded: bool
+    """Whether it is evaluated in all lanes: those without a point or joint have neither mass nor stiffness."""
+
+
+KERNELS: dict[str, KernelRow] = {}
+"""Compiled functions by name, in the order of `Core.kernels`."""
+
+
+def _kernel(name: str, make: Callable[[], ca.Function] | None = None, padded: bool = False) -> int:
+    """Declare a compiled function and return its index."""
+    KERNELS[name] = KernelRow(make, padded)
+    return len(KERNELS) - 1
+
+
+WORLD = _kernel("world")
+SEGMENT_SHAPE = _kernel("segment_shape", segment.shape)
+SEGMENT_RIMS = _kernel("segment_rims", segment.rims)
+SEGMENT_MOTION = _kernel("segment_motion", segment.motion)
+SEGMENT_GRADIENT = _kernel("segment_gradient", segment.gradient)
+SEGMENT_HESSIAN = _kernel("segment_hessian", segment.hessian)
+SEGMENT_JACOBIAN = _kernel("segment_jacobian", segment.jacobian)
+SEGMENT_LEDGER = _kernel("segment_ledger", segment.ledger)
+JOINT_START = _kernel("joint_start", joint.start)
+JOINT_GRADIENT = _kernel("joint_gradient", joint.gradient)
+JOINT_HESSIAN = _kernel("joint_hessian", joint.hessian)
+JOINT_ANGLES = _kernel("joint_angles", joint.angles)
+JOINT_LEDGER = _kernel("joint_ledger", joint.ledger)
+POINT_FORCE = _kernel("point_force", point.force, padded=True)
+POINT_STIFFNESS = _kernel("point_stiffness", point.stiffness, padded=True)
+POINT_START = _kernel("point_start", point.start, padded=True)
+POINT_YIELDING = _kernel("point_yielding", point.yielding, padded=True)
+POINT_EXPECTED = _kernel("point_expected", point.expected, padded=True)
+POINT_AFTER = _kernel("point_after", point.after, padded=True)
+POINT_MOMENTA = _kernel("point_momenta", point.momenta, padded=True)
+NODE_START = _kernel("node_start", node.start, padded=True)
+NODE_AFTER = _kernel("node_after", node.after, padded=True)
+NODE_MOMENTA = _kernel("node_momenta", node.momenta, padded=True)
+EVALUATE = _kernel("evaluate")
+SOLVE = _kernel("solve")
+STEP = _kernel("step")
+
+NUMBERS: list[str] = []
+"""What one number says of a worm and its world, by name."""
+
+
+def _number(name: str) -> int:
+    """Declare a number and return its index in the array "numbers"."""
+    NUMBERS.append(name)
+    return len(NUMBERS) - 1
+
+
+L0 = _number("l0")  # [m]
+DEEPEST = _number("deepest")  # greatest penetration of a joint [m]; deeper it counts as sunk
+STATIC_RATIO = _number("static_ratio")
+LAG = _number("lag")  # [s]
+RATE_LIMIT = _number("rate_limit")  # [1/s]
+LEAST = _number("least")  # of the stroke
+GREATEST = _number("greatest")
+LENGTH = _number("length")  # of the body, the unit of Newton's tolerances [m]
+TOLERANCE = _number("tolerance")  # of Newton: the last step, as a fraction of the body length
+LEVER = _number("lever")  # metres per radian in Newton's tolerances
+CLAMPED = _number("clamped")  # 1: the ground is the paper's, (P9) and (P10)
+THRESHOLD = _number("threshold")  # eps of (P10) [m/s]
+MASS = _number("mass")  # [kg]
+GRAVITY = _number("gravity_x")  # [m/s^2]; y and z follow
+_number("gravity_y")
+_number("gravity_z")
+
+
+class Sizes(NamedTuple):
+    """Sizes of a core's arrays."""
+
+    n: int
+    """Segments."""
+    lanes: int
+    """Lanes for n segments."""
+    joint_lanes: int
+    """Lanes for the n - 1 joints between them."""
+    node_lanes: int
+    """Lanes for all n + 1 joints."""
+    world_rows: int
+    """Inputs of the world's kernel: x (3) and its parameters."""
+
+    def of(self, name: str) -> int:
+        """Return one of these sizes, or one that follows from them."""
+        size = BLOCK * (self.n + 1)
+        derived = {
+            "coordinates": size,  # with two unused ones of the last block
+            "band_rows": size + B,
+            "commands": 5 * self.n,
+            "joints": self.n + 1,
+            "vectors": self.lanes // vectors.WIDTH,
+            "points": POINTS * self.lanes,
+            "mass_points": max(POINTS * self.lanes, self.node_lanes),
+            "moved": BLOCK * (self.lanes + 1) + vectors.WIDTH,
+        }
+        return derived[name] if name in derived else int(getattr(self, name))
+
+
+Extent = int | str | Layout
+"""A number of rows or columns, the name of one of the `Sizes`, or a layout, whose rows have names."""
+
+
+class ArrayRow(NamedTuple):
+    """An array of a core."""
+
+    rows: Extent
+    columns: Extent
+    inside: tuple[str, str | int] | None
+    """Array above it whose memory it shares, and the row there with which it begins."""
+    remembered: bool | tuple[str, ...]
+    """Whether the next step depends on it, or on which of its rows."""
+
+    def shape(self, sizes: Sizes) -> tuple[int, int]:
+        """Return the shape in a core of these sizes."""
+        return _extent(self.rows, sizes), _extent(self.columns, sizes)
+
+    def first(self, row: str | int) -> int:
+        """Return the index of a row."""
+        return self.rows.first(row) if isinstance(self.rows, Layout) and isinstance(row, str) else int(row)
+
+
+def _extent(extent: Extent, sizes: Sizes) -> int:
+    if isinstance(extent, Layout):
+        return extent.rows
+    return sizes.of(extent) if isinstance(extent, str) else extent
+
+
+ARRAYS: dict[str, ArrayRow] = {}
+"""Arrays of a core by name, in the order of its block."""
+
+
+def _array(
+    name: str,
+    rows: Extent,
+    columns: Extent,
+    *,
+    inside: tuple[str, str | int] | None = None,
+    remembered: bool | tuple[str, ...] = False,
+) -> int:
+    """Declare an array and return its index."""
+    ARRAYS[name] = ArrayRow(rows, columns, inside, remembered)
+    return len(ARRAYS) - 1
+
+
+NUMBERS_ = _array("numbers", 1, len(NUMBERS))
+X = _array("x", 1, "coordinates", remembered=True)  # coordinates; rolls count from the start of the step
+X_N = _array("x_n", 1, "coordinates")  # x at the start of the step
+HELD = _array("held", 1, "coordinates")  # 1 where a coordinate is held
+GRADIENT = _array("gradient", 1, "coordinates")
+DIRECTION = _array("direction", 1, "coordinates")
+TRIAL = _array("trial", 1, "coordinates")
+BEST = _array("best", 1, "coordinates")
+CURVE = _array("curve", 1, "coordinates", remembered=True)  # change of "last" in the last step
+LAST = _array("last", 1, "coordinates", remembered=True)  # change of x in the last step
+BAND = _array("band", "band_rows", WIDTH)
+JOINT_BAND = _array("joint_band", "band_rows", WIDTH)  # what the joints contribute to it
+FACTOR = _array("factor", "band_rows", WIDTH)  # of the linear solver
+# inputs of the segment's kernels
+SEGMENT_IN = _array("segment_in", segment.LAYOUT, "lanes", remembered=("t_ref", "d_ref", "rim", "commanded_n"))
+# f (3), potential, load, f foreseen (3), K (9)
+POINT_OUT = _array("point_out", 17, "points", inside=("segment_in", "f"))
+POINT_ANEW = _array("point_anew", 17, "points")  # the same where contacts have changed; of these the change of K
+SEGMENT_OUT = _array("segment_out", 1 + segment.COORDINATES + segment.COORDINATES**2, "lanes")
+# the segments' Hessians, one after the other
+SEGMENT_BLOCKS = _array("segment_blocks", "lanes", segment.COORDINATES**2)
+CHANGED = _array("changed", 1, "points")  # 1 where a contact has changed what it does since the Jacobian was made
+# derivatives of the points in the coordinates
+POINTS_JACOBIAN = _array("points_jacobian", 3 * POINTS * segment.COORDINATES, "lanes")
+JACOBIANS = _array("jacobians", "lanes", 3 * POINTS * segment.COORDINATES)  # the same, segments one after the other
+KNOWN = _array("known", 1, "vectors")  # 1 where those of a vector of segments stand there, made since the Jacobian was
+REST = _array("rest", 8 + 3 * POINTS, "lanes")  # chamber lengths (2), tangent (3), director (3), points (24)
+# inputs of the point's kernels
+POINT_IN = _array(
+    "point_in", point.LAYOUT, "points", inside=("rest", 8), remembered=("anchor", "load_n", "load_m", "pull", "pull_m")
 )
-"""Compiled functions, in the order of `Core.kernels`."""
-(
-    WORLD,
-    SEGMENT_SHAPE,
-    SEGMENT_RIMS,
-    SEGMENT_MOTION,
-    SEGMENT_GRADIENT,
-    SEGMENT_HESSIAN,
-    SEGMENT_JACOBIAN,
-    SEGMENT_LEDGER,
-    JOINT_START,
-    JOINT_GRADIENT,
-    JOINT_HESSIAN,
-    JOINT_ANGLES,
-    JOINT_LEDGER,
-    POINT_FORCE,
-    POINT_STIFFNESS,
-    POINT_START,
-    POINT_YIELDING,
-    POINT_EXPECTED,
-    POINT_AFTER,
-    POINT_MOMENTA,
-    NODE_START,
-    NODE_AFTER,
-    NODE_MOMENTA,
-    EVALUATE,
-    SOLVE,
-    STEP,
-) = range(len(KERNELS))
-
-NUMBERS = (
-    "l0",  # [m]
-    "deepest",  # greatest penetration of a joint [m]; deeper it counts as sunk
-    "static_ratio",
-    "lag",  # [s]
-    "rate_limit",  # [1/s]
-    "least",  # of the stroke
-    "greatest",
-    "length",  # of the body, the unit of Newton's tolerances [m]
-    "tolerance",  # of Newton: the last step, as a fraction of the body length
-    "lever",  # metres per radian in Newton's tolerances
-    "clamped",  # 1: the ground is the paper's, (P9) and (P10)
-    "threshold",  # eps of (P10) [m/s]
-    "mass",  # [kg]
-    "gravity_x",  # [m/s^2]
-    "gravity_y",
-    "gravity_z",
+# the same memory with the lanes of segments, row 8 r + slot
+POINT_ROWS = _array("point_rows", point.LAYOUT.rows * POINTS, "lanes", inside=("point_in", 0))
+WORLD_IN = _array("world_in", "world_rows", "points")
+WORLD_OUT = _array("world_out", WORLD_ROWS, "points", inside=("point_in", "distance"))
+# from tangent to deep
+STARTED = _array(
+    "started", point.LAYOUT.first("anchor") - point.LAYOUT.first("tangent"), "points", inside=("point_in", "tangent")
 )
-"""What one number says of a worm and its world."""
-(
-    L0,
-    DEEPEST,
-    STATIC_RATIO,
-    LAG,
-    RATE_LIMIT,
-    LEAST,
-    GREATEST,
-    LENGTH,
-    TOLERANCE,
-    LEVER,
-    CLAMPED,
-    THRESHOLD,
-    MASS,
-    GRAVITY,
-    _,
-    _,
-) = range(len(NUMBERS))
-
-ARRAYS = (
-    "numbers",
-    "x",  # coordinates; rolls count from the start of the step
-    "x_n",  # x at the start of the step
-    "held",  # 1 where a coordinate is held
-    "gradient",
-    "direction",
-    "trial",
-    "best",
-    "curve",  # change of "last" in the last step
-    "last",  # change of x in the last step
-    "band",
-    "joint_band",  # what the joints contribute to it
-    "factor",  # of the linear solver
-    "segment_in",  # inputs of the segment's kernels
-    "point_out",  # f (3), potential, load, f foreseen (3), K (9); inside segment_in
-    "point_anew",  # likewise, where contacts have changed; of these the change of K
-    "segment_out",
-    "segment_blocks",  # the segments' Hessians, one after the other
-    "changed",  # 1 where a contact has changed what it does since the Jacobian was made
-    "points_jacobian",  # derivatives of the points in the coordinates
-    "jacobians",  # the same, segments one after the other
-    "known",  # 1 where those of a vector of segments stand there, made since the Jacobian was
-    "rest",  # chamber lengths (2), tangent (3), director (3), points (24)
-    "point_in",  # inputs of the point's kernels; begins inside rest
-    "point_rows",  # the same memory with the lanes of segments, row 8 r + slot
-    "world_in",
-    "world_out",  # inside point_in
-    "started",  # inside point_in: from tangent to deep
-    "first",  # inside point_in, with the lanes of segments
-    "segment_ledger",  # terms, hinge angles and "first", inside point_in
-    "yielding_out",  # y (2), excess, penetration, pull (2), load, swing, regime, whether stale, reach, recent
-    "after_out",  # terms of the ledger, and what becomes of the point, as in `point.AFTER`
-    "joint_in",
-    "joint_presets",  # inside joint_in: its last rows
-    "joint_out",
-    "joint_blocks",
-    "kinks",
-    "y_start",  # working memory of the line search, and of `worm3d.solver.fronts`
-    "moved",  # change of x in the step, with zeros behind it
-    "sums",  # of 8 rows
-    "momenta_out",
-    "node_in",  # inputs of the kernels of the joints as mass points
-    "node_out",
-    "node_presets",  # inside node_in: its last rows
-    "turned",  # rows of the records, segments one after the other
-    "point_mass",  # (8, S), inside point_in [kg]
-    "longest",  # length of a chamber at which its rhombus counts as flattened [m]
-    "joint_mass",  # inside node_in, as the following up to joint_friction but joint_mu [kg]
-    "drag",  # [N s/m]
-    "joint_mu",  # forward, backward, lateral, for the clamped worm
-    "joint_hat",
-    "joint_drag_hat",
-    "joint_inertia",  # m/(beta dt)^2
-    "joint_drag",  # drag/(beta dt)
-    "external",  # force on the joints [N]
-    "joint_friction",  # (P10) on the joints of the clamped worm [N]
-    "joint_load",  # (P9) [N]
-    "stuck",  # 1 where the static coefficient holds; inside after_out
-    "stuck_n",
-    "pull_n",  # f of (C5) at the start of the step
-    "fronts",  # of each contact, `worm3d.solver.fronts`
-    "stored",  # energy of the anchors at the end of the last step, inside point_in [J]
-    "contact_force",  # of the world on each point at the end of the last step, inside after_out [N]
-    "asked",  # of the actuators: contraction (2 N), force (2 N), hinge (N, the first unused)
-    "given",  # by them, after lag and limits
-    "joints",  # rows 3 k + axis at t_n (k = 0) and t_{n-1} (k = 1), inside node_in [m]; likewise the following
-    "joint_velocity",
-    "points",  # inside point_in
-    "point_velocity",
-    "lengths",  # of the chambers [m]
-    "hinges",  # angles of the apex hinges [rad]
-    "joint_angles",  # c.d, c.u, twist, sum of the bends; inside joint_in
-    "terms",  # energy ledger since the last record [J]
-    "slid",  # slip since the last record [m]
-)
-"""Arrays of a core, in the order of its block."""
-(
-    NUMBERS_,
-    X,
-    X_N,
-    HELD,
-    GRADIENT,
-    DIRECTION,
-    TRIAL,
-    BEST,
-    CURVE,
-    LAST,
-    BAND,
-    JOINT_BAND,
-    FACTOR,
-    SEGMENT_IN,
-    POINT_OUT,
-    POINT_ANEW,
-    SEGMENT_OUT,
-    SEGMENT_BLOCKS,
-    CHANGED,
-    POINTS_JACOBIAN,
-    JACOBIANS,
-    KNOWN,
-    REST,
-    POINT_IN,
-    POINT_ROWS,
-    WORLD_IN,
-    WORLD_OUT,
-    STARTED,
-    FIRST,
-    SEGMENT_LEDGER_,
-    YIELDING_OUT,
-    AFTER_OUT,
-    JOINT_IN,
-    JOINT_PRESETS,
-    JOINT_OUT,
-    JOINT_BLOCKS,
-    KINKS,
-    Y_START,
-    MOVED,
-    SUMS,
-    MOMENTA_OUT,
-    NODE_IN,
-    NODE_OUT,
-    NODE_PRESETS,
-    TURNED,
-    POINT_MASS,
-    LONGEST,
-    JOINT_MASS,
-    DRAG,
-    JOINT_MU,
-    JOINT_HAT,
-    JOINT_DRAG_HAT,
-    JOINT_INERTIA,
-    JOINT_DRAG,
-    EXTERNAL,
-    JOINT_FRICTION,
-    JOINT_LOAD,
-    STUCK,
-    STUCK_N,
-    PULL_N,
-    FRONTS,
-    STORED,
-    CONTACT_FORCE,
-    ASKED,
-    GIVEN,
-    JOINTS,
-    JOINT_VELOCITY,
-    POINTS_PAST,
-    POINT_VELOCITY,
-    LENGTHS,
-    HINGES,
-    JOINT_ANGLES_PAST,
-    TERMS_,
-    SLID,
-) = range(len(ARRAYS))
-
-REMEMBERED = (
-    "x",
-    "curve",
-    "last",
-    "stuck",
-    "stored",
-    "fronts",
-    "contact_force",
-    "asked",
-    "given",
-    "joints",
-    "joint_velocity",
-    "points",
-    "point_velocity",
-    "lengths",
-    "hinges",
-    "joint_angles",
-    "joint_load",
-    "joint_friction",
-)
-"""Arrays on which the next step depends; beside them the rows of the kernels' inputs in `worm3d.plant`."""
-
+FIRST = _array("first", 3 * POINTS, "lanes", inside=("point_in", "first"))  # with the lanes of segments
+# terms, hinge angles and "first"
+SEGMENT_LEDGER_ = _array("segment_ledger", segment.LEDGER_ROWS + 3 * POINTS, "lanes", inside=("point_in", "of_segment"))
+# y (2), excess, penetration, pull (2), load, swing, regime, whether stale, reach, recent
+YIELDING_OUT = _array("yielding_out", 12, "points")
+# terms of the ledger, and what becomes of the point, as in `point.AFTER`
+AFTER_OUT = _array("after_out", point.AFTER, "points")
+JOINT_IN = _array("joint_in", joint.LAYOUT, "joint_lanes", remembered=("hinge_n",))
+JOINT_PRESETS = _array("joint_presets", 9, "joint_lanes", inside=("joint_in", "strain_hat"))  # its last rows
+JOINT_OUT = _array("joint_out", 1 + joint.COORDINATES + joint.COORDINATES * joint.ROW, "joint_lanes")
+JOINT_BLOCKS = _array("joint_blocks", "joint_lanes", joint.COORDINATES * joint.ROW)
+KINKS = _array("kinks", 1, "points")
+Y_START = _array("y_start", 3, "points")  # working memory of the line search, and of `worm3d.solver.fronts`
+MOVED = _array("moved", 1, "moved")  # change of x in the step, with zeros behind it
+SUMS = _array("sums", 1, vectors.WIDTH)  # of 8 rows
+MOMENTA_OUT = _array("momenta_out", 9, "mass_points")
+NODE_IN = _array("node_in", node.LAYOUT, "node_lanes")  # inputs of the kernels of the joints as mass points
+NODE_OUT = _array("node_out", len(node.LEDGER_TERMS) + 3, "node_lanes")
+NODE_PRESETS = _array("node_presets", 8, "node_lanes", inside=("node_in", "drag_hat"))  # its last rows
+TURNED = _array("turned", "lanes", 3 * POINTS)  # rows of the records, segments one after the other
+POINT_MASS = _array("point_mass", POINTS, "lanes", inside=("point_in", "mass"))  # [kg]
+LONGEST = _array("longest", 1, "n")  # length of a chamber at which its rhombus counts as flattened [m]
+# [kg]
+JOINT_MASS = _array("joint_mass", 1, "node_lanes", inside=("node_in", "mass"))
+DRAG = _array("drag", 1, "node_lanes", inside=("node_in", "drag"))  # [N s/m]
+JOINT_MU = _array("joint_mu", 3, "joints")  # forward, backward, lateral, for the clamped worm
+JOINT_HAT = _array("joint_hat", 3, "node_lanes", inside=("node_in", "x_hat"))
+JOINT_DRAG_HAT = _array("joint_drag_hat", 3, "node_lanes", inside=("node_in", "drag_hat"))
+JOINT_INERTIA = _array("joint_inertia", 1, "node_lanes", inside=("node_in", "inertia"))  # m/(beta dt)^2
+JOINT_DRAG = _array("joint_drag", 1, "node_lanes", inside=("node_in", "drag_rate"))  # drag/(beta dt)
+EXTERNAL = _array("external", 3, "node_lanes", inside=("node_in", "external"))  # force on the joints [N]
+# (P10) on the joints of the clamped worm [N]
+JOINT_FRICTION = _array("joint_friction", 3, "node_lanes", inside=("node_in", "friction"), remembered=True)
+JOINT_LOAD = _array("joint_load", 1, "joints", remembered=True)  # (P9) [N]
+# 1 where the static coefficient holds
+STUCK = _array("stuck", 1, "points", inside=("after_out", "stuck"), remembered=True)
+STUCK_N = _array("stuck_n", 1, "points")
+PULL_N = _array("pull_n", 2, "points")  # f of (C5) at the start of the step
+FRONTS = _array("fronts", 6, "points", remembered=True)  # of each contact, `worm3d.solver.fronts`
+# energy of the anchors at the end of the last step [J]
+STORED = _array("stored", 1, "points", inside=("point_in", "stored_n"), remembered=True)
+# of the world on each point at the end of the last step [N]
+CONTACT_FORCE = _array("contact_force", 3, "points", inside=("after_out", "force"), remembered=True)
+# of the actuators: contraction (2 N), force (2 N), hinge (N, the first unused)
+ASKED = _array("asked", 1, "commands", remembered=True)
+GIVEN = _array("given", 1, "commands", remembered=True)  # by them, after lag and limits
+# rows 3 k + axis at t_n (k = 0) and t_{n-1} (k = 1) [m]; likewise the following
+JOINTS = _array("joints", 6, "node_lanes", inside=("node_in", "past"), remembered=True)
+JOINT_VELOCITY = _array("joint_velocity", 6, "node_lanes", inside=("node_in", "velocity"), remembered=True)
+POINTS_PAST = _array("points", 6, "points", inside=("point_in", "past"), remembered=True)
+POINT_VELOCITY = _array("point_velocity", 6, "points", inside=("point_in", "velocity"), remembered=True)
+LENGTHS = _array("lengths", 4, "lanes", remembered=True)  # of the chambers [m]
+HINGES = _array("hinges", 4, "lanes", remembered=True)  # angles of the apex hinges [rad]
+# c.d, c.u, twist, sum of the bends
+JOINT_ANGLES_PAST = _array("joint_angles", 8, "joint_lanes", inside=("joint_in", "angles_n"), remembered=True)
+TERMS_ = _array("terms", 1, len(TERMS))  # energy ledger since the last record [J]
+SLID = _array("slid", POINTS, "lanes")  # slip since the last record [m]
 
 HANDLE = 5
 """Numbers in the handle of a core: n and the addresses of memory, table, kernels and counters."""
@@ -338,7 +310,7 @@ class Core(NamedTuple):
 
     n: int
     kernels: int
-    """Addresses of `KERNELS`."""
+    """Address of the addresses of `KERNELS`."""
     block: Block
     """Of `ARRAYS`."""
     counters: int
@@ -346,132 +318,42 @@ class Core(NamedTuple):
 
 
 class CoreMemory:
-    """Owner of a core: zero arrays for n segments.
+    """Owner of a core with arrays of zeros.
 
     Parameters
     ----------
-    n : int
-        Segments.
-    lanes, joint_lanes, node_lanes : int
-        Lanes for n segments, for the n - 1 joints between them and for all n + 1 joints.
-    world_rows : int
-        Inputs of the world's kernel: x (3) and its parameters.
-    kernels : ndarray of int, shape (26,)
-        Addresses.
+    sizes : Sizes
+    kernels : ndarray of int, shape (K,)
+        Addresses of `KERNELS`.
     """
 
-    def __init__(
-        self, n: int, lanes: int, joint_lanes: int, node_lanes: int, world_rows: int, kernels: NDArray[np.int64]
-    ) -> None:
-        self._sizes = n, lanes, joint_lanes, node_lanes, world_rows
-        shapes = _shapes(n, lanes, joint_lanes, node_lanes, world_rows)
-        self._memory = Memory(ARRAYS, [shapes[name] for name in ARRAYS])
-        table = self._memory.table
-        points = table[REST, 0] + POINTS * lanes  # behind lengths, tangents and directors
-        table[POINT_IN, 0] = table[POINT_ROWS, 0] = points
-        table[WORLD_OUT, 0] = points + 3 * POINTS * lanes
-        for array, name in _OF_POINTS.items():
-            table[array, 0] = points + point.LAYOUT.first(name) * POINTS * lanes
-        for array, name in _OF_NODES.items():
-            table[array, 0] = table[NODE_IN, 0] + node.LAYOUT.first(name) * node_lanes
-        for array, name in ((JOINT_PRESETS, "strain_hat"), (JOINT_ANGLES_PAST, "angles_n")):
-            table[array, 0] = table[JOINT_IN, 0] + joint.LAYOUT.first(name) * joint_lanes
-        for array, name in ((STUCK, "stuck"), (CONTACT_FORCE, "force")):
-            table[array, 0] = table[AFTER_OUT, 0] + point.AFTER.first(name) * POINTS * lanes
-        table[POINT_OUT, 0] = table[SEGMENT_IN, 0] + segment.LAYOUT.first("f") * lanes
+    def __init__(self, sizes: Sizes, kernels: NDArray[np.int64]) -> None:
+        self._sizes = sizes
+        inside = {}
+        for name, row in ARRAYS.items():
+            if row.inside is not None:
+                host = ARRAYS[row.inside[0]]
+                inside[name] = row.inside[0], host.first(row.inside[1]) * host.shape(sizes)[1]
+        self._memory = Memory(list(ARRAYS), [row.shape(sizes) for row in ARRAYS.values()], inside=inside)
         block, self.counters, self.kernels = self._memory.block, np.zeros(COUNTERS, dtype=np.int64), kernels
         at = (*block, kernels.ctypes.data, self.counters.ctypes.data)
-        self._handle = np.array([n, *at], dtype=np.int64)
-        self.core = Core(n, kernels.ctypes.data, block, self.counters.ctypes.data, self._handle.ctypes.data)
+        self._handle = np.array([sizes.n, *at], dtype=np.int64)
+        self.core = Core(sizes.n, kernels.ctypes.data, block, self.counters.ctypes.data, self._handle.ctypes.data)
         self.arrays = self._memory.arrays()
 
     def copy(self, kernels: NDArray[np.int64]) -> CoreMemory:
         """Return another core with the same numbers, and these addresses."""
-        other = CoreMemory(*self._sizes, kernels)
+        other = CoreMemory(self._sizes, kernels)
         other._memory.take(self._memory)
         return other
 
-
-_OF_POINTS = {
-    POINT_MASS: "mass",
-    POINTS_PAST: "past",
-    POINT_VELOCITY: "velocity",
-    STARTED: "tangent",
-    STORED: "stored_n",
-    FIRST: "first",
-    SEGMENT_LEDGER_: "of_segment",
-}
-"""Arrays inside point_in, and the row with which each begins; likewise inside node_in."""
-_OF_NODES = {
-    JOINTS: "past",
-    JOINT_VELOCITY: "velocity",
-    JOINT_MASS: "mass",
-    DRAG: "drag",
-    EXTERNAL: "external",
-    JOINT_FRICTION: "friction",
-    NODE_PRESETS: "drag_hat",
-    JOINT_DRAG_HAT: "drag_hat",
-    JOINT_HAT: "x_hat",
-    JOINT_INERTIA: "inertia",
-    JOINT_DRAG: "drag_rate",
-}
-
-
-def _shapes(n: int, lanes: int, joint_lanes: int, node_lanes: int, world_rows: int) -> dict[str, tuple[int, int]]:
-    """Return the shape of each array; those inside another one only say how it is seen, the other has their room."""
-    size, p = BLOCK * (n + 1), POINTS * lanes
-    return {
-        "numbers": (1, len(NUMBERS)),
-        **dict.fromkeys(("x", "x_n", "held", "gradient", "direction", "trial", "best", "curve", "last"), (1, size)),
-        "band": (size + B, WIDTH),
-        "joint_band": (size + B, WIDTH),
-        "factor": (size + B, WIDTH),
-        "segment_in": (segment.LAYOUT.rows, lanes),
-        **dict.fromkeys(("point_out", "point_anew"), (17, p)),
-        "segment_out": (1 + segment.COORDINATES + segment.COORDINATES**2, lanes),
-        "segment_blocks": (lanes, segment.COORDINATES**2),
-        "changed": (1, p),
-        "points_jacobian": (3 * POINTS * segment.COORDINATES, lanes),
-        "jacobians": (lanes, 3 * POINTS * segment.COORDINATES),
-        "known": (1, lanes // vectors.WIDTH),
-        "rest": (8 + 3 * POINTS, lanes),
-        "point_in": (point.LAYOUT.rows, p),
-        "point_rows": (point.LAYOUT.rows * POINTS, lanes),
-        "world_in": (world_rows, p),
-        "world_out": (WORLD_ROWS, p),
-        "started": (point.LAYOUT.first("anchor") - point.LAYOUT.first("tangent"), p),
-        "first": (3 * POINTS, lanes),
-        "segment_ledger": (segment.LEDGER_ROWS + 3 * POINTS, lanes),
-        "yielding_out": (12, p),
-        "after_out": (point.AFTER.rows, p),
-        "moved": (1, BLOCK * (lanes + 1) + vectors.WIDTH),
-        "sums": (1, vectors.WIDTH),
-        "momenta_out": (9, max(p, node_lanes)),
-        "node_in": (node.LAYOUT.rows, node_lanes),
-        "node_out": (len(node.LEDGER_TERMS) + 3, node_lanes),
-        "node_presets": (8, node_lanes),
-        "turned": (lanes, 3 * POINTS),
-        "joint_in": (joint.LAYOUT.rows, joint_lanes),
-        "joint_presets": (9, joint_lanes),
-        "joint_out": (1 + joint.COORDINATES + joint.COORDINATES * joint.ROW, joint_lanes),
-        "joint_blocks": (joint_lanes, joint.COORDINATES * joint.ROW),
-        "kinks": (1, p),
-        "y_start": (3, p),
-        "point_mass": (POINTS, lanes),
-        "longest": (1, n),
-        **dict.fromkeys(("joint_mass", "drag", "joint_inertia", "joint_drag"), (1, node_lanes)),
-        **dict.fromkeys(("joint_hat", "joint_drag_hat", "external", "joint_friction"), (3, node_lanes)),
-        "joint_load": (1, n + 1),
-        "joint_mu": (3, n + 1),
-        **dict.fromkeys(("stuck", "stuck_n", "stored"), (1, p)),
-        "contact_force": (3, p),
-        "pull_n": (2, p),
-        "fronts": (6, p),
-        **dict.fromkeys(("asked", "given"), (1, 5 * n)),
-        **dict.fromkeys(("joints", "joint_velocity"), (6, node_lanes)),
-        **dict.fromkeys(("points", "point_velocity"), (6, p)),
-        **dict.fromkeys(("lengths", "hinges"), (4, lanes)),
-        "joint_angles": (8, joint_lanes),
-        "terms": (1, len(TERMS)),
-        "slid": (POINTS, lanes),
-    }
+    def remembered(self) -> dict[str, FloatArray]:
+        """Return views of all that the next step depends on, by name."""
+        views = {}
+        for name, row in ARRAYS.items():
+            if row.remembered is True:
+                views[name] = self.arrays[name]
+            elif row.remembered:
+                assert isinstance(row.rows, Layout)
+                views |= {each: row.rows.of(each, self.arrays[name]) for each in row.remembered}
+        return views

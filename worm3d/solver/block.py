@@ -7,7 +7,8 @@ Compiled code gets a block as two addresses, of the numbers and of a table that 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -39,20 +40,36 @@ class Memory:
     names : sequence of str
     shapes : sequence of tuple of int
         Rows and columns of each array.
+    inside : mapping of str to (str, int), optional
+        Arrays that share memory: the array before them in which they begin, and how many numbers behind its beginning.
     cleared : bool
         False leaves in them what the memory holds: all of it is to be written before it is read.
     """
 
-    def __init__(self, names: Sequence[str], shapes: Sequence[tuple[int, int]], *, cleared: bool = True) -> None:
+    def __init__(
+        self,
+        names: Sequence[str],
+        shapes: Sequence[tuple[int, int]],
+        *,
+        inside: Mapping[str, tuple[str, int]] = MappingProxyType({}),
+        cleared: bool = True,
+    ) -> None:
         self._names = tuple(names)
-        places, start = [], 0
-        for rows, columns in shapes:
-            places.append((start, rows, columns))
-            start += -(-rows * columns // LINE) * LINE
-        self.table = np.array(places, dtype=np.int64)
-        raw = np.zeros(start + LINE) if cleared else np.empty(start + LINE)
+        places: dict[str, tuple[str, int]] = {}  # array with memory of its own, and the offset in it
+        room = dict.fromkeys((name for name in names if name not in inside), 0)
+        for name, (rows, columns) in zip(names, shapes, strict=True):
+            host, offset = inside.get(name, (name, 0))
+            owner, begin = places.get(host, (name, 0))
+            places[name] = owner, begin + offset
+            room[owner] = max(room[owner], begin + offset + rows * columns)
+        begins, size = {}, 0
+        for name in room:
+            begins[name], size = size, size + -(-room[name] // LINE) * LINE
+        starts = [begins[places[name][0]] + places[name][1] for name in names]
+        self.table = np.array([(start, *shape) for start, shape in zip(starts, shapes, strict=True)], dtype=np.int64)
+        raw = np.zeros(size + LINE) if cleared else np.empty(size + LINE)
         first = -raw.ctypes.data % (8 * LINE) // 8
-        self._numbers = raw[first : first + start]
+        self._numbers = raw[first : first + size]
 
     @property
     def block(self) -> Block:

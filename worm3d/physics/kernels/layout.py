@@ -7,6 +7,8 @@ from itertools import accumulate
 
 import casadi as ca
 
+from worm3d.values.arrays import FloatArray
+
 
 class Layout:
     """Named inputs of a family of functions, and the rows in which they stand.
@@ -34,6 +36,10 @@ class Layout:
     def firsts(self, *names: str) -> tuple[int, ...]:
         """Return the first rows of some inputs."""
         return tuple(self.first(name) for name in names)
+
+    def of(self, name: str, array: FloatArray) -> FloatArray:
+        """Return the rows of an input in an array, not a copy."""
+        return array[self.first(name) : self.first(name) + self.sizes[name]]
 
     def function(self, name: str, outputs: Mapping[str, ca.SX | Sequence[ca.SX]]) -> ca.Function:
         """Return the function of all inputs with the named outputs, dense columns; lists are stacked."""
