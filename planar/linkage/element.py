@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planar.compiled import njit
+from worm3d.machine.compiled import kept
 from worm3d.values.arrays import FloatArray
 
 BAND = 5
@@ -98,7 +98,7 @@ class Now(NamedTuple):
     """(N, 2) LAW, or what each contact is taken for."""
 
 
-@njit
+@kept
 def normal_load(depth: float, depth_n: float, dt: float, k: float, c: float) -> float:
     """(G1): the normal force of one contact [N]."""
     stiff = k + c / dt
@@ -106,7 +106,7 @@ def normal_load(depth: float, depth_n: float, dt: float, k: float, c: float) -> 
     return load
 
 
-@njit
+@kept
 def friction_gauge(
     s: float,
     s_n: float,
@@ -124,7 +124,7 @@ def friction_gauge(
     return y, mu, r / max(mu, least)
 
 
-@njit
+@kept
 def apex_gauge(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[float, float, float]:
     """Return y, mu and b of (G2) for apex j of segment i at x; mu is that of its regime."""
     forward, backward = contact.mu_forward[i], contact.mu_backward[i]
@@ -143,7 +143,7 @@ def apex_gauge(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[fl
     return gauge
 
 
-@njit
+@kept
 def evaluate(
     q: FloatArray, body: Body, contact: Contact, now: Now, coupled: bool, grad: FloatArray, band: FloatArray
 ) -> float:
@@ -181,7 +181,7 @@ def evaluate(
     return phi
 
 
-@njit
+@kept
 def _joints(q: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray) -> float:
     """Inertia (P4), weight, viscous medium (P8) and external force of the joints."""
     phi = 0.0
@@ -198,7 +198,7 @@ def _joints(q: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatAr
     return phi
 
 
-@njit
+@kept
 def _segment(
     i: int, q: FloatArray, length: float, t: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray
 ) -> float:
@@ -232,7 +232,7 @@ def _segment(
     return phi
 
 
-@njit
+@kept
 def _apex(
     i: int,
     j: int,
@@ -277,7 +277,7 @@ def _apex(
     return phi
 
 
-@njit
+@kept
 def _point(
     i: int, j: int, x: float, z: float, body: Body, contact: Contact, now: Now, coupled: bool
 ) -> tuple[float, float, float, float, float, float]:
@@ -309,7 +309,7 @@ def _point(
     return phi, fx, fz, kxx, kxz, kzz
 
 
-@njit
+@kept
 def _friction(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[float, float, float]:
     """(G2) per unit of normal load: potential h, dh/dx and d2h/dx2."""
     d = now.direction[i]
@@ -323,7 +323,7 @@ def _friction(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[flo
     return cap * mu * (abs(y) - 0.5 * cap * b), d * cap * mu * np.sign(y), 0.0
 
 
-@njit
+@kept
 def _torsion(
     j: int, length: FloatArray, t: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray
 ) -> float:
@@ -352,7 +352,7 @@ def _torsion(
     return phi
 
 
-@njit
+@kept
 def _add_in_e(band: FloatArray, base: int, xx: float, xz: float, zz: float) -> None:
     """Add the Hessian of a function of e = p_{i+1} - p_i, whose blocks in (p_i, p_{i+1}) are [H, -H; -H, H]."""
     if band.shape[0] == 0:

@@ -14,10 +14,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from planar.compiled import njit
 from planar.linkage import regimes
 from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Contact, Now, apex_gauge, evaluate
 from planar.linkage.shape import apexes
+from worm3d.machine.compiled import kept
 from worm3d.values.arrays import FloatArray
 
 MAX_DESCENT = 60
@@ -188,7 +188,7 @@ def loads(q: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:
     return load
 
 
-@njit
+@kept
 def _resting_points(q: FloatArray, direction: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:
     """Return the sorted step lengths in (0, 1) at which contacts come to rest, to first order.
 

@@ -189,7 +189,7 @@ def test_a_process_that_may_write_no_file_computes_all_the_same(home: Path, tmp_
 
 def test_numba_keeps_nothing_by_itself() -> None:
     """Its own cache is read unverified."""
-    root = Path(cache.__file__).parents[2]
+    root = Path(cache.__file__).parents[3]
     sources = [path for name in ("worm3d", "planar", "control", "scenes") for path in (root / name).rglob("*.py")]
     assert not [path for path in sources if "cache=True" in path.read_text()]
     assert [path.name for path in sources if "pickle.load" in path.read_text()] == ["functions.py"]

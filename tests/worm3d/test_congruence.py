@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from worm3d.machine.congruence import add_congruent
+from worm3d.machine.vectors import add_congruent
 
 
 @njit

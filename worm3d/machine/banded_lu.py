@@ -18,16 +18,11 @@ from contextlib import contextmanager
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
-from numba.extending import intrinsic
 
-from worm3d.machine import vectors
 from worm3d.machine.banded import SMALLEST_PIVOT, WIDTH, B
 from worm3d.machine.compiled import njit
-from worm3d.machine.vector_writer import DOUBLE, INT, LANES, ONE, ZERO, Writer
+from worm3d.machine.writer import DOUBLE, LANES, Writer, on_addresses, utils
 from worm3d.values.arrays import FloatArray
-
-_utils: Any = cgutils  # without types
 
 BLOCK = 5
 """Coordinates of a block."""
@@ -48,9 +43,8 @@ def _of_matrix(row: int, column: int) -> int:
 def _inverse(w: Writer, pivot: Any, diagonal: Any) -> Any:
     """Return 1/pivot, zero where the pivot has vanished."""
     least = w.builder.fmul(w.size(diagonal), ir.Constant(DOUBLE, SMALLEST_PIVOT))
-    vanished = w.builder.fcmp_ordered("<=", w.size(pivot), least)  # a NaN has not
     one, zero = (ir.Constant(DOUBLE, value) for value in (1.0, 0.0))
-    return w.builder.select(vanished, zero, w.builder.fdiv(one, pivot))
+    return w.select(w.compare("ole", w.size(pivot), least), zero, w.div(one, pivot))  # a NaN has not vanished
 
 
 def _eliminated(w: Writer, factors: Any, band: Any, between: Callable[[int], None]) -> tuple[list[Any], list[Any]]:
@@ -64,13 +58,13 @@ def _eliminated(w: Writer, factors: Any, band: Any, between: Callable[[int], Non
     for k in range(BLOCK):
         inverse = _inverse(w, pivot, w.number(band, _of_matrix(k, k)))
         if k + 1 < BLOCK:  # ahead of the rows, for the next inverse takes longest
-            product = w.builder.fmul(w.lane(near[k + 1], k), w.lane(near[k], k + 1))
+            product = w.mul(w.lane(near[k + 1], k), w.lane(near[k], k + 1))
             pivot = w.less(w.lane(near[k + 1], k + 1), product, inverse)
-        own = [w.builder.fmul(w.spread_number(inverse), row) for row in (w.exchanged(near[k], ONE, k), far[k])]
+        own = [w.mul(w.spread_number(inverse), row) for row in (w.exchanged(near[k], w.splat(1.0), k), far[k])]
         for r in range(BLOCK):
             if r != k:
                 factor = w.spread(near[r], k)
-                near[r] = w.less(w.exchanged(near[r], ZERO, k), factor, own[0])
+                near[r] = w.less(w.exchanged(near[r], w.splat(0.0), k), factor, own[0])
                 far[r] = w.less(far[r], factor, own[1])
         near[k], far[k] = own
         between(k)
@@ -99,37 +93,25 @@ def _write_corner(w: Writer, factors: Any, band: Any, h: list[Any]) -> None:
         w.store(row, factors, _ROOM + _CORNER + LANES * r)
 
 
-def _intrinsic(write: Any) -> Any:
-    """Return the intrinsic (factors, band) of two addresses, for which code is written so."""
-
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        write(Writer(builder), *args)
-        return ir.Constant(INT, 0)
-
-    def typed(_context: Any, factors: Any, band: Any) -> Any:
-        return types.int64(types.int64, types.int64), generate
-
-    return intrinsic(typed)
-
-
-@_intrinsic
+@on_addresses()
 def _begin(w: Writer, factors: Any, band: Any) -> None:
     """Put down the corner of a block as it is in the matrix."""
     for r in range(LANES):
         w.store(w.load(band, _of_matrix(r, 0)), factors, _CORNER + LANES * r)
 
 
-@_intrinsic
+@on_addresses()
 def _again(w: Writer, factors: Any, band: Any) -> None:
     """Put down what is left to the next block by one whose factors are there."""
     _write_corner(w, factors, band, [w.load(factors, _H + LANES * r) for r in range(BLOCK)])
 
 
-def _write_elimination(w: Writer, factors: Any, band: Any, before: Any, band_before: Any) -> None:
+@on_addresses()
+def _eliminate(w: Writer, factors: Any, band: Any, before: Any, band_before: Any) -> None:
     """Put down A11^-1 and H of a block, its corner for the next one, and meanwhile G of the block before."""
     places = [(before, _CORNER + LANES * (BLOCK + r)) for r in range(_SHARED)]
     places += [(band_before, _of_matrix(BLOCK + r, 0)) for r in range(_SHARED, LANES)]
-    below = vectors.transposed(w.builder, [w.load(*place) for place in places])[:BLOCK]
+    below = w.transposed([w.load(*place) for place in places])[:BLOCK]
 
     def between(k: int) -> None:
         inverse = [w.spread_number(w.number(before, _INVERSE + LANES * r + k)) for r in range(BLOCK)]
@@ -142,64 +124,60 @@ def _write_elimination(w: Writer, factors: Any, band: Any, before: Any, band_bef
         w.store(h[r], factors, _H + LANES * r)
 
 
-def _type_eliminate(_context: Any, factors: Any, band: Any, before: Any, band_before: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        _write_elimination(Writer(builder), *args)
-        return ir.Constant(INT, 0)
-
-    return types.int64(types.int64, types.int64, types.int64, types.int64), generate
-
-
-_eliminate: Any = intrinsic(_type_eliminate)
-
-
-def _type_forwards(_context: Any, factors: Any, x: Any, n: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        w, (factors, x, n) = Writer(builder), args
-        place = _utils.alloca_once_value(builder, w.load_some(x, n))
-        with _blocks(builder, n) as block:
-            here = builder.add(factors, builder.mul(block, ir.Constant(INT, 8 * _ROOM)))
-            done = builder.mul(builder.add(block, ir.Constant(INT, 1)), ir.Constant(INT, BLOCK))
-            y = builder.load(place)
-            w.store(y, here, _Y)
-            ahead = w.load_some(builder.add(x, builder.mul(done, ir.Constant(INT, 8))), builder.sub(n, done))
-            ahead = w.lanes(y, ahead, [5, 6, 7, 11, 12, 13, 14, 15])
-            g = [w.load(here, _G + LANES * j) for j in range(BLOCK)]
-            builder.store(w.less_sum(ahead, [w.spread(y, j) for j in range(BLOCK)], g), place)
-        return ir.Constant(INT, 0)
-
-    return types.int64(types.int64, types.int64, types.int64), generate
+@on_addresses()
+def _forwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
+    """Put down y of each block of a right-hand side."""
+    place = utils.alloca_once_value(w.builder, w.load_some(x, n))
+    with _blocks(w.builder, n) as block:
+        here, y = w.shifted(factors, block, _ROOM), w.builder.load(place)
+        done = w.builder.mul(w.builder.add(block, w.count(1)), w.count(BLOCK))
+        w.store(y, here, _Y)
+        ahead = w.load_some(w.shifted(x, done), w.builder.sub(n, done))
+        ahead = w.lanes(y, ahead, [5, 6, 7, 11, 12, 13, 14, 15])
+        g = [w.load(here, _G + LANES * j) for j in range(BLOCK)]
+        w.builder.store(w.less_sum(ahead, [w.spread(y, j) for j in range(BLOCK)], g), place)
 
 
-def _type_backwards(_context: Any, factors: Any, x: Any, n: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        w, (factors, x, n) = Writer(builder), args
-        place = _utils.alloca_once_value(builder, ZERO)
-        with _blocks(builder, n, backwards=True) as block:
-            here = builder.add(factors, builder.mul(block, ir.Constant(INT, 8 * _ROOM)))
-            done = builder.mul(block, ir.Constant(INT, BLOCK))
-            y, behind = w.lanes(w.load(here, _Y), ZERO, [0, 1, 2, 3, 4, 13, 14, 15]), builder.load(place)
-            own = [builder.fmul(w.load(here, _INVERSE + LANES * r), y) for r in range(BLOCK)]
-            rows = [w.less(own[r], w.load(here, _H + LANES * r), behind) for r in range(BLOCK)]
-            found = w.totals(rows, behind)
-            builder.store(found, place)
-            w.store_some(found, builder.add(x, builder.mul(done, ir.Constant(INT, 8))), builder.sub(n, done))
-        return ir.Constant(INT, 0)
+@on_addresses()
+def _backwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
+    """Put down the solution, from the last block to the first."""
+    place = utils.alloca_once_value(w.builder, w.splat(0.0))
+    with _blocks(w.builder, n, backwards=True) as block:
+        here, done = w.shifted(factors, block, _ROOM), w.builder.mul(block, w.count(BLOCK))
+        y = w.lanes(w.load(here, _Y), w.splat(0.0), [0, 1, 2, 3, 4, 13, 14, 15])
+        behind = w.builder.load(place)
+        own = [w.mul(w.load(here, _INVERSE + LANES * r), y) for r in range(BLOCK)]
+        found = _totals(w, [w.less(own[r], w.load(here, _H + LANES * r), behind) for r in range(BLOCK)], behind)
+        w.builder.store(found, place)
+        w.store_some(found, w.shifted(x, done), w.builder.sub(n, done))
 
-    return types.int64(types.int64, types.int64, types.int64), generate
+
+_ODD = [0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]
+_HALVES = [0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15]
+_QUARTERS = [0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]
+"""Lanes of two vectors that are added to each other, to sum them up."""
+
+
+def _totals(w: Writer, rows: list[Any], rest: Any) -> Any:
+    """Return the sums of the lanes of five vectors, and the first three lanes of another one."""
+    a, b, c = (_folded(w, x, y, _ODD) for x, y in ((rows[0], rows[1]), (rows[2], rows[3]), (rows[4], rows[4])))
+    low = w.lanes(c, w.lanes(rest, w.splat(0.0), [8, 0, 8, 8, 1, 2, 8, 8]), [0, 9, 2, 11, 12, 13, 14, 15])
+    c = w.add(low, w.lanes(c, w.splat(0.0), [4, 8, 6, 8, 8, 8, 8, 8]))
+    return _folded(w, _folded(w, a, b, _HALVES), c, _QUARTERS)
+
+
+def _folded(w: Writer, x: Any, y: Any, parts: tuple[list[int], list[int]]) -> Any:
+    """Return the sum of two choices of lanes."""
+    return w.add(*(w.lanes(x, y, part) for part in parts))
 
 
 @contextmanager
 def _blocks(builder: Any, n: Any, *, backwards: bool = False) -> Iterator[Any]:
     """Write a loop over the blocks of n coordinates."""
-    count = builder.sdiv(builder.add(n, ir.Constant(INT, BLOCK - 1)), ir.Constant(INT, BLOCK))
-    with _utils.for_range(builder, count) as loop:
-        last = builder.sub(count, ir.Constant(INT, 1))
+    count = builder.sdiv(builder.add(n, ir.Constant(n.type, BLOCK - 1)), ir.Constant(n.type, BLOCK))
+    with utils.for_range(builder, count) as loop:
+        last = builder.sub(count, ir.Constant(n.type, 1))
         yield builder.sub(last, loop.index) if backwards else loop.index
-
-
-_forwards: Any = intrinsic(_type_forwards)
-_backwards: Any = intrinsic(_type_backwards)
 
 
 @njit

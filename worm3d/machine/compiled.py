@@ -22,8 +22,8 @@ from worm3d.machine.cache.functions import FOLDER, keep, sources_digest
 _typed: Any = normalize_signature
 F = TypeVar("F", bound=Callable[..., Any])
 
-COMPILED = ("machine", "physics/kernels", "solver", "worlds")
-"""Folders of the modules of which compiled functions, and the layouts that they have as constants, are made."""
+COMPILED = {"worm3d": ("machine", "physics", "solver", "worlds"), "planar": (".",)}
+"""Folders, by package, whose modules a compiled function of the package is made of."""
 
 OPTIMISATION = 1
 """Of Numba's for the entries: more takes a quarter longer to compile and does not show in the time of a step."""
@@ -31,12 +31,12 @@ OPTIMISATION = 1
 
 def njit(function: F) -> F:
     """Compile a function by Numba, without Python objects and their lock, and keep the result on disk."""
-    return cast(F, keep(numba.njit(error_model="numpy", nogil=True)(function), version))
+    return cast(F, keep(numba.njit(error_model="numpy", nogil=True)(function), _version_of(function)))
 
 
 def kept(function: F) -> F:
     """Compile a function by Numba as it comes, and keep the result on disk."""
-    return cast(F, keep(numba.njit(function), version))
+    return cast(F, keep(numba.njit(function), _version_of(function)))
 
 
 def inner(function: F) -> F:
@@ -56,7 +56,7 @@ def cfunc(
     `missed` is called before the function is compiled because it is not on disk.
     """
     # numba.cfunc, which compiles at once, lets nobody choose the cache.
-    compiled = keep(CFunc(function, _typed(signature), locals={}, options={}), version, missed)
+    compiled = keep(CFunc(function, _typed(signature), locals={}, options={}), _version_of(function), missed)
     with _configured("OPT", optimisation):
         compiled.compile()
     return compiled
@@ -85,8 +85,12 @@ def _configured(name: str, value: object) -> Iterator[None]:
         setattr(numba.config, name, before)
 
 
+def _version_of(function: Callable[..., Any]) -> Callable[[], str]:
+    return functools.partial(version, function.__module__.partition(".")[0])
+
+
 @functools.cache
-def version() -> str:
-    """Return a digest of all that compiled functions of this package are made of, besides their own file."""
-    root = Path(__file__).parents[1]
-    return sources_digest(root, [path for name in COMPILED for path in (root / name).rglob("*.py")])
+def version(package: str = "worm3d") -> str:
+    """Return a digest of all that compiled functions of a package are made of, besides their own file."""
+    root = Path(__file__).parents[2] / package
+    return sources_digest(root, [path for name in COMPILED.get(package, ()) for path in (root / name).rglob("*.py")])

@@ -1,173 +1,21 @@
-"""Pointers and vector instructions for compiled code, on addresses.
+"""Pointers and vector instructions for compiled code, on addresses; strides and counts are those of doubles.
 
-Numba makes of loops over eight doubles what is several times slower. Vectors are of eight doubles; LLVM splits them
-where the processor has shorter ones.
+Numba makes of loops over eight doubles what is several times slower.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import types
 from numba.extending import intrinsic
 
-_utils: Any = cgutils  # without types
-WIDTH = 8
+from worm3d.machine.writer import BYTES, LANES, Writer, on_addresses, utils
+
+WIDTH = LANES
 """Doubles in a vector."""
-_KIND = ir.VectorType(ir.DoubleType(), WIDTH)
-_INT = ir.IntType(64)
-
-
-def _pointer(builder: Any, address: Any) -> Any:
-    return builder.inttoptr(address, _KIND.as_pointer())
-
-
-def _load(builder: Any, address: Any) -> Any:
-    return builder.load(_pointer(builder, address), align=8)
-
-
-def _store(builder: Any, value: Any, address: Any) -> None:
-    builder.store(value, _pointer(builder, address), align=8)
-
-
-def _shuffle(builder: Any, x: Any, y: Any, lanes: list[int]) -> Any:
-    mask = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), lanes)
-    return builder.shuffle_vector(x, y, mask)
-
-
-def transposed(builder: Any, rows: list[Any]) -> list[Any]:
-    """Return the columns of 8 rows: exchange, in three rounds, the lanes of rows 1, 2 and 4 apart."""
-    for apart in (1, 2, 4):
-        low = [lane if not lane & apart else WIDTH + lane - apart for lane in range(WIDTH)]
-        high = [lane + apart if not lane & apart else WIDTH + lane for lane in range(WIDTH)]
-        for k in range(WIDTH):
-            if not k & apart:
-                x, y = rows[k], rows[k + apart]
-                rows[k], rows[k + apart] = _shuffle(builder, x, y, low), _shuffle(builder, x, y, high)
-    return rows
-
-
-def _type_transpose(order: list[int]) -> Any:
-    """Return the typing of the transposition of rows that are read in this order, a multiple of eight."""
-
-    def typed(_context: Any, to: Any, to_stride: Any, source: Any, stride: Any) -> Any:
-        def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-            for first in range(0, len(order), WIDTH):
-                to, to_stride, source, stride = args
-                steps = [ir.Constant(_INT, 8 * k) for k in order[first : first + WIDTH]]
-                rows = [_load(builder, builder.add(source, builder.mul(stride, step))) for step in steps]
-                to = builder.add(to, ir.Constant(_INT, 8 * first))
-                for k, row in enumerate(transposed(builder, rows)):
-                    _store(builder, row, builder.add(to, builder.mul(to_stride, ir.Constant(_INT, 8 * k))))
-            return ir.Constant(_INT, 0)
-
-        return types.int64(types.int64, types.int64, types.int64, types.int64), generate
-
-    return typed
-
-
-def _type_add(vectors: int) -> Any:
-    def typed(_context: Any, to: Any, source: Any) -> Any:
-        def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-            for k in range(vectors):
-                there, here = (builder.add(address, ir.Constant(_INT, 8 * WIDTH * k)) for address in args)
-                _store(builder, builder.fadd(_load(builder, there), _load(builder, here)), there)
-            return ir.Constant(_INT, 0)
-
-        return types.int64(types.int64, types.int64), generate
-
-    return typed
-
-
-def _type_move(_context: Any, to: Any, source: Any, count: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        byte = ir.IntType(8).as_pointer()
-        to, source = (builder.inttoptr(address, byte) for address in args[:2])
-        _utils.raw_memcpy(builder, to, source, args[2], ir.Constant(_INT, 8))
-        return ir.Constant(_INT, 0)
-
-    return types.int64(types.int64, types.int64, types.int64), generate
-
-
-def _type_clear(_context: Any, to: Any, count: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        to = builder.inttoptr(args[0], ir.IntType(8).as_pointer())
-        _utils.memset(builder, to, builder.mul(args[1], ir.Constant(_INT, 8)), 0)
-        return ir.Constant(_INT, 0)
-
-    return types.int64(types.int64, types.int64), generate
-
-
-def _spread(builder: Any, number: Any) -> Any:
-    """Return a vector of one whole number."""
-    empty = ir.Constant(ir.VectorType(_INT, WIDTH), ir.Undefined)
-    return _shuffle(builder, builder.insert_element(empty, number, ir.Constant(_INT, 0)), empty, [0] * WIDTH)
-
-
-def _sums(builder: Any, sources: list[Any], count: Any) -> list[Any]:
-    """Return, lane by lane, the sums of the vectors that stand at each address, as far as they count."""
-    zero = ir.Constant(_KIND, [0.0] * WIDTH)
-    places = [_utils.alloca_once_value(builder, zero) for _ in sources]
-    counts = _spread(builder, count)
-    with _utils.for_range_slice(builder, ir.Constant(_INT, 0), count, ir.Constant(_INT, WIDTH)) as (k, _):
-        lanes = builder.add(_spread(builder, k), ir.Constant(counts.type, list(range(WIDTH))))
-        counted = builder.icmp_signed("<", lanes, counts)
-        for source, place in zip(sources, places, strict=True):
-            here = _load(builder, builder.add(source, builder.mul(k, ir.Constant(_INT, 8))))
-            builder.store(builder.fadd(builder.load(place), builder.select(counted, here, zero)), place)
-    return [builder.load(place) for place in places]
-
-
-def _type_total(_context: Any, source: Any, count: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        (lanes,) = _sums(builder, [args[0]], args[1])
-        for apart in (4, 2, 1):
-            other = [lane + apart if lane < apart else lane for lane in range(WIDTH)]
-            lanes = builder.fadd(lanes, _shuffle(builder, lanes, lanes, other))
-        return builder.extract_element(lanes, ir.Constant(_INT, 0))
-
-    return types.float64(types.int64, types.int64), generate
-
-
-def _type_totals(_context: Any, to: Any, source: Any, stride: Any, count: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        to, source, stride, count = args
-        steps = [builder.mul(stride, ir.Constant(_INT, 8 * k)) for k in range(WIDTH)]
-        sums = transposed(builder, _sums(builder, [builder.add(source, step) for step in steps], count))
-        while len(sums) > 1:
-            sums = [builder.fadd(x, y) for x, y in zip(sums[::2], sums[1::2], strict=True)]
-        _store(builder, sums[0], to)
-        return ir.Constant(_INT, 0)
-
-    return types.int64(types.int64, types.int64, types.int64, types.int64), generate
-
-
-def _type_greatest(_context: Any, source: Any, count: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        source, count = args
-        place = _utils.alloca_once_value(builder, ir.Constant(_KIND, [0.0] * WIDTH))
-        with _utils.for_range_slice(builder, ir.Constant(_INT, 0), count, ir.Constant(_INT, WIDTH)) as (k, _):
-            here, most = _load(builder, builder.add(source, builder.mul(k, ir.Constant(_INT, 8)))), builder.load(place)
-            builder.store(builder.select(builder.fcmp_ordered(">", here, most), here, most), place)
-        lanes = builder.load(place)
-        for apart in (4, 2, 1):
-            other = _shuffle(builder, lanes, lanes, [(lane + apart) % WIDTH for lane in range(WIDTH)])
-            lanes = builder.select(builder.fcmp_ordered(">", other, lanes), other, lanes)
-        return builder.extract_element(lanes, ir.Constant(_INT, 0))
-
-    return types.float64(types.int64, types.int64), generate
-
-
-def _type_repeat(_context: Any, to: Any, stride: Any, source: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        to, stride, source = args
-        value = _load(builder, source)
-        for k in range(WIDTH):
-            _store(builder, value, builder.add(to, builder.mul(stride, ir.Constant(_INT, 8 * k))))
-        return ir.Constant(_INT, 0)
-
-    return types.int64(types.int64, types.int64, types.int64), generate
 
 
 def _type_pointer(to: Any) -> Any:
@@ -187,23 +35,130 @@ singles_at: Any = intrinsic(_type_pointer(types.float32))
 """(address): the pointer to numbers of single precision there."""
 integers_at: Any = intrinsic(_type_pointer(types.int64))
 """(address): the pointer to whole numbers there."""
-transpose: Any = intrinsic(_type_transpose(list(range(WIDTH))))
-"""(to, stride, source, stride): write 8 rows of 8 doubles as columns; addresses, and strides of rows in doubles."""
-transpose_places: Any = intrinsic(_type_transpose([WIDTH * (k % 3) + k // 3 for k in range(3 * WIDTH)]))
-"""(to, stride, source, stride): write 24 rows, 8 of each axis, as 8 rows of 8 places, each x, y, z."""
-repeat_8: Any = intrinsic(_type_repeat)
-"""(to, stride, source): write 8 doubles into each of 8 rows."""
-add_8: Any = intrinsic(_type_add(1))
-"""(to, source): add 8 doubles to those at an address."""
-add_16: Any = intrinsic(_type_add(2))
-"""(to, source): add 16 doubles to those at an address."""
-move: Any = intrinsic(_type_move)
-"""(to, source, count): copy doubles to an address; the two do not overlap."""
-clear: Any = intrinsic(_type_clear)
-"""(to, count): set doubles at an address to zero."""
-total: Any = intrinsic(_type_total)
-"""(source, count): the sum of doubles; up to seven more behind them are read, and ignored."""
-totals: Any = intrinsic(_type_totals)
-"""(to, source, stride, count): write the sums of 8 rows, likewise."""
-greatest: Any = intrinsic(_type_greatest)
-"""(source, count): the greatest of doubles, a multiple of eight, and 0."""
+
+
+def _transpose(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any, order: Sequence[int]) -> None:
+    """Write rows that are read in this order, a multiple of eight, as columns."""
+    for first in range(0, len(order), WIDTH):
+        rows = [w.load(w.shifted(source, k, stride)) for k in order[first : first + WIDTH]]
+        for k, row in enumerate(w.transposed(rows)):
+            w.store(row, w.shifted(to, k, to_stride), first)
+
+
+@on_addresses()
+def transpose(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any) -> None:
+    """Write 8 rows of 8 doubles as columns."""
+    _transpose(w, to, to_stride, source, stride, range(WIDTH))
+
+
+@on_addresses()
+def transpose_places(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any) -> None:
+    """Write 24 rows, 8 of each axis, as 8 rows of 8 places, each x, y, z."""
+    _transpose(w, to, to_stride, source, stride, [WIDTH * (k % 3) + k // 3 for k in range(3 * WIDTH)])
+
+
+@on_addresses()
+def repeat_8(w: Writer, to: Any, stride: Any, source: Any) -> None:
+    """Write 8 doubles into each of 8 rows."""
+    value = w.load(source)
+    for k in range(WIDTH):
+        w.store(value, w.shifted(to, k, stride))
+
+
+@on_addresses()
+def add_8(w: Writer, to: Any, source: Any) -> None:
+    """Add 8 doubles to those at an address."""
+    w.store(w.add(w.load(to), w.load(source)), to)
+
+
+@on_addresses()
+def add_16(w: Writer, to: Any, source: Any) -> None:
+    """Add 16 doubles to those at an address."""
+    for shift in (0, WIDTH):
+        w.store(w.add(w.load(to, shift), w.load(source, shift)), to, shift)
+
+
+@on_addresses()
+def subtract_16(w: Writer, to: Any, source: Any, factor: Any) -> None:
+    """Subtract from 16 doubles a factor times those at another address."""
+    minus = w.neg(w.spread_number(factor))
+    for shift in (0, WIDTH):
+        w.store(w.fma(minus, w.load(source, shift), w.load(to, shift)), to, shift)
+
+
+@on_addresses()
+def add_congruent(w: Writer, to: Any, pitch: Any, jacobian: Any, stiffness: Any, stride: Any) -> None:
+    """Add J^T K J to 8 rows of 8 doubles that begin a pitch apart [byte].
+
+    J are 3 rows of 8 doubles at an address; the 9 doubles of K stand, row by row, a stride apart [byte].
+    """
+    axes = range(3)
+    J = [w.load(jacobian, WIDTH * axis) for axis in axes]
+    places = [w.builder.add(stiffness, w.builder.mul(stride, w.count(k))) for k in range(9)]
+    K = [w.spread_number(w.number(place, 0)) for place in places]
+    KJ = [w.sum(K[3 * axis : 3 * (axis + 1)], J) for axis in axes]
+    for r in range(WIDTH):
+        here = w.builder.add(to, w.builder.mul(pitch, w.count(r)))
+        row = w.load(here)
+        for axis in axes:
+            row = w.fma(w.spread(J[axis], r), KJ[axis], row)
+        w.store(row, here)
+
+
+@on_addresses()
+def move(w: Writer, to: Any, source: Any, count: Any) -> None:
+    """Copy doubles to an address; the two do not overlap."""
+    byte = ir.IntType(8)
+    utils.raw_memcpy(w.builder, w.pointer(to, byte), w.pointer(source, byte), count, w.count(BYTES))
+
+
+@on_addresses()
+def clear(w: Writer, to: Any, count: Any) -> None:
+    """Set doubles at an address to zero."""
+    utils.memset(w.builder, w.pointer(to, ir.IntType(8)), w.builder.mul(count, w.count(BYTES)), 0)
+
+
+def _sums(w: Writer, sources: list[Any], count: Any) -> list[Any]:
+    """Return, lane by lane, the sums of the vectors that stand at each address, as far as they count."""
+    zero = w.splat(0.0)
+    places = [utils.alloca_once_value(w.builder, zero) for _ in sources]
+    counts = w.spread_number(count)
+    with utils.for_range_slice(w.builder, w.count(0), count, w.count(WIDTH)) as (k, _):
+        lanes = w.builder.add(w.spread_number(k), ir.Constant(counts.type, list(range(WIDTH))))
+        counted = w.builder.icmp_signed("<", lanes, counts)
+        for source, place in zip(sources, places, strict=True):
+            here = w.load(w.shifted(source, k))
+            w.builder.store(w.add(w.builder.load(place), w.select(counted, here, zero)), place)
+    return [w.builder.load(place) for place in places]
+
+
+@on_addresses(types.float64)
+def total(w: Writer, source: Any, count: Any) -> Any:
+    """Return the sum of doubles; up to seven more behind them are read, and ignored."""
+    (lanes,) = _sums(w, [source], count)
+    for apart in (4, 2, 1):
+        lanes = w.add(lanes, w.lanes(lanes, lanes, [k + apart if k < apart else k for k in range(WIDTH)]))
+    return w.lane(lanes, 0)
+
+
+@on_addresses()
+def totals(w: Writer, to: Any, source: Any, stride: Any, count: Any) -> None:
+    """Write the sums of 8 rows, as `total` does."""
+    sums = w.transposed(_sums(w, [w.shifted(source, k, stride) for k in range(WIDTH)], count))
+    while len(sums) > 1:
+        sums = [w.add(x, y) for x, y in zip(sums[::2], sums[1::2], strict=True)]
+    w.store(sums[0], to)
+
+
+@on_addresses(types.float64)
+def greatest(w: Writer, source: Any, count: Any) -> Any:
+    """Return the greatest of doubles, a multiple of eight, and 0."""
+    place = utils.alloca_once_value(w.builder, w.splat(0.0))
+    with utils.for_range_slice(w.builder, w.count(0), count, w.count(WIDTH)) as (k, _):
+        here, most = w.load(w.shifted(source, k)), w.builder.load(place)
+        w.builder.store(w.select(w.compare("ogt", here, most), here, most), place)
+    lanes = w.builder.load(place)
+    for apart in (4, 2, 1):
+        other = w.lanes(lanes, lanes, [(k + apart) % WIDTH for k in range(WIDTH)])
+        lanes = w.select(w.compare("ogt", other, lanes), other, lanes)
+    return w.lane(lanes, 0)

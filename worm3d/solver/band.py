@@ -12,7 +12,7 @@ from worm3d.machine import vectors
 from worm3d.machine.banded import B
 from worm3d.machine.codegen import evaluate_some as run_some
 from worm3d.machine.compiled import inner
-from worm3d.machine.congruence import add_congruent
+from worm3d.machine.vectors import add_congruent
 from worm3d.physics.kernels import joint, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core

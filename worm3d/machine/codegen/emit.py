@@ -11,14 +11,18 @@ That costs an instruction for every input; where a program is "padded" these lan
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
-from worm3d.machine.codegen.lanes import LIBRARY, definitions
+from llvmlite import ir
+
+from worm3d.machine.codegen.lanes import LIBRARY, define_all, library, sincos
 from worm3d.machine.codegen.program import Instruction, Program, UnsupportedError
-from worm3d.machine.codegen.text import Writer
+from worm3d.machine.writer import BYTES, DOUBLE, INDEX, INT, Writer, utils
 
+POINTER = ir.PointerType()
 SYMBOL = "worm3d_kernel"
 FINE, WRONG_SHAPE = 0, 1
-FLAGS = "contract arcp"
+FLAGS = ("contract", "arcp")
 LARGEST_POWER = 16
 """Whole powers up to this are multiplied out."""
 
@@ -26,46 +30,46 @@ LARGEST_POWER = 16
 class Slot:
     """What a slot of the work vector holds: a number, a truth value, or both, written only when asked for."""
 
-    def __init__(self, w: Writer, number: str = "", mask: str = "", constant: float | None = None) -> None:
+    def __init__(self, w: Writer, number: Any = None, mask: Any = None, constant: float | None = None) -> None:
         self._w, self._number, self._mask, self.constant = w, number, mask, constant
 
-    def number(self) -> str:
+    def number(self) -> Any:
         """Return the value; 1 and 0 for true and false."""
-        if not self._number:
+        if self._number is None:
             self._number = self._w.select(self._mask, self._w.splat(1.0), self._w.splat(0.0))
         return self._number
 
-    def mask(self) -> str:
+    def mask(self) -> Any:
         """Return where it is not zero; NaN counts as true, as in C."""
-        if not self._mask:
+        if self._mask is None:
             self._mask = self._w.compare("une", self._number, self._w.splat(0.0))
         return self._mask
 
 
-Rule = Callable[[Writer, list[Slot]], str]
+Rule = Callable[[Writer, list[Slot]], Any]
 
 
-def _numbers(rule: Callable[..., str]) -> Rule:
+def _numbers(rule: Callable[..., Any]) -> Rule:
     return lambda w, args: rule(w, *(a.number() for a in args))
 
 
-def _sign(w: Writer, x: str) -> str:
+def _sign(w: Writer, x: Any) -> Any:
     """-1, 1, or x itself, which is 0 or NaN."""
     zero = w.splat(0.0)
     positive = w.select(w.compare("ogt", x, zero), w.splat(1.0), x)
     return w.select(w.compare("olt", x, zero), w.splat(-1.0), positive)
 
 
-def _power(w: Writer, args: list[Slot]) -> str:
+def _power(w: Writer, args: list[Slot]) -> Any:
     """x^n by multiplication for small whole n, by the C library otherwise."""
     exponent = args[1].constant
     if exponent is None or not abs(exponent) <= LARGEST_POWER or exponent != int(exponent):
-        return w.lanes("pow", args[0].number(), args[1].number())
+        return library(w, "pow", args[0].number(), args[1].number())
     value = _whole_power(w, args[0].number(), abs(int(exponent)))
     return w.div(w.splat(1.0), value) if exponent < 0.0 else value
 
 
-def _whole_power(w: Writer, x: str, n: int) -> str:
+def _whole_power(w: Writer, x: Any, n: int) -> Any:
     if n == 0:
         return w.splat(1.0)
     half = _whole_power(w, x, n // 2)
@@ -94,8 +98,8 @@ NUMBERS: dict[str, Rule] = {
     "fmin": _numbers(lambda w, x, y: w.intrinsic("minnum", x, y)),
     "fmax": _numbers(lambda w, x, y: w.intrinsic("maxnum", x, y)),
     "copysign": _numbers(lambda w, x, y: w.intrinsic("copysign", x, y)),
-    "sin": _numbers(lambda w, x: w.sincos(x)[0]),
-    "cos": _numbers(lambda w, x: w.sincos(x)[1]),
+    "sin": _numbers(lambda w, x: sincos(w, x)[0]),
+    "cos": _numbers(lambda w, x: sincos(w, x)[1]),
     "pow": _power,
     "constpow": _power,
     "if_else_zero": lambda w, args: w.select(args[0].mask(), args[1].number(), w.splat(0.0)),
@@ -106,14 +110,14 @@ MASKS: dict[str, Rule] = {
     "eq": _numbers(lambda w, x, y: w.compare("oeq", x, y)),
     "ne": _numbers(lambda w, x, y: w.compare("une", x, y)),
     "not": lambda w, args: w.invert(args[0].mask()),
-    "and": lambda w, args: w.logic("and", args[0].mask(), args[1].mask()),
-    "or": lambda w, args: w.logic("or", args[0].mask(), args[1].mask()),
+    "and": lambda w, args: w.once("and_", args[0].mask(), args[1].mask()),
+    "or": lambda w, args: w.once("or_", args[0].mask(), args[1].mask()),
 }
 SUPPORTED = {"input", "output", "const", *NUMBERS, *MASKS, *LIBRARY}
 """CasADi's operations that a kernel may contain."""
 
 
-def module(program: Program, width: int, fused: bool, flags: str = FLAGS, padded: bool = False) -> str:
+def module(program: Program, width: int, fused: bool, flags: tuple[str, ...] = FLAGS, padded: bool = False) -> str:
     """Return the module's text for vectors of `width` doubles, with or without fused multiply-add.
 
     Raises
@@ -121,25 +125,51 @@ def module(program: Program, width: int, fused: bool, flags: str = FLAGS, padded
     UnsupportedError
         If an operation has no rule here.
     """
-    body = Writer(width, flags)
-    _block(body, program)
-    return "\n".join([definitions(body.calls, width, fused), _driver(program, width), _block_function(body, padded)])
+    unit = ir.Module()
+    block = _block_function(unit, program, width, flags, padded)
+    define_all(unit, width, fused)
+    _driver(unit, program, width, block)
+    return str(unit)
 
 
-def _block(w: Writer, program: Program) -> None:
+def _function(unit: Any, name: str, result: Any, args: dict[str, Any]) -> Any:
+    """Return a function, with its arguments named, and its first block."""
+    function = ir.Function(unit, ir.FunctionType(result, list(args.values())), name)
+    for arg, own in zip(function.args, args, strict=True):
+        arg.name = own
+    function.attributes.add("nounwind")
+    return function
+
+
+def _block_function(unit: Any, program: Program, width: int, flags: tuple[str, ...], padded: bool) -> Any:
+    """Write `block`: W instances; `last` is the index of the last valid lane."""
+    args = {"in": POINTER, "stride_in": INT, "out": POINTER, "stride_out": INT, "last": INT}
+    function = _function(unit, "block", ir.VoidType(), args)
+    function.linkage = "internal"
+    function.attributes.add("noinline")
+    for pointer in (function.args[0], function.args[2]):
+        pointer.add_attribute("noalias")
+    builder = ir.IRBuilder(function.append_basic_block())
+    w, kind = Writer(builder, width, flags), ir.VectorType(INDEX, width)
+    order = ir.Constant(kind, list(range(width)))
+    last = Writer(builder, width).spread_number(builder.trunc(function.args[4], INDEX))
+    none = ir.Constant(kind, None)
+    valid = builder.icmp_unsigned(">=", order, none) if padded else builder.icmp_unsigned("<=", order, last)
     slots: dict[int, Slot] = {}
     for instruction in program.instructions:
         if instruction.name == "output":
             value, place = slots[instruction.args[0]].number(), _row(w, "out", instruction.out)
-            w.do(f"store {w.vector} {value}, ptr {place}, align 8")
+            w.do("store", value, place, align=BYTES)
         else:
-            slots[instruction.out] = _slot(w, program, instruction, slots)
+            slots[instruction.out] = _slot(w, program, instruction, slots, valid)
+    builder.ret_void()
+    return function
 
 
-def _slot(w: Writer, program: Program, instruction: Instruction, slots: dict[int, Slot]) -> Slot:
+def _slot(w: Writer, program: Program, instruction: Instruction, slots: dict[int, Slot], valid: Any) -> Slot:
     name, args = instruction.name, instruction.args
     if name == "input":
-        return Slot(w, number=_load(w, args[0]))
+        return Slot(w, number=_load(w, args[0], valid))
     if name == "const":
         return Slot(w, number=w.splat(instruction.constant), constant=instruction.constant)
     values = [slots[a] for a in args]
@@ -148,79 +178,60 @@ def _slot(w: Writer, program: Program, instruction: Instruction, slots: dict[int
     if name in MASKS:
         return Slot(w, mask=MASKS[name](w, values))
     if name in LIBRARY:
-        return Slot(w, number=w.lanes(name, *(v.number() for v in values)))
+        return Slot(w, number=library(w, name, *(v.number() for v in values)))
     raise UnsupportedError(
         f"kernel {program.name!r}: the operation {name!r} has no native form; "
         f"write it with {', '.join(sorted(SUPPORTED))}, or ask for backend='casadi'"
     )
 
 
-def _row(w: Writer, side: str, row: int) -> str:
-    offset = w.new(f"mul i64 %stride_{side}, {row}")
-    return w.new(f"getelementptr double, ptr %{side}, i64 {offset}")
+def _row(w: Writer, side: str, row: int) -> Any:
+    """Return the pointer to a row of the inputs or outputs."""
+    pointer, stride = w.builder.function.args[{"in": 0, "out": 2}[side] :][:2]
+    return _gep(w, pointer, w.once("mul", stride, w.count(row)))
 
 
-def _load(w: Writer, row: int) -> str:
+def _gep(w: Writer, pointer: Any, offset: Any) -> Any:
+    return w.once("gep", pointer, (offset,), source_etype=DOUBLE)
+
+
+def _load(w: Writer, row: int, valid: Any) -> Any:
     """Load a row of the inputs, with the last instance also in the lanes beyond it."""
     place = _row(w, "in", row)
-    values = w.new(f"load {w.vector}, ptr {place}, align 8")
-    last = w.new(f"load double, ptr {w.new(f'getelementptr double, ptr {place}, i64 %last')}, align 8")
-    one = w.new(f"insertelement {w.vector} poison, double {last}, i32 0")
-    spread = w.new(f"shufflevector {w.vector} {one}, {w.vector} poison, <{w.width} x i32> zeroinitializer")
-    return w.select("%valid", values, spread)
+    values = w.once("load", place, align=BYTES, typ=w.vector)
+    last = w.once("load", _gep(w, place, w.builder.function.args[4]), align=BYTES, typ=DOUBLE)
+    return w.select(valid, values, w.spread_number(last))
 
 
-def _block_function(w: Writer, padded: bool) -> str:
-    """`block`: W instances; %last is the index of the last valid lane."""
-    indices = ", ".join(f"i32 {lane}" for lane in range(w.width))
-    last = "zeroinitializer" if padded else "%last_all"
-    order = "uge" if padded else "ule"
-    return f"""
-define internal void @block(ptr noalias %in, i64 %stride_in, ptr noalias %out, i64 %stride_out, i64 %last)
-noinline nounwind {{
-  %last32 = trunc i64 %last to i32
-  %last_one = insertelement <{w.width} x i32> poison, i32 %last32, i32 0
-  %last_all = shufflevector <{w.width} x i32> %last_one, <{w.width} x i32> poison, <{w.width} x i32> zeroinitializer
-  %valid = icmp {order} <{w.width} x i32> <{indices}>, {last}
-{w.body()}
-  ret void
-}}
-"""
-
-
-def _driver(program: Program, width: int) -> str:
-    """`SYMBOL`: checks the shapes and calls `block` for W instances after W."""
-    return f"""
-define i64 @{SYMBOL}(ptr %in, i64 %rows_in, i64 %lanes_in, ptr %out, i64 %rows_out, i64 %lanes_out, i64 %count)
-nounwind {{
-entry:
-  %in_rows_right = icmp eq i64 %rows_in, {program.rows_in}
-  %out_rows_right = icmp eq i64 %rows_out, {program.rows_out}
-  %lanes = call i64 @llvm.smin.i64(i64 %lanes_in, i64 %lanes_out)
-  %rounded_up = add i64 %count, {width - 1}
-  %needed = and i64 %rounded_up, -{width}
-  %room = icmp sle i64 %needed, %lanes
-  %sign = icmp sge i64 %count, 0
-  %rows_right = and i1 %in_rows_right, %out_rows_right
-  %count_right = and i1 %room, %sign
-  %right = and i1 %rows_right, %count_right
-  br i1 %right, label %next, label %wrong
-next:
-  %first = phi i64 [ 0, %entry ], [ %after, %work ]
-  %left = sub i64 %count, %first
-  %more = icmp sgt i64 %left, 0
-  br i1 %more, label %work, label %fine
-work:
-  %lanes_left = call i64 @llvm.smin.i64(i64 %left, i64 {width})
-  %last = sub i64 %lanes_left, 1
-  %in_here = getelementptr double, ptr %in, i64 %first
-  %out_here = getelementptr double, ptr %out, i64 %first
-  call void @block(ptr %in_here, i64 %lanes_in, ptr %out_here, i64 %lanes_out, i64 %last)
-  %after = add i64 %first, {width}
-  br label %next
-fine:
-  ret i64 {FINE}
-wrong:
-  ret i64 {WRONG_SHAPE}
-}}
-"""
+def _driver(unit: Any, program: Program, width: int, block: Any) -> None:
+    """Write `SYMBOL`, which checks the shapes and calls `block` for W instances after W."""
+    args = {"in": POINTER, "rows_in": INT, "lanes_in": INT, "out": POINTER, "rows_out": INT, "lanes_out": INT}
+    function = _function(unit, SYMBOL, INT, {**args, "count": INT})
+    inputs, rows_in, lanes_in, outputs, rows_out, lanes_out, count = function.args
+    entry, head, work, fine, wrong = (
+        function.append_basic_block(name) for name in ("entry", "next", "work", "fine", "wrong")
+    )
+    least = utils.get_or_insert_function(unit, ir.FunctionType(INT, [INT, INT]), "llvm.smin.i64")
+    builder = ir.IRBuilder(entry)
+    zero, step = ir.Constant(INT, 0), ir.Constant(INT, width)
+    needed = builder.and_(builder.add(count, ir.Constant(INT, width - 1)), ir.Constant(INT, -width))
+    rows = builder.and_(
+        builder.icmp_signed("==", rows_in, ir.Constant(INT, program.rows_in)),
+        builder.icmp_signed("==", rows_out, ir.Constant(INT, program.rows_out)),
+    )
+    lanes = builder.icmp_signed("<=", needed, builder.call(least, [lanes_in, lanes_out]))
+    builder.cbranch(builder.and_(rows, builder.and_(lanes, builder.icmp_signed(">=", count, zero))), head, wrong)
+    builder.position_at_end(head)
+    first = builder.phi(INT)
+    left = builder.sub(count, first)
+    builder.cbranch(builder.icmp_signed(">", left, zero), work, fine)
+    builder.position_at_end(work)
+    last = builder.sub(builder.call(least, [left, step]), ir.Constant(INT, 1))
+    here, there = (builder.gep(pointer, [first], source_etype=DOUBLE) for pointer in (inputs, outputs))
+    builder.call(block, [here, lanes_in, there, lanes_out, last])
+    first.add_incoming(zero, entry)
+    first.add_incoming(builder.add(first, step), work)
+    builder.branch(head)
+    for end, status in ((fine, FINE), (wrong, WRONG_SHAPE)):
+        builder.position_at_end(end)
+        builder.ret(ir.Constant(INT, status))

@@ -9,9 +9,12 @@ NaN, zero denominators), and for every other function, each lane calls the C lib
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from typing import Any
 
-from worm3d.machine.codegen.text import Writer
+from llvmlite import ir
+
+from worm3d.machine.writer import BOOL, DOUBLE, INDEX, INT, Writer
 
 LIBRARY = {
     **dict.fromkeys(("sin", "cos", "tan", "asin", "acos", "atan", "exp", "log"), 1),
@@ -79,100 +82,102 @@ HALF_PI = (1.57079632679489655800e00, 6.12323399573676603587e-17, -1.49738490485
 LN_2 = (6.93147180369123816490e-01, 1.90821492927058770002e-10)
 """ln 2 as a sum; the first has trailing zeros, so that its products with exponents are exact."""
 ROOT_HALF_BITS = 0x3FE6A09E667F3BCD
-PURE = "noinline nounwind willreturn memory(none)"
+PREFIX = "lanes_"
+PURE = ("noinline", "nounwind", "willreturn", "memory(none)")
 """Attributes of the functions here; not inlined, for they would cut the kernel's one long block into many."""
 
 
-def definitions(names: Iterable[str], width: int, fused: bool) -> str:
-    """Return the LLVM functions `lanes_<name>` and what they call.
+def library(w: Writer, name: str, *args: Any) -> Any:
+    """Call a function of `LIBRARY` on vectors."""
+    return w.call(f"{PREFIX}{name}", w.vector, *args)
+
+
+def sincos(w: Writer, x: Any) -> tuple[Any, Any]:
+    """Return sine and cosine, which derivatives always need together."""
+    both = w.call(f"{PREFIX}sincos", ir.LiteralStructType([w.vector, w.vector]), x)
+    return w.once("extract_value", both, 0), w.once("extract_value", both, 1)
+
+
+def define_all(unit: Any, width: int, fused: bool) -> None:
+    """Write the functions `lanes_<name>` that a module calls.
 
     Parameters
     ----------
-    names : iterable of str
-        "sincos" or keys of `LIBRARY`.
+    unit : llvmlite.ir.Module
     width : int
         Lanes of a vector.
     fused : bool
         Whether the processor has fused multiply-add; otherwise each lane calls the C library.
     """
-    wanted = set(names)
-    library = (wanted - {"sincos"}) | ({"sin", "cos"} if "sincos" in wanted else set())
-    declared = [f"declare double @{name}({', '.join(['double'] * LIBRARY[name])}) nounwind" for name in sorted(library)]
-    one_by_one = [_one_by_one(name, width) for name in sorted(library)]
-    return "\n".join([*declared, *one_by_one, *(_define(name, width, fused) for name in sorted(wanted))])
+    for function in [each for each in unit.functions if each.name.startswith(PREFIX)]:
+        name = function.name.removeprefix(PREFIX)
+        w = _begun(function, width)
+        if fused and name in FORMULAS:
+            bad, formula = FORMULAS[name]
+            inside, outside = (function.append_basic_block(each) for each in ("inside", "outside"))
+            mask = w.once("bitcast", bad(w, *function.args), ir.IntType(width))
+            w.do("cbranch", w.once("icmp_signed", "!=", mask, ir.Constant(ir.IntType(width), 0)), outside, inside)
+            w.begin(inside)
+            w.do("ret", formula(w, *function.args))
+            w.begin(outside)
+        parts = [_of_each(w, part, function.args) for part in (("sin", "cos") if name == "sincos" else (name,))]
+        w.builder.ret(_pair(w, *parts) if name == "sincos" else parts[0])
 
 
-def _one_by_one(name: str, width: int) -> str:
-    """`each_<name>`: the C library's function on every lane."""
-    w, count = Writer(width), LIBRARY[name]
-    result = "poison"
-    for lane in range(width):
-        parts = [w.new(f"extractelement {w.vector} %x{k}, i32 {lane}") for k in range(count)]
-        value = w.new(f"call double @{name}({', '.join(f'double {p}' for p in parts)})")
-        result = w.new(f"insertelement {w.vector} {result}, double {value}, i32 {lane}")
-    return _function(w, f"each_{name}", count, w.vector, result)
+def _begun(function: Any, width: int) -> Writer:
+    """Begin the body of a function of this module."""
+    function.linkage = "internal"
+    for attribute in PURE:
+        set.add(function.attributes, attribute)  # llvmlite knows not all of LLVM's
+    return Writer(ir.IRBuilder(function.append_basic_block()), width)
 
 
-def _define(name: str, width: int, fused: bool) -> str:
-    """`lanes_<name>`: the formula where every lane is in its range, else `each_<name>`."""
-    w, count = Writer(width), 1 if name == "sincos" else LIBRARY[name]
-    result_type = f"{{{w.vector}, {w.vector}}}" if name == "sincos" else w.vector
-    if fused and name in FORMULAS:
-        bad, formula = FORMULAS[name]
-        outside = w.new(f"bitcast {w.mask_type} {bad(w)} to i{width}")
-        any_outside = w.new(f"icmp ne i{width} {outside}, 0")
-        w.do(f"br i1 {any_outside}, label %outside, label %inside")
-        w.label("inside")
-        w.do(f"ret {result_type} {formula(w)}")
-        w.label("outside")
-    return _function(w, f"lanes_{name}", count, result_type, _library_result(w, name, count))
+def _of_each(w: Writer, name: str, args: Any) -> Any:
+    """Call `each_<name>`, the C library's function on every lane, which is written if need be."""
+    value = w.call(f"each_{name}", w.vector, *args)
+    function = w.builder.module.get_global(f"each_{name}")
+    if function.is_declaration:
+        own = _begun(function, w.width)
+        result = ir.Constant(w.vector, ir.Undefined)
+        for lane in range(w.width):
+            of_lane = own.call(name, DOUBLE, *(own.lane(arg, lane) for arg in function.args))
+            result = own.once("insert_element", result, of_lane, ir.Constant(INDEX, lane))
+        own.builder.ret(result)
+    return value
 
 
-def _library_result(w: Writer, name: str, count: int) -> str:
-    args = ", ".join(f"{w.vector} %x{k}" for k in range(count))
-    if name != "sincos":
-        return w.new(f"call {w.vector} @each_{name}({args})")
-    return _pair(w, *(w.new(f"call {w.vector} @each_{part}({args})") for part in ("sin", "cos")))
+def _pair(w: Writer, first: Any, second: Any) -> Any:
+    empty = ir.Constant(ir.LiteralStructType([w.vector, w.vector]), ir.Undefined)
+    return w.once("insert_value", w.once("insert_value", empty, first, 0), second, 1)
 
 
-def _pair(w: Writer, first: str, second: str) -> str:
-    pair = f"{{{w.vector}, {w.vector}}}"
-    half = w.new(f"insertvalue {pair} poison, {w.vector} {first}, 0")
-    return w.new(f"insertvalue {pair} {half}, {w.vector} {second}, 1")
-
-
-def _function(w: Writer, name: str, count: int, result_type: str, result: str) -> str:
-    args = ", ".join(f"{w.vector} %x{k}" for k in range(count))
-    return f"define internal {result_type} @{name}({args}) {PURE} {{\n{w.body()}\n  ret {result_type} {result}\n}}\n"
-
-
-def _beyond(limit: float) -> Callable[[Writer], str]:
+def _beyond(limit: float) -> Callable[..., Any]:
     """Mask of |x| > limit or NaN."""
-    return lambda w: w.compare("ugt", w.intrinsic("fabs", "%x0"), w.splat(limit))
+    return lambda w, x: w.compare("ugt", w.size(x), w.splat(limit))
 
 
-def _nowhere(w: Writer) -> str:
+def _nowhere(w: Writer, _x: Any) -> Any:
     """Mask of no lane: the formula holds everywhere."""
-    return f"<{', '.join(['i1 false'] * w.width)}>"
+    return w.splat(False, BOOL)
 
 
-def _quarter_turns(w: Writer) -> tuple[str, str, str]:
+def _quarter_turns(w: Writer, x: Any) -> tuple[Any, Any, Any]:
     """Take x as n pi/2 + r with |r| <= pi/4; return n (integers), sin r and cos r."""
-    n = w.intrinsic("rint", w.mul("%x0", w.splat(1.0 / HALF_PI[0])))
-    r = "%x0"
+    n = w.intrinsic("rint", w.mul(x, w.splat(1.0 / HALF_PI[0])))
+    r = x
     for part in HALF_PI:
         r = w.fma(n, w.splat(-part), r)
     z = w.mul(r, r)
     sine = w.fma(w.mul(r, z), w.horner(z, SIN), r)
     cosine = w.fma(z, w.fma(z, w.horner(z, COS), w.splat(-0.5)), w.splat(1.0))
-    return w.new(f"fptosi {w.vector} {n} to <{w.width} x i32>"), sine, cosine
+    return w.once("fptosi", n, ir.VectorType(INDEX, w.width)), sine, cosine
 
 
-def _sincos(w: Writer) -> str:
+def _sincos(w: Writer, x: Any) -> Any:
     """Exchange and negate sin r and cos r by n mod 4."""
-    turns, sine, cosine = _quarter_turns(w)
+    turns, sine, cosine = _quarter_turns(w, x)
     odd = _bit(w, turns, 1)
-    after = w.new(f"add <{w.width} x i32> {turns}, {_integers(w, 32, 1)}")
+    after = w.once("add", turns, w.splat(1, INDEX))
     return _pair(
         w,
         _negate_where(w, _bit(w, turns, 2), w.select(odd, cosine, sine)),
@@ -180,30 +185,25 @@ def _sincos(w: Writer) -> str:
     )
 
 
-def _tan(w: Writer) -> str:
+def _tan(w: Writer, x: Any) -> Any:
     """Return tan r, or -1/tan r for odd n."""
-    turns, sine, cosine = _quarter_turns(w)
+    turns, sine, cosine = _quarter_turns(w, x)
     odd = _bit(w, turns, 1)
     return w.div(_negate_where(w, odd, w.select(odd, cosine, sine)), w.select(odd, sine, cosine))
 
 
-def _bit(w: Writer, integers: str, bit: int) -> str:
+def _bit(w: Writer, integers: Any, bit: int) -> Any:
     """Mask of the lanes whose integer has this bit."""
-    part = w.new(f"and <{w.width} x i32> {integers}, {_integers(w, 32, bit)}")
-    return w.new(f"icmp ne <{w.width} x i32> {part}, zeroinitializer")
+    return w.once("icmp_signed", "!=", w.once("and_", integers, w.splat(bit, INDEX)), w.splat(0, INDEX))
 
 
-def _integers(w: Writer, bits: int, value: int) -> str:
-    return f"<{', '.join([f'i{bits} {value}'] * w.width)}>"
-
-
-def _negate_where(w: Writer, mask: str, value: str) -> str:
+def _negate_where(w: Writer, mask: Any, value: Any) -> Any:
     return w.select(mask, w.neg(value), value)
 
 
-def _small_arc(w: Writer) -> tuple[str, str]:
+def _small_arc(w: Writer, x: Any) -> tuple[Any, Any]:
     """Return the mask of |x| <= 1/2, and asin u = u + u R(u^2) of u = |x| there and sqrt((1 - |x|)/2) elsewhere."""
-    size = w.intrinsic("fabs", "%x0")
+    size = w.size(x)
     small = w.compare("ole", size, w.splat(0.5))
     half = w.mul(w.sub(w.splat(1.0), size), w.splat(0.5))
     z = w.select(small, w.mul(size, size), half)
@@ -212,25 +212,25 @@ def _small_arc(w: Writer) -> tuple[str, str]:
     return small, w.fma(u, ratio, u)
 
 
-def _asin(w: Writer) -> str:
+def _asin(w: Writer, x: Any) -> Any:
     """Above 1/2: asin x = pi/2 - 2 asin sqrt((1 - x)/2)."""
-    small, arc = _small_arc(w)
+    small, arc = _small_arc(w, x)
     near_one = w.sub(w.splat(HALF_PI[0]), w.fma(w.splat(2.0), arc, w.splat(-HALF_PI[1])))
-    return w.intrinsic("copysign", w.select(small, arc, near_one), "%x0")
+    return w.intrinsic("copysign", w.select(small, arc, near_one), x)
 
 
-def _acos(w: Writer) -> str:
+def _acos(w: Writer, x: Any) -> Any:
     """Return pi/2 - asin x; near x = 1: 2 asin sqrt((1 - x)/2), near -1: pi minus that."""
-    small, arc = _small_arc(w)
-    signed = w.intrinsic("copysign", arc, "%x0")
+    small, arc = _small_arc(w, x)
+    signed = w.intrinsic("copysign", arc, x)
     middle = w.sub(w.splat(HALF_PI[0]), w.sub(signed, w.splat(HALF_PI[1])))
     twice = w.mul(arc, w.splat(2.0))
     far = w.sub(w.splat(2.0 * HALF_PI[0]), w.sub(twice, w.splat(2.0 * HALF_PI[1])))
-    negative = w.compare("olt", "%x0", w.splat(0.0))
+    negative = w.compare("olt", x, w.splat(0.0))
     return w.select(small, middle, w.select(negative, far, twice))
 
 
-def _first_quadrant(w: Writer, a: str, b: str) -> str:
+def _first_quadrant(w: Writer, a: Any, b: Any) -> Any:
     """Return atan(a/b) for a, b >= 0, by turning (b, a) to within 22.5 degrees of the axis; one division."""
     steep = w.compare("ogt", a, w.mul(b, w.splat(1.0 + math.sqrt(2.0))))
     middle = w.compare("ogt", a, w.mul(b, w.splat(math.sqrt(2.0) - 1.0)))
@@ -244,44 +244,42 @@ def _first_quadrant(w: Writer, a: str, b: str) -> str:
     return w.add(high, w.add(w.fma(w.neg(w.mul(t, z)), w.horner(z, ATAN), low), t))
 
 
-def _atan(w: Writer) -> str:
-    return w.intrinsic("copysign", _first_quadrant(w, w.intrinsic("fabs", "%x0"), w.splat(1.0)), "%x0")
+def _atan(w: Writer, x: Any) -> Any:
+    return w.intrinsic("copysign", _first_quadrant(w, w.size(x), w.splat(1.0)), x)
 
 
-def _atan2(w: Writer) -> str:
+def _atan2(w: Writer, y: Any, x: Any) -> Any:
     """Return the first quadrant's angle, pi minus it for negative x, with the sign of y."""
-    angle = _first_quadrant(w, w.intrinsic("fabs", "%x0"), w.intrinsic("fabs", "%x1"))
+    angle = _first_quadrant(w, w.size(y), w.size(x))
     behind = w.sub(w.splat(2.0 * HALF_PI[0]), w.sub(angle, w.splat(2.0 * HALF_PI[1])))
-    left = w.compare("olt", "%x1", w.splat(0.0))
-    return w.intrinsic("copysign", w.select(left, behind, angle), "%x0")
+    left = w.compare("olt", x, w.splat(0.0))
+    return w.intrinsic("copysign", w.select(left, behind, angle), y)
 
 
-def _atan2_outside(w: Writer) -> str:
+def _atan2_outside(w: Writer, y: Any, x: Any) -> Any:
     """Mask of |y| + |x| that is zero, tiny, huge or NaN."""
-    size = w.add(w.intrinsic("fabs", "%x0"), w.intrinsic("fabs", "%x1"))
-    return w.logic("or", w.compare("ult", size, w.splat(1e-280)), w.compare("ugt", size, w.splat(1e280)))
+    size = w.add(w.size(y), w.size(x))
+    return w.once("or_", w.compare("ult", size, w.splat(1e-280)), w.compare("ugt", size, w.splat(1e280)))
 
 
-def _exp(w: Writer) -> str:
+def _exp(w: Writer, x: Any) -> Any:
     """With x = n ln 2 + r: Taylor's series of exp r to r^13, times 2^n."""
-    n = w.intrinsic("rint", w.mul("%x0", w.splat(1.0 / math.log(2.0))))
-    r = w.fma(n, w.splat(-LN_2[1]), w.fma(n, w.splat(-LN_2[0]), "%x0"))
-    whole = w.new(f"fptosi {w.vector} {n} to <{w.width} x i32>")
-    wide = w.new(f"sext <{w.width} x i32> {whole} to <{w.width} x i64>")
-    biased = w.new(f"add <{w.width} x i64> {wide}, {_integers(w, 64, 1023)}")
-    bits = w.new(f"shl <{w.width} x i64> {biased}, {_integers(w, 64, 52)}")
-    return w.mul(w.horner(r, EXP), w.new(f"bitcast <{w.width} x i64> {bits} to {w.vector}"))
+    n = w.intrinsic("rint", w.mul(x, w.splat(1.0 / math.log(2.0))))
+    r = w.fma(n, w.splat(-LN_2[1]), w.fma(n, w.splat(-LN_2[0]), x))
+    whole = w.once("sext", w.once("fptosi", n, ir.VectorType(INDEX, w.width)), ir.VectorType(INT, w.width))
+    bits = w.once("shl", w.once("add", whole, w.splat(1023, INT)), w.splat(52, INT))
+    return w.mul(w.horner(r, EXP), w.once("bitcast", bits, w.vector))
 
 
-def _log(w: Writer) -> str:
+def _log(w: Writer, x: Any) -> Any:
     """With x = 2^k (1 + f), 1 + f in [sqrt(1/2), sqrt(2)], s = f/(2 + f): log(1 + f) = 2 atanh s."""
-    integers = f"<{w.width} x i64>"
-    bits = w.new(f"bitcast {w.vector} %x0 to {integers}")
-    above = w.new(f"sub {integers} {bits}, {_integers(w, 64, ROOT_HALF_BITS)}")
-    exponent = w.new(f"ashr {integers} {above}, {_integers(w, 64, 52)}")
-    shifted = w.new(f"shl {integers} {exponent}, {_integers(w, 64, 52)}")
-    mantissa = w.new(f"bitcast {integers} {w.new(f'sub {integers} {bits}, {shifted}')} to {w.vector}")
-    k = w.new(f"sitofp <{w.width} x i32> {w.new(f'trunc {integers} {exponent} to <{w.width} x i32>')} to {w.vector}")
+    integers = ir.VectorType(INT, w.width)
+    bits = w.once("bitcast", x, integers)
+    above = w.once("sub", bits, w.splat(ROOT_HALF_BITS, INT))
+    exponent = w.once("ashr", above, w.splat(52, INT))
+    shifted = w.once("shl", exponent, w.splat(52, INT))
+    mantissa = w.once("bitcast", w.once("sub", bits, shifted), w.vector)
+    k = w.once("sitofp", w.once("trunc", exponent, ir.VectorType(INDEX, w.width)), w.vector)
     f = w.sub(mantissa, w.splat(1.0))
     s = w.div(f, w.add(f, w.splat(2.0)))
     z = w.mul(s, s)
@@ -291,12 +289,12 @@ def _log(w: Writer) -> str:
     return w.sub(w.mul(k, w.splat(LN_2[0])), w.sub(w.sub(half_square, correction), f))
 
 
-def _log_outside(w: Writer) -> str:
+def _log_outside(w: Writer, x: Any) -> Any:
     """Mask of x that is not positive, tiny, huge or NaN."""
-    return w.logic("or", w.compare("ult", "%x0", w.splat(1e-300)), w.compare("ugt", "%x0", w.splat(1e300)))
+    return w.once("or_", w.compare("ult", x, w.splat(1e-300)), w.compare("ugt", x, w.splat(1e300)))
 
 
-FORMULAS: dict[str, tuple[Callable[[Writer], str], Callable[[Writer], str]]] = {
+FORMULAS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
     "sincos": (_beyond(1e6), _sincos),
     "tan": (_beyond(1e6), _tan),
     "asin": (_nowhere, _asin),
