@@ -31,7 +31,7 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Stop:
-    """Where and how a run ended.
+    """The place, time and manner of the end of a run.
 
     Attributes
     ----------

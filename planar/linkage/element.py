@@ -74,7 +74,7 @@ class Now(NamedTuple):
     joint_hat: FloatArray
     """(N+1, 2) X_n + dt V_n."""
     apex_hat: FloatArray
-    """(N, 2, 2) likewise, [bottom, top]."""
+    """(N, 2, 2) X_n + dt V_n of the apexes [bottom, top]."""
     joint_n: FloatArray
     """(N+1, 2)"""
     length_n: FloatArray

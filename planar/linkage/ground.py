@@ -39,7 +39,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 
 RESTING_PENETRATION = 1e-5
-"""Of the mean load, as a fraction of the segment length."""
+"""Penetration under the mean load, as a fraction of the segment length."""
 
 BREAKAWAY = 1e-5
 """Displacement at which the contact with the smallest coefficient yields, as a fraction of the segment length."""
@@ -49,11 +49,11 @@ SMALLEST_COEFFICIENT = 0.01
 become so stiff that rounding shows."""
 
 LEAST_BESIDE_SMALL = 0.1
-"""Where there are such, the greatest fraction of the largest coefficient that sets it (as in `worm3d`, whose contacts
-also creep sideways)."""
+"""Greatest fraction of the largest coefficient that sets the breakaway displacement where a coefficient is smaller than
+`SMALLEST_COEFFICIENT`; the same as in `worm3d`."""
 
 TANGENTIAL_DAMPING_RATIO = 40.0
-"""Of the contact with the smallest coefficient, for the mass that it holds; larger ones are damped more.
+"""Damping ratio of the contact with the smallest coefficient and the mass that it holds; larger ones are damped more.
 
 The damper shares the cap with the spring, so its only effects are micrometres and milliseconds: too little (1) and a
 suddenly applied load overshoots and breaks loose early; the more, the sooner the contact carries its full load, as a
@@ -61,10 +61,10 @@ rigid one does at once. The distance that a worm crawls does not depend on it.
 """
 
 TIE = 1e-9
-"""Fraction of the static limit below it from which on a contact breaks away, (G4)."""
+"""Distance to the static limit at which a contact breaks away (G4), as a fraction of the limit."""
 
 YIELD_TOLERANCE = 1e-9
-"""Relative excess over the yield surface below which an anchor stays, lest rounding makes it creep."""
+"""Relative excess over the yield surface below which an anchor stays, so that rounding does not make it creep."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ MAX_POLISH, MAX_SMOOTH = 12, 40
 MAX_REGIMES = 60
 """Rounds in which contacts change their regimes before the search ends."""
 RELAXATIONS = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25) + (0.1,) * 17
-"""Of the update of the loads after each pass that did not converge."""
+"""Fraction by which the loads are updated after each pass that did not converge."""
 SLOPE_LEFT = 0.9
 """A line search ends where the slope has fallen to this fraction."""
 DESCENT_TOLERANCE = 1e-9

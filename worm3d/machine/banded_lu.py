@@ -27,12 +27,12 @@ from worm3d.values.arrays import FloatArray
 BLOCK = 5
 """Coordinates of a block."""
 _SHARED = LANES - BLOCK
-"""Coordinates of the second block behind one that it concerns; those concern the block between them too."""
+"""Coordinates that a block shares with the second block behind it."""
 _ROOM = BLOCK * WIDTH
-"""Numbers that a block has in the array of the factors."""
+"""Numbers of a block in the array of the factors."""
 _INVERSE, _H, _G, _CORNER, _Y = (LANES * k for k in (0, 5, 10, 15, 23))
-"""Where they begin: 5 rows of A11^-1 and the first columns of H; 5 rows of H; 5 columns of G; the first 8 rows and
-columns of A; the block's numbers of a right-hand side, as the blocks before have left them."""
+"""First number of each part of a block's factors: 5 rows of A11^-1 with the first columns of H, 5 rows of H, 5 columns
+of G, the first 8 rows and columns of A, and the block's right-hand side."""
 
 
 def _of_matrix(row: int, column: int) -> int:

@@ -26,7 +26,7 @@ COMPILED = {"worm3d": ("machine", "physics", "solver", "worlds"), "planar": ("."
 """Folders, by package, whose modules a compiled function of the package is made of."""
 
 OPTIMISATION = 1
-"""Of Numba's for the entries: more takes a quarter longer to compile and does not show in the time of a step."""
+"""Numba's optimisation level for C functions; a higher one compiles a quarter longer and makes no step faster."""
 
 
 def njit(function: F) -> F:

@@ -22,11 +22,11 @@ from pathlib import Path
 from worm3d.machine.cache.trust import HAS_OWNERS, UntrustedError, require_own, require_safe_way
 
 KEPT = 400
-"""Files of a folder beyond this number are removed, the oldest first."""
+"""Most files of a folder; beyond it the oldest are removed."""
 LARGEST = 2**32
-"""Bytes; a larger file is none of ours."""
+"""Largest size of a file that is read [byte]."""
 ABANDONED = 3600.0
-"""Age from which on an unfinished file is one whose process has ended [s]."""
+"""Age at which an unfinished file counts as left behind by a process that has ended [s]."""
 _DIGEST = hashlib.sha256().digest_size
 _READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 _WRITE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)

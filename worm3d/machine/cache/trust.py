@@ -1,4 +1,4 @@
-"""Whose files are believed: what is loaded from a cache runs, so nobody else may be able to write it.
+"""Trust in files of the cache: what is loaded from it runs, so nobody else may be able to write it.
 
 A checksum tells damage, not who wrote file and checksum; that is for owner and mode to tell. Believed is what belongs
 to this process's user or to root and what nobody else may write, in a folder for which the same holds, at the end of

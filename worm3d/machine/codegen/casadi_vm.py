@@ -15,7 +15,7 @@ from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
 FAILED = 2
 """Status of a kernel whose virtual machine has thrown an error."""
 SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *(ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64) * 2, ctypes.c_int64)
-"""Of every kernel, native or not (`worm3d.machine.codegen.emit`)."""
+"""C signature of a kernel, native or not (`worm3d.machine.codegen.emit`)."""
 
 
 def evaluator(function: casadi.Function) -> tuple[int, object]:

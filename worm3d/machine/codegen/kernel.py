@@ -21,14 +21,14 @@ from worm3d.machine.codegen.emit import FINE
 from worm3d.values.arrays import FloatArray
 
 FOLDER = "kernels"
-"""In the cache."""
+"""Folder of kernels in the cache."""
 Backend = Literal["llvm", "casadi"]
 ALIGNMENT = 64
-"""Bytes of a cache line, and of the widest vector."""
+"""Size of a cache line, and of the widest vector [byte]."""
 SECONDS_PER_INSTRUCTION = 5e-5
-"""Of compile time, measured from 8,000 to 34,000 instructions: 0.4 to 1.6 s; to announce long ones."""
+"""Time to compile an instruction, measured with functions of 8,000 to 34,000 of them [s]."""
 PATIENCE = 1.0
-"""Compile time [s] from which on it is announced."""
+"""Expected compile time above which it is announced [s]."""
 
 
 class FallbackWarning(RuntimeWarning):
@@ -36,7 +36,7 @@ class FallbackWarning(RuntimeWarning):
 
 
 class Origin(enum.Enum):
-    """Where the code of a kernel comes from."""
+    """Source of the code of a kernel."""
 
     COMPILED = "compiled in this process"
     DISK = "read from the cache on disk"
@@ -172,7 +172,7 @@ _LOCK = threading.Lock()
 _LOADED: dict[str, tuple[int, object]] = {}
 """Address and owner of every native kernel; never freed, since compiled code may hold the address."""
 _VIRTUAL: list[object] = []
-"""Owners of the virtual machines, likewise."""
+"""Owners of the virtual machines; never freed, since compiled code may hold their addresses."""
 
 
 def _native(

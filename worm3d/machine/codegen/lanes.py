@@ -263,7 +263,7 @@ def _atan2_outside(w: Writer, y: Any, x: Any) -> Any:
 
 
 def _exp(w: Writer, x: Any) -> Any:
-    """With x = n ln 2 + r: Taylor's series of exp r to r^13, times 2^n."""
+    """Return exp x as 2^n exp r, x = n ln 2 + r, by Taylor's series to r^13."""
     n = w.intrinsic("rint", w.mul(x, w.splat(1.0 / math.log(2.0))))
     r = w.fma(n, w.splat(-LN_2[1]), w.fma(n, w.splat(-LN_2[0]), x))
     whole = w.once("sext", w.once("fptosi", n, ir.VectorType(INDEX, w.width)), ir.VectorType(INT, w.width))
@@ -272,7 +272,7 @@ def _exp(w: Writer, x: Any) -> Any:
 
 
 def _log(w: Writer, x: Any) -> Any:
-    """With x = 2^k (1 + f), 1 + f in [sqrt(1/2), sqrt(2)], s = f/(2 + f): log(1 + f) = 2 atanh s."""
+    """Return log x as k ln 2 + 2 atanh s, x = 2^k (1 + f), 1 + f in [sqrt(1/2), sqrt(2)], s = f/(2 + f)."""
     integers = ir.VectorType(INT, w.width)
     bits = w.once("bitcast", x, integers)
     above = w.once("sub", bits, w.splat(ROOT_HALF_BITS, INT))
