@@ -16,13 +16,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Protocol, get_args
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 
 from worm3d import Command, Commands
-from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
 
 Direction = Literal["direct", "retrograde"]
 WaveDirection = Literal["direct", "retrograde", "standing"]
@@ -48,30 +48,32 @@ class Body(Protocol):
         """Least and greatest contraction of a chamber."""
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Gait(ABC):
     """An activation pattern and how it is applied to the chambers and hinges.
 
     A subclass is found in `GAITS` under its `name`, and says whether it `lengthens`.
-
-    Attributes
-    ----------
-    lengthens : bool
-        Whether the activation falls below 0 at some time, where the gait lengthens segments: their links must reach.
-    amplitude : float
-        Contraction of a chamber at activation 1.
-    bias : float
-        In [-1, 1]: scales the left chamber by 1 + bias and the right one by 1 - bias.
-    hinge : float
-        Hinge angle at activation 1 [rad]; positive yaws the headward segment to the left.
-    force : float
-        Force of a chamber at activation 1 [N]; positive contracts.
     """
 
-    amplitude: float = 0.2
-    bias: float = 0.0
-    hinge: float = 0.0
-    force: float = 0.0
+    amplitude: float = parameter(0.2, meaning="contraction of a chamber at activation 1", aka=("contraction", "stroke"))
+    bias: float = parameter(
+        0.0,
+        meaning="imbalance: the left chambers shorten 1 + bias, the right ones 1 - bias times as much",
+        ge=-1,
+        le=1,
+        allowed="a number in [-1, 1]",
+    )
+    hinge: float = parameter(
+        0.0,
+        meaning="hinge angle of a joint at activation 1; positive yaws the headward segment to the left",
+        unit="rad",
+    )
+    force: float = parameter(
+        0.0,
+        meaning="force of a chamber at activation 1, beside its contraction; positive contracts",
+        unit="N",
+    )
     name: ClassVar[str] = ""
 
     def __init_subclass__(cls, name: str = "") -> None:
@@ -81,9 +83,7 @@ class Gait(ABC):
             cls.name, GAITS[name] = name, cls
 
     def __post_init__(self) -> None:
-        for name in ("amplitude", "hinge", "force"):
-            arguments.number(name, getattr(self, name))
-        arguments.number("bias", self.bias, ge=-1.0, le=1.0, allowed="a number in [-1, 1]")
+        check(self)
 
     @property
     @abstractmethod
@@ -134,33 +134,31 @@ class BoundGait:
         return Commands(np.clip(gait.amplitude * chambers, *self._stroke), hinge, gait.force * chambers)
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class TravellingWave(Gait, name="travelling_wave"):
-    """The paper's wave A = sin(k x - w t), x = (i + 1/2)/N, and its variants.
+    """The paper's wave A = sin(k x - w t), x = (i + 1/2)/N, and its variants."""
 
-    Attributes
-    ----------
-    period : float
-        T_wave; w = 2 pi / period [s].
-    wavelength : float
-        k = 2 pi / wavelength [body lengths].
-    direction : str
-        "direct" runs tail to head: sin(kx - wt), the paper's wave in our numbering; "retrograde" runs head to
-        tail, as in earthworms: sin(kx + wt); "standing" is the mean of the two: sin(kx) cos(wt).
-    rectified : bool
-        Whether segments only contract, max(0, A); the full wave also lengthens them.
-    """
-
-    period: float = 2.0
-    wavelength: float = 1.0
-    direction: WaveDirection = "retrograde"
-    rectified: bool = True
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require_positive(period=self.period, wavelength=self.wavelength)
-        arguments.choice("direction", self.direction, get_args(WaveDirection))
-        arguments.flag("rectified", self.rectified)
+    period: float = parameter(
+        2.0,
+        meaning="T_wave: time between two contractions of a segment, w = 2 pi / period",
+        unit="s",
+        gt=0,
+        aka=("T_wave_s",),
+    )
+    wavelength: float = parameter(
+        1.0,
+        meaning="length of the wave, k = 2 pi / wavelength",
+        unit="body lengths",
+        gt=0,
+        aka=("wavelength_m", "lambda", "wave_length"),
+    )
+    direction: WaveDirection = parameter(
+        "retrograde",
+        meaning="direct runs tail to head, sin(kx - wt), the paper's wave in our numbering; retrograde head to tail, "
+        "as in earthworms, sin(kx + wt); standing is the mean of the two, sin(kx) cos(wt)",
+    )
+    rectified: bool = parameter(True, meaning="whether segments only contract, max(0, A), never lengthen")
 
     @property
     def lengthens(self) -> bool:
@@ -181,6 +179,7 @@ class TravellingWave(Gait, name="travelling_wave"):
         return np.maximum(0.0, wave) if self.rectified else wave
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N801 - the paper's name
     """The paper's segment-by-segment contraction, its four steps as a pure function of time.
@@ -189,43 +188,39 @@ class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N80
     2. Phase update: its contraction phase rises from 0 to 1 over T_contract; then it deactivates and resets.
     3. Pulse generation: a pulse of unit height by that phase.
     4. Force computation: signs alternate along the body, + on even segments; inactive segments give zero.
-
-    Attributes
-    ----------
-    T_wave : float
-        Time after which a segment is activated again [s].
-    T_contract : float
-        Duration of one contraction, at most T_wave [s]. At most T_wave/N, the segments contract one at a time;
-        longer contractions of neighbours overlap.
-    contractType : str
-        "gaussian" exp(-((phase - 1/2)/0.15)^2 / 2), "square" 1, or "dirac": 1 for `impulse` seconds from the
-        activation on, then 0.
-    alternating : bool
-        Whether the signs alternate (step 4); otherwise all contract.
-    direction : str
-        "direct", the paper's order in our numbering, activates tail to head; "retrograde" head to tail.
-    impulse : float
-        Duration of the dirac pulse [s]: use the time step, so that it acts in one step.
     """
 
-    T_wave: float = 2.0
-    T_contract: float = 0.25
-    contractType: Pulse = "gaussian"
-    alternating: bool = True
-    direction: Direction = "direct"
-    impulse: float = 0.01
+    T_wave: float = parameter(
+        2.0, meaning="time after which a segment is activated again", unit="s", gt=0, key="period_s", aka=("T_wave_s",)
+    )
+    T_contract: float = parameter(
+        0.25,
+        meaning="duration of one contraction, at most T_wave; beyond T_wave/N those of neighbours overlap",
+        unit="s",
+        gt=0,
+        key="contract_time_s",
+    )
+    contractType: Pulse = parameter(
+        "gaussian",
+        meaning="shape of a contraction: exp(-((phase - 1/2)/0.15)^2 / 2), 1 throughout, or 1 for `impulse` seconds "
+        "(in a scene one time step)",
+        key="pulse",
+    )
+    alternating: bool = parameter(True, meaning="whether odd segments lengthen instead (step 4)")
+    direction: Direction = parameter(
+        "direct", meaning="direct, the paper's order in our numbering, activates tail to head, retrograde head to tail"
+    )
+    impulse: float = parameter(
+        0.01, meaning="duration of the dirac pulse: the time step, so that it acts in one step", unit="s", gt=0
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _require_positive(T_wave=self.T_wave, T_contract=self.T_contract, impulse=self.impulse)
         if self.T_contract > self.T_wave:
             raise ValueError(
                 f"T_contract: got {self.T_contract!r} s, must be at most T_wave ({self.T_wave!r} s): "
                 "a segment must end its contraction before it is activated again"
             )
-        arguments.choice("contractType", self.contractType, get_args(Pulse))
-        arguments.choice("direction", self.direction, get_args(Direction))
-        arguments.flag("alternating", self.alternating)
 
     @property
     def lengthens(self) -> bool:
@@ -251,8 +246,3 @@ class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N80
                 return np.ones_like(elapsed)
             case "dirac":
                 return np.where(elapsed < self.impulse, 1.0, 0.0)
-
-
-def _require_positive(**values: float) -> None:
-    for name, value in values.items():
-        arguments.number(name, value, gt=0.0)

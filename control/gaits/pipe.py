@@ -12,50 +12,39 @@ At least one anchor holds at any time, and the worm begins with all segments con
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import get_args
 
 import numpy as np
 
 from control.gaits.patterns import Direction, Gait
-from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import documented, parameter
 
 PARTS = 6
 REAR, BODY, FRONT = (3, 5), (1, 4), (0, 2)
 """Part of the period in which each group lets go (extends), and in which it contracts again."""
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class TwoAnchor(Gait, name="two_anchor"):
     """Two anchors in turn, as in inchworms and burrowing earthworms; it climbs pipes of any tilt.
 
-    The command has no jumps: each change takes a part of the period, with the speed of a cosine.
-
-    Attributes
-    ----------
-    amplitude : float
-        Contraction of an anchored segment: more than the pipe's wall allows, so that it presses.
-    extension : float
-        Activation of an extended segment, at most 0: -0.5 lengthens it by half the amplitude.
-    period : float
-        Of the whole sequence [s].
-    anchors : int
-        Segments of each anchor; those between them are the body.
-    direction : str
-        "retrograde": the front is the head's end, and the worm moves that way; "direct": the tail's end.
+    The command has no jumps: each change takes a part of the period, with the speed of a cosine. The amplitude is
+    more than the pipe's wall allows, so that anchored segments press it.
     """
 
-    extension: float = -0.5
-    period: float = 6.0
-    anchors: int = 1
-    direction: Direction = "retrograde"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        arguments.number("extension", self.extension, ge=-1.0, le=0.0, allowed="a number in [-1, 0]")
-        arguments.number("period", self.period, "s", gt=0.0)
-        arguments.whole("anchors", self.anchors)
-        arguments.choice("direction", self.direction, get_args(Direction))
+    extension: float = parameter(
+        -0.5,
+        meaning="activation of an extended segment, -0.5 lengthens it by half the amplitude",
+        ge=-1,
+        le=0,
+        allowed="a number in [-1, 0]",
+    )
+    period: float = parameter(6.0, meaning="duration of the whole sequence", unit="s", gt=0)
+    anchors: int = parameter(1, meaning="segments of each anchor; those between them are the body", ge=1)
+    direction: Direction = parameter(
+        "retrograde", meaning="retrograde: the front is the head's end, and the worm moves that way; direct: the tail's"
+    )
 
     @property
     def lengthens(self) -> bool:

@@ -153,9 +153,9 @@ def test_pulses() -> None:
 @pytest.mark.parametrize(
     ("build", "sentence"),
     [
-        (lambda: TravellingWave(period=0.0), "period: got 0.0, must be finite and above 0"),
+        (lambda: TravellingWave(period=0.0), "period: got 0.0 s, must be finite and above 0"),
         (lambda: TravellingWave(direction="sideways"), "direction: got 'sideways', must be one of 'direct'"),
-        (lambda: TravellingWave(wavelength=-1.0), "wavelength: got -1.0, must be finite and above 0"),
+        (lambda: TravellingWave(wavelength=-1.0), "wavelength: got -1.0 body lengths, must be finite and above 0"),
         (lambda: TravellingWave(bias=1.5), r"bias: got 1.5, must be a number in \[-1, 1\]"),
         (lambda: TravellingWave(bias=-1.5), r"bias: got -1.5, must be a number in \[-1, 1\]"),
         (lambda: TravellingWave(amplitude=float("nan")), "amplitude: got nan, must be finite"),

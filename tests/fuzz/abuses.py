@@ -12,7 +12,6 @@ import worm3d
 from control import baselines
 from control import gaits as gait
 from control.gaits import generator, steering
-from control.gaits import pipe as pipe_gait
 from control.sensing import sensors
 from control.tracking import paths, references
 from planar import linkage, published
@@ -170,19 +169,7 @@ TARGETS: dict[str, Target] = {
         _kinds(whole="threads record_every", positive="duration dt", object="worm"),
     ),
     "Live": Target(worm3d.Live, {}, _kinds(infinite="speed", flag="open_browser", function="began")),
-    "TravellingWave": Target(
-        gait.TravellingWave,
-        {},
-        _kinds(number="amplitude bias hinge force", positive="period wavelength", choice="direction", flag="rectified"),
-    ),
-    "ContractionEngine_segmentdriven": Target(
-        gait.ContractionEngine_segmentdriven,
-        {},
-        _kinds(positive="T_wave T_contract impulse", choice="contractType direction", flag="alternating"),
-    ),
-    "TwoAnchor": Target(
-        pipe_gait.TwoAnchor, {}, _kinds(number="extension", positive="period", whole="anchors", choice="direction")
-    ),
+    **{part.__name__: Target(part, {}, _declared(part)) for part in gait.GAITS.values()},
     "GaitParameters": Target(
         steering.GaitParameters,
         {"amplitude": 0.2, "frequency": 1.0},

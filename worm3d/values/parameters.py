@@ -198,12 +198,12 @@ def documented(part: type[T]) -> type[T]:
 
 
 def _described(known: Parameter) -> str:
-    """Return a parameter as two or more lines of a docstring: name, type and default, then meaning, unit and range."""
+    """Return a parameter as two or more lines of a docstring: name, type, unit and default, then meaning and range."""
     default = f", default {known.left_out or known.default}" if known.left_out or known.default is not None else ""
     unit, span = f" [{known.unit}]" if known.unit else "", known.allowed or _range(known)
-    text = f"{known.meaning[:1].upper()}{known.meaning[1:]}{unit}{f'; {span}' if span else ''}."
+    text = f"{known.meaning[:1].upper()}{known.meaning[1:]}{f'; {span}' if span else ''}."
     body = fill(text, WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8)
-    return f"    {known.name} : {_type_text(known)}{default}\n{body}\n"
+    return f"    {known.name} : {_type_text(known)}{unit}{default}\n{body}\n"
 
 
 def _type_text(known: Parameter) -> str:
