@@ -17,8 +17,8 @@ from worm3d.values.arrays import FloatArray
 Regimes = NDArray[np.int64]
 
 AT_ONCE = 10
-"""Rounds in which all regimes that the law denies change; later only the most denied one does, so that no two take turns
-without end."""
+"""Rounds in which all regimes that the law denies change; later only the most denied one does, so that no two change in
+turn without end."""
 
 ROUNDING = 1e-9
 """Fraction of the yield displacement, or of the contact's mean load, by which the law may be missed."""
