@@ -14,7 +14,7 @@ _MOVED = {
     "control.estimator": "control.estimation.estimator",
     "control.generator": "control.gaits.generator",
     "control.identified": "control.identification.identified",
-    "control.measurement": "control.sensing.measurement",
+    "control.measurement": "control.sensing.sensors",
     "control.metrics": "control.tracking.metrics",
     "control.mpc": "control.planning.mpc",
     "control.paths": "control.tracking.paths",

@@ -24,7 +24,7 @@ from control.identification.feedforward import FeedForward
 from control.planning.decision import Decision
 from control.planning.fallback import LOST, MOST_HELD, Choice, complaint_of, rest
 from control.sensing.gate import SPAN, Gate
-from control.sensing.measurement import Measurement
+from control.sensing.sensors import Measurement
 from control.tracking.references import Reference
 from control.watch import Watch
 from worm3d import Command, Worm

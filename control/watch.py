@@ -11,7 +11,7 @@ from control.estimation.estimate import Estimate
 from control.faults import AT_LIMIT, Fault, Wave, faults
 from control.gaits.steering import GaitParameters
 from control.identification.feedforward import FeedForward
-from control.sensing.measurement import Measurement
+from control.sensing.sensors import Measurement
 from control.tracking.paths import offset
 from control.tracking.references import Reference
 from worm3d import Command, Worm

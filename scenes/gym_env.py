@@ -36,7 +36,7 @@ from control.estimation.reduced import INPUTS
 from control.gaits.generator import WaveGenerator
 from control.gaits.steering import GaitParameters
 from control.sensing.gate import Gate
-from control.sensing.measurement import Measurement
+from control.sensing.sensors import Measurement
 from control.tracking.paths import offset
 from scenes.language.errors import MissingPartError, SceneError
 from scenes.language.loader import load_scene

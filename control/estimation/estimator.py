@@ -31,9 +31,8 @@ from control.estimation.measured_wave import MeasuredWave
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters, Schedule
 from control.sensing.gate import AHEAD, SPAN
-from control.sensing.measurement import Measurement
 from control.sensing.noise import Noise
-from control.sensing.sensors import COM, Channel
+from control.sensing.sensors import COM, Channel, Measurement
 from control.sensing.sensors import HEADING as HEADING_SENSOR
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray

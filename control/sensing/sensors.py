@@ -1,4 +1,4 @@
-"""Sensors: what the robot's instruments make of the true state; noise, bias, delay, dropout and rate of each.
+"""Sensors: what the robot's instruments make of the true state, with noise, bias, delay, dropout and rate of each.
 
 A channel takes a sample when one is due, k / rate after its first, of the value at that instant:
 
@@ -15,143 +15,165 @@ sign, left and right change places). What it makes of a mirrored observation is 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 from zlib import crc32
 
 import numpy as np
 
-from control.sensing.measurement import Measurement
+from control.sensing.channels import COM, HEADING, QUANTITIES, STRAIN, Channel, require_known
 from worm3d import Observation
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
+__all__ = ["COM", "HEADING", "STRAIN", "Channel", "Measurement", "Sample", "Sensors"]
+
 ROUNDING = 1e-9
-"""By which an instant may be missed [s]: times are sums of time steps."""
+"""Time by which an instant may be missed, since times are sums of time steps [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Channel:
-    """How good an instrument is.
+class Sample(NamedTuple):
+    """Latest sample of a channel."""
 
-    Attributes
-    ----------
-    noise : float
-        Standard deviation of the white noise of each sample, in the unit of the quantity.
-    bias : float
-        Standard deviation from which the constant error of a run is drawn.
-    delay : float
-        From the instant of a sample to its arrival [s].
-    dropout : float
-        Probability that a sample is lost, in [0, 1].
-    rate : float
-        Samples a second [Hz]; infinite: one at every call.
-
-    Raises
-    ------
-    ValueError
-        A value out of range.
-    """
-
-    noise: float
-    bias: float = 0.0
-    delay: float = 0.0
-    dropout: float = 0.0
-    rate: float = float("inf")
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            if field.name != "rate":
-                arguments.number(field.name, getattr(self, field.name), ge=0.0)
-        arguments.number("dropout", self.dropout, le=1.0, allowed="a probability, at most 1")
-        rate = "above 0; infinite for a sample at every call"
-        arguments.number("rate", self.rate, "Hz", gt=0.0, infinite=True, allowed=rate)
+    value: Any
+    """What was measured, an array of the channel's shape; None if nothing has arrived since the last measurement."""
+    time: float
+    """Instant of this sample, or of the last one before [s]; NaN: there was none."""
 
 
-STRAIN = Channel(noise=0.01)
-"""1 % of a chamber's rest length."""
-COM = Channel(noise=0.005, rate=20.0)
-"""5 mm in each direction, from a camera with 20 pictures a second."""
-HEADING = Channel(noise=float(np.deg2rad(1.1)))
-"""1.1 degrees, where there is such a sensor."""
+class Measurement(Mapping[str, Sample]):
+    """Samples that a controller gets at an instant, by the name of their channel.
 
-
-class Sensors:
-    """What a controller's measurements are made with; to be given to `worm3d.simulate` as `sensor`.
+    `measurement.com` is short for the value of the channel "com", None without such a sensor; `measurement.com_time` is
+    short for its instant, NaN without. The same holds for every channel.
 
     Parameters
     ----------
-    strain, com : Channel
-        Of each chamber [1], and of each coordinate of the centre of mass [m].
-    heading : Channel, optional
-        Of the azimuth of the tail-to-head chord [rad]; None: there is no such sensor.
-    seed : int
-        At least 0.
-    mirrored : bool
-        Whether the errors are those of the mirror image.
+    time : float
+        Now [s].
+    samples : Sample
+        Sample of each channel of the robot, or a pair of its value and instant [s].
 
     Raises
     ------
     ValueError
-        A seed below 0.
+        There is no such channel.
+    """
+
+    def __init__(self, time: float, **samples: Sample | tuple[Any, Any]) -> None:
+        require_known(samples)
+        self.time = time
+        self._samples = {name: Sample(*sample) for name, sample in samples.items()}
+
+    @classmethod
+    def exact(cls, seen: Observation) -> Measurement:
+        """Return the measurement of a robot with a perfect sensor of every quantity."""
+        return cls(seen.time, **{name: (each.true_value(seen), seen.time) for name, each in QUANTITIES.items()})
+
+    def changed(self, **samples: Sample | tuple[Any, Any]) -> Measurement:
+        """Return the measurement with other samples of some channels."""
+        return Measurement(self.time, **{**self._samples, **samples})
+
+    __eq__, __hash__ = object.__eq__, object.__hash__  # arrays have no single truth value
+
+    def __getitem__(self, name: str) -> Sample:
+        return self._samples[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._samples)
+
+    def __len__(self) -> int:
+        return len(self._samples)
+
+    def __getattr__(self, name: str) -> Any:
+        channel = name.removesuffix("_time")
+        if channel not in QUANTITIES:
+            raise AttributeError(f"measurement: has no {name!r}; its channels are {', '.join(QUANTITIES)}")
+        sample = self._samples.get(channel, Sample(None, float("nan")))
+        return sample.value if channel == name else sample.time
+
+
+class Sensors:
+    """Sensors of a robot, one for each channel; they make the measurements of `worm3d.simulate(..., sensor=...)`.
+
+    Parameters
+    ----------
+    strain, com, heading : Channel, optional
+        Quality of the sensors of the chambers' strain [1], of each coordinate of the centre of mass [m], and of the
+        azimuth of the tail-to-head chord [rad]; None: there is no such sensor.
+    seed : int
+        Seed of all errors, at least 0.
+    mirrored : bool
+        Whether the errors are those of the mirror image.
+    others : Channel, optional
+        Quality of the sensors of further channels of `control.sensing.channels.QUANTITIES`, by name.
+
+    Attributes
+    ----------
+    channels : dict of str to Channel
+        Those that there are.
+
+    Raises
+    ------
+    ValueError
+        The seed is below 0, or there is no such channel.
     """
 
     def __init__(
         self,
-        strain: Channel = STRAIN,
-        com: Channel = COM,
+        strain: Channel | None = STRAIN,
+        com: Channel | None = COM,
         heading: Channel | None = None,
         seed: int = 0,
         mirrored: bool = False,
+        **others: Channel | None,
     ) -> None:
         arguments.whole("seed", seed, ge=0)
-        for name, channel in (("strain", strain), ("com", com), ("heading", heading)):
-            optional = Channel | None if name == "heading" else Channel
-            arguments.instance(name, channel, optional, "a control.sensing.sensors.Channel")
         arguments.flag("mirrored", mirrored)
-        self.channels = {"strain": strain, "com": com} | ({} if heading is None else {"heading": heading})
+        require_known(others)
+        given = {"strain": strain, "com": com, "heading": heading, **others}
+        for name, channel in given.items():
+            arguments.instance(name, channel, Channel | None, "a control.sensing.sensors.Channel")
+        self.channels = {name: channel for name, channel in given.items() if channel is not None}
         self.seed, self.mirrored = seed, mirrored
         self.reset()
 
     def reset(self) -> None:
         """Begin anew, with the same errors."""
-        self._instruments = {name: _Instrument(name, each, self.seed) for name, each in self.channels.items()}
+        self._instruments = {name: _Instrument(name, each, self) for name, each in self.channels.items()}
 
     def __call__(self, seen: Observation) -> Measurement:
         """Return what has arrived by now."""
-        values = {"strain": seen.chamber_strain, "com": seen.com, "heading": np.array(seen.heading)}
-        for name, instrument in self._instruments.items():
-            instrument.look(seen.time, values[name], self.mirrored)
-        arrived = {name: instrument.arrived(seen.time) for name, instrument in self._instruments.items()}
-        heading, heading_time = arrived.get("heading", (None, float("nan")))
-        return Measurement(
-            seen.time,
-            *arrived["strain"],
-            *arrived["com"],
-            None if heading is None else _wrapped(float(heading)),
-            heading_time,
-        )
+        return Measurement(seen.time, **{name: each.sample(seen) for name, each in self._instruments.items()})
 
 
 class _Instrument:
     """A channel at work."""
 
-    def __init__(self, name: str, channel: Channel, seed: int) -> None:
-        self._name, self._channel = name, channel
-        self._random = np.random.default_rng([seed, crc32(name.encode())])
+    def __init__(self, name: str, channel: Channel, sensors: Sensors) -> None:
+        self._quantity, self._channel, self._mirrored = QUANTITIES[name], channel, sensors.mirrored
+        self._random = np.random.default_rng([sensors.seed, crc32(name.encode())])
         self._bias: FloatArray | None = None
         self._begin, self._next = 0.0, 0
         self._last = float("nan")
         self._on_the_way: deque[tuple[float, FloatArray]] = deque()
 
-    def look(self, t: float, value: FloatArray, mirrored: bool) -> None:
-        """Take a sample, if one is due."""
+    def sample(self, seen: Observation) -> Sample:
+        """Take a sample if one is due, and return the latest that has arrived since the last call."""
+        self._look(seen.time, self._quantity.true_value(seen))
+        value = None
+        while self._on_the_way and self._on_the_way[0][0] + self._channel.delay <= seen.time + ROUNDING:
+            self._last, value = self._on_the_way.popleft()
+        return Sample(_wrapped(value) if self._quantity.angle and value is not None else value, self._last)
+
+    def _look(self, t: float, value: FloatArray) -> None:
         if self._bias is None:
             self._begin, self._bias = t, self._channel.bias * self._random.standard_normal(value.shape)
         if not self._due(t):
             return
         error = self._bias + self._channel.noise * self._random.standard_normal(value.shape)
         if self._random.uniform() >= self._channel.dropout:
-            self._on_the_way.append((t, value + (_mirrored(self._name, error) if mirrored else error)))
+            self._on_the_way.append((t, value + (self._quantity.mirrored(error) if self._mirrored else error)))
 
     def _due(self, t: float) -> bool:
         """Return whether a sample is due; one that was missed is not made up for."""
@@ -161,21 +183,8 @@ class _Instrument:
         due, self._next = count >= self._next, max(self._next, count + 1)
         return due
 
-    def arrived(self, t: float) -> tuple[FloatArray | None, float]:
-        """Return the latest sample that has arrived since the last call, and the instant of the last one at all."""
-        sample = None
-        while self._on_the_way and self._on_the_way[0][0] + self._channel.delay <= t + ROUNDING:
-            self._last, sample = self._on_the_way.popleft()
-        return sample, self._last
 
-
-def _mirrored(name: str, error: FloatArray) -> FloatArray:
-    """Return the mirror image of an error."""
-    if name == "strain":
-        return error[:, ::-1]
-    return -error if name == "heading" else error * [1.0, -1.0, 1.0]
-
-
-def _wrapped(angle: float) -> float:
-    """Return an angle in (-pi, pi]."""
-    return float(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
+def _wrapped(angle: FloatArray) -> FloatArray:
+    """Return angles in (-pi, pi]."""
+    wrapped: FloatArray = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
+    return wrapped

@@ -14,7 +14,7 @@ from control.estimation.reduced import STATES, ReducedState
 from control.gaits.steering import GaitParameters
 from control.identification import identified as kept
 from control.planning.fallback import MOST_HELD
-from control.sensing.measurement import Measurement
+from control.sensing.sensors import Measurement
 from control.tracking.paths import Circle, Line, SCurve
 from control.tracking.references import Constant, Reference, Sine, Steps
 from worm3d import Worm
@@ -23,7 +23,7 @@ WORM = Worm()
 KNOWN_WORM = kept.load(WORM)
 assert KNOWN_WORM is not None
 MAP = KNOWN_WORM.maps["hinge"]
-NOTHING = Measurement(0.0, None, math.nan, None, math.nan)
+NOTHING = Measurement(0.0)
 
 
 class Told:
@@ -192,7 +192,7 @@ def test_a_reference_that_raises_leaves_the_parameters_in_force_and_then_rest(ki
     controller = kind(WORM, KNOWN_WORM, Reference(speed))
     for k in range(400):
         t = 0.01 * k
-        command = controller.step(t, Measurement(t, None, float("nan"), None, float("nan")))
+        command = controller.step(t, Measurement(t))
         assert np.isfinite(command.contraction).all()
     decisions = controller.decisions
     assert [decision.source for decision in decisions] == (

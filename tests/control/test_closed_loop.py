@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from control.baselines import PiLineOfSight
 from control.estimation.estimator import Estimate, Estimator
 from control.estimation.reduced import ReducedModel
 from control.identification.fit import Identified
@@ -92,6 +93,22 @@ def test_round_a_circle() -> None:
     assert found["speed_error_rms_relative"] <= 0.06
     assert watched.supervisor.failures == 0
     assert result.heading[-1] == pytest.approx(0.08 * 30.0 / 1.5, abs=0.2)
+
+
+@pytest.mark.parametrize("controller", [Supervisor.of, PiLineOfSight])
+def test_without_a_sensor_a_controller_sees_exactly(controller) -> None:
+    reference = Reference(CRUISE, path=Circle(1.5, start=AHEAD))
+    given = {"worm": WORM, "reference": reference, "identified": known()}
+    watched = Watched(controller(**given))
+    result = simulate(WORM, Plane(), actuation=watched, duration=12.0)
+    found = figures(result, watched, reference)
+    assert found["cross_track_rms_bl"] <= 0.002, "a third of what it is with noise"
+    assert found["heading_error_rms_deg"] <= 0.6
+    assert watched.supervisor.gate.refused.total() == 0
+    last = watched.supervisor.decisions[-1].estimate
+    assert last is not None
+    # A wave rocks the true heading about that of the estimate.
+    assert last.heading == pytest.approx(np.interp(last.time, result.time, result.heading), abs=0.02)
 
 
 def test_three_failures_in_ten_cost_two_percent_of_the_speed_at_most() -> None:

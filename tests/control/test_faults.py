@@ -7,8 +7,7 @@ import pytest
 
 from control.faults import Fault
 from control.identification.identified import load
-from control.sensing.measurement import Measurement
-from control.sensing.sensors import COM, Channel, Sensors
+from control.sensing.sensors import COM, Channel, Measurement, Sensors
 from control.supervisor import Supervisor
 from control.tracking.paths import Circle, Line
 from control.tracking.references import Constant, Reference, Steps

@@ -1,31 +1,31 @@
 """The gate: what it lets through, what it refuses and why, and that nothing else comes through whatever comes."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from fuzzing import replaced
 from numpy.testing import assert_array_equal
 
+from control.sensing.channels import QUANTITIES
 from control.sensing.gate import KEPT, SPAN, Gate, Refusal
-from control.sensing.measurement import Measurement
-from worm3d import Worm
+from control.sensing.sensors import Measurement
+from worm3d import Observation, Worm
 
 WORM = Worm()
 NOW = 5.0
-GOOD = Measurement(NOW, np.full((6, 2), -0.1), NOW, np.array([1.0, 0.2, 0.07]), 4.9, 0.3, 4.95)
+GOOD = Measurement(NOW, strain=(np.full((6, 2), -0.1), NOW), com=(np.array([1.0, 0.2, 0.07]), 4.9), heading=(0.3, 4.95))
 NAN, INF = float("nan"), float("inf")
 
 
 def changed(name: str, index: object, value: float) -> Measurement:
     sample = np.array(getattr(GOOD, name))
     sample[index] = value
-    return replace(GOOD, **{name: sample})
+    return replaced(GOOD, **{name: sample})
 
 
 def test_good_measurements_pass_as_they_are() -> None:
     gate = Gate(WORM)
     assert gate(NOW, GOOD) is GOOD
-    nothing = Measurement(NOW, None, NAN, None, NAN)
+    nothing = Measurement(NOW, strain=(None, NAN), com=(None, NAN))
     assert gate(NOW, nothing) is nothing
     assert gate.refused.total() == 0
 
@@ -36,23 +36,23 @@ def test_good_measurements_pass_as_they_are() -> None:
         ("com", changed("com", 0, NAN), Refusal.NOT_FINITE),
         ("com", changed("com", 1, -INF), Refusal.NOT_FINITE),
         ("com", changed("com", 1, 1e30), Refusal.OUT_OF_RANGE),
-        ("com", replace(GOOD, com=np.zeros(2)), Refusal.SHAPE),
-        ("com", replace(GOOD, com="here"), Refusal.SHAPE),
-        ("com", replace(GOOD, com=[[1.0], [2.0, 3.0]]), Refusal.SHAPE),
-        ("com", replace(GOOD, com=np.zeros(3, dtype=complex)), Refusal.SHAPE),
-        ("com", replace(GOOD, com_time=NOW + 0.01), Refusal.FUTURE),
-        ("com", replace(GOOD, com_time=INF), Refusal.NO_TIME),
-        ("com", replace(GOOD, com_time=NAN), Refusal.NO_TIME),
-        ("com", replace(GOOD, com_time=None), Refusal.NO_TIME),
-        ("com", replace(GOOD, com_time=NOW - SPAN - 0.1), Refusal.TOO_OLD),
-        ("strain", replace(GOOD, strain=np.full((6, 2), NAN)), Refusal.NOT_FINITE),
-        ("strain", replace(GOOD, strain=np.full((6, 2), 7.0)), Refusal.OUT_OF_RANGE),
-        ("strain", replace(GOOD, strain=np.zeros((5, 2))), Refusal.SHAPE),
-        ("strain", replace(GOOD, strain_time=NOW + 1e-3), Refusal.FUTURE),
-        ("heading", replace(GOOD, heading=NAN), Refusal.NOT_FINITE),
-        ("heading", replace(GOOD, heading=1e9), Refusal.OUT_OF_RANGE),
-        ("heading", replace(GOOD, heading=np.zeros(2)), Refusal.SHAPE),
-        ("heading", replace(GOOD, heading_time=NOW + 100.0), Refusal.FUTURE),
+        ("com", replaced(GOOD, com=np.zeros(2)), Refusal.SHAPE),
+        ("com", replaced(GOOD, com="here"), Refusal.SHAPE),
+        ("com", replaced(GOOD, com=[[1.0], [2.0, 3.0]]), Refusal.SHAPE),
+        ("com", replaced(GOOD, com=np.zeros(3, dtype=complex)), Refusal.SHAPE),
+        ("com", replaced(GOOD, com_time=NOW + 0.01), Refusal.FUTURE),
+        ("com", replaced(GOOD, com_time=INF), Refusal.NO_TIME),
+        ("com", replaced(GOOD, com_time=NAN), Refusal.NO_TIME),
+        ("com", replaced(GOOD, com_time=None), Refusal.NO_TIME),
+        ("com", replaced(GOOD, com_time=NOW - SPAN - 0.1), Refusal.TOO_OLD),
+        ("strain", replaced(GOOD, strain=np.full((6, 2), NAN)), Refusal.NOT_FINITE),
+        ("strain", replaced(GOOD, strain=np.full((6, 2), 7.0)), Refusal.OUT_OF_RANGE),
+        ("strain", replaced(GOOD, strain=np.zeros((5, 2))), Refusal.SHAPE),
+        ("strain", replaced(GOOD, strain_time=NOW + 1e-3), Refusal.FUTURE),
+        ("heading", replaced(GOOD, heading=NAN), Refusal.NOT_FINITE),
+        ("heading", replaced(GOOD, heading=1e9), Refusal.OUT_OF_RANGE),
+        ("heading", replaced(GOOD, heading=np.zeros(2)), Refusal.SHAPE),
+        ("heading", replaced(GOOD, heading_time=NOW + 100.0), Refusal.FUTURE),
     ],
 )
 def test_each_reason(channel: str, bad: Measurement, why: Refusal) -> None:
@@ -70,13 +70,13 @@ def test_what_is_right_in_part_is_used_in_part() -> None:
     seen = gate(NOW, changed("com", 2, NAN))
     assert seen.com is not None
     assert_array_equal(seen.com, [1.0, 0.2, NAN])
-    seen = gate(NOW + 0.1, replace(changed("strain", (2, 0), INF), strain_time=5.1))
+    seen = gate(NOW + 0.1, replaced(changed("strain", (2, 0), INF), strain_time=5.1))
     assert seen.strain is not None
     assert np.isnan(seen.strain[2, 0])
     assert np.isfinite(seen.strain).sum() == 11
     few = np.full((6, 2), NAN)
     few[:3] = -0.1
-    assert gate(NOW + 0.2, replace(GOOD, strain=few, strain_time=5.2)).strain is None, (
+    assert gate(NOW + 0.2, replaced(GOOD, strain=few, strain_time=5.2)).strain is None, (
         "three unknowns in three segments"
     )
     assert gate.refused == {
@@ -94,13 +94,13 @@ def test_samples_that_come_again_or_strains_that_come_late_are_refused() -> None
     assert gate.refused == {(name, Refusal.AGAIN): 1 for name in ("strain", "com", "heading")}
     gate.reset()
     gate(NOW, GOOD)
-    late = gate(NOW, replace(GOOD, strain_time=4.8, com_time=4.7, heading_time=4.6))
+    late = gate(NOW, replaced(GOOD, strain_time=4.8, com_time=4.7, heading_time=4.6))
     assert (late.strain is None, late.com is None, late.heading is None) == (True, False, False)
     assert gate.refused == {("strain", Refusal.OUT_OF_ORDER): 1}
 
 
 def test_integers_and_lists_are_numbers_too() -> None:
-    seen = Gate(WORM)(NOW, replace(GOOD, com=[1, 2, 0], com_time=4, heading=1))
+    seen = Gate(WORM)(NOW, replaced(GOOD, com=[1, 2, 0], com_time=4, heading=1))
     assert_array_equal(seen.com, [1.0, 2.0, 0.0])
     assert seen.heading == 1.0
 
@@ -108,11 +108,24 @@ def test_integers_and_lists_are_numbers_too() -> None:
 def test_long_runs_are_remembered_only_as_far_as_it_matters() -> None:
     gate = Gate(WORM)
     for k in range(3 * KEPT):
-        gate(0.01 * k, replace(GOOD, strain_time=0.01 * k, com_time=0.01 * k, heading_time=0.01 * k))
+        gate(0.01 * k, replaced(GOOD, strain_time=0.01 * k, com_time=0.01 * k, heading_time=0.01 * k))
     assert gate.refused.total() == 0
-    assert max(len(seen) for seen in gate._seen.values()) <= KEPT
+    assert max(len(instants) for instants in gate._instants.values()) <= KEPT
 
 
-def test_an_observation_is_no_measurement() -> None:
+def test_every_channel_of_an_observation_passes_as_it_is() -> None:
+    random = np.random.default_rng(1)
+    strain, com = random.uniform(-0.1, 0.1, (6, 2)), random.uniform(-1.0, 1.0, 3)
+    nothing = np.zeros((6, 2))
+    seen = Observation(NOW, strain, com, np.zeros(3), 0.4, np.zeros((7, 3)), nothing, np.zeros((6, 6)))
+    exact = Gate(WORM)(NOW, seen)
+    assert list(exact) == list(QUANTITIES)
+    assert_array_equal(exact.strain, strain)
+    assert_array_equal(exact.com, com)
+    assert exact.heading == 0.4
+    assert all(sample.time == NOW for sample in exact.values())
+
+
+def test_a_mapping_is_no_measurement() -> None:
     with pytest.raises(TypeError, match=r"measurement: got dict, must be a .*Measurement; let sensors make it"):
         Gate(WORM)(NOW, {})  # type: ignore[arg-type]

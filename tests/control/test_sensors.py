@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from control.sensing.measurement import Measurement
-from control.sensing.sensors import Channel, Sensors
-from worm3d import Observation
+from control.sensing.channels import QUANTITIES, Quantity
+from control.sensing.gate import Gate, Refusal
+from control.sensing.sensors import Channel, Measurement, Sensors
+from worm3d import Observation, Worm
 
 EXACT = Channel(noise=0.0)
 N = 6
@@ -160,3 +161,39 @@ def test_bad_channels_are_refused(bad, sentence: str) -> None:
 def test_a_bad_seed_is_refused() -> None:
     with pytest.raises(ValueError, match="seed: got -1, must be a whole number of at least 0"):
         Sensors(seed=-1)
+
+
+def test_a_measurement_is_a_mapping_of_channels() -> None:
+    measured = Sensors(EXACT, None, heading=Channel(noise=0.0, rate=1.0))(seen(0.3))
+    assert list(measured) == ["strain", "heading"]
+    assert measured["strain"].time == 0.3
+    assert_array_equal(measured["strain"].value, seen(0.3).chamber_strain)
+    assert measured.com is None, "there is no such sensor"
+    assert np.isnan(measured.com_time)
+    changed = measured.changed(com=(np.ones(3), 0.2))
+    assert (changed.com_time, changed.strain_time, "com" in measured) == (0.2, 0.3, False)
+    with pytest.raises(AttributeError, match="measurement: has no 'colour'; its channels are strain, com, heading"):
+        measured.colour  # noqa: B018
+    for wrong in (Measurement, Sensors):
+        with pytest.raises(ValueError, match="colour: got a channel of this name, must be one of strain, com, heading"):
+            wrong(0.0, colour=EXACT) if wrong is Measurement else wrong(colour=EXACT)
+
+
+def test_a_quantity_that_is_declared_is_a_channel(monkeypatch: pytest.MonkeyPatch) -> None:
+    tail = Quantity(
+        "height of the tail",
+        "m",
+        Channel(noise=0.001),
+        true_value=lambda seen: seen.joints[0, 2:],
+        shape=lambda worm: (1,),
+        limits=lambda worm: (-1.0, 1.0),
+        mirrored=lambda value: value,
+    )
+    monkeypatch.setitem(QUANTITIES, "tail", tail)
+    measured = Sensors(tail=EXACT)(seen(0.3))
+    assert_array_equal(measured.tail, [0.0])
+    assert_array_equal(Measurement.exact(seen(0.3)).tail, [0.0])
+    gate = Gate(Worm())
+    assert gate(0.3, measured) is measured
+    assert gate(0.4, measured.changed(tail=(np.array([2.0]), 0.4))).tail is None
+    assert gate.refused["tail", Refusal.OUT_OF_RANGE] == 1

@@ -16,7 +16,7 @@ from control.planning.fallback import FORGET, LATE, LONGEST_START, LOST, MOST_HE
 from control.planning.mpc import GaitMPC
 from control.planning.plan import Plan, PlanStatus
 from control.planning.preview import turn_rate
-from control.sensing.measurement import Measurement
+from control.sensing.sensors import Measurement
 from control.supervisor import Supervisor
 from control.tracking.paths import Circle, Line
 from control.tracking.references import Constant, Reference, Steps
@@ -24,7 +24,7 @@ from worm3d import Worm
 
 WORM = Worm()
 DT = 0.01
-NOTHING = Measurement(0.0, None, float("nan"), None, float("nan"))
+NOTHING = Measurement(0.0)
 CIRCLE = Reference(Constant(0.08), path=Circle(1.5))
 INJECTED = "injected by the test"
 

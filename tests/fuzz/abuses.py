@@ -192,7 +192,9 @@ TARGETS: dict[str, Target] = {
     ),
     "Channel": Target(sensors.Channel, {"noise": 0.1}, _kinds(number="noise bias delay dropout", infinite="rate")),
     "Sensors": Target(
-        sensors.Sensors, {}, _kinds(object="strain com", whole="seed", flag="mirrored") | {"heading": "object?"}
+        sensors.Sensors,
+        {},
+        _kinds(whole="seed", flag="mirrored") | dict.fromkeys(("strain", "com", "heading"), "object?"),
     ),
     "Line": Target(paths.Line, {}, _kinds(array="start", number="azimuth", infinite="length")),
     "Circle": Target(

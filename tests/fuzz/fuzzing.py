@@ -5,8 +5,11 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 from hypothesis import HealthCheck, Phase, settings
+
+from control.sensing.sensors import Measurement
 
 TIMES = int(os.environ.get("WORM3D_FUZZ", "1"))
 """By which the number of examples is multiplied; beyond 1 they are new ones each time."""
@@ -41,3 +44,14 @@ def no_hang() -> Iterator[None]:
     finally:
         signal.alarm(0)
         signal.signal(signal.SIGALRM, before)
+
+
+def replaced(measured: Measurement, **parts: Any) -> Measurement:
+    """Return a measurement with other values of some channels (`com`), or other instants (`com_time`)."""
+    return measured.changed(
+        **{
+            name: (parts.get(name, sample.value), parts.get(f"{name}_time", sample.time))
+            for name, sample in measured.items()
+            if {name, f"{name}_time"} & parts.keys()
+        }
+    )

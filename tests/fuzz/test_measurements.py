@@ -1,12 +1,11 @@
 """Measurements damaged at random: closed loops reach their end, hardly worse, and nothing unusable passes the gate."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from fuzzing import TIMES, examples
+from fuzzing import TIMES, examples, replaced
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,8 +16,7 @@ from control.gaits.steering import GaitParameters
 from control.identification.identified import load
 from control.loop import WaveController
 from control.sensing.gate import SPAN, Gate
-from control.sensing.measurement import Measurement
-from control.sensing.sensors import COM, HEADING, STRAIN, Sensors
+from control.sensing.sensors import COM, HEADING, STRAIN, Measurement, Sensors
 from control.supervisor import Supervisor
 from control.tracking.metrics import Motion, summary, tracking
 from control.tracking.paths import Circle
@@ -97,7 +95,7 @@ class Corrupted:
             sample = getattr(measured, name)
             if sample is not None and self._random.random() < self.share:
                 self.count += 1
-                measured = replace(measured, **self._wrong(name, sample, getattr(measured, f"{name}_time")))
+                measured = replaced(measured, **self._wrong(name, sample, getattr(measured, f"{name}_time")))
         return measured
 
     def _wrong(self, name: str, sample: Any, instant: float) -> dict[str, Any]:
@@ -181,7 +179,7 @@ def test_a_camera_from_above_without_heights_is_enough() -> None:
     class Above(Sensors):
         def __call__(self, seen: Observation) -> Measurement:
             measured = super().__call__(seen)
-            return measured if measured.com is None else replace(measured, com=measured.com * [1.0, 1.0, NAN])
+            return measured if measured.com is None else replaced(measured, com=measured.com * [1.0, 1.0, NAN])
 
     watched = Watched(controller("mpc", False))
     result = simulate(WORM, Plane(), actuation=watched, sensor=Above(seed=1), duration=12.0)
@@ -223,9 +221,10 @@ def test_an_estimator_without_a_gate_stays_finite_too(wrong: dict[str, Any]) -> 
         for k in range(200):
             t = 0.01 * k
             strain, com = np.full((6, 2), -0.05), np.array([0.5 + 0.08 * t, 0.0, 0.07])
-            measured = Measurement(t, strain, t, com if k % 5 == 0 else None, t)
+            seen = com if k % 5 == 0 else None
+            measured = Measurement(t, strain=(strain, t), com=(seen, t), heading=(None, NAN))
             if k in (0, 100, 101):
-                measured = replace(measured, **({"com": com} | wrong))
+                measured = replaced(measured, **({"com": com} | wrong))
             last = estimator.update(t, measured, GaitParameters(0.28, 0.9), 0.9 * 2.0 * np.pi * t)
         assert np.isfinite(last.state).all()
         assert np.isfinite(last.covariance).all()
@@ -246,7 +245,8 @@ ANYTHING = st.one_of(st.none(), NUMBER, st.text(max_size=3), st.integers(), st.l
 )
 def test_whatever_comes_what_passes_can_be_used(strain, com, heading, instants) -> None:
     gate = Gate(WORM)
-    seen = gate(NOW, Measurement(NOW, strain, instants[0], com, instants[1], heading, instants[2]))
+    samples = dict(zip(("strain", "com", "heading"), zip((strain, com, heading), instants, strict=True), strict=True))
+    seen = gate(NOW, Measurement(NOW, **samples))
     for name in ("strain", "com", "heading"):
         if getattr(seen, name) is not None:
             assert NOW - SPAN <= getattr(seen, f"{name}_time") <= NOW + 1e-6

@@ -17,8 +17,7 @@ from control.baselines import OpenLoop, PiLineOfSight
 from control.estimation.estimator import Estimator
 from control.identification import identified as kept
 from control.planning.decision import SOURCES
-from control.sensing.measurement import Measurement
-from control.sensing.sensors import Sensors
+from control.sensing.sensors import Measurement, Sensors
 from control.supervisor import Supervisor
 from control.tracking.paths import Circle, Line, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Sine, Steps
@@ -257,7 +256,7 @@ def test_refused_measurements_and_failed_plans_are_rows_of_the_summary() -> None
     nan = float("nan")
     for k in range(40):
         wrong = np.array([nan, 0.0, 0.07]) if k % 10 == 0 else None
-        controller.step(0.01 * k, Measurement(0.01 * k, None, nan, wrong, 0.01 * k))
+        controller.step(0.01 * k, Measurement(0.01 * k, com=(wrong, 0.01 * k)))
     decided = controller.decisions[-1]
     controller.decisions += [replace(decided, status="KeyError: 'x'", failed=True, time=0.5 + k) for k in range(3)]
     rows = in_turn(of_controller(controller))

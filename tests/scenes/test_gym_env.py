@@ -1,7 +1,5 @@
 """The environment for agents passes Gymnasium's own checker, and rewards what it says."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -10,8 +8,7 @@ pytest.importorskip("gymnasium", reason="Gymnasium is not installed (extra 'gym'
 
 from gymnasium.utils.env_checker import check_env
 
-from control.sensing.measurement import Measurement
-from control.sensing.sensors import Sensors
+from control.sensing.sensors import Measurement, Sensors
 from scenes.gym_env import WormEnv
 from scenes.language.errors import SceneError
 from worm3d import Observation
@@ -85,7 +82,7 @@ def test_samples_that_cannot_be_are_not_seen(monkeypatch: pytest.MonkeyPatch) ->
         measured = look(sensors, seen)
         assert measured.strain is not None
         measured.strain[1, 0] = np.nan
-        return measured if measured.com is None else replace(measured, com=np.full(3, np.inf))
+        return measured if measured.com is None else measured.changed(com=(np.full(3, np.inf), measured.com_time))
 
     monkeypatch.setattr(Sensors, "__call__", spoilt)
     for _ in range(5):

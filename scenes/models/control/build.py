@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +16,13 @@ from control.identification import identified as kept
 from control.identification.fit import Identified
 from control.loop import WaveController
 from control.planning.mpc import GaitMPC
-from control.sensing.sensors import Channel, Sensors
+from control.sensing.channels import QUANTITIES, Channel
+from control.sensing.sensors import Sensors
 from control.supervisor import Supervisor
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Profile, Reference, Sine, Steps
 from scenes.language.errors import SceneError
-from scenes.models.control.schema import ControlScene, Sensor
+from scenes.models.control.schema import ControlScene, key_of, unit_of
 from scenes.models.control.schema import Reference as Asked
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import friction_of, start_of, worm_of
@@ -162,17 +164,20 @@ def _farthest(scene: ControlScene) -> float:
 
 def sensors_of(scene: ControlScene) -> Sensors:
     """Return the sensors; their errors follow from the scene's seed."""
-    asked = scene.sensor
-    return Sensors(
-        _channel(asked, "strain", asked.strain_noise, asked.strain_bias),
-        _channel(asked, "com", asked.com_noise_m, asked.com_bias_m),
-        _channel(asked, "heading", math.radians(asked.heading_noise_deg), math.radians(asked.heading_bias_deg))
-        if asked.heading
-        else None,
-        scene.seed,
+    channels: dict[str, Any] = {name: _channel(scene, name) for name in QUANTITIES}
+    return Sensors(seed=scene.seed, **channels)
+
+
+def _channel(scene: ControlScene, name: str) -> Channel | None:
+    asked: dict[str, Any] = dict(scene.sensor)
+    if not asked.get(name, True):
+        return None
+    in_degrees = unit_of(QUANTITIES[name].unit) != QUANTITIES[name].unit
+    errors = {error: asked[key_of(name, error)] for error in ("noise", "bias")}
+    rest = {key: asked[f"{name}_{key}"] for key in ("delay_s", "dropout", "rate_Hz")}
+    return Channel(
+        **{error: math.radians(value) if in_degrees else value for error, value in errors.items()},
+        delay=rest["delay_s"],
+        dropout=rest["dropout"],
+        rate=math.inf if rest["rate_Hz"] is None else rest["rate_Hz"],
     )
-
-
-def _channel(asked: Sensor, name: str, noise: float, bias: float) -> Channel:
-    delay, dropout, rate = (getattr(asked, f"{name}_{key}") for key in ("delay_s", "dropout", "rate_Hz"))
-    return Channel(noise=noise, bias=bias, delay=delay, dropout=dropout, rate=math.inf if rate is None else rate)

@@ -11,13 +11,12 @@ from control.loop import WaveController
 from control.planning.decision import Decision
 from control.planning.fallback import MOST_SHIFTED
 from control.planning.plan import PlanStatus
+from control.sensing.channels import QUANTITIES
 from control.sensing.gate import Gate
 from scenes.records.summary import Cell
 
 Row = dict[str, Cell]
 """`time_s` [s], when it was found, `kind`, `what` and `advice`."""
-
-SENSORS = {"strain": "the strains", "com": "the centre of mass", "heading": "the heading"}
 
 SOLVERS = {status.value for status in PlanStatus}
 """Ends of a search that the fallback is made for; if it does not help for long, that is a fault."""
@@ -66,7 +65,12 @@ def _of_plans(decisions: list[Decision]) -> list[Row]:
 def _of_gate(gate: Gate) -> list[Row]:
     advice = "look at the sensor, its wiring and its clock"
     return [
-        _row(gate.first[name, why], f"refused {name}", f"{_times(count)} {SENSORS[name]} came {why.value}", advice)
+        _row(
+            gate.first[name, why],
+            f"refused {name}",
+            f"{_times(count)} the {QUANTITIES[name].meaning} came {why.value}",
+            advice,
+        )
         for (name, why), count in gate.refused.items()
     ]
 

@@ -11,7 +11,7 @@ import numpy as np
 
 import worm3d
 from control.loop import WaveController
-from control.sensing.measurement import Measurement
+from control.sensing.sensors import Measurement
 from control.supervisor import Supervisor
 from control.tracking.metrics import measured
 from control.tracking.references import Reference

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Any, Literal
 
-from control.sensing import sensors
+from pydantic import create_model
+
+from control.sensing.channels import QUANTITIES
 from scenes.language.schema import Pair, Section, Tables, quantity, setting, tables
 from scenes.models.worm.schema import SpatialScene
 
@@ -14,8 +16,6 @@ MPC, PI_LOS, OPEN_LOOP = "mpc", "pi_los", "open_loop"
 HEADING, LINE, CIRCLE, S_CURVE, SPLINE, WAY_POINTS = "heading", "line", "circle", "s_curve", "spline", "way_points"
 BEGUN = (LINE, CIRCLE, S_CURVE)
 """Kinds of paths that have a start and a direction there; others are where their points are."""
-
-HEADING_NOISE_DEG = round(math.degrees(sensors.HEADING.noise), 9)
 
 
 class Controller(Section):
@@ -36,29 +36,45 @@ class Controller(Section):
     )
 
 
-class Sensor(Section):
-    """How good the sensors are; every bias is drawn once a run, with this standard deviation."""
+def unit_of(unit: str) -> str:
+    """Return the unit in which scenes have a quantity: degrees in place of radians."""
+    return unit.replace("rad", "deg")
 
-    strain_noise: float = quantity(sensors.STRAIN.noise, ge=0, title="standard deviation of a chamber's strain")
-    strain_bias: float = quantity(sensors.STRAIN.bias, ge=0, title="of its constant error")
-    strain_delay_s: float = quantity(sensors.STRAIN.delay, unit="s", ge=0, title="until a strain arrives")
-    strain_dropout: float = quantity(sensors.STRAIN.dropout, ge=0, le=1, title="probability that a strain is lost")
-    strain_rate_Hz: float | None = quantity(unit="Hz", gt=0, left_out="at every time step", title="strains a second")
-    com_noise_m: float = quantity(
-        sensors.COM.noise, unit="m", ge=0, title="standard deviation of each coordinate of the centre of mass"
-    )
-    com_bias_m: float = quantity(sensors.COM.bias, unit="m", ge=0, title="of their constant errors")
-    com_delay_s: float = quantity(sensors.COM.delay, unit="s", ge=0, title="until a place arrives")
-    com_dropout: float = quantity(sensors.COM.dropout, ge=0, le=1, title="probability that a place is lost")
-    com_rate_Hz: float = quantity(sensors.COM.rate, unit="Hz", gt=0, title="places a second")
-    heading: bool = setting(False, title="whether there is a sensor of the heading")
-    heading_noise_deg: float = quantity(
-        HEADING_NOISE_DEG, unit="deg", ge=0, title="standard deviation of the heading, where there is such a sensor"
-    )
-    heading_bias_deg: float = quantity(0.0, unit="deg", ge=0, title="of its constant error")
-    heading_delay_s: float = quantity(sensors.HEADING.delay, unit="s", ge=0, title="until a heading arrives")
-    heading_dropout: float = quantity(sensors.HEADING.dropout, ge=0, le=1, title="probability that a heading is lost")
-    heading_rate_Hz: float | None = quantity(unit="Hz", gt=0, left_out="at every time step", title="headings a second")
+
+def key_of(name: str, error: str) -> str:
+    """Return the key of an error (noise, bias) of a channel, which ends in its unit: "heading_noise_deg"."""
+    return "_".join([name, error, *unit_of(QUANTITIES[name].unit).replace("/", " ").split()])
+
+
+def _of_channel(name: str) -> dict[str, Any]:
+    """Return the keys of a channel: their types and what is known of them."""
+    what, unit = QUANTITIES[name], unit_of(QUANTITIES[name].unit)
+    usual, scale = what.default, math.degrees(1.0) if unit != what.unit else 1.0
+    often: dict[str, Any] = {"left_out": "at every time step"} if math.isinf(usual.rate) else {"default": usual.rate}
+    keys: dict[str, Any] = {}
+    if not what.standard:
+        keys[name] = (bool, setting(False, title=f"whether there is a sensor: {what.meaning}"))
+    errors = {"noise": f"{what.meaning}: standard deviation", "bias": "that of its constant error, drawn once a run"}
+    for error, title in errors.items():
+        default = round(scale * getattr(usual, error), 9)
+        keys[key_of(name, error)] = (float, quantity(default, unit=unit, ge=0, title=title))
+    share = quantity(usual.dropout, ge=0, le=1, title="probability that a sample is lost")
+    return keys | {
+        f"{name}_delay_s": (float, quantity(usual.delay, unit="s", ge=0, title="time until a sample arrives")),
+        f"{name}_dropout": (float, share),
+        f"{name}_rate_Hz": (
+            float | None if math.isinf(usual.rate) else float,
+            quantity(unit="Hz", gt=0, title="samples a second", **often),
+        ),
+    }
+
+
+Sensor: type[Section] = create_model(
+    "Sensor",
+    __base__=Section,
+    __doc__="Quality of the sensors, channel by channel.",
+    **{key: field for name in QUANTITIES for key, field in _of_channel(name).items()},
+)
 
 
 class SpeedStep(Section):
@@ -127,5 +143,5 @@ class ControlScene(SpatialScene):
 
     model: Literal["worm_control"] = setting(title="which simulation the scene is for")
     controller: Controller = Controller()
-    sensor: Sensor = Sensor()
+    sensor: Sensor = Sensor()  # type: ignore[valid-type]
     reference: Reference = Reference()
