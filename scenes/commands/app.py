@@ -103,7 +103,7 @@ def check(scene: SceneArgument, o: Overrides = None) -> None:
 
     loaded = load_scene(scene, o or ())
     typer.echo(
-        f"{loaded.name}: the scene is right (model {loaded.kind.name}, {counted(loaded.settings.steps, 'step')})"
+        f"{loaded.name}: the scene is right (model {loaded.model.name}, {counted(loaded.settings.steps, 'step')})"
     )
 
 
@@ -126,15 +126,15 @@ def init(
 
     Every key is there at its default, with its meaning, unit and range.
     """
-    from scenes import models as kinds
+    from scenes import models
     from scenes.language.template import template
     from scenes.records.files import write_bytes
 
-    if model not in kinds.names():
-        raise SceneError(f"--model: got '{model}', must be one of {', '.join(kinds.names())}")
+    if model not in models.names():
+        raise SceneError(f"--model: got '{model}', must be one of {', '.join(models.names())}")
     if file.exists() and not force:
         raise SceneError(f"{file} exists: choose another name, or replace it with --force")
-    write_bytes(file, template(kinds.get(model)).encode())
+    write_bytes(file, template(models.get(model)).encode())
     typer.echo(f"wrote {file}; 'worm3d run {file}' runs it")
 
 
@@ -147,7 +147,7 @@ def plot(result: ResultArgument, out: Out = None) -> None:
 
     record = load(result)
     folder = made(out or _home(result))
-    for path in drawing.plot(record, drawing.kind_of(record), folder):
+    for path in drawing.plot(record, drawing.model_of(record), folder):
         typer.echo(str(path))
 
 
@@ -203,7 +203,7 @@ def animate(
     path = out or _home(result) / ANIMATION
     require_free([path], result, force=force)
     record = load(result)
-    typer.echo(str(drawing.animate(record, drawing.kind_of(record), path, fps=fps)))
+    typer.echo(str(drawing.animate(record, drawing.model_of(record), path, fps=fps)))
     if line := drawing.cut_short(record):
         typer.echo(line)
 
@@ -241,7 +241,7 @@ def export(
             write(record, path)
             typer.echo(str(path))
     if glb is not None:
-        typer.echo(str(drawing.mesh(record, drawing.kind_of(record), at, glb)))
+        typer.echo(str(drawing.mesh(record, drawing.model_of(record), at, glb)))
 
 
 @app.command()

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from scenes.commands.progress import counted
-from scenes.models.base import Kind
+from scenes.models.base import Model
 from scenes.records.folder import VIEWER
 from scenes.records.record import Record
 from scenes.records.summary import Cell
@@ -30,11 +30,11 @@ DOUBTS = {
 """Counts in the summary that must be 0, and what to say if one is not."""
 
 
-def ending(record: Record, kind: Kind[Any], folder: Path) -> str:
+def ending(record: Record, model: Model[Any], folder: Path) -> str:
     """Return the lines that end a run: the figures that matter, and where the files are."""
-    lines = kind.table(record) if kind.table else _figures(record, kind)
+    lines = model.table(record) if model.table else _figures(record, model)
     page = folder / VIEWER
-    seen = (f"{'to look at':22}{page}",) if kind.view is not None and page.is_file() else ()
+    seen = (f"{'to look at':22}{page}",) if model.view is not None and page.is_file() else ()
     titled = () if record.title == record.name else (f"{'title':22}{record.title}",)
     return "\n".join(
         (
@@ -44,9 +44,9 @@ def ending(record: Record, kind: Kind[Any], folder: Path) -> str:
     )
 
 
-def failure(record: Record, kind: Kind[Any]) -> str:
+def failure(record: Record, model: Model[Any]) -> str:
     """Return the one line about a run that failed, at least in part: what, when, where, and what to try."""
-    return f"{record.status}: {record.sentence}; {kind.advice}"
+    return f"{record.status}: {record.sentence}; {model.advice}"
 
 
 def failed(record: Record) -> bool:
@@ -72,8 +72,8 @@ def _fault(row: dict[str, Cell]) -> str:
     return f"{row['what']}{when}: {row['advice']}"
 
 
-def _figures(record: Record, kind: Kind[Any]) -> list[str]:
-    lines = [f"{label:22}{_figure(record, key, unit)}" for key, label, unit in (*HEADLINES, *kind.headlines)]
+def _figures(record: Record, model: Model[Any]) -> list[str]:
+    lines = [f"{label:22}{_figure(record, key, unit)}" for key, label, unit in (*HEADLINES, *model.headlines)]
     return [*lines, *_uses(record)]
 
 

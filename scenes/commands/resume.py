@@ -6,7 +6,7 @@ import math
 
 from scenes.language.errors import SceneError
 from scenes.language.loader import Scene, parse_scene
-from scenes.records.drawing import kind_of
+from scenes.records.drawing import model_of
 from scenes.records.record import Record
 
 
@@ -25,12 +25,12 @@ def lengthened(earlier: Record, more: float | None = None) -> Scene:
     SceneError
         It cannot go on, or there is nothing more to do.
     """
-    kind = kind_of(earlier)
-    if kind.resume is None or not earlier.checkpoint:
-        raise SceneError(f"{earlier.name}: has no checkpoint to go on from (model '{kind.name}')")
+    model = model_of(earlier)
+    if model.resume is None or not earlier.checkpoint:
+        raise SceneError(f"{earlier.name}: has no checkpoint to go on from (model '{model.name}')")
     if earlier.status not in ("done", "interrupted"):
         raise SceneError(
-            f"{earlier.name}: {earlier.sentence}; it would end there again: {kind.advice}, and run the scene anew"
+            f"{earlier.name}: {earlier.sentence}; it would end there again: {model.advice}, and run the scene anew"
         )
     planned = parse_scene(earlier.scene, earlier.name)
     run, done = planned.settings.run, earlier.sizes["step"]

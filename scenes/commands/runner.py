@@ -97,7 +97,7 @@ def simulate(
     outcome = _outcome(scene, observer, earlier, how)
     return Record(
         name=scene.name,
-        kind=scene.kind.name,
+        model=scene.model.name,
         scene=scene.to_toml(),
         status=outcome.status,
         sentence=outcome.sentence,
@@ -112,14 +112,14 @@ def simulate(
 
 def _outcome(scene: Scene, observer: Observer, earlier: Record | None, how: Watch | None) -> Outcome:
     if how is not None:
-        assert scene.kind.watch is not None  # `scenes.commands.viewing` refuses the others
-        watched: Outcome = scene.kind.watch(scene.settings, observer, how)
+        assert scene.model.watch is not None  # `scenes.commands.viewing` refuses the others
+        watched: Outcome = scene.model.watch(scene.settings, observer, how)
         return watched
     if earlier is None:
-        outcome: Outcome = scene.kind.run(scene.settings, observer)
+        outcome: Outcome = scene.model.run(scene.settings, observer)
         return outcome
-    assert scene.kind.resume is not None  # `scenes.commands.resume` refuses the others
-    return scene.kind.resume(scene.settings, earlier, observer)
+    assert scene.model.resume is not None  # `scenes.commands.resume` refuses the others
+    return scene.model.resume(scene.settings, earlier, observer)
 
 
 def _timing(outcome: Outcome) -> tuple[Variable, ...]:
@@ -135,19 +135,19 @@ def _timing(outcome: Outcome) -> tuple[Variable, ...]:
 def _draw(record: Record, scene: Scene, folder: Path) -> None:
     if not is_drawable(record):
         return
-    draw_overview(record, scene.kind, folder)
+    draw_overview(record, scene.model, folder)
     if record.status != "interrupted":  # who presses Ctrl-C does not want to wait; `worm3d animate` draws it
-        if scene.kind.animate is not None and scene.kind.view is None:
-            animate(record, scene.kind, folder / folders.ANIMATION)
-        view(record, scene.kind, folder / folders.VIEWER)
+        if scene.model.animate is not None and scene.model.view is None:
+            animate(record, scene.model, folder / folders.ANIMATION)
+        view(record, scene.model, folder / folders.VIEWER)
 
 
 def _tell(record: Record, scene: Scene, folder: Path, *, quiet: bool) -> None:
     if report.failed(record):
-        typer.echo(report.failure(record, scene.kind), err=True)
+        typer.echo(report.failure(record, scene.model), err=True)
     for warning in report.warnings(record):
         typer.echo(f"warning: {warning}", err=True)
     if not quiet:
-        typer.echo(report.ending(record, scene.kind, folder))
-        if scene.kind.view is None and (line := cut_short(record)) and record.status != "interrupted":
+        typer.echo(report.ending(record, scene.model, folder))
+        if scene.model.view is None and (line := cut_short(record)) and record.status != "interrupted":
             typer.echo(f"  {line}")

@@ -15,7 +15,7 @@ from scenes.commands.runner import EXIT_CODES, simulate
 from scenes.language.errors import SceneError
 from scenes.language.loader import Scene
 from scenes.models.base import Watch
-from scenes.records.drawing import is_drawable, kind_of
+from scenes.records.drawing import is_drawable, model_of
 from scenes.records.files import written_whole
 from scenes.records.record import Record
 
@@ -30,13 +30,13 @@ def write_page(record: Record, path: Path, *, skin: bool = True) -> Path:
     DiscError
         The file cannot be written.
     """
-    kind = kind_of(record)
-    if kind.view is None:
-        raise SceneError(f"{record.name}: the model '{kind.name}' has no page; 'worm3d animate' makes its animation")
+    model = model_of(record)
+    if model.view is None:
+        raise SceneError(f"{record.name}: the model '{model.name}' has no page; 'worm3d animate' makes its animation")
     if not is_drawable(record):
         raise SceneError(f"{record.name}: no step was finished, there is nothing to see")
     with written_whole(path) as part:
-        kind.view(record, part, skin=skin)
+        model.view(record, part, skin=skin)
     return path
 
 
@@ -56,8 +56,8 @@ def watch(scene: Scene, *, speed: float, opens: bool) -> int:
     SceneError
         The model cannot be watched, or the view does not start.
     """
-    if scene.kind.watch is None:
-        raise SceneError(f"{scene.name}: the model '{scene.kind.name}' cannot be watched; 'worm3d run' animates it")
+    if scene.model.watch is None:
+        raise SceneError(f"{scene.name}: the model '{scene.model.name}' cannot be watched; 'worm3d run' animates it")
 
     def began(address: str) -> None:
         seen = opens and open_in_browser(address)
@@ -66,7 +66,7 @@ def watch(scene: Scene, *, speed: float, opens: bool) -> int:
     with Interruption() as interruption:
         record = _watched(scene, Watch(speed, began), interruption)
     if report.failed(record):
-        typer.echo(report.failure(record, scene.kind), err=True)
+        typer.echo(report.failure(record, scene.model), err=True)
     else:
         how = "stopped by Ctrl-C" if record.status == "interrupted" else record.sentence
         typer.echo(f"{scene.name}: {how}; nothing was kept, 'worm3d run' keeps it")

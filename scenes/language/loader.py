@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenes import models as kinds
+from scenes import models
 from scenes.language import toml_text
 from scenes.language.errors import DiscError, SceneError, printable
 from scenes.language.mistakes import Mistake, did_you_mean, report, schema_mistakes
@@ -18,7 +18,7 @@ from scenes.language.overrides import apply_overrides
 from scenes.language.schema import section_type
 from scenes.language.toml_lines import key_lines
 from scenes.language.toml_syntax import parse
-from scenes.models.base import Kind
+from scenes.models.base import Model
 from scenes.models.checks import cross_mistakes
 from scenes.models.sections import Settings
 from worm3d.values import regular_file
@@ -35,7 +35,7 @@ class Scene:
     """A checked scene: its name, its model and its settings, every default filled in."""
 
     name: str
-    kind: Kind[Any]
+    model: Model[Any]
     settings: Settings
 
     def to_toml(self) -> str:
@@ -68,13 +68,13 @@ def parse_scene(text: str, name: str, overrides: Iterable[str] = (), folder: Pat
     if folder is not None and folder != SHIPPED:
         _look_beside(written, folder)
     data, overridden, mistakes = apply_overrides(written, overrides)
-    kind, model_mistakes = _kind_of(data)
-    data = _with_every_section(kind, {**data, "model": kind.name})
-    mistakes += model_mistakes + schema_mistakes(kind.schema, data, _models_with)
-    mistakes += cross_mistakes(kind.checks, kind.schema, data, mistakes, overridden)
+    model, model_mistakes = _model_of(data)
+    data = _with_every_section(model, {**data, "model": model.name})
+    mistakes += model_mistakes + schema_mistakes(model.schema, data, _models_with)
+    mistakes += cross_mistakes(model.checks, model.schema, data, mistakes, overridden)
     if mistakes:
         raise SceneError(*report(mistakes, key_lines(text), overridden))
-    return Scene(printable(name), kind, kind.schema.model_validate(data))
+    return Scene(printable(name), model, model.schema.model_validate(data))
 
 
 def _look_beside(data: dict[str, Any], folder: Path) -> None:
@@ -134,31 +134,31 @@ def read_text(path: Path) -> str:
     return text
 
 
-def _kind_of(data: Mapping[str, Any]) -> tuple[Kind[Any], list[Mistake]]:
+def _model_of(data: Mapping[str, Any]) -> tuple[Model[Any], list[Mistake]]:
     """Return the scene's model; if that is wrong, the likeliest one, so that the rest can be checked."""
-    model, known = data.get("model"), kinds.names()
+    model, known = data.get("model"), models.names()
     if isinstance(model, str) and model in known:
-        return kinds.get(model), []
+        return models.get(model), []
     meant = did_you_mean(str(model), [(name, name) for name in known])
-    kind = kinds.get(meant) if meant else max(map(kinds.get, known), key=lambda k: _shared_sections(k, data))
+    model = models.get(meant) if meant else max(map(models.get, known), key=lambda k: _shared_sections(k, data))
     found = f"got {toml_text.shown(model)}" if "model" in data else "missing"
     guess = f"; did you mean '{meant}'?" if meant else ""
     allowed = ", ".join(f"'{name}'" for name in known)
-    text = f"{found}: must be one of {allowed}{guess} (the rest is checked as '{kind.name}')"
-    return kind, [Mistake(("model",), text)]
+    text = f"{found}: must be one of {allowed}{guess} (the rest is checked as '{model.name}')"
+    return model, [Mistake(("model",), text)]
 
 
 def _models_with(section: str) -> list[str]:
-    return [name for name in kinds.names() if section in kinds.get(name).schema.model_fields]
+    return [name for name in models.names() if section in models.get(name).schema.model_fields]
 
 
-def _shared_sections(kind: Kind[Any], data: Mapping[str, Any]) -> int:
-    return len(kind.schema.model_fields.keys() & data.keys())
+def _shared_sections(model: Model[Any], data: Mapping[str, Any]) -> int:
+    return len(model.schema.model_fields.keys() & data.keys())
 
 
-def _with_every_section(kind: Kind[Any], data: Mapping[str, Any]) -> dict[str, Any]:
+def _with_every_section(model: Model[Any], data: Mapping[str, Any]) -> dict[str, Any]:
     """Write out sections that were left out, so that each of their mandatory keys is missed by name."""
-    fields = kind.schema.model_fields.items()
+    fields = model.schema.model_fields.items()
     return {**{name: {} for name, field in fields if section_type(field)}, **data}
 
 

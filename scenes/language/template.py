@@ -7,18 +7,18 @@ from typing import Any
 
 from scenes.language.schema import Section, choices, default_text, describe, section_type
 from scenes.language.toml_text import value
-from scenes.models.base import Kind
+from scenes.models.base import Model
 
 
-def template(kind: Kind[Any]) -> str:
+def template(model: Model[Any]) -> str:
     """Return a scene with every key at its default, its meaning, unit and range as a comment."""
     head = (
-        f"# A scene for worm3d: {kind.title}.",
+        f"# A scene for worm3d: {model.title}.",
         "# 'worm3d check FILE' checks it, 'worm3d run FILE' runs it; keys that are left out keep their defaults.",
         "",
     )
-    given = {"model": kind.name, "title": "My worm", "says": "what to look for, in one line"}
-    return "\n".join((*head, *_section(kind.schema, "", given))) + "\n"
+    given = {"model": model.name, "title": "My worm", "says": "what to look for, in one line"}
+    return "\n".join((*head, *_section(model.schema, "", given))) + "\n"
 
 
 def _section(schema: type[Section], prefix: str, given: dict[str, Any]) -> Iterator[str]:

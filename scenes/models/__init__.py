@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from scenes.models.base import Kind
+    from scenes.models.base import Model
 
 _MODULES = {
     "worm": "scenes.models.worm.model",
@@ -23,7 +23,7 @@ def names() -> tuple[str, ...]:
     return tuple(_MODULES)
 
 
-def get(name: str) -> Kind[Any]:
+def get(name: str) -> Model[Any]:
     """Return a model by its name; KeyError if there is none."""
-    kind: Kind[Any] = import_module(_MODULES[name]).KIND
-    return kind
+    model: Model[Any] = import_module(_MODULES[name]).MODEL
+    return model

@@ -89,7 +89,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Kind(Generic[S]):
+class Model(Generic[S]):
     """A model that scenes can choose.
 
     Attributes

@@ -50,7 +50,7 @@ def of_record(record: Record) -> str:
     """Return the digest of all that a record says, however it is stored."""
     said = {
         "name": record.name,
-        "kind": record.kind,
+        "kind": record.model,
         "scene": record.scene,
         "status": record.status,
         "sentence": record.sentence,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenes import models as kinds
+from scenes import models
 from scenes.language.errors import MissingPartError, SceneError
 from scenes.language.limits import MOVIE_S
-from scenes.models.base import Kind, Movie
+from scenes.models.base import Model, Movie
 from scenes.records import overview
 from scenes.records.files import write_bytes, written_whole
 from scenes.records.record import Record
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
 
 
-def kind_of(record: Record) -> Kind[Any]:
+def model_of(record: Record) -> Model[Any]:
     """Return the model that made a record.
 
     Raises
@@ -25,10 +25,10 @@ def kind_of(record: Record) -> Kind[Any]:
     SceneError
         This version of the program does not know it.
     """
-    if record.kind not in kinds.names():
-        known = ", ".join(kinds.names())
-        raise SceneError(f"{record.name}: made by the model '{record.kind}', this worm3d knows only {known}")
-    return kinds.get(record.kind)
+    if record.model not in models.names():
+        known = ", ".join(models.names())
+        raise SceneError(f"{record.name}: made by the model '{record.model}', this worm3d knows only {known}")
+    return models.get(record.model)
 
 
 def is_drawable(record: Record) -> bool:
@@ -36,7 +36,7 @@ def is_drawable(record: Record) -> bool:
     return record.sizes.get("step", 0) > 0
 
 
-def plot(record: Record, kind: Kind[Any], folder: Path) -> list[Path]:
+def plot(record: Record, model: Model[Any], folder: Path) -> list[Path]:
     """Write the overview and all figures of the model as PNG into a folder and return their paths.
 
     Raises
@@ -46,8 +46,8 @@ def plot(record: Record, kind: Kind[Any], folder: Path) -> list[Path]:
     DiscError
         The folder cannot be written.
     """
-    paths = [draw_overview(record, kind, folder)]
-    for stem, draw in kind.figures.items():
+    paths = [draw_overview(record, model, folder)]
+    for stem, draw in model.figures.items():
         path = folder / f"{stem}.png"
         figure, _ = draw(record)
         save_figure(figure, path)
@@ -55,13 +55,13 @@ def plot(record: Record, kind: Kind[Any], folder: Path) -> list[Path]:
     return paths
 
 
-def draw_overview(record: Record, kind: Kind[Any], folder: Path) -> Path:
+def draw_overview(record: Record, model: Model[Any], folder: Path) -> Path:
     """Write the one figure that every run draws into a folder and return its path; errors as of `plot`."""
     _require_steps(record)
-    return overview.write(kind.overview(record), folder / overview.FILE_NAME)
+    return overview.write(model.overview(record), folder / overview.FILE_NAME)
 
 
-def animate(record: Record, kind: Kind[Any], path: Path, fps: int = 20) -> Path:
+def animate(record: Record, model: Model[Any], path: Path, fps: int = 20) -> Path:
     """Write the animation, GIF or MP4 by the ending of `path`, and return the path.
 
     Raises
@@ -74,15 +74,15 @@ def animate(record: Record, kind: Kind[Any], path: Path, fps: int = 20) -> Path:
         The file cannot be written.
     """
     _require_steps(record)
-    if kind.animate is None:
-        raise SceneError(f"{record.name}: the model '{kind.name}' has no animation; 'worm3d plot' draws its figures")
+    if model.animate is None:
+        raise SceneError(f"{record.name}: the model '{model.name}' has no animation; 'worm3d plot' draws its figures")
     if path.suffix.lower() not in (".gif", ".mp4"):
         raise SceneError(f"{path}: the name of an animation must end in .gif or .mp4")
-    save_movie(kind.animate(record), path, fps)
+    save_movie(model.animate(record), path, fps)
     return path
 
 
-def view(record: Record, kind: Kind[Any], path: Path) -> None:
+def view(record: Record, model: Model[Any], path: Path) -> None:
     """Write the page that shows a record in a browser, whole or not at all, where the model has one.
 
     Raises
@@ -90,12 +90,12 @@ def view(record: Record, kind: Kind[Any], path: Path) -> None:
     DiscError
         The file cannot be written.
     """
-    if kind.view is not None:
+    if model.view is not None:
         with written_whole(path) as part:
-            kind.view(record, part)
+            model.view(record, part)
 
 
-def mesh(record: Record, kind: Kind[Any], at: float | None, path: Path) -> Path:
+def mesh(record: Record, model: Model[Any], at: float | None, path: Path) -> Path:
     """Write the worm and its world at an instant [s] (None: the end) as a GLB file, and return the path.
 
     Raises
@@ -106,12 +106,12 @@ def mesh(record: Record, kind: Kind[Any], at: float | None, path: Path) -> Path:
         The file cannot be written.
     """
     _require_steps(record)
-    if kind.mesh is None:
-        raise SceneError(f"{record.name}: the model '{kind.name}' has no mesh")
+    if model.mesh is None:
+        raise SceneError(f"{record.name}: the model '{model.name}' has no mesh")
     if path.suffix.lower() != ".glb":
         raise SceneError(f"{path}: the name of a mesh must end in .glb")
     try:
-        content = kind.mesh(record, at)
+        content = model.mesh(record, at)
     except ValueError as error:
         raise SceneError(f"--{error}") from error
     write_bytes(path, content)
@@ -121,7 +121,7 @@ def mesh(record: Record, kind: Kind[Any], at: float | None, path: Path) -> Path:
 def cut_short(record: Record) -> str | None:
     """Return the line that says so if the animation does not show the whole run."""
     simulated = float(record["time"][-1])
-    if not is_drawable(record) or kind_of(record).animate is None or simulated <= MOVIE_S * (1.0 + 1e-9):
+    if not is_drawable(record) or model_of(record).animate is None or simulated <= MOVIE_S * (1.0 + 1e-9):
         return None
     return f"the animation shows the first {MOVIE_S:g} s of {simulated:g} s"
 

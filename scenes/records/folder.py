@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 
-from scenes import models as kinds
+from scenes import models
 from scenes.language.errors import DiscError, SceneError
 from scenes.records import lock
 from scenes.records.overview import FILE_NAME as OVERVIEW
@@ -84,7 +84,7 @@ def clear_pictures(folder: Path) -> None:
     """
     found = {path.name for path in folder.glob("*.png")} - {OVERVIEW}
     # Only where there are pictures: it imports every model.
-    stems = {stem for name in kinds.names() for stem in kinds.get(name).figures} if found else set()
+    stems = {stem for name in models.names() for stem in models.get(name).figures} if found else set()
     unfinished = [path.name for path in folder.glob(f"{lock.PREFIX}*.part*")]
     for name in (SUMMARY, ANIMATION, VIEWER, OVERVIEW, *unfinished, *sorted(found & {f"{stem}.png" for stem in stems})):
         try:

@@ -70,7 +70,7 @@ class Record:
     ----------
     name : str
         Of the scene.
-    kind : str
+    model : str
         The scene's model.
     scene : str
         The resolved scene as TOML, every default written out.
@@ -91,7 +91,7 @@ class Record:
     """
 
     name: str
-    kind: str
+    model: str
     scene: str
     status: str
     sentence: str

@@ -152,7 +152,7 @@ def _attributes(record: Record) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "name": record.name,
-        "model": record.kind,
+        "model": record.model,
         "scene": record.scene,
         "status": record.status,
         "sentence": record.sentence,
@@ -169,7 +169,7 @@ def _record(file: Any) -> Record:
     reasons = figures.pop("reasons")
     return Record(
         name=attrs["name"],
-        kind=attrs["model"],
+        model=attrs["model"],
         scene=attrs["scene"],
         status=attrs["status"],
         sentence=attrs["sentence"],

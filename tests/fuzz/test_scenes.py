@@ -10,12 +10,12 @@ from fuzzing import examples, no_hang
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenes import models as kinds
+from scenes import models
 from scenes.language.errors import SceneError
 from scenes.language.loader import SHIPPED, parse_scene, read_text, shipped_scenes
 from scenes.language.template import template
 
-TEXTS = [*map(read_text, shipped_scenes().values()), *(template(kinds.get(name)) for name in kinds.names())]
+TEXTS = [*map(read_text, shipped_scenes().values()), *(template(models.get(name)) for name in models.names())]
 
 VALUES = (
     *("0", "-1", "1", "2", "-0.0", "0.5", "1e-300", "5e-324", "1e-9", "1e9", "1e300", "1.7976931348623157e308"),

@@ -18,7 +18,7 @@ SHIPPED = Path(accuracy.__file__).with_suffix(".md").read_text(encoding="utf-8")
 def test_the_shipped_table_has_every_case_and_the_cases_every_scene() -> None:
     for name in accuracy.CASES:
         assert SHIPPED.count(f"| {name} |") == 3, "make it anew: python -m scenes.bench.accuracy --out DIR"
-    worms = {n for n in shipped_scenes() if load_scene(n).kind.name in ("worm", "worm_planar")}
+    worms = {n for n in shipped_scenes() if load_scene(n).model.name in ("worm", "worm_planar")}
     assert {case.scene for case in accuracy.CASES.values()} >= worms - {"free_fall", "slope"}
 
 

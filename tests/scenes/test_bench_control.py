@@ -12,7 +12,7 @@ import pytest
 from scenes.bench import basis, control, control_bars, control_command, control_figure, control_report
 from scenes.bench.control import FULL, QUICK, SCENES, Found, Plan, Row, Trial
 from scenes.language.loader import load_scene, shipped_scenes
-from scenes.models.control.model import KIND
+from scenes.models.control.model import MODEL
 
 TINY = Plan((Trial("tiny", "path_line", ("run.duration_s=6",)),), seeds=2, controllers=("pi_los", "open_loop"))
 
@@ -23,7 +23,7 @@ def found(trial: str, controller: str, seed: int, **figures: float | None) -> Fo
 
 
 def test_every_scene_with_a_controller_is_in_it() -> None:
-    shipped = [name for name in shipped_scenes() if load_scene(name).kind is KIND]
+    shipped = [name for name in shipped_scenes() if load_scene(name).model is MODEL]
     assert sorted(SCENES) == sorted(shipped)
 
 

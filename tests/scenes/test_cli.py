@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scenes import models as kinds
+from scenes import models
 from scenes.commands import cli
 from scenes.language.loader import parse_scene, shipped_scenes
 from scenes.records.store import save
@@ -109,7 +109,7 @@ def test_init_writes_a_scene_that_is_right_and_complete(worm3d, tmp_path: Path) 
     assert sorted(keys) == sorted(written)
 
 
-@pytest.mark.parametrize("model", kinds.names())
+@pytest.mark.parametrize("model", models.names())
 def test_the_template_of_each_model_is_right_and_all_defaults(worm3d, tmp_path: Path, model: str) -> None:
     assert worm3d("init", "mine.toml", "--model", model).code == 0
     assert worm3d("check", "mine.toml").code == 0
@@ -145,7 +145,7 @@ def test_init_of_an_unknown_model_and_into_nowhere(worm3d) -> None:
 def test_plot_draws_into_the_results_folder_or_another(worm3d, result: Path) -> None:
     assert worm3d("plot", result).code == 0
     drawn = {path.name for path in result.glob("*.png")}
-    assert drawn == {"overview.png", *(f"{stem}.png" for stem in kinds.get("planar_published").figures)}
+    assert drawn == {"overview.png", *(f"{stem}.png" for stem in models.get("planar_published").figures)}
     assert worm3d("plot", result / "result.nc", "--out", "other").code == 0
     ended = worm3d("plot", result, "--out", result / "result.nc")
     assert (ended.code, ended.complaints) == (2, [f"{result / 'result.nc'} is a file: choose a folder for --out"])
@@ -240,7 +240,7 @@ def test_results_that_are_none(worm3d, tmp_path: Path, command: str) -> None:
 def test_a_result_of_a_model_we_do_not_know(worm3d, record, tmp_path: Path) -> None:
     from dataclasses import replace
 
-    save(replace(record, kind="octopus"), tmp_path / "result.nc")
+    save(replace(record, model="octopus"), tmp_path / "result.nc")
     assert worm3d("plot", tmp_path).complaints == [
         "planar_published: made by the model 'octopus', this worm3d knows only worm, worm_control, worm_planar, "
         "planar_published, planar_linkage, planar_study"

@@ -7,23 +7,23 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from scenes import models as kinds
+from scenes import models
 from scenes.commands.runner import simulate
 from scenes.language.errors import DiscError, MissingPartError, SceneError
 from scenes.language.loader import load_scene
 from scenes.records import drawing
 from scenes.records.record import Record
 
-KIND = kinds.get("planar_published")
+MODEL = models.get("planar_published")
 
 
 def test_every_figure_is_a_picture_with_labelled_axes(record: Record, tmp_path: Path) -> None:
-    paths = drawing.plot(record, KIND, tmp_path)
+    paths = drawing.plot(record, MODEL, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in paths)
     for path in paths:
         with Image.open(path) as picture:
             assert len(picture.convert("RGB").getcolors(100_000) or []) > 20
-    for draw in KIND.figures.values():
+    for draw in MODEL.figures.values():
         _, axes = draw(record)
         assert axes.get_xlabel() == "time [s]"
         assert axes.get_ylabel()
@@ -35,7 +35,7 @@ def test_no_title_is_clipped(record: Record, tmp_path: Path, name: str) -> None:
     if name == "planar_study":
         record = simulate(load_scene("planar_segments", ["study.values=[3, 4]", "run.duration_s=0.1"]))
     object.__setattr__(record, "title", "Distance, cost of transport and much else of worms by number of segments")
-    for stem, draw in kinds.get(name).figures.items():
+    for stem, draw in models.get(name).figures.items():
         figure, _ = draw(record)
         drawing.save_figure(figure, tmp_path / f"{stem}.png")
         wide = figure.bbox.width
@@ -45,7 +45,7 @@ def test_no_title_is_clipped(record: Record, tmp_path: Path, name: str) -> None:
 
 
 def test_the_animation_moves(record: Record, tmp_path: Path) -> None:
-    path = drawing.animate(record, KIND, tmp_path / "a.gif")
+    path = drawing.animate(record, MODEL, tmp_path / "a.gif")
     with Image.open(path) as movie:
         assert movie.n_frames == 5  # 0.2 s at 20 frames a second
         frames = []
@@ -59,7 +59,7 @@ def test_the_animation_moves(record: Record, tmp_path: Path) -> None:
 def test_a_thinned_record_is_coloured_by_the_activation_of_its_instants() -> None:
     overrides = ["run.duration_s=1", "run.record_every=20"]
     record = simulate(load_scene("planar_published", overrides))
-    movie = KIND.animate(record)
+    movie = MODEL.animate(record)
     assert movie.activation.shape == (6, 6)  # type: ignore[attr-defined]
     np.testing.assert_array_equal(movie.activation[1:], record["activation"][19::20])  # type: ignore[attr-defined]
 
@@ -67,7 +67,7 @@ def test_a_thinned_record_is_coloured_by_the_activation_of_its_instants() -> Non
 def test_mp4_needs_ffmpeg(record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(MissingPartError, match=r"MP4 needs the program ffmpeg, .* install it") as caught:
-        drawing.animate(record, KIND, tmp_path / "a.mp4")
+        drawing.animate(record, MODEL, tmp_path / "a.mp4")
     assert caught.value.exit_code == 4
     assert not list(tmp_path.iterdir())
 
@@ -75,9 +75,9 @@ def test_mp4_needs_ffmpeg(record: Record, tmp_path: Path, monkeypatch: pytest.Mo
 @pytest.mark.parametrize("name", ["a.avi", "a"])
 def test_other_endings(record: Record, tmp_path: Path, name: str) -> None:
     with pytest.raises(SceneError, match=r"the name of an animation must end in \.gif or \.mp4"):
-        drawing.animate(record, KIND, tmp_path / name)
+        drawing.animate(record, MODEL, tmp_path / name)
 
 
 def test_a_missing_folder_is_a_disc_error(record: Record, tmp_path: Path) -> None:
     with pytest.raises(DiscError, match=r"^cannot write .*a\.gif: no such file or directory$"):
-        drawing.animate(record, KIND, tmp_path / "none" / "a.gif")
+        drawing.animate(record, MODEL, tmp_path / "none" / "a.gif")

@@ -158,7 +158,7 @@ def test_a_worm_that_is_not_identified_yet_can_be_identified_with_a_scene_of_a_c
         load_scene("path_line", ["worm.mass_kg=0.12"])
     settings = command.load("path_line", ["worm.mass_kg=0.12"]).settings
     assert worm_of(settings).mass == 0.12  # type: ignore[arg-type]
-    assert command.load("flat", ["worm.mass_kg=0.12"]).kind.name == "worm"
+    assert command.load("flat", ["worm.mass_kg=0.12"]).model.name == "worm"
 
 
 def test_the_command_writes_what_controllers_and_people_need(

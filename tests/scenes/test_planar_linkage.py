@@ -14,7 +14,7 @@ from PIL import Image
 from control import gaits
 from planar import linkage
 from planar.linkage.ledger import Ledger
-from scenes import models as kinds
+from scenes import models
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.language.loader import load_scene, parse_scene
@@ -275,21 +275,21 @@ def test_a_run_that_fails_at_once_has_a_record_too(worm3d, tmp_path: Path) -> No
 
 
 def test_every_figure_is_a_picture_with_labelled_axes(brief: Record, clamped: Record, tmp_path: Path) -> None:
-    kind = kinds.get("planar_linkage")
+    model = models.get("planar_linkage")
     for record in (brief, clamped):
-        for path in drawing.plot(record, kind, tmp_path):
+        for path in drawing.plot(record, model, tmp_path):
             with Image.open(path) as picture:
                 assert len(picture.convert("RGB").getcolors(200_000) or []) > 20
-        for draw in kind.figures.values():
+        for draw in model.figures.values():
             _, axes = draw(record)
             assert axes.get_xlabel() == "time [s]"
             assert axes.get_ylabel()
 
 
 def test_the_movie_shows_the_worm_on_its_ground(brief: Record, clamped: Record) -> None:
-    kind = kinds.get("planar_linkage")
-    movie = kind.animate(brief)
+    model = models.get("planar_linkage")
+    movie = model.animate(brief)
     assert_array_equal(movie.corners[:, :, 3], brief["bottom_apex"])  # type: ignore[attr-defined]
     assert movie.activation.max() == 1.0  # type: ignore[attr-defined]
-    grey, none = (len(kind.animate(record).figure.axes[0].patches) for record in (brief, clamped))  # type: ignore[attr-defined]
+    grey, none = (len(model.animate(record).figure.axes[0].patches) for record in (brief, clamped))  # type: ignore[attr-defined]
     assert (grey, none) == (1, 0)

@@ -14,7 +14,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
-from scenes import models as kinds
+from scenes import models
 from scenes.commands import runner
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
@@ -204,13 +204,13 @@ def test_a_studys_own_value_of_what_is_varied_does_not_matter() -> None:
 
 
 def test_figures_are_pictures_with_labelled_axes(segments: Record, tmp_path: Path) -> None:
-    kind = kinds.get("planar_study")
-    for path in drawing.plot(segments, kind, tmp_path):
+    model = models.get("planar_study")
+    for path in drawing.plot(segments, model, tmp_path):
         with Image.open(path) as picture:
             assert len(picture.convert("RGB").getcolors(200_000) or []) > 20
-    for stem, draw in kind.figures.items():
+    for stem, draw in model.figures.items():
         figure, _ = draw(segments)
         panels = figure.axes
         assert all(axes.get_xlabel() in ("time [s]", "worm.segments") and axes.get_ylabel() for axes in panels), stem
-    labels = [text.get_text() for text in kind.figures["centre_of_mass_by_case"](segments)[1].get_legend().get_texts()]
+    labels = [text.get_text() for text in model.figures["centre_of_mass_by_case"](segments)[1].get_legend().get_texts()]
     assert labels == [f"worm.segments = {n}" for n in (3, 4, 5, 6, 7)]

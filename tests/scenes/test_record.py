@@ -11,7 +11,7 @@ from scenes.records.summary import Summary
 
 
 def record_of(*variables: Variable, **changes: Any) -> Record:
-    about: dict[str, Any] = {"name": "n", "kind": "k", "scene": "", "status": "done", "sentence": "", "seed": 0}
+    about: dict[str, Any] = {"name": "n", "model": "k", "scene": "", "status": "done", "sentence": "", "seed": 0}
     return Record(**about, versions={}, summary=Summary({}), variables=variables, **changes)
 
 

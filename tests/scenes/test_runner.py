@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from numpy.testing import assert_allclose
 
-from scenes import models as kinds
+from scenes import models
 from scenes.commands import report, runner
 from scenes.commands.interrupt import Interruption
 from scenes.commands.report import ending
@@ -161,7 +161,7 @@ def test_afterwards_ctrl_c_is_as_before() -> None:
 
 def test_a_figure_without_a_value_ends_with_its_reason(record) -> None:
     reason = record.summary.reasons["cost_of_transport"]
-    lines = ending(record, kinds.get("planar_published"), Path("x")).splitlines()
+    lines = ending(record, models.get("planar_published"), Path("x")).splitlines()
     assert f"  cost of transport     none: {reason}" in lines
 
 

@@ -29,7 +29,7 @@ def assert_same_variables(ours: tuple[Variable, ...], theirs: tuple[Variable, ..
 
 def assert_same(a: Record, b: Record) -> None:
     assert_same_variables(a.variables, b.variables)
-    for name in ("name", "kind", "scene", "status", "sentence", "seed", "versions", "summary"):
+    for name in ("name", "model", "scene", "status", "sentence", "seed", "versions", "summary"):
         assert getattr(a, name) == getattr(b, name)
 
 
@@ -74,7 +74,7 @@ def test_xarray_opens_it(record: Record, tmp_path: Path) -> None:
 def load_scene_of(text: str) -> str:
     from scenes.language.loader import parse_scene
 
-    return parse_scene(text, "again").kind.name
+    return parse_scene(text, "again").model.name
 
 
 def test_every_variable_has_a_unit_and_a_meaning(record: Record) -> None:

@@ -14,7 +14,7 @@ from PIL import Image
 
 import worm3d
 from control import gaits
-from scenes import models as kinds
+from scenes import models
 from scenes.commands import report
 from scenes.commands.runner import simulate
 from scenes.language.loader import load_scene
@@ -174,7 +174,7 @@ def test_one_segment_has_no_inner_joints(tmp_path: Path) -> None:
     assert record["hinge"].shape == (41, 0)
     save(record, tmp_path / "result.nc")
     assert load(tmp_path)["hinge"].shape == (41, 0)
-    drawing.plot(record, kinds.get("worm"), tmp_path)
+    drawing.plot(record, models.get("worm"), tmp_path)
 
 
 def test_a_scene_without_keys_is_the_plant() -> None:
@@ -301,8 +301,8 @@ def test_ground_and_friction_reach_the_plant() -> None:
 )  # fmt: skip
 def test_every_figure_is_a_picture_with_labelled_axes(scene: str, overrides: tuple[str, ...], tmp_path: Path) -> None:
     record = simulate(load_scene(scene, overrides))
-    kind = kinds.get(record.kind)
-    for stem, draw in kind.figures.items():
+    model = models.get(record.model)
+    for stem, draw in model.figures.items():
         figure, axes = draw(record)
         assert axes.get_xlabel()
         assert axes.get_ylabel()
@@ -317,16 +317,16 @@ def test_a_run_of_one_stored_state_can_be_drawn(brief: Record, tmp_path: Path) -
         Variable(v.name, v.dims, v.values[:1], v.units, v.long_name) if v.dims[:1] == ("time",) else v
         for v in brief.variables
     )
-    assert drawing.plot(replace(brief, variables=first), kinds.get("worm"), tmp_path)
+    assert drawing.plot(replace(brief, variables=first), models.get("worm"), tmp_path)
 
 
 def test_the_movie_shows_the_first_half_minute(brief: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    drawing.animate(brief, kinds.get("worm"), tmp_path / "a.gif", fps=10)
+    drawing.animate(brief, models.get("worm"), tmp_path / "a.gif", fps=10)
     with Image.open(tmp_path / "a.gif") as picture:
         assert picture.n_frames == round(10 * float(brief["time"][-1])) + 1
     assert drawing.cut_short(brief) is None
     monkeypatch.setattr(worm_view, "MOVIE_S", 0.1)
-    drawing.animate(brief, kinds.get("worm"), tmp_path / "a.gif", fps=10)
+    drawing.animate(brief, models.get("worm"), tmp_path / "a.gif", fps=10)
     with Image.open(tmp_path / "a.gif") as picture:
         assert picture.n_frames == 2
 
@@ -346,7 +346,7 @@ def test_a_run_ends_with_what_became_of_the_work() -> None:
     record = simulate(load_scene("flat", ["run.duration_s=2"]))
     line = next(
         line
-        for line in report.ending(record, drawing.kind_of(record), Path()).splitlines()
+        for line in report.ending(record, drawing.model_of(record), Path()).splitlines()
         if line.strip().startswith("of the")
     )
     shares = [float(part) for part in re.findall(r"(-?[\d.]+)%", line)]

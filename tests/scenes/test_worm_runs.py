@@ -14,7 +14,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.contour import ContourSet
 from numpy.testing import assert_array_equal
 
-from scenes import models as kinds
+from scenes import models
 from scenes.commands import runner
 from scenes.commands.resume import lengthened
 from scenes.commands.runner import simulate
@@ -25,7 +25,7 @@ from scenes.records.record import Record, Variable
 from scenes.records.store import load, save
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
-WORMS = [name for name in shipped_scenes() if load_scene(name).kind.name in ("worm", "worm_planar")]
+WORMS = [name for name in shipped_scenes() if load_scene(name).model.name in ("worm", "worm_planar")]
 REQUIRED = {
     "status", "duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J",
     "work_friction_J", "cost_of_transport", "energy_balance_error", "newton_iterations_mean", "real_time_factor",
@@ -38,7 +38,7 @@ def assert_same(ours: Record, theirs: Record) -> None:
         assert [(v.name, v.dims, v.units) for v in a] == [(v.name, v.dims, v.units) for v in b]
         for mine, yours in zip(a, b, strict=True):
             assert_array_equal(mine.values, yours.values, strict=True, err_msg=mine.name)
-    for name in ("name", "kind", "scene", "status", "sentence", "seed", "versions", "summary"):
+    for name in ("name", "model", "scene", "status", "sentence", "seed", "versions", "summary"):
         assert getattr(ours, name) == getattr(theirs, name)
 
 
@@ -224,11 +224,11 @@ def test_a_model_with_a_view_gets_its_page(worm3d, tmp_path: Path, monkeypatch: 
     def view(record: Record, path: Path) -> None:
         path.write_text(f"<title>{record.title}</title>")
 
-    kind = replace(kinds.get("worm"), view=view)
-    monkeypatch.setattr("scenes.models.worm.model.KIND", kind)
+    model = replace(models.get("worm"), view=view)
+    monkeypatch.setattr("scenes.models.worm.model.MODEL", model)
     assert worm3d("run", "flat", *SHORT, "--out", "x", "--quiet").code == 0
     assert (tmp_path / "x" / "viewer.html").read_text() == "<title>The worm on flat ground</title>"
-    monkeypatch.setattr("scenes.models.worm.model.KIND", replace(kind, view=None))
+    monkeypatch.setattr("scenes.models.worm.model.MODEL", replace(model, view=None))
     assert worm3d("run", "flat", *SHORT, "--out", "x", "--quiet", "--force").code == 0
     assert not (tmp_path / "x" / "viewer.html").exists()
 

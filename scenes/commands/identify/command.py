@@ -66,7 +66,7 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
     """
     settings = scene.settings
     if not isinstance(settings, SpatialScene):
-        raise SceneError(f"{scene.name}: a scene of the model '{scene.kind.name}' does not steer, must be of 'worm'")
+        raise SceneError(f"{scene.name}: a scene of the model '{scene.model.name}' does not steer, must be of 'worm'")
     worm, ground = worm_of(settings), friction_of(settings)
     with folders.prepared(out, f"identify-{scene.name}", force=force) as folder:
         found, curves, phases = _measure(worm, ground, quiet)

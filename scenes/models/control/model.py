@@ -15,7 +15,7 @@ from control.sensing.sensors import Measurement
 from control.supervisor import Supervisor
 from control.tracking.metrics import measured
 from control.tracking.references import Reference
-from scenes.models.base import Kind, Observer, Outcome, Watch
+from scenes.models.base import Model, Observer, Outcome, Watch
 from scenes.models.control import view as control_view
 from scenes.models.control.build import controller_of, reference_of, sensors_of
 from scenes.models.control.checks import CONTROL_CHECKS
@@ -131,13 +131,13 @@ def _draw(stem: str, record: Record) -> tuple[Figure, Axes]:
     return made(record)
 
 
-def _kind() -> Kind[ControlScene]:
+def _model() -> Model[ControlScene]:
     figures: Mapping[str, Callable[[Record], tuple[Figure, Axes]]] = {
         **{stem: partial(_draw, stem) for stem in FIGURES},
         "side_and_top": worm_view.side_and_top,
         **{stem: partial(worm.draw, stem) for stem in OF_THE_WORM},
     }
-    return Kind(
+    return Model(
         name="worm_control",
         title="the 3D worm with a controller, sensors and a reference",
         schema=ControlScene,
@@ -162,4 +162,4 @@ def _kind() -> Kind[ControlScene]:
     )
 
 
-KIND = _kind()
+MODEL = _model()

@@ -10,7 +10,7 @@ import numpy as np
 from planar import linkage
 from planar.metrics import p12_cost_of_transport
 from scenes.language.limits import MOVIE_S
-from scenes.models.base import Kind, Movie, Observer, Outcome
+from scenes.models.base import Model, Movie, Observer, Outcome
 from scenes.models.planar.linkage_build import simulate
 from scenes.models.planar.linkage_checks import CHECKS
 from scenes.models.planar.linkage_schema import LinkageScene, LinkageSettings
@@ -254,7 +254,7 @@ def animate(record: Record) -> Movie:
     )
 
 
-KIND = Kind(
+MODEL = Model(
     name="planar_linkage",
     title="the paper's planar worm with the physics right",
     schema=LinkageScene,

@@ -11,7 +11,7 @@ import numpy as np
 from control import gaits
 from planar import published
 from scenes.language.limits import MOVIE_S
-from scenes.models.base import Kind, Movie, Observer, Outcome
+from scenes.models.base import Model, Movie, Observer, Outcome
 from scenes.models.pattern import pattern
 from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
 from scenes.models.planar.published_schema import CHECKS, PublishedScene
@@ -177,7 +177,7 @@ def _animate(record: Record) -> Movie:
     )
 
 
-KIND = Kind(
+MODEL = Model(
     name="planar_published",
     title="the paper's planar worm, number for number as its author's program computes it",
     schema=PublishedScene,

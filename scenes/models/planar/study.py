@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planar import linkage
-from scenes.models.base import Kind, Observer, Outcome, Status
+from scenes.models.base import Model, Observer, Outcome, Status
 from scenes.models.planar.linkage import ADVICE, animate, cumulative_cost, merits, reasons
 from scenes.models.planar.linkage import states as states_of
 from scenes.models.planar.linkage_build import simulate
@@ -287,7 +287,7 @@ def _cell(figure: Cell, width: int) -> str:
     return f"{'none' if figure is None else f'{figure:.6g}':>{width}}"
 
 
-KIND = Kind(
+MODEL = Model(
     name="planar_study",
     title="the corrected planar worm case by case, one number of it varied",
     schema=StudyScene,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import worm3d
 from scenes.language.errors import SceneError
-from scenes.models.base import Kind, Observer, Outcome, Status, Watch
+from scenes.models.base import Model, Observer, Outcome, Status, Watch
 from scenes.models.checks import Check
 from scenes.models.planar.linkage_checks import in_keys
 from scenes.models.worm import overview as worm_overview
@@ -119,13 +119,13 @@ def draw(stem: str, record: Record) -> tuple[Figure, Axes]:
     return made(record)
 
 
-def kind(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) -> Kind[S]:
+def model_of(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) -> Model[S]:
     """Return a model of the 3D plant."""
     figures: Mapping[str, Callable[[Record], tuple[Figure, Axes]]] = {
         "side_and_top": worm_view.side_and_top,
         **{stem: partial(draw, stem) for stem in FIGURES},
     }
-    return Kind(
+    return Model(
         name=name,
         title=title,
         schema=schema,
@@ -147,4 +147,4 @@ def kind(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) -> K
     )
 
 
-KIND = kind("worm", "the 3D worm in contact", WormScene, WORM_CHECKS)
+MODEL = model_of("worm", "the 3D worm in contact", WormScene, WORM_CHECKS)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenes import models as kinds
+from scenes import models
 from scenes.language.limits import MOVIE_S
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import worm_of
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def scene_of(record: Record) -> AnyWormScene:
     """Return the scene that a record was made from."""
-    scene: AnyWormScene = kinds.get(record.kind).schema.model_validate(tomllib.loads(record.scene))
+    scene: AnyWormScene = models.get(record.model).schema.model_validate(tomllib.loads(record.scene))
     return scene
 
 
