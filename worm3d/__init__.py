@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from worm3d.live import Live
     from worm3d.observation import Observation
     from worm3d.physics.friction import Friction
+    from worm3d.physics.friction_laws import Coulomb, FrictionLaw
     from worm3d.pictures import draw, show
     from worm3d.result import Energy, Result
     from worm3d.simulate import simulate
@@ -49,7 +50,9 @@ _HOMES = {
     "Centreline": "worlds",
     "ClampedGround": "worlds",
     "Energy": "result",
+    "Coulomb": "physics.friction_laws",
     "Friction": "physics.friction",
+    "FrictionLaw": "physics.friction_laws",
     "Heightfield": "worlds",
     "Held": "constraints",
     "LimitPointError": "start",
@@ -84,7 +87,9 @@ __all__ = [
     "Command",
     "Commands",
     "Energy",
+    "Coulomb",
     "Friction",
+    "FrictionLaw",
     "Heightfield",
     "Held",
     "LimitPointError",

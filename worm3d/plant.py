@@ -14,6 +14,7 @@ from worm3d.machine import vectors
 from worm3d.machine.codegen import Kernel, compile_kernel, evaluate
 from worm3d.machine.compiled import announce, cfunc
 from worm3d.physics.friction import ContactConstants, Friction
+from worm3d.physics.friction_laws import Coulomb, FrictionLaw, made_once
 from worm3d.physics.kernels import joint, node, point, segment
 from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
@@ -52,11 +53,18 @@ HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", 
 """Arrays that hold two instants, first the present one."""
 
 
-@cache
-def kernels() -> dict[str, Kernel]:
-    """Return the compiled kernels by name."""
-    rows = arrays.KERNELS.items()
-    return {name: compile_kernel(row.make(), padded=row.padded) for name, row in rows if row.make is not None}
+def kernels(law: type[FrictionLaw] = Coulomb) -> dict[str, Kernel]:
+    """Return the compiled kernels for a law of friction, by name."""
+    return _kernels(law)
+
+
+@made_once
+def _kernels(law: type[FrictionLaw]) -> dict[str, Kernel]:
+    made = {}
+    for name, row in arrays.KERNELS.items():
+        if row.make is not None:
+            made[name] = compile_kernel(row.make(law) if row.of_law else row.make(), padded=row.padded)
+    return made
 
 
 @cache
@@ -66,9 +74,9 @@ def entries() -> dict[str, Any]:
     return {name: cfunc(SIGNATURE, function, missed=announce) for name, function in functions.items()}
 
 
-def _addresses(world: WorldKernel) -> NDArray[np.int64]:
+def _addresses(world: WorldKernel, law: type[FrictionLaw]) -> NDArray[np.int64]:
     """Return the addresses of `worm3d.solver.arrays.KERNELS`."""
-    addresses = {"world": world.address, **{name: kernel.address for name, kernel in kernels().items()}}
+    addresses = {"world": world.address, **{name: kernel.address for name, kernel in kernels(law).items()}}
     addresses |= {name: entry.address for name, entry in entries().items()}
     return np.array([addresses[name] for name in arrays.KERNELS], dtype=np.int64)
 
@@ -109,11 +117,11 @@ class Plant:
         self.worm, self.world, self.friction, self.gravity = worm, world, friction, gravity
         self._weight = float(np.linalg.norm(gravity if scale is None else scale))
         self.n = worm.segments
-        width = max(vectors.WIDTH, *(kernel.width for kernel in kernels().values()))
+        width = max(vectors.WIDTH, *(kernel.width for kernel in kernels(type(friction.law)).values()))
         lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
         self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
         sizes = Sizes(self.n, lanes, joint_lanes, nodes, 3 + len(self.world_kernel.parameters))
-        self._open(CoreMemory(sizes, _addresses(self.world_kernel)))
+        self._open(CoreMemory(sizes, _addresses(self.world_kernel, type(friction.law))))
         self.arrays["held"][0] = held
         self._fill_numbers()
         self._fill_segments()
@@ -128,7 +136,7 @@ class Plant:
         """Return another worm in the very same state, which goes its own way from there."""
         other = copy.copy(self)
         other.world_kernel = (self.world or Plane()).kernel()  # it may have working memory, which none can share
-        other._open(self.memory_of_core.copy(_addresses(other.world_kernel)))
+        other._open(self.memory_of_core.copy(_addresses(other.world_kernel, type(self.friction.law))))
         return other
 
     @property
@@ -215,6 +223,7 @@ class Plant:
         self._point_row("mu")[:] = self._point_row("hardness")[:] = 1.0
         self._point_row("mu")[:, :, : self.n] = constants.mu[:, None, :]
         self._point_row("hardness")[:, :, : self.n] = constants.hardness[:, None, :]
+        self._point_row("law")[:, :, : self.n] = self.friction.law.rows(self.n)[:, None, :]
         self._point_row("weight")[:] = self.arrays["point_mass"] * self.gravity[:, None, None]
         self._point_row("tangent")[[0, 4]] = 1.0
         self._point_row("dt")[:] = self._point_row("cap")[:] = 1.0

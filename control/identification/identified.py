@@ -16,7 +16,7 @@ import numpy as np
 
 from control.gaits.steering import Mechanism, Schedule
 from control.identification.fit import Design, Identified
-from worm3d import Friction, Worm
+from worm3d import Coulomb, Friction, FrictionLaw, Worm
 from worm3d.machine import cache
 
 FORMAT = 2
@@ -43,9 +43,15 @@ def key(worm: Worm, ground: Friction, schedule: Schedule, design: Design) -> str
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:24]
 
 
-def parameters(thing: Worm | Friction) -> dict[str, Any]:
-    """Return the fields of a worm or ground as JSON can hold them; equal entries of an array become one number."""
-    return {field.name: _plain(getattr(thing, field.name)) for field in fields(thing)}
+def parameters(thing: Worm | Friction | FrictionLaw) -> dict[str, Any]:
+    """Return the fields of a worm or ground as JSON can hold them; equal entries of an array become one number.
+
+    Coulomb's law of friction, the default, goes without saying: what was identified before there were others is found.
+    """
+    found = {field.name: getattr(thing, field.name) for field in fields(thing)}
+    law = found.pop("law", Coulomb())
+    named = {} if law == Coulomb() else {"law": {"name": law.name, **parameters(law)}}
+    return {name: _plain(value) for name, value in found.items()} | named
 
 
 def load(

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from worm3d.machine.codegen import Kernel
+from worm3d.physics.friction_laws import Coulomb, FrictionLaw
 from worm3d.physics.kernels import joint, node, point, segment
 from worm3d.physics.kernels.layout import Layout
 from worm3d.plant import kernels
@@ -21,9 +22,9 @@ Values = dict[str, np.ndarray]
 """Inputs by name, each (size, COUNT)."""
 
 
-def run(name: str, layout: Layout, values: Values) -> np.ndarray:
+def run(name: str, layout: Layout, values: Values, law: type[FrictionLaw] = Coulomb) -> np.ndarray:
     """Return a native kernel's outputs, shape (rows, COUNT), for inputs by name, each (size, COUNT)."""
-    return evaluated(kernels()[name], layout, values)
+    return evaluated(kernels(law)[name], layout, values)
 
 
 def evaluated(kernel: Kernel, layout: Layout, values: Values) -> np.ndarray:
@@ -213,6 +214,7 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
         "segment_tangent": units(rng),
         "segment_director": units(rng),
         "deep": uniform(0.0, 0.01),
+        "law": uniform(0.5, 2.0, 4),
     }
     values |= presets(values)
     return {name: values[name] for name in point.LAYOUT.sizes}
@@ -257,9 +259,9 @@ def difference(v: Values, new: np.ndarray, old: np.ndarray) -> np.ndarray:
     return np.where(np.arange(COUNT) % 2, bdf2, (new - old[:3]) / v["dt"])
 
 
-def with_pull_of_the_law(values: Values) -> Values:
+def with_pull_of_the_law(values: Values, law: type[FrictionLaw] = Coulomb) -> Values:
     """Return the values with friction (C3) and load of the place itself: what is foreseen for a step of nothing."""
-    own = run("point_yielding", point.LAYOUT, values | AT_REST)
+    own = run("point_yielding", point.LAYOUT, values | AT_REST, law)
     return values | {"pull": own[PULL : PULL + 2], "foreseen": own[PULL + 2 : SWING]}
 
 

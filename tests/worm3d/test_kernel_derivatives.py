@@ -22,7 +22,7 @@ from numpy.testing import assert_allclose
 
 from worm3d import Plane
 from worm3d.machine.codegen import compile_kernel
-from worm3d.physics.kernels import joint, node, point, segment
+from worm3d.physics.kernels import joint, node, point, regime, segment
 from worm3d.plant import kernels
 
 FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
@@ -41,8 +41,8 @@ FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
     point.force,
     point.stiffness,
     point.start,
-    point.yielding,
-    point.expected,
+    regime.yielding,
+    regime.expected,
     point.after,
     point.momenta,
     node.start,

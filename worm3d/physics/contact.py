@@ -59,6 +59,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from worm3d.physics.friction_laws import FrictionLaw, Symbols
+
 YIELD_TOLERANCE = 1e-9
 """Relative excess over the yield surface below which an anchor stays, lest rounding makes it creep."""
 
@@ -85,12 +87,33 @@ class Coefficients(NamedTuple):
     hardness: Directions
 
 
-class Law(NamedTuple):
-    """What (C3) needs in a step: r, cap, and the displacement s* of the potential's centre, shape (2,)."""
+class Step(NamedTuple):
+    """What (C3) needs of a step: r, cap, the displacement s* of the potential's centre, shape (2,), and the step."""
 
     r: ca.SX
     cap: ca.SX
     centre: ca.SX
+    dt: ca.SX
+    law: type[FrictionLaw]
+    parameters: Symbols
+
+    def capacity(self, load: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Return C(N) of (C7) [N] and its slope."""
+        N = ca.SX.sym("N")
+        of = self.law.capacity(N, self.parameters)
+        return ca.substitute(of, N, load), ca.substitute(ca.gradient(of, N), N, load)
+
+    def strength(self, slip: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Return the share c of (C8) of the kinetic ellipse that acts at rho(slip), its slope, and what it dissipates.
+
+        The slope is per metre of rho(slip); dissipated is the excess alone, per unit of capacity [m].
+        """
+        w = ca.SX.sym("w")
+        excess = self.law.excess(w, self.parameters)
+        hardening, slope = ca.gradient(excess, w), ca.gradient(ca.gradient(excess, w), w)
+        rate = slip / self.dt
+        beyond, slope, excess = (ca.substitute(each, w, rate) for each in (hardening, slope, excess))
+        return self.cap + beyond, slope / self.dt, excess * self.dt
 
 
 class Friction(NamedTuple):
@@ -105,7 +128,11 @@ class Friction(NamedTuple):
     slope: ca.SX
     """grad lambda"""
     f: ca.SX
-    """Friction per unit of normal load."""
+    """Friction per unit of capacity."""
+    strength: ca.SX
+    """c of (C8)"""
+    potential: ca.SX
+    """h [m], per unit of capacity, where the hardness is 1"""
 
 
 def pressing(distance: ca.SX, centre: ca.SX) -> ca.SX:
@@ -119,23 +146,25 @@ def squares(y: ca.SX, of: Coefficients) -> tuple[ca.SX, ca.SX]:
     return ca.sumsqr(mu_y), ca.sumsqr(of.hardness.of(y) * mu_y)
 
 
-def friction(y: ca.SX, of: Coefficients, law: Law, sticks: ca.SX | float = 0.0) -> Friction:
-    """Return (C3); without a limit where `sticks` is not zero."""
+def friction(y: ca.SX, of: Coefficients, step: Step, sticks: ca.SX | float = 0.0) -> Friction:
+    """Return (C3) with (C8); without a limit where `sticks` is not zero."""
     mu, hardness = of.mu.of(y), of.hardness.of(y)
     rho, eta = (ca.sqrt(square) for square in squares(y, of))
-    slides = ca.logic_and(eta > law.cap * law.r, ca.logic_not(sticks))
+    slides = ca.logic_and(eta > step.cap * step.r, ca.logic_not(sticks))
     per_eta = 1.0 / ca.if_else(slides, eta, 1.0)
-    beyond = 1.0 / law.cap - law.r * per_eta
-    multiplier = ca.if_else(slides, rho * beyond, 0.0)
-    per_P, e = 1.0 / (law.r + hardness * multiplier), hardness * mu
-    slope = mu**2 * y * beyond / rho + e**2 * y * (law.r * rho * per_eta**3)
+    beyond = 1.0 / step.cap - step.r * per_eta
+    coulomb = ca.if_else(slides, rho * beyond, 0.0)  # lambda of Coulomb's law: rho(slip) = cap lambda
+    strength, hardening, excess = step.strength(step.cap * coulomb)
+    gain = 1.0 / strength - 1.0 / step.cap
+    multiplier = coulomb + ca.if_else(slides, rho * gain, 0.0)
+    per_P, e = 1.0 / (step.r + hardness * multiplier), hardness * mu
+    slope = mu**2 * y * beyond / rho + e**2 * y * (step.r * rho * per_eta**3)
+    slope = slope * (1.0 - rho * step.cap * hardening / strength**2) + mu**2 * y * gain / rho
     slope = ca.if_else(slides, slope, 0.0)
-    return Friction(mu, e, hardness, per_P, multiplier, slope, mu * e * y * per_P)
-
-
-def potential(y: ca.SX, at: Friction, law: Law) -> ca.SX:
-    """Return h(y) of (C3): the potential per unit of normal load [m], where the hardness is 1."""
-    return law.cap**2 * at.multiplier + 0.5 * law.r * ca.dot(at.f, y * at.per_P)
+    f = mu * e * y * per_P
+    elastic = 0.5 * step.r * ca.dot(f, y * per_P) * (step.cap / strength) ** 2
+    potential = step.cap**2 * coulomb + elastic + excess
+    return Friction(mu, e, hardness, per_P, multiplier, slope, f, strength, potential)
 
 
 def stiffness(at: Friction, force: ca.SX) -> ca.SX:
@@ -143,31 +172,31 @@ def stiffness(at: Friction, force: ca.SX) -> ca.SX:
     return ca.diag(at.mu * at.e * at.per_P) - (at.hardness * at.per_P * force) @ at.slope.T
 
 
-def pulled(y: ca.SX, dy: ca.SX, force: ca.SX, at: Friction, law: Law) -> tuple[ca.SX, ca.SX]:
+def pulled(y: ca.SX, dy: ca.SX, force: ca.SX, at: Friction) -> tuple[ca.SX, ca.SX]:
     """Return f' (2) of (C5) for f and a step dy, and the square of the part of P by which y changes.
 
     f' is not scaled back yet.
     """
     ahead = at.mu * at.e * (y + dy) - at.hardness * force * ca.dot(at.slope, dy)
-    return ahead * at.per_P, ca.sumsqr(at.e * dy * at.per_P) / law.cap**2
+    return ahead * at.per_P, ca.sumsqr(at.e * dy * at.per_P) / at.strength**2
 
 
-def share(force: ca.SX, of: Coefficients, cap: ca.SX) -> ca.SX:
-    """Return the square of the share that a force per unit of load has of the yield surface."""
-    return ca.sumsqr(force / of.mu.of(force)) / cap**2
+def share(force: ca.SX, of: Coefficients, strength: ca.SX) -> ca.SX:
+    """Return the square of the share that a force per unit of capacity has of the ellipse of a strength."""
+    return ca.sumsqr(force / of.mu.of(force)) / strength**2
 
 
-def left_after_return(y: ca.SX, of: Coefficients, law: Law) -> ca.SX:
+def left_after_return(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
     """Return what (C4) leaves of y, shape (2,) [m]."""
     _, square = squares(y, of)
-    limit = law.cap * law.r
+    limit = step.cap * step.r
     yields = square > (limit * (1.0 + YIELD_TOLERANCE)) ** 2
     return ca.if_else(yields, limit / ca.sqrt(square), 1.0) * y
 
 
-def reach(y: ca.SX, of: Coefficients, law: Law) -> ca.SX:
+def reach(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
     """Return by how much eta(y) is beyond where a stuck contact breaks away, (C6) [m]."""
-    return ca.sqrt(squares(y, of)[1]) - law.cap * law.r * (1.0 - TIE)
+    return ca.sqrt(squares(y, of)[1]) - step.cap * step.r * (1.0 - TIE)
 
 
 def anchor_energy(s: ca.SX, of: Coefficients, yield_gauge: ca.SX) -> ca.SX:

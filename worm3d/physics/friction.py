@@ -1,11 +1,13 @@
-"""Coefficients of friction, and the constants of the contact law (`worm3d.physics.contact`) scaled to a worm."""
+"""Coefficients of friction, and the constants of contact (`worm3d.physics.contact`) scaled to a worm."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from worm3d.physics.friction_laws import Coulomb, law_of
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import ReadOnly
@@ -49,7 +51,9 @@ rigid one does at once. The distance that a worm crawls does not depend on it.
 @documented
 @dataclass(frozen=True, eq=False)
 class Friction(ReadOnly):
-    """Directional Coulomb friction.
+    """Directional friction that sticks; `law` says what is made of the coefficients, Coulomb's law if left out.
+
+    A law is given as a `worm3d.FrictionLaw`, by its name, or as {"name": ..., **parameters}.
 
     Raises
     ------
@@ -82,9 +86,11 @@ class Friction(ReadOnly):
         aka=("mu_lateral", "sideways"),
     )
     static_ratio: float = parameter(1.2, meaning="static over kinetic coefficient", ge=1)
+    law: Any = field(default_factory=Coulomb)
 
     def __post_init__(self) -> None:
         check(self)
+        object.__setattr__(self, "law", law_of(self.law))
 
     def coefficients(self, segments: int) -> FloatArray:
         """Return forward, backward and lateral coefficients of each segment, shape (3, N).

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from worm3d.machine import vectors
 from worm3d.machine.banded import WIDTH, B
-from worm3d.physics.kernels import joint, node, point, segment
+from worm3d.physics.kernels import joint, node, point, regime, segment
 from worm3d.physics.kernels.layout import Layout
 from worm3d.solver.block import Block, Memory
 from worm3d.values.arrays import FloatArray
@@ -54,19 +54,23 @@ TERMS = (
 class KernelRow(NamedTuple):
     """A compiled function."""
 
-    make: Callable[[], ca.Function] | None
+    make: Callable[..., ca.Function] | None
     """Returns what is compiled; None for the world's kernel and for entries (`worm3d.solver.entry`)."""
     padded: bool
     """Whether it is evaluated in all lanes: those without a point or joint have neither mass nor stiffness."""
+    of_law: bool
+    """Whether `make` takes the law of friction, a class."""
 
 
 KERNELS: dict[str, KernelRow] = {}
 """Compiled functions by name, in the order of `Core.kernels`."""
 
 
-def _kernel(name: str, make: Callable[[], ca.Function] | None = None, padded: bool = False) -> int:
+def _kernel(
+    name: str, make: Callable[..., ca.Function] | None = None, *, padded: bool = False, of_law: bool = False
+) -> int:
     """Declare a compiled function and return its index."""
-    KERNELS[name] = KernelRow(make, padded)
+    KERNELS[name] = KernelRow(make, padded, of_law)
     return len(KERNELS) - 1
 
 
@@ -83,12 +87,12 @@ JOINT_GRADIENT = _kernel("joint_gradient", joint.gradient)
 JOINT_HESSIAN = _kernel("joint_hessian", joint.hessian)
 JOINT_ANGLES = _kernel("joint_angles", joint.angles)
 JOINT_LEDGER = _kernel("joint_ledger", joint.ledger)
-POINT_FORCE = _kernel("point_force", point.force, padded=True)
-POINT_STIFFNESS = _kernel("point_stiffness", point.stiffness, padded=True)
+POINT_FORCE = _kernel("point_force", point.force, padded=True, of_law=True)
+POINT_STIFFNESS = _kernel("point_stiffness", point.stiffness, padded=True, of_law=True)
 POINT_START = _kernel("point_start", point.start, padded=True)
-POINT_YIELDING = _kernel("point_yielding", point.yielding, padded=True)
-POINT_EXPECTED = _kernel("point_expected", point.expected, padded=True)
-POINT_AFTER = _kernel("point_after", point.after, padded=True)
+POINT_YIELDING = _kernel("point_yielding", regime.yielding, padded=True, of_law=True)
+POINT_EXPECTED = _kernel("point_expected", regime.expected, padded=True, of_law=True)
+POINT_AFTER = _kernel("point_after", point.after, padded=True, of_law=True)
 POINT_MOMENTA = _kernel("point_momenta", point.momenta, padded=True)
 NODE_START = _kernel("node_start", node.start, padded=True)
 NODE_AFTER = _kernel("node_after", node.after, padded=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from scenes.models.worm.schema import (
     WormScene,
 )
 from worm3d.actuation import Actuation, Sensor
+from worm3d.physics.friction_laws import LAWS
 from worm3d.problem import Problem
 from worm3d.run import Run
 
@@ -95,8 +97,9 @@ def worm_of(scene: AnyWormScene) -> worm3d.Worm:
 
 
 def friction_of(scene: AnyWormScene) -> worm3d.Friction:
-    """Return the coefficients of friction."""
-    return part_of(worm3d.Friction, scene.friction)
+    """Return the coefficients of friction and their law."""
+    law = part_of(LAWS[scene.friction.law], scene.friction)
+    return replace(part_of(worm3d.Friction, scene.friction), law=law)
 
 
 def gait_of(scene: AnyWormScene) -> Gait:

@@ -24,7 +24,15 @@ from scenes.models.worlds.pipe_checks import PIPE_CHECKS, WORM_IN_PIPE_CHECKS
 from scenes.models.worlds.schema import World
 from scenes.models.worlds.terrain_checks import TERRAIN_CHECKS
 from scenes.models.worm.build import KEYS, gravity_of, start_of, worm_of
-from scenes.models.worm.schema import AnyWormScene, PlanarGait, PlanarWormScene, WormGait, WormScene
+from scenes.models.worm.schema import (
+    LAW,
+    AnyWormScene,
+    PlanarFriction,
+    PlanarGait,
+    PlanarWormScene,
+    WormGait,
+    WormScene,
+)
 from worm3d import start
 from worm3d.state import StateError
 from worm3d.values.memory import bytes_of_run
@@ -145,7 +153,12 @@ def _fits_into_memory(dt_s: float, duration_s: float, segments: int, record_ever
 WORLD_CHECKS = (
     *RUN_CHECKS,
     *kind_checks(World, "world"),
-    *(Check((f"friction.{key}", "worm.segments"), as_many_as_segments) for key in ("forward", "backward")),
+    *kind_checks(PlanarFriction, "friction", "law"),
+    *(
+        Check((f"friction.{key}", "worm.segments"), as_many_as_segments)
+        for key in ("forward", "backward", *LAW)
+        if key != "law"
+    ),
     Check(("run.gravity_m_s2",), _g_or_a_vector),
     Check(("world.patches",), _patches_have_an_inside),
     *PIPE_CHECKS,

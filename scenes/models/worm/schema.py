@@ -19,6 +19,7 @@ from scenes.models.planar.linkage_schema import Worm as PlanarWorm
 from scenes.models.sections import Run, Settings
 from scenes.models.worlds.schema import World
 from worm3d.physics.friction import Friction as PlantFriction
+from worm3d.physics.friction_laws import LAWS
 from worm3d.worm import Worm as PlantWorm
 
 WORM_BOUNDS = {"segments": {"ge": 1, "le": 200}, "length": {"gt": 0, "le": 100}, "chamber_offset": {"gt": 0}}
@@ -31,12 +32,16 @@ class Worm(PartSection, keys=keys_of(PlantWorm, without=("flat",), bounds=WORM_B
     """The chain of rhombic linkages with left and right chambers."""
 
 
-class PlanarFriction(PartSection, keys=keys_of(PlantFriction, without=("lateral",))):
-    """Directional Coulomb friction that sticks."""
+LAW = keys_of(LAWS, by="law", title="law of friction: what is made of the coefficients", aka=("kind", "type"))
+"""Keys of the laws of friction."""
 
 
-class Friction(PartSection, keys=keys_of(PlantFriction)):
-    """Directional Coulomb friction that sticks."""
+class PlanarFriction(PartSection, keys=keys_of(PlantFriction, without=("lateral",)) | LAW):
+    """Directional friction that sticks."""
+
+
+class Friction(PartSection, keys=keys_of(PlantFriction) | LAW):
+    """Directional friction that sticks."""
 
 
 class PlanarGait(LinkageGait):

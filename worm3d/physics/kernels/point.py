@@ -1,16 +1,18 @@
-"""Kernels of a contact point: inertia, weight, normal contact and friction, and what follows after a step.
+"""Kernels of a contact point: inertia, weight, normal contact and friction, and the state after a step.
 
-The world has been evaluated already: distance g, its gradient n and curvature H at X are inputs.
+The world has been evaluated already: distance g, its gradient n and curvature H at X are inputs. Kernels of friction
+are made for one law (`worm3d.physics.friction_laws`); how Newton's method guesses regimes is in
+`worm3d.physics.kernels.regime`.
 """
 
 from __future__ import annotations
 
-from functools import cache
 from typing import NamedTuple
 
 import casadi as ca
 
 from worm3d.physics import contact
+from worm3d.physics.friction_laws import MAX_PARAMETERS, Coulomb, FrictionLaw, Symbols, made_once
 from worm3d.physics.kernels import inertia
 from worm3d.physics.kernels.layout import Layout
 
@@ -44,7 +46,7 @@ LAYOUT = Layout(
         "yield_gauge": 1,  # rho_b [m]
         "gauge_damping": 1,  # D [s/m]
         "cap": 1,
-        "pull": 2,  # f of (C5), friction per unit of normal load, along and to the left
+        "pull": 2,  # f of (C5), friction per unit of capacity, along and to the left
         "foreseen": 1,  # normal load, as the last step of Newton foresaw it
         "regime": 1,  # FREE, or what the contact is taken for, whatever X says
         "error": 1,  # of what is foreseen [m]
@@ -59,6 +61,7 @@ LAYOUT = Layout(
         "stored_n": 1,  # energy of the anchor at the end of the last step [J]
         "segment_tangent": 3,  # of the segment, at the start of the step
         "segment_director": 3,
+        "law": MAX_PARAMETERS,  # parameters of the law of friction
     }
 )
 
@@ -73,29 +76,46 @@ What sticks has the coefficient against motion towards the head or, the last one
 With a regime and coupled, K is Newton's of (C5) with the forces that were foreseen, else the derivative of f.
 """
 
+Law = type[FrictionLaw]
 
-class _Contact(NamedTuple):
+
+class Contact(NamedTuple):
+    """Contact of a point at X."""
+
     pressed: ca.SX
     """Penetration that carries load [m]."""
     touching: ca.SX
     """Penetration, negative where nothing touches [m]."""
     load: ca.SX
     of: contact.Coefficients
-    law: contact.Law
+    step: contact.Step
     slide: ca.SX
-    """Displacement from the anchor, shape (2,)."""
+    """Displacement s from the anchor, shape (2,)."""
+    y: ca.SX
+    """s - s* of (C3), shape (2,)."""
 
 
-@cache
-def _contact() -> _Contact:
+@made_once
+def contact_of(law: Law) -> Contact:
+    """Return the contact of a point under a law of friction."""
     s = LAYOUT.symbols
     touching = contact.pressing(s["distance"], s["carried"])
-    pressed = _pressed(touching)
-    law = contact.Law(s["r"], s["cap"], s["centre"])
-    away = s["x"] - s["anchor"]
-    slide = ca.vertcat(*[ca.dot(t, away) for t in _tangents()])
+    pressed = penetration(touching)
+    step = contact.Step(s["r"], s["cap"], s["centre"], s["dt"], law, Symbols(law, s["law"]))
+    slide = in_tangents(s["x"] - s["anchor"])
     of = contact.Coefficients(*(contact.Directions(*ca.vertsplit(s[name])) for name in ("mu", "hardness")))
-    return _Contact(pressed, touching, s["stiff"] * pressed, of, law, slide)
+    return Contact(pressed, touching, s["stiff"] * pressed, of, step, slide, slide - step.centre)
+
+
+def penetration(touching: ca.SX) -> ca.SX:
+    """Return the penetration that carries load [m]: negative too in a regime of contact, which may be wrong."""
+    regime = LAYOUT.symbols["regime"]
+    return ca.if_else(regime >= SLIDING, touching, ca.if_else(regime == OPEN, 0.0, ca.fmax(0.0, touching)))
+
+
+def in_tangents(vector: ca.SX) -> ca.SX:
+    """Return the components of a vector along the segment and to its left, shape (2,)."""
+    return ca.vertcat(*[ca.dot(t, vector) for t in _tangents()])
 
 
 def _tangents() -> tuple[ca.SX, ca.SX]:
@@ -107,53 +127,56 @@ def _curvature() -> ca.SX:
     return ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
 
 
-def force() -> ca.Function:
+def force(law: Law = Coulomb) -> ca.Function:
     """Return the gradient f (3) of a point's potential, the potential and the load.
 
     With `coupled` f is the true residual; the potential then means nothing.
     """
-    outputs = _force()
+    outputs = _force(law)
     return LAYOUT.function("point_force", {name: outputs[name] for name in ("f", "phi", "load")})
 
 
-def stiffness() -> ca.Function:
+def stiffness(law: Law = Coulomb) -> ca.Function:
     """Return what `force` does, f with the forces that were foreseen (3), and the Hessian K (9, row by row).
 
     With `coupled` K is the unsymmetric derivative of the residual. What was foreseen is for the second derivatives of
     the points.
     """
-    return LAYOUT.function("point_stiffness", _force())
+    return LAYOUT.function("point_stiffness", _force(law))
 
 
-@cache
-def _force() -> dict[str, ca.SX]:
-    s, c = LAYOUT.symbols, _contact()
+@made_once
+def _force(law: Law) -> dict[str, ca.SX]:
+    s, c = LAYOUT.symbols, contact_of(law)
     T = ca.horzcat(*_tangents())
-    y = c.slide - c.law.centre
     soft = [ca.if_else(s["coupled"] != 0.0, each, 1.0) for each in c.of.hardness]  # else f had no potential
-    of = _sided(contact.Coefficients(c.of.mu, contact.Directions(*soft)))
-    at = contact.friction(y, of, c.law, s["regime"] >= STICKING)
+    of = sided(contact.Coefficients(c.of.mu, contact.Directions(*soft)))
+    at = contact.friction(c.y, of, c.step, s["regime"] >= STICKING)
     mixed = ca.logic_and(s["coupled"] != 0.0, s["regime"] != FREE)
     load = ca.if_else(ca.logic_and(mixed, s["regime"] != OPEN), s["foreseen"], c.load)
     pull = ca.if_else(mixed, s["pull"], at.f)
     K_y = contact.stiffness(at, pull)
-    grip, held = (s["hold"] * ca.if_else(s["coupled"] != 0.0, each, s["load"]) for each in (c.load, load))
+    (capacity, _), (ahead, slope) = (
+        c.step.capacity(ca.if_else(s["coupled"] != 0.0, each, s["load"])) for each in (c.load, load)
+    )
+    grip, held = s["hold"] * capacity, s["hold"] * ahead
     still = inertia.force(s) - s["weight"]
     f = still - c.load * s["normal"] + grip * (T @ at.f)
     f_ahead = still - load * s["normal"] + held * (T @ pull)
     rising = ca.if_else(ca.logic_or(c.pressed > 0.0, s["regime"] >= SLIDING), s["stiff"], 0.0)
     K = s["inertia"] * ca.SX.eye(3) + rising * s["normal"] @ s["normal"].T - load * _curvature()
-    K += ca.fmax(held, 0.0) * (T @ K_y @ T.T) - s["coupled"] * s["hold"] * rising * (T @ pull) @ s["normal"].T
+    coupling = s["coupled"] * s["hold"] * slope * rising * (T @ pull) @ s["normal"].T
+    K += ca.fmax(held, 0.0) * (T @ K_y @ T.T) - coupling
     phi = (
         s["inertia"] / 2.0 * ca.sumsqr(s["x"] - s["x_hat"])
         - ca.dot(s["weight"], s["x"])
         + c.load * c.pressed / 2.0
-        + grip * contact.potential(y, at, c.law)
+        + grip * at.potential
     )
     return {"f": f, "phi": phi, "load": c.load, "f_ahead": f_ahead, "K": ca.vec(K.T)}
 
 
-def _sided(of: contact.Coefficients) -> contact.Coefficients:
+def sided(of: contact.Coefficients) -> contact.Coefficients:
     """Return the coefficients of a regime: where a contact sticks, the same for both directions along the segment."""
     regime = LAYOUT.symbols["regime"]
     sides = [
@@ -205,118 +228,10 @@ def _projected() -> tuple[list[ca.SX], list[ca.SX]]:
     return [along, left], [ca.dot(each, s["x"] - s["anchor"]) for each in (along, left)]
 
 
-SWUNG = 3e-5
-"""Square of the change of y, as a fraction of itself, after which the K of a contact that slides is made anew."""
-
-HELD = 0.25
-"""Square of the share of the law's own force below which the force of what slides is foreseen where it sticks."""
-
-TURNED = 1e-7
-"""Fraction of the yield limit up to which it does not count on which side of 0 the force of a stuck contact is."""
-
-
-def yielding() -> ca.Function:
-    """Return what a contact does at X + `first`, to first order, in metres.
-
-    y = s - s* (2); by how much it is beyond the yield limit, for the largest coefficient; the penetration -g - d*
-    (negative where nothing touches); f' (2) of (C5) and the normal load; the square of the fraction of itself, or of
-    the yield limit, by which y changes; the regime that follows where the law denies one by more than `error`;
-    whether K of before is out of date: with another regime, or where y changes by more than `SWUNG`; by how much eta is
-    beyond (C6); and by how much it changes, the error included.
-    """
-    s, c = LAYOUT.symbols, _contact()
-    now = c.slide - c.law.centre
-    dy = ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
-    y, opens = now + dy, s["regime"] == OPEN
-    bound = ca.logic_or(s["regime"] >= STICKING, opens)
-    at = contact.friction(now, _sided(c.of), c.law, bound)
-    pull, swing = contact.pulled(now, dy, s["pull"], at, c.law)
-    share = contact.share(pull, _sided(c.of), c.law.cap)
-    eta = ca.sqrt(contact.squares(y, c.of)[1])
-    largest = ca.mmax(s["mu"] * s["hardness"])
-    excess = (eta - c.law.cap * c.law.r * (1.0 + contact.YIELD_TOLERANCE)) / largest
-    touching = c.touching - ca.dot(s["normal"], s["first"])
-    backs = ca.dot(_elastic(now) ** 2 * now, y) <= 0.0
-    held = HELD * ca.if_else(at.multiplier > 0.0, contact.share(at.f, _sided(c.of), c.law.cap), 1.0)
-    recent = ca.norm_2(_elastic(y) * dy) + largest * s["error"]
-    regime = _next(y, eta, excess, touching, share < held, backs)
-    swings = ca.logic_and(s["regime"] == SLIDING, swing > SWUNG)
-    rows = {
-        "y": y,
-        "excess": excess,
-        "touching": touching,
-        "pull": pull / ca.sqrt(ca.fmax(share, 1.0)),
-        "foreseen": s["stiff"] * _pressed(touching),
-        "swing": swing,
-        "regime": regime,
-        "stale": ca.logic_or(regime != s["regime"], swings),
-        "reach": contact.reach(y, c.of, c.law),
-        "recent": recent,
-    }
-    return LAYOUT.function("point_yielding", rows)
-
-
-def _pressed(touching: ca.SX) -> ca.SX:
-    """Return the penetration that carries load: less than none in a regime of contact, which may be wrong."""
-    regime = LAYOUT.symbols["regime"]
-    return ca.if_else(regime >= SLIDING, touching, ca.if_else(regime == OPEN, 0.0, ca.fmax(0.0, touching)))
-
-
-def _elastic(y: ca.SX) -> ca.SX:
-    """Return H mu of (C2), shape (2,)."""
-    of = _contact().of
-    return of.mu.of(y) * of.hardness.of(y)
-
-
-def _next(y: ca.SX, eta: ca.SX, excess: ca.SX, touching: ca.SX, held: ca.SX, backs: ca.SX) -> ca.SX:
-    """Return the regime that follows where the law denies one by more than the error."""
-    s, c = LAYOUT.symbols, _contact()
-    error, regime = s["error"], s["regime"]
-    sticking = ca.if_else(y[0] >= 0.0, STICKING, STICKING_BACK)
-    side = ca.if_else(regime == STICKING_BACK, y[0], -y[0])  # how far it is on the other side
-    limit = c.law.cap * c.law.r
-    counts = ca.fabs(_elastic(y)[0] * y[0]) > TURNED * limit
-    turned = ca.logic_and(ca.logic_and(side > error, counts), c.of.mu.forward != c.of.mu.backward)
-    far = eta**2 > s["breaks"] * limit**2
-    of_stuck = ca.if_else(turned, sticking, ca.if_else(ca.logic_or(far, excess > error), SLIDING, regime))
-    rests = ca.logic_or(excess < -error, held)
-    of_touching = ca.if_else(regime == SLIDING, ca.if_else(rests, sticking, SLIDING), of_stuck)
-    of_open = ca.if_else(ca.logic_or(backs, excess <= error), sticking, SLIDING)
-    free = ca.if_else(touching > 0.0, ca.if_else(excess > 0.0, SLIDING, sticking), OPEN)
-    found = ca.if_else(touching < -error, OPEN, of_touching)
-    found = ca.if_else(regime == OPEN, ca.if_else(touching > error, of_open, OPEN), found)
-    return ca.if_else(s["stiffness"] > 0.0, ca.if_else(regime == FREE, free, found), OPEN)
-
-
-def expected() -> ca.Function:
-    """Return f of (C5), load and regime that a contact will have if it goes on as in the last two steps.
-
-    X and `regime` are those of the start of the step, `first` is the motion that is expected; what lands is taken for
-    pressed in by `error`.
-    """
-    s, c = LAYOUT.symbols, _contact()
-    y = c.slide - c.law.centre + ca.vertcat(*[ca.dot(t, s["first"]) for t in _tangents()])
-    at = contact.friction(y, c.of, c.law)
-    trend = 2.0 * s["pull"] - s["pull_m"]
-    share = contact.share(trend, c.of, c.law.cap)
-    known, stuck = s["load_m"] > 0.0, s["regime"] >= STICKING
-    lands = ca.logic_and(s["regime"] == OPEN, c.touching - ca.dot(s["normal"], s["first"]) > 0.0)
-    lands = ca.logic_and(lands, s["stiffness"] > 0.0)
-    lifts = ca.logic_and(known, 2.0 * s["load_n"] < s["load_m"])
-    breaks = ca.logic_and(stuck, ca.logic_and(known, share > 1.0))
-    turns = ca.logic_and(s["regime"] == SLIDING, ca.logic_and(at.multiplier > 0.0, ca.dot(y, s["pull"]) < 0.0))
-    regime = ca.if_else(ca.logic_or(breaks, lands), SLIDING, s["regime"])
-    regime = ca.if_else(ca.logic_and(s["regime"] >= SLIDING, lifts), OPEN, regime)
-    pull = ca.if_else(breaks, trend / ca.sqrt(share), ca.if_else(ca.logic_or(turns, lands), at.f, s["pull"]))
-    load = ca.if_else(lands, s["stiff"] * s["error"], s["load_n"])
-    return LAYOUT.function("point_expected", {"pull": pull, "foreseen": load, "regime": regime})
-
-
-def _slip() -> ca.SX:
+def _slip(law: Law) -> ca.SX:
     """Motion of the anchor (C4), shape (2,): zero where nothing touches, all of s where the place has no grip."""
-    s, c = LAYOUT.symbols, _contact()
-    y = c.slide - c.law.centre
-    slip = y - contact.left_after_return(y, c.of, c.law)
+    s, c = LAYOUT.symbols, contact_of(law)
+    slip = c.y - contact.left_after_return(c.y, c.of, c.step)
     return ca.if_else(c.load > 0.0, ca.if_else(s["hold"] > 0.0, slip, c.slide), ca.SX.zeros(2))
 
 
@@ -346,11 +261,11 @@ AFTER = Layout(
 """Outputs of `after`."""
 
 
-def after() -> ca.Function:
+def after(law: Law = Coulomb) -> ca.Function:
     """Return the point's terms of the ledger, as in `LEDGER_TERMS`, and the state with which the next step begins."""
-    s, slip, touches = LAYOUT.symbols, _slip(), LAYOUT.symbols["load_n"] > 0.0
-    stored, friction = _friction_ledger(slip)
-    parts = (friction, _normal_ledger(), inertia.ledger(s, s["first"]))
+    s, slip, touches = LAYOUT.symbols, _slip(law), LAYOUT.symbols["load_n"] > 0.0
+    stored, friction = _friction_ledger(law, slip)
+    parts = (friction, _normal_ledger(law), inertia.ledger(s, s["first"]))
     terms = [sum((part[name] for part in parts if name in part), ca.SX(0.0)) for name in LEDGER_TERMS]
     along, left = _tangents()
     rows = {
@@ -370,9 +285,9 @@ def momenta() -> ca.Function:
     return LAYOUT.function("point_momenta", {"momenta": inertia.momenta(LAYOUT.symbols)})
 
 
-def _normal_ledger() -> dict[str, ca.SX]:
+def _normal_ledger(law: Law) -> dict[str, ca.SX]:
     """Return penetration, loss by impact and numerical loss of the normal contact."""
-    s, c = LAYOUT.symbols, _contact()
+    s, c = LAYOUT.symbols, contact_of(law)
     depth = ca.fmax(0.0, -s["distance"])
     rise = s["stiffness"] / 2.0 * (depth**2 - s["depth_n"] ** 2)
     mean, first = (c.load * ca.dot(s["normal"], way) for way in (inertia.mean_motion(s), s["first"]))
@@ -381,13 +296,12 @@ def _normal_ledger() -> dict[str, ca.SX]:
     return {"penetration": rise, "impact": impact, "numerical_loss": -first - rise - impact}
 
 
-def _friction_ledger(slip: ca.SX) -> tuple[ca.SX, dict[str, ca.SX]]:
+def _friction_ledger(law: Law, slip: ca.SX) -> tuple[ca.SX, dict[str, ca.SX]]:
     """Return the anchor's energy at the end of the step, and friction's terms."""
-    s, c = LAYOUT.symbols, _contact()
+    s, c = LAYOUT.symbols, contact_of(law)
     touching = c.load > 0.0
-    load, s_n = s["hold"] * c.load, s["slide_n"]
-    ways = (inertia.motion(s), s["first"], inertia.mean_motion(s))
-    moved, first, mean = (ca.vertcat(*[ca.dot(t, way) for t in _tangents()]) for way in ways)
+    load, s_n = s["hold"] * c.step.capacity(c.load)[0], s["slide_n"]
+    moved, first, mean = map(in_tangents, (inertia.motion(s), s["first"], inertia.mean_motion(s)))
     left = s_n + ca.if_else(touching, moved - slip, ca.SX.zeros(2))
     y = ca.SX.sym("y", 2)
     energy = contact.anchor_energy(y, c.of, s["yield_gauge"])
@@ -397,9 +311,10 @@ def _friction_ledger(slip: ca.SX) -> tuple[ca.SX, dict[str, ca.SX]]:
 
     stored, stored_n = load * of(energy, left), load * of(energy, s_n)
     spring = load * of(ca.gradient(energy, y), left)
-    at = contact.friction(c.slide - c.law.centre, c.of, c.law)
+    at = contact.friction(c.y, c.of, c.step)
     force = load * at.f  # (C4) keeps it
-    loss = load * s["cap"] * ca.sqrt(contact.squares(slip, c.of)[0])
+    lost = ca.sqrt(contact.squares(slip, c.of)[0])
+    loss = load * c.step.strength(lost)[0] * lost
     load_change = stored_n - s["stored_n"]
     stretch = left - s_n
     impact = s["lands"] * ca.dot(force, mean - moved)

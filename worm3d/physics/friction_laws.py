@@ -1,0 +1,178 @@
+"""Laws of friction: what a contact resists with, as two symbolic functions. A new law is one class.
+
+The set of forces, the anchors and the compiled step (`worm3d.physics.contact`) are the same for every law; a law says
+
+(C7) the capacity C(N) [N] that the coefficients multiply, at a normal load N [N]. C(0) = 0, and it never falls; N
+     itself is Coulomb's law.
+(C8) the excess Psi(w) [m/s]: power lost beyond Coulomb's, per unit of capacity, at the rate w = rho(slip)/dt of (C2)
+     [m/s], which is the power that Coulomb's law loses. Psi(0) = Psi'(0) = 0; 0 is Coulomb's law.
+
+A contact that slides steadily at velocity v along an axis with the coefficient mu feels C(N) mu (1 + Psi'(mu |v|)); one
+that sticks holds up to static_ratio mu C(N). `worm3d/physics/README.md` derives the step from these two functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
+
+import numpy as np
+
+from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, parameters_of
+from worm3d.values.read_only import ReadOnly
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+LAWS: dict[str, type[FrictionLaw]] = {}
+"""Class of each law of friction, by its name."""
+
+MAX_PARAMETERS = 4
+"""Number of parameters that a law may have: the kernels have rows for so many."""
+
+ROUNDING = 1e-12
+"""Size up to which a value counts as 0 where a law is checked."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionLaw(ReadOnly):
+    """Base of all laws of friction.
+
+    A subclass is a frozen dataclass found in `LAWS` under its `name`. Its fields are its parameters, declared by
+    `worm3d.values.parameters.parameter` with each="segment", at most four. It overrides `capacity`, `excess` or both,
+    which receive the parameters as attributes of `p`.
+
+    Raises
+    ------
+    ValueError
+        A parameter that is not finite or out of range, or functions that contradict (C7) or (C8).
+    """
+
+    name: ClassVar[str] = ""
+
+    def __init_subclass__(cls, name: str = "") -> None:
+        super().__init_subclass__()
+        known = LAWS.get(name)
+        if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise ValueError(f"name: got {name!r}, must be another than those of the laws that there are")
+        if name:  # a class that is defined again, as in a notebook, takes the place of the former one
+            cls.name, LAWS[name] = name, cls
+
+    def __post_init__(self) -> None:
+        names = parameters_of(type(self))
+        if len(names) > MAX_PARAMETERS:
+            raise ValueError(f"{type(self).__name__}: got {len(names)} parameters, must be at most {MAX_PARAMETERS}")
+        check(self)
+        if (type(self).capacity, type(self).excess) != (FrictionLaw.capacity, FrictionLaw.excess):
+            self._check_functions()
+
+    def _check_functions(self) -> None:
+        import casadi as ca  # loading it takes longer than all else that describes a worm
+
+        x, p = ca.SX.sym("x"), Symbols(type(self), ca.SX.sym("p", MAX_PARAMETERS))
+        functions = self.capacity(x, p), self.excess(x, p)
+        values = ca.Function("law", [x, p.rows], [*functions, *(ca.gradient(each, x) for each in functions)])
+        for column in self.rows().T:
+            capacity, excess, slope, rise = (float(each) for each in values(0.0, column))
+            for what, value in (("capacity at 0", capacity), ("excess at 0", excess), ("slope of excess at 0", rise)):
+                if not abs(value) <= ROUNDING:
+                    raise ValueError(f"{type(self).__name__}: the {what} is {value:g}, must be 0")
+            if not 0.0 <= slope < np.inf:
+                raise ValueError(
+                    f"{type(self).__name__}: the slope of capacity at 0 is {slope:g}, must be finite and at least 0"
+                )
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and np.array_equal(self.rows(), other.rows())
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.rows().tobytes()))
+
+    def rows(self, segments: int | None = None) -> FloatArray:
+        """Return the parameters as the kernels take them, shape (4, N), unused rows 0.
+
+        Raises
+        ------
+        ValueError
+            A parameter that has not one value per segment.
+        """
+        given = {name: np.asarray(getattr(self, name)) for name in parameters_of(type(self))}
+        lanes = max((value.size for value in given.values()), default=1) if segments is None else segments
+        rows = np.zeros((MAX_PARAMETERS, lanes))
+        for row, (name, value) in zip(rows, given.items(), strict=False):
+            if value.shape not in ((), (lanes,)):
+                raise ValueError(f"{name}: got shape {value.shape}, must be a number or of shape ({lanes},)")
+            row[:] = value
+        return rows
+
+    @staticmethod
+    def capacity(load: ca.SX, p: Symbols) -> ca.SX:
+        """Return C of (C7) [N] for a normal load [N].
+
+        Iterates of Newton's method have small negative loads too: it has to be finite and smooth there.
+        """
+        return load
+
+    @staticmethod
+    def excess(rate: ca.SX, p: Symbols) -> ca.SX:
+        """Return Psi of (C8) [m/s] for a rate [m/s], which is never negative."""
+        return 0.0 * rate
+
+
+class Symbols:
+    """Symbols of the parameters of a law, as attributes.
+
+    Parameters
+    ----------
+    law : type of FrictionLaw
+    rows : SX, shape (4,)
+    """
+
+    def __init__(self, law: type[FrictionLaw], rows: ca.SX) -> None:
+        self.rows = rows
+        for k, name in enumerate(parameters_of(law)):
+            setattr(self, name, rows[k])
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> ca.SX:
+            """Return a parameter."""
+
+
+@dataclass(frozen=True, eq=False)
+class Coulomb(FrictionLaw, name="coulomb"):
+    """Coulomb's law: what slides feels mu N, whatever its speed."""
+
+
+Made = TypeVar("Made")
+
+
+def made_once(make: Callable[[type[FrictionLaw]], Made]) -> Callable[[type[FrictionLaw]], Made]:
+    """Decorate a function of a law to be called once for each (mypy does not take a class for hashable)."""
+    return cast("Callable[[type[FrictionLaw]], Made]", cache(make))
+
+
+def law_of(given: FrictionLaw | str | Mapping[str, Any]) -> FrictionLaw:
+    """Return a law that is given as itself, by its name, or by its name and parameters.
+
+    Raises
+    ------
+    ValueError
+        Anything else, an unknown name, or a bad parameter.
+    """
+    if isinstance(given, FrictionLaw):
+        return given
+    more = dict(given) if isinstance(given, Mapping) else {"name": given}
+    name = more.pop("name", None)
+    if not isinstance(name, str) or name not in LAWS:
+        known = ", ".join(map(repr, LAWS))
+        raise ValueError(f"law: got {arguments.shown(name)}, must be one of {known}, or a worm3d.FrictionLaw")
+    allowed = parameters_of(LAWS[name])
+    unknown = [key for key in more if key not in allowed]
+    if unknown:
+        raise ValueError(f"law: got {unknown[0]!r} for {name!r}, must be of {', '.join(allowed) or 'no parameters'}")
+    return LAWS[name](**more)

@@ -1,0 +1,125 @@
+"""Kernels that guess: in which regime a contact is, or will be, and with which friction and load.
+
+They are heuristics: they decide where Newton's method begins and in how many iterations it ends, not the solution,
+which obeys the law of `worm3d.physics.contact` alone.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from worm3d.physics import contact
+from worm3d.physics.friction_laws import Coulomb
+from worm3d.physics.kernels.point import (
+    FREE,
+    LAYOUT,
+    OPEN,
+    SLIDING,
+    STICKING,
+    STICKING_BACK,
+    Contact,
+    Law,
+    contact_of,
+    in_tangents,
+    penetration,
+    sided,
+)
+
+SWUNG = 3e-5
+"""Square of the relative change of y above which the K of a sliding contact is made anew."""
+
+HELD = 0.25
+"""Square of the share of the law's own force below which a foreseen force of a sliding contact means that it sticks."""
+
+TURNED = 1e-7
+"""Displacement along the segment, as a fraction of the yield limit, below which a stuck contact keeps its side."""
+
+
+def yielding(law: Law = Coulomb) -> ca.Function:
+    """Return what a contact does at X + `first`, to first order, in metres.
+
+    y = s - s* (2); by how much it is beyond the yield limit, for the largest coefficient; the penetration -g - d*
+    (negative where nothing touches); f' (2) of (C5) and the normal load; the square of the fraction of itself, or of
+    the yield limit, by which y changes; the regime that follows where the law denies one by more than `error`;
+    whether K of before is out of date: with another regime, or where y changes by more than `SWUNG`; by how much eta is
+    beyond (C6); and by how much it changes, the error included.
+    """
+    s, c = LAYOUT.symbols, contact_of(law)
+    now, dy = c.y, in_tangents(s["first"])
+    y, opens = now + dy, s["regime"] == OPEN
+    bound = ca.logic_or(s["regime"] >= STICKING, opens)
+    at = contact.friction(now, sided(c.of), c.step, bound)
+    pull, swing = contact.pulled(now, dy, s["pull"], at)
+    ahead = contact.friction(y, sided(c.of), c.step, bound).strength
+    share = contact.share(pull, sided(c.of), ahead)
+    eta = ca.sqrt(contact.squares(y, c.of)[1])
+    largest = ca.mmax(s["mu"] * s["hardness"])
+    excess = (eta - c.step.cap * c.step.r * (1.0 + contact.YIELD_TOLERANCE)) / largest
+    touching = c.touching - ca.dot(s["normal"], s["first"])
+    backs = ca.dot(_elastic(now, c.of) ** 2 * now, y) <= 0.0
+    held = HELD * ca.if_else(at.multiplier > 0.0, contact.share(at.f, sided(c.of), at.strength), 1.0)
+    recent = ca.norm_2(_elastic(y, c.of) * dy) + largest * s["error"]
+    regime = _next(c, y, eta, excess, touching, share < held, backs)
+    swings = ca.logic_and(s["regime"] == SLIDING, swing > SWUNG)
+    rows = {
+        "y": y,
+        "excess": excess,
+        "touching": touching,
+        "pull": pull / ca.sqrt(ca.fmax(share, 1.0)),
+        "foreseen": s["stiff"] * penetration(touching),
+        "swing": swing,
+        "regime": regime,
+        "stale": ca.logic_or(regime != s["regime"], swings),
+        "reach": contact.reach(y, c.of, c.step),
+        "recent": recent,
+    }
+    return LAYOUT.function("point_yielding", rows)
+
+
+def _elastic(y: ca.SX, of: contact.Coefficients) -> ca.SX:
+    """Return H mu of (C2), shape (2,)."""
+    return of.mu.of(y) * of.hardness.of(y)
+
+
+def _next(c: Contact, y: ca.SX, eta: ca.SX, excess: ca.SX, touching: ca.SX, held: ca.SX, backs: ca.SX) -> ca.SX:
+    """Return the regime that follows where the law denies one by more than the error."""
+    s = LAYOUT.symbols
+    error, regime = s["error"], s["regime"]
+    sticking = ca.if_else(y[0] >= 0.0, STICKING, STICKING_BACK)
+    side = ca.if_else(regime == STICKING_BACK, y[0], -y[0])  # how far it is on the other side
+    limit = c.step.cap * c.step.r
+    counts = ca.fabs(_elastic(y, c.of)[0] * y[0]) > TURNED * limit
+    turned = ca.logic_and(ca.logic_and(side > error, counts), c.of.mu.forward != c.of.mu.backward)
+    far = eta**2 > s["breaks"] * limit**2
+    of_stuck = ca.if_else(turned, sticking, ca.if_else(ca.logic_or(far, excess > error), SLIDING, regime))
+    rests = ca.logic_or(excess < -error, held)
+    of_touching = ca.if_else(regime == SLIDING, ca.if_else(rests, sticking, SLIDING), of_stuck)
+    of_open = ca.if_else(ca.logic_or(backs, excess <= error), sticking, SLIDING)
+    free = ca.if_else(touching > 0.0, ca.if_else(excess > 0.0, SLIDING, sticking), OPEN)
+    found = ca.if_else(touching < -error, OPEN, of_touching)
+    found = ca.if_else(regime == OPEN, ca.if_else(touching > error, of_open, OPEN), found)
+    return ca.if_else(s["stiffness"] > 0.0, ca.if_else(regime == FREE, free, found), OPEN)
+
+
+def expected(law: Law = Coulomb) -> ca.Function:
+    """Return f of (C5), load and regime that a contact will have if it goes on as in the last two steps.
+
+    X and `regime` are those of the start of the step, `first` is the motion that is expected; what lands is taken for
+    pressed in by `error`.
+    """
+    s, c = LAYOUT.symbols, contact_of(law)
+    y = c.y + in_tangents(s["first"])
+    at = contact.friction(y, c.of, c.step)
+    trend = 2.0 * s["pull"] - s["pull_m"]
+    share = contact.share(trend, c.of, c.step.cap)
+    known, stuck = s["load_m"] > 0.0, s["regime"] >= STICKING
+    lands = ca.logic_and(s["regime"] == OPEN, c.touching - ca.dot(s["normal"], s["first"]) > 0.0)
+    lands = ca.logic_and(lands, s["stiffness"] > 0.0)
+    lifts = ca.logic_and(known, 2.0 * s["load_n"] < s["load_m"])
+    breaks = ca.logic_and(stuck, ca.logic_and(known, share > 1.0))
+    turns = ca.logic_and(s["regime"] == SLIDING, ca.logic_and(at.multiplier > 0.0, ca.dot(y, s["pull"]) < 0.0))
+    regime = ca.if_else(ca.logic_or(breaks, lands), SLIDING, s["regime"])
+    regime = ca.if_else(ca.logic_and(s["regime"] >= SLIDING, lifts), OPEN, regime)
+    pull = ca.if_else(breaks, trend / ca.sqrt(share), ca.if_else(ca.logic_or(turns, lands), at.f, s["pull"]))
+    load = ca.if_else(lands, s["stiff"] * s["error"], s["load_n"])
+    return LAYOUT.function("point_expected", {"pull": pull, "foreseen": load, "regime": regime})
