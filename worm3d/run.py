@@ -242,6 +242,7 @@ class Run:
         arrays, n, worm = self.plant.arrays, self.n, self.plant.worm
         momentum, com = mass_centre(self.core)
         joints = arrays["joints"][:3, : n + 1].T.copy()
+        places, rates = (arrays[name][:3].reshape(3, POINTS, -1) for name in ("points", "point_velocity"))
         return Observation(
             time=self.time(self.done),
             chamber_strain=arrays["lengths"][:2, :n].T / worm.l0 - 1.0,
@@ -249,6 +250,9 @@ class Run:
             com_velocity=momentum[:3] / worm.mass,
             heading=float(heading(joints[None])[0]),
             joints=joints,
+            joint_velocity=arrays["joint_velocity"][:3, : n + 1].T.copy(),
+            apexes=places[:, :6, :n].T.copy(),
+            apex_velocity=rates[:, :6, :n].T.copy(),
             contraction=arrays["given"][0, : 2 * n].reshape(n, 2).copy(),
             normal_load=self.plant.loads()[:6].T.copy(),
         )

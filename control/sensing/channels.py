@@ -22,6 +22,9 @@ from worm3d.values.arrays import FloatArray
 MAX_COORDINATE = 1e7
 """Largest magnitude of a coordinate that can be right, more than any grid on earth has [m]."""
 
+MAX_ANGULAR_RATE = 100.0
+"""Largest angular rate that can be right, three times the full range of usual gyroscopes of 2000 deg/s [rad/s]."""
+
 MAX_HEADING = 1e4
 """Largest magnitude of a heading that can be right; sensors may count whole turns [rad]."""
 
@@ -117,6 +120,9 @@ COM = Channel(noise=0.005, rate=20.0)
 """Quality of a camera: 5 mm in each direction, 20 pictures a second."""
 HEADING = Channel(noise=float(np.deg2rad(1.1)))
 """Quality of a compass: 1.1 degrees."""
+ANGULAR_RATE = Channel(noise=float(np.deg2rad(0.1)), bias=float(np.deg2rad(0.5)))
+"""Quality of a MEMS gyroscope: 0.1 deg/s (a noise density of 0.01 deg/s/sqrt(Hz) over a bandwidth of 100 Hz), and a
+zero-rate offset of 0.5 deg/s."""
 
 QUANTITIES = {
     "strain": Quantity(  # l_c/l0 - 1, [left, right]
@@ -151,6 +157,15 @@ QUANTITIES = {
         limits=lambda worm: (-MAX_HEADING, MAX_HEADING),
         mirrored=lambda value: -value,
         angle=True,
+    ),
+    "angular_rate": Quantity(  # of each segment in its own axes: forward, left, up
+        "angular rate of the segments",
+        "rad/s",
+        ANGULAR_RATE,
+        true_value=lambda seen: seen.angular_velocity,
+        shape=lambda worm: (worm.segments, 3),
+        limits=lambda worm: (-MAX_ANGULAR_RATE, MAX_ANGULAR_RATE),
+        mirrored=lambda value: value * [-1.0, 1.0, -1.0],  # an axial vector
     ),
 }
 """Quantity of each channel, by its name."""

@@ -1,26 +1,43 @@
 """Sensors: noise, bias, delay, dropout and rate of each channel, and mirror images."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from control.gaits import TravellingWave
 from control.sensing.channels import QUANTITIES, Quantity
 from control.sensing.gate import Gate, Refusal
 from control.sensing.sensors import Channel, Measurement, Sensors
-from worm3d import Observation, Worm
+from worm3d import Command, Observation, Plane, State, Worm, simulate
 
 EXACT = Channel(noise=0.0)
 N = 6
+APEXES = np.array([[0, 1, -1], [0, 1, 1], [0, 2, 0], [0, -1, -1], [0, -1, 1], [0, -2, 0]])
+"""Directions from the middle of a segment to its apexes."""
 
 
 def seen(t: float) -> Observation:
     """Return what a worm looks like that changes all the time."""
     strain = 0.1 * np.sin(t + np.arange(2.0 * N)).reshape(N, 2)
-    nothing = np.zeros((N, 2))
     com = np.array([0.1 * t, np.sin(t), 0.07])
-    return Observation(t, strain, com, np.zeros(3), np.sin(t), np.zeros((N + 1, 3)), nothing, np.zeros((N, 6)))
+    random = np.random.default_rng(round(1e3 * t))
+    return Observation(
+        time=t,
+        chamber_strain=strain,
+        com=com,
+        com_velocity=np.zeros(3),
+        heading=np.sin(t),
+        joints=np.zeros((N + 1, 3)) + 0.1 * np.arange(N + 1)[:, None] * [1, 0, 0],
+        joint_velocity=random.uniform(-0.1, 0.1, (N + 1, 3)),
+        apexes=random.uniform(-0.01, 0.01, (N, 6, 3)) + 0.05 * APEXES,
+        apex_velocity=random.uniform(-0.1, 0.1, (N, 6, 3)),
+        contraction=np.zeros((N, 2)),
+        normal_load=np.zeros((N, 6)),
+    )
 
 
 def run(sensors: Sensors, steps: int, dt: float = 0.01) -> list[Measurement]:
@@ -115,13 +132,16 @@ def mirrored(observation: Observation) -> Observation:
         chamber_strain=observation.chamber_strain[:, ::-1],
         com=observation.com * [1, -1, 1],
         heading=-observation.heading,
+        joint_velocity=observation.joint_velocity * [1, -1, 1],
+        apexes=observation.apexes[:, [3, 4, 5, 0, 1, 2]] * [1, -1, 1],
+        apex_velocity=observation.apex_velocity[:, [3, 4, 5, 0, 1, 2]] * [1, -1, 1],
     )
 
 
 def test_mirrored_sensors_make_the_mirrored_measurement_of_the_mirrored_worm() -> None:
-    rough = [Channel(noise=0.1, bias=0.2, dropout=0.2, delay=0.02, rate=60.0) for _ in range(3)]
-    here, there = Sensors(*rough, seed=3), Sensors(*rough, seed=3, mirrored=True)
-    arrived = 0
+    rough = Channel(noise=0.1, bias=0.2, dropout=0.2, delay=0.02, rate=60.0)
+    here, there = (Sensors(seed=3, mirrored=m, **dict.fromkeys(QUANTITIES, rough)) for m in (False, True))
+    arrived = turned = 0
     for k in range(100):
         one, two = here(seen(0.01 * k)), there(mirrored(seen(0.01 * k)))
         assert (one.com is None, one.strain is None) == (two.com is None, two.strain is None)
@@ -132,7 +152,10 @@ def test_mirrored_sensors_make_the_mirrored_measurement_of_the_mirrored_worm() -
             assert_allclose(two.strain, one.strain[:, ::-1], atol=1e-15)
         if one.heading is not None:
             assert two.heading == pytest.approx(-one.heading, abs=1e-14)
-    assert arrived > 30
+        if one.angular_rate is not None:
+            assert_allclose(two.angular_rate, one.angular_rate * [-1, 1, -1], atol=1e-13)
+            turned += 1
+    assert min(arrived, turned) > 30
 
 
 def test_measured_headings_stay_within_a_turn() -> None:
@@ -197,3 +220,66 @@ def test_a_quantity_that_is_declared_is_a_channel(monkeypatch: pytest.MonkeyPatc
     assert gate(0.3, measured) is measured
     assert gate(0.4, measured.changed(tail=(np.array([2.0]), 0.4))).tail is None
     assert gate.refused["tail", Refusal.OUT_OF_RANGE] == 1
+
+
+class Listening:
+    """A gait as a controller that keeps its measurements."""
+
+    def __init__(self, gait: Callable[[float], Command]) -> None:
+        self._gait = gait
+
+    def reset(self) -> None:
+        self.heard: list[Any] = []
+
+    def step(self, t: float, measurement: Any) -> Command:
+        self.heard.append(measurement)
+        return self._gait(t)
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.005])
+def test_the_angular_rate_is_that_of_the_segments_axes(dt: float) -> None:
+    worm = Worm()
+    listening = Listening(TravellingWave(bias=0.5, hinge=0.1).bind(worm))
+    sensors = Sensors(angular_rate=EXACT)
+    slope = Plane(slope=0.1, heading=0.7)
+    run = simulate(worm, slope, actuation=listening, sensor=sensors, duration=4.0, dt=dt)
+    tangents = np.diff(run.joints, axis=1)
+    tangents /= np.linalg.norm(tangents, axis=-1, keepdims=True)
+    axes = np.stack([tangents, run.directors, np.cross(tangents, run.directors)], axis=-1)
+    # R^T R' is the cross product with the rate; central differences of the stored axes give R'.
+    spin = np.einsum("tnji,tnjk->tnik", axes[1:-1], (axes[2:] - axes[:-2]) / (2.0 * dt))
+    expected = np.stack([spin[..., 2, 1], spin[..., 0, 2], spin[..., 1, 0]], axis=-1)
+    measured = np.array([each.angular_rate for each in listening.heard[1:]])
+    off = np.abs(measured - expected)
+    # Of second order, a quarter at half the step: 3.2e-3, 0.9e-3 and 3.1e-3 rad/s at 10 ms. Impacts are jumps.
+    assert np.median(off, axis=(0, 1)).max() < 5e-3 * (dt / 0.01) ** 2
+    for axis in range(3):
+        assert np.corrcoef(measured[..., axis].ravel(), expected[..., axis].ravel())[0, 1] > 0.98
+    assert np.sqrt((expected**2).mean(axis=(0, 1))).min() > 0.2, "it turns about every axis"
+
+
+@pytest.mark.parametrize("turned", [0.0, 2.0])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_rolling_to_the_right_pitching_down_and_yawing_to_the_left_are_positive(axis: int, turned: float) -> None:
+    worm, rate = Worm(), np.zeros(3)
+    rate[axis] = 0.5
+    start = State.straight(worm, None, (0.0, 0.0, 1.0), turned)
+    forward = np.array([np.cos(turned), np.sin(turned), 0.0])
+    axes = np.array([forward, np.cross([0.0, 0.0, 1.0], forward), [0.0, 0.0, 1.0]])
+    velocity = np.cross(rate @ axes, start.joints - start.joints.mean(axis=0))
+    start = start.with_changes(joint_velocity=velocity, roll_rate=np.full(N, rate[0]))
+    listening = Listening(lambda t: Command(np.zeros((N, 2))))
+    simulate(
+        worm,
+        None,
+        actuation=listening,
+        state=start,
+        duration=0.2,
+        gravity=(0, 0, 0),
+        sensor=Sensors(angular_rate=EXACT),
+    )
+    for each in listening.heard:
+        assert_allclose(each.angular_rate, np.tile(rate, (N, 1)), atol=3e-4)
+    nose_down = simulate(worm, None, state=start, duration=0.2, gravity=(0, 0, 0)).joints[-1]
+    if axis == 1:
+        assert nose_down[-1, 2] < nose_down[0, 2] - 0.05
