@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from worm3d.values.arrays import FloatArray
-from worm3d.worlds import ClampedGround, Heightfield, Mesh, Pipe, Plane, World
 
 if TYPE_CHECKING:
     from worm3d.result import Result
+    from worm3d.worlds import World
 
 
 UPRIGHT = 1e-3
@@ -41,26 +41,11 @@ def heading(joints: FloatArray) -> FloatArray:
 
 def forward(joints: FloatArray, world: World | None) -> FloatArray | None:
     """Return the unit vector of the heading of joints (N+1, 3) in the world's tangent plane; None if vertical."""
-    chord = joints[-1] - joints[0]
     azimuth = heading(joints[None])[0]
     if np.isnan(azimuth):
         return None
-    if isinstance(world, Heightfield | Mesh):  # of which the normal changes from place to place: the worm lies along it
-        return np.asarray(chord / np.linalg.norm(chord))
-    along = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    if world is not None:
-        normal = _normal(world, joints.mean(axis=0), float(np.linalg.norm(chord)))
-        along[2] = -float(along[:2] @ normal[:2]) / normal[2] if abs(normal[2]) > UPRIGHT else 0.0
-    return along / float(np.linalg.norm(along))
-
-
-def _normal(world: World, at: FloatArray, length: float) -> FloatArray:
-    """Return the gradient of the world's distance by central differences over a small part of the body."""
-    h = 1e-6 * length
-    ends = np.array([at + side * h * axis for axis in np.eye(3) for side in (1.0, -1.0)])
-    d = world.distance(ends)
-    gradient: FloatArray = (d[::2] - d[1::2]) / (2.0 * h)
-    return gradient
+    level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    return level / float(np.linalg.norm(level)) if world is None else world.forward(joints, level)
 
 
 def way(com: FloatArray, joints: FloatArray, world: World | None) -> FloatArray | None:
@@ -68,10 +53,9 @@ def way(com: FloatArray, joints: FloatArray, world: World | None) -> FloatArray 
 
     Along the heading of the joints (N+1, 3); along the centre line in a pipe, counted towards the head.
     """
-    if isinstance(world, Pipe):
-        tail, head = world.along(joints[[0, -1]])
-        towards: FloatArray = np.sign(head - tail) * world.along(com)
-        return towards
+    course = None if world is None else world.course(com, joints)
+    if course is not None:
+        return course
     along = forward(joints, world)
     return None if along is None else com @ along
 
@@ -128,9 +112,9 @@ def _integrals(values: FloatArray, time: FloatArray, t: FloatArray) -> FloatArra
 
 def _along_the_ground(com: FloatArray, result: Result) -> FloatArray:
     """Return the centre of mass without its height over a plane: a worm that rises on its feet makes no way."""
-    if not isinstance(result.world, Plane | ClampedGround):
+    if result.world is None or not result.world.flat:
         return com
-    normal = _normal(result.world, result.joints[0].mean(axis=0), result.worm.length)
+    normal = result.world.normal(result.joints[0].mean(axis=0), result.worm.length)
     level: FloatArray = com - (com @ normal)[:, None] * normal
     return level
 

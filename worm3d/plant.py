@@ -25,8 +25,7 @@ from worm3d.solver.newton import solve_entry
 from worm3d.solver.step import step_entry
 from worm3d.state import State, StateError
 from worm3d.values.arrays import FloatArray
-from worm3d.worlds import ClampedGround, World
-from worm3d.worlds.base import WorldKernel
+from worm3d.worlds import World, WorldKernel
 from worm3d.worlds.plane import Plane
 from worm3d.worm import Worm
 
@@ -142,7 +141,7 @@ class Plant:
     @property
     def clamped(self) -> bool:
         """Whether the ground is the paper's."""
-        return isinstance(self.world, ClampedGround)
+        return self.world is not None and self.world.clamped
 
     def _fill_numbers(self) -> None:
         worm, n = self.worm, self.n
@@ -159,7 +158,7 @@ class Plant:
             "lever": 0.5 * worm.l0,
             "clamped": float(self.clamped),
             "mass": float(np.sum(worm.apex_mass) + np.sum(worm.joint_mass)),
-            "threshold": self.world.velocity_threshold if isinstance(self.world, ClampedGround) else 0.0,
+            "threshold": 0.0 if self.world is None else self.world.velocity_threshold,
             **dict(zip(("gravity_x", "gravity_y", "gravity_z"), self.gravity, strict=True)),
         }
         self.arrays["numbers"][0] = [numbers[name] for name in arrays.NUMBERS]

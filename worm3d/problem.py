@@ -18,7 +18,7 @@ from worm3d.state import State
 from worm3d.values import arguments
 from worm3d.values.arrays import BoolArray, FloatArray
 from worm3d.values.memory import bytes_of_run, require_room
-from worm3d.worlds import ClampedGround, World
+from worm3d.worlds import World
 from worm3d.worm import Worm
 
 Integrator = Literal["bdf2", "implicit_euler"]
@@ -125,7 +125,7 @@ class Problem:
     @cached_property
     def held_mask(self) -> BoolArray:
         """Which coordinates stay fixed, those included that the model holds, shape (5 (N+1),)."""
-        clamped = isinstance(self.world, ClampedGround)
+        clamped = self.world is not None and self.world.clamped
         return held_mask(self.held, self.worm.segments, flat=self.worm.flat, clamped=clamped)
 
     @property

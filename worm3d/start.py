@@ -20,7 +20,7 @@ from worm3d.solver.guard import OK
 from worm3d.state import State, StateError
 from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
-from worm3d.worlds import ClampedGround, World
+from worm3d.worlds import World
 from worm3d.worm import Worm
 
 Settling = Callable[[Problem, State], tuple[State, Status]]
@@ -164,8 +164,7 @@ def require_shape(worm: Worm, state: State) -> None:
 
 def require_felt(worm: Worm, world: World | None) -> None:
     """Raise StateError for terrain with bumps that would pass between contact points and through the worm's axis."""
-    bumps = getattr(world, "bumps", None)
-    bump, clearance = bumps(worm.l0) if bumps else 0.0, float(np.max(worm.half_height))
+    bump, clearance = 0.0 if world is None else world.bumps(worm.l0), float(np.max(worm.half_height))
     if bump > clearance:
         raise StateError(
             f"state: the terrain is finer than the worm's contact points: it has bumps of {bump:.3g} m within "
@@ -189,7 +188,7 @@ def settle(problem: Problem, start: State) -> tuple[State, Status]:
     ones with contacts that stick, until the worm rests. The state has loads and no anchors yet (anchors are where the
     worm touches).
     """
-    for method in STICKING if getattr(problem.world, "uneven", False) else (SLIDING,):
+    for method in STICKING if problem.world is not None and problem.world.uneven else (SLIDING,):
         rested, status = _settled(problem, start, method)
         if status is Status.DONE:
             break
@@ -247,7 +246,7 @@ def hold(plant: Plant) -> bool:
 
 def settles(world: World | None, gravity: FloatArray, contracted: bool = False) -> bool:
     """Return whether a worm can be settled: there is a world, not the clamped one, and what presses it there."""
-    if world is None or isinstance(world, ClampedGround):
+    if world is None or world.clamped:
         return False
     return contracted or bool(np.any(world.pressing(gravity)))
 
@@ -316,6 +315,6 @@ def _come_to_rest(plant: Plant, problem: Problem, start: State, settling: Settli
     if status is Status.DONE:
         plant.set_pose(rested)
         plant.bear(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
-        if getattr(plant.world, "uneven", False):
+        if plant.world.uneven:
             hold(plant)
     return status

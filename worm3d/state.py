@@ -16,7 +16,6 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.worlds.base import World
-from worm3d.worlds.clamped import ClampedGround
 from worm3d.worm import Worm
 
 LIFTS = 50
@@ -205,7 +204,7 @@ def _laid(
             joints, left = world.placed(along, clearance, at, azimuth)
         except ValueError as error:
             raise StateError(f"state: {error}") from error
-        if isinstance(world, ClampedGround):
+        if world.clamped:
             return joints, left
         deep = -float(world.distance(_apexes(worm, joints, np.broadcast_to(left, (worm.segments, 3)))).min())
         if deep <= TOUCHES * worm.length:

@@ -12,7 +12,7 @@ import worm3d
 from control.gaits import TravellingWave
 from worm3d import Friction, Heightfield, Plane, State, Status, Worm
 from worm3d.result import INCOMING, LOST, STORED
-from worm3d.worlds.table import looked_up
+from worm3d.worlds.kernels import looked_up
 
 RUBBLE = Heightfield.rubble(3.0, 1.5, 0.02, height=0.04, size=0.12, seed=1)
 WAVES = Heightfield.sinusoid(3.0, 1.6, 0.02, amplitude=0.01, wavelength=0.5)

@@ -14,7 +14,7 @@ from control.gaits import TravellingWave
 from worm3d import Friction, Mesh, Plane, State, Status, Worm
 from worm3d.result import INCOMING, LOST, STORED
 from worm3d.worlds import mesh as module
-from worm3d.worlds.table import looked_up
+from worm3d.worlds.kernels import looked_up
 
 TURN = np.eye(4)
 TURN[:3, :3] = Rotation.from_rotvec([0.3, -0.5, 0.2]).as_matrix()
@@ -160,7 +160,7 @@ def test_a_grid_is_computed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         raise AssertionError("computed again")
 
     with monkeypatch.context() as context:
-        context.setattr("worm3d.worlds.distance_grid.filled", never)
+        context.setattr("worm3d.worlds.mesh_distance.filled", never)
         assert_array_equal(Mesh(path, units="m").distance(points), first)
         with pytest.raises(AssertionError, match="computed again"):
             Mesh(path, units="m", cell=0.05)
@@ -235,7 +235,7 @@ def test_worms_side_by_side_on_one_mesh_do_not_meet(slab: Mesh) -> None:
 
 def test_where_there_is_no_ground_or_no_room(slab: Mesh, tunnel: Mesh) -> None:
     with pytest.raises(
-        ValueError, match=r"position: got \[2.0, 0.0\] m: the mesh has no ground under the worm at x = 2."
+        ValueError, match=r"position: got \[2.0, 0.0\] m: the world has no ground under the worm at x = 2."
     ):
         State.straight(Worm(), slab, (2.0, 0.0))
     with pytest.raises(ValueError, match=r"inside the world; lift or move the worm|no ground under the worm"):

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from worm3d import Bend, Centreline, Patch, Pipe, Profile, Straight
 from worm3d.values.arrays import FloatArray
-from worm3d.worlds.symbolic import rows
+from worm3d.worlds.kernels import looked_up as rows
 
 CROOKED = Centreline.of(
     [Straight(1.0), Bend(np.pi / 2, 0.3), Straight(0.3), Bend(1.0, 0.4, "up"), Bend(3.0, 0.5, "right"), Bend(0.5, 0.6)],

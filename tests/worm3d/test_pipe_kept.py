@@ -9,8 +9,8 @@ from control.gaits import TravellingWave
 from worm3d import Bend, Centreline, Patch, Pipe, Profile, Straight, Worm
 from worm3d.machine.codegen import evaluate
 from worm3d.values.arrays import FloatArray
-from worm3d.worlds import pipe_table, symbolic, table
-from worm3d.worlds.base import WorldKernel
+from worm3d.worlds import kernels, pipe_table
+from worm3d.worlds.kernels import WorldKernel
 
 TURN = np.linspace(0.0, 8.0 * np.pi, 80)
 COIL = Centreline.through(np.column_stack([2.0 * np.cos(TURN), 2.0 * np.sin(TURN), 0.1 / 2.0 / np.pi * TURN]))
@@ -36,7 +36,7 @@ def laid_out(kernel: WorldKernel) -> FloatArray:
 
 def asked(kernel: WorldKernel, inputs: FloatArray, points: FloatArray) -> FloatArray:
     """What the kernel says of points with these inputs, with what has been kept in them."""
-    outputs = np.full((table.WORLD_ROWS, LANES), 7.0)
+    outputs = np.full((kernels.WORLD_ROWS, LANES), 7.0)
     inputs[:3, : len(points)] = points.T
     evaluate(kernel.address, inputs, outputs, len(points))
     return outputs[:, : len(points)]
@@ -88,7 +88,7 @@ def test_points_that_creep_get_what_they_get_with_nothing_kept(name: str) -> Non
 def test_so_many_points_as_one_after_the_other(count: int) -> None:
     pipe = PIPES["spline"]
     points = scattered(SPLINE, np.random.default_rng(6))[:count]
-    each = [symbolic.rows(pipe.kernel(), point) for point in points]
+    each = [kernels.looked_up(pipe.kernel(), point) for point in points]
     assert_array_equal(asked(kernel := pipe.kernel(), laid_out(kernel), points), np.array(each).T)
 
 
@@ -97,12 +97,12 @@ def test_a_piece_at_a_time_says_what_the_whole_formula_says() -> None:
     pipe, rng = PIPES["legs"], np.random.default_rng(7)
     kernel, formula = pipe.kernel(), pipe.symbolic()
     assert formula is not None
-    whole, inputs = symbolic.compiled(*formula), laid_out(kernel)
+    whole, inputs = kernels.compiled(*formula), laid_out(kernel)
     assert len(whole.parameters) > len(kernel.parameters), "it is the other kernel"
     for _ in range(50):
         s = rng.uniform(-0.2, LEGS.total + 0.2, LANES)
         points = LEGS.at(s)[0] + rng.normal(0.0, 0.05, (LANES, 3))
-        assert_allclose(asked(kernel, inputs, points), symbolic.rows(whole, points), rtol=0, atol=1e-10)
+        assert_allclose(asked(kernel, inputs, points), kernels.looked_up(whole, points), rtol=0, atol=1e-10)
 
 
 def test_worms_in_one_pipe_do_not_share_what_is_kept() -> None:

@@ -22,7 +22,7 @@ from worm3d import (
     Worm,
 )
 from worm3d.values.arrays import FloatArray
-from worm3d.worlds.symbolic import rows
+from worm3d.worlds.kernels import looked_up as rows
 
 STIFF = Worm(k_spring=100.0)
 WEIGHT = 0.1 * 9.81

@@ -16,20 +16,11 @@ WORM = np.array([[0.3, -0.2, 0.1], [1.7, 0.4, 0.3], [1.0, 1.1, 0.2]])
 AROUND = Window(WORM, body_length=1.0)
 
 
-class Waves:
+class Waves(World):
     """A world that no picture knows: from above it is a landscape, upside down a ceiling."""
 
     def __init__(self, turned: float = 1.0) -> None:
         self.turned = turned
-
-    def kernel(self) -> None:
-        """Not needed for a picture."""
-
-    def pressing(self, gravity: object) -> None:
-        """Not needed for a picture."""
-
-    def placed(self, *_: object) -> None:
-        """Not needed for a picture."""
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         return self.turned * (points[..., 2] - 0.1 * np.sin(3.0 * points[..., 0]) * np.cos(2.0 * points[..., 1]))
@@ -191,7 +182,7 @@ def test_a_mesh_of_too_many_triangles_is_drawn_from_its_distance(
 ) -> None:
     trimesh.creation.box(extents=(1.0, 1.0, 0.4)).export(tmp_path / "box.stl")
     world = worm3d.Mesh(tmp_path / "box.stl", units="m", cell=0.05)
-    monkeypatch.setattr("worm3d.worlds.scenery.mesh.MOST_FACES", 10)
+    monkeypatch.setattr("worm3d.worlds.scenery.MOST_FACES", 10)
     seen = scenery(world, AROUND).meshes
     assert [mesh.name for mesh in seen] == ["terrain", "terrain, dark"]
     assert np.abs(world.distance(triangles(seen).reshape(-1, 3))).max() < 0.01

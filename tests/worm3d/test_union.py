@@ -22,7 +22,7 @@ from worm3d import (
     Worm,
     slope_into_pipe,
 )
-from worm3d.worlds.symbolic import rows
+from worm3d.worlds.kernels import looked_up as rows
 
 SLOPE = np.deg2rad(10.0)
 TUNNEL = slope_into_pipe(SLOPE, 1.2, [Straight(0.5), Bend(1.0, 0.5), Straight(1.0)], 0.12)

@@ -1,13 +1,13 @@
 """Where worms crawl: worlds given by signed distance, its gradient and curvature, and friction per place."""
 
-from worm3d.worlds.base import World, WorldKernel
+from worm3d.worlds.base import World
 from worm3d.worlds.centreline import Bend, Centreline, Straight
-from worm3d.worlds.clamped import ClampedGround
 from worm3d.worlds.heightfield import Heightfield
+from worm3d.worlds.kernels import WorldKernel
 from worm3d.worlds.mesh import Mesh
 from worm3d.worlds.mesh_file import MeshError
 from worm3d.worlds.pipe import Pipe
-from worm3d.worlds.plane import Patch, Plane
+from worm3d.worlds.plane import ClampedGround, Patch, Plane
 from worm3d.worlds.profile import Profile
 from worm3d.worlds.union import Union, slope_into_pipe
 

@@ -1,65 +1,144 @@
-"""What the simulator asks of a world.
-
-A world's compiled kernel takes points and its own parameters, as rows of the inputs, and returns as rows
-
-    g               signed distance, negative inside the solid [m]
-    n (3)           its gradient, a unit vector out of the solid
-    H (6)           its Hessian, xx, xy, xz, yy, yz, zz [1/m]; zero is allowed and costs Newton steps only
-    grip            multiplier of the friction coefficients at that place
-
-in the layout of `worm3d.machine.codegen`: row r of point k stands at [r, k].
-"""
+"""What the simulator, its metrics and its pictures ask of a world."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
 
 from worm3d.values.arrays import FloatArray
+from worm3d.worlds.kernels import Formula, WorldKernel, compiled, looked_up
+
+if TYPE_CHECKING:
+    from worm3d.worlds.sampled import SampledWorld
+
+NORMAL_STEP = 1e-6
+"""Step of the central differences that give a normal, as a fraction of the length given."""
+
+UPRIGHT = 1e-3
+"""Vertical part of a unit normal below which a wall is vertical."""
 
 
-@dataclass(frozen=True)
-class WorldKernel:
-    """A compiled world.
+class World:
+    """Base of everything to crawl on or in: a signed distance, negative inside the solid, and what follows from it.
 
-    Attributes
-    ----------
-    address : int
-        Of the C function (`worm3d.machine.codegen.emit`).
-    parameters : ndarray, shape (m,)
-        Rows of the inputs after the point's coordinates, the same for all points.
-    owner : object
-        Kept alive as long as the address is used.
+    A world of one's own has `symbolic` (a formula) or a `kernel` and `distance` of its own, and `height` or a `placed`
+    of its own; `from_distance` needs a Python function alone.
     """
 
-    address: int
-    parameters: FloatArray
-    owner: object
+    @staticmethod
+    def from_distance(
+        f: Callable[[FloatArray], ArrayLike], bounds: ArrayLike, spacing: float | None = None, grip: float = 1.0
+    ) -> SampledWorld:
+        """Return the world of a signed distance given as a Python function, which is sampled once on a grid.
 
+        Parameters
+        ----------
+        f : callable
+            Signed distance [m] of points of shape (n, 3) [m], shape (n,): positive in free space, where the worm is,
+            negative inside the solid. It is called for points within the bounds only, widened to whole spacings.
+        bounds : array_like, shape (2, 3)
+            Lowest and highest corner of the box that is sampled [m]. Beyond it the world goes on straight: along the
+            tangent plane at the nearest place of the box.
+        spacing : float, optional
+            Of the grid [m]; that of a grid of a million nodes if left out. The distance is a cubic spline through the
+            nodes: smooth surfaces come out with errors of its fourth power, edges rounded by about a spacing.
+        grip : float
+            Multiplier of the friction coefficients.
 
-@runtime_checkable
-class World(Protocol):
-    """Something to crawl on or in.
+        Raises
+        ------
+        ValueError
+            `f` returns another shape or what is not finite, has no surface in the bounds, or is not a distance there
+            (its gradient is far from a unit vector); bounds or a spacing out of range, or a grid that is too large.
+        """
+        from worm3d.worlds.sampled import SampledWorld
 
-    A world may have an attribute `uneven`: True where a worm without friction could slide away under `pressing`. There
-    it is brought to rest with contacts that stick, and then by the friction of its run. And it may have a method
-    `bumps(within) -> float`: how high bumps are that stand within a distance [m]; a run is refused where they could
-    pass between a worm's contact points.
-    """
+        return SampledWorld.of(f, bounds, spacing, grip)
+
+    velocity_threshold: float = 0.0
+    """eps of (P10) of a world that is `clamped` [m/s]."""
+
+    def symbolic(self) -> Formula | None:
+        """Return the world's rows as a function of a point and parameters, and these; None if it has no formula."""
+        return None
 
     def kernel(self) -> WorldKernel:
         """Return the compiled world."""
+        formula = self.symbolic()
+        if formula is None:
+            raise NotImplementedError(f"{type(self).__name__}: has neither `symbolic` nor a `kernel` of its own")
+        return compiled(*formula)
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
+        distance: FloatArray = looked_up(self.kernel(), points)[0]
+        return distance
+
+    @property
+    def clamped(self) -> bool:
+        """Whether it holds the joints' heights instead of touching the worm."""
+        return False
+
+    @property
+    def flat(self) -> bool:
+        """Whether its surface is one plane, so that a worm that rises on its feet makes no way."""
+        return False
+
+    @property
+    def uneven(self) -> bool:
+        """Whether a worm without friction could slide away under `pressing`.
+
+        There it is brought to rest with contacts that stick, and then by the friction of its run.
+        """
+        return True
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return the part of gravity that presses a resting worm to the world, 0 if none does, shape (3,) [m/s^2]."""
+        return np.array(gravity, dtype=float)
+
+    def bumps(self, within: float) -> float:
+        """Return how high bumps are that stand within a distance [m]; between contact points they would pass."""
+        return 0.0
+
+    def normal(self, at: FloatArray, length: float) -> FloatArray:
+        """Return the gradient of the distance at a point by central differences over a small part of a length [m]."""
+        h = NORMAL_STEP * length
+        ends = np.array([at + side * h * axis for axis in np.eye(3) for side in (1.0, -1.0)])
+        d = self.distance(ends)
+        gradient: FloatArray = (d[::2] - d[1::2]) / (2.0 * h)
+        return gradient
+
+    def forward(self, joints: FloatArray, level: FloatArray) -> FloatArray:
+        """Return the unit vector in which a worm with joints (N+1, 3) heads: that of a level one, in the tangent plane.
+
+        On worlds of which the normal changes from place to place it is the chord from tail to head.
+        """
+        normal = self.normal(joints.mean(axis=0), float(np.linalg.norm(joints[-1] - joints[0])))
+        along = np.array(level, dtype=float)
+        along[2] = -float(along[:2] @ normal[:2]) / normal[2] if abs(normal[2]) > UPRIGHT else 0.0
+        return along / float(np.linalg.norm(along))
+
+    def course(self, points: FloatArray, joints: FloatArray) -> FloatArray | None:
+        """Return how far along the world's own course points (K, 3) are, growing towards the head of joints (N+1, 3).
+
+        None where it has no course, and distances count along `forward`; else of shape (K,) [m].
+        """
+        return None
+
+    def height(self, places: FloatArray) -> FloatArray:
+        """Return the height of the ground at x, y of shape (M, 2), NaN where there is none, shape (M,) [m]."""
+        raise NotImplementedError(f"{type(self).__name__}: has neither `height` nor a `placed` of its own")
 
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
     ) -> tuple[FloatArray, FloatArray]:
         """Return joints of a straight worm on the world, and its director to the left.
+
+        It is laid on the ground, of which `height` tells, from above.
 
         Parameters
         ----------
@@ -77,4 +156,86 @@ class World(Protocol):
         ndarray, shape (N+1, 3)
         ndarray, shape (3,) or (N, 3)
             One for all segments, or one each.
+
+        Raises
+        ------
+        ValueError
+            There is no ground under a part of the worm.
         """
+        joints = position + along[:, None] * [np.cos(azimuth), np.sin(azimuth)]
+        bare = np.isnan(self.height(joints))
+        if bare.any():
+            x, y = joints[bare][0]
+            raise ValueError(
+                f"position: got {np.asarray(position).tolist()!r} m: the world has no ground under the worm at "
+                f"x = {x:.4g}, y = {y:.4g} m; move or turn it, or give a State"
+            )
+        return laid(lambda places: np.nan_to_num(self.height(places), nan=PIT), along, clearance, position, azimuth)
+
+
+def chord(joints: FloatArray) -> FloatArray:
+    """Return the unit vector from the tail to the head of joints (N+1, 3), shape (3,)."""
+    chord = joints[-1] - joints[0]
+    return np.asarray(chord / np.linalg.norm(chord))
+
+
+PIT = -1e3
+"""Height of places beside a worm that have no ground [m]."""
+
+REACH = 1.6
+"""How far the body reaches sideways from its axis, in clearances: the outward apexes of the default worm."""
+
+SOLE = 0.8
+"""Offset up to which the body is as deep as the clearance, in clearances; it rises to its axis at `REACH`."""
+
+ACROSS, ALONG = 17, 129
+"""Samples of the ground under the body, across and along it."""
+
+
+def laid(
+    height: Callable[[FloatArray], FloatArray],
+    along: FloatArray,
+    clearance: float,
+    position: FloatArray,
+    azimuth: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return joints and director of a straight worm on ground of which the height is known; see `World.placed`.
+
+    The axis is the line that is nowhere lower than the body needs, and lowest in its middle: the edge of the upper
+    convex hull, over that middle, of what each place asks for.
+    """
+    forward = np.array([np.cos(azimuth), np.sin(azimuth)])
+    left = np.array([-forward[1], forward[0]])
+    s = np.linspace(along[0] - clearance, along[-1] + clearance, ALONG)
+    w = clearance * REACH * np.linspace(-1.0, 1.0, ACROSS)
+    deep = clearance * np.clip((REACH - np.abs(w) / clearance) / (REACH - SOLE), 0.0, 1.0)
+    ground = height((position + s[:, None, None] * forward + w[:, None] * left).reshape(-1, 2))
+    needed = _widened((ground.reshape(ALONG, ACROSS) + deep).max(axis=1), s, clearance / 2.0)
+    begin, rise = _lowest_line_above(s, needed, float(along[[0, -1]].mean()))
+    tangent = np.append(forward, rise) / np.hypot(1.0, rise)
+    # Needed along the line's normal what the ground asks for upwards.
+    lift = begin + (np.hypot(1.0, rise) - 1.0) * clearance
+    return np.append(position, lift) + along[:, None] * tangent, np.append(left, 0.0)
+
+
+def _widened(values: FloatArray, s: FloatArray, reach: float) -> FloatArray:
+    """Return the greatest value within a reach of each place."""
+    near = np.abs(s[:, None] - s) <= reach
+    widest: FloatArray = np.where(near, values, -np.inf).max(axis=1)
+    return widest
+
+
+def _lowest_line_above(s: FloatArray, values: FloatArray, middle: float) -> tuple[float, float]:
+    """Return height at 0 and slope of the line above all values that is lowest in the middle."""
+    floor = values.min() - 1.0
+    points = np.vstack([np.column_stack([s, values]), [[s[0], floor], [s[-1], floor]]])
+    hull = scipy.spatial.ConvexHull(points).simplices
+    ends = points[hull]
+    over = (
+        (ends[:, :, 0].min(axis=1) <= middle)
+        & (middle <= ends[:, :, 0].max(axis=1))
+        & (ends[:, :, 1].min(axis=1) > floor)
+    )
+    (s_0, z_0), (s_1, z_1) = ends[over][0]
+    rise = (z_1 - z_0) / (s_1 - s_0)
+    return float(z_0 - rise * s_0), float(rise)

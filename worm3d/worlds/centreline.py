@@ -1,4 +1,14 @@
-"""Centre lines of pipes: chains of straight pieces and circular arcs without kinks, straight on beyond both ends."""
+"""Centre lines of pipes: chains of straight pieces and circular arcs without kinks, straight on beyond both ends.
+
+A smooth curve through points is a cubic spline, replaced by pairs of arcs. Such a biarc joins two points with given
+tangents by two arcs that meet without a kink (Bolton, "Biarc curves", 1975; in space Sharrock, "Biarcs in three
+dimensions", 1987). With v = p_2 - p_1 and equal arms d from the ends along the tangents to the arcs' corners, the
+corners p_1 + d t_1 and p_2 - d t_2 are 2 d apart:
+
+    2 (1 - t_1.t_2) d^2 + 2 v.(t_1 + t_2) d - v.v = 0,
+
+and the arcs meet half-way between them.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -15,30 +26,32 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly, read_only
-from worm3d.worlds import biarc
 
 Side = Literal["left", "right", "up", "down"]
 
 LONGEST_ARC = np.pi / 2.0
-"""Longer arcs are kept in equal parts: the nearest point is looked for between the normal planes at a piece's ends."""
+"""Longest arc that is kept whole [rad]: the nearest point is looked for between the normal planes at its ends."""
 
 SAMPLED = 0.05
-"""Places by which a reach is looked for are apart by this fraction of it."""
+"""Distance of the places by which a reach is looked for, as a fraction of it."""
 
 LESS = 0.8
-"""A reach that is too large is tried anew times this."""
+"""Factor by which a reach that is too large is tried anew."""
 
 LARGEST_TURN = 200.0 * np.pi
-"""A bend may be a helix seen along its axis, of a hundred turns [rad]."""
+"""Largest angle of a bend: a hundred turns, as of a helix seen along its axis [rad]."""
 
 MOST_PIECES = 100_000
 """Largest number of pieces of a centre line: some 12,000 points of a spline."""
 
 MOST_SAMPLES = 100_000
-"""Largest number of samples by which a reach is looked for; what would take more has none that is known."""
+"""Largest number of samples by which a reach is looked for; a line that would take more has none that is known."""
+
+STRAIGHT = 1e-9
+"""Turn of an arc below which it is a straight piece [rad]."""
 
 KINK = 1e-9
-"""Two pieces meet if positions (in metres) and tangents differ by no more than this."""
+"""Largest difference of positions [m] and of tangents at which two pieces meet."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +194,7 @@ class Centreline(ReadOnly):
             raise ValueError(f"points: got {len(given)}, must be at most {most} with spans = {spans}; take fewer")
         if not (np.linalg.norm(np.diff(given, axis=0), axis=1) > 0.0).all():
             raise ValueError("points: two that follow each other coincide; leave one of them out")
-        return cls(*biarc.pieces(*biarc.samples(given, spans), LONGEST_ARC))
+        return cls(*_biarcs(*_samples(given, spans)))
 
     @cached_property
     def ends(self) -> FloatArray:
@@ -287,3 +300,56 @@ def _require_pieces(pieces: Any) -> None:
         raise ValueError(f"pieces: got {len(pieces)}, must be at most {MOST_PIECES}; take longer ones")
     for k, piece in enumerate(pieces):
         arguments.instance(f"pieces[{k}]", piece, Straight | Bend, "a worm3d.Straight or a worm3d.Bend")
+
+
+def _samples(points: FloatArray, spans: int) -> tuple[FloatArray, FloatArray]:
+    """Return places and unit tangents of the spline through points (P, 3), `spans` to each stretch, each (S, 3)."""
+    chord = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    spline = scipy.interpolate.CubicSpline(chord, points, bc_type="natural" if len(points) > 2 else "not-a-knot")
+    at = np.concatenate([np.linspace(a, b, spans, endpoint=False) for a, b in pairwise(chord)])
+    at = np.append(at, chord[-1])
+    slope = spline(at, 1)
+    return spline(at), slope / np.linalg.norm(slope, axis=1)[:, None]
+
+
+def _biarcs(places: FloatArray, tangents: FloatArray) -> tuple[FloatArray, ...]:
+    """Return start, tangent, normal, curvature and length of the arcs through places (S, 3) with unit tangents."""
+    rows = []
+    for k in range(len(places) - 1):
+        p, q, t, u = places[k], places[k + 1], tangents[k], tangents[k + 1]
+        meet, across = _joint(p, q, t, u)
+        rows += [_arc(p, t, meet), _arc(meet, across, q)]
+    turn = max(row[3] * row[4] for row in rows)
+    if turn > LONGEST_ARC:
+        raise ValueError(
+            f"points: the line through them turns by {turn:.3g} rad at once; put the points closer together"
+        )
+    return tuple(map(np.array, zip(*rows, strict=True)))
+
+
+def _joint(p: FloatArray, q: FloatArray, t: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return where two arcs meet, and their common tangent there."""
+    v = q - p
+    a, b, c = 2.0 * (1.0 - float(t @ u)), 2.0 * float(v @ (t + u)), -float(v @ v)
+    d = -2.0 * c / (b + np.sqrt(b * b - 4.0 * a * c))  # the positive root, also for a -> 0
+    corners = p + d * t, q - d * u
+    across = corners[1] - corners[0]
+    return (corners[0] + corners[1]) / 2.0, across / float(np.linalg.norm(across))
+
+
+def _arc(p: FloatArray, t: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
+    """Return start, tangent, normal, curvature and length of the arc from p with the tangent t to q."""
+    v = q - p
+    ahead = float(v @ t)
+    aside = v - ahead * t
+    side = float(np.linalg.norm(aside))
+    half = float(np.arctan2(side, ahead))  # of the angle by which it turns
+    if half < STRAIGHT:
+        return p, t, _any_normal(t), 0.0, ahead
+    chord = float(np.linalg.norm(v))
+    return p, t, aside / side, 2.0 * np.sin(half) / chord, chord * half / np.sin(half)
+
+
+def _any_normal(t: FloatArray) -> FloatArray:
+    normal = np.cross(t, np.eye(3)[int(np.argmin(np.abs(t)))])
+    return normal / float(np.linalg.norm(normal))

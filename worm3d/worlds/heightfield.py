@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from os import PathLike
 from typing import Any
 
@@ -11,15 +11,13 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from worm3d.machine.compiled import cfunc
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.memory import require_room
 from worm3d.values.read_only import ReadOnly
-from worm3d.worlds import heightfield_kernel, table, terrain
-from worm3d.worlds.base import WorldKernel
-from worm3d.worlds.laid import laid
-from worm3d.worlds.table import looked_up
+from worm3d.worlds import heightfield_kernel, kernels, terrain
+from worm3d.worlds.base import World, chord
+from worm3d.worlds.kernels import WorldKernel, looked_up
 
 EDGE = 14
 """Nodes added all around, as high as the edge: after so many the spline is level to single precision, and stays so."""
@@ -32,7 +30,7 @@ BAND = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Heightfield(ReadOnly):
+class Heightfield(ReadOnly, World):
     """A surface z = h(x, y): the bicubic spline through heights on a regular grid; the solid is below it.
 
     Beyond the grid the terrain goes on as high as its edge. The spline has continuous curvature, so that normals are
@@ -170,22 +168,19 @@ class Heightfield(ReadOnly):
         first = np.asarray(self.origin) - EDGE * self.spacing
         (coefficients, grips), tops = self._tables, self._tops
         parameters = [
-            *table.halves(coefficients.ctypes.data),
-            *table.halves(tops.ctypes.data),
-            *table.halves(grips.ctypes.data),
+            *kernels.halves(coefficients.ctypes.data, tops.ctypes.data, grips.ctypes.data),
             *coefficients.shape,
             *first,
             self.spacing,
             band,
         ]
-        return WorldKernel(
-            _compiled().address, np.array(parameters, dtype=float), (_compiled(), coefficients, tops, grips)
-        )
+        code = kernels.by_hand(heightfield_kernel.heightfield)
+        return WorldKernel(code.address, np.array(parameters, dtype=float), (code, coefficients, tops, grips))
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        found: FloatArray = looked_up(self.kernel(BAND), points)[0].reshape(np.shape(points)[:-1])
-        return found
+        distance: FloatArray = looked_up(self.kernel(BAND), points)[0]
+        return distance
 
     def height(self, places: FloatArray) -> FloatArray:
         """Return the height of the surface at x, y of shape (..., 2), shape (...,) [m]."""
@@ -197,8 +192,12 @@ class Heightfield(ReadOnly):
 
     @property
     def uneven(self) -> bool:
-        """Whether a worm without friction could slide away under `pressing`."""
+        """Whether there are slopes."""
         return bool(np.ptp(self.heights) > 0.0)
+
+    def forward(self, joints: FloatArray, level: FloatArray) -> FloatArray:
+        """Return the unit vector from tail to head of joints (N+1, 3): the worm lies along the terrain."""
+        return chord(joints)
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return gravity where it points downwards, else 0, shape (3,) [m/s^2]."""
@@ -207,7 +206,7 @@ class Heightfield(ReadOnly):
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return joints of a straight worm laid over the terrain from above, and its director; see `World.placed`.
+        """Return joints of a straight worm laid over the terrain from above, and its director.
 
         Raises
         ------
@@ -221,7 +220,7 @@ class Heightfield(ReadOnly):
                 f"position: got {position.tolist()!r} m, the worm would reach to {ends[1].tolist()!r} m, beyond the "
                 f"terrain, which spans {corners[0].tolist()!r} to {corners[1].tolist()!r} m"
             )
-        return laid(self.height, along, clearance, position, azimuth)
+        return super().placed(along, clearance, position, azimuth)
 
     @lru_cache(maxsize=8)  # noqa: B019 - a few worlds are kept
     def bumps(self, within: float) -> float:
@@ -233,8 +232,3 @@ class Heightfield(ReadOnly):
         if min(nodes, *self.heights.shape) < 3:
             return 0.0
         return float(scipy.ndimage.white_tophat(self.heights, size=(nodes, nodes)).max())
-
-
-@cache
-def _compiled() -> Any:
-    return cfunc(table.SIGNATURE, heightfield_kernel.heightfield, table.OPTIMISATION)

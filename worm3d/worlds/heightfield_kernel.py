@@ -2,14 +2,14 @@
 
 With the surface S(u, v) = (u, v, h), N = (-h_u, -h_v, 1) and J = (S_u, S_v), the foot of a point P is where
 
-    (P - S) . S_u = (P - S) . S_v = 0                                                                (H1)
+    (P - S) . S_u = (P - S) . S_v = 0                                                                (WH1)
 
 found by Newton's method from the point below P. There, with the unit normal n = N/|N|, the first and second
 fundamental forms I = J'J and II = Hess(h)/|N|,
 
-    g = (P - S) . n,     grad g = n,     Hess g = -J I^-1 II (I - g II)^-1 J'                        (H2)
+    g = (P - S) . n,     grad g = n,     Hess g = -J I^-1 II (I - g II)^-1 J'                        (WH2)
 
-(do Carmo, Differential Geometry of Curves and Surfaces, 3-3: Weingarten's equations, and the derivative of (H1)).
+(do Carmo, Differential Geometry of Curves and Surfaces, 3-3: Weingarten's equations, and the derivative of (WH1)).
 I - g II is also Newton's matrix; where it is not positive definite P lies beyond a focus. There, and where P is so many
 cells, a parameter, above all coefficients of the spline about it, which its surface is below, g is the distance to the
 tangent plane below P: it only tells that it is far.
@@ -22,8 +22,8 @@ import numpy as np
 from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
 from worm3d.machine.compiled import inner
 from worm3d.values.arrays import FloatArray
-from worm3d.worlds import table
-from worm3d.worlds.table import Jet
+from worm3d.worlds import kernels
+from worm3d.worlds.kernels import Jet
 
 Height = tuple[float, float, float, float, float, float]
 """h, h_u, h_v, h_uu, h_uv, h_vv."""
@@ -49,9 +49,9 @@ _COEFFICIENTS, _TOPS, _GRIPS, _NODES, _FIRST, _SPACING, _CONTACT = 3, 5, 7, 9, 1
 @inner
 def height(coefficients: FloatArray, u: float, v: float) -> Height:
     """Return height and derivatives, in cells, at a place counted in nodes."""
-    i, s = table.cell(u, coefficients.shape[0])
-    j, t = table.cell(v, coefficients.shape[1])
-    (across, across_1, across_2), (along, along_1, along_2) = table.cubic(t), table.cubic(s)
+    i, s = kernels.cell(u, coefficients.shape[0])
+    j, t = kernels.cell(v, coefficients.shape[1])
+    (across, across_1, across_2), (along, along_1, along_2) = kernels.cubic(t), kernels.cubic(s)
     h = h_u = h_v = h_uu = h_uv = h_vv = 0.0
     for a in range(4):
         row = row_1 = row_2 = 0.0
@@ -71,7 +71,7 @@ def height(coefficients: FloatArray, u: float, v: float) -> Height:
 
 @inner
 def foot(coefficients: FloatArray, x: float, y: float, z: float, begin: Height) -> tuple[bool, float, float, Height]:
-    """Return whether Newton's method found a foot (H1), its place and the surface there, all in cells."""
+    """Return whether Newton's method found a foot (WH1), its place and the surface there, all in cells."""
     u, v, at = x, y, begin
     gap = (z - at[0]) ** 2
     for _ in range(ITERATIONS):
@@ -107,8 +107,8 @@ def _moved(at: Height, d_u: float, d_v: float) -> Height:
 @inner
 def _rough(coefficients: FloatArray, u: float, v: float) -> Height:
     """Return height and slopes from the nearest coefficients alone."""
-    i, s = table.cell(u, coefficients.shape[0])
-    j, t = table.cell(v, coefficients.shape[1])
+    i, s = kernels.cell(u, coefficients.shape[0])
+    j, t = kernels.cell(v, coefficients.shape[1])
     here, ahead, left, both = (
         coefficients[i, j],
         coefficients[i + 1, j],
@@ -122,7 +122,7 @@ def _rough(coefficients: FloatArray, u: float, v: float) -> Height:
 @inner
 def look(coefficients: FloatArray, tops: FloatArray, x: float, y: float, z: float, contact: float) -> Jet:
     """Return distance, normal and curvature at a point, a spacing as unit."""
-    if z > tops[table.cell(x, tops.shape[0])[0], table.cell(y, tops.shape[1])[0]] + contact:
+    if z > tops[kernels.cell(x, tops.shape[0])[0], kernels.cell(y, tops.shape[1])[0]] + contact:
         rough = _rough(coefficients, x, y)
         size = np.sqrt(1.0 + rough[1] * rough[1] + rough[2] * rough[2])
         return _level(rough, (z - rough[0]) / size, size)
@@ -144,7 +144,7 @@ def _level(at: Height, g: float, size: float) -> Jet:
 
 @inner
 def _curved(at: Height, g: float, size: float) -> Jet:
-    """Return distance, normal and curvature (H2) at a foot point."""
+    """Return distance, normal and curvature (WH2) at a foot point."""
     _, p, q, h_uu, h_uv, h_vv = at
     up = 1.0 / size
     e, f, c = 1.0 + p * p, p * q, 1.0 + q * q
@@ -165,8 +165,8 @@ def _curved(at: Height, g: float, size: float) -> Jet:
 @inner
 def grip_at(grips: FloatArray, u: float, v: float) -> float:
     """Return the grip at a place counted in nodes, linear between nodes."""
-    i, s = table.cell(u, grips.shape[0])
-    j, t = table.cell(v, grips.shape[1])
+    i, s = kernels.cell(u, grips.shape[0])
+    j, t = kernels.cell(v, grips.shape[1])
     low = (1.0 - t) * grips[i, j] + t * grips[i, j + 1]
     high = (1.0 - t) * grips[i + 1, j] + t * grips[i + 1, j + 1]
     return float((1.0 - s) * low + s * high)
@@ -178,20 +178,20 @@ def heightfield(
     """Evaluate `count` points; the kernel of `Heightfield`."""
     if rows_in != ROWS_IN or rows_out != ROWS_OUT or not 0 <= count <= min(lanes_in, lanes_out):
         return WRONG_SHAPE
-    p, out = table.doubles(inputs, rows_in, lanes_in), table.doubles(outputs, rows_out, lanes_out)
+    p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
     if count == 0:
         return FINE
     nodes = int(p[_NODES, 0]), int(p[_NODES + 1, 0])
-    coefficients = table.doubles(table.address(p[_COEFFICIENTS, 0], p[_COEFFICIENTS + 1, 0]), nodes[0], nodes[1])
-    tops = table.doubles(table.address(p[_TOPS, 0], p[_TOPS + 1, 0]), nodes[0], nodes[1])
-    grips = table.doubles(table.address(p[_GRIPS, 0], p[_GRIPS + 1, 0]), nodes[0], nodes[1])
+    coefficients = kernels.doubles(kernels.address(p[_COEFFICIENTS, 0], p[_COEFFICIENTS + 1, 0]), nodes[0], nodes[1])
+    tops = kernels.doubles(kernels.address(p[_TOPS, 0], p[_TOPS + 1, 0]), nodes[0], nodes[1])
+    grips = kernels.doubles(kernels.address(p[_GRIPS, 0], p[_GRIPS + 1, 0]), nodes[0], nodes[1])
     first_x, first_y, spacing, contact = p[_FIRST, 0], p[_FIRST + 1, 0], p[_SPACING, 0], p[_CONTACT, 0]
     share = 1.0 / spacing
     for k in range(count):
-        if table.repeats(p, k):
-            table.repeat(out, k)
+        if kernels.repeats(p, k):
+            kernels.repeat(out, k)
             continue
         x, y = (p[0, k] - first_x) * share, (p[1, k] - first_y) * share
         grip = grip_at(grips, x, y)
-        table.write(out, k, look(coefficients, tops, x, y, p[2, k] * share, contact), spacing, 1.0, share, grip)
+        kernels.write(out, k, look(coefficients, tops, x, y, p[2, k] * share, contact), spacing, 1.0, share, grip)
     return FINE

@@ -5,47 +5,36 @@ from __future__ import annotations
 import hashlib
 import struct
 from dataclasses import dataclass, field
-from functools import cache
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from worm3d.machine import cache as disk
-from worm3d.machine.compiled import cfunc
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray, IntArray
-from worm3d.values.read_only import ReadOnly
-from worm3d.worlds import distance_grid, mesh_file, mesh_kernel, mesh_spline, table
-from worm3d.worlds.base import WorldKernel
-from worm3d.worlds.distance_grid import MOST_NODES, Grid
-from worm3d.worlds.laid import laid
+from worm3d.worlds import mesh_distance, mesh_file
+from worm3d.worlds.mesh_distance import MARGIN
 from worm3d.worlds.mesh_file import MeshError, Units
-from worm3d.worlds.table import looked_up
-
-NODES = 1_000_000
-"""Of a grid whose cell is not given: 4 MB, about a second to fill."""
-
-COARSER = 1.05
-"""Steps in which such a cell is sought."""
+from worm3d.worlds.sampled import MOST_NODES, NODES, Grid, GridWorld, coarsened
 
 VERSION = b"worm3d grid 3"
-"""Of what `distance_grid.filled` computes; a change of it makes grids on disk those of another version."""
+"""Version of what `mesh_distance.filled` computes; after a change grids on disk are those of another one."""
 
 KEPT = 20
-"""Grids on disk beyond this number are removed, the oldest first."""
+"""Largest number of grids on disk; the oldest are removed."""
 
 _HEAD = struct.Struct("<3q4d")
-"""Nodes along each axis, first node, cell."""
+"""Layout of the numbers before a grid on disk: nodes along each axis, first node, cell."""
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh(ReadOnly):
+class Mesh(GridWorld):
     """A closed triangle mesh from a file, as a grid of signed distances; frozen, validated.
 
     The grid is computed once and kept on disk under a digest of the file and of what is asked for. Edges and corners
-    are rounded by about a cell (`worm3d.worlds.mesh_spline`).
+    are rounded by about a cell (`worm3d.worlds.sampled_kernel`).
 
     Attributes
     ----------
@@ -103,7 +92,7 @@ class Mesh(ReadOnly):
         if kept is not None:
             return _unpacked(kept)
         vertices, faces = self._triangles(path, data, scale)
-        grid = distance_grid.filled(vertices, faces, self._cell(path.name, vertices))
+        grid = mesh_distance.filled(vertices, faces, self._cell(path.name, vertices))
         disk.store(folder, key, _packed(grid), most=KEPT)
         return grid
 
@@ -115,11 +104,12 @@ class Mesh(ReadOnly):
 
     def _cell(self, name: str, vertices: FloatArray) -> float:
         """Return the size of a cell, one that memory has room for."""
+        sides = np.ptp(vertices, axis=0)
         if self.cell is None:
-            return _coarsened(vertices, float(np.ptp(vertices, axis=0).max()) / NODES, NODES)
-        count = float(np.prod(np.ptp(vertices, axis=0) / self.cell + 2.0 * distance_grid.MARGIN + 1.0))
+            return coarsened(sides, float(sides.max()) / NODES, NODES, MARGIN)
+        count = float(np.prod(sides / self.cell + 2.0 * MARGIN + 1.0))
         if count > MOST_NODES:
-            least = _coarsened(vertices, self.cell, MOST_NODES)
+            least = coarsened(sides, self.cell, MOST_NODES, MARGIN)
             raise MeshError(
                 f"mesh {name!r}: cells of {self.cell:g} m make {count:.3g} nodes ({4e-6 * count:.3g} MB), at most "
                 f"{MOST_NODES:.0e} are allowed; take cell={least:.3g} m or more"
@@ -133,80 +123,19 @@ class Mesh(ReadOnly):
         return vertices + self.position, faces
 
     @property
-    def uneven(self) -> bool:
-        """Whether a worm without friction could slide away under `pressing`."""
-        return True
+    def first(self) -> FloatArray:
+        """Place of the grid's first node, shape (3,) [m]."""
+        return np.asarray(self.grid.first + self.position)
 
-    def kernel(self, band: float = mesh_kernel.CONTACT) -> WorldKernel:
-        """Return the compiled world, which reads the spline where a coefficient is less than so many cells."""
-        c, first, spline = self.grid.coefficients, self.grid.first + self.position, mesh_spline.kernel()
-        side = 1.0 if self.solid == "inside" else -1.0
-        work = np.zeros((mesh_kernel.WORK_ROWS, mesh_kernel.TOGETHER))  # of this kernel alone: others may run beside it
-        parameters = [
-            *(*table.halves(c.ctypes.data), *table.halves(work.ctypes.data), *table.halves(spline.address)),
-            *(*c.shape, *first, self.grid.cell, side, self.grip, band),
-        ]
-        return WorldKernel(_compiled().address, np.array(parameters, dtype=float), (_compiled(), c, work, spline))
+    @property
+    def side(self) -> float:
+        """1 where the inside is solid, -1 where the outside is."""
+        return 1.0 if self.solid == "inside" else -1.0
 
-    def distance(self, points: FloatArray) -> FloatArray:
-        """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
-        found: FloatArray = looked_up(self.kernel(np.inf), points)[0].reshape(np.shape(points)[:-1])
-        return found
-
-    def pressing(self, gravity: FloatArray) -> FloatArray:
-        """Return gravity, shape (3,) [m/s^2]."""
-        return np.array(gravity, dtype=float)
-
-    def floor(self, places: FloatArray) -> FloatArray:
-        """Return the height of the ground at x, y of shape (M, 2), NaN where there is none, shape (M,) [m].
-
-        The highest ground of a mesh that is solid inside, the lowest of one that is solid outside.
-        """
-        grid, size = self.grid, self.grid.coefficients.shape
-        bottom = grid.first[2] + self.position[2]
-        z = bottom + grid.cell * np.arange(float(size[2]))
-        columns = np.concatenate(
-            [np.repeat(places[:, None], len(z), axis=1), np.tile(z, (len(places), 1))[:, :, None]], axis=2
-        )
-        g = self.distance(columns)
-        enters = (g[:, :-1] < 0.0) & (g[:, 1:] >= 0.0)
-        k = (
-            enters.shape[1] - 1 - np.argmax(enters[:, ::-1], axis=1)
-            if self.solid == "inside"
-            else np.argmax(enters, axis=1)
-        )
-        low, high = z[k], z[k + 1]
-        for _ in range(40):  # halvings: to rounding
-            middle = (low + high) / 2.0
-            below = self.distance(np.column_stack([places, middle])) < 0.0
-            low, high = np.where(below, middle, low), np.where(below, high, middle)
-        return np.where(enters.any(axis=1), high, np.nan)
-
-    def placed(
-        self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return joints of a straight worm laid on the `floor` from above, and its director; see `World.placed`.
-
-        Raises
-        ------
-        ValueError
-            There is no ground under a part of the worm.
-        """
-        joints = position + along[:, None] * [np.cos(azimuth), np.sin(azimuth)]
-        if np.isnan(self.floor(joints)).any():
-            bare = joints[np.isnan(self.floor(joints))][0]
-            raise ValueError(
-                f"position: got {np.asarray(position).tolist()!r} m: the mesh has no ground under the worm at "
-                f"x = {bare[0]:.4g}, y = {bare[1]:.4g} m; move or turn it, or give a State"
-            )
-        return laid(lambda places: np.nan_to_num(self.floor(places), nan=-1e3), along, clearance, position, azimuth)
-
-
-def _coarsened(vertices: FloatArray, cell: float, most: int) -> float:
-    """Return a cell, at least the one given, of which a grid has at most so many nodes."""
-    while np.prod([float(n) for n in distance_grid.shape(vertices, cell)]) > most:
-        cell *= COARSER
-    return cell
+    @property
+    def straight(self) -> bool:
+        """False: beyond its grid there is nothing of a mesh."""
+        return False
 
 
 def _packed(grid: Grid) -> bytes:
@@ -221,8 +150,3 @@ def _unpacked(content: bytes) -> Grid:
 
 def _folder() -> Path | None:
     return disk.folder("grids")
-
-
-@cache
-def _compiled() -> Any:
-    return cfunc(table.SIGNATURE, mesh_kernel.mesh, table.OPTIMISATION)

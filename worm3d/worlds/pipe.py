@@ -1,27 +1,26 @@
-"""The inside of a pipe: straight or bent, at any tilt, wide or narrow."""
+"""The inside of a pipe: straight or bent, at any tilt, wide or narrow; a worm at rest in it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
-from typing import Any
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from worm3d.machine.compiled import cfunc
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
-from worm3d.worlds import pipe_table, placing, symbolic, table
-from worm3d.worlds.base import WorldKernel
+from worm3d.worlds import kernels, pipe_table
+from worm3d.worlds.base import World
 from worm3d.worlds.centreline import Centreline
-from worm3d.worlds.pipe_kernel import Bends, piece, pipe, place
+from worm3d.worlds.kernels import Formula, WorldKernel
+from worm3d.worlds.pipe_formula import Bends, piece, pipe, place
 from worm3d.worlds.plane import Patch, patches_of
 from worm3d.worlds.profile import Profile
-from worm3d.worlds.symbolic import Formula
 
 Kind = tuple[Bends, int, bool, bool]
 
@@ -37,9 +36,15 @@ PLACES = 2_000_000
 BENT = 1e-9
 """Slack in comparing places along the pipe [m]."""
 
+STEEP = np.deg2rad(60.0)
+"""Slope beyond which a worm on a stretch is put on the centre line, not on the bottom [rad]."""
+
+UP = np.array([0.0, 0.0, 1.0])
+"""Unit vector against gravity."""
+
 
 @dataclass(frozen=True, eq=False)
-class Pipe(ReadOnly):
+class Pipe(ReadOnly, World):
     """The inside of a pipe; gravity stays -z.
 
     Where the radius is constant, and where it changes, the distance to the wall is exact, in bends too; the radius may
@@ -164,14 +169,14 @@ class Pipe(ReadOnly):
         if line.curvature[-1] > 0.0:
             (end, tangent), last = line.at(line.total), table[-1].copy()
             last[:3], last[3:6], last[9], last[10] = end, tangent, line.total, 0.0
-            last[6:9] = placing.normal_to(tangent)
+            last[6:9] = _normal_to(tangent)
             table = np.vstack([table, last])
         return table
 
     def kernel(self) -> WorldKernel:
         """Return the compiled world: the formula of the whole pipe, or of a piece at a time where that is faster."""
         whole = None if self._of_known_pieces() else self.symbolic()
-        return self._looked_up() if whole is None else symbolic.compiled(*whole)
+        return self._looked_up() if whole is None else kernels.compiled(*whole)
 
     def _of_known_pieces(self) -> bool:
         """Return whether it has several pieces, and each point inside comes with one of them alone into question."""
@@ -180,17 +185,14 @@ class Pipe(ReadOnly):
     def _looked_up(self) -> WorldKernel:
         """Return the world of which a table is looked up in."""
         kind, parameters = self._wall()
-        one, line, reach = symbolic.kernel(piece(*kind)), self._pieces(), self.centreline.reach
+        one, line, reach = kernels.kernel(piece(*kind)), self._pieces(), self.centreline.reach
         planes = np.column_stack([line[:, 3:6], np.sum(line[:, :3] * line[:, 3:6], axis=1)])
         pieces = np.column_stack([line, _between(planes, CERTAIN * (1.0 + float(np.abs(line[:, :3]).max())))])
         places = (pieces.ctypes.data, planes.ctypes.data, one.address)
-        own = [pipe_table.NONE, *(half for place in places for half in table.halves(place)), len(line), reach]
+        own = [pipe_table.NONE, *kernels.halves(*places), len(line), reach]
         numbers = np.concatenate([pieces[0], parameters, [reach], own])
-        return WorldKernel(_compiled().address, numbers, (_compiled(), one, pieces, planes))
-
-    def distance(self, points: FloatArray) -> FloatArray:
-        """Return the signed distance of points of shape (..., 3), positive inside the pipe, shape (...,) [m]."""
-        return symbolic.distances(self.kernel(), points)
+        table = kernels.by_hand(pipe_table.pipe)
+        return WorldKernel(table.address, numbers, (table, one, pieces, planes))
 
     def along(self, points: FloatArray) -> FloatArray:
         """Return how far along the centre line the places nearest to points of shape (..., 3) are, shape (...,) [m]."""
@@ -198,6 +200,12 @@ class Pipe(ReadOnly):
         at_once = max(1, PLACES // len(pieces))
         found = [_along(flat[k : k + at_once], pieces) for k in range(0, len(flat), at_once)]
         return np.concatenate([*found, np.zeros(0)]).reshape(np.shape(points)[:-1])
+
+    def course(self, points: FloatArray, joints: FloatArray) -> FloatArray:
+        """Return how far along the centre line points (K, 3) are, towards the head of joints (N+1, 3), shape (K,)."""
+        tail, head = self.along(joints[[0, -1]])
+        towards: FloatArray = np.sign(head - tail) * self.along(points)
+        return towards
 
     def pressing(self, gravity: FloatArray) -> FloatArray:
         """Return gravity without its part along the pipe where that is straight, else gravity, shape (3,) [m/s^2]."""
@@ -213,7 +221,7 @@ class Pipe(ReadOnly):
     ) -> tuple[FloatArray, FloatArray]:
         """Return joints of a worm that follows the pipe, and its directors to the left.
 
-        It lies on the bottom, or on the centre line where it is on a stretch steeper than `placing.STEEP`.
+        It lies on the bottom, or on the centre line where it is on a stretch steeper than `STEEP`.
 
         Parameters
         ----------
@@ -241,7 +249,7 @@ class Pipe(ReadOnly):
         turned = np.cos(azimuth)
         if abs(turned) < 1.0 - 1e-9:
             raise ValueError(f"azimuth: got {azimuth!r} rad, must be 0 (along the pipe) or pi (back) in a pipe")
-        return placing.in_pipe(
+        return _placed_in(
             self.centreline, self.radius_at, float(np.sign(turned)) * along, float(position[0]), clearance
         )
 
@@ -273,6 +281,78 @@ def _between(planes: FloatArray, margin: float) -> FloatArray:
     return np.column_stack([begins, ends])
 
 
-@cache
-def _compiled() -> Any:
-    return cfunc(table.SIGNATURE, pipe_table.pipe, table.OPTIMISATION)
+def _placed_in(
+    line: Centreline, radius_at: Callable[[FloatArray], FloatArray], along: FloatArray, tail: float, clearance: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return joints (N+1, 3) and directors (N, 3) of a worm with its tail at a distance along the centre line.
+
+    Parameters
+    ----------
+    along : ndarray, shape (N+1,)
+        Distances of the joints from the tail, negative where the head looks back [m].
+    clearance : float
+        Distance of the joints from the wall [m]; on a steep stretch they have at least that.
+
+    Raises
+    ------
+    ValueError
+        The pipe is narrower than the clearance.
+    """
+    sample = tail + along
+    narrow = float(np.min(radius_at(sample)))
+    if clearance > narrow:
+        raise ValueError(
+            f"the pipe is narrower than the worm: a radius of {narrow:.4g} m leaves no room for it; make the pipe "
+            "wider, or the worm thinner (half_height, chamber_offset)"
+        )
+    steep = bool(np.max(np.abs(line.at(sample)[1][:, 2])) > np.sin(STEEP))
+
+    def on_path(s: float) -> FloatArray:
+        point, tangent = line.at(s)
+        if steep:
+            return point
+        up = UP - tangent[2] * tangent
+        below: FloatArray = point - (radius_at(np.array(s)) - clearance) * up / np.linalg.norm(up)
+        return below
+
+    joints = _spaced(on_path, along, tail)
+    edges = np.diff(joints, axis=0)
+    tangents = edges / np.linalg.norm(edges, axis=1)[:, None]
+    return joints, _carried(tangents) if steep else _level(tangents)
+
+
+def _normal_to(tangent: FloatArray) -> FloatArray:
+    """Return a unit vector normal to another one: level, and along y where that one is vertical, shape (3,)."""
+    level = np.cross(UP, tangent)
+    size = float(np.linalg.norm(level))
+    normal: FloatArray = level / size if size > 1e-9 else np.array([0.0, 1.0, 0.0])
+    return normal
+
+
+def _spaced(on_path: Callable[[float], FloatArray], along: FloatArray, tail: float) -> FloatArray:
+    """Return points on a path as far from one another as the joints."""
+    s, joints = tail, [on_path(tail)]
+    for way in np.diff(along):
+
+        def too_far(to: float, begin: FloatArray = joints[-1], length: float = abs(way)) -> float:
+            return float(np.linalg.norm(on_path(to) - begin)) - length
+
+        reach = 2.0 * way
+        while too_far(s + reach) < 0.0:
+            reach *= 2.0
+        s = scipy.optimize.brentq(too_far, s, s + reach, xtol=1e-15, rtol=1e-14)
+        joints.append(on_path(s))
+    return np.array(joints)
+
+
+def _level(tangents: FloatArray) -> FloatArray:
+    return np.array([_normal_to(t) for t in tangents])
+
+
+def _carried(tangents: FloatArray) -> FloatArray:
+    """Return directors carried from the first by parallel transport: a worm without twist."""
+    directors = [_normal_to(tangents[0])]
+    for a, b in pairwise(tangents):
+        d = directors[-1]
+        directors.append(d - (d @ b) / (1.0 + a @ b) * (a + b))
+    return np.array(directors)

@@ -1,10 +1,10 @@
 """The compiled pipe of many pieces: the formula is read for all points at once, each with the piece it had last.
 
-The formulas are in `worm3d.worlds.pipe_kernel`. Of the pieces between whose end planes a point lies (see
-`worm3d.worlds.chain`) the one with the smallest distance from the centre line counts; mostly there is one only. A point
-closer to the line than its reach (`Centreline.reach`) has one only. Whether that is the one it had last the formula
-says itself: where it is not certain the piece is looked for, from there on foot. What was kept never changes a result,
-only the time: each point's rows are those of the formula with its own piece.
+The formulas are in `worm3d.worlds.pipe_formula`. Of the pieces between whose end planes a point lies the one with the
+smallest distance from the centre line counts; mostly there is one only. A point closer to the line than its reach
+(`Centreline.reach`) has one only. Whether that is the one it had last the formula says itself: where it is not certain
+the piece is looked for, from there on foot. What was kept never changes a result, only the time: each point's rows are
+those of the formula with its own piece.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
 from worm3d.machine.compiled import inner
 from worm3d.machine.vectors import integers_at
 from worm3d.values.arrays import FloatArray, IntArray
-from worm3d.worlds import table
-from worm3d.worlds.pipe_kernel import BETWEEN, PIECE
+from worm3d.worlds import kernels
+from worm3d.worlds.pipe_formula import BETWEEN, PIECE
 
 KEPT = PIECE + BETWEEN
 """Numbers of a piece, as the formula takes them; rows of the inputs after the point, written here."""
@@ -32,7 +32,7 @@ of the planes at which they begin (normal and distance from the origin, a row ea
 each); number of pieces; reach [m]."""
 
 _LAST, _PIECES, _PLANES, _KERNEL, _COUNT, _REACH = 0, 1, 3, 5, 7, 8
-_GRIP = table.WORLD_ROWS - 1
+_GRIP = kernels.WORLD_ROWS - 1
 
 
 @inner
@@ -69,7 +69,7 @@ def _walk(planes: FloatArray, k: int, p: FloatArray, lane: int) -> int:
 
 @inner
 def _square(pieces: FloatArray, k: int, p: FloatArray, lane: int) -> float:
-    """Return the square of a point's distance from a piece's line, straight or an arc, by (W1) and (W3) [m^2]."""
+    """Return the square of a point's distance from a piece's line, straight or an arc, by (WP1) and (WP3) [m^2]."""
     ahead = aside = square = 0.0
     for d in range(3):
         ahead += (p[d, lane] - pieces[k, d]) * pieces[k, 3 + d]
@@ -122,14 +122,15 @@ def _keep(pieces: FloatArray, k: int, p: FloatArray, lane: int, last: int) -> No
 @inner
 def _choose(p: FloatArray, signs: IntArray, own: int, first: int, end: int) -> bool:
     """Look for the pieces of the points in question among some lanes; return whether one is not that kept before."""
-    pieces = table.doubles(table.address(p[own + _PIECES, 0], p[own + _PIECES + 1, 0]), int(p[own + _COUNT, 0]), KEPT)
-    planes = table.doubles(table.address(p[own + _PLANES, 0], p[own + _PLANES + 1, 0]), len(pieces), 4)
+    count = int(p[own + _COUNT, 0])
+    pieces = kernels.doubles(kernels.address(p[own + _PIECES, 0], p[own + _PIECES + 1, 0]), count, KEPT)
+    planes = kernels.doubles(kernels.address(p[own + _PLANES, 0], p[own + _PLANES + 1, 0]), len(pieces), 4)
     reach, last, changed = p[own + _REACH, 0], own + _LAST, False
     for lane in range(first, end):
         if signs[lane] >= 0:
             continue
         before = int(p[last, lane])
-        if table.repeats(p, lane):
+        if kernels.repeats(p, lane):
             found = int(p[last, lane - 1])
         else:
             start = before if before >= 0 or lane == 0 else int(p[last, lane - 1])
@@ -143,18 +144,18 @@ def _choose(p: FloatArray, signs: IntArray, own: int, first: int, end: int) -> b
 def pipe(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int) -> int:
     """Evaluate `count` points; the kernel of a `Pipe` of many pieces."""
     own = rows_in - OWN
-    if own < 3 + KEPT or rows_out != table.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
+    if own < 3 + KEPT or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
         return WRONG_SHAPE
     if count == 0:
         return FINE
-    p, out = table.doubles(inputs, rows_in, lanes_in), table.doubles(outputs, rows_out, lanes_out)
-    given = table.doubles(inputs, own, lanes_in)
-    formula, signs = table.address(p[own + _KERNEL, 0], p[own + _KERNEL + 1, 0]), _signs(outputs, lanes_out)
+    p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
+    given = kernels.doubles(inputs, own, lanes_in)
+    formula, signs = kernels.address(p[own + _KERNEL, 0], p[own + _KERNEL + 1, 0]), _signs(outputs, lanes_out)
     evaluate(formula, given, out, count)
     if not _any_negative(signs, count):
         return FINE
-    for first in range(0, count, table.LANES):
-        end = min(first + table.LANES, count)
+    for first in range(0, count, kernels.LANES):
+        end = min(first + kernels.LANES, count)
         if _choose(p, signs, own, first, end):
             evaluate_some(formula, given, out, first, end - first)
         for lane in range(first, end):

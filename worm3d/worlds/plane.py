@@ -1,4 +1,4 @@
-"""An inclined plane through the origin."""
+"""Planes: an inclined one through the origin, and the paper's level ground, which holds the joints' heights."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import numpy as np
 
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
-from worm3d.worlds.base import WorldKernel
-from worm3d.worlds.symbolic import compiled
+from worm3d.worlds.base import World
+from worm3d.worlds.kernels import Formula, WorldKernel
 
 MOST_PATCHES = 1000
-"""Each is part of one formula, which takes three seconds to compile for so many, and longer with their square."""
+"""Largest number of patches: their formula takes three seconds to compile, and longer with their square."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Patch:
 
 
 @dataclass(frozen=True)
-class Plane:
+class Plane(World):
     """An inclined plane through the origin; gravity stays -z.
 
     Attributes
@@ -75,16 +75,22 @@ class Plane:
         left = np.array([-turn[1], turn[0], 0.0])
         return np.array([ascent, left, np.cross(ascent, left)])
 
-    def symbolic(self) -> tuple[ca.Function, FloatArray]:
+    @property
+    def flat(self) -> bool:
+        """True."""
+        return True
+
+    @property
+    def uneven(self) -> bool:
+        """False."""
+        return False
+
+    def symbolic(self) -> Formula:
         """Return the world's rows as a function of a point and parameters, and the parameters."""
         largest = np.finfo(float).max  # stands for infinity
         rectangles = [np.clip([*p.along, *p.across], -largest, largest) for p in self.patches]
         patches = [np.append(rectangle, p.grip) for rectangle, p in zip(rectangles, self.patches, strict=True)]
         return _function(len(self.patches)), np.concatenate([self.axes.ravel(), *patches])
-
-    def kernel(self) -> WorldKernel:
-        """Return the compiled world."""
-        return compiled(*self.symbolic())
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
@@ -100,7 +106,7 @@ class Plane:
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return joints of a straight worm on the plane, and its director to the left; see `World.placed`."""
+        """Return joints of a straight worm on the plane, and its director to the left."""
         normal, horizontal = self.axes[2], np.array([np.cos(azimuth), np.sin(azimuth)])
 
         def above(xy: FloatArray) -> FloatArray:
@@ -110,6 +116,59 @@ class Plane:
         tangent /= np.linalg.norm(tangent)
         joints = above(position) + along[:, None] * tangent + clearance * normal
         return joints, np.cross(normal, tangent)
+
+
+@dataclass(frozen=True)
+class ClampedGround(World):
+    """The paper's level ground in 3D: nothing touches it.
+
+    The joints' z stays as it is. A predictor without friction gives the normal load of each joint, the force (P9) that
+    holds its z, and its velocity; (P10) turns them into friction: against the motion with the coefficients towards
+    the head, towards the tail and sideways, and none below the threshold. The corrector is solved with these forces.
+
+    Attributes
+    ----------
+    velocity_threshold : float
+        eps of (P10) [m/s].
+    """
+
+    velocity_threshold: float = 1e-6
+
+    def __post_init__(self) -> None:
+        arguments.number("velocity_threshold", self.velocity_threshold, "m/s", ge=0.0)
+
+    @property
+    def clamped(self) -> bool:
+        """True."""
+        return True
+
+    @property
+    def flat(self) -> bool:
+        """True."""
+        return True
+
+    @property
+    def uneven(self) -> bool:
+        """False."""
+        return False
+
+    def kernel(self) -> WorldKernel:
+        """Return the level plane, for distances in records; no contact acts."""
+        return Plane().kernel()
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Return the height of points of shape (..., 3) above the level of the joints, shape (...,) [m]."""
+        return np.asarray(points)[..., 2]
+
+    def pressing(self, gravity: FloatArray) -> FloatArray:
+        """Return zero: the clamped worm does not rest on contacts."""
+        return np.zeros(3)
+
+    def placed(
+        self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return joints at z = 0."""
+        return Plane().placed(along, 0.0, position, azimuth)
 
 
 def patches_of(given: Any) -> tuple[Patch, ...]:

@@ -1,34 +1,50 @@
-"""Several worlds as one: what is free in any of them is free."""
+"""Several worlds as one: what is free in any of them is free.
+
+Its kernel asks those of its worlds one after the other, and takes at each point the greatest distance.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from worm3d.machine.compiled import cfunc
+from worm3d.machine.codegen import evaluate
+from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
+from worm3d.machine.compiled import inner
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
-from worm3d.worlds import symbolic, table, union_kernel
-from worm3d.worlds.base import World, WorldKernel
+from worm3d.worlds import kernels
+from worm3d.worlds.base import World
 from worm3d.worlds.centreline import Bend, Centreline, Straight
-from worm3d.worlds.clamped import ClampedGround
+from worm3d.worlds.kernels import Formula, WorldKernel
 from worm3d.worlds.pipe import Pipe
 from worm3d.worlds.plane import Plane
 from worm3d.worlds.profile import Profile
-from worm3d.worlds.symbolic import Formula
 
 MOST_WORLDS = 100
 """Largest number of worlds in a union: each point is looked up in every one."""
 
 
+TOGETHER = 528
+"""Points that are handed over at once: a multiple of every vector, and no power of 2, by which rows would fall on the
+same lines of the cache. Points of a longer worm share what a world keeps of them, which takes time."""
+
+ROWS_IN = 3 + 3
+"""Point; address (2) and number of the rows of `MEMBER`."""
+
+MEMBER = 7
+"""Of each world: addresses of kernel, inputs and outputs (2 each), `TOGETHER` columns; and the number of its inputs."""
+
+_MEMBERS, _COUNT = 3, 5
+_KERNEL, _INPUTS, _OUTPUTS, _ROWS = 0, 2, 4, 6
+
+
 @dataclass(frozen=True, eq=False)
-class Union(ReadOnly):
+class Union(ReadOnly, World):
     """The union of the free spaces of worlds: a pipe bored into the ground below a plane, pipes that cross.
 
     The solid is what all of them have in common. The signed distance is the greatest of theirs: inside the solid, where
@@ -56,7 +72,7 @@ class Union(ReadOnly):
             got = len(self.worlds) or "none"
             raise ValueError(f"worlds: got {got}, must be at least one (and at most {MOST_WORLDS})")
         for world in self.worlds:
-            if not isinstance(world, World) or isinstance(world, ClampedGround):
+            if not isinstance(world, World) or world.clamped:
                 raise ValueError(
                     f"worlds: got {type(world).__name__}, must be worlds with a distance: Plane, Pipe, Heightfield, "
                     "Mesh, Union"
@@ -65,11 +81,11 @@ class Union(ReadOnly):
     @property
     def uneven(self) -> bool:
         """Whether a worm without friction would slide away though `pressing` is all that acts on it."""
-        return len(self.worlds) > 1 or bool(getattr(self.worlds[0], "uneven", False))
+        return len(self.worlds) > 1 or self.worlds[0].uneven
 
     def symbolic(self) -> Formula | None:
         """Return the world's rows as a function of a point and parameters, and the parameters; None without formula."""
-        each = [formula for formula in map(symbolic.formula, self.worlds) if formula is not None]
+        each = [formula for formula in (world.symbolic() for world in self.worlds) if formula is not None]
         if len(each) < len(self.worlds):
             return None
         x = ca.SX.sym("x", 3)
@@ -84,7 +100,7 @@ class Union(ReadOnly):
     def kernel(self) -> WorldKernel:
         """Return the compiled world: of formulas one kernel, else those of all worlds one after the other."""
         whole = self.symbolic()
-        return _joined([_kernel(world) for world in self.worlds]) if whole is None else symbolic.compiled(*whole)
+        return _joined([_kernel(world) for world in self.worlds]) if whole is None else kernels.compiled(*whole)
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
@@ -97,7 +113,7 @@ class Union(ReadOnly):
 
     def bumps(self, within: float) -> float:
         """Return how high bumps of any of its worlds are that stand within a distance [m]."""
-        return max(world.bumps(within) if hasattr(world, "bumps") else 0.0 for world in self.worlds)
+        return max(world.bumps(within) for world in self.worlds)
 
     def placed(
         self, along: FloatArray, clearance: float, position: FloatArray, azimuth: float
@@ -108,33 +124,72 @@ class Union(ReadOnly):
 
 def _kernel(world: World) -> WorldKernel:
     """Return a world's kernel: its whole formula if it has one, as most points may be far away from it."""
-    formula = symbolic.formula(world)
-    return world.kernel() if formula is None else symbolic.compiled(*formula)
+    formula = world.symbolic()
+    return world.kernel() if formula is None else kernels.compiled(*formula)
 
 
-def _joined(kernels: Sequence[WorldKernel]) -> WorldKernel:
-    memory = [_memory(kernel) for kernel in kernels]
-    members = np.array([_member(kernel, *arrays) for kernel, arrays in zip(kernels, memory, strict=True)])
-    parameters = np.array([*table.halves(members.ctypes.data), len(members)])
-    return WorldKernel(_compiled().address, parameters, (_compiled(), members, memory, kernels))
+def _joined(several: Sequence[WorldKernel]) -> WorldKernel:
+    memory = [_memory(kernel) for kernel in several]
+    members = np.array([_member(kernel, *arrays) for kernel, arrays in zip(several, memory, strict=True)])
+    parameters, code = np.array([*kernels.halves(members.ctypes.data), len(members)]), kernels.by_hand(union)
+    return WorldKernel(code.address, parameters, (code, members, memory, several))
 
 
 def _memory(kernel: WorldKernel) -> tuple[FloatArray, FloatArray]:
     """Return inputs and outputs of a world within a union, of this union's kernel alone: others may run beside it."""
-    inputs = np.zeros((3 + len(kernel.parameters), union_kernel.TOGETHER))
+    inputs = np.zeros((3 + len(kernel.parameters), TOGETHER))
     inputs[3:] = kernel.parameters[:, None]
-    return inputs, np.zeros((table.WORLD_ROWS, union_kernel.TOGETHER))
+    return inputs, np.zeros((kernels.WORLD_ROWS, TOGETHER))
 
 
 def _member(kernel: WorldKernel, inputs: FloatArray, outputs: FloatArray) -> list[float]:
-    """Return a row of `union_kernel.MEMBER`."""
-    places = (kernel.address, inputs.ctypes.data, outputs.ctypes.data)
-    return [*(half for place in places for half in table.halves(place)), float(len(inputs))]
+    """Return a row of `MEMBER`."""
+    return [*kernels.halves(kernel.address, inputs.ctypes.data, outputs.ctypes.data), float(len(inputs))]
 
 
-@cache
-def _compiled() -> Any:
-    return cfunc(table.SIGNATURE, union_kernel.union, table.OPTIMISATION)
+@inner
+def _ask(member: FloatArray, p: FloatArray, first: int, count: int) -> FloatArray:
+    """Return what a world says of some points, shape (11, `TOGETHER`)."""
+    inputs = kernels.doubles(kernels.address(member[_INPUTS], member[_INPUTS + 1]), int(member[_ROWS]), TOGETHER)
+    outputs = kernels.doubles(kernels.address(member[_OUTPUTS], member[_OUTPUTS + 1]), kernels.WORLD_ROWS, TOGETHER)
+    for d in range(3):
+        for k in range(count):
+            inputs[d, k] = p[d, first + k]
+    evaluate(kernels.address(member[_KERNEL], member[_KERNEL + 1]), inputs, outputs, count)
+    return outputs
+
+
+@inner
+def _keep(rows: FloatArray, out: FloatArray, first: int, count: int) -> None:
+    """Write the rows of a world."""
+    for r in range(kernels.WORLD_ROWS):
+        for k in range(count):
+            out[r, first + k] = rows[r, k]
+
+
+@inner
+def _keep_greater(rows: FloatArray, out: FloatArray, first: int, count: int) -> None:
+    """Write the rows of a world where its distance is greater than that of those before."""
+    for k in range(count):
+        if rows[0, k] > out[0, first + k]:
+            for r in range(kernels.WORLD_ROWS):
+                out[r, first + k] = rows[r, k]
+
+
+def union(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int) -> int:
+    """Evaluate `count` points; the kernel of `Union`."""
+    if rows_in != ROWS_IN or rows_out != kernels.WORLD_ROWS or not 0 <= count <= min(lanes_in, lanes_out):
+        return WRONG_SHAPE
+    if count == 0:
+        return FINE
+    p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
+    members = kernels.doubles(kernels.address(p[_MEMBERS, 0], p[_MEMBERS + 1, 0]), int(p[_COUNT, 0]), MEMBER)
+    for first in range(0, count, TOGETHER):
+        some = min(TOGETHER, count - first)
+        _keep(_ask(members[0], p, first, some), out, first, some)
+        for m in range(1, len(members)):
+            _keep_greater(_ask(members[m], p, first, some), out, first, some)
+    return FINE
 
 
 def slope_into_pipe(

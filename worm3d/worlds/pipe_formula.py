@@ -1,15 +1,34 @@
-"""Signed distance of a pipe's wall, its gradient and curvature, symbolic.
+"""Signed distance of a pipe's wall, its gradient and Hessian, symbolic.
 
-With s along the centre line, d from it, T its tangent there and e the unit vector from it to the point (`chain`), the
-wall is the chain rho = R(s) in the half-plane (s, rho), and `chain` gives the distance y from it, positive inside the
-wall, with its outward normal (N_s, N_rho) and the curvature kappa_w, w_w of the wall's piece:
+Centre line and wall are chains of straight pieces and circular arcs. Piece k has the frame p, t, n at its beginning (a
+point, the tangent and the normal towards the centre, if it bends) and the curvature kappa; X, Y, Z are the coordinates
+of a point x in it (Z along t x n, 0 in a plane). With
 
-    g = -y,   n = -(N_s T + N_rho e)                                                                           (W5)
+    w = sqrt((kappa X)^2 + (1 - kappa Y)^2)                                                                  (WP1)
+
+the line's nearest point, as far as the circle goes on, lies at
+
+    s = atan2(kappa X, 1 - kappa Y)/kappa   along it (X where kappa = 0),                                     (WP2)
+    delta = (kappa (X^2 + Y^2) - 2 Y)/(1 + w),   d^2 = delta^2 + Z^2                                          (WP3)
+
+where delta is how much farther than the piece x lies from the centre, and -Y where kappa = 0: nothing cancels and no
+case is told apart. Tangent and outward normal there, in the frame:
+
+    T = ((1 - kappa Y) t + kappa X n)/w,   O = (kappa X t - (1 - kappa Y) n)/w                               (WP4)
+
+A chain without kinks and without ends has its nearest point where x lies in the normal plane, so only pieces between
+whose end planes x lies come into question: X_k >= 0 and X_{k+1} < 0. Among them the smallest d counts.
+
+With s along the centre line, d from it, T its tangent there and e the unit vector from it to the point, the wall is the
+chain rho = R(s) in the half-plane (s, rho), which gives the distance y from it, positive inside the wall, with its
+outward normal (N_s, N_rho) and the curvature kappa_w, w_w of the wall's piece:
+
+    g = -y,   n = -(N_s T + N_rho e)                                                                         (WP5)
 
 which is R - d and -e where the radius is constant. The Hessian, in the directions c = T x e around the pipe,
 m = N_rho T - N_s e along the wall, and T along the bend:
 
-    H = -(N_rho/d) c c^T + min(0, kappa_w/w_w) m m^T + min(0, n.O kappa/w) T T^T                              (W6)
+    H = -(N_rho/d) c c^T + min(0, kappa_w/w_w) m m^T + min(0, n.O kappa/w) T T^T                             (WP6)
 
 The cut parts, those of walls that bulge towards the worm, would make Newton's matrix indefinite; they are left out.
 
@@ -19,14 +38,11 @@ A wall across the pipe at its end is at the distance f = s_end - s. In the corne
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import NamedTuple
 
 import casadi as ca
-
-from worm3d.worlds import chain
-from worm3d.worlds.chain import Local
 
 Bends = tuple[bool, ...]
 
@@ -34,8 +50,8 @@ PIECE = 11
 """Numbers of a piece of the centre line: p (3), t (3), n (3), s, kappa."""
 
 BETWEEN = 5
-"""Numbers of where a piece begins and ends for certain: how far beyond its first plane [m], and the normal (3) of its
-last plane and that plane's distance from the origin [m]."""
+"""Numbers that tell where a piece begins and ends for certain: margin beyond its first plane [m], and the normal (3) of
+its last plane and that plane's distance from the origin [m]."""
 
 WALL = 5
 """Numbers of a piece of the wall: s, rho, cosine and sine of its direction, kappa."""
@@ -45,6 +61,60 @@ GRIP = 3
 
 ON_AXIS = 1e-30
 """Square of the distance below which a point on the centre line has no direction to the wall [m^2]."""
+
+OUT_OF_QUESTION = 1e30
+"""Square of the distance that stands for a piece whose end planes a point does not lie between [m^2]."""
+
+
+class Local(NamedTuple):
+    """Coordinates of a point in the frame of a piece, and the piece's curvature."""
+
+    X: ca.SX
+    Y: ca.SX
+    Z: ca.SX
+    kappa: ca.SX
+
+
+def _stretch(c: Local) -> ca.SX:
+    """Return w of (WP1): the distance from the bend's axis as a multiple of the bend's radius."""
+    return ca.sqrt((c.kappa * c.X) ** 2 + (1.0 - c.kappa * c.Y) ** 2)
+
+
+def _excess(c: Local) -> ca.SX:
+    """Return delta of (WP3) [m]."""
+    return (c.kappa * (c.X**2 + c.Y**2) - 2.0 * c.Y) / (1.0 + _stretch(c))
+
+
+def _way(c: Local) -> ca.SX:
+    """Return s of (WP2) [m]."""
+    bent = c.kappa != 0.0
+    angle = ca.atan2(c.kappa * c.X, 1.0 - c.kappa * c.Y)
+    return ca.if_else(bent, angle / ca.if_else(bent, c.kappa, 1.0), c.X)
+
+
+def _tangent_and_outward(c: Local, t: ca.SX, n: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return T and O of (WP4)."""
+    w = _stretch(c)
+    ahead, aside = (1.0 - c.kappa * c.Y) / w, c.kappa * c.X / w
+    return ahead * t + aside * n, aside * t - ahead * n
+
+
+def _nearest_piece(locals_: Sequence[Local], pieces: Sequence[ca.SX]) -> ca.SX:
+    """Return which of `pieces`, columns of numbers, is the nearest."""
+    best, chosen = ca.SX(OUT_OF_QUESTION), pieces[0]
+    for k, c in enumerate(locals_):
+        square = _excess(c) ** 2 + c.Z**2
+        if k > 0:
+            square = ca.if_else(c.X >= 0.0, square, OUT_OF_QUESTION)
+        if k + 1 < len(locals_):
+            square = ca.if_else(locals_[k + 1].X < 0.0, square, OUT_OF_QUESTION)
+        if k > 0:
+            closer = square < best
+            chosen = ca.if_else(closer, pieces[k], chosen)
+            best = ca.if_else(closer, square, best)
+        else:
+            best = square
+    return chosen
 
 
 class Surface(NamedTuple):
@@ -66,7 +136,7 @@ class _Chain(NamedTuple):
         columns = ca.horzsplit(self.rows)
         each = (local(at, column) for column in columns)
         known = [c if bent else c._replace(kappa=ca.SX(0.0)) for c, bent in zip(each, self.bent, strict=True)]
-        found = chain.nearest(known, columns)
+        found = _nearest_piece(known, columns)
         return found if any(self.bent) else ca.vertcat(found[:-1], 0.0)
 
 
@@ -140,20 +210,20 @@ def place() -> ca.Function:
     """Return how far along a centre line a point lies beside a piece (second input), and the square of its distance."""
     x, row = ca.SX.sym("x", 3), ca.SX.sym("piece", PIECE)
     c = _local(x, row)
-    return ca.Function("place", [x, row], [row[9] + chain.way(c), chain.excess(c) ** 2 + c.Z**2])
+    return ca.Function("place", [x, row], [row[9] + _way(c), _excess(c) ** 2 + c.Z**2])
 
 
 def _tube(x: ca.SX, line: _Chain, wall: _Chain) -> _Tube:
     piece = line.nearest(_local, x)
     c, t, n = _local(x, piece), piece[3:6], piece[6:9]
-    T, outward = chain.tangent_and_outward(c, t, n)
-    away = chain.excess(c) * outward + c.Z * ca.cross(t, n)
+    T, outward = _tangent_and_outward(c, t, n)
+    away = _excess(c) * outward + c.Z * ca.cross(t, n)
     d = ca.sqrt(ca.sumsqr(away) + ON_AXIS)
-    e, s = away / d, piece[9] + chain.way(c)
+    e, s = away / d, piece[9] + _way(c)
     y, N, bulge = _wall(ca.vertcat(s, d), wall)
     g, normal = -y, -(N[0] * T + N[1] * e)
     around, along = ca.cross(T, e), N[1] * T - N[0] * e
-    bent = ca.fmin(0.0, ca.dot(normal, outward) * c.kappa / chain.stretch(c))
+    bent = ca.fmin(0.0, ca.dot(normal, outward) * c.kappa / _stretch(c))
     H = -N[1] / d * around @ around.T + ca.fmin(0.0, bulge) * along @ along.T + bent * T @ T.T
     return _Tube(Surface(g, normal, H), s, d, T)
 
@@ -170,8 +240,8 @@ def _wall(at: ca.SX, wall: _Chain) -> tuple[ca.SX, ca.SX, ca.SX]:
         return at[1] - wall.rows[1, 0], ca.SX([0.0, 1.0]), ca.SX(0.0)
     piece = wall.nearest(_local_of_wall, at)
     c, t, n = _local_of_wall(at, piece), piece[2:4], ca.vertcat(-piece[3], piece[2])
-    _, outward = chain.tangent_and_outward(c, t, n)
-    return -chain.excess(c), -outward, c.kappa / chain.stretch(c)
+    _, outward = _tangent_and_outward(c, t, n)
+    return -_excess(c), -outward, c.kappa / _stretch(c)
 
 
 def _local_of_wall(at: ca.SX, piece: ca.SX) -> Local:

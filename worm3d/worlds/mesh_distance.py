@@ -4,12 +4,11 @@ Near the surface each node has its exact distance to the triangles about it; the
 the nearest such node, which is the nearest one or almost. The sign is that of the winding number along rows of the
 grid, counted by crossings (Bridson's scan conversion): edges and corners that a row hits exactly count once, because
 orientations of equal points are broken by one rule for all triangles. The spline through the nodes is then fitted to
-exact distances between them (`distance_fit`).
+exact distances between them (`worm3d.worlds.sampled.fit`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -17,67 +16,35 @@ import scipy
 from numpy.typing import NDArray
 
 from worm3d.machine.compiled import inner, njit
-from worm3d.values.arrays import FloatArray, IntArray, SingleArray
-from worm3d.values.read_only import ReadOnly
-from worm3d.worlds import distance_fit
+from worm3d.values.arrays import FloatArray, IntArray
+from worm3d.worlds.sampled import FITTED, Grid, fit, node_counts
 
 Vector = tuple[float, float, float]
 
 NEAR = 3.0
-"""Cells from a triangle within which nodes get their exact distance to it."""
-
-FITTED = 1.25
-"""Cells from a triangle within which the spline is fitted between the nodes."""
+"""Distance from a triangle within which nodes get their exact distance to it, in cells."""
 
 MARGIN = 6
-"""Cells between the mesh and the edge of its grid."""
+"""Number of cells between the mesh and the edge of its grid."""
 
 PIECE = 8.0
-"""Cells: triangles with longer edges are taken in parts, lest the box about one is the whole grid."""
+"""Longest edge of a triangle that is taken whole, in cells, lest the box about one is the whole grid."""
 
 PIECES = 256
-"""Of a triangle that wait to be taken."""
-
-MOST_NODES = 8_000_000
-"""Of a grid: 32 MB to keep, ten times as much while it is filled."""
+"""Largest number of parts of a triangle that wait to be taken."""
 
 FAR = 1e30
-"""Square of a distance that is not known yet, in cells."""
-
-
-@dataclass(frozen=True, eq=False)
-class Grid(ReadOnly):
-    """A cubic spline of signed distances, negative inside.
-
-    Attributes
-    ----------
-    coefficients : ndarray of float32, shape (A, B, C)
-        Of the spline, in cells.
-    first : ndarray, shape (3,)
-        Place of the first node [m].
-    cell : float
-        Distance of nodes [m].
-    """
-
-    coefficients: SingleArray
-    first: FloatArray
-    cell: float
-
-
-def shape(vertices: FloatArray, cell: float) -> tuple[int, int, int]:
-    """Return the number of nodes that a mesh needs along each axis."""
-    a, b, c = (int(np.ceil(side / cell)) + 2 * MARGIN + 1 for side in np.ptp(vertices, axis=0))
-    return a, b, c
+"""Stands for the square of a distance that is not known yet."""
 
 
 def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:
     """Return the grid of a closed mesh whose faces look outwards."""
-    size = shape(vertices, cell)
+    size = node_counts(np.ptp(vertices, axis=0), cell, MARGIN)
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     first = middle - cell * (np.array(size) - 1.0) / 2.0
     corners = np.ascontiguousarray((vertices[faces] - first) / cell)
     coefficients = scipy.ndimage.spline_filter(_everywhere(corners, size), order=3)
-    distance_fit.fit(coefficients, [(shift, *_close(corners - shift, size)) for shift in product((0.0, 0.5), repeat=3)])
+    fit(coefficients, [(shift, *_close(corners - shift, size)) for shift in product((0.0, 0.5), repeat=3)])
     return Grid(coefficients.astype(np.float32), first, cell)
 
 

@@ -1,0 +1,182 @@
+"""Compiled kernels of worlds, of formulas and of tables, and how they are evaluated for points of one's own.
+
+A world's compiled kernel takes points and its own parameters, as rows of the inputs, and returns as rows
+
+    g               signed distance, negative inside the solid [m]
+    n (3)           its gradient, a unit vector out of the solid
+    H (6)           its Hessian, xx, xy, xz, yy, yz, zz [1/m]; zero is allowed and costs Newton steps only
+    grip            multiplier of the friction coefficients at that place
+
+in the layout of `worm3d.machine.codegen`: row r of point k stands at [r, k].
+
+A table cannot be a CasADi expression, so kernels that look something up are written by hand for Numba, with the
+signature of `worm3d.machine.codegen.emit`. Their arrays stand among a world's parameters as two numbers, the halves of
+an address, each exact in a double.
+
+Cubic B-spline (WS1), for 0 <= t < 1 between nodes 1 and 2 of four (de Boor, A Practical Guide to Splines):
+
+    w(t) = ((1 - t)^3, 3 t^3 - 6 t^2 + 4, -3 t^3 + 3 t^2 + 3 t + 1, t^3)/6
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
+from numpy.typing import NDArray
+
+from worm3d.machine.codegen import Kernel, compile_kernel, evaluate
+from worm3d.machine.compiled import cfunc, inner
+from worm3d.machine.vectors import doubles_at, singles_at
+from worm3d.values.arrays import FloatArray
+
+Formula = tuple[ca.Function, FloatArray]
+"""A world's rows (11) as a function of a point (3) and parameters (m), and the parameters, shape (m,)."""
+
+Weights = tuple[float, float, float, float]
+Jet = tuple[float, float, float, float, float, float, float, float, float, float]
+"""Value, gradient (3) and Hessian (6: xx, xy, xz, yy, yz, zz) of a distance."""
+
+SIGNATURE = "int64(int64, int64, int64, int64, int64, int64, int64)"
+"""Signature of a hand-written kernel: inputs, rows_in, lanes_in, outputs, rows_out, lanes_out, count -> status."""
+
+WORLD_ROWS = 11
+"""Number of rows of the outputs: distance, gradient (3), Hessian (6), grip."""
+
+LANES = 8
+"""Number of doubles in the widest vector of any processor."""
+
+OPTIMISATION = 3
+"""Optimisation level of hand-written kernels; a lower one doubles the time of a look-up."""
+
+HALF = 32
+"""Bits of an address in one parameter."""
+
+
+@dataclass(frozen=True)
+class WorldKernel:
+    """A compiled world.
+
+    Attributes
+    ----------
+    address : int
+        Address of the C function (`worm3d.machine.codegen.emit`).
+    parameters : ndarray, shape (m,)
+        Rows of the inputs after the point's coordinates, the same for all points.
+    owner : object
+        Kept alive as long as the address is used.
+    """
+
+    address: int
+    parameters: FloatArray
+    owner: object
+
+
+def compiled(function: ca.Function, parameters: FloatArray) -> WorldKernel:
+    """Return the compiled world of a formula."""
+    whole = kernel(function)
+    return WorldKernel(whole.address, parameters, whole)
+
+
+@lru_cache(maxsize=64)
+def kernel(function: ca.Function) -> Kernel:
+    """Return a compiled function, the same one for the same function; it computes the lanes beyond the points too."""
+    return compile_kernel(function, padded=True)
+
+
+@cache
+def by_hand(function: Callable[..., int]) -> Any:
+    """Return a hand-written kernel compiled, the same one for the same function; it has an `address`."""
+    return cfunc(SIGNATURE, function, OPTIMISATION)
+
+
+def looked_up(kernel: WorldKernel, points: FloatArray) -> FloatArray:
+    """Return the rows of a compiled world at points of shape (..., 3), shape (11, ...)."""
+    places = np.asarray(points, dtype=float).reshape(-1, 3)
+    lanes = -(-max(len(places), 1) // LANES) * LANES
+    inputs = np.zeros((3 + len(kernel.parameters), lanes))
+    inputs[:3, : len(places)], inputs[3:] = places.T, kernel.parameters[:, None]
+    outputs = np.zeros((WORLD_ROWS, lanes))
+    evaluate(kernel.address, inputs, outputs, len(places))
+    return outputs[:, : len(places)].reshape(-1, *np.shape(points)[:-1])
+
+
+def halves(*places: int) -> list[float]:
+    """Return addresses as two parameters each; what stands there has to outlive the kernel."""
+    return [float(half) for place in places for half in (place >> HALF, place & ((1 << HALF) - 1))]
+
+
+@inner
+def address(high: float, low: float) -> int:
+    """Return the address of which these are the halves."""
+    return (int(high) << HALF) + int(low)
+
+
+@inner
+def doubles(at: int, rows: int, columns: int) -> FloatArray:
+    """Return the matrix that stands at an address, not a copy."""
+    found: FloatArray = carray(doubles_at(at), (rows, columns))
+    return found
+
+
+@inner
+def singles(at: int, count: int) -> NDArray[np.float32]:
+    """Return the numbers of single precision that stand at an address, not a copy."""
+    found: NDArray[np.float32] = carray(singles_at(at), (count,))
+    return found
+
+
+@inner
+def cubic(t: float) -> tuple[Weights, Weights, Weights]:
+    """Return the weights of (WS1) and their first and second derivatives with respect to t."""
+    r = 1.0 - t
+    value = (
+        r * r * r / 6.0,
+        (t * t * (t - 2.0) + 4.0 / 3.0) / 2.0,
+        (r * r * (r - 2.0) + 4.0 / 3.0) / 2.0,
+        t * t * t / 6.0,
+    )
+    first = (-0.5 * r * r, 0.5 * t * (3.0 * t - 4.0), 0.5 * r * (4.0 - 3.0 * r), 0.5 * t * t)
+    return value, first, (r, 3.0 * t - 2.0, 3.0 * r - 2.0, t)
+
+
+@inner
+def cell(place: float, nodes: int) -> tuple[int, float]:
+    """Return the node before a place, counted in nodes, and the way from there: inside, and for NaN any."""
+    last = nodes - 2.0 - 1e-9
+    inside = place if place > 1.0 else 1.0  # NaN too: a node of it would lie anywhere in memory
+    inside = inside if inside < last else last
+    node = int(inside)
+    return node, inside - node
+
+
+@inner
+def repeats(points: FloatArray, k: int) -> bool:
+    """Return whether a point is the one before it, as in the lanes that only fill a vector."""
+    if k == 0:
+        return False
+    return bool(
+        points[0, k] == points[0, k - 1] and points[1, k] == points[1, k - 1] and points[2, k] == points[2, k - 1]
+    )
+
+
+@inner
+def repeat(out: FloatArray, k: int) -> None:
+    """Write the rows of the lane before once more."""
+    for r in range(WORLD_ROWS):
+        out[r, k] = out[r, k - 1]
+
+
+@inner
+def write(out: FloatArray, k: int, jet: Jet, length: float, side: float, per_length: float, grip: float) -> None:
+    """Write a world's rows of lane k, each kind times the factor given."""
+    out[0, k] = length * jet[0]
+    out[1, k], out[2, k], out[3, k] = side * jet[1], side * jet[2], side * jet[3]
+    out[4, k], out[5, k], out[6, k] = per_length * jet[4], per_length * jet[5], per_length * jet[6]
+    out[7, k], out[8, k], out[9, k] = per_length * jet[7], per_length * jet[8], per_length * jet[9]
+    out[10, k] = grip

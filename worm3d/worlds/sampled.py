@@ -1,0 +1,332 @@
+"""Worlds kept as a grid of signed distances: how a spline is fitted to them, and such a world of a Python function.
+
+A spline through the nodes rounds edges and corners, and errs by up to 0.28 of a cell there. Between nodes and half-way
+from node to node are eight samples a cell with weights w (WS1) of the coefficients c and distances d. Each that the
+spline misses by more than a tolerance e is met within it by the least change of the coefficients,
+
+    c <- c - w (r - e sign(r))/|w|^2,    r = w.c - d,                                                        (WM3)
+
+one after the other, in a few sweeps (Agmon, "The relaxation method for linear inequalities", 1954). Where the surface
+is smooth nothing is missed and nothing changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike, NDArray
+
+from worm3d.machine.compiled import inner, njit
+from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray, IntArray, SingleArray
+from worm3d.values.read_only import ReadOnly
+from worm3d.worlds import kernels, sampled_kernel
+from worm3d.worlds.base import World, chord
+from worm3d.worlds.kernels import WorldKernel, looked_up
+
+TOLERANCE = 0.1
+"""e of (WM3), in cells; what lies between the samples, and (WM1), add up to as much."""
+
+SWEEPS = 10
+"""Largest number of sweeps: at a few corners the tolerance cannot be met, and they are off by little more."""
+
+FITTED = 1.25
+"""Distance from the surface within which the spline is fitted between the nodes, in cells."""
+
+NODES = 1_000_000
+"""Number of nodes of a grid whose cell is not given: 4 MB, about a second to fill."""
+
+MOST_NODES = 8_000_000
+"""Largest number of nodes of a grid: 32 MB to keep, ten times as much while it is filled."""
+
+COARSER = 1.05
+"""Factor from one cell that is tried to the next."""
+
+FEWEST_CELLS = 4
+"""Smallest number of cells of a sampled distance along each axis."""
+
+EDGE = 14
+"""Nodes added all around a sampled distance while its spline is made: after so many its ends do not matter."""
+
+AT_ONCE = 200_000
+"""Largest number of points for which a distance is asked at once."""
+
+STEEPNESS = (0.8, 1.25)
+"""Length of the gradient of a distance next to its surface: least and greatest, but for a tenth of the places each."""
+
+STEEPEST = 1.75
+"""Greatest length of the gradient anywhere next to the surface; differences of a true distance stay below 3^(1/2)."""
+
+Shift = tuple[float, ...]
+"""Part of a cell along x, y and z, each 0 to 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid(ReadOnly):
+    """A cubic spline of signed distances on a regular grid, negative inside.
+
+    Attributes
+    ----------
+    coefficients : ndarray of float32, shape (A, B, C)
+        Of the spline, in cells.
+    first : ndarray, shape (3,)
+        Place of the first node [m].
+    cell : float
+        Distance of nodes [m].
+    """
+
+    coefficients: SingleArray
+    first: FloatArray
+    cell: float
+
+
+class GridWorld(ReadOnly, World):
+    """A world kept as a grid of signed distances; edges and corners are rounded by about a cell (`sampled_kernel`)."""
+
+    grid: Grid
+    grip: float
+
+    @property
+    def first(self) -> FloatArray:
+        """Place of the grid's first node, shape (3,) [m]."""
+        return self.grid.first
+
+    @property
+    def side(self) -> float:
+        """1 where negative distances are solid, -1 where positive ones are."""
+        return 1.0
+
+    @property
+    def straight(self) -> bool:
+        """Whether the world goes on straight beyond its grid; else nothing is there."""
+        return True
+
+    def kernel(self, band: float = sampled_kernel.CONTACT) -> WorldKernel:
+        """Return the compiled world, which reads the spline where a coefficient is less than so many cells."""
+        c, spline, code = (
+            self.grid.coefficients,
+            sampled_kernel.spline_kernel(),
+            kernels.by_hand(sampled_kernel.sampled),
+        )
+        # Working memory of this kernel alone: others may run beside it.
+        work = np.zeros((sampled_kernel.WORK_ROWS, sampled_kernel.TOGETHER))
+        parameters = [
+            *kernels.halves(c.ctypes.data, work.ctypes.data, spline.address),
+            *(*c.shape, *self.first, self.grid.cell, self.side, self.grip, band, self.straight),
+        ]
+        return WorldKernel(code.address, np.array(parameters, dtype=float), (code, c, work, spline))
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
+        distance: FloatArray = looked_up(self.kernel(np.inf), points)[0]
+        return distance
+
+    def forward(self, joints: FloatArray, level: FloatArray) -> FloatArray:
+        """Return the unit vector from tail to head of joints (N+1, 3): the worm lies along the surface."""
+        return chord(joints)
+
+    def height(self, places: FloatArray) -> FloatArray:
+        """Return the height of the ground at x, y of shape (M, 2), NaN where there is none, shape (M,) [m].
+
+        The highest ground; the lowest where positive distances are solid.
+        """
+        z = self.first[2] + self.grid.cell * np.arange(float(self.grid.coefficients.shape[2]))
+        columns = np.concatenate(
+            [np.repeat(places[:, None], len(z), axis=1), np.tile(z, (len(places), 1))[:, :, None]], axis=2
+        )
+        g = self.distance(columns)
+        enters = (g[:, :-1] < 0.0) & (g[:, 1:] >= 0.0)
+        highest, lowest = enters.shape[1] - 1 - np.argmax(enters[:, ::-1], axis=1), np.argmax(enters, axis=1)
+        k = highest if self.side > 0.0 else lowest
+        low, high = z[k], z[k + 1]
+        for _ in range(40):  # halvings: to rounding
+            middle = (low + high) / 2.0
+            below = self.distance(np.column_stack([places, middle])) < 0.0
+            low, high = np.where(below, middle, low), np.where(below, high, middle)
+        return np.where(enters.any(axis=1), high, np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class SampledWorld(GridWorld):
+    """The world of a Python function, sampled; made by `World.from_distance`.
+
+    Attributes
+    ----------
+    grid : Grid
+        Spline of its distances.
+    grip : float
+        Multiplier of the friction coefficients.
+    """
+
+    grid: Grid
+    grip: float = 1.0
+
+    @classmethod
+    def of(
+        cls, f: Callable[[FloatArray], ArrayLike], bounds: ArrayLike, spacing: float | None, grip: float
+    ) -> SampledWorld:
+        """Return the world of a signed distance; see `World.from_distance`."""
+        arguments.function("f", f, "a function of points, shape (n, 3), that returns distances, shape (n,)")
+        arguments.number("grip", grip, ge=0.0)
+        low, high = arguments.array("bounds", bounds, (2, 3))
+        if not (low < high).all():
+            raise ValueError(
+                f"bounds: got {arguments.shown(bounds)}, must be the lowest and the highest corner of a box: "
+                "((x, y, z), (x, y, z)), each of the second above that of the first [m]"
+            )
+        cell = _spacing(high - low, spacing)
+        size = node_counts(high - low, cell)
+        sides = [low[d] + cell * np.arange(float(size[d])) for d in range(3)]
+        points = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1)
+        distance = _asked(f, points.reshape(-1, 3)).reshape(size) / cell
+        _require_a_distance(distance, cell)
+        # Continued by its reflection, without a kink, and cut off a node beyond the bounds, so that they count.
+        spline = scipy.ndimage.spline_filter(np.pad(distance, EDGE, mode="reflect", reflect_type="odd"), order=3)
+        beyond = EDGE - 1
+        coefficients = np.ascontiguousarray(spline[beyond:-beyond, beyond:-beyond, beyond:-beyond])
+        fit(coefficients, [_samples(f, distance, low, cell, shift) for shift in product((0.0, 0.5), repeat=3)])
+        return cls(Grid(coefficients.astype(np.float32), low - cell, cell), float(grip))
+
+
+def node_counts(sides: FloatArray, cell: float, margin: int = 0) -> tuple[int, int, int]:
+    """Return the number of nodes along each axis that boxes of these sides, shape (3,) [m], and a margin need."""
+    a, b, c = (int(np.ceil(side / cell)) + 2 * margin + 1 for side in sides)
+    return a, b, c
+
+
+def coarsened(sides: FloatArray, cell: float, most: int, margin: int = 0) -> float:
+    """Return a cell, at least the one given [m], with which a grid has at most so many nodes."""
+    while np.prod([float(n) for n in node_counts(sides, cell, margin)]) > most:
+        cell *= COARSER
+    return cell
+
+
+def _spacing(sides: FloatArray, spacing: float | None) -> float:
+    if spacing is None:
+        return min(coarsened(sides, float(sides.max()) / NODES, NODES), float(sides.min()) / FEWEST_CELLS)
+    cell = arguments.number("spacing", spacing, "m", gt=0.0)
+    if cell > float(sides.min()) / FEWEST_CELLS:
+        raise ValueError(
+            f"spacing: got {cell:g} m, must be at most {float(sides.min()) / FEWEST_CELLS:.3g} m, a quarter of the "
+            "shortest side of the bounds"
+        )
+    count = float(np.prod(sides / cell + 1.0))
+    if count > MOST_NODES:
+        raise ValueError(
+            f"spacing: got {cell:g} m, which makes {count:.3g} nodes, at most {MOST_NODES:.0e} are allowed; take "
+            f"{coarsened(sides, cell, MOST_NODES):.3g} m or more, or smaller bounds"
+        )
+    return cell
+
+
+def _asked(f: Callable[[FloatArray], ArrayLike], points: FloatArray) -> FloatArray:
+    """Return the distances of points, shape (P, 3) [m], checked, shape (P,) [m]."""
+    result = np.empty(len(points))
+    for first in range(0, len(points), AT_ONCE):
+        some = points[first : first + AT_ONCE]
+        found = arguments.floats("f", f(some.copy()))
+        if found.shape != (len(some),):
+            raise ValueError(
+                f"f: returned shape {found.shape} for points of shape {some.shape}, must return a distance for each, "
+                f"shape ({len(some)},)"
+            )
+        if not np.isfinite(found).all():
+            wrong = np.flatnonzero(~np.isfinite(found))
+            at = ", ".join(f"{x:.4g}" for x in some[wrong[0]])
+            raise ValueError(
+                f"f: returned {len(wrong)} values that are not finite, as {found[wrong[0]]} at ({at}) m; it must be a "
+                "distance everywhere in the bounds"
+            )
+        result[first : first + len(some)] = found
+    return result
+
+
+def _require_a_distance(distance: FloatArray, cell: float) -> None:
+    """Raise ValueError where there is no surface, or the gradient next to it is far from a unit vector."""
+    solid = distance < 0.0
+    if solid.all() or not solid.any():
+        sign, nearest = ("negative", distance.max()) if solid.any() else ("positive", distance.min())
+        raise ValueError(
+            f"f: is {sign} everywhere in the bounds (at best {cell * nearest:.3g} m): no surface is there; it must be "
+            "positive in free space and negative inside the solid, and the bounds must hold some of both"
+        )
+    steepness = np.sqrt(np.sum(np.square(np.gradient(distance)), axis=0))[_next_to_surface(solid)]
+    low, high = np.quantile(steepness, (0.1, 0.9))
+    if low < STEEPNESS[0] or high > STEEPNESS[1] or steepness.max() > STEEPEST:
+        raise ValueError(
+            f"f: is no distance: next to its surface it changes by {steepness.min():.3g} to {steepness.max():.3g} m "
+            f"per metre ({low:.3g} to {high:.3g} but for a tenth of the places each), must be 1; divide it by the "
+            "length of its gradient, or, where the surface is finer than the grid, take a smaller spacing"
+        )
+
+
+def _next_to_surface(solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which nodes have a neighbour on the other side of the surface."""
+    cross = scipy.ndimage.generate_binary_structure(3, 1)
+    near: NDArray[np.bool_] = scipy.ndimage.binary_dilation(solid, cross) & scipy.ndimage.binary_dilation(~solid, cross)
+    return near
+
+
+def _samples(
+    f: Callable[[FloatArray], ArrayLike], distance: FloatArray, low: FloatArray, cell: float, shift: Shift
+) -> tuple[Shift, IntArray, FloatArray]:
+    """Return distances at a shift from the nodes near the surface, as `fit` takes them."""
+    behind = np.argwhere(np.abs(distance[:-1, :-1, :-1]) < FITTED + 1.0)
+    found = _asked(f, low + cell * (behind + shift)) / cell
+    near = np.abs(found) < FITTED
+    return shift, behind[near] + 1, found[near]
+
+
+def fit(coefficients: FloatArray, samples: Sequence[tuple[Shift, IntArray, FloatArray]]) -> None:
+    """Change the coefficients of a spline, so that it misses few samples by more than the tolerance (WM3).
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (A, B, C)
+        Changed in place [cells].
+    samples : sequence
+        How far they lie behind their nodes along each axis; the nodes, shape (M, 3); and the distances, shape (M,)
+        [cells].
+    """
+    for _ in range(SWEEPS):
+        missed = [_sweep(coefficients, shift, nodes, distance) for shift, nodes, distance in samples]
+        if not any(missed):
+            return
+
+
+@njit
+def _sweep(c: FloatArray, shift: Shift, nodes: IntArray, distance: FloatArray) -> int:
+    """Take (WM3) for each sample, and return for how many it changed something."""
+    w, missed = _weights(shift), 0
+    square = np.sum(w * w)
+    for m in range(len(nodes)):
+        i, j, k = nodes[m, 0] - 1, nodes[m, 1] - 1, nodes[m, 2] - 1
+        r = -distance[m]
+        for a in range(4):
+            for b in range(4):
+                for d in range(4):
+                    r += w[a, b, d] * c[i + a, j + b, k + d]
+        if abs(r) > TOLERANCE:
+            missed += 1
+            share = (r - np.sign(r) * TOLERANCE) / square
+            for a in range(4):
+                for b in range(4):
+                    for d in range(4):
+                        c[i + a, j + b, k + d] -= share * w[a, b, d]
+    return missed
+
+
+@inner
+def _weights(shift: Shift) -> FloatArray:
+    """Return the weights of the coefficients about a place between nodes, shape (4, 4, 4)."""
+    along, across, up = kernels.cubic(shift[0])[0], kernels.cubic(shift[1])[0], kernels.cubic(shift[2])[0]
+    w = np.empty((4, 4, 4))
+    for a in range(4):
+        for b in range(4):
+            for d in range(4):
+                w[a, b, d] = along[a] * across[b] * up[d]
+    return w

@@ -1,0 +1,230 @@
+"""The compiled spline of a grid of signed distances: value, normal and Hessian at a point.
+
+For each point the coefficients about it are collected, and the spline is read for many points at once. Where the
+nearest coefficient says that a point is farther outside than `CONTACT`, a parameter, the distance is read linearly from
+it: it only tells how far away the surface is.
+
+With the tricubic spline d of signed distances (WS1), its gradient v and Hessian D, m = |v| (1 but for the grid's errors)
+and a cell as unit,
+
+    g = psi d,    psi = 1 + (1/max(m, 1/2) - 1) phi,    phi = (1 + (d/w)^2)^-2                       (WM1)
+
+so that the gradient of g is a unit vector on the surface d = 0, which (WM1) does not move, and g is d a cell away from
+it, also beside edges, where the spline is rounded and m is small. As a function of d and v it gives
+
+    grad g = g_d v + D g_v,    Hess g = g_d D + v (D g_dv)' + (D g_dv) v'                             (WM2)
+
+where what vanishes with d is left out of the Hessian.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from worm3d.machine.codegen import Kernel, compile_kernel, evaluate
+from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
+from worm3d.machine.compiled import inner
+from worm3d.values.arrays import FloatArray, SingleArray
+from worm3d.worlds import kernels
+from worm3d.worlds.kernels import Jet
+
+NARROW = 0.1
+"""w of (WM1), in cells."""
+
+SIDE = 4
+"""Coefficients about a point along each axis."""
+
+CONTACT = 2.8
+"""Distance in cells up to which the spline is read: the point is then a cell from the surface at least, as the node
+before it is at most sqrt(3) away."""
+
+TOGETHER = 16
+"""Points of which the splines are read together: a multiple of every vector, and few enough for the nearest cache."""
+
+ROWS_IN, ROWS_OUT = 3 + 17, 11
+"""Point; addresses of coefficients, of working memory and of the spline's kernel (2 each), nodes along each axis, first
+node, cell, side of the solid, grip, `CONTACT`, and whether the world goes on straight beyond the grid."""
+
+_COEFFICIENTS, _WORK, _SPLINE, _NODES, _FIRST, _CELL, _SIDE, _GRIP, _CONTACT = 3, 5, 7, 9, 12, 15, 16, 17, 18
+_STRAIGHT = 19
+
+SPLINE_IN, SPLINE_OUT = SIDE**3 + 3, 10
+"""Coefficients, those along z next to one another, and the place between the middle ones along each axis; see `Jet`."""
+
+WORK_ROWS = SPLINE_IN + SPLINE_OUT + 1
+"""Rows of the working memory, `TOGETHER` columns: inputs and outputs of the spline, and the lanes of the points."""
+
+_PLACE, _OUT, _LANE = SIDE**3, SPLINE_IN, SPLINE_IN + SPLINE_OUT
+
+Nodes = tuple[int, int, int]
+Cell = tuple[int, float, float, float]
+"""Number of the node before a place, and the way from there along each axis."""
+
+
+@inner
+def _cell(nodes: Nodes, x: float, y: float, z: float) -> Cell:
+    i, r = kernels.cell(x, nodes[0])
+    j, s = kernels.cell(y, nodes[1])
+    k, t = kernels.cell(z, nodes[2])
+    return (i * nodes[1] + j) * nodes[2] + k, r, s, t
+
+
+@inner
+def _collect(work: FloatArray, n: int, c: SingleArray, nodes: Nodes, at: Cell, lane: int) -> None:
+    """Write what the spline needs about a point as column n."""
+    row, one = np.uint64(0), np.uint64(1)  # unsigned: a negative index would mean the end, and be looked for
+    column = np.uint64(n)
+    for a in range(4):
+        for b in range(4):
+            first = np.uint64(at[0] + ((a - 1) * nodes[1] + b - 1) * nodes[2] - 1)
+            for _ in range(4):
+                work[row, column] = c[first]
+                row += one
+                first += one
+    work[_PLACE, n], work[_PLACE + 1, n], work[_PLACE + 2, n] = at[1], at[2], at[3]
+    work[_LANE, n] = lane
+
+
+@inner
+def _linear(c: SingleArray, nodes: Nodes, at: Cell) -> Jet:
+    """Return what is linear along each axis from the node before a point, and its direction of steepest ascent."""
+    node, r, s, t = at
+    here = np.float64(c[node])
+    x, y, z = c[node + nodes[1] * nodes[2]] - here, c[node + nodes[2]] - here, c[node + 1] - here
+    size = x * x + y * y + z * z
+    unit = 1.0 / np.sqrt(size) if size > 0.0 else 0.0
+    return here + r * x + s * y + t * z, x * unit, y * unit, z * unit, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+
+
+@inner
+def _outside(place: float, nodes: int) -> float:
+    """Return how far a place lies beyond the grid, signed, in nodes."""
+    return min(place - 1.0, 0.0) + max(place - (nodes - 2.0), 0.0)
+
+
+@inner
+def _beyond(jet: Jet, nodes: Nodes, x: float, y: float, z: float, straight: float) -> Jet:
+    """Return the distance where a place is beyond the grid, else as it is.
+
+    There the world goes on straight, along the tangent plane at the nearest place of the grid; or nothing of it is
+    there, and the distance is that from the grid.
+    """
+    x, y, z = _outside(x, nodes[0]), _outside(y, nodes[1]), _outside(z, nodes[2])
+    size = np.sqrt(x * x + y * y + z * z)
+    if not size > 0.0:
+        return jet
+    if straight > 0.0:
+        return jet[0] + jet[1] * x + jet[2] * y + jet[3] * z, jet[1], jet[2], jet[3], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    return jet[0] + size, x / size, y / size, z / size, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+
+
+@inner
+def _place(p: FloatArray, k: int) -> tuple[float, float, float]:
+    """Return the place of a point in nodes."""
+    share = 1.0 / p[_CELL, 0]
+    return (
+        (p[0, k] - p[_FIRST, 0]) * share,
+        (p[1, k] - p[_FIRST + 1, 0]) * share,
+        (p[2, k] - p[_FIRST + 2, 0]) * share,
+    )
+
+
+@inner
+def _write(p: FloatArray, out: FloatArray, k: int, jet: Jet, nodes: Nodes) -> None:
+    x, y, z = _place(p, k)
+    cell, side = p[_CELL, 0], p[_SIDE, 0]
+    kernels.write(out, k, _beyond(jet, nodes, x, y, z, p[_STRAIGHT, 0]), side * cell, side, side / cell, p[_GRIP, 0])
+
+
+@inner
+def _read(p: FloatArray, out: FloatArray, work: FloatArray, n: int, nodes: Nodes) -> None:
+    """Read the spline for the points collected, and write their rows."""
+    found = work[_OUT:_LANE]
+    evaluate(kernels.address(p[_SPLINE, 0], p[_SPLINE + 1, 0]), work[:_OUT], found, n)
+    for m in range(n):
+        jet = (
+            *(found[0, m], found[1, m], found[2, m], found[3, m]),
+            *(found[4, m], found[5, m], found[6, m], found[7, m], found[8, m], found[9, m]),
+        )
+        _write(p, out, int(work[_LANE, m]), jet, nodes)
+
+
+def sampled(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, lanes_out: int, count: int) -> int:
+    """Evaluate `count` points; the kernel of a `GridWorld`."""
+    if rows_in != ROWS_IN or rows_out != ROWS_OUT or not 0 <= count <= min(lanes_in, lanes_out):
+        return WRONG_SHAPE
+    p, out = kernels.doubles(inputs, rows_in, lanes_in), kernels.doubles(outputs, rows_out, lanes_out)
+    if count == 0:
+        return FINE
+    nodes = int(p[_NODES, 0]), int(p[_NODES + 1, 0]), int(p[_NODES + 2, 0])
+    place = kernels.address(p[_COEFFICIENTS, 0], p[_COEFFICIENTS + 1, 0])
+    c = kernels.singles(place, nodes[0] * nodes[1] * nodes[2])
+    work = kernels.doubles(kernels.address(p[_WORK, 0], p[_WORK + 1, 0]), WORK_ROWS, TOGETHER)
+    side, contact, collected = p[_SIDE, 0], p[_CONTACT, 0], 0
+    for k in range(count):
+        if not kernels.repeats(p, k):
+            x, y, z = _place(p, k)
+            at = _cell(nodes, x, y, z)
+            if side * c[at[0]] > contact:
+                _write(p, out, k, _linear(c, nodes, at), nodes)
+            else:
+                _collect(work, collected, c, nodes, at, k)
+                collected += 1
+        if collected == TOGETHER:
+            _read(p, out, work, collected, nodes)
+            collected = 0
+    _read(p, out, work, collected, nodes)
+    for k in range(count):
+        if kernels.repeats(p, k):
+            kernels.repeat(out, k)
+    return FINE
+
+
+def _cubic(t: ca.SX) -> list[ca.SX]:
+    """Return the weights of (WS1) and their first and second derivatives with respect to t, shape (4,) each."""
+    formula: Any = kernels.cubic  # arithmetic alone: of symbols as of numbers
+    return [ca.vertcat(*weights) for weights in formula.py_func(t)]
+
+
+def _spline(coefficients: ca.SX, place: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return value, gradient and Hessian of the spline, contracted along z, y and x."""
+    x, y, z = (_cubic(place[k]) for k in range(3))
+    rows = ca.reshape(coefficients, SIDE, SIDE**2).T  # (x, y) by z
+    along_z = [ca.reshape(rows @ w, SIDE, SIDE).T for w in z]  # x by y
+    along_y = {(j, k): along_z[k] @ y[j] for j in range(3) for k in range(3 - j)}
+
+    def contracted(i: int, j: int, k: int) -> ca.SX:
+        """Return the derivative of order i, j, k along the axes."""
+        return ca.dot(x[i], along_y[j, k])
+
+    xx, xy, xz = contracted(2, 0, 0), contracted(1, 1, 0), contracted(1, 0, 1)
+    yy, yz, zz = contracted(0, 2, 0), contracted(0, 1, 1), contracted(0, 0, 2)
+    gradient = ca.vertcat(contracted(1, 0, 0), contracted(0, 1, 0), contracted(0, 0, 1))
+    hessian = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+    return contracted(0, 0, 0), gradient, hessian
+
+
+def _distance(value: ca.SX, gradient: ca.SX) -> ca.SX:
+    """Return g of (WM1)."""
+    phi = 1.0 / (1.0 + (value / NARROW) ** 2) ** 2
+    return value * (1.0 + (1.0 / ca.fmax(ca.norm_2(gradient), 0.5) - 1.0) * phi)
+
+
+@cache
+def spline_kernel() -> Kernel:
+    """Return the compiled spline."""
+    coefficients, place, d, v = ca.SX.sym("c", SIDE**3), ca.SX.sym("t", 3), ca.SX.sym("d"), ca.SX.sym("v", 3)
+    g = _distance(d, v)
+    g_d, g_v = ca.gradient(g, d), ca.gradient(g, v)
+    value, gradient, hessian = _spline(coefficients, place)
+    parts = ca.Function("parts", [d, v], [g, g_d, g_v, ca.gradient(g_d, v)])
+    g, g_d, g_v, g_dv = parts(value, gradient)
+    turned = hessian @ g_dv
+    normal = g_d * gradient + hessian @ g_v
+    curvature = g_d * hessian + gradient @ turned.T + turned @ gradient.T
+    rows = ca.vertcat(g, normal, *(curvature[i, j] for i in range(3) for j in range(i, 3)))
+    return compile_kernel(ca.Function("grid_spline", [coefficients, place], [ca.densify(rows)]))

@@ -1,0 +1,328 @@
+"""What worlds look like: the part of each that surrounds a worm, as meshes for pictures.
+
+A world without a function under `@scenery.register` is drawn from its signed distance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import singledispatch
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.values.arrays import FloatArray
+from worm3d.viewer.isosurface import isosurface
+from worm3d.viewer.pieces import rounded_up
+from worm3d.viewer.world import GROUND, PIPE, Colour, WorldMesh, banded_pipe, chequered, heightfield, plane
+from worm3d.worlds.base import World
+from worm3d.worlds.heightfield import Heightfield
+from worm3d.worlds.mesh import Mesh
+from worm3d.worlds.pipe import Pipe
+from worm3d.worlds.plane import ClampedGround, Patch, Plane
+from worm3d.worlds.union import Union
+
+MARGIN = 1.0
+"""Distance beyond the worm up to which the world is drawn, in body lengths."""
+
+TILE = 0.1
+"""Side of a tile of the ground in body lengths, roughly: it is 1, 2 or 5 times a power of ten [m]."""
+
+MOST_TILES = 3000
+"""Largest number of tiles of a ground."""
+
+FINEST, MOST_CELLS = 0.02, 200_000
+"""Smallest spacing of the grid on which a distance is drawn, in body lengths, and its largest number of cells."""
+
+MOST_FACES = 40_000
+"""Largest number of faces of a mesh that is drawn as it is; another is drawn from its distance."""
+
+SLIPPERY: Colour = (0.62, 0.78, 0.92)
+"""Colour of patches with less friction than the rest."""
+
+ROUGH: Colour = (0.72, 0.60, 0.45)
+"""Colour of patches with more friction than the rest."""
+
+ASKED = 300
+"""Number of places of the worm by which the stretch of a pipe that is drawn is found."""
+
+RINGS, SIDES = 5, 40
+"""Rings of corners in a band of a pipe, and corners of a ring."""
+
+OPACITY = 0.3
+"""Opacity of a pipe's wall."""
+
+FINE = 0.008
+"""Longest side of triangles next to an edge where worlds meet, in body lengths, so that it looks clean."""
+
+UNION_OPACITY = 0.5
+"""Highest opacity of a union: what is inside one world may lie below another."""
+
+MOST_STEPS = 80
+"""Largest number of steps to the ground; on a plane of 60 degrees each takes half of what is left, at 80 a sixth."""
+
+EXACT = 1e-6
+"""Distance from the ground at which a place is on it, in body lengths."""
+
+DEEPEST = 1.0
+"""Greatest distance of a place from the ground below or above it, in body lengths."""
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Where a worm has been.
+
+    Attributes
+    ----------
+    points : ndarray, shape (K, 3)
+        Its apexes and joints at all instants [m].
+    body_length : float
+        [m]
+    """
+
+    points: FloatArray
+    body_length: float
+
+
+@dataclass(frozen=True, eq=False)
+class Scenery:
+    """What surrounds the worm.
+
+    Attributes
+    ----------
+    meshes : tuple of WorldMesh
+    centreline : ndarray, shape (P, 3), optional
+        Of a pipe: where the camera inside it moves [m].
+    """
+
+    meshes: tuple[WorldMesh, ...] = ()
+    centreline: FloatArray | None = None
+
+
+@singledispatch
+def scenery(world: World | None, window: Window) -> Scenery:
+    """Return what a world looks like around the worm.
+
+    Parameters
+    ----------
+    world : World or None
+    window : Window
+    """
+    if world is None:
+        return Scenery()
+    low, high = window.points.min(axis=0), window.points.max(axis=0)
+    margin = 0.3 * MARGIN * window.body_length
+    low, high = low - margin, high + margin
+    tile = tile_size(window.body_length, (high - low)[:2])
+    finest = max(FINEST * window.body_length, float(np.prod(high - low) / MOST_CELLS) ** (1.0 / 3.0))
+    # The corners of a level surface lie in the middle of cells: these then meet at the edges of tiles.
+    spacing = tile / max(np.floor(tile / finest), 1.0)
+    low = tile * np.floor(low / tile) - 0.5 * spacing
+    sides = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
+    distance = world.distance(np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1))
+    mesh = isosurface(distance, low, spacing)
+    if not len(mesh.faces):
+        return Scenery()
+    covers = bool((distance[:, :, -1] < 0.0).any())  # it would hide the worm from above
+    if covers:
+        return Scenery((WorldMesh("wall", mesh.vertices, mesh.faces, PIPE, 0.35),))
+    terrain = WorldMesh("terrain", mesh.vertices, mesh.faces, GROUND)
+    return Scenery(chequered(terrain, tile, together=2))
+
+
+def tile_size(body_length: float, sides: FloatArray) -> float:
+    """Return the side of a tile for a ground of these sides, shape (2,) [m]."""
+    return rounded_up(max(TILE * body_length, float(np.sqrt(sides.prod() / MOST_TILES))))
+
+
+@scenery.register
+def _clamped(world: ClampedGround, window: Window) -> Scenery:
+    """Return the level on which the joints are held; the worm reaches below it."""
+    return Scenery(_floor(Plane(), window, 0.35))
+
+
+@scenery.register
+def _plane(world: Plane, window: Window) -> Scenery:
+    return Scenery((*_floor(world, window, 1.0), *_patches(world, window)))
+
+
+def _floor(world: Plane, window: Window, opacity: float) -> tuple[WorldMesh, ...]:
+    """Return tiles that lie where they are whatever the worm does: the origin is a corner of four."""
+    low, high = _extent(world, window)
+    tile = tile_size(window.body_length, high - low)
+    low, high = 2.0 * tile * np.floor(low / (2.0 * tile)), 2.0 * tile * np.ceil(high / (2.0 * tile))
+    ascent, left, normal = world.axes
+    middle = 0.5 * (low + high)
+    return plane(
+        middle[0] * ascent + middle[1] * left,
+        normal,
+        length=float(high[0] - low[0]),
+        width=float(high[1] - low[1]),
+        tile=tile,
+        along=ascent,
+        opacity=opacity,
+    )
+
+
+def _extent(world: Plane, window: Window) -> tuple[FloatArray, FloatArray]:
+    """Return from where to where a plane is drawn, along the ascent and to the left, each of shape (2,) [m]."""
+    places = window.points @ world.axes[:2].T
+    margin = MARGIN * window.body_length
+    return places.min(axis=0) - margin, places.max(axis=0) + margin
+
+
+def _patches(world: Plane, window: Window) -> tuple[WorldMesh, ...]:
+    low, high = _extent(world, window)
+    drawn = (_patch(k, patch, world, low, high, window) for k, patch in enumerate(world.patches))
+    return tuple(mesh for mesh in drawn if mesh is not None)
+
+
+def _patch(
+    number: int, patch: Patch, world: Plane, low: FloatArray, high: FloatArray, window: Window
+) -> WorldMesh | None:
+    """Return a patch as a sheet on the ground, a later one above an earlier; None if it is out of sight."""
+    begin = np.maximum(low, [patch.along[0], patch.across[0]])
+    end = np.minimum(high, [patch.along[1], patch.across[1]])
+    if not (begin < end).all():
+        return None
+    above = 1e-3 * (number + 1) * window.body_length
+    corners = np.array([[x, y, above] for x, y in zip(*_around(begin, end), strict=True)])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    return WorldMesh(
+        f"friction x {patch.grip:g}", corners @ world.axes, faces, SLIPPERY if patch.grip < 1.0 else ROUGH, 0.7
+    )
+
+
+def _around(begin: FloatArray, end: FloatArray) -> tuple[list[float], list[float]]:
+    return [begin[0], end[0], end[0], begin[0]], [begin[1], begin[1], end[1], end[1]]
+
+
+@scenery.register
+def _heightfield(world: Heightfield, window: Window) -> Scenery:
+    margin = MARGIN * window.body_length
+    low, high = window.points.min(axis=0)[:2] - margin, window.points.max(axis=0)[:2] + margin
+    tile = tile_size(window.body_length, high - low)
+    low, high = tile * np.floor(low / tile), tile * np.ceil(high / tile)
+    parts = int(np.ceil(tile / max(min(FINEST * window.body_length, world.spacing), 0.1 * tile)))
+    x, y = (np.linspace(a, b, round((b - a) / tile) * parts + 1) for a, b in zip(low, high, strict=True))
+    height = world.height(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
+    return Scenery(chequered(heightfield(x, y, height), tile, together=2))
+
+
+@scenery.register
+def _mesh(world: Mesh, window: Window) -> Scenery:
+    vertices, faces = world.triangles()
+    margin = MARGIN * window.body_length
+    low, high = window.points.min(axis=0) - margin, window.points.max(axis=0) + margin
+    corners = vertices[faces]
+    near = ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)
+    if near.sum() > MOST_FACES:
+        return scenery.dispatch(World)(world, window)
+    used, numbers = np.unique(faces[near], return_inverse=True)
+    faces = numbers.reshape(-1, 3)
+    if world.solid == "outside":
+        return Scenery((WorldMesh("tunnel", vertices[used], faces, PIPE, 0.35),))
+    terrain = WorldMesh("mesh", vertices[used], faces, GROUND)
+    return Scenery(chequered(terrain, tile_size(window.body_length, (high - low)[:2])))
+
+
+@scenery.register
+def _pipe(world: Pipe, window: Window) -> Scenery:
+    some = window.points[:: max(len(window.points) // ASKED, 1)]
+    along = world.along(some)
+    margin = MARGIN * window.body_length
+    begin, end = float(along.min()) - margin, float(along.max()) + margin
+    begin = max(begin, 0.0) if world.start_wall else begin
+    end = min(end, world.centreline.total) if world.end_wall else end
+    band = rounded_up(TILE * window.body_length)
+    count = RINGS * max(int(np.ceil((end - begin) / band)), 1) + 1
+    # The bands stay where they are whatever the worm does.
+    s = np.linspace(band * np.floor(begin / band) if not world.start_wall else begin, end, count)
+    points, radius = world.centreline.at(s)[0], world.radius_at(s)
+    walls = [(k, s[k]) for k, closed in ((0, world.start_wall), (-1, world.end_wall)) if closed]
+    caps = tuple(_cap(world, points[k], place, float(radius[k])) for k, place in walls)
+    return Scenery((*banded_pipe(points, radius, band=band, sides=SIDES, opacity=OPACITY), *caps), points)
+
+
+def _cap(world: Pipe, middle: FloatArray, place: float, radius: float) -> WorldMesh:
+    """Return the flat wall that closes the pipe at a place along it."""
+    _, tangent = world.centreline.at(place)
+    across = np.linalg.svd(tangent[None])[2][1:]
+    angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
+    rim = middle + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1) @ across
+    corner = np.arange(SIDES)
+    faces = np.stack([np.full(SIDES, SIDES), corner, (corner + 1) % SIDES], axis=1)
+    return WorldMesh("end of the pipe", np.vstack([rim, middle]), faces, PIPE, OPACITY)
+
+
+@scenery.register
+def _union(world: Union, window: Window) -> Scenery:
+    parts = [scenery(each, window) for each in world.worlds]
+    meshes = []
+    for k, part in enumerate(parts):
+        others = [other for j, other in enumerate(world.worlds) if j != k]
+        cut = (_cut(mesh, others, FINE * window.body_length) for mesh in part.meshes)
+        meshes += [mesh for mesh in cut if len(mesh.faces)]
+    lines = [part.centreline for part in parts if part.centreline is not None]
+    return Scenery(tuple(meshes), lines[0] if lines else None)
+
+
+def _cut(mesh: WorldMesh, others: list[World], fine: float) -> WorldMesh:
+    """Return a mesh without what lies in the free space of other worlds."""
+    vertices, faces = mesh.vertices, mesh.faces
+    while len(faces) < 100_000:
+        near = np.abs([other.distance(vertices[faces].mean(axis=1)) for other in others]).min(axis=0, initial=np.inf)
+        side = np.linalg.norm(vertices[faces] - np.roll(vertices[faces], 1, axis=1), axis=2).max(axis=1)
+        coarse = (side > fine) & (near < side)
+        if not coarse.any():
+            break
+        vertices, faces = _quartered(vertices, faces, coarse)
+    middle = vertices[faces].mean(axis=1)
+    free = np.any([other.distance(middle) > 0.0 for other in others], axis=0) if others else np.zeros(len(faces), bool)
+    return replace(mesh, vertices=vertices, faces=faces[~free], opacity=min(mesh.opacity, UNION_OPACITY))
+
+
+def _quartered(
+    vertices: FloatArray, faces: NDArray[np.int64], which: NDArray[np.bool_]
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return triangles of which some are cut into four at the middles of their sides."""
+    a, b, c = faces[which].T
+    corners = vertices[faces[which]]
+    middles = 0.5 * (corners + np.roll(corners, -1, axis=1))  # of ab, bc, ca
+    ab, bc, ca = (len(vertices) + 3 * np.arange(len(a)) + k for k in range(3))
+    four = np.concatenate([np.stack(t, axis=1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    return np.concatenate([vertices, middles.reshape(-1, 3)]), np.concatenate([faces[~which], four])
+
+
+def on_ground(world: World | None, places: FloatArray, body_length: float, above: float = 0.0) -> FloatArray:
+    """Return places, shape (..., 3), moved along z on to the world; those with no ground near stay where they are [m].
+
+    A place goes down by its distance again and again, which never leads beyond the surface nearest to it ("sphere
+    tracing", Hart 1996, The Visual Computer 12, 527); one below the ground comes up.
+
+    Parameters
+    ----------
+    world : World or None
+    places : ndarray, shape (..., 3)
+        [m].
+    body_length : float
+        [m].
+    above : float
+        Height over the ground, so that lines are seen [m].
+    """
+    result = np.array(places, dtype=float)
+    if world is None:
+        return result
+    moving = result.reshape(-1, 3).copy()
+    searched = np.arange(len(moving))
+    for _ in range(MOST_STEPS):
+        distance = world.distance(moving[searched])
+        far = np.abs(distance) > EXACT * body_length
+        moving[searched[far], 2] -= distance[far]
+        gone = np.abs(moving[searched, 2] - result.reshape(-1, 3)[searched, 2]) > DEEPEST * body_length
+        found = searched[~far & ~gone]
+        result.reshape(-1, 3)[found] = moving[found] + [0.0, 0.0, above]
+        searched = searched[far & ~gone]
+        if not len(searched):
+            break
+    return result
