@@ -315,6 +315,6 @@ def _come_to_rest(plant: Plant, problem: Problem, start: State, settling: Settli
     if status is Status.DONE:
         plant.set_pose(rested)
         plant.bear(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
-        if plant.world.uneven:
+        if plant.world is not None and plant.world.uneven:
             hold(plant)
     return status

@@ -4,8 +4,8 @@ For each point the coefficients about it are collected, and the spline is read f
 nearest coefficient says that a point is farther outside than `CONTACT`, a parameter, the distance is read linearly from
 it: it only tells how far away the surface is.
 
-With the tricubic spline d of signed distances (WS1), its gradient v and Hessian D, m = |v| (1 but for the grid's errors)
-and a cell as unit,
+With the tricubic spline d of signed distances (WS1), its gradient v and Hessian D, m = |v| (1 but for errors of the
+grid) and a cell as unit,
 
     g = psi d,    psi = 1 + (1/max(m, 1/2) - 1) phi,    phi = (1 + (d/w)^2)^-2                       (WM1)
 
