@@ -13,121 +13,73 @@ import sys
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from worm3d.command import Command, Commands
-from worm3d.worm import Worm
+from worm3d.command import Command as Command
+from worm3d.command import Commands as Commands
+from worm3d.worm import Worm as Worm
 
 if TYPE_CHECKING:
-    from worm3d.batch import simulate_batch
-    from worm3d.constraints import Held
-    from worm3d.live import Live
-    from worm3d.observation import Observation
-    from worm3d.physics.friction import Friction
-    from worm3d.physics.friction_laws import Coulomb, FrictionLaw
-    from worm3d.pictures import draw, show
-    from worm3d.result import Energy, Result
-    from worm3d.simulate import simulate
-    from worm3d.start import LimitPointError, flattening_weight
-    from worm3d.state import State, StateError
-    from worm3d.status import Status, Stop
-    from worm3d.worlds import (
-        Bend,
-        Centreline,
-        ClampedGround,
-        Heightfield,
-        Mesh,
-        MeshError,
-        Patch,
-        Pipe,
-        Plane,
-        Profile,
-        Straight,
-        Union,
-        slope_into_pipe,
-    )
+    from worm3d.batch import simulate_batch as simulate_batch
+    from worm3d.constraints import Held as Held
+    from worm3d.live import Live as Live
+    from worm3d.observation import Observation as Observation
+    from worm3d.physics.friction import Friction as Friction
+    from worm3d.physics.friction_laws import Coulomb as Coulomb
+    from worm3d.physics.friction_laws import FrictionLaw as FrictionLaw
+    from worm3d.pictures import draw as draw
+    from worm3d.pictures import show as show
+    from worm3d.result import Energy as Energy
+    from worm3d.result import Result as Result
+    from worm3d.simulate import simulate as simulate
+    from worm3d.start import LimitPointError as LimitPointError
+    from worm3d.start import flattening_weight as flattening_weight
+    from worm3d.state import State as State
+    from worm3d.state import StateError as StateError
+    from worm3d.status import Status as Status
+    from worm3d.status import Stop as Stop
+    from worm3d.worlds import *  # noqa: F403 - a further world is named there alone
+
 
 _HOMES = {
-    "Bend": "worlds",
-    "Centreline": "worlds",
-    "ClampedGround": "worlds",
-    "Energy": "result",
     "Coulomb": "physics.friction_laws",
+    "Energy": "result",
     "Friction": "physics.friction",
     "FrictionLaw": "physics.friction_laws",
-    "Heightfield": "worlds",
     "Held": "constraints",
     "LimitPointError": "start",
     "Live": "live",
-    "Mesh": "worlds",
-    "MeshError": "worlds",
     "Observation": "observation",
-    "Patch": "worlds",
-    "Pipe": "worlds",
-    "Plane": "worlds",
-    "Profile": "worlds",
     "Result": "result",
     "State": "state",
     "StateError": "state",
     "Status": "status",
     "Stop": "status",
-    "Straight": "worlds",
-    "Union": "worlds",
     "draw": "pictures",
     "flattening_weight": "start",
     "show": "pictures",
     "simulate": "simulate",
     "simulate_batch": "batch",
-    "slope_into_pipe": "worlds",
 }
-"""Module of each name that is imported when it is first asked for."""
-
-__all__ = [
-    "Bend",
-    "Centreline",
-    "ClampedGround",
-    "Command",
-    "Commands",
-    "Energy",
-    "Coulomb",
-    "Friction",
-    "FrictionLaw",
-    "Heightfield",
-    "Held",
-    "LimitPointError",
-    "Live",
-    "Mesh",
-    "MeshError",
-    "Observation",
-    "Patch",
-    "Pipe",
-    "Plane",
-    "Profile",
-    "Result",
-    "State",
-    "StateError",
-    "Status",
-    "Stop",
-    "Straight",
-    "Union",
-    "Worm",
-    "draw",
-    "flattening_weight",
-    "show",
-    "simulate",
-    "simulate_batch",
-    "slope_into_pipe",
-]
+"""Module of each name that is imported when it is first asked for; other names are those of `worm3d.worlds`."""
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    if name == "__all__":
+        return sorted({"Command", "Commands", "Worm", *_HOMES, *_worlds()})
+    home = _HOMES.get(name, "worlds")
+    if name.startswith("_") or (home == "worlds" and name not in _worlds()):
         raise AttributeError(f"module 'worm3d' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"worm3d.{_HOMES[name]}"), name)
+    value = getattr(importlib.import_module(f"worm3d.{home}"), name)
     globals()[name] = value
     return value
 
 
+def _worlds() -> list[str]:
+    names: list[str] = importlib.import_module("worm3d.worlds").__all__
+    return names
+
+
 def __dir__() -> list[str]:
-    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})
+    return sorted({*__getattr__("__all__"), *(name for name in globals() if name.startswith("__"))})
 
 
 class _Package(ModuleType):
