@@ -39,9 +39,9 @@ from control.sensing.gate import Gate
 from control.sensing.sensors import Measurement
 from control.tracking.paths import offset
 from scenes.language.errors import MissingPartError, SceneError
-from scenes.language.loader import load_scene
 from scenes.models.control.build import identified_of, reference_of, sensors_of
 from scenes.models.control.schema import ControlScene
+from scenes.models.loading import load_scene
 from scenes.models.worm.build import problem_of, worm_of
 from worm3d.run import Run
 from worm3d.status import Status

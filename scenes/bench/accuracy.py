@@ -23,7 +23,7 @@ from scenes.bench.machine import machine
 from scenes.bench.tables import Cells, aligned, markdown_table
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
-from scenes.language.loader import load_scene
+from scenes.models.loading import load_scene
 from scenes.records import folder as folders
 from scenes.records.files import write_bytes
 from worm3d.values.arrays import FloatArray
@@ -138,7 +138,7 @@ def starts(case: Case) -> list[tuple[str, ...]]:
     """Return the changes of a scene by which its runs start at different places: none where the ground is even."""
     if not case.rough:
         return [()]
-    x, y = load_scene(case.scene, case.changes).settings.start.position_m  # type: ignore[attr-defined]
+    x, y = load_scene(case.scene, case.changes).settings.start.position_m
     moved = np.array([x, y]) + np.random.default_rng(SEED).uniform(-SHIFT, SHIFT, (STARTS, 2))
     return [(f"start.position_m={place}",) for place in moved.tolist()]
 

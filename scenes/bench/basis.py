@@ -8,9 +8,9 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 
-from scenes.language.loader import Scene
 from scenes.models.control.build import identified_of
 from scenes.models.control.schema import ControlScene
+from scenes.models.loading import Scene
 from scenes.records.versions import versions
 
 PACKAGES = ("worm3d", "control", "scenes")

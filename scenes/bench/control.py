@@ -17,7 +17,7 @@ from typing import Any
 from scenes.bench.basis import basis
 from scenes.commands.report import timing
 from scenes.commands.runner import simulate
-from scenes.language.loader import Scene, load_scene
+from scenes.models.loading import Scene, load_scene
 from scenes.records.files import write_bytes
 from scenes.records.summary import without_nan
 
@@ -171,7 +171,7 @@ def _measured(case: Case, scene: Scene, folder: Path) -> Found:
     record = simulate(scene)
     seen: dict[str, Any] = {**record.summary.figures, **timing(record)}
     figures = {name: seen.get(name) for name in (*METRICS, *TIMES)}
-    figures["control_period_ms"] = 1e3 * scene.settings.controller.period_s  # type: ignore[attr-defined]
+    figures["control_period_ms"] = 1e3 * scene.settings.controller.period_s
     found = Found(case.trial.name, case.controller, case.seed, record.status, figures)
     content = without_nan({"scene": scene.to_toml(), "basis": basis(scene), **asdict(found)})
     content["digest"] = _digest(content)

@@ -64,7 +64,7 @@ def run(scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force
     worms an animation (of the first 30 s) instead. Ctrl-C keeps what was computed.
     """
     from scenes.commands.runner import run_scene
-    from scenes.language.loader import load_scene
+    from scenes.models.loading import load_scene
 
     raise typer.Exit(run_scene(load_scene(scene, o or ()), out, force=force, quiet=quiet))
 
@@ -99,7 +99,7 @@ def check(scene: SceneArgument, o: Overrides = None) -> None:
     All mistakes are listed at once, a line each.
     """
     from scenes.commands.progress import counted
-    from scenes.language.loader import load_scene
+    from scenes.models.loading import load_scene
 
     loaded = load_scene(scene, o or ())
     typer.echo(
@@ -170,7 +170,7 @@ def view(
     from scenes.commands import viewing
 
     if live:
-        from scenes.language.loader import load_scene
+        from scenes.models.loading import load_scene
 
         raise typer.Exit(viewing.watch(load_scene(result, o or ()), speed=speed, opens=not no_open))
     if o:

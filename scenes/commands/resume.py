@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from scenes.language.errors import SceneError
-from scenes.language.loader import Scene, parse_scene
+from scenes.models.loading import Scene, parse_scene
 from scenes.records.drawing import model_of
 from scenes.records.record import Record
 

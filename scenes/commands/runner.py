@@ -9,8 +9,8 @@ import typer
 from scenes.commands import report
 from scenes.commands.interrupt import Interruption
 from scenes.commands.progress import busy, progress
-from scenes.language.loader import Scene
 from scenes.models.base import Observer, Outcome, Watch
+from scenes.models.loading import Scene
 from scenes.records import folder as folders
 from scenes.records.drawing import animate, cut_short, draw_overview, is_drawable, view
 from scenes.records.record import Record, Variable

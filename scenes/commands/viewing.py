@@ -13,8 +13,8 @@ from scenes.commands import report
 from scenes.commands.interrupt import Interruption
 from scenes.commands.runner import EXIT_CODES, simulate
 from scenes.language.errors import SceneError
-from scenes.language.loader import Scene
 from scenes.models.base import Watch
+from scenes.models.loading import Scene
 from scenes.records.drawing import is_drawable, model_of
 from scenes.records.files import written_whole
 from scenes.records.record import Record

@@ -7,20 +7,16 @@ import os
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
-from scenes import models
-from scenes.language import toml_text
+from scenes.language import toml
+from scenes.language.checks import Check, cross_mistakes
 from scenes.language.errors import DiscError, SceneError, printable
 from scenes.language.mistakes import Mistake, did_you_mean, report, schema_mistakes
 from scenes.language.overrides import apply_overrides
-from scenes.language.schema import section_type
-from scenes.language.toml_lines import key_lines
-from scenes.language.toml_syntax import parse
-from scenes.models.base import Model
-from scenes.models.checks import cross_mistakes
-from scenes.models.sections import Settings
+from scenes.language.schema import Section, is_file, section_type
 from worm3d.values import regular_file
 
 SHIPPED = Path(__file__).parents[1]
@@ -30,24 +26,60 @@ LARGEST_FILE = 4_000_000
 """Largest scene file [byte]: a pipe through 50,000 points."""
 
 
+class Model(Protocol):
+    """What the language has to know of a model."""
+
+    @property
+    def name(self) -> str:
+        """Value of a scene's `model`."""
+
+    @property
+    def title(self) -> str:
+        """What it is."""
+
+    @property
+    def schema(self) -> type[Section]:
+        """The whole scene."""
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Checks across keys."""
+
+
+M = TypeVar("M", bound=Model)
+M_co = TypeVar("M_co", bound=Model, covariant=True)
+
+
+class Models(Protocol[M_co]):
+    """A registry of models, such as the module `scenes.models`."""
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all models."""
+
+    def get(self, name: str) -> M_co:
+        """Return a model by its name."""
+
+
 @dataclass(frozen=True)
-class Scene:
+class Scene(Generic[M]):
     """A checked scene: its name, its model and its settings, every default filled in."""
 
     name: str
-    model: Model[Any]
-    settings: Settings
+    model: M
+    settings: Any
 
     def to_toml(self) -> str:
         """Return the resolved scene as TOML; it can be loaded again."""
-        return toml_text.document(self.settings)
+        return toml.document(self.settings)
 
 
-def load_scene(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scene:
+def load_scene(models: Models[M], name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scene[M]:
     """Read and check a scene.
 
     Parameters
     ----------
+    models : Models
+        The models that it may choose.
     name_or_path : str or Path
         Name of a shipped scene, or a TOML file. A file named in it is looked up beside it first.
     overrides : iterable of str
@@ -59,29 +91,34 @@ def load_scene(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scene
         With one line for each mistake.
     """
     path = find_scene(str(name_or_path))
-    return parse_scene(read_text(path), path.stem, overrides, path.parent)
+    return parse_scene(models, read_text(path), path.stem, overrides, path.parent)
 
 
-def parse_scene(text: str, name: str, overrides: Iterable[str] = (), folder: Path | None = None) -> Scene:
+def parse_scene(
+    models: Models[M], text: str, name: str, overrides: Iterable[str] = (), folder: Path | None = None
+) -> Scene[M]:
     """Check a scene given as TOML text; see `load_scene`. Files that it names are looked up in a folder first."""
-    written = parse(text)
+    written = toml.parse(text)
     if folder is not None and folder != SHIPPED:
-        _look_beside(written, folder)
+        _look_beside(written, _model_of(models, written)[0].schema, folder)
     data, overridden, mistakes = apply_overrides(written, overrides)
-    model, model_mistakes = _model_of(data)
+    model, model_mistakes = _model_of(models, data)
     data = _with_every_section(model, {**data, "model": model.name})
-    mistakes += model_mistakes + schema_mistakes(model.schema, data, _models_with)
+    mistakes += model_mistakes + schema_mistakes(model.schema, data, partial(_models_with, models))
     mistakes += cross_mistakes(model.checks, model.schema, data, mistakes, overridden)
     if mistakes:
-        raise SceneError(*report(mistakes, key_lines(text), overridden))
+        raise SceneError(*report(mistakes, toml.key_lines(text), overridden))
     return Scene(printable(name), model, model.schema.model_validate(data))
 
 
-def _look_beside(data: dict[str, Any], folder: Path) -> None:
-    """Give the file of a scene's world its whole path, if it is in a folder."""
-    world = data.get("world")
-    if isinstance(world, dict) and isinstance(world.get("file"), str) and os.path.isfile(folder / world["file"]):
-        world["file"] = str((folder / world["file"]).resolve())
+def _look_beside(data: dict[str, Any], schema: type[Section], folder: Path) -> None:
+    """Give each file that a scene names its whole path, if it is in a folder."""
+    for name, field in schema.model_fields.items():
+        keys, section = data.get(name), section_type(field)
+        if isinstance(keys, dict) and section is not None:
+            for key in keys.keys() & {key for key, inner in section.model_fields.items() if is_file(inner)}:
+                if isinstance(keys[key], str) and os.path.isfile(folder / keys[key]):
+                    keys[key] = str((folder / keys[key]).resolve())
 
 
 def shipped_scenes() -> dict[str, Path]:
@@ -134,29 +171,29 @@ def read_text(path: Path) -> str:
     return text
 
 
-def _model_of(data: Mapping[str, Any]) -> tuple[Model[Any], list[Mistake]]:
+def _model_of(models: Models[M], data: Mapping[str, Any]) -> tuple[M, list[Mistake]]:
     """Return the scene's model; if that is wrong, the likeliest one, so that the rest can be checked."""
-    model, known = data.get("model"), models.names()
-    if isinstance(model, str) and model in known:
-        return models.get(model), []
-    meant = did_you_mean(str(model), [(name, name) for name in known])
-    model = models.get(meant) if meant else max(map(models.get, known), key=lambda k: _shared_sections(k, data))
-    found = f"got {toml_text.shown(model)}" if "model" in data else "missing"
+    given, known = data.get("model"), models.names()
+    if isinstance(given, str) and given in known:
+        return models.get(given), []
+    meant = did_you_mean(str(given), [(name, name) for name in known])
+    likeliest = models.get(meant) if meant else max(map(models.get, known), key=lambda k: _shared_sections(k, data))
+    found = f"got {toml.shown(given)}" if "model" in data else "missing"
     guess = f"; did you mean '{meant}'?" if meant else ""
     allowed = ", ".join(f"'{name}'" for name in known)
-    text = f"{found}: must be one of {allowed}{guess} (the rest is checked as '{model.name}')"
-    return model, [Mistake(("model",), text)]
+    text = f"{found}: must be one of {allowed}{guess} (the rest is checked as '{likeliest.name}')"
+    return likeliest, [Mistake(("model",), text)]
 
 
-def _models_with(section: str) -> list[str]:
+def _models_with(models: Models[Model], section: str) -> list[str]:
     return [name for name in models.names() if section in models.get(name).schema.model_fields]
 
 
-def _shared_sections(model: Model[Any], data: Mapping[str, Any]) -> int:
+def _shared_sections(model: Model, data: Mapping[str, Any]) -> int:
     return len(model.schema.model_fields.keys() & data.keys())
 
 
-def _with_every_section(model: Model[Any], data: Mapping[str, Any]) -> dict[str, Any]:
+def _with_every_section(model: Model, data: Mapping[str, Any]) -> dict[str, Any]:
     """Write out sections that were left out, so that each of their mandatory keys is missed by name."""
     fields = model.schema.model_fields.items()
     return {**{name: {} for name, field in fields if section_type(field)}, **data}

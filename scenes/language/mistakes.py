@@ -9,9 +9,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from scenes.language.schema import FORMS, Section, choices, describe, field_at, names, section_type, table_type
-from scenes.language.toml_lines import KeyPath, line_of
-from scenes.language.toml_text import shown
+from scenes.language.schema import FORMS, Section, choices, describe, field_at, meaning, names, section_type, table_type
+from scenes.language.toml import KeyPath, line_of, shown
 
 MOST_LINES = 100
 """Mistakes that are explained; a file with more is no scene, or has one mistake many times."""
@@ -74,7 +73,7 @@ def _translated(schema: type[Section], detail: Any, models: Models) -> Mistake:
     if field is None:
         raise AssertionError(f"pydantic names a key that the schema does not have: {path}")
     if detail["type"] == "missing":
-        return Mistake(path, f"missing: {field.title}{describe(field)}")
+        return Mistake(path, f"missing: {meaning(field)}{describe(field)}")
     if section_type(field):
         return Mistake(path, f"got {shown(found)}: must be a section of keys under the header [{dotted(path)}]")
     if table_type(field):

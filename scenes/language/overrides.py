@@ -8,8 +8,7 @@ from typing import Any
 
 from scenes.language.errors import SceneError
 from scenes.language.mistakes import Mistake, dotted
-from scenes.language.toml_lines import KeyPath
-from scenes.language.toml_syntax import DEEPEST, require_shallow
+from scenes.language.toml import DEEPEST, KeyPath, require_shallow
 
 MOST = 1000
 """Overrides of a scene; more belong into its file."""

@@ -9,8 +9,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Fiel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
-from scenes.language import toml_text
-from scenes.language.toml_lines import KeyPath
+from scenes.language import toml
+from scenes.language.toml import KeyPath
 
 N = TypeVar("N")
 
@@ -109,10 +109,12 @@ def setting(
     aka: tuple[str, ...] = (),
     left_out: str = "",
     only: str | tuple[str, ...] = "",
+    is_file: bool = False,
 ) -> Any:
-    """Declare a choice, a switch or a text; without a default it must be given. See `quantity`."""
+    """Declare a choice, a switch or a text (`is_file`: a path); without a default it must be given. See `quantity`."""
     given = ... if default is None and not left_out else default
-    return Field(given, title=title, json_schema_extra={"aka": list(aka), "left_out": left_out, "only": _kinds(only)})
+    extra: dict[str, Any] = {"aka": list(aka), "left_out": left_out, "only": _kinds(only), "file": is_file}
+    return Field(given, title=title, json_schema_extra=extra)
 
 
 def tables(*, title: str, only: str | tuple[str, ...] = "") -> Any:
@@ -170,12 +172,23 @@ def describe(field: FieldInfo, *, with_default: bool = True) -> str:
 
 def default_text(field: FieldInfo) -> str:
     """Return the default of a key, or what holds if the key is left out."""
-    return _extra(field, "left_out") or toml_text.shown(field.default)
+    return _extra(field, "left_out") or toml.shown(field.default)
+
+
+def meaning(field: FieldInfo) -> str:
+    """Return what a key is, in a few words, and for which kinds of its section it is if it is not for all."""
+    only = ", ".join(only_for(field))
+    return f"{only} only: {field.title}" if only else str(field.title)
 
 
 def only_for(field: FieldInfo) -> tuple[str, ...]:
     """Return the kinds of its section that a key is for; empty for all."""
     return tuple(_extra(field, "only") or ())
+
+
+def is_file(field: FieldInfo) -> bool:
+    """Return whether a key holds the path of a file."""
+    return bool(_extra(field, "file"))
 
 
 def is_number(field: FieldInfo) -> bool:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from scenes.language.schema import Section, choices, default_text, describe, section_type
-from scenes.language.toml_text import value
-from scenes.models.base import Model
+from scenes.language.loader import Model
+from scenes.language.schema import Section, choices, default_text, describe, meaning, section_type
+from scenes.language.toml import value
 
 
-def template(model: Model[Any]) -> str:
-    """Return a scene with every key at its default, its meaning, unit and range as a comment."""
+def template(model: Model) -> str:
+    """Return a scene of a model with every key at its default, its meaning, unit and range as a comment."""
     head = (
         f"# A scene for worm3d: {model.title}.",
         "# 'worm3d check FILE' checks it, 'worm3d run FILE' runs it; keys that are left out keep their defaults.",
@@ -30,7 +30,7 @@ def _section(schema: type[Section], prefix: str, given: dict[str, Any]) -> Itera
         else:
             allowed = ", ".join(map(value, choices(field)))
             one_of = f"; one of {allowed}" if allowed else ""
-            yield f"# {field.title}{describe(field, with_default=False)}{one_of}"
+            yield f"# {meaning(field)}{describe(field, with_default=False)}{one_of}"
             default = given.get(name, field.default)
             yield f"# {name} is left out: {default_text(field)}" if default is None else f"{name} = {value(default)}"
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, Literal, Protocol, TypeVar
 
-from scenes.models.checks import Check
+from scenes.language.checks import Check
 from scenes.models.sections import Settings
 from scenes.records.record import Record, Variable
 from scenes.records.summary import Figure
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 S = TypeVar("S", bound=Settings)
+
+MOVIE_S = 30.0
+"""Longest part of a run that is animated [s]."""
 
 Observer = Callable[[int], bool]
 """Called with the number of finished steps; returning False ends the run there."""

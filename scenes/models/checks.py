@@ -1,126 +1,18 @@
-"""Checks across keys: what is wrong though each key on its own is right.
-
-A check declares the keys that it reads, so that it still runs when others are wrong, and stays silent when
-one of its own is.
-"""
+"""Checks that the scenes of several models share: time steps, gait, memory."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from collections.abc import Callable
 
-from scenes.language.mistakes import Mistake, dotted
-from scenes.language.schema import Section, default_text, field_at, only_for
-from scenes.language.toml_lines import KeyPath
+from scenes.language.checks import Check, Found
 from worm3d.values.memory import MOST_MEMORY
 
 STEPS_PER_PERIOD = 10
-"""A gait's period takes at least this many time steps."""
+"""Fewest time steps of a gait's period."""
 
 EQUAL = 1e-9
 """Times that differ by no more than this, relatively, are equal: 0.7 / 0.07 is not quite 10."""
-
-Found = str | Mapping[str, str] | None
-"""What a check finds: a text about its first key, texts by key of which one is told, or nothing."""
-
-
-@dataclass(frozen=True)
-class Check:
-    """One rule that ties keys together.
-
-    Attributes
-    ----------
-    needs : tuple of str
-        Dotted keys, or sections, that it reads; the first is the one to complain about.
-    test : callable
-        Called with their values in that order; returns what is wrong, or None. Where it returns texts by key,
-        that of the first key is told that the user wrote, in an override or else in the file.
-    """
-
-    needs: tuple[str, ...]
-    test: Callable[..., Found]
-
-
-def cross_mistakes(
-    checks: Iterable[Check],
-    schema: type[Section],
-    data: Mapping[str, Any],
-    found: Iterable[Mistake],
-    overridden: Iterable[KeyPath] = (),
-) -> Iterator[Mistake]:
-    """Yield what the checks find; a check that reads a key already known to be wrong stays silent.
-
-    So does one whose written keys include all that another complains of: to mend that one may mend it too.
-    """
-    untrusted = {mistake.untrusted for mistake in found}
-    around = {path[:n] for path in untrusted for n in range(len(path))}
-    overrides = tuple(overridden)
-    failing: list[tuple[frozenset[KeyPath], Mistake]] = []
-    for check in checks:
-        paths = [tuple(need.split(".")) for need in check.needs]
-        written = frozenset(key for path in paths for key in _written_below(data, path))
-        known = any(path in around or any(path[: n + 1] in untrusted for n in range(len(path))) for path in paths)
-        if known or any(blamed <= written for blamed, _ in failing):
-            continue
-        text = check.test(*(_value(schema, data, path) for path in paths))
-        if text is not None:
-            failing = [(blamed, mistake) for blamed, mistake in failing if not written <= blamed]
-            failing.append((written, _mistake(text, paths, data, overrides)))
-    return (mistake for _, mistake in failing)
-
-
-def _mistake(
-    text: str | Mapping[str, str], paths: Sequence[KeyPath], data: Mapping[str, Any], overrides: Any
-) -> Mistake:
-    """Return the mistake at the key that the user wrote: in an override, in the file, else the first."""
-
-    def rank(path: KeyPath) -> int:
-        if not isinstance(text, str) and any(_touch(path, override) for override in overrides):
-            return 0
-        return 1 if _is_written(data, path) else 2
-
-    candidates = paths if isinstance(text, str) else [path for path in paths if dotted(path) in text]
-    about = min(candidates, key=rank)
-    others = tuple(path for path in paths if path != about)
-    return Mistake(about, text if isinstance(text, str) else text[dotted(about)], suspects=others)
-
-
-def _touch(path: KeyPath, other: KeyPath) -> bool:
-    n = min(len(path), len(other))
-    return path[:n] == other[:n]
-
-
-def _is_written(data: Mapping[str, Any], path: KeyPath) -> bool:
-    return any(True for _ in _written_below(data, path))
-
-
-def _written_below(data: Any, path: KeyPath) -> Iterator[KeyPath]:
-    """Yield the path of each key that the data have at, or below, `path`."""
-    here = data
-    for key in path:
-        if not isinstance(here, Mapping) or key not in here:
-            return
-        here = here[key]
-    if isinstance(here, Mapping):
-        for key in here:
-            yield from _written_below(data, (*path, key))
-    else:
-        yield path
-
-
-def _value(schema: type[Section], data: Mapping[str, Any], path: KeyPath) -> Any:
-    here: Any = data
-    for key in path:
-        if not isinstance(here, Mapping) or key not in here:
-            field = field_at(schema, path)
-            if field is None:
-                raise AssertionError(f"a check needs {path}, which the schema does not have")
-            return field.default
-        here = here[key]
-    return here
 
 
 def _step_fits_run(dt_s: float, duration_s: float) -> Found:
@@ -197,16 +89,6 @@ def _segments_have_a_direction(direction: str, kind: str) -> Found:
     return "got 'standing': only a travelling_wave can stand; allowed here: 'direct', 'retrograde'"
 
 
-def _of_this_kind(value: Any, kind: str, *, key: str, default: Any, only: tuple[str, ...], usual: str) -> Found:
-    # A key at its default does nothing: resolved scenes and templates hold all keys.
-    if kind in only or value == default or (isinstance(value, list) and tuple(value) == default):
-        return None
-    kinds = " or ".join(map(repr, only))
-    return (
-        f"only for {key} = {kinds}, which this scene is not ('{kind}'): leave it out (default {usual}), or change {key}"
-    )
-
-
 def too_much_memory(
     needed: float,
     steps: float,
@@ -232,18 +114,6 @@ def memory_check(bytes_per_step: Callable[[int], float]) -> Check:
         return too_much_memory(steps * bytes_per_step(segments), steps, segments)
 
     return Check(("run.dt_s", "run.duration_s", "worm.segments"), fits)
-
-
-def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") -> tuple[Check, ...]:
-    """Return the checks that no key is set that is for other values of the section's key `by`."""
-    return tuple(
-        Check(
-            (f"{section}.{name}", f"{section}.{by}"),
-            partial(_of_this_kind, key=f"{section}.{by}", default=field.default, only=only, usual=default_text(field)),
-        )
-        for name, field in schema.model_fields.items()
-        if (only := only_for(field))
-    )
 
 
 RUN_CHECKS = (

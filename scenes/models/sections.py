@@ -49,32 +49,28 @@ class Gait(Section):
     direction: Literal["direct", "retrograde", "standing"] = setting(
         "retrograde", title="direct runs tail to head, retrograde head to tail; standing: travelling_wave only"
     )
-    rectified: bool = setting(True, only=WAVE, title="travelling_wave only: whether segments contract, never lengthen")
+    rectified: bool = setting(True, only=WAVE, title="whether segments contract, never lengthen")
     contract_time_s: float = quantity(
         _SEGMENTS.T_contract,
         unit="s",
         gt=0,
         only=SEGMENTS,
-        title="segment_driven only: T_contract, duration of a contraction",
+        title="T_contract, duration of a contraction",
     )
     pulse: Literal["gaussian", "square", "dirac"] = setting(
         _SEGMENTS.contractType,
         only=SEGMENTS,
-        title="segment_driven only: shape of a contraction (dirac: one time step)",
+        title="shape of a contraction (dirac: one time step)",
     )
-    alternating: bool = setting(
-        _SEGMENTS.alternating, only=SEGMENTS, title="segment_driven only: whether odd segments lengthen instead"
-    )
+    alternating: bool = setting(_SEGMENTS.alternating, only=SEGMENTS, title="whether odd segments lengthen instead")
     extension: float = quantity(
         _TWO_ANCHOR.extension,
         ge=-1,
         le=0,
         only=TWO_ANCHOR,
-        title="two_anchor only: activation of an extended segment, -0.5 lengthens it by half the amplitude",
+        title="activation of an extended segment, -0.5 lengthens it by half the amplitude",
     )
-    anchors: int = quantity(
-        _TWO_ANCHOR.anchors, ge=1, only=TWO_ANCHOR, title="two_anchor only: segments of each anchor"
-    )
+    anchors: int = quantity(_TWO_ANCHOR.anchors, ge=1, only=TWO_ANCHOR, title="segments of each anchor")
 
 
 class Settings(Section):

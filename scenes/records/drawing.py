@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenes import models
 from scenes.language.errors import MissingPartError, SceneError
-from scenes.language.limits import MOVIE_S
-from scenes.models.base import Model, Movie
+from scenes.models.base import MOVIE_S, Model, Movie
 from scenes.records import overview
 from scenes.records.files import write_bytes, written_whole
 from scenes.records.record import Record

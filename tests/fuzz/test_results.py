@@ -10,7 +10,7 @@ from fuzzing import TIMES, no_hang
 
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
-from scenes.language.loader import load_scene
+from scenes.models.loading import load_scene
 from scenes.records import digest, store
 
 SEED = 5 if TIMES == 1 else None

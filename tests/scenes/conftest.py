@@ -12,7 +12,7 @@ import pytest
 
 from scenes.commands.cli import main
 from scenes.commands.runner import simulate
-from scenes.language.loader import load_scene
+from scenes.models.loading import load_scene
 from scenes.records.record import Record
 from worm3d.plant import entries
 

@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 from scenes.bench import accuracy
 from scenes.bench.accuracy import Case, Found
 from scenes.commands.runner import simulate
-from scenes.language.loader import load_scene, shipped_scenes
+from scenes.language.loader import shipped_scenes
+from scenes.models.loading import load_scene
 
 SHIPPED = Path(accuracy.__file__).with_suffix(".md").read_text(encoding="utf-8")
 

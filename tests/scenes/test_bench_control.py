@@ -11,8 +11,9 @@ import pytest
 
 from scenes.bench import basis, control, control_bars, control_command, control_figure, control_report
 from scenes.bench.control import FULL, QUICK, SCENES, Found, Plan, Row, Trial
-from scenes.language.loader import load_scene, shipped_scenes
+from scenes.language.loader import shipped_scenes
 from scenes.models.control.model import MODEL
+from scenes.models.loading import load_scene
 
 TINY = Plan((Trial("tiny", "path_line", ("run.duration_s=6",)),), seeds=2, controllers=("pi_los", "open_loop"))
 

@@ -8,7 +8,7 @@ import pytest
 from fuzzing import no_hang
 
 from scenes.language.errors import SceneError, printable
-from scenes.language.loader import load_scene, parse_scene
+from scenes.models.loading import load_scene, parse_scene
 
 LONG = "a" * 5000
 

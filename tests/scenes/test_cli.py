@@ -10,7 +10,8 @@ from PIL import Image
 
 from scenes import models
 from scenes.commands import cli
-from scenes.language.loader import parse_scene, shipped_scenes
+from scenes.language.loader import shipped_scenes
+from scenes.models.loading import parse_scene
 from scenes.records.store import save
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")

@@ -26,13 +26,13 @@ from scenes.commands import report
 from scenes.commands.report import faults
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
-from scenes.language.loader import load_scene
 from scenes.models.base import Watch
 from scenes.models.control.build import controller_of, path_of, reference_of, sensors_of
 from scenes.models.control.faults import in_turn, of_controller, refused
 from scenes.models.control.model import MODEL
 from scenes.models.control.record import tracked
 from scenes.models.control.schema import ControlScene
+from scenes.models.loading import load_scene
 from scenes.models.worm import view as worm_view
 from scenes.records.record import Record
 from scenes.records.store import load, save

@@ -10,7 +10,7 @@ from PIL import Image
 from scenes import models
 from scenes.commands.runner import simulate
 from scenes.language.errors import DiscError, MissingPartError, SceneError
-from scenes.language.loader import load_scene
+from scenes.models.loading import load_scene
 from scenes.records import drawing
 from scenes.records.record import Record
 

@@ -17,7 +17,7 @@ from control.identification.surrogate import Ranges
 from scenes.commands.identify import command, figure, phases, plant, report, runs
 from scenes.commands.identify import study as studies
 from scenes.language.errors import SceneError
-from scenes.language.loader import load_scene
+from scenes.models.loading import load_scene
 from scenes.models.worm.build import worm_of
 from worm3d import Friction, Worm
 

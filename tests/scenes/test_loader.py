@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from scenes.language.errors import SceneError
-from scenes.language.loader import SHIPPED, load_scene, parse_scene, shipped_scenes
+from scenes.language.loader import SHIPPED, shipped_scenes
+from scenes.models.loading import load_scene, parse_scene
 
 EIGHT = """\
 model = "planar_published"

@@ -9,7 +9,7 @@ import pytest
 
 from scenes.language.mistakes import Mistake, report, schema_mistakes
 from scenes.language.schema import Each, Numbers, Positive, Section, quantity, setting
-from scenes.language.toml_lines import key_lines
+from scenes.language.toml import key_lines
 
 
 class Wave(Section):

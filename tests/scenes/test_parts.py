@@ -7,10 +7,10 @@ from typing import Literal
 import pytest
 from numpy.testing import assert_allclose
 
+from scenes.language.checks import cross_mistakes, kind_checks
 from scenes.language.mistakes import dotted, schema_mistakes
 from scenes.language.parts import PartSection, keys_by_parameter, keys_of, part_of
 from scenes.language.schema import Section, choices, describe, only_for, quantity
-from scenes.models.checks import cross_mistakes, kind_checks
 from worm3d.values.parameters import check, parameter
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import worm3d
 from scenes.language.errors import SceneError
-from scenes.language.loader import load_scene, parse_scene
+from scenes.models.loading import load_scene, parse_scene
 from scenes.models.worlds.limits import LIMITS, passes, pipe_of
 from scenes.models.worm.build import simulate
 

@@ -17,7 +17,7 @@ from planar.linkage.ledger import Ledger
 from scenes import models
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
-from scenes.language.loader import load_scene, parse_scene
+from scenes.models.loading import load_scene, parse_scene
 from scenes.models.planar.linkage import INCOMING, LOST, STORED
 from scenes.models.planar.linkage_build import gait_of, worm_of
 from scenes.models.planar.linkage_schema import LinkageScene

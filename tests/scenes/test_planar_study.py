@@ -18,7 +18,7 @@ from scenes import models
 from scenes.commands import runner
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
-from scenes.language.loader import load_scene, parse_scene
+from scenes.models.loading import load_scene, parse_scene
 from scenes.models.planar.study import NOT_RUN
 from scenes.records import drawing
 from scenes.records.record import Record

@@ -13,7 +13,7 @@ from numpy.testing import assert_array_equal
 
 from scenes.commands.runner import simulate
 from scenes.language.errors import DiscError, SceneError
-from scenes.language.loader import load_scene
+from scenes.models.loading import load_scene
 from scenes.records import store
 from scenes.records.record import Record, Variable
 from scenes.records.store import load, save
@@ -72,7 +72,7 @@ def test_xarray_opens_it(record: Record, tmp_path: Path) -> None:
 
 
 def load_scene_of(text: str) -> str:
-    from scenes.language.loader import parse_scene
+    from scenes.models.loading import parse_scene
 
     return parse_scene(text, "again").model.name
 

@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from scenes.language.toml_lines import key_lines, line_of
+from scenes.language.toml import key_lines, line_of
 
 TEXT = '''\
 # a comment with [brackets] and key = 1

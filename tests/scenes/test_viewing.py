@@ -14,7 +14,7 @@ import trimesh
 from PIL import Image
 
 from scenes.commands.runner import simulate
-from scenes.language.loader import load_scene
+from scenes.models.loading import load_scene
 from scenes.records.record import Record
 from scenes.records.store import save
 

@@ -17,8 +17,8 @@ from control import gaits
 from scenes import models
 from scenes.commands import report
 from scenes.commands.runner import simulate
-from scenes.language.loader import load_scene
 from scenes.language.schema import choices
+from scenes.models.loading import load_scene
 from scenes.models.planar.linkage_build import KEYS as PLANAR_KEYS
 from scenes.models.worlds.build import WORLDS, world_of
 from scenes.models.worlds.schema import World

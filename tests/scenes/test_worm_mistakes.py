@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scenes.language.errors import SceneError
-from scenes.language.loader import load_scene, parse_scene
+from scenes.models.loading import load_scene, parse_scene
 
 ELEVEN = """\
 model = "worm"

@@ -19,7 +19,8 @@ from scenes.commands import runner
 from scenes.commands.resume import lengthened
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
-from scenes.language.loader import load_scene, shipped_scenes
+from scenes.language.loader import shipped_scenes
+from scenes.models.loading import load_scene
 from scenes.models.worm import figures as worm_figures
 from scenes.records.record import Record, Variable
 from scenes.records.store import load, save

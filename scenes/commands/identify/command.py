@@ -19,8 +19,9 @@ from scenes.commands.identify.phases import Phases
 from scenes.commands.identify.study import Curve
 from scenes.commands.progress import progress
 from scenes.language.errors import SceneError
-from scenes.language.loader import Scene, find_scene, load_scene, read_text
-from scenes.language.toml_syntax import parse
+from scenes.language.loader import find_scene, read_text
+from scenes.language.toml import parse
+from scenes.models.loading import Scene, load_scene
 from scenes.models.worm.build import friction_of, worm_of
 from scenes.models.worm.schema import SpatialScene
 from scenes.records import folder as folders

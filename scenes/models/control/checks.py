@@ -7,7 +7,7 @@ from functools import partial
 from itertools import pairwise
 from typing import Any
 
-from scenes.models.checks import Check, Found, kind_checks
+from scenes.language.checks import Check, Found, kind_checks
 from scenes.models.control.build import NOT_IDENTIFIED, identified_of, path_of
 from scenes.models.control.schema import Controller, ControlScene, Reference
 from scenes.models.worm.checks import SPATIAL_CHECKS, STARTS_WITH, WORLD_CHECKS, refusal

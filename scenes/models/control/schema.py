@@ -108,34 +108,28 @@ class Reference(Section):
     speed_steps: Tables[SpeedStep] = tables(title="steps of the speed, each a table of at_s and speed_m_s")
     speed_sine_m_s: float = quantity(0.0, unit="m/s", ge=0, title="amplitude of a sine that is added to the speed")
     speed_sine_period_s: float = quantity(20.0, unit="s", gt=0, title="its period")
-    heading_deg: float = quantity(0.0, unit="deg", only=HEADING, title="heading only: at first")
+    heading_deg: float = quantity(0.0, unit="deg", only=HEADING, title="at first")
     heading_steps: Tables[HeadingStep] = tables(
-        only=HEADING, title="heading only: steps of the heading, each a table of at_s and heading_deg"
+        only=HEADING, title="steps of the heading, each a table of at_s and heading_deg"
     )
     start_m: Pair | None = quantity(
         unit="m",
         only=BEGUN,
         left_out="the middle of the worm as it starts",
-        title="line, circle, s_curve only: where the path begins: x, y",
+        title="where the path begins: x, y",
     )
     azimuth_deg: float | None = quantity(
         unit="deg",
         only=BEGUN,
         left_out="where the worm looks as it starts",
-        title="line, circle, s_curve only: direction of the path where it begins",
+        title="direction of the path where it begins",
     )
-    radius_m: float = quantity(
-        1.5, unit="m", gt=0, only=(CIRCLE, WAY_POINTS), title="circle, way_points only: radius, or that of the corners"
-    )
-    towards: Literal["left", "right"] = setting(
-        "left", only=(CIRCLE, S_CURVE), title="circle, s_curve only: to which side it turns first"
-    )
-    amplitude_m: float = quantity(0.4, unit="m", gt=0, only=S_CURVE, title="s_curve only: amplitude of its sine")
-    wavelength_m: float = quantity(4.0, unit="m", gt=0, only=S_CURVE, title="s_curve only: wavelength of its sine")
-    points: Tables[Point] = tables(
-        only=(SPLINE, WAY_POINTS), title="spline, way_points only: points of the path, each a table of x_m and y_m"
-    )
-    closed: bool = setting(False, only=SPLINE, title="spline only: whether it goes on from its last point to its first")
+    radius_m: float = quantity(1.5, unit="m", gt=0, only=(CIRCLE, WAY_POINTS), title="radius, or that of the corners")
+    towards: Literal["left", "right"] = setting("left", only=(CIRCLE, S_CURVE), title="to which side it turns first")
+    amplitude_m: float = quantity(0.4, unit="m", gt=0, only=S_CURVE, title="amplitude of its sine")
+    wavelength_m: float = quantity(4.0, unit="m", gt=0, only=S_CURVE, title="wavelength of its sine")
+    points: Tables[Point] = tables(only=(SPLINE, WAY_POINTS), title="points of the path, each a table of x_m and y_m")
+    closed: bool = setting(False, only=SPLINE, title="whether it goes on from its last point to its first")
 
 
 class ControlScene(SpatialScene):

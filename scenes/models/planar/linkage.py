@@ -9,8 +9,7 @@ import numpy as np
 
 from planar import linkage
 from planar.metrics import p12_cost_of_transport
-from scenes.language.limits import MOVIE_S
-from scenes.models.base import Model, Movie, Observer, Outcome
+from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome
 from scenes.models.planar.linkage_build import simulate
 from scenes.models.planar.linkage_checks import CHECKS
 from scenes.models.planar.linkage_schema import LinkageScene, LinkageSettings

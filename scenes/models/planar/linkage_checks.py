@@ -10,8 +10,9 @@ import numpy as np
 
 from planar import linkage
 from planar.linkage.simulate import bytes_per_step
-from scenes.language.toml_text import shown
-from scenes.models.checks import GAIT_CHECKS, RUN_CHECKS, Check, Found, kind_checks, memory_check
+from scenes.language.checks import Check, Found, kind_checks
+from scenes.language.toml import shown
+from scenes.models.checks import GAIT_CHECKS, RUN_CHECKS, memory_check
 from scenes.models.planar.linkage_build import KEYS, lengthens, simulate, worm_of
 from scenes.models.planar.linkage_schema import LinkageGait, LinkageScene
 

@@ -99,7 +99,7 @@ class LinkageGait(Gait):
         unit="body lengths",
         gt=0,
         only=WAVE,
-        title="travelling_wave only: length of the wave",
+        title="length of the wave",
         aka=("wavelength_m", "lambda", "wave_length"),
     )
     amplitude: float = quantity(

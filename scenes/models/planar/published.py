@@ -10,8 +10,7 @@ import numpy as np
 
 from control import gaits
 from planar import published
-from scenes.language.limits import MOVIE_S
-from scenes.models.base import Model, Movie, Observer, Outcome
+from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome
 from scenes.models.pattern import pattern
 from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
 from scenes.models.planar.published_schema import CHECKS, PublishedScene

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Literal
 
 from planar.published import Parameters, bytes_per_step
+from scenes.language.checks import Check, Found, kind_checks
 from scenes.language.schema import Section, Sign, quantity, setting
-from scenes.models.checks import GAIT_CHECKS, RUN_CHECKS, Check, Found, kind_checks, memory_check
+from scenes.models.checks import GAIT_CHECKS, RUN_CHECKS, memory_check
 from scenes.models.sections import WAVE, Gait, Settings
 
 PROGRAM = Parameters()
@@ -51,12 +52,10 @@ class PublishedGait(Gait):
         unit="m",
         gt=0,
         only=WAVE,
-        title="travelling_wave only: length of the wave",
+        title="length of the wave",
         aka=("lambda_m", "wave_length_m"),
     )
-    rectified: bool = setting(
-        PROGRAM.rectified, only=WAVE, title="travelling_wave only: whether segments contract, never lengthen"
-    )
+    rectified: bool = setting(PROGRAM.rectified, only=WAVE, title="whether segments contract, never lengthen")
     force_N: float = quantity(
         PROGRAM.contraction_force, unit="N", ge=0, title="force on a connector at activation 1", aka=("amplitude_N",)
     )

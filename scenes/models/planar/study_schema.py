@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 from planar.linkage.simulate import bytes_per_step
+from scenes.language.checks import Check, Found, cross_mistakes
 from scenes.language.mistakes import dotted, schema_mistakes
 from scenes.language.schema import Numbers, Section, field_at, is_number, quantity, setting
-from scenes.models.checks import RUN_CHECKS, Check, Found, cross_mistakes, too_much_memory
+from scenes.models.checks import RUN_CHECKS, too_much_memory
 from scenes.models.planar.linkage_checks import RULES
 from scenes.models.planar.linkage_schema import LinkageScene, LinkageSettings
 

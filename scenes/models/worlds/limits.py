@@ -17,7 +17,7 @@ import numpy as np
 
 import worm3d
 from scenes.language.errors import SceneError
-from scenes.language.loader import load_scene
+from scenes.models.loading import load_scene
 from scenes.models.worm.build import simulate
 from scenes.models.worm.schema import WormScene
 

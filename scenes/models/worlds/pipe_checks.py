@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from scenes.language.toml_text import shown
-from scenes.models.checks import Check, Found
+from scenes.language.checks import Check, Found
+from scenes.language.toml import shown
 from scenes.models.worlds.plane_schema import PIPE, SLOPE_INTO_PIPE
 
 BEND = ("bend_deg", "bend_radius_m")

@@ -29,34 +29,34 @@ class Radius(Section):
 class PipeKeys(Section):
     """Keys of a pipe."""
 
-    radius_m: float = quantity(0.12, unit="m", gt=0, only=PIPES, title="pipe only: inner radius")
+    radius_m: float = quantity(0.12, unit="m", gt=0, only=PIPES, title="inner radius")
     tilt_deg: float = quantity(
-        0.0, unit="deg", ge=-90, le=90, only=PIPES, title="pipe only: angle with the horizontal where it starts, 90: up"
+        0.0, unit="deg", ge=-90, le=90, only=PIPES, title="angle with the horizontal where it starts, 90: up"
     )
     pieces: Tables[Piece] = tables(
         only=PIPES,
-        title="pipe only: straight pieces and bends one after the other, none: straight, each a table of straight_m, "
+        title="straight pieces and bends one after the other, none: straight, each a table of straight_m, "
         "or of bend_deg, bend_radius_m and towards = left, right, up or down",
     )
     points_m: Points = quantity(
         (),
         unit="m",
         only=PIPE,
-        title="pipe only: instead of tilt_deg and pieces, places [x, y, z] that it goes through",
+        title="instead of tilt_deg and pieces, places [x, y, z] that it goes through",
     )
     radii: Tables[Radius] = tables(
         only=PIPES,
-        title="pipe only: instead of radius_m, places with at_m and radius_m, between them the wall is a cone",
+        title="instead of radius_m, places with at_m and radius_m, between them the wall is a cone",
     )
     rounding_m: float | None = quantity(
         unit="m",
         gt=0,
         only=PIPES,
         left_out="as round as there is room",
-        title="pipe only: radius of the edges where the wall's slope changes",
+        title="radius of the edges where the wall's slope changes",
     )
-    start_wall: bool = setting(False, only=PIPE, title="pipe only: whether a wall closes it where it starts")
-    end_wall: bool = setting(False, only=PIPE, title="pipe only: whether a wall closes it where it ends")
+    start_wall: bool = setting(False, only=PIPE, title="whether a wall closes it where it starts")
+    end_wall: bool = setting(False, only=PIPE, title="whether a wall closes it where it ends")
     mouth_m: float = quantity(
-        1.3, unit="m", only=SLOPE_INTO_PIPE, title="slope_into_pipe only: how far up the slope the pipe's bottom starts"
+        1.3, unit="m", only=SLOPE_INTO_PIPE, title="how far up the slope the pipe's bottom starts"
     )

@@ -27,7 +27,7 @@ class PlaneKeys(Section):
     """Keys of a plane."""
 
     slope_deg: float = quantity(
-        0.0, unit="deg", gt=-90, lt=90, only=(PLANE, SLOPE_INTO_PIPE), title="plane only: angle, rising towards x"
+        0.0, unit="deg", gt=-90, lt=90, only=(PLANE, SLOPE_INTO_PIPE), title="angle, rising towards x"
     )
     heading_deg: float = quantity(
         0.0,
@@ -47,5 +47,5 @@ class ClampedKeys(Section):
     """Keys of the paper's ground."""
 
     velocity_threshold_m_s: float = quantity(
-        1e-6, unit="m/s", ge=0, only=CLAMPED, title="clamped only: no friction (P10) below this speed"
+        1e-6, unit="m/s", ge=0, only=CLAMPED, title="no friction (P10) below this speed"
     )

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from scenes.language.toml_text import shown
-from scenes.models.checks import Check, Found
+from scenes.language.checks import Check, Found
+from scenes.language.toml import shown
 from scenes.models.worlds.build import world_of
 from scenes.models.worlds.schema import World
 from scenes.models.worlds.terrain_schema import FILES, HEIGHTFIELD, MESH, NO_FILE

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from scenes.language.toml_text import shown
-from scenes.models.checks import GAIT_CHECKS, RUN_CHECKS, Check, Found, kind_checks, too_much_memory
+from scenes.language.checks import Check, Found, kind_checks
+from scenes.language.toml import shown
+from scenes.models.checks import GAIT_CHECKS, RUN_CHECKS, too_much_memory
 from scenes.models.planar.linkage_build import lengthens
 from scenes.models.planar.linkage_checks import (
     LIST_CHECKS,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenes import models
-from scenes.language.limits import MOVIE_S
+from scenes.models.base import MOVIE_S
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import worm_of
 from scenes.models.worm.schema import AnyWormScene, GaitScene

@@ -1,0 +1,24 @@
+"""Scenes read and checked: `scenes.language.loader` with the models of this program."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from scenes import models
+from scenes.language import loader
+from scenes.models.base import Model
+
+Scene = loader.Scene[Model[Any]]
+"""A checked scene of one of the models."""
+
+
+def load_scene(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scene:
+    """Read and check a scene, by name or file; see `scenes.language.loader.load_scene`."""
+    return loader.load_scene(models, name_or_path, overrides)
+
+
+def parse_scene(text: str, name: str, overrides: Iterable[str] = (), folder: Path | None = None) -> Scene:
+    """Check a scene given as TOML text; see `scenes.language.loader.parse_scene`."""
+    return loader.parse_scene(models, text, name, overrides, folder)
