@@ -25,6 +25,9 @@ MAX_COORDINATE = 1e7
 MAX_ANGULAR_RATE = 100.0
 """Largest angular rate that can be right, three times the full range of usual gyroscopes of 2000 deg/s [rad/s]."""
 
+MAX_LOAD = 1e5
+"""Largest contact load per mass of the worm that can be right, ten thousand times its weight on earth [N/kg]."""
+
 MAX_HEADING = 1e4
 """Largest magnitude of a heading that can be right; sensors may count whole turns [rad]."""
 
@@ -123,6 +126,8 @@ HEADING = Channel(noise=float(np.deg2rad(1.1)))
 ANGULAR_RATE = Channel(noise=float(np.deg2rad(0.1)), bias=float(np.deg2rad(0.5)))
 """Quality of a MEMS gyroscope: 0.1 deg/s (a noise density of 0.01 deg/s/sqrt(Hz) over a bandwidth of 100 Hz), and a
 zero-rate offset of 0.5 deg/s."""
+CONTACT_LOAD = Channel(noise=0.005)
+"""Quality of force sensors in the feet: 5 mN, a sixteenth of what a foot of the default worm bears."""
 
 QUANTITIES = {
     "strain": Quantity(  # l_c/l0 - 1, [left, right]
@@ -166,6 +171,15 @@ QUANTITIES = {
         shape=lambda worm: (worm.segments, 3),
         limits=lambda worm: (-MAX_ANGULAR_RATE, MAX_ANGULAR_RATE),
         mirrored=lambda value: value * [-1.0, 1.0, -1.0],  # an axial vector
+    ),
+    "contact_load": Quantity(  # normal load of each apex, in the order of the conventions
+        "contact load of the apexes",
+        "N",
+        CONTACT_LOAD,
+        true_value=lambda seen: seen.normal_load,
+        shape=lambda worm: (worm.segments, 6),
+        limits=lambda worm: (-MAX_LOAD * worm.mass, MAX_LOAD * worm.mass),
+        mirrored=lambda value: value[:, [3, 4, 5, 0, 1, 2]],
     ),
 }
 """Quantity of each channel, by its name."""

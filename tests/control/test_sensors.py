@@ -36,7 +36,7 @@ def seen(t: float) -> Observation:
         apexes=random.uniform(-0.01, 0.01, (N, 6, 3)) + 0.05 * APEXES,
         apex_velocity=random.uniform(-0.1, 0.1, (N, 6, 3)),
         contraction=np.zeros((N, 2)),
-        normal_load=np.zeros((N, 6)),
+        normal_load=random.uniform(0.0, 0.2, (N, 6)),
     )
 
 
@@ -135,13 +135,14 @@ def mirrored(observation: Observation) -> Observation:
         joint_velocity=observation.joint_velocity * [1, -1, 1],
         apexes=observation.apexes[:, [3, 4, 5, 0, 1, 2]] * [1, -1, 1],
         apex_velocity=observation.apex_velocity[:, [3, 4, 5, 0, 1, 2]] * [1, -1, 1],
+        normal_load=observation.normal_load[:, [3, 4, 5, 0, 1, 2]],
     )
 
 
 def test_mirrored_sensors_make_the_mirrored_measurement_of_the_mirrored_worm() -> None:
     rough = Channel(noise=0.1, bias=0.2, dropout=0.2, delay=0.02, rate=60.0)
     here, there = (Sensors(seed=3, mirrored=m, **dict.fromkeys(QUANTITIES, rough)) for m in (False, True))
-    arrived = turned = 0
+    arrived = turned = loaded = 0
     for k in range(100):
         one, two = here(seen(0.01 * k)), there(mirrored(seen(0.01 * k)))
         assert (one.com is None, one.strain is None) == (two.com is None, two.strain is None)
@@ -155,7 +156,10 @@ def test_mirrored_sensors_make_the_mirrored_measurement_of_the_mirrored_worm() -
         if one.angular_rate is not None:
             assert_allclose(two.angular_rate, one.angular_rate * [-1, 1, -1], atol=1e-13)
             turned += 1
-    assert min(arrived, turned) > 30
+        if one.contact_load is not None:
+            assert_allclose(two.contact_load, one.contact_load[:, [3, 4, 5, 0, 1, 2]], atol=1e-14)
+            loaded += 1
+    assert min(arrived, turned, loaded) > 30
 
 
 def test_measured_headings_stay_within_a_turn() -> None:
@@ -234,6 +238,18 @@ class Listening:
     def step(self, t: float, measurement: Any) -> Command:
         self.heard.append(measurement)
         return self._gait(t)
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.1])
+def test_contact_loads_bear_the_weight_and_the_lower_side_more_of_it(roll: float) -> None:
+    worm = Worm(end_faces=False)
+    listening = Listening(lambda t: Command(np.zeros((N, 2))))
+    world = Plane(slope=roll, heading=np.pi / 2.0)  # its left side is the upper one
+    simulate(worm, world, actuation=listening, duration=0.5, sensor=Sensors(contact_load=EXACT))
+    load = listening.heard[-1].contact_load
+    assert load.sum() == pytest.approx(worm.mass * 9.81 * np.cos(roll), rel=1e-3)
+    assert_allclose(load[:, [1, 2, 4, 5]], 0.0, atol=1e-12)
+    assert (load[:, 3].sum() > 1.1 * load[:, 0].sum()) == (roll > 0.0)
 
 
 @pytest.mark.parametrize("dt", [0.01, 0.005])
