@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from worm3d.physics.friction import Friction as Friction
     from worm3d.physics.friction_laws import Coulomb as Coulomb
     from worm3d.physics.friction_laws import FrictionLaw as FrictionLaw
+    from worm3d.physics.friction_laws import Viscous as Viscous
     from worm3d.pictures import draw as draw
     from worm3d.pictures import show as show
     from worm3d.result import Energy as Energy
@@ -53,6 +54,7 @@ _HOMES = {
     "StateError": "state",
     "Status": "status",
     "Stop": "status",
+    "Viscous": "physics.friction_laws",
     "draw": "pictures",
     "flattening_weight": "start",
     "show": "pictures",

@@ -222,7 +222,9 @@ class Plant:
         self._point_row("mu")[:] = self._point_row("hardness")[:] = 1.0
         self._point_row("mu")[:, :, : self.n] = constants.mu[:, None, :]
         self._point_row("hardness")[:, :, : self.n] = constants.hardness[:, None, :]
-        self._point_row("law")[:, :, : self.n] = self.friction.law.rows(self.n)[:, None, :]
+        law = self.friction.law.rows(self.n)[:, None, :]
+        self._point_row("law")[:] = law[:, :, -1:]  # lanes without a segment need values that are allowed too
+        self._point_row("law")[:, :, : self.n] = law
         self._point_row("weight")[:] = self.arrays["point_mass"] * self.gravity[:, None, None]
         self._point_row("tangent")[[0, 4]] = 1.0
         self._point_row("dt")[:] = self._point_row("cap")[:] = 1.0

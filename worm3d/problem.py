@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from worm3d.actuation import Actuation, Sensor
 from worm3d.constraints import Held, held_mask
 from worm3d.physics.friction import Friction
+from worm3d.physics.friction_laws import Coulomb
 from worm3d.plant import ROUNDING
 from worm3d.state import State
 from worm3d.values import arguments
@@ -74,6 +75,9 @@ class Problem:
             raise ValueError(
                 f"state: its time of {self.state.time:g} s is too far from 0 for steps of {self.dt:g} s, must be nearer"
             )
+        if self.world is not None and self.world.clamped and self.friction.law != Coulomb():
+            name = self.friction.law.name
+            raise ValueError(f"ground: got the law {name!r} on a ClampedGround, must be 'coulomb': (P10) is its law")
         if self.worm.chamber_offset == 0.0 and not self.held_mask.reshape(-1, 5)[:, 4].all():
             raise ValueError("chamber_offset: got 0 with bends that are free; hold them (held.bend) or give it a width")
 

@@ -17,6 +17,7 @@ from control import gaits
 from scenes import models
 from scenes.commands import report
 from scenes.commands.runner import simulate
+from scenes.language.errors import SceneError
 from scenes.language.schema import choices
 from scenes.models.loading import load_scene
 from scenes.models.planar.linkage_build import KEYS as PLANAR_KEYS
@@ -166,6 +167,19 @@ def test_record_every_thins_the_states_but_not_the_steps(brief: Record) -> None:
         assert_array_equal(tenth[name], brief[name][::10])
     for name in ("work_contract", "friction_loss", "slip"):
         assert_allclose(tenth[name].sum(axis=0), brief[name].sum(axis=0), rtol=1e-9, atol=1e-15)
+
+
+def test_a_scene_names_its_law_of_friction_with_its_parameters(brief: Record) -> None:
+    given = ("friction.law=viscous", "friction.viscosity_s_m=40")
+    assert friction_of(worm_scene(*given)).law == worm3d.Viscous(40.0)
+    record = simulate(load_scene("flat", [*BRIEF, *given]))
+    assert abs(record["com"][-1, 0] - brief["com"][-1, 0]) > 1e-5
+    for override, message in (
+        (given[1], "only for friction.law = 'viscous'"),
+        ("friction.law=mucus", "input should be 'coulomb' or 'viscous'"),
+    ):
+        with pytest.raises(SceneError, match=message):
+            load_scene("flat", [override])
 
 
 def test_one_segment_has_no_inner_joints(tmp_path: Path) -> None:

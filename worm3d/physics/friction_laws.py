@@ -22,11 +22,13 @@ import numpy as np
 
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, parameters_of
+from worm3d.values.parameters import check, documented, parameter, parameters_of
 from worm3d.values.read_only import ReadOnly
 
 if TYPE_CHECKING:
     import casadi as ca
+
+Numbers = float | FloatArray
 
 LAWS: dict[str, type[FrictionLaw]] = {}
 """Class of each law of friction, by its name."""
@@ -146,6 +148,29 @@ class Symbols:
 @dataclass(frozen=True, eq=False)
 class Coulomb(FrictionLaw, name="coulomb"):
     """Coulomb's law: what slides feels mu N, whatever its speed."""
+
+
+@documented
+@dataclass(frozen=True, eq=False)
+class Viscous(FrictionLaw, name="viscous"):
+    """Coulomb's law with a resistance that grows with the speed of sliding, as of mucus, mud or a greased skin.
+
+    A contact that slides along an axis with the coefficient mu feels mu N (1 + viscosity mu |v|), a Bingham fluid's
+    law: twice the kinetic friction at the speed 1/(viscosity mu). Sticking and breaking away are Coulomb's.
+    """
+
+    viscosity: Numbers = parameter(
+        10.0,
+        meaning="growth of friction with speed, over the square of the coefficient",
+        unit="s/m",
+        ge=0,
+        each="segment",
+    )
+
+    @staticmethod
+    def excess(rate: ca.SX, p: Symbols) -> ca.SX:
+        """Return viscosity w^2/2, whose slope in w is viscosity w."""
+        return 0.5 * p.viscosity * rate**2
 
 
 Made = TypeVar("Made")
