@@ -5,9 +5,9 @@
 
 OLD and NEW are checkouts, each with its own `.venv`. The first form runs every scene in both, at most `--seconds` of
 simulated time (whole for studies and the planar models), and compares all variables of `result.nc` but wall-clock
-times. A variable that only one of the two has is named, and is a difference too unless `RENAMED` maps it. With `--keep`
-the results of OLD stay in DIR, and are read there the next time. The second prints the cost of a step of NEW over that
-of OLD, from runs that take turns.
+times. A variable that only one of the two has is named, and is a difference too unless `RENAMED` maps it or `ADDED`
+names it. With `--keep` the results of OLD stay in DIR, and are read there the next time. The second prints the cost of
+a step of NEW over that of OLD, from runs that take turns.
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ import numpy as np
 
 RENAMED: dict[str, str] = {}
 """Path of a variable in OLD, such as "checkpoint/fronts", and its path in NEW."""
+
+ADDED = {"energy/actuator", "energy/actuator_loss"}
+"""Paths of variables that only NEW has, or may have."""
 
 WALL_CLOCK = "timing"
 """Group of `result.nc` that is not compared."""
@@ -113,7 +116,7 @@ def _variables(path: Path) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
 def _unpaired(old: dict[str, Any], new: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield the side and path of each variable that only one of two files has."""
     for side, own, other in (("OLD", old, new), ("NEW", new, old)):
-        yield from ((side, path) for path in own if path not in other)
+        yield from ((side, path) for path in own if path not in other and (side == "OLD" or path not in ADDED))
 
 
 def _difference(path: str, old: np.ndarray[Any, Any], new: np.ndarray[Any, Any]) -> str:

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from worm3d.constraints import Held as Held
     from worm3d.live import Live as Live
     from worm3d.observation import Observation as Observation
+    from worm3d.physics.actuators import ACTUATORS as ACTUATORS
+    from worm3d.physics.actuators import Actuator as Actuator
+    from worm3d.physics.actuators import FirstOrder as FirstOrder
+    from worm3d.physics.actuators import Response as Response
     from worm3d.physics.friction import Friction as Friction
     from worm3d.physics.friction_laws import Coulomb as Coulomb
     from worm3d.physics.friction_laws import FrictionLaw as FrictionLaw
@@ -41,14 +45,18 @@ if TYPE_CHECKING:
 
 
 _HOMES = {
+    "ACTUATORS": "physics.actuators",
+    "Actuator": "physics.actuators",
     "Coulomb": "physics.friction_laws",
     "Energy": "result",
+    "FirstOrder": "physics.actuators",
     "Friction": "physics.friction",
     "FrictionLaw": "physics.friction_laws",
     "Held": "constraints",
     "LimitPointError": "start",
     "Live": "live",
     "Observation": "observation",
+    "Response": "physics.actuators",
     "Result": "result",
     "State": "state",
     "StateError": "state",

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from worm3d.machine import vectors
 from worm3d.machine.codegen import Kernel, compile_kernel, evaluate
 from worm3d.machine.compiled import announce, cfunc
+from worm3d.physics.actuators import Actuator, FirstOrder
 from worm3d.physics.friction import ContactConstants, Friction
-from worm3d.physics.friction_laws import Coulomb, FrictionLaw, made_once
-from worm3d.physics.kernels import joint, node, point, segment
+from worm3d.physics.friction_laws import Coulomb, FrictionLaw
+from worm3d.physics.kernels import actuator, joint, node, point, segment
 from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
 from worm3d.solver.entry import SIGNATURE
@@ -48,22 +49,34 @@ singular but for rounding. A tenth and ten times as much do as well.
 MASSLESS = 1e-3
 """A segment with less than this fraction of its mass off the axis has some of that damping, with none all of it."""
 
-HISTORIES = ("joints", "joint_velocity", "points", "point_velocity", "lengths", "hinges", "joint_angles")
+HISTORIES = (
+    "joints",
+    "joint_velocity",
+    "points",
+    "point_velocity",
+    "lengths",
+    "hinges",
+    "joint_angles",
+    "actuator",
+    "hinge_states",
+)
 """Arrays that hold two instants, first the present one."""
 
 
-def kernels(law: type[FrictionLaw] = Coulomb) -> dict[str, Kernel]:
-    """Return the compiled kernels for a law of friction, by name."""
-    return _kernels(law)
+def kernels(
+    law: type[FrictionLaw] = Coulomb, chamber: type[Actuator] = FirstOrder, hinge: type[Actuator] = FirstOrder
+) -> dict[str, Kernel]:
+    """Return the compiled kernels for a law of friction and classes of actuators, by name."""
+    parts: dict[str, tuple[type, ...]] = {"law": (law,), "chamber": (chamber,), "hinge": (hinge,), "": ()}
+    made = {name: _kernel(name, *parts[row.of]) for name, row in arrays.KERNELS.items()}
+    return {name: kernel for name, kernel in made.items() if kernel is not None}
 
 
-@made_once
-def _kernels(law: type[FrictionLaw]) -> dict[str, Kernel]:
-    made = {}
-    for name, row in arrays.KERNELS.items():
-        if row.make is not None:
-            made[name] = compile_kernel(row.make(law) if row.of_law else row.make(), padded=row.padded)
-    return made
+@actuator.once
+def _kernel(name: str, *part: type) -> Kernel | None:
+    row = arrays.KERNELS[name]
+    function = None if row.make is None else row.make(*part)
+    return None if function is None else compile_kernel(function, padded=row.padded, exact=row.exact)
 
 
 @cache
@@ -73,11 +86,11 @@ def entries() -> dict[str, Any]:
     return {name: cfunc(SIGNATURE, function, missed=announce) for name, function in functions.items()}
 
 
-def _addresses(world: WorldKernel, law: type[FrictionLaw]) -> NDArray[np.int64]:
-    """Return the addresses of `worm3d.solver.arrays.KERNELS`."""
-    addresses = {"world": world.address, **{name: kernel.address for name, kernel in kernels(law).items()}}
+def _addresses(world: WorldKernel, made: Mapping[str, Kernel]) -> NDArray[np.int64]:
+    """Return the addresses of `worm3d.solver.arrays.KERNELS`; 0 for what these actuators do without."""
+    addresses = {"world": world.address, **{name: kernel.address for name, kernel in made.items()}}
     addresses |= {name: entry.address for name, entry in entries().items()}
-    return np.array([addresses[name] for name in arrays.KERNELS], dtype=np.int64)
+    return np.array([addresses.get(name, 0) for name in arrays.KERNELS], dtype=np.int64)
 
 
 def _roll_damping(worm: Worm) -> FloatArray:
@@ -116,16 +129,19 @@ class Plant:
         self.worm, self.world, self.friction, self.gravity = worm, world, friction, gravity
         self._weight = float(np.linalg.norm(gravity if scale is None else scale))
         self.n = worm.segments
-        width = max(vectors.WIDTH, *(kernel.width for kernel in kernels(type(friction.law)).values()))
+        kinds = type(worm.actuator), type(worm.hinge_actuator)
+        self._kernels = kernels(type(friction.law), *kinds)
+        width = max(vectors.WIDTH, *(kernel.width for kernel in self._kernels.values()))
         lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
         self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
-        sizes = Sizes(self.n, lanes, joint_lanes, nodes, 3 + len(self.world_kernel.parameters))
-        self._open(CoreMemory(sizes, _addresses(self.world_kernel, type(friction.law))))
+        sizes = Sizes(self.n, lanes, joint_lanes, nodes, 3 + len(self.world_kernel.parameters), *kinds)
+        self._open(CoreMemory(sizes, _addresses(self.world_kernel, self._kernels)))
         self.arrays["held"][0] = held
         self._fill_numbers()
         self._fill_segments()
         self._fill_joints()
         self._fill_points()
+        self._fill_actuators()
 
     def _open(self, memory: CoreMemory) -> None:
         self.memory_of_core, self.core, self.arrays = memory, memory.core, memory.arrays
@@ -135,7 +151,7 @@ class Plant:
         """Return another worm in the very same state, which goes its own way from there."""
         other = copy.copy(self)
         other.world_kernel = (self.world or Plane()).kernel()  # it may have working memory, which none can share
-        other._open(self.memory_of_core.copy(_addresses(other.world_kernel, type(self.friction.law))))
+        other._open(self.memory_of_core.copy(_addresses(other.world_kernel, self._kernels)))
         return other
 
     @property
@@ -149,10 +165,6 @@ class Plant:
             "l0": worm.l0,
             "deepest": np.inf if self.world is None else DEEPEST * worm.l0 if worm.end_faces else 0.0,
             "static_ratio": self.friction.static_ratio,
-            "lag": worm.actuator_lag,
-            "rate_limit": worm.rate_limit,
-            "least": worm.stroke[0],
-            "greatest": worm.stroke[1],
             "length": worm.length,
             "tolerance": ROUNDING,
             "lever": 0.5 * worm.l0,
@@ -228,6 +240,16 @@ class Plant:
         self._point_row("weight")[:] = self.arrays["point_mass"] * self.gravity[:, None, None]
         self._point_row("tangent")[[0, 4]] = 1.0
         self._point_row("dt")[:] = self._point_row("cap")[:] = 1.0
+
+    def _fill_actuators(self) -> None:
+        worm, n = self.worm, self.n
+        layouts = actuator.chambers(type(worm.actuator)), actuator.hinges(type(worm.hinge_actuator))
+        of_chambers, of_hinges = worm.actuator.values(worm, hinge=False), worm.hinge_actuator.values(worm, hinge=True)
+        for layout, name, values, count in zip(
+            layouts, ("actuated", "hinged"), (of_chambers, of_hinges), (n, n - 1), strict=True
+        ):
+            for parameter, value in values.items():
+                layout.of(actuator.PREFIX + parameter, self.arrays[name])[:, :count] = value
 
     def memory(self) -> dict[str, FloatArray]:
         """Return copies of all that the next step depends on, by name."""
@@ -309,6 +331,13 @@ class Plant:
         commanded = self.worm.l0 * (1.0 - state.contraction.T)
         self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = commanded
         self._joint_row("hinge")[:] = self._joint_row("hinge_n")[:] = 0.0
+        a["hinge_states"][:] = 0.0
+        if a["actuator"].size > 0:
+            command = actuator.chambers(type(self.worm.actuator)).of(actuator.PREFIX + "command", a["actuated"])
+            command[:, :n] = state.contraction.T
+            states = a["actuator"][: len(a["actuator"]) // 2]
+            self._run("actuator_rest", a["actuated"], states, n)
+            a["actuator"][len(states) :] = states
         self._point_row("anchor")[:] = self._point_row("x")
         self._point_row("load_n")[:] = self._point_row("pull")[:] = 0.0
         a["stuck"][:], a["stored"][:], a["joint_load"][:] = 1.0, 0.0, 0.0

@@ -18,8 +18,8 @@ from worm3d.worlds import World
 from worm3d.worm import Worm
 
 INCOMING = ("work_contract", "work_external", "load_change")
-STORED = ("kinetic", "elastic", "potential", "penetration", "anchor")
-LOST = ("friction_loss", "viscous_loss", "impact", "numerical_loss")
+STORED = ("kinetic", "elastic", "potential", "penetration", "anchor", "actuator")
+LOST = ("friction_loss", "viscous_loss", "impact", "numerical_loss", "actuator_loss")
 USES = ("friction", "damping", "impact", "numerical", "gained")
 
 HEADLINES = ("distance_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J", "cost_of_transport")
@@ -34,11 +34,11 @@ class Energy(ReadOnly):
     ----------
     work_contract, work_external, load_change : ndarray
         What comes in: actuators, external forces, anchor energy changed by loads and turning tangents.
-    kinetic, elastic, potential, penetration, anchor : ndarray
-        Changes of energy.
-    friction_loss, viscous_loss, impact, numerical_loss : ndarray
-        What is lost: to friction, to the damping of the material and the medium, in impacts on the world, and by the
-        integrator (of either sign).
+    kinetic, elastic, potential, penetration, anchor, actuator : ndarray
+        Changes of energy; the last is that kept within the actuators.
+    friction_loss, viscous_loss, impact, numerical_loss, actuator_loss : ndarray
+        What is lost: to friction, to the damping of the material and the medium, in impacts on the world, by the
+        integrator (of either sign), and within the actuators.
     drag_loss : ndarray
         The part of the viscous loss that the medium takes.
     work_contract_positive : ndarray
@@ -63,10 +63,12 @@ class Energy(ReadOnly):
     work_contract_positive: FloatArray
     work_contract_p11: FloatArray
     work_friction_p13: FloatArray
+    actuator: FloatArray
+    actuator_loss: FloatArray
 
     @classmethod
     def of(cls, rows: FloatArray) -> Energy:
-        """Return the ledger of records, shape (T, 16)."""
+        """Return the ledger of records, shape (T, 18)."""
         return cls(**dict(zip(TERMS, rows.T, strict=True)))
 
     def _sum(self, names: tuple[str, ...]) -> FloatArray:
@@ -82,11 +84,12 @@ class Energy(ReadOnly):
     def uses(self) -> dict[str, float]:
         """What the work of actuators and of external forces went into, by name: together it is that work [J].
 
-        Friction, damping (of the material and by the medium), impacts, the integrator, and the energy that is stored
-        at the end and was not at the start (kinetic, elastic, potential and that of contacts).
+        Friction, damping (of the material, by the medium and in the actuators), impacts, the integrator, and the energy
+        that is stored at the end and was not at the start (kinetic, elastic, potential, of contacts and actuators).
         """
         gained = self._sum(STORED) - self.load_change
-        parts = (self.friction_loss, self.viscous_loss, self.impact, self.numerical_loss, gained)
+        damped = self.viscous_loss + self.actuator_loss
+        parts = (self.friction_loss, damped, self.impact, self.numerical_loss, gained)
         return {name: float(part.sum()) for name, part in zip(USES, parts, strict=True)}
 
     @property

@@ -16,7 +16,7 @@ from worm3d.observation import Observation
 from worm3d.plant import HISTORIES
 from worm3d.problem import Problem
 from worm3d.result import Energy, Result
-from worm3d.solver.advance import advance, worst_residual
+from worm3d.solver.advance import advance, ask, worst_residual
 from worm3d.solver.arrays import COUNTERS, POINTS, TOLERANCE
 from worm3d.solver.guard import NO_CONVERGENCE, OK
 from worm3d.solver.records import mass_centre, record, record_memory
@@ -87,10 +87,7 @@ class Run:
     def _ask_at_start(self) -> None:
         """Take the command at the start as that from which the actuators' ramp begins."""
         if self.driver.controller is None:
-            row = self.driver.at(self.time(0))
-            stroke = self.plant.worm.stroke
-            row[: 2 * self.n] = np.clip(row[: 2 * self.n], *stroke)
-            self.plant.arrays["asked"][0] = row
+            ask(self.core, self.driver.at(self.time(0)))
 
     def _forces(self, t: float) -> FloatArray:
         if self.external_force is None:

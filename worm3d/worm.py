@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from worm3d.physics.actuators import Actuator, FirstOrder
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
@@ -111,6 +112,10 @@ class Worm(ReadOnly):
         meaning="whether the end faces (discs of the end segments' rest height) and, as points, the joints between "
         "them touch the world",
     )
+    actuator: Actuator = field(default_factory=FirstOrder)
+    """What drives the chambers."""
+    hinge_actuator: Actuator = field(default_factory=FirstOrder)
+    """What drives the hinges."""
     flat: bool = parameter(False, meaning="whether the worm stays in its plane: y, roll and bend are held (`planar`)")
 
     @classmethod
@@ -180,6 +185,10 @@ class Worm(ReadOnly):
         n = arguments.whole("segments", self.segments, le=MOST_SEGMENTS)
         check(self, segment=n, joint=n - 1)
         object.__setattr__(self, "stroke", _stroke(self.stroke))
+        for name, count in (("actuator", n), ("hinge_actuator", n - 1)):
+            given = getattr(self, name)
+            arguments.instance(name, given, Actuator, "a worm3d.Actuator such as worm3d.FirstOrder()")
+            given.require_size(name, count)
         if self.flat and self.chamber_offset != 0.0:
             raise ValueError(f"chamber_offset: got {self.chamber_offset!r}, must be 0 in a worm that is flat")
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from control.gaits.steering import Mechanism, Schedule
 from control.identification.fit import Design, Identified
-from worm3d import Coulomb, Friction, FrictionLaw, Worm
+from worm3d import Actuator, Coulomb, FirstOrder, Friction, FrictionLaw, Worm
 from worm3d.machine import cache
 
 FORMAT = 2
@@ -28,6 +28,11 @@ SHIPPED = Path(__file__).parent / "worms"
 
 GREATEST: dict[Mechanism, float] = {"hinge": 0.12, "bias": 0.06}
 """Steering up to which the default worm is identified: it stays on its feet with room to spare."""
+
+Part = Actuator | FrictionLaw
+"""What is one of several classes."""
+DEFAULTS: dict[str, Part] = {"law": Coulomb(), "actuator": FirstOrder(), "hinge_actuator": FirstOrder()}
+"""Default parts of a worm and a ground."""
 
 
 def key(worm: Worm, ground: Friction, schedule: Schedule, design: Design) -> str:
@@ -43,15 +48,13 @@ def key(worm: Worm, ground: Friction, schedule: Schedule, design: Design) -> str
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:24]
 
 
-def parameters(thing: Worm | Friction | FrictionLaw) -> dict[str, Any]:
+def parameters(thing: Worm | Friction | Part) -> dict[str, Any]:
     """Return the fields of a worm or ground as JSON can hold them; equal entries of an array become one number.
 
-    Coulomb's law of friction, the default, goes without saying: what was identified before there were others is found.
+    Default parts go without saying: what was identified before there were others is found.
     """
-    found = {field.name: getattr(thing, field.name) for field in fields(thing)}
-    law = found.pop("law", Coulomb())
-    named = {} if law == Coulomb() else {"law": {"name": law.name, **parameters(law)}}
-    return {name: _plain(value) for name, value in found.items()} | named
+    found = {field.name: _plain(getattr(thing, field.name)) for field in fields(thing)}
+    return {name: value for name, value in found.items() if name not in DEFAULTS or value != _plain(DEFAULTS[name])}
 
 
 def load(
@@ -85,8 +88,10 @@ def as_json(identified: Identified) -> str:
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, Part):
+        return {"name": value.name or type(value).__qualname__, **parameters(value)}
     if isinstance(value, np.ndarray):
         return float(value.flat[0]) if value.size and (value == value.flat[0]).all() else value.tolist()
     if isinstance(value, tuple):
         return list(map(_plain, value))
-    return value if isinstance(value, bool | int) or np.isfinite(value) else repr(value)
+    return value if value is None or isinstance(value, bool | int) or np.isfinite(value) else repr(value)

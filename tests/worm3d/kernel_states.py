@@ -6,8 +6,9 @@ import casadi as ca
 import numpy as np
 
 from worm3d.machine.codegen import Kernel
+from worm3d.physics.actuators import FirstOrder
 from worm3d.physics.friction_laws import Coulomb, FrictionLaw
-from worm3d.physics.kernels import joint, node, point, segment
+from worm3d.physics.kernels import actuator, joint, node, point, segment
 from worm3d.physics.kernels.layout import Layout
 from worm3d.plant import kernels
 from worm3d.solver.regimes import PULL, SWING
@@ -30,7 +31,8 @@ def run(name: str, layout: Layout, values: Values, law: type[FrictionLaw] = Coul
 def evaluated(kernel: Kernel, layout: Layout, values: Values) -> np.ndarray:
     assert set(values) == set(layout.sizes)
     inputs, outputs = kernel.allocate(COUNT)
-    inputs[:, :COUNT] = np.vstack([values[name] for name in layout.sizes])
+    rows = np.vstack([values[name] for name in layout.sizes])
+    inputs[: len(rows), :COUNT] = rows  # those behind them are of actuators, which have no part in the potential
     kernel(inputs, outputs, COUNT)
     return outputs[:, :COUNT]
 
@@ -265,8 +267,19 @@ def with_pull_of_the_law(values: Values, law: type[FrictionLaw] = Coulomb) -> Va
     return values | {"pull": own[PULL : PULL + 2], "foreseen": own[PULL + 2 : SWING]}
 
 
+def some_actuated(layout: Layout, values: Values) -> tuple[Layout, Values]:
+    """Return the layout, and values of the inputs that it has beside those given."""
+    rng = np.random.default_rng(11)
+    more = {name: size for name, size in layout.sizes.items() if name not in values}
+    return layout, values | {name: rng.uniform(0.1, 0.4, (size, COUNT)) for name, size in more.items()}
+
+
 def some_inputs(function: ca.Function) -> tuple[Layout, Values]:
     name = function.name()
+    if name.startswith("actuator"):
+        return some_actuated(actuator.chambers(FirstOrder), some_segment(7))
+    if name.startswith("hinge"):
+        return some_actuated(actuator.hinges(FirstOrder), some_joint(8))
     if name.startswith("segment"):
         return segment.LAYOUT, some_segment(7)
     if name.startswith("joint"):

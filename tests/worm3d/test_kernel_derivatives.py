@@ -22,11 +22,13 @@ from numpy.testing import assert_allclose
 
 from worm3d import Plane
 from worm3d.machine.codegen import compile_kernel
-from worm3d.physics.kernels import joint, node, point, regime, segment
+from worm3d.physics.kernels import actuator, joint, node, point, regime, segment
 from worm3d.plant import kernels
 
 FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
     segment.shape,
+    actuator.start,
+    actuator.hinge_start,
     segment.rims,
     segment.motion,
     segment.gradient,

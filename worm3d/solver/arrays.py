@@ -11,7 +11,7 @@ past.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from worm3d.machine import vectors
 from worm3d.machine.banded import WIDTH, B
-from worm3d.physics.kernels import joint, node, point, regime, segment
+from worm3d.physics.actuators import Actuator
+from worm3d.physics.kernels import COMMANDS, actuator, joint, node, point, regime, segment
 from worm3d.physics.kernels.layout import Layout
 from worm3d.solver.block import Block, Memory
 from worm3d.values.arrays import FloatArray
@@ -47,6 +48,8 @@ TERMS = (
     "work_contract_positive",
     "work_contract_p11",
     "work_friction_p13",
+    "actuator",
+    "actuator_loss",
 )
 """Terms of the energy ledger, in the order of the records."""
 
@@ -54,12 +57,14 @@ TERMS = (
 class KernelRow(NamedTuple):
     """A compiled function."""
 
-    make: Callable[..., ca.Function] | None
-    """Returns what is compiled; None for the world's kernel and for entries (`worm3d.solver.entry`)."""
+    make: Callable[..., ca.Function | None] | None
+    """Returns what is compiled, or None; without it: the world's kernel, or an entry (`worm3d.solver.entry`)."""
     padded: bool
     """Whether it is evaluated in all lanes: those without a point or joint have neither mass nor stiffness."""
-    of_law: bool
-    """Whether `make` takes the law of friction, a class."""
+    of: Literal["", "law", "chamber", "hinge"]
+    """What class `make` is given: of the law of friction, or of the actuators of chambers or hinges."""
+    exact: bool
+    """Whether it is computed as written, to the last bit."""
 
 
 KERNELS: dict[str, KernelRow] = {}
@@ -67,10 +72,15 @@ KERNELS: dict[str, KernelRow] = {}
 
 
 def _kernel(
-    name: str, make: Callable[..., ca.Function] | None = None, *, padded: bool = False, of_law: bool = False
+    name: str,
+    make: Callable[..., ca.Function | None] | None = None,
+    *,
+    padded: bool = False,
+    of: Literal["", "law", "chamber", "hinge"] = "",
+    exact: bool = False,
 ) -> int:
     """Declare a compiled function and return its index."""
-    KERNELS[name] = KernelRow(make, padded, of_law)
+    KERNELS[name] = KernelRow(make, padded, of, exact)
     return len(KERNELS) - 1
 
 
@@ -78,21 +88,25 @@ WORLD = _kernel("world")
 SEGMENT_SHAPE = _kernel("segment_shape", segment.shape)
 SEGMENT_RIMS = _kernel("segment_rims", segment.rims)
 SEGMENT_MOTION = _kernel("segment_motion", segment.motion)
-SEGMENT_GRADIENT = _kernel("segment_gradient", segment.gradient)
-SEGMENT_HESSIAN = _kernel("segment_hessian", segment.hessian)
+SEGMENT_GRADIENT = _kernel("segment_gradient", actuator.gradient, of="chamber")
+SEGMENT_HESSIAN = _kernel("segment_hessian", actuator.hessian, of="chamber")
 SEGMENT_JACOBIAN = _kernel("segment_jacobian", segment.jacobian)
 SEGMENT_LEDGER = _kernel("segment_ledger", segment.ledger)
+ACTUATOR_START = _kernel("actuator_start", actuator.start, of="chamber", exact=True)
+ACTUATOR_REST = _kernel("actuator_rest", actuator.rest, of="chamber")
+ACTUATOR_END = _kernel("actuator_end", actuator.end, of="chamber")
+HINGE_START = _kernel("hinge_start", actuator.hinge_start, of="hinge", exact=True)
 JOINT_START = _kernel("joint_start", joint.start)
 JOINT_GRADIENT = _kernel("joint_gradient", joint.gradient)
 JOINT_HESSIAN = _kernel("joint_hessian", joint.hessian)
 JOINT_ANGLES = _kernel("joint_angles", joint.angles)
 JOINT_LEDGER = _kernel("joint_ledger", joint.ledger)
-POINT_FORCE = _kernel("point_force", point.force, padded=True, of_law=True)
-POINT_STIFFNESS = _kernel("point_stiffness", point.stiffness, padded=True, of_law=True)
+POINT_FORCE = _kernel("point_force", point.force, padded=True, of="law")
+POINT_STIFFNESS = _kernel("point_stiffness", point.stiffness, padded=True, of="law")
 POINT_START = _kernel("point_start", point.start, padded=True)
-POINT_YIELDING = _kernel("point_yielding", regime.yielding, padded=True, of_law=True)
-POINT_EXPECTED = _kernel("point_expected", regime.expected, padded=True, of_law=True)
-POINT_AFTER = _kernel("point_after", point.after, padded=True, of_law=True)
+POINT_YIELDING = _kernel("point_yielding", regime.yielding, padded=True, of="law")
+POINT_EXPECTED = _kernel("point_expected", regime.expected, padded=True, of="law")
+POINT_AFTER = _kernel("point_after", point.after, padded=True, of="law")
 POINT_MOMENTA = _kernel("point_momenta", point.momenta, padded=True)
 NODE_START = _kernel("node_start", node.start, padded=True)
 NODE_AFTER = _kernel("node_after", node.after, padded=True)
@@ -114,10 +128,6 @@ def _number(name: str) -> int:
 L0 = _number("l0")  # [m]
 DEEPEST = _number("deepest")  # greatest penetration of a joint [m]; deeper it counts as sunk
 STATIC_RATIO = _number("static_ratio")
-LAG = _number("lag")  # [s]
-RATE_LIMIT = _number("rate_limit")  # [1/s]
-LEAST = _number("least")  # of the stroke
-GREATEST = _number("greatest")
 LENGTH = _number("length")  # of the body, the unit of Newton's tolerances [m]
 TOLERANCE = _number("tolerance")  # of Newton: the last step, as a fraction of the body length
 LEVER = _number("lever")  # metres per radian in Newton's tolerances
@@ -142,11 +152,23 @@ class Sizes(NamedTuple):
     """Lanes for all n + 1 joints."""
     world_rows: int
     """Inputs of the world's kernel: x (3) and its parameters."""
+    chamber: type[Actuator]
+    """Actuator of the chambers."""
+    hinge: type[Actuator]
+    """Actuator of the hinges."""
 
     def of(self, name: str) -> int:
         """Return one of these sizes, or one that follows from them."""
         size = BLOCK * (self.n + 1)
+        chamber, hinge = (2 * count * len(kind.states) for count, kind in ((2, self.chamber), (1, self.hinge)))
         derived = {
+            "chamber_rows": actuator.chambers(self.chamber).rows,
+            "hinge_rows": actuator.hinges(self.hinge).rows,
+            "chamber_past": chamber,  # states at t_n and t_{n-1}
+            "hinge_past": hinge,
+            "chamber_states": chamber // 2,
+            "chamber_out": actuator.LEDGER_ROWS + actuator.SIDES + chamber // 2,
+            "hinge_out": actuator.HINGE_ROWS + hinge // 2,
             "coordinates": size,  # with two unused ones of the last block
             "band_rows": size + B,
             "commands": 5 * self.n,
@@ -296,6 +318,22 @@ JOINT_VELOCITY = _array("joint_velocity", 6, "node_lanes", inside=("node_in", "v
 POINTS_PAST = _array("points", 6, "points", inside=("point_in", "past"), remembered=True)
 POINT_VELOCITY = _array("point_velocity", 6, "points", inside=("point_in", "velocity"), remembered=True)
 LENGTHS = _array("lengths", 4, "lanes", remembered=True)  # of the chambers [m]
+# inputs of the segments' kernels, with those of their actuators behind them
+ACTUATED = _array("actuated", "chamber_rows", "lanes", inside=("segment_in", 0))
+ACTUATOR_PAST = _array(
+    "actuator",
+    "chamber_past",
+    "lanes",
+    inside=("segment_in", segment.LAYOUT.rows + actuator.SIDES * len(COMMANDS)),
+    remembered=True,
+)
+STARTED_ACTUATORS = _array("actuator_start", actuator.START_ROWS, "lanes")  # what they are known to do in the step
+ACTUATOR_OUT = _array("actuator_out", "chamber_out", "lanes")  # terms of the ledger, what is given, states
+HINGED = _array("hinged", "hinge_rows", "joint_lanes", inside=("joint_in", 0))  # joints and their actuators
+HINGE_PAST = _array(
+    "hinge_states", "hinge_past", "joint_lanes", inside=("joint_in", joint.LAYOUT.rows + len(COMMANDS)), remembered=True
+)
+HINGE_OUT = _array("hinge_out", "hinge_out", "joint_lanes")  # command, what is given, states
 HINGES = _array("hinges", 4, "lanes", remembered=True)  # angles of the apex hinges [rad]
 # c.d, c.u, twist, sum of the bends
 JOINT_ANGLES_PAST = _array("joint_angles", 8, "joint_lanes", inside=("joint_in", "angles_n"), remembered=True)
@@ -355,9 +393,8 @@ class CoreMemory:
         """Return views of all that the next step depends on, by name."""
         views = {}
         for name, row in ARRAYS.items():
-            if row.remembered is True:
+            if row.remembered is True and self.arrays[name].size > 0:
                 views[name] = self.arrays[name]
-            elif row.remembered:
-                assert isinstance(row.rows, Layout)
+            elif isinstance(row.remembered, tuple) and isinstance(row.rows, Layout):
                 views |= {each: row.rows.of(each, self.arrays[name]) for each in row.remembered}
         return views

@@ -114,7 +114,7 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
 @inner
 def _segments(core: Core, hessian: int) -> None:
     """Run the segments' kernel, and fill the band as far as that is asked for."""
-    segment_in, segment_out = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.SEGMENT_OUT)
+    segment_in, segment_out = matrix(core.block, a.ACTUATED), matrix(core.block, a.SEGMENT_OUT)
     if hessian in (NONE, LOCAL):
         run(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], core.n)
     else:

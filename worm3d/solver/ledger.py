@@ -9,6 +9,8 @@ Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the fi
 * Actuators: the integral of (dE/dl_cmd) dl_cmd over the change of command, likewise for hinges, by the trapezoidal
   rule (its difference to the command first and the motion then is numerical loss, of either sign); -F dl of chamber
   forces.
+* Actuators with a potential Psi: what their source puts in, the change of what they keep, and what they lose, as they
+  say; the rest of dPsi/dl times the first-order change of the length is numerical loss.
 * Friction: N rho(motion of the anchor); (P10) as -F.dq for the clamped worm.
 * Viscous: Kelvin-Voigt c rate^2 dt, medium (P8), the dampers of friction.
 * Impact: the loss in the damper of the normal contact. In a step in which a point strikes the world (`STRIKE`), too
@@ -32,7 +34,7 @@ from numpy.typing import NDArray
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as run
 from worm3d.machine.compiled import inner
-from worm3d.physics.kernels import joint, node, point, segment
+from worm3d.physics.kernels import actuator, joint, node, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, TERMS, Core
 from worm3d.solver.block import address, combine, fill, matrix, rows, vector
@@ -43,6 +45,7 @@ from worm3d.values.arrays import FloatArray
 WORK_CONTRACT, WORK_POSITIVE = TERMS.index("work_contract"), TERMS.index("work_contract_positive")
 VISCOUS, DRAG = TERMS.index("viscous_loss"), TERMS.index("drag_loss")
 _OF_SEGMENT = np.array([TERMS.index(name) for name in segment.LEDGER_TERMS])
+_OF_ACTUATOR = np.array([TERMS.index(name) for name in actuator.LEDGER_TERMS])
 _OF_JOINT = np.array([TERMS.index(name) for name in joint.LEDGER_TERMS])
 _OF_NODE = np.array([TERMS.index(name) for name in node.LEDGER_TERMS])
 _OF_POINT = np.array([TERMS.index(name) for name in point.LEDGER_TERMS])
@@ -113,7 +116,7 @@ def prepare(core: Core) -> None:
 
 @inner
 def add(core: Core, terms: FloatArray) -> None:
-    """Add the step's terms, shape (16,) [J]; `prepare` has run, the past is that before the step.
+    """Add the step's terms, shape (18,) [J]; `prepare` has run, the past is that before the step.
 
     The hinge angles of the segments are left behind the terms in "segment_ledger", the joints' angles in "joint_out".
     """
@@ -121,6 +124,9 @@ def add(core: Core, terms: FloatArray) -> None:
     joint_out = matrix(core.block, a.JOINT_OUT)[: len(_OF_JOINT) + 4]
     run(kernel(core, a.JOINT_LEDGER), matrix(core.block, a.JOINT_IN), joint_out, n - 1)
     _collect(core, a.SEGMENT_LEDGER_, n, _OF_SEGMENT, terms)
+    if kernel(core, a.ACTUATOR_END) != 0:
+        run(kernel(core, a.ACTUATOR_END), matrix(core.block, a.ACTUATED), matrix(core.block, a.ACTUATOR_OUT), n)
+        _collect(core, a.ACTUATOR_OUT, n, _OF_ACTUATOR, terms)
     _collect(core, a.JOINT_OUT, n - 1, _OF_JOINT, terms)
     _collect(core, a.NODE_OUT, n + 1, _OF_NODE, terms)
     lanes = matrix(core.block, a.AFTER_OUT).shape[1]

@@ -7,7 +7,7 @@ import numpy as np
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as run
 from worm3d.machine.compiled import inner
-from worm3d.physics.kernels import inertia, joint, node, point, segment
+from worm3d.physics.kernels import actuator, inertia, joint, node, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, ledger
 from worm3d.solver.arrays import BLOCK, Core
@@ -30,6 +30,7 @@ _ANCHOR, _CAP, _PULL = point.LAYOUT.firsts("anchor", "cap", "pull")
 _SLIPPED, _NEW_VELOCITY, _NEW_ANCHOR, _NEW_STORED = point.AFTER.firsts("slipped", "velocity", "anchor", "stored")
 _N_SPAN, _N_DT = node.LAYOUT.firsts("span", "dt")
 _OF_LEDGER, _OF_JOINTS_LEDGER, _OF_NODES_LEDGER = (len(each.LEDGER_TERMS) for each in (segment, joint, node))
+_GIVEN, _HINGE_STATES = actuator.LEDGER_ROWS, actuator.HINGE_ROWS
 IMPACT = 1e-3
 """A point that would get deeper than this fraction of the segment length, and than gravity alone moves it in a step,
 strikes the world."""
@@ -196,6 +197,21 @@ def _commit(core: Core) -> None:
     combine(curve, 1.0, curve, 1.0, last)
     copy(rows(block, a.SEGMENT_IN, _COMMANDED_N, 2), rows(block, a.SEGMENT_IN, _COMMANDED, 2))
     copy(rows(block, a.JOINT_IN, _HINGE_N, 1), rows(block, a.JOINT_IN, _HINGE, 1))
+    _commit_actuators(core)
+
+
+@inner
+def _commit_actuators(core: Core) -> None:
+    """Take over what the actuators give at the end of the step, and their states."""
+    block, given = core.block, vector(core.block, a.GIVEN)
+    if kernel(core, a.ACTUATOR_END) != 0:
+        out = matrix(block, a.ACTUATOR_OUT)
+        for i in range(core.n):
+            for side in range(2):
+                given[2 * i + side] = out[_GIVEN + side, i]
+        _remember(core, a.ACTUATOR_PAST, address(block, a.ACTUATOR_OUT, _GIVEN + 2))
+    if vector(block, a.HINGE_PAST).size > 0:
+        _remember(core, a.HINGE_PAST, address(block, a.HINGE_OUT, _HINGE_STATES))
 
 
 @inner

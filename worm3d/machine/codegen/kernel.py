@@ -122,6 +122,7 @@ def compile_kernel(
     host: native.Host | None = None,
     notify: Callable[[str], None] | None = None,
     padded: bool = False,
+    exact: bool = False,
 ) -> Kernel:
     """Return a kernel that evaluates `function` for many instances at once.
 
@@ -139,6 +140,8 @@ def compile_kernel(
         Receives one sentence before a compilation that takes long; default: standard error.
     padded : bool
         Whether lanes beyond the last instance hold harmless numbers, which are then computed like all others.
+    exact : bool
+        Whether it is computed as written, by the C library's functions: to the bits that NumPy or Numba give.
 
     Raises
     ------
@@ -154,7 +157,7 @@ def compile_kernel(
         return _virtual(function)
     try:
         host, folder = host or native.this_host(), folder or cache.folder(FOLDER)
-        code, origin, width = _native(function, folder, host, notify, padded)
+        code, origin, width = _native(function, folder, host, notify, (padded, exact))
     except program.UnsupportedError:
         raise
     except Exception as error:
@@ -180,17 +183,17 @@ def _native(
     folder: Path | None,
     host: native.Host,
     notify: Callable[[str], None] | None,
-    padded: bool,
+    options: tuple[bool, bool],
 ) -> tuple[int, Origin, int]:
     """Return address, origin and width of the native kernel."""
-    key = native.cache_key(function, host, padded)
+    key = native.cache_key(function, host, *options)
     with _LOCK:
         if key in _LOADED:
             return _LOADED[key][0], Origin.MEMORY, host.width
         code, origin = cache.load(folder, key), Origin.DISK
         if code is None:
             _announce(function, notify or _to_standard_error)
-            code, origin = native.compile_program(program.read(function), host, padded), Origin.COMPILED
+            code, origin = native.compile_program(program.read(function), host, *options), Origin.COMPILED
             cache.store(folder, key, code)
         _LOADED[key] = native.load(code, host)
         return _LOADED[key][0], origin, host.width

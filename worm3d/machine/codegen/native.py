@@ -13,7 +13,7 @@ import casadi
 import llvmlite
 import llvmlite.binding as llvm
 
-from worm3d.machine.codegen.emit import SYMBOL, module
+from worm3d.machine.codegen.emit import FLAGS, SYMBOL, module
 from worm3d.machine.codegen.lanes import LIBRARY
 from worm3d.machine.codegen.program import Program
 
@@ -38,7 +38,7 @@ def this_host() -> Host:
     return Host(llvm.get_host_cpu_name(), features.flatten(), width, arm or bool(features.get("fma")))
 
 
-def cache_key(function: casadi.Function, host: Host, padded: bool = False) -> str:
+def cache_key(function: casadi.Function, host: Host, padded: bool = False, exact: bool = False) -> str:
     """Return a digest of all that the object code depends on: function, generator, libraries, processor."""
     parts = (
         function.serialize(),
@@ -47,7 +47,7 @@ def cache_key(function: casadi.Function, host: Host, padded: bool = False) -> st
         llvmlite.__version__,
         llvm.get_process_triple(),
         *map(repr, host),
-        repr(padded),
+        repr((padded, exact)),
     )
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
@@ -59,7 +59,7 @@ def _generator() -> str:
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()
 
 
-def compile_program(program: Program, host: Host, padded: bool = False) -> bytes:
+def compile_program(program: Program, host: Host, padded: bool = False, exact: bool = False) -> bytes:
     """Return the object code of a program.
 
     The text has no repeated subexpression already (`Writer`), and one long block leaves little to the optimiser: beyond
@@ -73,7 +73,7 @@ def compile_program(program: Program, host: Host, padded: bool = False) -> bytes
         If LLVM fails.
     """
     machine = _machine(host)
-    unit = llvm.parse_assembly(module(program, host.width, host.fused, padded=padded))
+    unit = llvm.parse_assembly(module(program, host.width, host.fused and not exact, () if exact else FLAGS, padded))
     unit.triple, unit.data_layout = machine.triple, str(machine.target_data)
     unit.verify()
     passes = llvm.create_new_module_pass_manager()

@@ -6,4 +6,9 @@ array; `layout` says in which rows the inputs stand.
     segment   eight contact points, springs, dampers and apex hinges of a segment
     point     what acts on a contact point: inertia, weight, normal contact, friction
     joint     pitch, yaw and twist between two segments
+    node      joints as mass points
+    actuator  what drives chambers and hinges
 """
+
+COMMANDS = ("command", "command_n", "given_n", "force_command", "force_command_n", "force_n")
+"""What every actuator is told, at the end and at the start of a step, and what it gave at its start."""

@@ -24,6 +24,12 @@ class Layout:
         self._firsts = dict(zip(sizes, accumulate(sizes.values(), initial=0), strict=False))
         self.symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
 
+    def extended(self, sizes: Mapping[str, int]) -> Layout:
+        """Return a layout with further inputs behind these, and the very symbols of these."""
+        longer = Layout({**self.sizes, **sizes})
+        longer.symbols |= self.symbols
+        return longer
+
     @property
     def rows(self) -> int:
         """Number of rows of all inputs together."""

@@ -11,6 +11,7 @@ step: potential C g^2/(2 dt), loss C g^2/dt.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -126,15 +127,31 @@ def jacobian() -> ca.Function:
     return LAYOUT.function("segment_jacobian", {"jacobian": rows})
 
 
+def lengths() -> ca.SX:
+    """Return the lengths of the chambers, shape (2,) [m]."""
+    return _shape().lengths
+
+
+def stretches() -> ca.SX:
+    """Return the first-order motion of the chambers' lengths under dq, shape (2,) [m]."""
+    return ca.jtimes(_shape().lengths, LAYOUT.symbols["q"], LAYOUT.symbols["dq"])
+
+
+Energy = Callable[[ca.SX], ca.SX]
+"""Lengths of the chambers, shape (2,) -> potential [J]."""
+
+
 @cache
-def _potential() -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Potential of the springs and dampers, and gradient and Hessian of everything that moves with the segment."""
+def _potential(actuated: Energy | None) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Potential of springs, dampers and actuators, gradient and Hessian of everything that moves with the segment."""
     s, x = LAYOUT.symbols, _shape_of_reduced()
     phi = s["roll_damping"] / (2.0 * s["dt"]) * _REDUCED[6] ** 2
     for c in range(2):
         stretch, turn = x.lengths[c] - s["length_hat"][c], x.angles[c] - s["angle_hat"][c]
         phi += _chamber(x.lengths[c], s["commanded"][c]) + s["force"][c] * x.lengths[c] + _hinge(x.angles[c])
         phi += (_chamber_damping() * stretch**2 + _hinge_damping() * turn**2) / (2.0 * s["span"])
+    if actuated is not None:
+        phi += actuated(x.lengths)
     slope = ca.gradient(phi + ca.dot(s["f"], x.points), _REDUCED)
     curve, _ = ca.hessian(phi + ca.dot(s["f_ahead"], x.points), _REDUCED)
     jacobian = ca.jacobian(x.points, _REDUCED)
@@ -169,16 +186,24 @@ def _point_hessian() -> ca.SX:
     return ca.vertcat(*[ca.horzcat(*[ca.diag(block) for block in row]) for row in blocks])
 
 
-def gradient() -> ca.Function:
-    """Return the potential of springs and dampers, and the gradient (8) of it and of the points' potential."""
-    phi, slope, _ = _potential()
-    return LAYOUT.function("segment_gradient", {"phi": phi, "gradient": slope})
+def gradient(layout: Layout = LAYOUT, actuated: Energy | None = None) -> ca.Function:
+    """Return the potential of springs, dampers and actuators, and the gradient (8) of it and of the points' potential.
+
+    Parameters
+    ----------
+    layout : Layout
+        Of the inputs, with those of `actuated` behind those of the segment.
+    actuated : callable, optional
+        Potential of the actuators.
+    """
+    phi, slope, _ = _potential(actuated)
+    return layout.function("segment_gradient", {"phi": phi, "gradient": slope})
 
 
-def hessian() -> ca.Function:
+def hessian(layout: Layout = LAYOUT, actuated: Energy | None = None) -> ca.Function:
     """Return potential and gradient as `gradient` does, and the Hessian (64), row by row."""
-    phi, slope, curve = _potential()
-    return LAYOUT.function("segment_hessian", {"phi": phi, "gradient": slope, "hessian": curve.T})
+    phi, slope, curve = _potential(actuated)
+    return layout.function("segment_hessian", {"phi": phi, "gradient": slope, "hessian": curve.T})
 
 
 LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss", "work_contract_p11")

@@ -1,0 +1,183 @@
+"""Actuators: from a command to the rest length, the force or the pressure of a chamber, or the angle of a hinge.
+
+An actuator is a dataclass whose fields are its parameters and whose `respond` says, in CasADi symbols, what it does in
+a time step. The kernels of the segments are generated from it, with all derivatives, and compiled once per class. What
+depends on the unknown length of the chamber at the end of the step stands in a potential:
+
+    force on the chamber = - d Psi(length; states at the start, command, dt) / d length
+
+so that states are eliminated where they are defined, implicitly in the step. An actuator with a state p' = f(p, length)
+solves p_{n+1} = p_n + dt f(p_{n+1}, length) for p_{n+1}(length) and integrates its force in the length; the step stays
+the minimum of one potential. `Pneumatic` is an example to start from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from worm3d.physics.kernels import COMMANDS
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter, parameters_of
+from worm3d.values.read_only import ReadOnly
+
+if TYPE_CHECKING:
+    from worm3d.worm import Worm
+
+KNOWN = (*COMMANDS, "dt", "span", "length", "length_n", "l0", "link", "k")
+"""Names of what `Actuator.respond` finds beside parameters and states."""
+
+Symbol = Any
+"""Of casadi.SX, or a number."""
+Symbols = Mapping[str, Any]
+
+
+class Response(NamedTuple):
+    """What an actuator does in a step. Only what is marked * may depend on "length", "span" and "..._hat"."""
+
+    command: Symbol
+    """The command within the limits: contraction of a chamber, or angle of a hinge [rad]."""
+    given: Symbol
+    """* What the actuator gives: contraction, or angle [rad]. A run records it."""
+    force: Symbol = 0.0
+    """Force along the chamber, positive contracts [N]."""
+    spring: Symbol | None = None
+    """Contraction of the rest length of the chamber's spring; None: the contraction given."""
+    potential: Symbol = 0.0
+    """* Psi, whose derivative in the length is minus the force on the chamber [J]."""
+    states: Symbols = {}  # noqa: RUF012  # never changed
+    """* The states at the end of the step, by name."""
+    work: Symbol = 0.0
+    """* Energy that the source puts in during the step, beside the work on the spring's rest length [J]."""
+    stored: Symbol = 0.0
+    """* Change of the energy that the actuator keeps [J]."""
+    lost: Symbol = 0.0
+    """* Energy lost within the actuator [J]."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Actuator(ReadOnly):
+    """Base of all actuators; a frozen dataclass with `worm3d.values.parameters.parameter` fields.
+
+    A subclass is named in its class statement, `class Valve(Actuator, name="valve")`, and defines `respond`; fields
+    declared with each="segment" may be arrays. `worm3d.Worm(actuator=...)` uses it for the chambers, `hinge_actuator`
+    for the hinges.
+    """
+
+    name: ClassVar[str] = ""
+    """Name in scenes; empty: in none."""
+    states: ClassVar[Mapping[str, str]] = {}
+    """Unit of each state of a chamber or hinge, by name."""
+
+    def __init_subclass__(cls, name: str = "") -> None:
+        super().__init_subclass__()
+        known = ACTUATORS.get(name)
+        if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise ValueError(f"actuator {name!r}: {known.__qualname__} has that name already, must be another one")
+        cls.name = name
+        if name:
+            ACTUATORS[name] = cls
+
+    def __post_init__(self) -> None:
+        names = [*parameters_of(type(self)), *self.states]
+        if taken := sorted({name for name in names if name in KNOWN or names.count(name) > 1}):
+            raise ValueError(f"{type(self).__name__}: the names {', '.join(taken)} are taken; rename the parameter")
+        check(self)
+        super().__post_init__()
+
+    @classmethod
+    def respond(cls, s: Symbols) -> Response:
+        """Return what the actuator does in a time step.
+
+        Parameters
+        ----------
+        s : mapping of str to SX
+            Scalars by name. The parameters. "command", "command_n": commanded contraction (of a hinge: angle [rad]) at
+            the end and at the start of the step; "force_command", "force_command_n" [N]; "given_n", "force_n": what
+            was given at the start. Of each state "<state>_n" at the start of the step and "<state>_hat", from which
+            the integrator counts: d(state)/dt = (state - state_hat)/span with span = dt (implicit Euler) or 2/3 dt
+            (BDF2) [s]. For a chamber also "length", unknown, and "length_n" [m], the rest length of the segment "l0"
+            and its links "link" [m], and the stiffness of its springs "k", of which a chamber has half [N].
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def at_rest(cls, s: Symbols) -> Symbols:
+        """Return the states of a chamber that rests at "length" under the constant "command", by name."""
+        return dict.fromkeys(cls.states, 0.0)
+
+    def values(self, worm: Worm, *, hinge: bool) -> Mapping[str, float | FloatArray]:
+        """Return the parameters by name for the chambers or the hinges of a worm, a number or one for each."""
+        return {name: getattr(self, name) for name in parameters_of(type(self))}
+
+    def require_size(self, name: str, count: int) -> None:
+        """Raise ValueError where a parameter is an array of another size; `name` says what the actuator is for."""
+        for field in parameters_of(type(self)):
+            value = getattr(self, field)
+            if np.ndim(value) > 0 and np.shape(value) != (count,):
+                raise ValueError(f"{name}.{field}: got {np.size(value)} values, must be a number or {count} of them")
+
+
+ACTUATORS: dict[str, type[Actuator]] = {}
+"""Class of each actuator by its name."""
+
+Numbers = float | FloatArray
+
+
+@documented
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FirstOrder(Actuator, name="first_order"):
+    """Rest length, force and hinge angle follow their commands with a first-order lag; stroke and rate are limited.
+
+    c' = (command - c)/lag, solved exactly for a command that changes linearly over the step; the contraction then moves
+    by at most rate_limit dt.
+    """
+
+    lag: Numbers | None = parameter(
+        None, meaning="time constant", unit="s", ge=0, each="segment", left_out="the worm's actuator_lag"
+    )
+    least: Numbers | None = parameter(
+        None, meaning="least contraction", lt=1, each="segment", left_out="that of the worm's stroke"
+    )
+    greatest: Numbers | None = parameter(
+        None, meaning="greatest contraction", lt=1, each="segment", left_out="that of the worm's stroke"
+    )
+    rate_limit: Numbers | None = parameter(
+        None,
+        meaning="greatest speed of contraction",
+        unit="1/s",
+        gt=0,
+        each="segment",
+        left_out="the worm's rate_limit",
+    )
+
+    @classmethod
+    def respond(cls, s: Symbols) -> Response:
+        """Return the contraction or angle, and the force, after lag and limits."""
+        import casadi as ca  # parameters are wanted without it
+
+        command = ca.fmin(ca.fmax(s["command"], s["least"]), s["greatest"])
+        most = s["rate_limit"] * s["dt"]
+        free = _lagged(command, s["command_n"], s["given_n"], s)
+        given = ca.fmin(ca.fmax(free, s["given_n"] - most), s["given_n"] + most)
+        return Response(command, given, _lagged(s["force_command"], s["force_command_n"], s["force_n"], s))
+
+    def values(self, worm: Worm, *, hinge: bool) -> Mapping[str, float | FloatArray]:
+        """Return the parameters; what is left out is the worm's, and without limit for hinges."""
+        unlimited = {"least": -np.inf, "greatest": np.inf, "rate_limit": np.inf}
+        limits = {"least": worm.stroke[0], "greatest": worm.stroke[1], "rate_limit": worm.rate_limit}
+        left_out = {"lag": worm.actuator_lag, **(unlimited if hinge else limits)}
+        given = super().values(worm, hinge=hinge)
+        return {name: left_out[name] if value is None else value for name, value in given.items()}
+
+
+def _lagged(command: Symbol, command_n: Symbol, given_n: Symbol, s: Symbols) -> Symbol:
+    """Return the first-order response at the end of the step to a command that changes linearly in it."""
+    import casadi as ca
+
+    ramp = s["lag"] * (command - command_n) / s["dt"]
+    late = command - ramp + (given_n - command_n + ramp) * ca.exp(-s["dt"] / s["lag"])
+    return ca.if_else(s["lag"] > 0.0, late, command)

@@ -1,0 +1,192 @@
+"""Kernels of the actuators of chambers and hinges, generated from `worm3d.physics.actuators.Actuator.respond`.
+
+Their inputs stand behind those of the segments or joints: commands, the past of the states (t_n, then t_{n-1}), and
+parameters. A kernel of the start of a step computes what does not depend on the lengths at its end; one of its end the
+states and the energy, for actuators that have any.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, TypeVar, cast
+
+import casadi as ca
+
+from worm3d.physics.actuators import Actuator, FirstOrder, Response
+from worm3d.physics.kernels import COMMANDS, inertia, joint, losses, segment
+from worm3d.physics.kernels.layout import Layout
+from worm3d.values.parameters import parameters_of
+
+Kind = type[Actuator]
+F = TypeVar("F", bound=Callable[..., Any])
+
+once: Callable[[F], F] = cast(Any, cache)
+"""`functools.cache` for functions of a class, which mypy does not take for hashable."""
+
+PREFIX = "actuator_"
+"""Before the names of the inputs, which could be those of a segment's otherwise."""
+
+SIDES, ONE = 2, 1
+"""Actuators of a segment (its chambers, left and right) and of a joint (its hinge)."""
+
+
+@once
+def chambers(kind: Kind) -> Layout:
+    """Return the layout of the segments with the inputs of their actuators behind them."""
+    return segment.LAYOUT.extended(_sizes(kind, SIDES))
+
+
+@once
+def hinges(kind: Kind) -> Layout:
+    """Return the layout of the joints with the inputs of their actuators behind them."""
+    return joint.LAYOUT.extended(_sizes(kind, ONE))
+
+
+CHAMBER_COMMANDS = tuple(segment.LAYOUT.rows + SIDES * k for k in range(len(COMMANDS)))
+"""First row of each of `COMMANDS` for the chambers, whatever their actuators are."""
+HINGE_COMMANDS = tuple(joint.LAYOUT.rows + k for k in range(len(COMMANDS)))
+"""Row of each of `COMMANDS` for the hinges."""
+
+
+def _sizes(kind: Kind, count: int) -> dict[str, int]:
+    past = {f"{state}_{at}": count for at in "nm" for state in kind.states}
+    sizes = {**dict.fromkeys(COMMANDS, count), **past, **dict.fromkeys(parameters_of(kind), 1)}
+    return {PREFIX + name: size for name, size in sizes.items()}
+
+
+def _known(kind: Kind, layout: Layout, side: int) -> dict[str, ca.SX]:
+    """Return what the actuator of a chamber or hinge knows, by name."""
+    s = layout.symbols
+    known = {name: s[PREFIX + name][side] for name in COMMANDS}
+    known |= {name: s[PREFIX + name] for name in parameters_of(kind)} | {name: s[name] for name in ("dt", "span")}
+    for state in kind.states:
+        n, m = (s[f"{PREFIX}{state}_{at}"][side] for at in "nm")
+        w0, w1 = (ca.if_else(s["span"] != s["dt"], *pair) for pair in zip(inertia.BDF2, inertia.EULER, strict=True))
+        known |= {f"{state}_n": n, f"{state}_hat": w0 * n + w1 * m}
+    return known
+
+
+def _of_chamber(kind: Kind, side: int) -> Callable[[ca.SX], Response]:
+    """Return what the actuator of a chamber does as a function of the length at the end of the step."""
+    layout = chambers(kind)
+    s, known = layout.symbols, _known(kind, layout, side)
+    known |= {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k")}}
+    return lambda length: kind.respond({**known, "length": length})
+
+
+def _of_hinge(kind: Kind) -> Response:
+    known = _known(kind, hinges(kind), 0)
+    known |= {name: ca.SX(0.0) for name in COMMANDS if name.startswith("force")}
+    try:
+        response = kind.respond(known)
+    except KeyError as missing:
+        raise ValueError(f"hinge_actuator: {kind.__name__} acts on chambers alone: it needs {missing}") from missing
+    _require_known("hinge_actuator", response, known["span"])
+    return response
+
+
+def start(kind: Kind = FirstOrder) -> ca.Function:
+    """Return what is known at the start of a step: command, rest length, force, and what is given, each (2)."""
+    s, outputs = chambers(kind).symbols, []
+    for side in range(SIDES):
+        length = ca.SX.sym("length")
+        response = _of_chamber(kind, side)(length)
+        _require_known("actuator", response, ca.vertcat(length, s["span"]))
+        spring = response.given if response.spring is None else response.spring
+        given = ca.substitute(response.given, length, s["length_n"][side])
+        outputs.append((response.command, s["l0"] * (1.0 - spring), response.force, given))
+    names = ("command", "commanded", "force", "given")
+    by_name = {name: [of[k] for of in outputs] for k, name in enumerate(names)}
+    return chambers(kind).function("actuator_start", by_name)
+
+
+START_ROWS = 4 * SIDES
+"""Outputs of `start`."""
+
+
+def _require_known(name: str, response: Response, unknown: ca.SX) -> None:
+    """Raise ValueError where what has to be known at the start of a step depends on its end."""
+    spring = response.given if response.spring is None else response.spring
+    for part, value in (("command", response.command), ("spring", spring), ("force", response.force)):
+        if ca.depends_on(ca.SX(value), unknown):
+            raise ValueError(
+                f"{name}: what {part} says must not depend on the length or the integrator: write it as a potential"
+            )
+
+
+def rest(kind: Kind = FirstOrder) -> ca.Function | None:
+    """Return the states of chambers that rest at their lengths, at q, under the commands; None without states."""
+    if not kind.states:
+        return None
+    layout, states = chambers(kind), []
+    lengths = segment.lengths()
+    for side in range(SIDES):
+        known = _known(kind, layout, side) | {name: layout.symbols[name] for name in ("l0", "link", "k")}
+        states.append(kind.at_rest({**known, "length": lengths[side], "length_n": lengths[side]}))
+    return layout.function("actuator_rest", {name: [of[name] for of in states] for name in kind.states})
+
+
+@once
+def _potential(kind: Kind) -> segment.Energy:
+    """Return Psi of both chambers [J] as a function of their lengths."""
+    responses = [_of_chamber(kind, side) for side in range(SIDES)]
+    return lambda lengths: sum((responses[k](lengths[k]).potential for k in range(SIDES)), ca.SX(0.0))
+
+
+def gradient(kind: Kind = FirstOrder) -> ca.Function:
+    """Return the segment's potential and gradient, with those of its actuators."""
+    return segment.gradient(chambers(kind), _potential(kind))
+
+
+def hessian(kind: Kind = FirstOrder) -> ca.Function:
+    """Return the segment's potential, gradient and Hessian, with those of its actuators."""
+    return segment.hessian(chambers(kind), _potential(kind))
+
+
+LEDGER_TERMS = ("work_contract", "actuator", "actuator_loss", "numerical_loss", "work_contract_p11")
+LEDGER_ROWS = 8
+"""Rows of `end` before what is given and the states: the terms, filled up to a vector."""
+
+
+def has_end(kind: Kind) -> bool:
+    """Return whether anything but the rest length and the force happens in a step: states, or a potential."""
+    length = ca.SX.sym("length")
+    response = _of_chamber(kind, 0)(length)
+    parts = (response.potential, response.work, response.stored, response.lost)
+    beside = any(not ca.SX(part).is_zero() for part in parts)
+    return bool(kind.states) or beside or bool(ca.depends_on(ca.SX(response.given), length))
+
+
+def end(kind: Kind = FirstOrder) -> ca.Function | None:
+    """Return the terms of the energy ledger, what is given (2) and the states (2 each); None where nothing happens.
+
+    The residual of the step meets the actuator as dPsi/dl times the first-order change of the length.
+    """
+    if not has_end(kind):
+        return None
+    terms, given, states = ca.SX.zeros(len(LEDGER_TERMS)), [], []
+    for side in range(SIDES):
+        respond, length, first = _of_chamber(kind, side), segment.lengths()[side], segment.stretches()[side]
+        response = respond(length)
+        pulled = losses.slope(lambda at, respond=respond: respond(at).potential, length) * first  # type: ignore[misc]
+        energy = response.stored + response.lost - response.work
+        terms += ca.vertcat(response.work, response.stored, response.lost, pulled - energy, -pulled)
+        given.append(response.given)
+        states.append(response.states)
+    outputs: dict[str, Any] = {"terms": terms, "nothing": ca.SX.zeros(LEDGER_ROWS - len(LEDGER_TERMS)), "given": given}
+    outputs |= {name: [of[name] for of in states] for name in kind.states}
+    return chambers(kind).function("actuator_end", outputs)
+
+
+def hinge_start(kind: Kind = FirstOrder) -> ca.Function:
+    """Return the command within the limits, the angle given, and the states of a hinge at the end of a step."""
+    response = _of_hinge(kind)
+    if not all(ca.SX(part).is_zero() for part in (response.potential, response.work, response.stored, response.lost)):
+        raise ValueError(f"hinge_actuator: {kind.__name__} has a potential or energy, which only chambers may have")
+    outputs = {"command": response.command, "given": response.given}
+    return hinges(kind).function("hinge_start", outputs | {name: response.states[name] for name in kind.states})
+
+
+HINGE_ROWS = 2
+"""Outputs of `hinge_start` before the states."""
