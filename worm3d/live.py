@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from worm3d import pictures
+from worm3d.run import Observer, Run
 from worm3d.status import Status
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.view import View
 from worm3d.viewer import Frames
 from worm3d.viewer.live import LiveView
 from worm3d.viewer.pieces import rounded_up
@@ -25,7 +27,6 @@ from worm3d.worlds.scenery import Window, scenery
 
 if TYPE_CHECKING:
     from worm3d.result import Result
-    from worm3d.run import Run
 
 
 AHEAD = 3.0
@@ -39,6 +40,10 @@ FPS = 25.0
 
 FASTEST = 1e6
 """Simulated over real time, beyond which only the last row at hand is shown."""
+
+
+MOST_STEPS = 50
+"""Steps between two looks at a run that goes on as fast as it can, about."""
 
 
 class Live:
@@ -87,19 +92,19 @@ class Live:
         self._rows = 0
         self._clock = 0.0
 
-    def follow(self, run: Run, observer: Callable[[int], bool] | None = None) -> Callable[[int], bool]:
-        """Show the start of a run, and return an observer that shows how it goes on and then calls another."""
+    def follow(self, run: Run) -> Observer:
+        """Show the start of a run, and return an observer that shows how it goes on."""
         self._begin(run)
 
-        def look(done: int) -> bool:
+        def look(_time: float, view: View) -> None:
             try:
-                self._show(run.result(Status.DONE))
+                self._show(view.result())
             except ConnectionError as error:
                 warnings.warn(f"{error}; the run goes on unseen", RuntimeWarning, stacklevel=2)
                 self.close()
-            return observer is None or observer(done)
 
-        return look
+        rows = min(self.speed, FASTEST) / (FPS * run.dt * run.every)  # between two pictures
+        return Observer(look, run.every * round(min(max(rows, 1.0), MOST_STEPS / run.every + 1.0)))
 
     def _begin(self, run: Run) -> None:
         self.close()

@@ -6,15 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from worm3d.series import heading
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
     from worm3d.result import Result
     from worm3d.worlds import World
 
-
-UPRIGHT = 1e-3
-"""A chord of which the horizontal part is below this fraction of it has no heading."""
 
 NO_HEADING = "the body is vertical at the start: it has no heading"
 SPARSE = "the rows of the result lie further apart than a period of the gait: record more of them"
@@ -26,17 +24,6 @@ NOT_SETTLED = (
 )
 NO_WAY = 1e-9
 """Distance that is rounding, as a fraction of the body length."""
-
-
-def heading(joints: FloatArray) -> FloatArray:
-    """Return the azimuth of the tail-to-head chord of joints (T, N+1, 3), unwrapped, NaN where vertical, shape (T,)."""
-    chord = joints[:, -1] - joints[:, 0]
-    azimuth = np.arctan2(chord[:, 1], chord[:, 0])
-    upright = np.hypot(chord[:, 0], chord[:, 1]) < UPRIGHT * np.linalg.norm(chord, axis=1)
-    seen = ~upright
-    azimuth[seen] = np.unwrap(azimuth[seen])
-    azimuth[upright] = np.nan
-    return azimuth
 
 
 def forward(joints: FloatArray, world: World | None) -> FloatArray | None:

@@ -7,35 +7,47 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from worm3d.actuation import Driver
-from worm3d.metrics import heading
+from worm3d.energy import Energy
 from worm3d.observation import Observation
 from worm3d.plant import HISTORIES
 from worm3d.problem import Problem
-from worm3d.result import Energy, Result
+from worm3d.result import Result
+from worm3d.series import COUNTERS, Recorded
 from worm3d.solver.advance import advance, ask, worst_residual
-from worm3d.solver.arrays import COUNTERS, POINTS, TOLERANCE
+from worm3d.solver.arrays import POINTS, TOLERANCE
 from worm3d.solver.guard import NO_CONVERGENCE, OK
-from worm3d.solver.records import mass_centre, record, record_memory
+from worm3d.solver.records import Records, gather, record
 from worm3d.solver.refused import refused
 from worm3d.start import GUARDED, Placed, place
+from worm3d.state import State
 from worm3d.status import Status, Stop
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.view import View
 
 HALVINGS = 6
-"""A step that does not converge is halved at most so often."""
+"""Largest number of times that a step that does not converge is halved."""
 
 CHUNK = 50
-"""Steps between two looks at the outside world, where nothing depends on the state."""
+"""Steps taken at once where commands or forces are asked for one by one."""
 
-UNSEEN = 1000
-"""And where nobody looks, the commands are known at once, and no forces are asked for."""
+MAX_STEPS_UNOBSERVED = 1000
+"""Steps taken at once where commands are known ahead and no forces are asked for."""
 
 _LOG = logging.getLogger(__name__)
+
+
+class Observer(NamedTuple):
+    """A function that looks at a run, at its start, after every so many steps, and at its end."""
+
+    look: Callable[[float, View], bool | None]
+    """Called with the time [s] and the view; returning False ends the run."""
+    every: int = 1
 
 
 class Run:
@@ -56,8 +68,9 @@ class Run:
         self.dt, self.bdf2 = problem.dt, problem.integrator == "bdf2"
         self.every, self.steps = problem.record_every, problem.steps
         self.n, self.core = plant.n, plant.core
-        self.records = record_memory(self.n, problem.rows)
-        self.counters = np.zeros((self.steps, COUNTERS), dtype=np.int64)
+        self.records = Records(plant.memory_of_core, plant.clamped, problem.rows)
+        self._now = Records(plant.memory_of_core, plant.clamped, 1)
+        self.counters = np.zeros((self.steps, len(COUNTERS)), dtype=np.int64)
         self.done, self.halved, self.last_share, self.wall = 0, 0, 1.0, 0.0
         self.complaint, self.residual, self.segment = "", 0.0, 0
         self.first = round(start.time / self.dt)
@@ -101,32 +114,43 @@ class Run:
             raise ValueError(f"external_force: got {force[~np.isfinite(force)][0]}, every value must be finite [N]")
         return force.T
 
-    def finish(self, observer: Callable[[int], bool] | None = None) -> Result:
-        """Take all steps, and return what came of it; the parameter is that of `worm3d.simulate`."""
-        return self.result(self._go(observer) if self.begun is Status.DONE else self.begun)
+    def finish(self, *observers: Observer) -> Result:
+        """Take all steps, and return what came of it."""
+        status = self._seen(observers) if self.begun is Status.DONE else self.begun
+        while status is Status.DONE and self.done < self.steps:
+            status = self._chunk(self._until_seen(observers))
+            if status is Status.DONE:
+                status = self._seen(observers)
+        return self.result(status)
 
     def take(self) -> Status:
         """Take the next step of a controlled run (some steps of another), and return how the run stands."""
-        return self.begun if self.begun is not Status.DONE else self._chunk()
+        return self.begun if self.begun is not Status.DONE else self._chunk(CHUNK)
 
-    def _go(self, observer: Callable[[int], bool] | None) -> Status:
-        """Take all steps; return how the run ended."""
+    def _until_seen(self, observers: tuple[Observer, ...]) -> int:
+        """Return the number of steps to the next observer's turn, or that may be taken at once if that is less."""
         known = self.driver.tabular and self.external_force is None
-        most = UNSEEN if known and observer is None else CHUNK
-        while self.done < self.steps:
-            status = self._chunk(most)
-            if status is not Status.DONE:
-                return status
-            if observer is not None and not observer(self.done) and self.done < self.steps:
+        turns = (observer.every - self.done % observer.every for observer in observers)
+        return min(MAX_STEPS_UNOBSERVED if known else CHUNK, *turns, self.steps)
+
+    def _seen(self, observers: tuple[Observer, ...]) -> Status:
+        """Let the observers look whose turn it is; return how the run stands."""
+        for observer in observers:
+            if self.done % observer.every and self.done < self.steps:
+                continue
+            try:
+                goes_on = observer.look(self.time(self.done), View(self))
+            except Exception as error:
+                self.complaint = f"{type(error).__name__}: {error}"
+                _LOG.error("the observer failed", exc_info=error)
+                return Status.OBSERVER_FAILED
+            if goes_on is not None and not goes_on and self.done < self.steps:
                 return Status.INTERRUPTED
         return Status.DONE
 
-    def _chunk(self, most: int = CHUNK) -> Status:
+    def _chunk(self, most: int) -> Status:
         """Ask for commands and forces and take the steps, at most so many."""
-        controlled = self.driver.controller is not None
-        # A chunk ends on a row of the result, unless there are more steps than that between two rows.
-        whole = most // self.every * self.every or min(most, self.every - self.done % self.every)
-        count = 1 if controlled else min(whole, self.steps - self.done)
+        count = 1 if self.driver.controller is not None else min(most, self.steps - self.done)
         times = self.times(self.done + 1, 1, count)
         forces: list[FloatArray] = []
         commands = self.driver.table(times)
@@ -235,70 +259,47 @@ class Run:
         return status
 
     def observation(self) -> Observation:
-        """Return what there is to see now."""
-        arrays, n, worm = self.plant.arrays, self.n, self.plant.worm
-        momentum, com = mass_centre(self.core)
-        joints = arrays["joints"][:3, : n + 1].T.copy()
-        places, rates = (arrays[name][:3].reshape(3, POINTS, -1) for name in ("points", "point_velocity"))
-        return Observation(
-            time=self.time(self.done),
-            chamber_strain=arrays["lengths"][:2, :n].T / worm.l0 - 1.0,
-            com=com,
-            com_velocity=momentum[:3] / worm.mass,
-            heading=float(heading(joints[None])[0]),
-            joints=joints,
-            joint_velocity=arrays["joint_velocity"][:3, : n + 1].T.copy(),
-            apexes=places[:, :6, :n].T.copy(),
-            apex_velocity=rates[:, :6, :n].T.copy(),
-            contraction=arrays["given"][0, : 2 * n].reshape(n, 2).copy(),
-            normal_load=self.plant.loads()[:6].T.copy(),
-        )
+        """Return what sensors see now."""
+        return View(self).observation()
+
+    def apex_velocity(self) -> FloatArray:
+        """Return the velocity of the apexes now, shape (N, 6, 3) [m/s]."""
+        velocity: FloatArray = self.plant.arrays["point_velocity"][:3].reshape(3, POINTS, -1)[:, :6, : self.n].T.copy()
+        return velocity
+
+    def recorded_now(self) -> Recorded:
+        """Return all series of this instant, T = 1, in memory that later steps write to."""
+        row, between = divmod(self.done, self.every)
+        if between:
+            gather(self.core, self._now.block, 0)
+        series = self._now.arrays() if between else self.records.arrays(slice(row, row + 1))
+        del series["energy"]
+        return Recorded(worm=self.plant.worm, time=self.times(self.done, 1, 1), **series)
+
+    def state(self) -> State:
+        """Return the state now, with memory."""
+        remembers = np.array([self.dt if self.remembers else 0.0])
+        return self.plant.state(self.time(self.done), self.dt, remembers=remembers)
 
     def result(self, status: Status) -> Result:
         """Return the run as far as it got."""
-        rows = self.done // self.every + 1
-        n, raw = self.n, {name: array[:rows] for name, array in self.records.arrays().items()}
-        load, slip = raw["load"].reshape(rows, n, POINTS), raw["slip"].reshape(rows, n, POINTS)
-        clamped = self.plant.clamped
-        counters = self.counters[: self.done]
-        given, asked = raw["given"], raw["asked"]
-        remembers = np.array([self.dt if self.remembers else 0.0])
-        state = self.plant.state(self.time(self.done), self.dt, remembers=remembers)
+        rows, plant = self.done // self.every + 1, self.plant
+        series: dict[str, Any] = dict(self.records.arrays(slice(rows)))
+        energy = Energy.of(series.pop("energy"))
+        counters: dict[str, Any] = dict(zip(COUNTERS, self.counters[: self.done].T, strict=True))
         return Result(
-            worm=self.plant.worm,
-            world=self.plant.world,
-            gravity=self.plant.gravity,
+            worm=plant.worm,
+            world=plant.world,
+            gravity=plant.gravity,
             dt=self.dt,
             period=self.period,
             time=self.times(0, self.every, rows),
-            joints=raw["joints"].reshape(rows, n + 1, 3),
-            joint_velocity=raw["joint_velocity"].reshape(rows, n + 1, 3),
-            points=raw["points"].reshape(rows, n, POINTS, 3),
-            directors=raw["directors"].reshape(rows, n, 3),
-            bend=raw["bend"],
-            chamber_length=raw["chamber_length"].reshape(rows, n, 2),
-            command=asked[:, : 2 * n].reshape(rows, n, 2),
-            contraction=given[:, : 2 * n].reshape(rows, n, 2),
-            hinge=given[:, 4 * n + 1 :],
-            force=given[:, 2 * n : 4 * n].reshape(rows, n, 2),
-            com=raw["com"],
-            momentum=raw["momentum"][:, :3],
-            angular_momentum=raw["momentum"][:, 3:],
-            normal_load=load[:, :, :6],
-            slip=slip[:, :, :6],
-            joint_load=raw["joint_load"] if clamped else _of_joints(load),
-            joint_slip=_of_joints(slip),
-            contact_force=raw["contact_force"].reshape(rows, n, POINTS, 3),
-            joint_friction=raw["joint_friction"].reshape(rows, n + 1, 3),
-            anchors=raw["anchors"].reshape(rows, n, POINTS, 3),
-            energy=Energy.of(raw["energy"]),
-            newton_iterations=counters[:, 0],
-            gradient_evaluations=counters[:, 1],
-            breakaways=counters[:, 2],
-            fallbacks=counters[:, 3],
+            **series,
+            energy=energy,
+            **counters,
             halved_steps=self.halved,
             settling=self.settling,
-            state=state,
+            state=self.state(),
             stop=self._stop(status),
             wall_s=self.wall,
         )
@@ -306,11 +307,6 @@ class Run:
     def _stop(self, status: Status) -> Stop:
         tried = self.done if not status.diverged else self.done + 1
         return Stop(status, tried, self.time(tried), self.residual, self.segment, self.complaint)
-
-
-def _of_joints(of_points: FloatArray) -> FloatArray:
-    """Return what the faces of each segment have as one value a joint, shape (T, N+1)."""
-    return np.column_stack([of_points[:, :, 6], of_points[:, -1, 7]])
 
 
 def _is_ours(error: Exception) -> bool:

@@ -13,9 +13,10 @@ from worm3d.physics.friction import Friction
 from worm3d.plant import ROUNDING
 from worm3d.problem import Force, Integrator, Problem
 from worm3d.result import Result
-from worm3d.run import Run
+from worm3d.run import Observer, Run
 from worm3d.state import State
 from worm3d.values import arguments
+from worm3d.view import View
 from worm3d.worlds import World
 from worm3d.worm import Worm
 
@@ -40,7 +41,8 @@ def simulate(
     *,
     settle_first: bool | None = None,
     tolerance: float = ROUNDING,
-    observer: Callable[[int], bool] | None = None,
+    observer: Callable[[float, View], bool | None] | None = None,
+    every: int = 10,
     live: Live | None = None,
 ) -> Result:
     """Simulate a worm.
@@ -77,8 +79,11 @@ def simulate(
         it there; on uneven worlds by its friction too, unless that lets it slide away. If left out: where it touches
         the world; what starts in mid-air falls. A state with memory never is. `Result.settling` says what was done.
     observer : callable, optional
-        Called with the number of finished steps, every so many (after every step, if the actuation is a controller) and
-        whenever it divides by `record_every`, unless rows follow closely; returning False ends the run there.
+        Called with the time [s] and a read-only `worm3d.View` of the run: at its start, after every `every`-th step and
+        after the last one. Returning False ends the run there. An error that it raises ends the run too; the result
+        has the steps so far, and says what was wrong. The numbers of the run do not depend on it.
+    every : int
+        Steps between two calls of the observer.
     live : Live, optional
         Shows the run in a browser while it goes on (`worm3d.Live`), no faster than that is to show it.
 
@@ -97,7 +102,8 @@ def simulate(
         Another argument out of range or of the wrong shape.
     """
     if observer is not None:
-        arguments.function("observer", observer, "a function of the number of finished steps, or None")
+        arguments.function("observer", observer, "a function of the time and the view of a run, or None")
+    arguments.whole("every", every)
     if live is not None and not hasattr(live, "follow"):
         raise ValueError(f"live: got {type(live).__name__}, must be a worm3d.Live, or None")
     problem = Problem(
@@ -118,4 +124,5 @@ def simulate(
         tolerance=tolerance,
     )
     run = Run(problem)
-    return run.finish(observer if live is None else live.follow(run, observer))
+    observers = [] if live is None else [live.follow(run)]
+    return run.finish(*observers, *([] if observer is None else [Observer(observer, every)]))

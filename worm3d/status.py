@@ -25,10 +25,12 @@ class Status(Enum):
         "the worm has (finite forces of shape (N+1, 3)); the steps before are kept"
     )
 
+    OBSERVER_FAILED = "the observer raised an error; the steps so far are kept"
+
     @property
     def diverged(self) -> bool:
-        """Whether the run was given up (as opposed to reaching the end, or being interrupted)."""
-        return self not in (Status.DONE, Status.INTERRUPTED)
+        """Whether the run was given up (as opposed to reaching the end, or being stopped by its observer)."""
+        return self not in (Status.DONE, Status.INTERRUPTED, Status.OBSERVER_FAILED)
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,8 @@ class Stop:
         Segment with the largest residual, or that was folded, flattened or sunk; joint j belongs to segment j. 0 is the
         tail's.
     reason : str
-        What was wrong with a command or force; which joint or chamber was bent or pressed too far, and what to do.
+        What was wrong with a command, a force or the observer; which joint or chamber was bent or pressed too far, and
+        what to do.
     """
 
     status: Status
@@ -61,8 +64,8 @@ class Stop:
     @property
     def sentence(self) -> str:
         """One line: what happened, when, and where."""
-        if not self.status.diverged:
-            return self.status.value
+        if self.status in (Status.DONE, Status.INTERRUPTED):
+            return str(self.status.value)
         where = f"step {self.step}, t = {self.time:.4g} s"
         if self.status is Status.NO_CONVERGENCE:
             where += f", residual {self.residual:.3g} N, worst in segment {self.segment}"

@@ -19,7 +19,7 @@ from worm3d.constraints import held_mask
 from worm3d.plant import Plant
 from worm3d.solver.arrays import BLOCK
 from worm3d.solver.evaluate import NONE, WHOLE
-from worm3d.solver.records import record_memory
+from worm3d.solver.records import Records
 
 Loop = Callable[[int], None]
 
@@ -93,7 +93,7 @@ class Bed:
         self.plant = Plant(worm, result.world, Friction(), result.gravity, mask)
         self.core = self.plant.core
         self.command = np.zeros(5 * segments)
-        self.records = record_memory(segments, 2)
+        self.records = Records(self.plant.memory_of_core, self.plant.clamped, 2)
 
     def loops(self) -> dict[str, Loop]:
         """Return what is timed, by name; each takes the number of passes."""

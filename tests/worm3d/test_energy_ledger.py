@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 
 from control.gaits import TravellingWave
 from worm3d import ClampedGround, Command, Friction, Held, Patch, Plane, Result, State, Status, Worm, simulate
+from worm3d.energy import INCOMING, LOST, STORED
 from worm3d.physics.friction import ContactConstants
-from worm3d.result import INCOMING, LOST, STORED
 
 INTEGRATORS = ("implicit_euler", "bdf2")
 N = 6

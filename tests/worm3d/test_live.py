@@ -27,15 +27,15 @@ def listens(url: str) -> bool:
 
 def test_a_run_that_is_watched_is_the_same_run_in_real_time() -> None:
     seen: list[str] = []
-    done: list[int] = []
+    done: list[float] = []
     crawl()  # compiled
     with worm3d.Live(speed=0.5, began=seen.append) as live:
         start = time.monotonic()
-        watched = crawl(live=live, observer=lambda steps: bool(done.append(steps)) or True)
+        watched = crawl(live=live, observer=lambda t, view: done.append(t))
         took = time.monotonic() - start
         assert listens(seen[0])
     assert not listens(seen[0])
-    assert done[-1] == 60
+    np.testing.assert_allclose(done, 0.1 * np.arange(7.0), err_msg="every tenth step, and the start")
     assert took >= 1.2, "0.6 s at half the speed"
     assert_array_equal(watched.joints, crawl().joints)
 
@@ -75,7 +75,7 @@ def test_the_caption_has_time_and_speed() -> None:
 def test_an_interrupted_run_closes_its_view() -> None:
     seen: list[str] = []
 
-    def interrupt(steps: int) -> bool:
+    def interrupt(t: float, view: worm3d.View) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt), worm3d.Live(began=seen.append) as live:
@@ -86,11 +86,10 @@ def test_an_interrupted_run_closes_its_view() -> None:
 def test_a_run_goes_on_when_its_view_dies() -> None:
     with worm3d.Live(began=lambda url: None) as live:
 
-        def kill(steps: int) -> bool:
+        def kill(t: float, view: worm3d.View) -> None:
             if live._view is not None:
                 assert live._view._server is not None
                 live._view._server.stop()
-            return True
 
         with pytest.warns(RuntimeWarning, match="server has stopped: open a new view; the run goes on unseen"):
             result = crawl(live=live, observer=kill)

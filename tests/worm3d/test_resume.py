@@ -297,10 +297,12 @@ def test_a_run_that_is_watched_is_the_same(every: int, monkeypatch: pytest.Monke
     advance = run_module.advance
     monkeypatch.setattr(run_module, "advance", lambda *a: (chunks.append(len(a[3])), advance(*a))[1])
     alone = worm3d.simulate(Worm(), Plane(), **given)
-    assert max(chunks) == run_module.UNSEEN
+    assert max(chunks) == run_module.MAX_STEPS_UNOBSERVED
     chunks.clear()
-    watched = worm3d.simulate(Worm(), Plane(), **given, observer=lambda done: True)
-    assert max(chunks) == run_module.CHUNK
+    seen: list[int] = []
+    watched = worm3d.simulate(Worm(), Plane(), **given, observer=lambda t, view: seen.append(view.step), every=30)
+    assert max(chunks) == 30
+    assert seen == [*range(0, 1250, 30), 1250], "the start, every 30th step, and the end"
     assert_array_equal(alone.time, [k * every * alone.dt for k in range(1250 // every + 1)])
     for name in ("time", "joints", "contact_force", "newton_iterations"):
         assert_array_equal(getattr(alone, name), getattr(watched, name))
@@ -316,17 +318,18 @@ def test_every_number_of_a_row_is_written() -> None:
 
 
 def test_an_observer_may_end_the_run() -> None:
-    counts: list[int] = []
+    times: list[float] = []
 
-    def observer(done: int) -> bool:
-        counts.append(done)
-        return done < 100
+    def observer(t: float, view: worm3d.View) -> bool:
+        times.append(t)
+        return bool(view.com[0] < 0.6)
 
-    run = worm3d.simulate(Worm(), Plane(), actuation=TURNING, duration=5.0, observer=observer)
+    run = worm3d.simulate(Worm(), Plane(), actuation=TURNING, duration=5.0, observer=observer, every=7)
     assert run.status is Status.INTERRUPTED
     assert not run.status.diverged
-    assert counts == sorted(counts)
-    assert len(run.time) == counts[-1] + 1 < 200
+    assert_allclose(times, 0.07 * np.arange(len(times)), atol=1e-12)
+    assert len(run.time) == 7 * (len(times) - 1) + 1 < 500
+    assert run.com[-1, 0] >= 0.6 > run.com[-8, 0]
     whole = worm3d.simulate(Worm(), Plane(), actuation=TURNING, duration=5.0)
     rest = worm3d.simulate(Worm(), Plane(), actuation=TURNING, duration=5.0 - run.time[-1], state=run.state)
     assert_goes_on(whole, run, rest)

@@ -22,8 +22,8 @@ from worm3d.machine.cache.functions import FOLDER, keep, sources_digest
 _typed: Any = normalize_signature
 F = TypeVar("F", bound=Callable[..., Any])
 
-COMPILED = {"worm3d": ("machine", "physics", "solver", "worlds"), "planar": (".",)}
-"""Folders, by package, whose modules a compiled function of the package is made of."""
+COMPILED = {"worm3d": ("machine", "physics", "solver", "worlds", "energy.py"), "planar": (".",)}
+"""Folders and files, by package, of the modules that a compiled function of the package is made of."""
 
 OPTIMISATION = 1
 """Numba's optimisation level for C functions; a higher one compiles a quarter longer and makes no step faster."""
@@ -93,4 +93,5 @@ def _version_of(function: Callable[..., Any]) -> Callable[[], str]:
 def version(package: str = "worm3d") -> str:
     """Return a digest of all that compiled functions of a package are made of, besides their own file."""
     root = Path(__file__).parents[2] / package
-    return sources_digest(root, [path for name in COMPILED.get(package, ()) for path in (root / name).rglob("*.py")])
+    parts = [root / name for name in COMPILED.get(package, ())]
+    return sources_digest(root, [path for part in parts for path in (part.rglob("*.py") if part.is_dir() else [part])])

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d.energy import TERMS
 from worm3d.machine import vectors
 from worm3d.machine.banded import WIDTH, B
 from worm3d.physics.actuators import Actuator
@@ -30,28 +31,6 @@ BLOCK = 5
 """Coordinates of a joint's block: p (3), roll and bend of the segment ahead of it."""
 WORLD_ROWS = 11
 """Outputs of a world: distance, gradient (3), curvature (6), grip."""
-
-TERMS = (
-    "work_contract",
-    "work_external",
-    "load_change",
-    "kinetic",
-    "elastic",
-    "potential",
-    "penetration",
-    "anchor",
-    "friction_loss",
-    "viscous_loss",
-    "impact",
-    "numerical_loss",
-    "drag_loss",
-    "work_contract_positive",
-    "work_contract_p11",
-    "work_friction_p13",
-    "actuator",
-    "actuator_loss",
-)
-"""Terms of the energy ledger, in the order of the records."""
 
 
 class KernelRow(NamedTuple):

@@ -31,12 +31,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d.energy import TERMS
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as run
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import actuator, joint, node, point, segment
 from worm3d.solver import arrays as a
-from worm3d.solver.arrays import BLOCK, TERMS, Core
+from worm3d.solver.arrays import BLOCK, Core
 from worm3d.solver.block import address, combine, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
 from worm3d.solver.evaluate import LOAD

@@ -1,106 +1,152 @@
-"""What is kept of a run: a row of every recorded instant, and counters of every step."""
+"""What is kept of a run: a row for every recorded instant.
+
+Which arrays of a core a row is gathered from follows from the declarations in `worm3d.series`: Python makes a plan of
+them, and compiled code follows it. An entry of the plan is a block of numbers, i < count_i, j < count_j, k < count_k:
+
+    row[(i count_j + j) count_k + k] = source[i step_i + j step_j + k step_k]
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from math import prod
+from typing import NamedTuple
 
+import numpy as np
+from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
+
+from worm3d.energy import TERMS
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as run
 from worm3d.machine.compiled import inner, njit
-from worm3d.physics.kernels import point, segment
+from worm3d.machine.vectors import doubles_at
+from worm3d.series import Entries, Points, Recorded, Rows, Series, series_of
 from worm3d.solver import arrays as a
-from worm3d.solver.arrays import BLOCK, POINTS, TERMS, Core
-from worm3d.solver.block import Block, Memory, address, copy, fill, matrix, vector
+from worm3d.solver.arrays import POINTS, Core, CoreMemory
+from worm3d.solver.block import Block, Memory, address, fill, integers, matrix, vector
 from worm3d.solver.entry import kernel
 from worm3d.values.arrays import FloatArray
 
-NAMES = (
-    "joints",  # (N+1, 3)
-    "joint_velocity",  # (N+1, 3)
-    "points",  # (N, 8, 3)
-    "directors",  # (N, 3)
-    "bend",  # (N,)
-    "chamber_length",  # (N, 2)
-    "asked",  # (5 N,)
-    "given",  # (5 N,)
-    "load",  # (N, 8)
-    "anchors",  # (N, 8, 3)
-    "contact_force",  # (N, 8, 3)
-    "joint_load",  # (N+1,) of the clamped worm
-    "joint_friction",  # (N+1, 3) of the clamped worm
-    "slip",  # (N, 8) since the row before
-    "momentum",  # linear (3), angular about the origin (3)
-    "com",  # (3,)
-    "energy",  # (16,) ledger since the row before
-)
-"""Arrays of records, one row an instant, in the order of the block."""
-(
-    JOINTS,
-    JOINT_VELOCITY,
-    POINTS_,
-    DIRECTORS,
-    BEND,
-    CHAMBER_LENGTH,
-    ASKED,
-    GIVEN,
-    LOAD,
-    ANCHORS,
-    CONTACT_FORCE,
-    JOINT_LOAD,
-    JOINT_FRICTION,
-    SLIP,
-    MOMENTUM,
-    COM,
-    ENERGY,
-) = range(len(NAMES))
+PLAN, MOMENTA = 0, 1
+"""Arrays of the block of records that are no series: the plan; momentum, angular momentum and centre of mass."""
+MOMENTUM_SIZE = 9
 
-_D_REF = segment.LAYOUT.first("d_ref")
-_LOAD_N, _ANCHOR = point.LAYOUT.firsts("load_n", "anchor")
+ENTRY = 9
+"""Numbers of an entry of the plan: addresses of the source and of the first row, width of a row, counts, steps."""
 
 
-def record_memory(n: int, rows: int) -> Memory:
-    """Return records for n segments and `rows` instants; `record` writes every number of a row."""
-    joints, points = 3 * (n + 1), 3 * POINTS * n
-    segments = (3 * n, n, 2 * n, 5 * n, 5 * n, 8 * n)
-    widths = (joints, joints, points, *segments, points, points, n + 1, joints, 8 * n, 6, 3, len(TERMS))
-    return Memory(NAMES, [(rows, width) for width in widths], cleared=False)
+class _Piece(NamedTuple):
+    """An entry of the plan, by name."""
+
+    array: str
+    first: int
+    """Entry of the array with which it begins."""
+    counts: tuple[int, int, int]
+    steps: tuple[int, int, int]
+    to: int = 0
+    """Entry of the row to which it goes."""
+
+
+class Records:
+    """Series of a run in progress, and where compiled code finds them.
+
+    Parameters
+    ----------
+    memory : CoreMemory
+        Of the worm.
+    clamped : bool
+        Whether it is on the clamped ground.
+    rows : int
+        Instants; `record` writes every number of a row.
+    """
+
+    def __init__(self, memory: CoreMemory, clamped: bool, rows: int) -> None:
+        n, self._core = memory.core.n, memory  # its arrays are read as long as rows are written
+        declared = {name: series for name, series in series_of(Recorded).items() if series.source is not None}
+        self._shapes = {name: series.shape(n) for name, series in declared.items()} | {"energy": (len(TERMS),)}
+        pieces = {name: _pieces(series, clamped, memory) for name, series in declared.items()}
+        pieces["energy"] = [_Piece("terms", 0, (len(TERMS), 1, 1), (1, 0, 0))]
+        sizes = [(sum(map(len, pieces.values())), ENTRY), (1, MOMENTUM_SIZE)]
+        sizes += [(rows, prod(shape)) for shape in self._shapes.values()]
+        self._memory = Memory(("plan", "momenta", *self._shapes), sizes, cleared=False)
+        self.block, own = self._memory.block, self._memory.arrays()
+        own["plan"].view(np.int64)[:] = [
+            [
+                {**memory.arrays, "momenta": own["momenta"]}[piece.array].ctypes.data + 8 * piece.first,
+                own[name].ctypes.data + 8 * piece.to,
+                own[name].shape[1],
+                *piece.counts,
+                *piece.steps,
+            ]
+            for name in pieces
+            for piece in pieces[name]
+        ]
+
+    def arrays(self, rows: slice = slice(None)) -> dict[str, FloatArray]:
+        """Return rows of each series, and of the energy ledger, by name, not copies."""
+        found = {name: array[rows] for name, array in self._memory.arrays().items() if name in self._shapes}
+        return {name: array.reshape(len(array), *self._shapes[name]) for name, array in found.items()}
+
+
+def _pieces(series: Series, clamped: bool, memory: CoreMemory) -> list[_Piece]:
+    """Return where the numbers of a series stand."""
+    source = series.clamped if clamped and series.clamped is not None else series.source
+    assert source is not None
+    n, shape = memory.core.n, series.shape(memory.core.n)
+    if isinstance(source, Entries):
+        first = source.first + source.first_per_segment * n
+        return [_Piece(source.array, first, (prod(shape), 1, 1), (source.step, 0, 0))]
+    array = memory.arrays[source.array]
+    if not isinstance(source, Points):
+        first = _row(source) * array.shape[1]
+        return [_Piece(source.array, first, (shape[0], 1, prod(shape[1:])), (1, 0, array.shape[1]))]
+    lanes = memory.arrays["rest"].shape[1]
+    first, steps = _row(source) * POINTS * lanes, (1, lanes, POINTS * lanes)
+    if series.dims[1] == "segment":
+        return [_Piece(source.array, first, (n, shape[1], prod(shape[2:])), steps)]
+    tail, head = POINTS - 2, POINTS - 1  # a joint is the tail face of its segment, the last one the head face
+    return [
+        _Piece(source.array, first + tail * lanes, (n, 1, 1), steps),
+        _Piece(source.array, first + head * lanes + n - 1, (1, 1, 1), steps, to=n),
+    ]
+
+
+def _row(source: Rows) -> int:
+    return a.ARRAYS[source.array].first(source.row or 0)
 
 
 @njit
 def record(core: Core, records: Block, row: int) -> None:
     """Write one row, and start to gather for the next."""
-    block, n = core.block, core.n
-    _segments(core, records, row)
-    for source, to in ((a.JOINTS, JOINTS), (a.JOINT_VELOCITY, JOINT_VELOCITY), (a.JOINT_FRICTION, JOINT_FRICTION)):
-        here, there = matrix(block, source), matrix(records, to)[row]
-        for j in range(n + 1):
-            for d in range(3):
-                there[3 * j + d] = here[d, j]
-    copy(matrix(records, JOINT_LOAD)[row], vector(block, a.JOINT_LOAD))
-    copy(matrix(records, ASKED)[row], vector(block, a.ASKED))
-    copy(matrix(records, GIVEN)[row], vector(block, a.GIVEN))
-    _momenta(core, matrix(records, MOMENTUM)[row], matrix(records, COM)[row])
-    copy(matrix(records, ENERGY)[row], vector(block, a.TERMS_))
-    fill(vector(block, a.TERMS_), 0.0)
-    fill(vector(block, a.SLID), 0.0)
+    gather(core, records, row)
+    fill(vector(core.block, a.TERMS_), 0.0)
+    fill(vector(core.block, a.SLID), 0.0)
+
+
+@njit
+def gather(core: Core, records: Block, row: int) -> None:
+    """Write one row."""
+    momenta = vector(records, MOMENTA)
+    _momenta(core, momenta[:6], momenta[6:])
+    for entry in range(matrix(records, PLAN).shape[0]):
+        source, to, width, i, j, k, step_i, step_j, step_k = integers(address(records, PLAN, entry), ENTRY)
+        to += 8 * width * row
+        if j == POINTS and k == 3:
+            _places(core, source, to)
+        else:
+            _gather(source, to, i, j, k, step_i, step_j, step_k)
 
 
 @inner
-def _segments(core: Core, records: Block, row: int) -> None:
-    x, lengths, rows = vector(core.block, a.X), matrix(core.block, a.LENGTHS), matrix(core.block, a.SEGMENT_IN)
-    directors, chamber = matrix(records, DIRECTORS)[row], matrix(records, CHAMBER_LENGTH)[row]
-    bend = matrix(records, BEND)[row]
-    for i in range(core.n):
-        bend[i] = x[BLOCK * i + 4]
-        for side in range(2):
-            chamber[2 * i + side] = lengths[side, i]
-        for d in range(3):
-            directors[3 * i + d] = rows[_D_REF + d, i]
-    _places(core, address(core.block, a.POINTS_PAST, 0), address(records, POINTS_, row))
-    _places(core, address(core.block, a.POINT_IN, _ANCHOR), address(records, ANCHORS, row))
-    _places(core, address(core.block, a.CONTACT_FORCE, 0), address(records, CONTACT_FORCE, row))
-    _numbers(core, address(core.block, a.POINT_IN, _LOAD_N), address(records, LOAD, row))
-    _numbers(core, address(core.block, a.SLID, 0), address(records, SLIP, row))
+def _gather(
+    source: int, to: int, count_i: int, count_j: int, count_k: int, step_i: int, step_j: int, step_k: int
+) -> None:
+    here = carray(doubles_at(source), (1 + count_i * step_i + count_j * step_j + count_k * step_k,))
+    there, at = carray(doubles_at(to), (count_i * count_j * count_k,)), 0
+    for i in range(count_i):
+        for j in range(count_j):
+            for k in range(count_k):
+                there[at] = here[i * step_i + j * step_j + k * step_k]
+                at += 1
 
 
 @inner
@@ -110,15 +156,6 @@ def _places(core: Core, rows: int, to: int) -> None:
     for i in range(0, core.n, vectors.WIDTH):
         vectors.transpose_places(turned + 8 * 3 * POINTS * i, 3 * POINTS, rows + 8 * i, lanes)
     vectors.move(to, turned, 3 * POINTS * core.n)
-
-
-@inner
-def _numbers(core: Core, rows: int, to: int) -> None:
-    """Write one row of the points at an address as (N, 8)."""
-    lanes, turned = matrix(core.block, a.REST).shape[1], address(core.block, a.TURNED, 0)
-    for i in range(0, core.n, vectors.WIDTH):
-        vectors.transpose(turned + 8 * POINTS * i, POINTS, rows + 8 * i, lanes)
-    vectors.move(to, turned, POINTS * core.n)
 
 
 @njit

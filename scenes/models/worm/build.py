@@ -25,13 +25,16 @@ from scenes.models.worm.schema import (
     Start,
     WormScene,
 )
+from worm3d import run as runs
 from worm3d.actuation import Actuation, Sensor
 from worm3d.physics.friction_laws import LAWS
 from worm3d.problem import Problem
-from worm3d.run import Run
 
 KEYS = keys_by_parameter(worm3d.Worm)
 """Each parameter of `worm3d.Worm` and its key in the section [worm]."""
+
+STEPS_BETWEEN_LOOKS = 50
+"""Steps between two looks at whether the user wants a run without a controller to end, about."""
 
 EDGE = 1e-6
 """Of a time step: a push that begins or ends at a step does so by its number, not by rounding."""
@@ -58,11 +61,11 @@ def simulate(
     ValueError
         The worm is refused, its weight would flatten it (`LimitPointError`), or the state is not of this worm.
     """
-    run = Run(problem_of(scene, state, done, drive))
-    every = run.every
-    # An end between two stored states could not be gone on from without a gap.
-    looks = lambda steps: observer(steps) or steps % every != 0  # noqa: E731
-    return run.finish(looks if live is None else live.follow(run, looks))
+    run = runs.Run(problem_of(scene, state, done, drive))
+    # A run that ended between two stored states could not be gone on from without a gap.
+    rows = 1 if drive is not None else max(1, STEPS_BETWEEN_LOOKS // run.every)
+    looks = runs.Observer(lambda _, view: view.step == 0 or observer(view.step), rows * run.every)
+    return run.finish(looks) if live is None else run.finish(live.follow(run), looks)
 
 
 def problem_of(

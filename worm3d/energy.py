@@ -1,0 +1,85 @@
+"""The energy ledger of a run; its terms are declared here once, and computed in `worm3d.solver.ledger`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from worm3d.series import derived, documented, recorded
+from worm3d.values.arrays import FloatArray
+from worm3d.values.read_only import ReadOnly
+
+
+def _term(meaning: str) -> Any:
+    return recorded("time", "J", meaning)
+
+
+@documented
+@dataclass(frozen=True, eq=False)
+class Energy(ReadOnly):
+    """Energy ledger: what each term has come to in the steps since the row before, 0 at the start."""
+
+    work_contract: FloatArray = _term("work of the actuators")
+    work_external: FloatArray = _term("work of external forces")
+    load_change: FloatArray = _term("anchor energy changed by normal loads and turning tangents")
+    kinetic: FloatArray = _term("change of kinetic energy")
+    elastic: FloatArray = _term("change of elastic energy")
+    potential: FloatArray = _term("change of potential energy of the weight")
+    penetration: FloatArray = _term("change of energy of the normal contact")
+    anchor: FloatArray = _term("change of energy of the friction's anchors")
+    actuator: FloatArray = _term("change of energy kept within the actuators")
+    friction_loss: FloatArray = _term("loss to friction")
+    viscous_loss: FloatArray = _term("loss to Kelvin-Voigt damping, medium and friction's dampers")
+    impact: FloatArray = _term("loss to impacts on the world")
+    numerical_loss: FloatArray = _term("numerical loss of the integrator")
+    actuator_loss: FloatArray = _term("loss within the actuators")
+    drag_loss: FloatArray = _term("part of the viscous loss: to the medium")
+    work_contract_positive: FloatArray = _term("positive part of the work of the actuators")
+    work_contract_p11: FloatArray = _term("work F.dq of the contraction force, (P11)")
+    work_friction_p13: FloatArray = _term("work F.dq of the friction force, (P13)")
+
+    @derived("time", "J", "what comes in less what is stored or lost")
+    def residual(self) -> FloatArray:
+        """Return what comes in less what is stored or lost: zero up to Newton's residual."""
+        return self.sum(INCOMING) - self.sum(STORED) - self.sum(LOST)
+
+    @classmethod
+    def of(cls, rows: FloatArray) -> Energy:
+        """Return the ledger of records, shape (T, 18)."""
+        return cls(**dict(zip(TERMS, rows.T, strict=True)))
+
+    def sum(self, names: tuple[str, ...]) -> FloatArray:
+        """Return the sum of some terms, shape (T,) [J]."""
+        total: FloatArray = np.sum([getattr(self, name) for name in names], axis=0)
+        return total
+
+    @property
+    def uses(self) -> dict[str, float]:
+        """What the work of actuators and of external forces went into, by name: together it is that work [J].
+
+        Friction, damping (of the material, by the medium and in the actuators), impacts, the integrator, and the energy
+        that is stored at the end and was not at the start (kinetic, elastic, potential, of contacts and actuators).
+        """
+        parts = {
+            "friction": self.friction_loss,
+            "damping": self.viscous_loss + self.actuator_loss,
+            "impact": self.impact,
+            "numerical": self.numerical_loss,
+            "gained": self.sum(STORED) - self.load_change,
+        }
+        return {name: float(part.sum()) for name, part in parts.items()}
+
+    @property
+    def balance_error(self) -> float:
+        """|Residual of the run| over the sum of its absolute terms."""
+        scale = sum(float(np.abs(getattr(self, name)).sum()) for name in (*INCOMING, *STORED, *LOST))
+        return abs(float(self.residual.sum())) / scale if scale > 0.0 else 0.0
+
+
+TERMS = tuple(each.name for each in fields(Energy))
+"""Terms of the ledger, in the order of the solver's array "terms"."""
+
+INCOMING, STORED, LOST = TERMS[:3], TERMS[3:9], TERMS[9:14]
+"""Terms that balance: what comes in is what is stored or lost; the others are parts of these, or the paper's."""

@@ -1,0 +1,306 @@
+"""What is recorded of a run: each series is declared once, by the attribute that holds it.
+
+The recorder (`worm3d.solver.records`), `Result` and its documentation, what an observer sees, the variables and columns
+of files and `to_xarray` follow from these declarations. A series that stands in an array of the solver is an attribute
+with a `recorded` value, one that follows from others a method under `derived`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from itertools import count
+from textwrap import fill
+from typing import Any, TypeVar
+
+import numpy as np
+
+from worm3d.values.arrays import FloatArray, IntArray
+from worm3d.values.read_only import ReadOnly, read_only
+from worm3d.values.variable import Variable
+from worm3d.worm import Worm
+
+T = TypeVar("T")
+
+UPRIGHT = 1e-3
+"""Horizontal part of a chord, as a fraction of it, below which it has no heading."""
+
+_declared = count()
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Where a series stands in the solver: component by component in the rows of an array, from one row on."""
+
+    array: str
+    row: str = ""
+    """Row of a kernel's input, by its name in the layout; the first row if empty."""
+
+
+@dataclass(frozen=True)
+class Points(Rows):
+    """Rows of an array with one column for each contact point."""
+
+
+@dataclass(frozen=True)
+class Entries:
+    """Where a series stands in the solver: as consecutive entries of an array, or every `step`-th."""
+
+    array: str
+    first: int = 0
+    first_per_segment: int = 0
+    """First entry = `first` + `first_per_segment` N."""
+    step: int = 1
+
+
+Source = Rows | Entries
+
+
+@dataclass(frozen=True)
+class Series:
+    """A recorded quantity.
+
+    Attributes
+    ----------
+    dims : tuple of str
+        Dimensions, of `SIZES`; first "time" or "step", none for a single number.
+    unit : str
+        SI, "1" for a pure number.
+    meaning : str
+        What it is, in a few words.
+    source : Rows, Entries or None
+        Where the recorder finds it; None where Python computes it.
+    clamped : Rows, Entries or None
+        Where it stands instead for a worm on the clamped ground.
+    order : int
+        Its place among the variables of a file.
+    """
+
+    dims: tuple[str, ...]
+    unit: str
+    meaning: str
+    source: Source | None = None
+    clamped: Source | None = None
+    order: int = 0
+
+    def shape(self, segments: int) -> tuple[int, ...]:
+        """Return its shape at one instant."""
+        return tuple(SIZES[dim][0] * segments + SIZES[dim][1] for dim in self.dims[1:])
+
+    @property
+    def shape_text(self) -> str:
+        """Its shape in words, such as "(T, N+1, 3)"."""
+        sizes = [{"time": "T", "step": "S"}.get(dim) or _size_text(*SIZES[dim]) for dim in self.dims]
+        return f"({', '.join(sizes)}{',' if len(sizes) == 1 else ''})"
+
+
+SIZES = {
+    "joint": (1, 1),
+    "inner_joint": (1, -1),
+    "segment": (1, 0),
+    "chamber": (0, 2),
+    "apex": (0, 6),
+    "point": (0, 8),
+    "axis": (0, 3),
+}
+"""Length of each dimension: (a, b) is a N + b."""
+
+
+def _size_text(per_segment: int, more: int) -> str:
+    return (f"N{more:+d}" if more else "N") if per_segment else str(more)
+
+
+def recorded(dims: str, unit: str, meaning: str, source: Source | None = None, clamped: Source | None = None) -> Any:
+    """Return the dataclass field of a series; dimensions in one string, the rest as the attributes of `Series`."""
+    known = Series(tuple(dims.split()), unit, meaning, source, clamped, next(_declared))
+    return field(metadata={"series": known})
+
+
+class _Derived(cached_property[T]):
+    """A series computed from others when it is first asked for; its arrays are read-only."""
+
+    series: Series
+
+
+def derived(dims: str, unit: str, meaning: str) -> Callable[[Callable[[Any], T]], _Derived[T]]:
+    """Make a method a series that is computed when it is first asked for; arguments as of `recorded`."""
+
+    def declare(method: Callable[[Any], T]) -> _Derived[T]:
+        made = _Derived[T](lambda self: read_only(method(self)))
+        made.series = Series(tuple(dims.split()), unit, meaning, order=next(_declared))
+        made.__doc__ = method.__doc__
+        return made
+
+    return declare
+
+
+def series_of(holder: type) -> dict[str, Series]:
+    """Return the series of a class by name, in the order of their declaration."""
+    found = {each.name: each.metadata["series"] for each in fields(holder) if "series" in each.metadata}
+    for parent in holder.__mro__:
+        found |= {name: each.series for name, each in vars(parent).items() if isinstance(each, _Derived)}
+    return dict(sorted(found.items(), key=lambda item: item[1].order))
+
+
+def variables_of(holder: Any) -> Iterator[Variable]:
+    """Yield the series of an instance as named arrays with units; None counts as NaN."""
+    for name, series in series_of(type(holder)).items():
+        value = getattr(holder, name)
+        yield Variable(name, series.dims, np.nan if value is None else value, series.unit, series.meaning)
+
+
+def documented(holder: type[T]) -> type[T]:
+    """Write the series of a class into its docstring, at the end."""
+    head = (holder.__doc__ or "").rstrip()
+    lines = [head] if "    Attributes\n" in head else [head, "", "    Attributes", "    ----------"]
+    for name, series in series_of(holder).items():
+        kind = f"ndarray, shape {series.shape_text}" if series.dims else "number"
+        unit = f" [{series.unit}]" if series.unit != "1" else ""
+        text = f"{series.meaning[0].upper()}{series.meaning[1:]}{unit}."
+        lines += [f"    {name} : {kind}", fill(text, 110, initial_indent=" " * 8, subsequent_indent=" " * 8)]
+    holder.__doc__ = "\n".join([*lines, "    "])
+    return holder
+
+
+def heading(joints: FloatArray) -> FloatArray:
+    """Return the azimuth of the tail-to-head chord of joints (T, N+1, 3), unwrapped, NaN where vertical, shape (T,)."""
+    chord = joints[:, -1] - joints[:, 0]
+    azimuth = np.arctan2(chord[:, 1], chord[:, 0])
+    upright = np.hypot(chord[:, 0], chord[:, 1]) < UPRIGHT * np.linalg.norm(chord, axis=1)
+    azimuth[~upright] = np.unwrap(azimuth[~upright])
+    azimuth[upright] = np.nan
+    return azimuth
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Recorded(ReadOnly):
+    """Series of a worm at T instants."""
+
+    worm: Worm
+    time: FloatArray = recorded("time", "s", "time")
+    joints: FloatArray = recorded("time joint axis", "m", "joints, from tail to head", Rows("joints"))
+    joint_velocity: FloatArray = recorded("time joint axis", "m/s", "velocity of the joints", Rows("joint_velocity"))
+    points: FloatArray = recorded(
+        "time segment point axis",
+        "m",
+        "apexes L-below, -above, -outward, R-below, -above, -outward; tail, head face",
+        Points("points"),
+    )
+    directors: FloatArray = recorded(
+        "time segment axis", "1", "unit vector to the left of each segment", Rows("segment_in", "d_ref")
+    )
+    bend: FloatArray = recorded(
+        "time segment",
+        "rad",
+        "chamber bend: the left chamber is offset x bend shorter than the segment",
+        Entries("x", first=4, step=5),
+    )
+    chamber_length: FloatArray = recorded(
+        "time segment chamber", "m", "length of each chamber [left, right]", Rows("lengths")
+    )
+    command: FloatArray = recorded(
+        "time segment chamber",
+        "1",
+        "contraction asked of each chamber [left, right], within its stroke",
+        Entries("asked"),
+    )
+    contraction: FloatArray = recorded(
+        "time segment chamber", "1", "contraction given by the actuators, after lag and limits", Entries("given")
+    )
+    hinge: FloatArray = recorded(
+        "time inner_joint", "rad", "hinge angle given at joints 1 to N-1", Entries("given", 1, first_per_segment=4)
+    )
+    force: FloatArray = recorded(
+        "time segment chamber",
+        "N",
+        "extra force of each chamber [left, right] given by the actuators",
+        Entries("given", first_per_segment=2),
+    )
+    com: FloatArray = recorded("time axis", "m", "centre of mass of joints and apexes", Entries("momenta", 6))
+
+    @derived("time axis", "m/s", "velocity of the centre of mass")
+    def com_velocity(self) -> FloatArray:
+        """Return the velocity of the centre of mass."""
+        return self.momentum / self.worm.mass
+
+    momentum: FloatArray = recorded("time axis", "kg m/s", "momentum", Entries("momenta"))
+    angular_momentum: FloatArray = recorded(
+        "time axis", "kg m^2/s", "angular momentum about the origin", Entries("momenta", 3)
+    )
+
+    @derived("time", "rad", "azimuth of the tail-to-head chord, unwrapped; NaN where it is vertical")
+    def heading(self) -> FloatArray:
+        """Return the azimuth of the tail-to-head chord."""
+        return heading(self.joints)
+
+    normal_load: FloatArray = recorded(
+        "time segment apex", "N", "normal load of each apex", Points("point_in", "load_n")
+    )
+    slip: FloatArray = recorded(
+        "time segment apex", "m", "metres slid by each apex since the row before", Points("slid")
+    )
+    joint_load: FloatArray = recorded(
+        "time joint",
+        "N",
+        "normal load of end faces and inner joints; clamped: of each joint, (P9)",
+        Points("point_in", "load_n"),
+        clamped=Entries("joint_load"),
+    )
+    joint_slip: FloatArray = recorded(
+        "time joint", "m", "metres slid by end faces and inner joints since the row before", Points("slid")
+    )
+    contact_force: FloatArray = recorded(
+        "time segment point axis",
+        "N",
+        "force of the world on each point: normal load and friction",
+        Points("contact_force"),
+    )
+    joint_friction: FloatArray = recorded(
+        "time joint axis", "N", "friction (P10) on each joint of the clamped worm", Rows("joint_friction")
+    )
+    anchors: FloatArray = recorded(
+        "time segment point axis", "m", "where the contacts stick", Points("point_in", "anchor")
+    )
+
+    @property
+    def apexes(self) -> FloatArray:
+        """Apexes in the order of the conventions, shape (T, N, 6, 3) [m]."""
+        return self.points[:, :, :6]
+
+    @property
+    def end_load(self) -> FloatArray:
+        """Load of the end faces [tail, head], shape (T, 2) [N]."""
+        load: FloatArray = read_only(self.joint_load[:, [0, -1]])
+        return load
+
+    @cached_property
+    def chamber_strain(self) -> FloatArray:
+        """Length over rest length less 1, shape (T, N, 2)."""
+        strain: FloatArray = read_only(self.chamber_length / self.worm.l0 - 1.0)
+        return strain
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Steps(ReadOnly):
+    """Series of the time steps of a run, S of them."""
+
+    dt: float
+
+    @derived("step", "s", "end of each time step")
+    def step_time(self) -> FloatArray:
+        """Return the end of each time step, counted from the start of the run."""
+        return self.dt * np.arange(1.0, len(self.newton_iterations) + 1.0)
+
+    newton_iterations: IntArray = recorded("step", "1", "evaluations with a new Jacobian, whole or in part")
+    gradient_evaluations: IntArray = recorded("step", "1", "further evaluations of the residual")
+    breakaways: IntArray = recorded("step", "1", "rounds of contacts that broke away")
+    fallbacks: IntArray = recorded("step", "1", "times that Newton fell back to descent")
+    halved_steps: int = recorded("", "1", "steps that were taken in parts")
+    settling: float | None = recorded(
+        "", "m", "largest motion of a joint while the worm was brought to rest before the run; NaN: was not"
+    )
+
+
+COUNTERS = [name for name, series in series_of(Steps).items() if name != "step_time" and series.dims == ("step",)]
+"""Series of the solver's counters, in their order."""

@@ -1,0 +1,92 @@
+"""What an observer sees of a run while it goes on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from worm3d.observation import Observation
+from worm3d.series import Recorded, series_of
+from worm3d.state import State
+from worm3d.status import Status
+from worm3d.values.arrays import FloatArray
+from worm3d.values.read_only import read_only
+
+if TYPE_CHECKING:
+    from worm3d.result import Result
+    from worm3d.run import Run
+
+SEEN = (*series_of(Recorded), "apexes", "end_load", "chamber_strain")
+"""Attributes of `Recorded` that a view has, of one instant."""
+
+
+class View:
+    """A run at one instant, for an observer; read-only, and read out only as far as it is asked for.
+
+    Each recorded series of `worm3d.Result` is an attribute, without its first dimension: `view.joints` has the shape
+    (N+1, 3), `view.com` (3,), `view.heading` (). Slip counts since the last row of the result before this instant.
+
+    Attributes
+    ----------
+    step, steps : int
+        Finished steps, and steps of the whole run.
+    worm, world
+        What is simulated.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self._series: Recorded | None = None
+        self.step, self.steps, self.worm, self.world = run.done, run.steps, run.plant.worm, run.plant.world
+
+    def __getattr__(self, name: str) -> FloatArray:
+        if name not in SEEN:
+            raise AttributeError(f"a view of a run has no {name!r}; it has {', '.join(dir(self))}")
+        now: FloatArray = getattr(self._recorded, name)[0].copy()
+        found: FloatArray = read_only(now)
+        return found
+
+    def __dir__(self) -> list[str]:
+        return sorted({*SEEN, "observation", "result", "state", "step", "steps", "world", "worm"})
+
+    def __repr__(self) -> str:
+        return f"View of step {self.step} of {self.steps}: {', '.join(dir(self))}"
+
+    @property
+    def _recorded(self) -> Recorded:
+        run = self._current
+        if self._series is None:
+            self._series = run.recorded_now()
+        return self._series
+
+    @property
+    def _current(self) -> Run:
+        if self._run.done != self.step:
+            raise ValueError(
+                f"view: got one of step {self.step} when the run is at step {self._run.done}, must be read before the "
+                "observer returns; keep the arrays, not the view"
+            )
+        return self._run
+
+    def state(self) -> State:
+        """Return the state, with memory: a run from it goes on bit for bit."""
+        return self._current.state()
+
+    def result(self) -> Result:
+        """Return the run so far, up to the last recorded instant."""
+        return self._current.result(Status.DONE)
+
+    def observation(self) -> Observation:
+        """Return what sensors see."""
+        return Observation(
+            time=float(self.time),
+            chamber_strain=self.chamber_strain,
+            com=self.com,
+            com_velocity=self.com_velocity,
+            heading=float(self.heading),
+            joints=self.joints,
+            joint_velocity=self.joint_velocity,
+            apexes=self.apexes,
+            apex_velocity=self._current.apex_velocity(),
+            contraction=self.contraction,
+            normal_load=self.normal_load,
+        )
