@@ -1,4 +1,4 @@
-"""Gaits of worm robots (worm3d's package, not the distribution python-control)."""
+"""Gaits, sensing, estimation and control of worm robots (worm3d's package, not the distribution python-control)."""
 
 import importlib
 import sys

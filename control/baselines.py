@@ -1,4 +1,4 @@
-"""Baselines: what the MPC is to be better than, in the same interface and with the same identified map.
+"""Baselines for the MPC to be compared with, in the same interface and with the same identified map.
 
 `OpenLoop` feeds forward only: the wave whose mean speed and turn rate are, by the map, those of the reference.
 `PiLineOfSight` adds feedback from the same estimator as the MPC's. With speed V and heading h of the estimate, the
@@ -17,30 +17,30 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Self
 
 from control.estimation.estimate import Estimate
 from control.estimation.estimator import Estimator
-from control.estimation.reduced import ReducedModel, ReducedState
+from control.estimation.reduced import ReducedModel
 from control.gaits.steering import GaitParameters, Mechanism
-from control.identification.feedforward import FeedForward
-from control.identification.fit import Identified
+from control.identification.identified import Identified
 from control.loop import Estimates, WaveController
-from control.planning.decision import Source
-from control.planning.fallback import KNOWN, LONGEST_START, Choice, turn_of_path
-from control.planning.preview import turn_rate
+from control.planning.fallback import KnownHeading
+from control.planning.feed_forward import FeedForward
+from control.planning.plan import Choice, Source
+from control.sensing.channels import Channel
 from control.tracking.paths import offset
-from control.tracking.references import Reference
+from control.tracking.references import Reference, turn_of_path, turn_rate
 from worm3d import Worm
 from worm3d.values import arguments
 
-HEADING = ReducedState._fields.index("heading")
-
 REACHED = 0.01
-"""A speed that the map's wave misses by no more than this share of it can be reached."""
+"""Largest share of a speed by which the map's wave may miss it for the speed to count as reachable."""
 
-GREATEST_TRIM = 0.5
-"""Of the integral in (B1), as a share of the reference speed."""
+MAX_TRIM = 0.5
+"""Bound of the integral in (B1), as a share of the reference speed."""
 
 
 class _Baseline(WaveController):
@@ -52,9 +52,9 @@ class _Baseline(WaveController):
     identified : Identified
     reference : Reference
     mechanism : str
-        "hinge" or "bias": what steers.
+        What steers: "hinge" or "bias".
     control_period : float
-        Between two decisions [s].
+        Time between two decisions [s].
     estimator : Estimates, optional
 
     Attributes
@@ -85,6 +85,19 @@ class _Baseline(WaveController):
         self.feed_forward = FeedForward(self.found, worm.length)
         super().__init__(worm, reference, identified.schedule, self.feed_forward, control_period, estimator)
 
+    @classmethod
+    def of(
+        cls,
+        worm: Worm,
+        reference: Reference,
+        identified: Identified,
+        mechanism: Mechanism = "hinge",
+        control_period: float = 0.2,
+        sensors: Mapping[str, Channel] | None = None,
+    ) -> Self:
+        """Return the controller of a worm that was identified; see `WaveController.of`."""
+        return cls(worm, identified, reference, mechanism, control_period)
+
     def _wave(self, speed: float, turn_rate: float) -> GaitParameters:
         """Return the wave of a speed [m/s] and turn rate [rad/s]; below the slowest one the worm stands."""
         amplitude, frequency, steering = map(float, self.feed_forward(speed, turn_rate))
@@ -109,9 +122,9 @@ class OpenLoop(_Baseline):
     identified : Identified
     reference : Reference
     mechanism : str
-        "hinge" or "bias": what steers.
+        What steers: "hinge" or "bias".
     control_period : float
-        Between two decisions [s].
+        Time between two decisions [s].
 
     Attributes
     ----------
@@ -200,10 +213,25 @@ class PiLineOfSight(_Baseline):
             estimator = Estimator.told(worm, model, identified.schedule, {})
         super().__init__(worm, identified, reference, mechanism, control_period, estimator)
 
+    @classmethod
+    def of(
+        cls,
+        worm: Worm,
+        reference: Reference,
+        identified: Identified,
+        mechanism: Mechanism = "hinge",
+        control_period: float = 0.2,
+        sensors: Mapping[str, Channel] | None = None,
+    ) -> Self:
+        """Return the controller of a worm that was identified; see `WaveController.of`."""
+        model = ReducedModel.of(worm, identified, mechanism)
+        estimator = Estimator.told(worm, model, identified.schedule, sensors or {})
+        return cls(worm, identified, reference, mechanism, control_period, estimator)
+
     def reset(self) -> None:
         """Begin anew."""
         super().reset()
-        self._trim, self._known = 0.0, False
+        self._trim, self._heading_is_known = 0.0, KnownHeading()
         self._near: float | None = None
 
     def _parameters(self, t: float, estimate: Estimate | None) -> GaitParameters:
@@ -216,7 +244,7 @@ class PiLineOfSight(_Baseline):
         miss = wanted - estimate.speed
         asked = wanted + gains.speed * miss + self._trim
         if self._reaches(asked):
-            most = GREATEST_TRIM * abs(wanted)
+            most = MAX_TRIM * abs(wanted)
             more = self._trim + gains.speed_integral * miss * self.control_period
             self._trim = min(max(more, -most), most)
         return asked
@@ -229,9 +257,8 @@ class PiLineOfSight(_Baseline):
     def _turn(self, t: float, estimate: Estimate) -> float:
         """Return w_cmd, (B2) and (B3); like the MPC it turns as the path does until the heading is known."""
         reference = self.reference
-        self._known |= estimate.deviations[HEADING] < KNOWN or self.generator.waves >= LONGEST_START
-        if not self._known:
-            return turn_of_path(reference, t, estimate)
+        if not self._heading_is_known(estimate, self.generator.waves):
+            return turn_of_path(reference, t, estimate.position)
         if reference.path is not None:
             self._near = s = float(reference.path.project(estimate.position, self._near))
             aside = float(offset(reference.path, estimate.position, s))
@@ -240,9 +267,5 @@ class PiLineOfSight(_Baseline):
             s, wanted = 0.0, float(reference.heading(t))
         else:
             return 0.0
-        return turn_rate(reference, t, s) + self.gains.heading * _within_half_a_turn(wanted - estimate.heading)
-
-
-def _within_half_a_turn(angle: float) -> float:
-    """Return an angle in [-pi, pi]; opposite angles give opposite ones."""
-    return math.remainder(angle, 2.0 * math.pi)
+        # The remainder lies in [-pi, pi]; opposite angles have opposite ones.
+        return turn_rate(reference, t, s) + self.gains.heading * math.remainder(wanted - estimate.heading, math.tau)

@@ -1,4 +1,4 @@
-"""Faults of a run that a controller can tell from what it measures: rules over the last waves, `control.watch`.
+"""Faults of a run that a controller can tell from what it measures: a watch over each wave, and rules over the last.
 
 *Chambers.* A chamber follows its command by a gain: amplitude of the strain at the wave's frequency over that of the
 command. On the default worm gains are 0.7 to 0.95, and those of one body within a quarter of each other, on slopes, in
@@ -16,54 +16,66 @@ A fault has to show in two waves in a row, or over three waves, so that it is re
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import logging
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
+from math import inf, nan
 
 import numpy as np
 
+from control.estimation.estimate import Estimate
+from control.gaits.steering import GaitParameters
+from control.planning.feed_forward import FeedForward
+from control.sensing.sensors import Measurement
+from control.tracking.paths import offset
+from control.tracking.references import Reference
+from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 
 DISOBEYS = 0.55
 """Gain of a chamber, as a share of the median gain, below which it does not obey. Neighbours of dead chambers, and
 pushed worms, have 0.6 at least in two waves in a row; with half of this chambers that are stuck would be missed."""
-
 WEAK = 0.4
 """Median gain below which no chamber obeys as it should."""
-
 SURE = 2.5
 """Standard errors of a gain that it must be beyond a limit."""
-
 LEANS = 0.045
 """Difference of the gains of left and right over their sum from which the worm lies on one side. At half of this slopes
 and sharp turns would be reported, at twice half of the tipped worms would be missed."""
-
 SURE_TO_LEAN = 4.0
 """Standard errors of that difference that it must be beyond 0."""
-
 BENT = 0.02
 """Mean strain of a left less a right chamber from which a body is bent by a push, which spoils the gains."""
-
 SLOW, SLOW_AT_LIMIT, FAST = 0.75, 0.9, 1.3
 """Shares of the speed asked for: too slow, too slow though the wave is as fast as it gets, too fast."""
-
 CREEPS = 0.1
 """Share of the greatest speed of the map below which nothing is said of a worm that is too slow."""
-
 AT_LIMIT = 0.97
 """Share of the greatest amplitude and frequency from which a wave is as fast as it gets."""
-
 REACH = 1.02
 """Share of the greatest speed of the map from which a speed cannot be reached."""
-
 TURNS = 1.1
 """Share of the greatest turn rate at a speed from which a turn cannot be reached."""
-
 LEFT_PATH = 0.3
-"""Way by which a worm that leaves its path is farther from it than it was [body lengths]."""
-
+"""Distance that a worm leaves its path by, beyond the least one of the last waves [body lengths]."""
 THREE = 4
-"""Waves of which the first and the last are three waves apart."""
+"""Number of waves of which the first and the last are three waves apart."""
+HARMONICS = 3
+"""Number of harmonics of the wave that are fitted to strains and commands: what is left over is noise."""
+SAMPLES = 16
+"""Number of strains without which gains are not known: those of more waves are taken together."""
+MOVES = 0.02
+"""Amplitude of a command below which nothing can be said of its chamber."""
+KNOWN = 0.3
+"""Standard deviation of a heading by which forward can be told from backward [rad]."""
+MOMENTS = 9
+"""Number of instants of a wave at which the speed that is asked for is looked up."""
+REMEMBERED = 40
+"""Number of waves that are kept."""
+
+SIDES = ("left", "right")
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -73,9 +85,9 @@ class Fault:
     Attributes
     ----------
     time : float
-        When it was found [s].
+        Time when it was found [s].
     kind : str
-        In a word; each kind (and chamber) is reported once a run.
+        Name of the fault; each (with its chamber) is reported once a run.
     what, advice : str
         A sentence each.
     """
@@ -95,15 +107,15 @@ class Wave:
     end : float
         [s]
     gain, gain_error : ndarray, shape (N, 2)
-        Of each chamber [left, right], and its standard error; NaN where it is not known.
+        Gain of each chamber [left, right], and its standard error; NaN where it is not known.
     bend : float
         Greatest mean strain of a left less a right chamber; NaN if not known.
     place : ndarray, shape (2,), or None
         Mean of the centre of mass [m]; None without samples.
     place_time, place_error : float
-        Its mean instant [s] and its standard error [m].
+        Mean instant of its samples [s], and its standard error [m].
     heading : float or None
-        Estimated, if that is known [rad].
+        Estimated heading, if it is known [rad].
     at_limit : bool
         Whether amplitude and frequency are as great as they get.
     least_asked, most_asked : float
@@ -133,13 +145,151 @@ class Wave:
     aside: float | None
 
 
+class Watch:
+    """The watch over one worm.
+
+    Parameters
+    ----------
+    worm : Worm
+    reference : Reference
+    feed_forward : FeedForward
+        What the worm can do.
+
+    Attributes
+    ----------
+    faults : list of Fault
+        Faults found so far.
+    """
+
+    def __init__(self, worm: Worm, reference: Reference, feed_forward: FeedForward) -> None:
+        self._segments, self._length = worm.segments, worm.length
+        self._reference, self._feed_forward = reference, feed_forward
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.faults: list[Fault] = []
+        self._waves: list[Wave] = []
+        self._strains: list[tuple[float, FloatArray, FloatArray]] = []
+        self._places: list[tuple[float, float, float]] = []
+        self._told: tuple[float, FloatArray] | None = None
+        self._begin: tuple[float, float] | None = None
+        self._near: float | None = None
+
+    def look(self, t: float, seen: Measurement, known: Callable[[], Estimate | None]) -> None:
+        """Take in what was measured at time t [s], of the commands up to then; `known` gives the estimate."""
+        if seen.com is not None:
+            self._places.append((float(seen.com[0]), float(seen.com[1]), seen.com_time))
+        if self._told is None:
+            return
+        phase, contraction = self._told
+        if seen.strain is not None:
+            self._strains.append((phase, seen.strain, contraction))
+        if self._begin is None:
+            self._begin = t, phase
+        if phase >= self._begin[1] + 2.0 * np.pi:
+            self._end_wave(self._wave(self._begin[0], t, known()))
+            self._begin = t, phase
+
+    def tell(self, phase: float, command: Command, parameters: GaitParameters) -> None:
+        """Take in what is commanded from now on."""
+        self._told, self._parameters = (phase, command.contraction), parameters
+
+    def _end_wave(self, wave: Wave) -> None:
+        """Report the faults that show in a wave and those before it, and that have not been reported yet."""
+        self._waves.append(wave)
+        self._places.clear()
+        del self._waves[:-REMEMBERED]
+        known = {fault.kind for fault in self.faults}
+        for fault in faults(self._waves):
+            if fault.kind not in known:
+                _LOG.info("at %.2f s: %s", fault.time, fault.what)
+                self.faults.append(fault)
+
+    def _wave(self, begin: float, end: float, estimate: Estimate | None) -> Wave:
+        gain, error, bend = self._gains()
+        place, instant, doubt = self._place()
+        try:
+            asked = np.zeros(MOMENTS) + self._reference.speed(np.linspace(begin, end, MOMENTS))
+            turn, sharpest, aside = self._way(place, float(asked[-1]))
+        except Exception:  # anybody may write references; the fallback deals with these
+            _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
+            asked, turn, sharpest, aside = np.full(MOMENTS, nan), 0.0, inf, None
+        top = self._feed_forward.ranges
+        known = estimate is not None and estimate.deviations[2] < KNOWN
+        return Wave(
+            end=end,
+            gain=gain,
+            gain_error=error,
+            bend=bend,
+            place=place,
+            place_time=instant,
+            place_error=doubt,
+            heading=estimate.heading if estimate is not None and known else None,
+            at_limit=self._parameters.amplitude >= AT_LIMIT * top.amplitude[1]
+            and self._parameters.frequency >= AT_LIMIT * top.frequency[1],
+            least_asked=float(asked.min()),
+            most_asked=float(asked.max()),
+            reach=self._feed_forward.fastest,
+            turn=turn,
+            sharpest=sharpest,
+            aside=aside,
+        )
+
+    def _gains(self) -> tuple[FloatArray, FloatArray, float]:
+        """Return the gains of the chambers, their standard errors, and the bend, by least squares over the wave."""
+        unknown = np.full((self._segments, 2), nan)
+        if len(self._strains) < SAMPLES:
+            return unknown, unknown, nan
+        phase, strain, told = (np.array(column) for column in zip(*self._strains, strict=True))
+        self._strains.clear()
+        strain, told = strain.reshape(len(phase), -1), told.reshape(len(phase), -1)
+        missing = np.isnan(strain)
+        dead = 2 * missing.sum(axis=0) > len(phase)
+        rows = ~missing[:, ~dead].any(axis=1)
+        if dead.all() or rows.sum() < SAMPLES:
+            return unknown, unknown, nan
+        orders = np.arange(1, HARMONICS + 1) * phase[rows, None]
+        columns = np.hstack([np.ones((rows.sum(), 1)), np.cos(orders), np.sin(orders)])
+        both = np.nan_to_num(np.hstack([strain[rows], told[rows]]))
+        found, *_ = np.linalg.lstsq(columns, both, rcond=None)
+        left_over = both - columns @ found
+        chambers = strain.shape[1]
+        amplitude = np.hypot(found[1], found[1 + HARMONICS])
+        asked = np.where((amplitude[chambers:] < MOVES) | dead, nan, amplitude[chambers:])
+        variance = (left_over[:, :chambers] ** 2).sum(axis=0) / max(len(both) - len(found), 1)
+        mean = np.where(dead, nan, found[0, :chambers]).reshape(-1, 2)
+        tilt = np.abs(mean[:, 0] - mean[:, 1])
+        bend = float(np.nanmax(tilt)) if np.isfinite(tilt).any() else nan
+        error = np.sqrt(2.0 * variance / len(both)) / asked
+        return (amplitude[:chambers] / asked).reshape(-1, 2), error.reshape(-1, 2), bend
+
+    def _place(self) -> tuple[FloatArray | None, float, float]:
+        """Return the mean place of a wave, its mean instant, and its standard error by how samples scatter."""
+        if not self._places:
+            return None, nan, nan
+        rows = np.array(sorted(self._places, key=lambda row: row[2]))
+        twice = np.diff(rows[:, :2], n=2, axis=0)
+        variance = float((twice**2).mean()) / 6.0 if len(twice) else 0.0  # of white noise; waves change slowly
+        return rows[:, :2].mean(axis=0), float(rows[:, 2].mean()), float(np.sqrt(2.0 * variance / len(rows)))
+
+    def _way(self, place: FloatArray | None, speed: float) -> tuple[float, float, float | None]:
+        """Return the path's turn rate at a place, the greatest one of the map, and the distance [body lengths]."""
+        path = self._reference.path
+        if path is None or place is None:
+            return 0.0, inf, None
+        self._near = s = float(path.project(place, self._near))
+        turn = float(path.curvature(s)) * speed
+        return turn, self._feed_forward.sharpest(speed), abs(float(offset(path, place, s))) / self._length
+
+
 def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
     """Yield what shows in the last wave and those before it."""
     for rule in (_unreachable, _too_sharp, _tipped, _chambers, _speed, _off_path, _blind):
         yield from rule(waves)
 
 
-def lean(wave: Wave) -> tuple[float, float]:
+def _lean(wave: Wave) -> tuple[float, float]:
     """Return the difference of the mean gains of left and right over their sum, positive to the left, and its error.
 
     Segments with a chamber that does not obey are left out: it alone would be a difference of 8 % for six segments.
@@ -148,43 +298,39 @@ def lean(wave: Wave) -> tuple[float, float]:
     if both.any():
         both &= (wave.gain > DISOBEYS * np.nanmedian(wave.gain)).all(axis=1)
     if not both.any():
-        return 0.0, float("inf")
+        return 0.0, inf
     left, right = wave.gain[both].mean(axis=0)
     error = float(np.sqrt((wave.gain_error[both] ** 2).sum())) / both.sum()
     return float((left - right) / (left + right)), error / float(left + right)
 
 
 def _tipped(waves: Sequence[Wave]) -> Iterator[Fault]:
-    leans = [lean(wave) for wave in waves[-2:]]
-    sides = {np.sign(side) for side, _ in leans}
-    sure = all(abs(side) > max(LEANS, SURE_TO_LEAN * error) for side, error in leans)
-    if len(leans) == 2 and len(sides) == 1 and sure and all(wave.bend < BENT for wave in waves[-2:]):
-        side = "left" if leans[-1][0] > 0.0 else "right"
-        yield Fault(
-            waves[-1].end,
-            "tipped",
-            f"the worm leans on its {side} side, or lies on it: the chambers there carry it",
-            "set it upright; no wave does that. Ask for gentler turns, or for less of a slope across",
-        )
+    leans = [_lean(wave) for wave in waves[-2:]]
+    one_side = len({np.sign(lean) for lean, _ in leans}) == 1
+    sure = all(abs(lean) > max(LEANS, SURE_TO_LEAN * error) for lean, error in leans)
+    if len(leans) == 2 and one_side and sure and all(wave.bend < BENT for wave in waves[-2:]):
+        what = f"the worm leans on its {SIDES[leans[-1][0] < 0.0]} side, or lies on it: the chambers there carry it"
+        advice = "set it upright; no wave does that. Ask for gentler turns, or for less of a slope across"
+        yield Fault(waves[-1].end, "tipped", what, advice)
 
 
 def _chambers(waves: Sequence[Wave]) -> Iterator[Fault]:
-    if len(waves) < 2 or any(np.isfinite(wave.gain).sum() < 3 for wave in waves[-2:]):
+    last = waves[-2:]
+    if len(last) < 2 or any(np.isfinite(wave.gain).sum() < 3 for wave in last):
         return
-    shares = [wave.gain / np.nanmedian(wave.gain) for wave in waves[-2:]]
-    surely = [
-        share + SURE * wave.gain_error / np.nanmedian(wave.gain) for share, wave in zip(shares, waves[-2:], strict=True)
-    ]
+    medians = [np.nanmedian(wave.gain) for wave in last]
+    surely = [(wave.gain + SURE * wave.gain_error) for wave in last]
+    most = [float(np.nanmedian(gain)) for gain in surely]
+    if max(most) < WEAK:
+        what = f"the chambers move by {100 * most[-1]:.0f} % of what they are told"
+        yield Fault(last[-1].end, "chambers", what, "look at the pressure supply")
     advice = "look at its supply, its valve and its strain sensor; segment 0 is the tail"
-    medians = [float(np.nanmedian(wave.gain + SURE * wave.gain_error)) for wave in waves[-2:]]
-    if max(medians) < WEAK:
-        what = f"the chambers move by {100 * medians[-1]:.0f} % of what they are told"
-        yield Fault(waves[-1].end, "chambers", what, "look at the pressure supply")
+    shares = [gain / median for gain, median in zip(surely, medians, strict=True)]
     for segment, side in product(range(len(shares[0])), (0, 1)):
-        if max(each[segment, side] for each in surely) < DISOBEYS:  # false where any is NaN
-            name = f"{'left' if side == 0 else 'right'} chamber of segment {segment}"
-            what = f"the {name} moves by {100 * shares[-1][segment, side]:.0f} % of what the others do"
-            yield Fault(waves[-1].end, f"chamber {segment} {'left' if side == 0 else 'right'}", what, advice)
+        if max(share[segment, side] for share in shares) < DISOBEYS:  # false where any is NaN
+            share = 100 * last[-1].gain[segment, side] / medians[-1]
+            what = f"the {SIDES[side]} chamber of segment {segment} moves by {share:.0f} % of what the others do"
+            yield Fault(last[-1].end, f"chamber {segment} {SIDES[side]}", what, advice)
 
 
 def _unreachable(waves: Sequence[Wave]) -> Iterator[Fault]:
@@ -220,7 +366,7 @@ def _way(waves: Sequence[Wave]) -> tuple[float, float]:
     """Return the speed along the way [m/s], below 0 where that is backwards, and its error; NaN if unknown."""
     places = [wave.place for wave in waves if wave.place is not None]
     if len(places) < len(waves):
-        return float("nan"), float("nan")
+        return nan, nan
     ways, last = np.diff(places, axis=0), waves[-1]
     time = last.place_time - waves[0].place_time
     back = last.heading is not None and (places[-1] - places[0]) @ [np.cos(last.heading), np.sin(last.heading)] < 0.0
@@ -236,8 +382,6 @@ def _off_path(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def _blind(waves: Sequence[Wave]) -> Iterator[Fault]:
-    if len(waves) < 3:
-        return
-    advice = "look at the sensor, its delay and its clock, and at the measurements that were refused"
-    if all(wave.place is None for wave in waves[-3:]):
+    if len(waves) >= 3 and all(wave.place is None for wave in waves[-3:]):
+        advice = "look at the sensor, its delay and its clock, and at the measurements that were refused"
         yield Fault(waves[-1].end, "no place", "no sample of the centre of mass was used for three waves", advice)

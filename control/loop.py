@@ -1,7 +1,7 @@
-"""What all controllers of this package share: the loop from measurements to the commands of a wave.
+"""The loop that all controllers of this package share, from measurements to the commands of a wave.
 
 At every step the measurement passes the gate, the estimator (if there is one) takes what is left of it, and the wave
-generator gives the command. Once a control period the wave's parameters are chosen and the decision is written down; a
+generator gives the command. Once a control period the wave's parameters are chosen and the decision is recorded; a
 choice that raises an exception leaves those in force, and after a while rest. Meanwhile the watch looks for faults.
 """
 
@@ -9,24 +9,25 @@ from __future__ import annotations
 
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
-from math import inf
+from math import inf, nan
 from time import perf_counter
-from typing import Protocol
+from typing import ClassVar, Protocol, Self
 
 from control.estimation.estimate import Estimate
 from control.estimation.estimator import Estimator
-from control.faults import Fault
+from control.faults import Fault, Watch
 from control.gaits.generator import WaveGenerator
-from control.gaits.steering import GaitParameters, Schedule
-from control.identification.feedforward import FeedForward
-from control.planning.decision import Decision
-from control.planning.fallback import LOST, MOST_HELD, Choice, complaint_of, rest
+from control.gaits.steering import GaitParameters, Mechanism, Schedule
+from control.identification.identified import Identified
+from control.planning.fallback import LOST, MOST_HELD, complaint_of, rest
+from control.planning.feed_forward import FeedForward
+from control.planning.plan import Choice, Decision
+from control.sensing.channels import Channel
 from control.sensing.gate import SPAN, Gate
 from control.sensing.sensors import Measurement
 from control.tracking.references import Reference
-from control.watch import Watch
 from worm3d import Command, Worm
 from worm3d.values import arguments
 
@@ -34,7 +35,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class Estimates(Protocol):
-    """What gives estimates, such as `control.estimation.estimator.Estimator`."""
+    """A source of estimates, such as `control.estimation.estimator.Estimator`."""
 
     def reset(self) -> None:
         """Begin anew."""
@@ -51,21 +52,23 @@ class WaveController(ABC):
     worm : Worm
     reference : Reference
     schedule : Schedule
-        Of the wave.
+        Schedule of the wave.
     feed_forward : FeedForward
-        What the worm can do, and at which frequency it had better do it.
+        What the worm can do, and the frequency that suits it.
     control_period : float
-        Between two decisions [s].
+        Time between two decisions [s].
     estimator : Estimates, optional
         None: the controller looks at nothing.
 
     Attributes
     ----------
+    plans : bool
+        Whether it plans, so that plans can fail.
     generator : WaveGenerator
     gate : Gate
-        With the measurements that it refused.
+        Holds the counts of the measurements that it refused.
     watch : Watch
-        With the faults that it found.
+        Holds the faults that it found.
     decisions : list of Decision
         `seconds` of each is the time of all steps since the decision before, estimates and commands included.
     failures : int
@@ -76,6 +79,8 @@ class WaveController(ABC):
     ValueError
         A control period that is not above 0.
     """
+
+    plans: ClassVar[bool] = False
 
     def __init__(
         self,
@@ -93,6 +98,26 @@ class WaveController(ABC):
         self.watch = Watch(worm, reference, feed_forward)
         self._frequency = feed_forward.frequency
         self.reset()
+
+    @classmethod
+    @abstractmethod
+    def of(
+        cls,
+        worm: Worm,
+        reference: Reference,
+        identified: Identified,
+        mechanism: Mechanism = "hinge",
+        control_period: float = 0.2,
+        sensors: Mapping[str, Channel] | None = None,
+    ) -> Self:
+        """Return the controller of a worm that was identified, with the defaults of all its parts.
+
+        Parameters
+        ----------
+        worm, reference, identified, mechanism, control_period
+        sensors : mapping of str to Channel, optional
+            How good the sensors are, `control.sensing.sensors.Sensors.channels`; the default ones if left out.
+        """
 
     def reset(self) -> None:
         """Begin anew."""
@@ -119,7 +144,7 @@ class WaveController(ABC):
 
     @property
     def overruns(self) -> int:
-        """Control periods of which the computation took longer than they last."""
+        """Number of control periods of which the computation took longer than they last."""
         return sum(decision.seconds > self.control_period for decision in self.decisions)
 
     def step(self, t: float, measurement: Measurement) -> Command:
@@ -155,7 +180,7 @@ class WaveController(ABC):
         return lambda: estimate
 
     def _decide(self, t: float, estimate: Estimate | None, began: float) -> None:
-        """Choose the wave's parameters and write the decision down; a new control period begins."""
+        """Choose the wave's parameters and record the decision; a new control period begins."""
         choice = self._chosen(t, estimate)
         self._target, self._due = choice.parameters, t + self.control_period
         self.failures += choice.failed
@@ -169,7 +194,7 @@ class WaveController(ABC):
                 status=choice.status,
                 failed=choice.failed,
                 iterations=plan.iterations if plan else 0,
-                cost=plan.cost if plan else float("nan"),
+                cost=plan.cost if plan else nan,
                 seconds=self._spent + perf_counter() - began,
                 horizon=plan.horizon if plan and choice.source == "mpc" else None,
             )
@@ -190,4 +215,4 @@ class WaveController(ABC):
 
     @abstractmethod
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
-        """Return the parameters from time t [s] on, and whose they are."""
+        """Return the parameters from time t [s] on, and their source."""

@@ -14,11 +14,12 @@ from control.estimation.estimate import Estimate
 from control.estimation.estimator import Estimator
 from control.estimation.reduced import ReducedModel
 from control.gaits.steering import Mechanism, Schedule
-from control.identification.fit import Identified
+from control.identification.identified import Identified
 from control.loop import Estimates, WaveController
-from control.planning.fallback import Choice, Ladder, Planner
+from control.planning.fallback import Fallback, Planner
 from control.planning.mpc import GaitMPC
-from control.sensing.sensors import Channel
+from control.planning.plan import Choice
+from control.sensing.channels import Channel
 from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values import arguments
@@ -27,7 +28,7 @@ Deadline = Literal["iterations", "wall"]
 
 
 class Supervisor(WaveController):
-    """A controller for `worm3d.simulate`.
+    """A controller for `worm3d.simulate` that plans.
 
     Parameters
     ----------
@@ -37,9 +38,9 @@ class Supervisor(WaveController):
     estimator : Estimates
     mpc : Planner
     schedule : Schedule, optional
-        For which the worm was identified.
+        Schedule for which the worm was identified.
     control_period : float
-        Between decisions [s].
+        Time between decisions [s].
     deadline : str
         "iterations": a plan may take as many as it is given, and runs repeat bit for bit; "wall": one that took longer
         than the control period is not accepted.
@@ -55,6 +56,8 @@ class Supervisor(WaveController):
         A control period that is not above 0, or another deadline.
     """
 
+    plans = True
+
     def __init__(
         self,
         worm: Worm,
@@ -67,7 +70,7 @@ class Supervisor(WaveController):
         deadline: Deadline = "iterations",
     ) -> None:
         arguments.choice("deadline", deadline, get_args(Deadline))
-        self._ladder = Ladder(model, mpc, reference, control_period if deadline == "wall" else np.inf)
+        self._fallback = Fallback(model, mpc, reference, control_period if deadline == "wall" else np.inf)
         super().__init__(worm, reference, schedule or Schedule(), mpc.feed_forward, control_period, estimator)
 
     @classmethod
@@ -78,17 +81,10 @@ class Supervisor(WaveController):
         identified: Identified,
         mechanism: Mechanism = "hinge",
         control_period: float = 0.2,
-        deadline: Deadline = "iterations",
         sensors: Mapping[str, Channel] | None = None,
+        deadline: Deadline = "iterations",
     ) -> Supervisor:
-        """Return the supervisor of a worm that was identified, with the defaults of all its parts.
-
-        Parameters
-        ----------
-        worm, reference, identified, mechanism, control_period, deadline
-        sensors : mapping of str to Channel, optional
-            How good the sensors are, `control.sensing.sensors.Sensors.channels`; the default ones if left out.
-        """
+        """Return the supervisor of a worm that was identified; see `WaveController.of`."""
         model = ReducedModel.of(worm, identified, mechanism)
         estimator = Estimator.told(worm, model, identified.schedule, sensors or {})
         mpc = GaitMPC(worm, identified, model)
@@ -97,8 +93,8 @@ class Supervisor(WaveController):
     def reset(self) -> None:
         """Begin anew."""
         super().reset()
-        self._ladder.reset()
+        self._fallback.reset()
 
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
         assert estimate is not None
-        return self._ladder.choose(t, estimate, self._target, self.generator.waves)
+        return self._fallback.choose(t, estimate, self._target, self.generator.waves)

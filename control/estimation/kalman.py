@@ -36,7 +36,7 @@ import numpy as np
 
 from control.estimation.belief import HEADING, Belief, wrapped
 from control.estimation.reduced import INPUTS, STATES, ReducedModel, ReducedState
-from control.planning.buffered import Buffered
+from worm3d.machine.buffered import Buffered
 from worm3d.values.arrays import FloatArray
 
 ROCKING = slice(STATES, STATES + 4)

@@ -1,7 +1,7 @@
 """The reduced model: a worm as its controller sees it, averaged over a wave; symbolic, for MPC and estimator alike.
 
-Pose and motion, with d, c and the turn omega a wave from the identified map (`control.identification.fit`), the lags
-n_v in waves and T_w in seconds, f the frequency, L the body length:
+Pose and motion, with d, c and the turn omega a wave from the identified map (`control.identification.identified`), the
+lags n_v in waves and T_w in seconds, f the frequency, L the body length:
 
     x'  = (1 - slip) v cos(h) - u sin(h)        v' = (L f d(A, f, s) - v) f / n_v
     y'  = (1 - slip) v sin(h) + u cos(h)        w' = (f omega(A, f, s) - w) / T_w                             (R1)
@@ -35,7 +35,7 @@ import numpy as np
 
 from control.gaits.generator import BLEND
 from control.gaits.steering import GaitParameters, Mechanism
-from control.identification.fit import Identified
+from control.identification.identified import Identified
 from worm3d import Worm
 from worm3d.physics import elements
 

@@ -1,75 +1,314 @@
-"""Where identified worms are kept: the default worm's with this package, others in the user's cache.
+"""What a worm does with a wave, identified from short runs: distance, turn and drift a wave, and how they lag.
 
-A file is named by a key of everything that it depends on: the parameters of worm, ground and schedule, and the design
-of the runs.
+A run of constant gait parameters is measured wave by wave once it is steady: the centre of mass and the heading, both
+averaged over each wave, give per wave
+
+    distance = d . (cos h, sin h) / L,   drift = d . (-sin h, cos h) / L,   turn = h_{k+1} - h_k             (I2)
+
+d being the step of the averaged centre of mass between waves k and k + 1 and h the mean of their headings. A map of
+each over amplitude, frequency and steering is (I1), `control.identification.surrogate`. A step of the parameters gives
+the lag: with y_k the rate (of distance, or of turning) in wave k after the step,
+
+    lag = sum_k (y_end - y_k) / (y_end - y_begin)   [waves]                                                   (I3)
+
+which is the time constant of a first-order response, or its delay, or their sum. That of the steering is found by sines
+of it instead: behind a step the soft start of turning looks like a lag.
+
+The default worm's maps come with this package; others are kept in the user's cache, in a file named by a key of
+everything that they depend on. The simulator is not touched here: `scenes.commands.identify` runs the plant.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from itertools import product
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from control.gaits.steering import Mechanism, Schedule
-from control.identification.fit import Design, Identified
-from worm3d import Actuator, Coulomb, FirstOrder, Friction, FrictionLaw, Worm
+from control.gaits.steering import GaitParameters, Mechanism, Schedule
+from control.identification import surrogate
+from control.identification.surrogate import Misfit, Parity, Polynomial, Ranges
+from worm3d import Friction, Worm
 from worm3d.machine import cache
+from worm3d.values.arrays import FloatArray
 
-FORMAT = 2
-"""Of the files."""
-FOLDER, SUFFIX = "identified", ".map"
-"""In the user's cache."""
-SHIPPED = Path(__file__).parent / "worms"
-"""Folder of the files that come with the package, as `as_json` writes them."""
+QUANTITIES: Mapping[str, Parity] = MappingProxyType({"distance": "even", "turn": "odd", "drift": "odd"})
+"""Quantities that are mapped, and their parity in the steering."""
 
-GREATEST: dict[Mechanism, float] = {"hinge": 0.12, "bias": 0.06}
+MAX_STEERING: dict[Mechanism, float] = {"hinge": 0.12, "bias": 0.06}
 """Steering up to which the default worm is identified: it stays on its feet with room to spare."""
 
-Part = Actuator | FrictionLaw
-"""What is one of several classes."""
-DEFAULTS: dict[str, Part] = {"law": Coulomb(), "actuator": FirstOrder(), "hinge_actuator": FirstOrder()}
-"""Default parts of a worm and a ground."""
+FORMAT = 3
+"""Version of the files and of the physics behind them; a change of a default parameter needs a new one."""
+FOLDER, SUFFIX = "identified", ".map"
+"""Folder and suffix of the files in the user's cache."""
+SHIPPED = Path(__file__).parent / "worms"
+"""Folder of the files that come with the package."""
 
 
-def key(worm: Worm, ground: Friction, schedule: Schedule, design: Design) -> str:
-    """Return what names the file of a worm on a ground."""
-    content = {
-        "format": FORMAT,
-        "worm": parameters(worm),
-        "ground": parameters(ground),
-        "schedule": asdict(schedule),
-        "design": asdict(design),
-        "greatest": GREATEST,
-    }
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:24]
+@dataclass(frozen=True)
+class Motion:
+    """Steady motion of a worm in a wave, (I2).
 
-
-def parameters(thing: Worm | Friction | Part) -> dict[str, Any]:
-    """Return the fields of a worm or ground as JSON can hold them; equal entries of an array become one number.
-
-    Default parts go without saying: what was identified before there were others is found.
+    Attributes
+    ----------
+    distance : float
+        Way forward [body lengths].
+    turn : float
+        Turn to the left [rad].
+    drift : float
+        Way to the left [body lengths].
     """
-    found = {field.name: _plain(getattr(thing, field.name)) for field in fields(thing)}
-    return {name: value for name, value in found.items() if name not in DEFAULTS or value != _plain(DEFAULTS[name])}
+
+    distance: float
+    turn: float
+    drift: float
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One run: the parameters and what the worm did."""
+
+    parameters: GaitParameters
+    motion: Motion
+
+
+@dataclass(frozen=True)
+class Design:
+    """The runs that identify a map: every amplitude with every period and every steering, to the left only.
+
+    Attributes
+    ----------
+    amplitudes : tuple of float
+    periods : tuple of float
+        1/f, multiples of the time step [s].
+    steerings : tuple of float
+        Fractions of the greatest steering.
+    waves, skipped : int
+        Waves of each run, and how many of them are not steady yet.
+    """
+
+    amplitudes: tuple[float, ...] = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
+    periods: tuple[float, ...] = (2.0, 1.6, 1.25, 1.0, 0.8)
+    steerings: tuple[float, ...] = (0.0, 0.04, 0.08, 0.125, 0.25, 0.5, 0.75, 1.0)
+    waves: int = 7
+    skipped: int = 4
+
+    def ranges(self, steering: float) -> Ranges:
+        """Return where a map of these runs holds; `steering` is the greatest."""
+        amplitude = min(self.amplitudes), max(self.amplitudes)
+        return Ranges(amplitude, (1.0 / max(self.periods), 1.0 / min(self.periods)), float(steering))
+
+    def parameters(self, mechanism: Mechanism, steering: float) -> list[GaitParameters]:
+        """Return the parameters of each run; `steering` is the greatest."""
+        return [
+            GaitParameters(amplitude, 1.0 / period).steered(mechanism, share * steering)
+            for amplitude, period, share in product(self.amplitudes, self.periods, self.steerings)
+        ]
+
+
+@dataclass(frozen=True)
+class SteeringMap:
+    """What one mechanism of steering does: distance, turn and drift a wave over amplitude, frequency and steering.
+
+    Attributes
+    ----------
+    mechanism : str
+        What the steering is: "hinge" [rad] or "bias" [1].
+    ranges : Ranges
+    distance, turn, drift : Polynomial
+        [body lengths a wave], [rad a wave], [body lengths a wave].
+    misfits, checks : mapping of str to Misfit
+        Misfit of each of them, over the runs that it was fitted to, and over other runs.
+    """
+
+    mechanism: Mechanism
+    ranges: Ranges
+    distance: Polynomial
+    turn: Polynomial
+    drift: Polynomial
+    misfits: Mapping[str, Misfit]
+    checks: Mapping[str, Misfit]
+
+    def speed(self, amplitude: Any, frequency: Any, steering: Any) -> Any:
+        """Return the forward speed [body lengths/s]; numbers, arrays or CasADi's symbols."""
+        return frequency * self.distance(amplitude, frequency, steering)
+
+    def turn_rate(self, amplitude: Any, frequency: Any, steering: Any) -> Any:
+        """Return the turn rate to the left [rad/s]."""
+        return frequency * self.turn(amplitude, frequency, steering)
+
+    def drift_speed(self, amplitude: Any, frequency: Any, steering: Any) -> Any:
+        """Return the speed to the left [body lengths/s]."""
+        return frequency * self.drift(amplitude, frequency, steering)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the map as JSON can hold it."""
+        return {
+            "ranges": asdict(self.ranges),
+            "coefficients": {name: list(getattr(self, name).coefficients) for name in QUANTITIES},
+            "misfits": {name: asdict(misfit) for name, misfit in self.misfits.items()},
+            "checks": {name: asdict(misfit) for name, misfit in self.checks.items()},
+        }
+
+    @classmethod
+    def from_dict(cls, mechanism: Mechanism, content: Mapping[str, Any]) -> SteeringMap:
+        """Return the map from what `as_dict` gave."""
+        given = content["ranges"]
+        ranges = Ranges(tuple(given["amplitude"]), tuple(given["frequency"]), given["steering"])
+        terms = content["coefficients"]
+        found = {name: Polynomial(ranges, parity, tuple(terms[name])) for name, parity in QUANTITIES.items()}
+        misfits, checks = ({n: Misfit(**m) for n, m in content[key].items()} for key in ("misfits", "checks"))
+        return cls(mechanism, ranges, **found, misfits=MappingProxyType(misfits), checks=MappingProxyType(checks))
+
+
+@dataclass(frozen=True)
+class Lags:
+    """How long motion takes to follow the gait parameters, (I3).
+
+    Attributes
+    ----------
+    amplitude, frequency : float
+        Lag of the speed after a step of the amplitude, and of the frequency [waves].
+    steering : float
+        Lag of the turn rate behind the steering in force, by sines of it [s]. (On the default worm 0.4 to 0.6 s from
+        0.6 to 1.1 Hz; with the wave generator's own lag, 0.8 to 0.95 s.)
+    """
+
+    amplitude: float
+    frequency: float
+    steering: float
+
+
+@dataclass(frozen=True)
+class Identified:
+    """All that is known of a worm on a ground.
+
+    Attributes
+    ----------
+    schedule : Schedule
+    maps : mapping of str to SteeringMap
+        Map of each mechanism.
+    lags : mapping of str to Lags
+        Lags of each mechanism.
+    """
+
+    schedule: Schedule
+    maps: Mapping[Mechanism, SteeringMap]
+    lags: Mapping[Mechanism, Lags]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as JSON can hold it."""
+        return {
+            "schedule": asdict(self.schedule),
+            "maps": {mechanism: found.as_dict() for mechanism, found in self.maps.items()},
+            "lags": {mechanism: asdict(lags) for mechanism, lags in self.lags.items()},
+        }
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Identified:
+        """Return what `as_dict` gave the content of."""
+        return cls(
+            Schedule(**content["schedule"]),
+            MappingProxyType({name: SteeringMap.from_dict(name, found) for name, found in content["maps"].items()}),
+            MappingProxyType({name: Lags(**lags) for name, lags in content["lags"].items()}),
+        )
+
+
+def steady_motion(com: FloatArray, heading: FloatArray, rows: int, skipped: int, length: float) -> Motion:
+    """Return the mean motion a wave, (I2), of a run of constant parameters.
+
+    Parameters
+    ----------
+    com : ndarray, shape (T, 2 or 3)
+        Centre of mass [m].
+    heading : ndarray, shape (T,)
+        Unwrapped heading [rad].
+    rows : int
+        Rows of a wave; the first row is the start.
+    skipped : int
+        Waves at the beginning that are left out.
+    length : float
+        Length of the body [m].
+
+    Raises
+    ------
+    ValueError
+        Fewer than two waves are left, or the heading is lost (NaN).
+    """
+    waves = (len(heading) - 1) // rows
+    if waves - skipped < 2:
+        raise ValueError(f"steady_motion: got {waves} waves of which {skipped} are skipped, must leave at least 2")
+    mean_com = com[1 : waves * rows + 1, :2].reshape(waves, rows, 2).mean(axis=1)[skipped:]
+    h = heading[1 : waves * rows + 1].reshape(waves, rows).mean(axis=1)[skipped:]
+    if not np.isfinite(h).all():
+        raise ValueError("steady_motion: the worm lost its heading (its chord became vertical)")
+    step, along = np.diff(mean_com, axis=0) / length, (h[1:] + h[:-1]) / 2.0
+    forward = step[:, 0] * np.cos(along) + step[:, 1] * np.sin(along)
+    left = step[:, 1] * np.cos(along) - step[:, 0] * np.sin(along)
+    return Motion(float(forward.mean()), float(np.diff(h).mean()), float(left.mean()))
+
+
+def lag(rates: Sequence[float] | FloatArray, before: int, settled: int = 3) -> float:
+    """Return how many waves a rate lags behind a step, (I3).
+
+    Parameters
+    ----------
+    rates : array_like, shape (K,)
+        Rate in each wave.
+    before : int
+        Waves before the step; the mean of the last `settled` of them is the rate at the beginning.
+    settled : int
+        Waves at the end that give the rate at the end.
+
+    Raises
+    ------
+    ValueError
+        The step changes the rate by less than a millionth: it has no response.
+    """
+    y = np.asarray(rates, dtype=float)
+    begin, end = y[before - settled : before].mean(), y[-settled:].mean()
+    if abs(end - begin) <= 1e-6 * max(abs(end), abs(begin)):
+        raise ValueError(f"lag: the rate is {end!r} before and after the step, must change")
+    return float(np.sum((end - y[before:]) / (end - begin)))
+
+
+def fit_map(mechanism: Mechanism, ranges: Ranges, samples: Sequence[Sample], checks: Sequence[Sample]) -> SteeringMap:
+    """Return the map of one mechanism, fitted to samples and compared with other ones.
+
+    Raises
+    ------
+    ValueError
+        The samples do not determine the map.
+    """
+    where, seen = _table(mechanism, samples)
+    other, there = _table(mechanism, checks)
+    found = {name: surrogate.fit(ranges, parity, where, seen[name]) for name, parity in QUANTITIES.items()}
+    return SteeringMap(
+        mechanism,
+        ranges,
+        **found,
+        misfits=MappingProxyType({name: surrogate.misfit(found[name], where, seen[name]) for name in found}),
+        checks=MappingProxyType({name: surrogate.misfit(found[name], other, there[name]) for name in found}),
+    )
+
+
+def _table(mechanism: Mechanism, samples: Sequence[Sample]) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return amplitude, frequency and steering of samples, shape (M, 3), and each quantity, shape (M,)."""
+    given = [(s.parameters.amplitude, s.parameters.frequency, getattr(s.parameters, mechanism)) for s in samples]
+    return np.array(given), {name: np.array([getattr(s.motion, name) for s in samples]) for name in QUANTITIES}
 
 
 def load(
     worm: Worm, ground: Friction | None = None, schedule: Schedule | None = None, design: Design | None = None
 ) -> Identified | None:
-    """Return what is known of a worm on a ground; None if it has not been identified (`worm3d identify`).
-
-    Parameters
-    ----------
-    worm : Worm
-    ground : Friction, optional
-    schedule : Schedule, optional
-    design : Design, optional
-        The defaults if left out.
-    """
+    """Return what is known of a worm on a ground; None if it has not been identified (`worm3d identify`)."""
     name = key(worm, ground or Friction(), schedule or Schedule(), design or Design())
     shipped = SHIPPED / f"{name}.json"
     content = shipped.read_bytes() if shipped.is_file() else cache.load(cache.folder(FOLDER), name, SUFFIX)
@@ -79,19 +318,39 @@ def load(
 def store(identified: Identified, worm: Worm, ground: Friction, design: Design, folder: Path | None = None) -> bool:
     """Keep what was found, in the user's cache or another folder; return whether that was possible."""
     name = key(worm, ground, identified.schedule, design)
-    return cache.store(folder or cache.folder(FOLDER), name, as_json(identified).encode(), SUFFIX)
+    content = json.dumps(identified.as_dict(), indent=1, allow_nan=False) + "\n"
+    return cache.store(folder or cache.folder(FOLDER), name, content.encode(), SUFFIX)
 
 
-def as_json(identified: Identified) -> str:
-    """Return what was found as text, as the files that come with the package hold it."""
-    return json.dumps(identified.as_dict(), indent=1, allow_nan=False) + "\n"
+def key(worm: Worm, ground: Friction, schedule: Schedule, design: Design) -> str:
+    """Return the name of the file of a worm on a ground; a parameter that has its default does not enter it."""
+    content = {
+        "format": FORMAT,
+        "worm": _unusual(worm),
+        "ground": _unusual(ground),
+        "schedule": asdict(schedule),
+        "design": asdict(design),
+        "max_steering": MAX_STEERING,
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:24]
+
+
+def parameters(thing: Any) -> dict[str, Any]:
+    """Return the fields of a worm, a ground or a part of one as JSON can hold them, arrays of equal numbers as one."""
+    return {field.name: _plain(getattr(thing, field.name)) for field in fields(thing)}
+
+
+def _unusual(thing: Worm | Friction) -> dict[str, Any]:
+    """Return the parameters that differ from the defaults, so that a parameter added later changes no key."""
+    default = parameters(type(thing)())
+    return {name: value for name, value in parameters(thing).items() if value != default[name]}
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, Part):
-        return {"name": value.name or type(value).__qualname__, **parameters(value)}
     if isinstance(value, np.ndarray):
         return float(value.flat[0]) if value.size and (value == value.flat[0]).all() else value.tolist()
     if isinstance(value, tuple):
         return list(map(_plain, value))
-    return value if value is None or isinstance(value, bool | int) or np.isfinite(value) else repr(value)
+    if is_dataclass(value):  # a part, such as the law of friction or an actuator
+        return {"class": type(value).__qualname__, **parameters(value)}
+    return value if value is None or isinstance(value, bool | int | str) or np.isfinite(value) else repr(value)

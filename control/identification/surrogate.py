@@ -27,18 +27,18 @@ from worm3d.values.arrays import FloatArray
 Parity = Literal["even", "odd"]
 
 DEGREE = 4
-"""In amplitude and frequency together."""
+"""Degree in amplitude and frequency together."""
 START = 0.08
-"""s_0: steering, as a share of its greatest, below which feet stick."""
+"""Steering below which feet stick, s_0, as a share of the greatest."""
 STICKING = 0
 """Stands for tanh(s/s_0) among the powers of odd quantities."""
 POWERS: dict[Parity, tuple[int, ...]] = {"even": (0, 2, 4), "odd": (STICKING, 1, 3, 5)}
-"""Of the steering."""
+"""Powers of the steering."""
 
 
 @dataclass(frozen=True)
 class Ranges:
-    """Where a surrogate holds.
+    """Ranges in which a surrogate holds.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class Polynomial:
 
 @dataclass(frozen=True)
 class Misfit:
-    """How far a surrogate is from the samples.
+    """How far a surrogate is from samples.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
-"""The fallback ladder: which wave to ask for, whatever becomes of the plans on the way.
+"""The fallback: which wave to ask for, whatever becomes of the plans on the way.
 
-The first of these that there is:
+The first of these that is available:
 
 1. an accepted plan ("mpc"): finite, within the identified ranges, no worse than the plan before and the plain wave,
    and in time;
@@ -19,30 +19,32 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from math import isfinite, nan
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from control.estimation.estimate import Estimate
 from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters
-from control.identification.feedforward import FeedForward
 from control.identification.surrogate import Ranges
-from control.planning.decision import Source
-from control.planning.plan import Plan, PlanStatus
-from control.planning.preview import turn_rate
-from control.tracking.references import Reference
+from control.planning.feed_forward import FeedForward
+from control.planning.plan import Choice, Plan, PlanStatus
+from control.tracking.references import Reference, turn_of_path
 
 MOST_SHIFTED = 5
-"""Times in a row that a plan is used without a new one."""
+"""Largest number of times in a row that a plan is used without a new one."""
 MOST_HELD = 5
-"""Times in a row that parameters are kept for want of anything better."""
+"""Largest number of times in a row that parameters are kept for want of anything better."""
 FORGET = 3
-"""Failures in a row after which the search begins anew."""
+"""Number of failures in a row after which the search begins anew."""
 KNOWN = 0.08
 """Standard deviation below which the heading counts as known [rad]: whoever steers by a worse one leaves its path."""
 LONGEST_START = 3.0
-"""Waves after which it is steered with whatever is known."""
+"""Waves after which the worm is steered whatever is known of its heading."""
+ROUNDING = 1e-6
+"""Distance by which a plan may be outside the identified ranges, as a share of them."""
+LONGEST_COMPLAINT = 200
+"""Number of characters of an exception's text that are kept."""
 
 UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
 STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
@@ -52,21 +54,16 @@ NO_PLAN = "what was planned is no plan"
 NOT_NUMBERS = "the plan is of another shape, or not finite"
 OUTSIDE = "the plan is outside the ranges in which the worm was identified"
 
-ROUNDING = 1e-6
-"""Distance by which a plan may be outside the identified ranges, as a share of them."""
-LONGEST_COMPLAINT = 200
-"""Letters of an exception that are kept."""
-
 _HEADING = ReducedState._fields.index("heading")
 _LOG = logging.getLogger(__name__)
 
 
 class Planner(Protocol):
-    """What plans, such as `control.planning.mpc.GaitMPC`."""
+    """A planner, such as `control.planning.mpc.GaitMPC`."""
 
     @property
     def feed_forward(self) -> FeedForward:
-        """The identified map the other way round."""
+        """The inverse of the identified map."""
 
     def reset(self) -> None:
         """Begin anew."""
@@ -81,21 +78,20 @@ class Planner(Protocol):
         """Return the plain wave."""
 
 
-class Choice(NamedTuple):
-    """What was chosen."""
+class KnownHeading:
+    """Whether a heading has been known, or sought for long enough, so that a controller steers by it from then on."""
 
-    source: Source
-    parameters: GaitParameters
-    status: str
-    """Of the plan, or why there is none."""
-    plan: Plan | None = None
-    """That was made now, whether it was accepted or not."""
-    failed: bool = False
-    """Whether there should have been an accepted plan."""
+    def __init__(self) -> None:
+        self._known = False
+
+    def __call__(self, estimate: Estimate, waves: float) -> bool:
+        """Return it for an estimate after so many waves."""
+        self._known = self._known or bool(estimate.deviations[_HEADING] < KNOWN) or waves >= LONGEST_START
+        return self._known
 
 
-class Ladder:
-    """The choice, with the memory that it needs.
+class Fallback:
+    """The choice of the gait's parameters, with the memory that it needs.
 
     Parameters
     ----------
@@ -115,7 +111,7 @@ class Ladder:
         self.planner.reset()
         self._accepted: Plan | None = None
         self._failures = self._held = 0
-        self._steers = False
+        self._heading_is_known = KnownHeading()
 
     def choose(self, t: float, estimate: Estimate, in_force: GaitParameters, waves: float) -> Choice:
         """Return what to ask for from time t [s] on.
@@ -125,15 +121,16 @@ class Ladder:
         t : float
         estimate : Estimate
         in_force : GaitParameters
-            Asked for until now.
+            Parameters asked for until now.
         waves : float
-            Since the beginning.
+            Waves since the beginning.
         """
         if self._speed(t) < self.planner.feed_forward.slowest:
             return Choice("stop", rest(in_force), STANDS)
-        blind = self._blind(t, estimate, waves)
-        if blind is not None:
-            return Choice("gait", blind, UNKNOWN)
+        if not self._heading_is_known(estimate, waves):
+            blind = self._blind(t, estimate)
+            if blind is not None:
+                return Choice("gait", blind, UNKNOWN)
         plan, complaint = self._plan(t, estimate)
         if plan is None or complaint:
             return self._without(t, estimate, in_force, complaint, plan)
@@ -141,13 +138,9 @@ class Ladder:
         self._accepted, self._failures, self._held = plan, 0, 0
         return Choice("mpc", plan.parameters, plan.status.value, plan)
 
-    def _blind(self, t: float, estimate: Estimate, waves: float) -> GaitParameters | None:
-        """Return the wave that turns as the path does, until the heading is known or has had time enough for that."""
-        variance = float(estimate.covariance[_HEADING, _HEADING])
-        self._steers = self._steers or variance <= KNOWN**2 or waves >= LONGEST_START
-        if self._steers:
-            return None
-        speed, turn = self._speed(t), _tried(turn_of_path, self._reference, t, estimate)[0]
+    def _blind(self, t: float, estimate: Estimate) -> GaitParameters | None:
+        """Return the wave that turns as the path does, if there is one."""
+        speed, turn = self._speed(t), _tried(lambda: turn_of_path(self._reference, t, estimate.position))[0]
         return self._parameters(_tried(self.planner.feed_forward, speed, 0.0 if turn is None else turn)[0])
 
     def _speed(self, t: float) -> float:
@@ -170,7 +163,7 @@ class Ladder:
     def _without(
         self, t: float, estimate: Estimate, in_force: GaitParameters, complaint: str, plan: Plan | None
     ) -> Choice:
-        """Return the next best."""
+        """Return the next best where no plan was accepted."""
         self._failures += 1
         if self._failures % FORGET == 0:
             _tried(self.planner.forget)
@@ -187,7 +180,7 @@ class Ladder:
         return Choice("stop", rest(in_force), LOST, plan, failed=True)
 
     def _parameters(self, wave: ReducedInput | None) -> GaitParameters | None:
-        """Return the parameters of a wave, if there is one and the reference of which it comes is finite."""
+        """Return the parameters of a wave; None without one, or if it is not finite."""
         known = wave is not None and all(isfinite(part) for part in wave)
         return _tried(self._model.parameters, wave)[0] if known else None
 
@@ -203,7 +196,7 @@ def rest(in_force: GaitParameters) -> GaitParameters:
 
 
 def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:
-    """Return what a function returns, or None and why it did not."""
+    """Return what a function returns and an empty text, or None and why it raised an exception."""
     try:
         return act(*given), ""
     except Exception as error:
@@ -228,10 +221,3 @@ def _fault(plan: Any, ranges: Ranges) -> str:
     first = plan.parameters
     waves = np.vstack([inputs, [first.amplitude, first.frequency, max(first.bias, first.hinge, key=abs)]])
     return OUTSIDE if np.abs(ranges.scaled(*waves.T)).max() > 1.0 + ROUNDING else ""
-
-
-def turn_of_path(reference: Reference, t: float, estimate: Estimate) -> float:
-    """Return the turn rate of the path where the worm is [rad/s]; 0 without a path."""
-    if reference.path is None or not np.isfinite(estimate.position).all():
-        return 0.0
-    return turn_rate(reference, t, float(reference.path.project(estimate.position)))

@@ -1,11 +1,10 @@
 """Least squares in a box, by Gauss and Newton, with a certificate.
 
-    minimise 1/2 |r(z)|^2,  lower <= z <= upper                                                              (G1)
+    minimise 1/2 |r(z)|^2,  lower <= z <= upper                                                              (O1)
 
 Each iteration solves the quadratic programme of the linearised residuals exactly (DAQP, a dual active-set method that
 comes with CasADi) and goes along its step as far as the true cost falls. Every iterate lies in the box and is no worse
-than the one before, so that any of them can be used. Nothing is broken by chance: of a mirrored problem the iterates
-are mirrored too.
+than the one before, so that any of them can be used. Of a mirrored problem the iterates are mirrored too.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from math import inf
 
 import casadi as ca
 import numpy as np
@@ -20,22 +20,22 @@ import numpy as np
 from worm3d.values.arrays import FloatArray
 
 Residuals = Callable[[FloatArray], FloatArray]
-"""z (n,) -> r (m,)."""
+"""Function z (n,) -> r (m,)."""
 Linearised = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""z (n,) -> r (m,) and dr/dz (m, n)."""
+"""Function z (n,) -> r (m,) and dr/dz (m, n)."""
 
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.015625)
-"""Of a step, tried one after the other."""
+"""Shares of a step that are tried one after the other."""
 ENOUGH = 1e-4
-"""Share of the promised decrease that a step must bring."""
+"""Share of the promised decrease of the cost that a step must bring."""
 NEGLIGIBLE = 1e-6
 """Promised decrease, relative to 1 + cost, at which the search ends."""
 SHIFT = 1e-9
-"""On the diagonal, relative to its mean: without a residual of its own no direction may be free."""
+"""Shift of the Hessian's diagonal, relative to its mean, without which a direction that no residual sees is free."""
 
 
 class Outcome(Enum):
-    """How a search ended; the value is the sentence to print."""
+    """Outcome of a search; the value is the sentence to print."""
 
     CONVERGED = "no step in the box makes it better"
     IMPROVED = "ran out of iterations, each of which made it better; give it more of them for the optimum"
@@ -52,7 +52,7 @@ class Solution:
     ----------
     z : ndarray, shape (n,)
     cost : float
-        (G1)
+        Value of (O1).
     outcome : Outcome
     iterations : int
         Quadratic programmes solved.
@@ -74,7 +74,7 @@ class GaussNewton:
     ----------
     n : int
     iterations : int
-        At most.
+        Largest number of iterations.
     """
 
     def __init__(self, n: int, iterations: int) -> None:
@@ -85,13 +85,12 @@ class GaussNewton:
     def minimise(
         self, residuals: Residuals, linearised: Linearised, start: FloatArray, lower: FloatArray, upper: FloatArray
     ) -> Solution:
-        """Solve (G1) from `start` on, all of shape (n,)."""
-        z, cost = np.clip(start, lower, upper), np.inf
-        certificate = np.inf
+        """Solve (O1) from `start` on, all of shape (n,)."""
+        z, cost, certificate = np.clip(start, lower, upper), inf, inf
         for iteration in range(self.iterations):
             r, jacobian = linearised(z)
             if not (np.isfinite(r).all() and np.isfinite(jacobian).all()):
-                return Solution(z, float(cost), Outcome.NOT_FINITE, iteration, certificate)
+                return Solution(z, cost, Outcome.NOT_FINITE, iteration, certificate)
             cost, gradient = half_square(r), jacobian.T @ r
             certificate = float(np.abs(z - np.clip(z - gradient, lower, upper)).max())
             step = self._step(jacobian, gradient, lower - z, upper - z)
@@ -118,7 +117,7 @@ class GaussNewton:
 
 
 def half_square(r: FloatArray) -> float:
-    """Return (G1) of residuals."""
+    """Return the cost, (O1), of residuals."""
     return 0.5 * float(r @ r)
 
 

@@ -1,8 +1,8 @@
 """Model predictive control of the gait's parameters: amplitude, frequency and steering over some waves ahead.
 
-The problem is (G2), `control.planning.problem`. Slip, yaw bias and drift are those of the estimate and constant over
-the horizon: what they stand for leaves no lasting error. The search begins at the better of two waves, the plan before
-and the plain wave of the feed-forward, and is never worse than either.
+What a plan is to achieve is its cost, (O2), `control.planning.cost`. Slip, yaw bias and drift are those of the estimate
+and constant over the horizon: what they stand for leaves no lasting error. The search begins at the better of two
+waves, the plan before and the plain wave of the feed-forward, and is never worse than either.
 """
 
 from __future__ import annotations
@@ -12,21 +12,20 @@ from time import perf_counter
 
 import numpy as np
 
-from control.estimation.estimator import Estimate
+from control.estimation.estimate import Estimate
 from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel, ReducedState
-from control.identification.feedforward import FeedForward
-from control.identification.fit import Identified
+from control.identification.identified import Identified
+from control.planning.cost import Problem, Scale, Tolerances, misses_of
+from control.planning.feed_forward import FeedForward
 from control.planning.gauss_newton import GaussNewton, Outcome, Solution, half_square
 from control.planning.plan import Plan, PlanStatus
 from control.planning.prediction import Prediction
-from control.planning.preview import Preview, look_ahead, turn_rate
-from control.planning.problem import Problem, Scale, Tolerances
-from control.tracking.references import Reference
+from control.tracking.references import Preview, Reference, look_ahead, turn_rate
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
 LEAST_SHARE = 0.5
-"""Of the speed that the gait makes, whatever the estimate of the slip says: more than that is not made up for."""
+"""Least share of the gait's speed that the plain wave counts on, however large the estimated slip is."""
 
 STATUS = {
     Outcome.CONVERGED: PlanStatus.OPTIMAL,
@@ -44,15 +43,16 @@ class GaitMPC:
     ----------
     worm : Worm
     identified : Identified
-        The worm's map, of which `model` is.
+        Map of the worm, from which `model` was made.
     model : ReducedModel
     tolerances : Tolerances, optional
     step : float
-        Of the prediction [s].
+        Time step of the prediction [s].
     steps : int
-        H.
+        Number of steps, H.
     iterations : int
-        At most, in each plan. The search goes on in the next one; more of them make no difference that could be seen.
+        Largest number in each plan. The search goes on in the next plan; more of them make no difference that could be
+        seen.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class GaitMPC:
         found = identified.maps[model.mechanism]
         self.feed_forward, self.tolerances = FeedForward(found, worm.length), tolerances or Tolerances()
         self._model, self._length = model, worm.length
-        self._prediction, self._scale = Prediction(model, step, steps), Scale(found.ranges)
+        self._prediction, self._scale = Prediction(model, misses_of(model), step, steps), Scale(found.ranges)
         self._search = GaussNewton(INPUTS * steps, iterations)
         self.reset()
 
@@ -105,7 +105,10 @@ class GaitMPC:
         began = perf_counter()
         preview = self._preview(t, estimate, reference)
         if preview is None:
-            return self._no_plan(t, perf_counter() - began)
+            steps = self._prediction.steps
+            inputs, horizon = np.full((steps, INPUTS), np.nan), np.full((steps + 1, 2), np.nan)
+            spent = perf_counter() - began
+            return Plan(t, self._prediction.step, inputs, horizon, PlanStatus.NOT_FINITE, spent)
         waves = self._candidates(t, estimate, reference)
         problem = self._problem(t, estimate.state, preview, waves[-1])
         found, plain_cost = self._searched(problem, waves)
@@ -113,6 +116,11 @@ class GaitMPC:
         if plan.status.ok:
             self._last = plan
         return plan
+
+    def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
+        """Return the plain wave: the feed-forward of what is asked for at time t [s], at an estimated slip."""
+        kept = max(1.0 - slip, LEAST_SHARE)
+        return self.feed_forward(float(reference.speed(t)) / kept, turn_rate(reference, t, self.progress))
 
     def _preview(self, t: float, estimate: Estimate, reference: Reference) -> Preview | None:
         """Return what the reference asks for; None if that, or the estimate, is not finite."""
@@ -125,11 +133,6 @@ class GaitMPC:
         self._near = preview.progress
         return preview
 
-    def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
-        """Return the plain wave: the feed-forward of what is asked for at time t [s], at an estimated slip."""
-        kept = max(1.0 - slip, LEAST_SHARE)
-        return self.feed_forward(float(reference.speed(t)) / kept, turn_rate(reference, t, self.progress))
-
     def _candidates(self, t: float, estimate: Estimate, reference: Reference) -> list[FloatArray]:
         """Return inputs, shape (H, 3), to begin with: the plan before, if there is one, and the plain wave."""
         instants = t + self._prediction.step * (0.5 + np.arange(self._prediction.steps))
@@ -138,7 +141,7 @@ class GaitMPC:
         return [plain] if self._last is None else [self._last.at(instants), plain]
 
     def _problem(self, t: float, state: ReducedState, preview: Preview, plain: FloatArray) -> Problem:
-        """Return (G2); `plain` is the plain wave, shape (H, 3)."""
+        """Return (O2); `plain` is the plain wave, shape (H, 3)."""
         preferred = self._scale.scaled(np.array([[0.0, self.feed_forward.frequency, 0.0]]))[1]
         return Problem(
             prediction=self._prediction,
@@ -148,7 +151,7 @@ class GaitMPC:
             state=np.array(state, dtype=float),
             preview=preview,
             crab=preview.follows / np.maximum(preview.speed, self.feed_forward.slowest),
-            before=self._scale.scaled(plain[:1]) if self._last is None else self._scale.scaled(self._last.at(t)),
+            before=self._scale.scaled(plain[:1] if self._last is None else self._last.at(t)),
             preferred=float(preferred),
         )
 
@@ -166,29 +169,12 @@ class GaitMPC:
             time=t,
             step=self._prediction.step,
             inputs=inputs,
-            parameters=self._model.parameters(ReducedInput(*inputs[0])),
             horizon=problem.states(inputs)[:, :2],
             status=STATUS[found.outcome],
+            seconds=perf_counter() - began,
+            parameters=self._model.parameters(ReducedInput(*inputs[0])),
             iterations=found.iterations,
             cost=found.cost,
             plain_cost=plain_cost,
             certificate=found.certificate,
-            seconds=perf_counter() - began,
-        )
-
-    def _no_plan(self, t: float, seconds: float) -> Plan:
-        """Return that there is none."""
-        steps, unknown = self._prediction.steps, float("nan")
-        return Plan(
-            time=t,
-            step=self._prediction.step,
-            inputs=np.full((steps, INPUTS), unknown),
-            parameters=None,
-            horizon=np.full((steps + 1, 2), unknown),
-            status=PlanStatus.NOT_FINITE,
-            iterations=0,
-            cost=unknown,
-            plain_cost=unknown,
-            certificate=unknown,
-            seconds=seconds,
         )

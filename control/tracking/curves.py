@@ -1,4 +1,4 @@
-"""Smooth curves in the plane by arc length: what paths other than lines and circles have in common.
+"""Smooth curves in the plane by arc length, the base of all paths but lines and circles.
 
 A curve r(u) is given with its first two derivatives. With s the arc length,
 
@@ -18,23 +18,20 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
 PARTS = 16
-"""Of each interval between knots."""
-
+"""Number of parts of each interval between knots."""
 REACH = 0.125
 """Share of the length by which a projection may lie from the one before."""
-
 ITERATIONS = 20
-"""Of Newton's method, at most; three or four are enough but at the centre of curvature."""
-
+"""Largest number of Newton iterations; three or four are enough but at the centre of curvature."""
 GAUSS = np.polynomial.legendre.leggauss(5)
+"""Points and weights of Gauss's rule on [-1, 1]."""
 
 
 class Curve(ABC):
-    """A curve by arc length; subclasses give r(u), 0 <= u <= the last knot.
+    """A curve by arc length; subclasses give r(u), u from 0 to the last knot.
 
     Attributes
     ----------
@@ -50,7 +47,7 @@ class Curve(ABC):
 
     @abstractmethod
     def knots(self) -> FloatArray:
-        """Return where, from 0 on, the curve may be less than smooth; it is smooth between them, shape (M,)."""
+        """Return the parameters, growing from 0, between which the curve is smooth, shape (M,)."""
 
     @property
     def length(self) -> float:
@@ -182,7 +179,7 @@ class Curve(ABC):
 
     @cached_property
     def _places(self) -> FloatArray:
-        """Points of the nodes."""
+        """Points of the curve at the nodes."""
         return self.derivatives(self._nodes[0])[0]
 
     def _derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -196,7 +193,7 @@ class Curve(ABC):
 
     @cached_property
     def _guess(self) -> scipy.interpolate.CubicHermiteSpline:
-        """Parameter as a function of the arc length, nearly."""
+        """Approximate parameter as a function of the arc length."""
         u, s = self._nodes
         return scipy.interpolate.CubicHermiteSpline(s, u, 1.0 / np.linalg.norm(self.derivatives(u)[1], axis=1))
 
@@ -204,14 +201,3 @@ class Curve(ABC):
 def _unit(vector: FloatArray) -> FloatArray:
     unit: FloatArray = vector / np.linalg.norm(vector, axis=-1)[..., None]
     return unit
-
-
-def require_points(points: ArrayLike, least: int) -> FloatArray:
-    """Return points as a read-only array; ValueError if it is not (P, 2) with at least so many."""
-    return arguments.array("points", points, ("P", 2), least=least)
-
-
-def require_apart(points: FloatArray) -> None:
-    """Raise ValueError if two points that follow each other coincide."""
-    if not (np.linalg.norm(np.diff(points, axis=0), axis=1) > 0.0).all():
-        raise ValueError("points: two that follow each other coincide; leave one of them out")

@@ -3,7 +3,7 @@
 A wave rocks the body, so everything is averaged over a moving window of one commanded period: with the commanded phase
 w(t) in waves, the window that ends at t begins at b with w(b) = w(t) - 1, and
 
-    mean y (t) = 1/(t - b) int_b^t y,    velocity V = (x(t) - x(b))/(t - b)                                    (T1)
+    mean y (t) = 1/(t - b) int_b^t y,    velocity V = (x(t) - x(b))/(t - b)                                    (V1)
 
 for centre of mass x, heading h and offset e from the path. Speed is V along the path's tangent at the mean place, or
 without a path along the mean heading; the reference speed is averaged over the same window, and so is that heading.
@@ -28,12 +28,26 @@ Bools = NDArray[np.bool_]
 
 DROPPED = 3.0
 """Periods at the beginning, and for `SETTLED_METRICS` after a step, that are left out."""
-
 ROUNDING = 1e-6
-"""By which two times may differ and be the same [s]."""
-
+"""Difference up to which two times count as the same [s]."""
 SETTLED = 0.10
 """Share of the reference speed within which a speed has settled."""
+
+SPEED_METRICS = ("speed_bias_relative", "speed_error_rms_relative")
+SETTLED_METRICS = ("speed_bias_settled_relative", "speed_error_rms_settled_relative")
+HEADING_METRICS = ("heading_error_mean_deg", "heading_error_rms_deg")
+PATH_METRICS = ("cross_track_rms_bl", "cross_track_max_bl")
+METRICS = (*SPEED_METRICS, *SETTLED_METRICS, *HEADING_METRICS, *PATH_METRICS, "settling_periods")
+"""Names of the metrics that `summary` returns."""
+
+TOO_SHORT = f"the run is shorter than the {DROPPED:g} periods that are left out and one more"
+UNSETTLED = f"no window lies beyond the {DROPPED:g} periods after each step of the reference speed"
+REASONS = {
+    **dict.fromkeys((*SPEED_METRICS, *SETTLED_METRICS), "the reference speed is 0"),
+    **dict.fromkeys(HEADING_METRICS, "there is no heading and no path to keep to"),
+    **dict.fromkeys(PATH_METRICS, "there is no path to follow"),
+}
+"""Why a metric of a run that is long enough may have no value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +74,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Tracking:
-    """How a worm kept to its reference, over windows of one period, (T1); K windows.
+    """How a worm kept to its reference, over K windows of one period, (V1).
 
     Attributes
     ----------
@@ -79,7 +93,7 @@ class Tracking:
     counted : ndarray of bool, shape (K,)
         Windows that the metrics take.
     settled : ndarray of bool, shape (K,)
-        Those of them that lie beyond the steps of the reference speed, too.
+        Those of them that also lie beyond the steps of the reference speed.
     """
 
     time: FloatArray
@@ -109,23 +123,20 @@ def tracking(motion: Motion, reference: Reference) -> Tracking:
         Less than one commanded period.
     """
     window = _Window(motion)
-    began, time = window.began, window.time
-    velocity = (window.at_end(motion.com) - window.at_begin(motion.com)) / (time - began)[:, None]
+    velocity = (window.at_end(motion.com) - window.at_begin(motion.com)) / (window.time - window.began)[:, None]
     place, heading = window.mean(motion.com), window.mean(motion.heading)
     wanted_heading, along, cross_track = _course(motion, reference, window, place, heading)
-    speed = velocity[:, 0] * np.cos(along) + velocity[:, 1] * np.sin(along)
-    wanted = window.mean(np.asarray(reference.speed(motion.time), dtype=float))
     return Tracking(
-        time,
-        window.waves,
-        place,
-        speed,
-        wanted,
-        heading,
-        wanted_heading,
-        cross_track,
-        _beyond(window, motion, ()),
-        _beyond(window, motion, step_times(reference)),
+        time=window.time,
+        waves=window.waves,
+        place=place,
+        speed=velocity[:, 0] * np.cos(along) + velocity[:, 1] * np.sin(along),
+        wanted_speed=window.mean(np.asarray(reference.speed(motion.time), dtype=float)),
+        heading=heading,
+        wanted_heading=wanted_heading,
+        cross_track=cross_track,
+        counted=_beyond(window, motion, ()),
+        settled=_beyond(window, motion, _step_times(reference)),
     )
 
 
@@ -157,23 +168,22 @@ def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dic
     tracked : Tracking
     reference : Reference
     length : float
-        Of the body [m].
+        Length of the body [m].
     """
     taken = tracked.counted
+    metrics: dict[str, float | None] = dict.fromkeys(METRICS)
     if not taken.any():
-        return dict.fromkeys(METRICS), dict.fromkeys(METRICS, TOO_SHORT)
-    figures: dict[str, float | None] = dict.fromkeys(METRICS)
-    settling, why = settling_periods(tracked, reference)
-    figures |= dict(zip(SPEED_METRICS, _of_speed(tracked, taken), strict=True))
-    figures |= dict(zip(SETTLED_METRICS, _of_speed(tracked, tracked.settled), strict=True))
+        return metrics, dict.fromkeys(METRICS, TOO_SHORT)
+    metrics |= dict(zip(SPEED_METRICS, _of_speed(tracked, taken), strict=True))
+    metrics |= dict(zip(SETTLED_METRICS, _of_speed(tracked, tracked.settled), strict=True))
     error, aside = np.rad2deg(tracked.heading_error[taken]), tracked.cross_track[taken] / length
     if np.isfinite(error).all():
-        figures |= {"heading_error_mean_deg": float(error.mean()), "heading_error_rms_deg": _rms(error)}
+        metrics |= zip(HEADING_METRICS, (float(error.mean()), _rms(error)), strict=True)
     if np.isfinite(aside).all():
-        figures |= {"cross_track_rms_bl": _rms(aside), "cross_track_max_bl": float(np.abs(aside).max())}
-    figures["settling_periods"] = settling
-    reasons = {**{name: _because(name) for name in METRICS}, "settling_periods": why}
-    return figures, reasons if tracked.settled.any() else {**reasons, **dict.fromkeys(SETTLED_METRICS, UNSETTLED)}
+        metrics |= zip(PATH_METRICS, (_rms(aside), float(np.abs(aside).max())), strict=True)
+    metrics["settling_periods"], why = settling_periods(tracked, reference)
+    unsettled = {} if tracked.settled.any() else dict.fromkeys(SETTLED_METRICS, UNSETTLED)
+    return metrics, {**REASONS, "settling_periods": why, **unsettled}
 
 
 def _of_speed(tracked: Tracking, taken: Bools) -> tuple[float | None, float | None]:
@@ -194,7 +204,7 @@ def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | N
     reference : Reference
         Its speed has steps if it is a `control.tracking.references.Steps`.
     """
-    steps = step_times(reference)
+    steps = _step_times(reference)
     if not steps:
         return None, "the reference speed has no step"
     longest = 0.0
@@ -210,31 +220,9 @@ def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | N
     return longest, ""
 
 
-def step_times(reference: Reference) -> Sequence[float]:
+def _step_times(reference: Reference) -> Sequence[float]:
     """Return when the reference speed jumps [s]."""
     return reference.speed.times if isinstance(reference.speed, Steps) else ()
-
-
-SPEED_METRICS = ("speed_bias_relative", "speed_error_rms_relative")
-SETTLED_METRICS = ("speed_bias_settled_relative", "speed_error_rms_settled_relative")
-METRICS = (
-    *SPEED_METRICS,
-    *SETTLED_METRICS,
-    *("heading_error_mean_deg", "heading_error_rms_deg", "cross_track_rms_bl", "cross_track_max_bl"),
-    "settling_periods",
-)
-"""Names of what `summary` returns."""
-
-TOO_SHORT = f"the run is shorter than the {DROPPED:g} periods that are left out and one more"
-
-UNSETTLED = f"no window lies beyond the {DROPPED:g} periods after each step of the reference speed"
-
-
-def _because(name: str) -> str:
-    """Return why a metric of a run that is long enough may have no value."""
-    if name.startswith("speed"):
-        return "the reference speed is 0"
-    return "there is no path to follow" if name.startswith("cross") else "there is no heading and no path to keep to"
 
 
 def _beyond(window: _Window, motion: Motion, steps: Sequence[float]) -> Bools:
@@ -266,7 +254,7 @@ class _Window:
         return np.array(columns).T.reshape(-1, *values.shape[1:])
 
     def mean(self, values: FloatArray) -> FloatArray:
-        """Return (T1); the integral is that of the polygon through the values."""
+        """Return (V1); the integral is that of the polygon through the values."""
         steps = np.diff(self._all).reshape(-1, *(1,) * (values.ndim - 1))
         total = np.concatenate(
             [np.zeros((1, *values.shape[1:])), np.cumsum(steps * (values[1:] + values[:-1]) / 2, axis=0)]

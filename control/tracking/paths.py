@@ -1,4 +1,4 @@
-"""Paths to follow: lines, circles, S-curves, splines, way points, and pipes seen from above.
+"""Paths to follow: lines, circles, S-curves, splines, waypoints, and pipes seen from above.
 
 A path is a curve in the plane by its arc length s [m], (L1). An open one goes straight on beyond both ends (s < 0 and
 s > length), a closed one repeats, its heading counting on. Places lie to the left of a path at a positive distance
@@ -17,8 +17,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from control.tracking.curves import Curve, require_apart, require_points
-from control.tracking.waypoints import PlanView, WayPoints
+from control.tracking.curves import Curve
+from worm3d import Bend, Centreline, Straight
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
@@ -28,12 +28,10 @@ Side = Literal["left", "right"]
 MOST_WAVES = 10_000
 """Largest number of waves of an S-curve, whose length is summed up piece by piece."""
 
-__all__ = ["Circle", "Line", "Path", "PlanView", "SCurve", "Side", "SplinePath", "WayPoints", "offset", "track"]
-
 
 @runtime_checkable
 class Path(Protocol):
-    """What can be followed."""
+    """A path that can be followed."""
 
     @property
     def length(self) -> float:
@@ -50,7 +48,7 @@ class Path(Protocol):
         """Return the azimuths of the path there, continuous along it, shape (...) [rad]."""
 
     def curvature(self, s: ArrayLike) -> FloatArray:
-        """Return the curvatures there, positive to the left, shape (...) [1/m]."""
+        """Return the curvatures of the path there, positive to the left, shape (...) [1/m]."""
 
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
         """Return the arc lengths of the points nearest to places (..., 2) [m], shape (...); by preference near one."""
@@ -67,7 +65,7 @@ class Line:
     azimuth : float
         [rad]
     length : float
-        Where it ends, as far as that matters [m].
+        Arc length at which it counts as ended [m].
     """
 
     start: tuple[float, float] = (0.0, 0.0)
@@ -81,19 +79,19 @@ class Line:
         arguments.number("length", self.length, "m", gt=0.0, infinite=True)
 
     def point(self, s: ArrayLike) -> FloatArray:
-        """Return points; see `Path`."""
+        """Return the points; see `Path`."""
         return np.array(self.start) + np.multiply.outer(s, _direction(self.azimuth))
 
     def heading(self, s: ArrayLike) -> FloatArray:
-        """Return azimuths; see `Path`."""
+        """Return the azimuths; see `Path`."""
         return np.full(np.shape(s), self.azimuth)
 
     def curvature(self, s: ArrayLike) -> FloatArray:
-        """Return curvatures; see `Path`."""
+        """Return the curvatures; see `Path`."""
         return np.zeros(np.shape(s))
 
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
-        """Return arc lengths; see `Path`."""
+        """Return the arc lengths; see `Path`."""
         along: FloatArray = np.asarray((np.asarray(xy, dtype=float) - self.start) @ _direction(self.azimuth))
         return along
 
@@ -109,9 +107,9 @@ class Circle:
     start : tuple of float
         x, y of s = 0 [m].
     azimuth : float
-        Of its tangent there [rad].
+        Azimuth of its tangent there [rad].
     towards : str
-        "left": its centre is to the left of the tangent, or "right".
+        Side of the tangent on which its centre lies: "left" or "right".
     """
 
     radius: float
@@ -132,21 +130,21 @@ class Circle:
         return 2.0 * math.pi * self.radius
 
     def point(self, s: ArrayLike) -> FloatArray:
-        """Return points; see `Path`."""
+        """Return the points; see `Path`."""
         turn = np.asarray(s, dtype=float) / self.radius
         ahead, aside = np.sin(turn)[..., None], (1.0 - np.cos(turn))[..., None]
         return np.array(self.start) + self.radius * (ahead * _direction(self.azimuth) + aside * self._inwards)
 
     def heading(self, s: ArrayLike) -> FloatArray:
-        """Return azimuths; see `Path`."""
+        """Return the azimuths; see `Path`."""
         return self.azimuth + _sign(self.towards) * np.asarray(s, dtype=float) / self.radius
 
     def curvature(self, s: ArrayLike) -> FloatArray:
-        """Return curvatures; see `Path`."""
+        """Return the curvatures; see `Path`."""
         return np.full(np.shape(s), _sign(self.towards) / self.radius)
 
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
-        """Return arc lengths; see `Path`. Without `near` within the first lap."""
+        """Return the arc lengths; see `Path`. Without `near` within the first lap."""
         out = np.asarray(xy, dtype=float) - self.start - self.radius * self._inwards
         turn = np.arctan2(out @ _direction(self.azimuth), -(out @ self._inwards))
         laps = 0.0 if near is None else np.round((near / self.radius - turn) / (2.0 * np.pi))
@@ -172,9 +170,9 @@ class SCurve(Curve):
     start : tuple of float
         x, y of s = 0 [m].
     azimuth : float
-        Of its tangent there [rad].
+        Azimuth of its tangent there [rad].
     towards : str
-        To which side of the axis of the wave it lies at first: "left" or "right".
+        Side of the wave's axis on which it lies at first: "left" or "right".
     """
 
     amplitude: float = 0.4
@@ -222,25 +220,79 @@ class SplinePath(ReadOnly, Curve):
 
     def __post_init__(self) -> None:
         closed = arguments.flag("closed", self.closed)
-        object.__setattr__(self, "points", require_points(self.points, 3 if closed else 2))
-        require_apart(self._run)
+        object.__setattr__(self, "points", _points(self.points, 3 if closed else 2, closed=closed))
 
     def knots(self) -> FloatArray:
         """Return the sums of the chords; see `Curve`."""
-        chords = np.linalg.norm(np.diff(self._run, axis=0), axis=1)
+        chords = np.linalg.norm(np.diff(_run(self.points, self.closed), axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(chords)])
 
     def derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return r, r' and r''; see `Curve`."""
         return self._spline(u), self._spline(u, 1), self._spline(u, 2)
 
-    @property
-    def _run(self) -> FloatArray:
-        return np.vstack([self.points, self.points[:1]]) if self.closed else self.points
-
     @cached_property
     def _spline(self) -> scipy.interpolate.CubicSpline:
-        return scipy.interpolate.CubicSpline(self.knots(), self._run, bc_type="periodic" if self.closed else "natural")
+        ends = "periodic" if self.closed else "natural"
+        return scipy.interpolate.CubicSpline(self.knots(), _run(self.points, self.closed), bc_type=ends)
+
+
+@dataclass(frozen=True, eq=False)
+class PlanView(ReadOnly, Curve):
+    """The centre line of a pipe seen from above.
+
+    Attributes
+    ----------
+    centreline : worm3d.Centreline
+        Centre line that is nowhere vertical.
+    """
+
+    centreline: Centreline
+
+    def __post_init__(self) -> None:
+        arguments.instance("centreline", self.centreline, Centreline, "a worm3d.Centreline")
+        line = np.linspace(0.0, self.centreline.total, 64 * len(self.centreline.length) + 1)
+        if np.linalg.norm(self.centreline.at(line)[1][:, :2], axis=1).min() < 1e-3:
+            raise ValueError("centreline: it is vertical somewhere, where it has no heading; follow a level part of it")
+
+    def knots(self) -> FloatArray:
+        """Return the ends of its pieces; see `Curve`."""
+        return np.concatenate([[0.0], self.centreline.ends])
+
+    def derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return r, r' and r'' at distances u along the line; see `Curve`."""
+        line = self.centreline
+        points, tangents = line.at(u)
+        begins = line.ends - line.length
+        k = np.clip(np.searchsorted(begins, u, side="right") - 1, 0, len(begins) - 1)
+        turn = (line.curvature[k] * (u - begins[k]))[:, None]
+        normal = np.cos(turn) * line.normal[k] - np.sin(turn) * line.tangent[k]
+        return points[:, :2], tangents[:, :2], (line.curvature[k][:, None] * normal)[:, :2]
+
+
+class WayPoints(PlanView):
+    """Straight pieces from waypoint to waypoint, the corners rounded by arcs of one radius.
+
+    Attributes
+    ----------
+    points : ndarray, shape (P, 2)
+        At least two, each apart from the next [m]; the path passes beside inner ones.
+    radius : float
+        Radius of the arcs [m].
+
+    Raises
+    ------
+    ValueError
+        Points that coincide or turn back, or that lie too close for the radius.
+    """
+
+    points: FloatArray
+    radius: float
+
+    def __init__(self, points: ArrayLike, radius: float = 1.0) -> None:
+        object.__setattr__(self, "points", _points(points, 2))
+        object.__setattr__(self, "radius", arguments.number("radius", radius, "m", gt=0.0))
+        super().__init__(_rounded(self.points, self.radius))
 
 
 def offset(path: Path, xy: ArrayLike, s: ArrayLike) -> FloatArray:
@@ -258,7 +310,7 @@ def track(path: Path, xy: FloatArray, near: float | None = None) -> FloatArray:
     path : Path
     xy : ndarray, shape (K, 2)
     near : float, optional
-        Where to begin; anywhere if left out.
+        Arc length near which the first is looked for; anywhere if left out [m].
     """
     found: list[float] = []
     for place in xy:
@@ -279,6 +331,41 @@ def _sign(side: Side) -> float:
     return 1.0 if side == "left" else -1.0
 
 
+def _rounded(points: FloatArray, radius: float) -> Centreline:
+    """Return the straight pieces between points and the arcs that round their corners."""
+    chords = np.diff(points, axis=0)
+    length, azimuth = np.linalg.norm(chords, axis=1), np.arctan2(chords[:, 1], chords[:, 0])
+    turn = np.mod(np.diff(azimuth) + np.pi, 2.0 * np.pi) - np.pi
+    cut = np.concatenate([[0.0], radius * np.tan(np.abs(turn) / 2.0), [0.0]])
+    left = length - cut[:-1] - cut[1:]
+    if left.min() < -1e-9 * length.max():
+        k = int(np.argmin(left))
+        raise ValueError(
+            f"radius: got {radius!r} m, too large for the stretch of {length[k]:.4g} m from point {k} to {k + 1}: its "
+            f"corners take {cut[k] + cut[k + 1]:.4g} m; choose a smaller radius or move the points apart"
+        )
+    pieces: list[Straight | Bend] = []
+    for k, rest in enumerate(left):
+        if rest > 1e-9 * length.max():
+            pieces.append(Straight(float(rest)))
+        if k < len(turn) and abs(turn[k]) > 1e-9:
+            pieces.append(Bend(abs(float(turn[k])), radius, "left" if turn[k] > 0.0 else "right"))
+    return Centreline.of(pieces, (*points[0], 0.0), float(azimuth[0]))
+
+
 def _require_start(start: tuple[float, float], azimuth: float) -> None:
     arguments.array("start", start, (2,))
     arguments.number("azimuth", azimuth, "rad")
+
+
+def _points(points: ArrayLike, least: int, *, closed: bool = False) -> FloatArray:
+    """Return points as a read-only array; ValueError if it is not (P, 2) with at least so many, each off the next."""
+    found = arguments.array("points", points, ("P", 2), least=least)
+    if not (np.linalg.norm(np.diff(_run(found, closed), axis=0), axis=1) > 0.0).all():
+        raise ValueError("points: two that follow each other coincide; leave one of them out")
+    return found
+
+
+def _run(points: FloatArray, closed: bool) -> FloatArray:
+    """Return points, at the end of closed ones the first once more."""
+    return np.vstack([points, points[:1]]) if closed else points

@@ -1,4 +1,4 @@
-"""References: how fast to go, and where to: along a path, or at a heading."""
+"""References: how fast to go, and where to, along a path or at a heading; and what they ask for ahead of a worm."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
 Profile = Callable[[Any], Any]
-"""Time [s], a number or an array -> a speed [m/s] or a heading [rad], likewise."""
-SpeedProfile = Profile
-HeadingProfile = Profile
+"""Function of the time [s], a number or an array, that gives as many speeds [m/s] or headings [rad]."""
+
+MOMENT = 0.05
+"""Time over which the rate of a heading is taken [s]."""
 
 
 @dataclass(frozen=True)
 class Constant:
-    """The same at all times."""
+    """A profile that is the same at all times."""
 
     value: float
 
@@ -35,16 +36,16 @@ class Constant:
 
 @dataclass(frozen=True)
 class Steps:
-    """Values that change in steps.
+    """A profile that changes in steps.
 
     Attributes
     ----------
     first : float
         Value before the first step.
     times : tuple of float
-        Of the steps, growing [s].
+        Times of the steps, growing [s].
     values : tuple of float
-        From each of them on.
+        Value from each of them on.
     """
 
     first: float
@@ -63,14 +64,14 @@ class Steps:
 
     def __call__(self, t: ArrayLike) -> FloatArray:
         """Return the values at times of any shape [s]."""
-        # A time that is a step's but for rounding is after it.
+        # A time that equals a step's but for rounding is after it.
         since = np.searchsorted(np.array(self.times) - 1e-9, np.asarray(t, dtype=float), side="right")
         return np.array([self.first, *self.values])[since]
 
 
 @dataclass(frozen=True)
 class Sine:
-    """mean + amplitude sin(2 pi t / period)."""
+    """The profile mean + amplitude sin(2 pi t / period)."""
 
     mean: float
     amplitude: float
@@ -104,8 +105,8 @@ class Reference:
         Both a heading and a path, or something that is neither.
     """
 
-    speed: SpeedProfile
-    heading: HeadingProfile | None = None
+    speed: Profile
+    heading: Profile | None = None
     path: Path | None = None
 
     def __post_init__(self) -> None:
@@ -117,6 +118,89 @@ class Reference:
                 arguments.function(name, given, "a function of time: control.tracking.references.Constant(0.08)")
         if not (self.path is None or isinstance(self.path, Path)):
             raise ValueError(f"path: got {type(self.path).__name__}, must be a path, as control.tracking.paths.Line()")
+
+
+@dataclass(frozen=True, eq=False)
+class Preview:
+    """What a reference asks for at K instants.
+
+    Attributes
+    ----------
+    speed : ndarray, shape (K,)
+        Speed forward [m/s].
+    point : ndarray, shape (K, 2)
+        Points of the path [m]; zeros without a path.
+    heading : ndarray, shape (K,)
+        Heading of the path, or as asked for, on the turn of the worm's own heading [rad]; zeros if there is none.
+    follows, heads : bool
+        Whether there is a path, and whether there is a heading.
+    progress : float
+        Arc length of the path's point nearest to the worm [m]; 0 without a path.
+    """
+
+    speed: FloatArray
+    point: FloatArray
+    heading: FloatArray
+    follows: bool
+    heads: bool
+    progress: float
+
+
+def look_ahead(
+    reference: Reference, begin: float, step: float, steps: int, place: FloatArray, azimuth: float, near: float | None
+) -> Preview:
+    """Return what is asked for at the ends of the steps of a horizon.
+
+    The point of the path advances at the reference speed from where the worm is, whatever the worm does.
+
+    Parameters
+    ----------
+    reference : Reference
+    begin, step : float
+        Begin of the horizon and length of its steps [s].
+    steps : int
+    place : ndarray, shape (2,)
+        Place of the worm [m].
+    azimuth : float
+        Heading of the worm [rad].
+    near : float or None
+        Progress before, near which the new one is looked for [m].
+    """
+    ends = begin + step * np.arange(1, steps + 1)
+    speed = np.asarray(reference.speed(ends), dtype=float)
+    point, heading, progress = np.zeros((steps, 2)), np.zeros(steps), 0.0
+    follows = reference.path is not None
+    if reference.path is not None:
+        progress = float(reference.path.project(place, near))
+        ahead = progress + np.cumsum(np.asarray(reference.speed(ends - step / 2.0), dtype=float)) * step
+        point, heading = reference.path.point(ahead), reference.path.heading(ahead)
+        heading = _on_turn(heading, float(reference.path.heading(progress)), azimuth)
+    elif reference.heading is not None:
+        heading = np.asarray(reference.heading(ends), dtype=float)
+        heading = _on_turn(heading, float(heading[0]), azimuth)
+    return Preview(speed, point, heading, follows, follows or reference.heading is not None, progress)
+
+
+def turn_rate(reference: Reference, t: float, progress: float) -> float:
+    """Return the turn rate that a reference asks for at time t [s], `progress` [m] along its path, in rad/s."""
+    if reference.path is not None:
+        return float(reference.path.curvature(progress)) * float(reference.speed(t))
+    if reference.heading is not None:
+        return (float(reference.heading(t + MOMENT)) - float(reference.heading(t))) / MOMENT
+    return 0.0
+
+
+def turn_of_path(reference: Reference, t: float, place: FloatArray) -> float:
+    """Return the turn rate of the path at its point nearest to a place (2,) [m], in rad/s; 0 without a path."""
+    if reference.path is None or not np.isfinite(place).all():
+        return 0.0
+    return turn_rate(reference, t, float(reference.path.project(place)))
+
+
+def _on_turn(heading: FloatArray, first: float, azimuth: float) -> FloatArray:
+    """Return headings counted on or back by whole turns, so that `first` comes nearest to an azimuth [rad]."""
+    turns = float(np.round((first - azimuth) / (2.0 * np.pi)))
+    return np.asarray(heading - 2.0 * np.pi * turns)
 
 
 def _require_finite(profile: Constant | Sine) -> None:

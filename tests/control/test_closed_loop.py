@@ -12,8 +12,7 @@ import pytest
 from control.baselines import PiLineOfSight
 from control.estimation.estimator import Estimate, Estimator
 from control.estimation.reduced import ReducedModel
-from control.identification.fit import Identified
-from control.identification.identified import load
+from control.identification.identified import Identified, load
 from control.planning.mpc import GaitMPC
 from control.planning.plan import Plan, PlanStatus
 from control.sensing.sensors import Sensors

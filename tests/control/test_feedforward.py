@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from control.identification.feedforward import FeedForward
-from control.identification.fit import SteeringMap
-from control.identification.identified import load
+from control.identification.identified import SteeringMap, load
+from control.planning.feed_forward import FeedForward
 from worm3d import Worm
 
 

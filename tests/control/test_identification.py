@@ -10,8 +10,19 @@ from numpy.testing import assert_allclose
 
 from control.gaits.steering import MECHANISMS, GaitParameters, Schedule, SteeredWave
 from control.identification import identified
-from control.identification.fit import Design, Identified, Motion, Sample, fit_map, lag, steady_motion
-from control.identification.identified import SHIPPED, key, load, store
+from control.identification.identified import (
+    SHIPPED,
+    Design,
+    Identified,
+    Motion,
+    Sample,
+    fit_map,
+    key,
+    lag,
+    load,
+    steady_motion,
+    store,
+)
 from worm3d import Friction, Plane, Worm, simulate
 
 DESIGN = Design()

@@ -9,11 +9,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from control.estimation.estimator import Estimate
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
-from control.identification.fit import Identified
-from control.identification.identified import load
+from control.identification.identified import Identified, load
+from control.planning.cost import Problem, Tolerances
 from control.planning.mpc import GaitMPC
 from control.planning.plan import Plan, PlanStatus
-from control.planning.problem import Problem, Tolerances
 from control.tracking.paths import Circle, Line, SCurve, offset, track
 from control.tracking.references import Constant, Reference, Steps
 from worm3d import Worm

@@ -170,7 +170,7 @@ def test_mirrored_paths_are_mirror_images(one: Path, other: Path) -> None:
         (lambda: SCurve(wavelength=0.0), "wavelength: got 0.0, must be finite and above 0"),
         (lambda: SplinePath(np.zeros((1, 2))), r"points: got shape \(1, 2\)"),
         (lambda: SplinePath(np.zeros((2, 2))), "two that follow each other coincide"),
-        (lambda: WayPoints([(0, 0), (1, 0), (1, 1)], 1.5), "too large for the leg of 1 m from point 0 to 1"),
+        (lambda: WayPoints([(0, 0), (1, 0), (1, 1)], 1.5), "too large for the stretch of 1 m from point 0 to 1"),
         (lambda: PlanView(Centreline.of([Straight(1.0)], tilt=np.pi / 2)), "vertical somewhere"),
     ],
 )

@@ -5,6 +5,7 @@ from numpy.testing import assert_allclose
 
 from control.estimation.reduced import ReducedModel, ReducedState
 from control.identification.identified import load
+from control.planning.cost import misses_of
 from control.planning.prediction import Prediction
 from worm3d import Worm
 
@@ -18,6 +19,10 @@ def model() -> ReducedModel:
     return ReducedModel.of(Worm(), found)
 
 
+def predicted(steps: int = STEPS) -> Prediction:
+    return Prediction(model(), misses_of(model()), 0.4, steps)
+
+
 def inputs() -> np.ndarray:
     return np.random.default_rng(1).uniform([0.2, 0.6, -0.1], [0.35, 1.2, 0.1], (STEPS, 3))
 
@@ -28,7 +33,7 @@ def wanted() -> np.ndarray:
 
 def test_states_are_those_of_the_models_own_steps() -> None:
     step, state = model().step(0.4), STATE
-    states = Prediction(model(), 0.4, STEPS).states(STATE, inputs())
+    states = predicted().states(STATE, inputs())
     assert_allclose(states[0], STATE)
     for k, given in enumerate(inputs(), start=1):
         state = np.array(step(state, given)).ravel()
@@ -36,7 +41,7 @@ def test_states_are_those_of_the_models_own_steps() -> None:
 
 
 def test_slopes_against_central_differences() -> None:
-    prediction, u, h = Prediction(model(), 0.4, STEPS), inputs(), 1e-6
+    prediction, u, h = predicted(), inputs(), 1e-6
 
     def misses(given: np.ndarray) -> np.ndarray:
         return prediction.misses(prediction.states(STATE, given), given, wanted())
@@ -48,7 +53,7 @@ def test_slopes_against_central_differences() -> None:
 
 
 def test_later_inputs_change_nothing_before() -> None:
-    prediction, u = Prediction(model(), 0.4, STEPS), inputs()
+    prediction, u = predicted(), inputs()
     slopes = prediction.miss_slopes(prediction.states(STATE, u), u, wanted())
     for k in range(STEPS):
         assert_allclose(slopes[k, :, 3 * (k + 1) :], 0.0, atol=0.0)
@@ -66,5 +71,5 @@ def test_misses_of_a_worm_beside_its_path() -> None:
     wanted = np.tile(upwards, (3, 1))
     wanted[:, 4] = [0.0, 1.0 / 0.08, 1.0 / 0.01]
     states, given = np.tile(state, (4, 1)), np.tile([0.3, 0.8, 0.0], (3, 1))
-    seen = Prediction(model(), 0.4, 3).misses(states, given, wanted)
+    seen = predicted(3).misses(states, given, wanted)
     assert_allclose(seen, [[0.75 * 0.08 - 0.05, 0.1, heading] for heading in (0.2, 0.0, -0.1)], atol=1e-12)

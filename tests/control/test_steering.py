@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from control.gaits import TravellingWave
 from control.gaits.generator import PlannedWave, WaveGenerator
 from control.gaits.steering import MECHANISMS, GaitParameters, Schedule, SteeredWave
-from control.identification.fit import Motion, steady_motion
+from control.identification.identified import Motion, steady_motion
 from worm3d import Commands, Plane, Status, Worm, simulate
 
 WORM = Worm()

@@ -9,17 +9,15 @@ from numpy.testing import assert_allclose
 from control.estimation.estimator import Estimate
 from control.estimation.reduced import STATES, ReducedInput, ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters
-from control.identification.feedforward import FeedForward
-from control.identification.fit import Identified
-from control.identification.identified import load
+from control.identification.identified import Identified, load
 from control.planning.fallback import FORGET, LATE, LONGEST_START, LOST, MOST_HELD, MOST_SHIFTED, STANDS, UNKNOWN
+from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC
 from control.planning.plan import Plan, PlanStatus
-from control.planning.preview import turn_rate
 from control.sensing.sensors import Measurement
 from control.supervisor import Supervisor
 from control.tracking.paths import Circle, Line
-from control.tracking.references import Constant, Reference, Steps
+from control.tracking.references import Constant, Reference, Steps, turn_rate
 from worm3d import Worm
 
 WORM = Worm()
@@ -135,7 +133,7 @@ def test_thirty_percent_of_failures_cost_two_percent_of_the_speed_at_most() -> N
         assert supervisor.failures == sources(supervisor).count("shifted plan") > 20
 
 
-def test_the_ladder_step_by_step() -> None:
+def test_the_fallback_step_by_step() -> None:
     """One plan, then none: it goes on five times, then the plain wave follows for good."""
     supervisor = run(Unreliable(lambda call: call > 1), 4.0)
     assert sources(supervisor) == ["mpc"] + ["shifted plan"] * MOST_SHIFTED + ["gait"] * (19 - MOST_SHIFTED)

@@ -11,8 +11,7 @@ import pytest
 from control.gaits import TravellingWave
 from control.gaits.generator import BLEND
 from control.gaits.steering import GaitParameters, Schedule, SteeredWave
-from control.identification.fit import Design, lag
-from control.identification.identified import load
+from control.identification.identified import Design, lag, load
 from control.identification.surrogate import Ranges
 from scenes.commands.identify import command, figure, phases, plant, report, runs
 from scenes.commands.identify import study as studies

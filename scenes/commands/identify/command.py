@@ -11,7 +11,7 @@ import typer
 import worm3d
 from control.gaits.steering import MECHANISMS, Schedule
 from control.identification import identified as kept
-from control.identification.fit import Design, Identified
+from control.identification.identified import Design, Identified
 from scenes.commands.identify import figure, plant, report
 from scenes.commands.identify import phases as phases_of
 from scenes.commands.identify import study as studies

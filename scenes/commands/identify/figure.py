@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from control.gaits.steering import MECHANISMS
-from control.identification.fit import Identified
+from control.identification.identified import Identified
 from scenes.commands.identify.phases import STEERING, Phases
 from scenes.commands.identify.study import AMPLITUDE, GOAL_DEG, IN_STEP, PERIOD, YAW_FACTORS, Curve
 

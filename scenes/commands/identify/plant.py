@@ -9,8 +9,7 @@ import numpy as np
 
 import worm3d
 from control.gaits.steering import MECHANISMS, GaitParameters, Mechanism, Schedule, SteeredWave
-from control.identification.fit import Design, Identified, Lags, Sample, SteeringMap, fit_map
-from control.identification.identified import GREATEST
+from control.identification.identified import MAX_STEERING, Design, Identified, Lags, Sample, SteeringMap, fit_map
 from control.identification.surrogate import Ranges
 from scenes.commands.identify.runs import DT, measure_lags, samples, steady
 from scenes.language.errors import SceneError
@@ -48,7 +47,7 @@ def _map(
     worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, design: Design, mechanism: Mechanism
 ) -> SteeringMap:
     for attempt in range(TRIES):
-        greatest = GREATEST[mechanism] * SHRINK**attempt
+        greatest = MAX_STEERING[mechanism] * SHRINK**attempt
         ranges = design.ranges(greatest)
         fitted = _run(worm, ground, schedule, design, design.parameters(mechanism, greatest))
         checks = fitted and _run(worm, ground, schedule, design, check_parameters(ranges, mechanism))

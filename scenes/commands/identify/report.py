@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from control.identification.fit import Identified, SteeringMap
+from control.identification.identified import Identified, SteeringMap
 from scenes.commands.identify.phases import Phases
 from scenes.commands.identify.study import GOAL_DEG, Curve
 

@@ -11,7 +11,7 @@ import worm3d
 from control.gaits import TravellingWave
 from control.gaits.generator import BLEND, PlannedWave, WaveGenerator
 from control.gaits.steering import GaitParameters, Mechanism, Schedule, SteeredWave
-from control.identification.fit import Lags, Motion, Sample, lag, steady_motion
+from control.identification.identified import Lags, Motion, Sample, lag, steady_motion
 from worm3d.values.arrays import FloatArray
 
 DT = 0.01

@@ -12,7 +12,7 @@ import numpy as np
 import worm3d
 from control.gaits import TravellingWave
 from control.gaits.steering import MECHANISMS, GaitParameters, Mechanism, Schedule, SteeredWave
-from control.identification.fit import Motion
+from control.identification.identified import Motion
 from scenes.commands.identify.runs import Steady, steady
 
 AMPLITUDE, PERIOD = 0.3, 1.25

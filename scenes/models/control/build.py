@@ -9,16 +9,12 @@ from typing import Any
 import numpy as np
 
 import worm3d
-from control.baselines import OpenLoop, PiLineOfSight
-from control.estimation.estimator import Estimator
-from control.estimation.reduced import ReducedModel
+from control.controllers import controller
 from control.identification import identified as kept
-from control.identification.fit import Identified
+from control.identification.identified import Identified
 from control.loop import WaveController
-from control.planning.mpc import GaitMPC
 from control.sensing.channels import QUANTITIES, Channel
 from control.sensing.sensors import Sensors
-from control.supervisor import Supervisor
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Profile, Reference, Sine, Steps
 from scenes.language.errors import SceneError
@@ -43,23 +39,11 @@ def controller_of(scene: ControlScene) -> WaveController:
     SceneError
         The worm has not been identified.
     """
-    worm, found, reference, asked = worm_of(scene), identified_of(scene), reference_of(scene), scene.controller
+    worm, found, asked = worm_of(scene), identified_of(scene), scene.controller
     if found is None:
         raise SceneError(f"worm: {NOT_IDENTIFIED}")
-    if asked.kind == "mpc":
-        model = ReducedModel.of(worm, found, asked.mechanism)
-        estimator, mpc = _estimator(scene, worm, found), GaitMPC(worm, found, model)
-        return Supervisor(worm, reference, model, estimator, mpc, found.schedule, asked.period_s)
-    if asked.kind == "pi_los":
-        estimator = _estimator(scene, worm, found)
-        return PiLineOfSight(worm, found, reference, asked.mechanism, asked.period_s, estimator)
-    return OpenLoop(worm, found, reference, asked.mechanism, asked.period_s)
-
-
-def _estimator(scene: ControlScene, worm: worm3d.Worm, found: Identified) -> Estimator:
-    """Return the estimator; it is told how good the scene's sensors are."""
-    model = ReducedModel.of(worm, found, scene.controller.mechanism)
-    return Estimator.told(worm, model, found.schedule, sensors_of(scene).channels)
+    make = controller(asked.kind).of
+    return make(worm, reference_of(scene), found, asked.mechanism, asked.period_s, sensors_of(scene).channels)
 
 
 def identified_of(scene: ControlScene) -> Identified | None:

@@ -8,9 +8,8 @@ from operator import itemgetter
 
 import worm3d
 from control.loop import WaveController
-from control.planning.decision import Decision
 from control.planning.fallback import MOST_SHIFTED
-from control.planning.plan import PlanStatus
+from control.planning.plan import Decision, PlanStatus
 from control.sensing.channels import QUANTITIES
 from control.sensing.gate import Gate
 from scenes.records.summary import Cell

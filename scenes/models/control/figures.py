@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from control.estimation.reduced import ReducedState
-from control.planning.decision import SOURCES
+from control.planning.plan import SOURCES
 from control.tracking.metrics import SETTLED, Tracking
 from scenes.commands.report import faults
 from scenes.models.control.build import reference_of

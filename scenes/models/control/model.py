@@ -12,7 +12,6 @@ import numpy as np
 import worm3d
 from control.loop import WaveController
 from control.sensing.sensors import Measurement
-from control.supervisor import Supervisor
 from control.tracking.metrics import measured
 from control.tracking.references import Reference
 from scenes.models.base import Model, Observer, Outcome, Watch
@@ -107,7 +106,7 @@ def _with_control(
 ) -> Outcome:
     """Return the outcome of a run with what its controller did and how well that kept to the reference."""
     figures, reasons = measured(motion_of(result, waves), reference, result.worm.length)
-    failures = controller.failures if isinstance(controller, Supervisor) else None
+    failures = controller.failures if controller.plans else None
     merits: dict[str, Merit] = {**plain.summary, **figures, "mpc_failures": failures}
     merits |= {
         "measurements_refused": refused(controller),

@@ -10,30 +10,29 @@ import casadi as ca
 import numpy as np
 
 from control.estimation.reduced import ReducedInput
-from control.identification.fit import SteeringMap
-from control.identification.surrogate import Ranges
+from control.identification.identified import SteeringMap
 from worm3d.values.arrays import FloatArray
 
 PREFERRED = 0.8
 """Frequency at which the default worm has most of its speeds [Hz]; one outside a range gives way to its middle."""
 POINTS = 33
-"""On each part of the line."""
+"""Number of points on each part of the line."""
 STEERINGS = 97
-"""Values of the steering: weak steering hardly turns the worm, so that they have to be close."""
+"""Number of values of the steering: weak steering hardly turns the worm, so that they have to be close."""
 RISE = 1e-6
 """Turn rate that a unit of steering adds to the map's [rad/s], so that only no steering at all has none."""
 REPEATS = 3
-"""Steering changes the speed a little, and speed the steering: found in turns."""
+"""Number of times that steering and speed are found in turns, since each changes the other a little."""
 
 
 class FeedForward:
-    """The identified map of one mechanism, the other way round.
+    """The inverse of the identified map of one mechanism.
 
     Parameters
     ----------
     found : SteeringMap
     length : float
-        Of the body [m].
+        Length of the body [m].
 
     Attributes
     ----------
@@ -44,14 +43,18 @@ class FeedForward:
     fastest : float
         Greatest speed of the identified map, straight ahead [m/s].
     ranges : Ranges
-        Within which the map was identified.
+        Ranges in which the map was identified.
     """
 
     def __init__(self, found: SteeringMap, length: float) -> None:
         low, high = found.ranges.frequency
         self.frequency = PREFERRED if low <= PREFERRED <= high else (low + high) / 2.0
         self.ranges = found.ranges
-        self._amplitudes, self._frequencies = _line(found.ranges, self.frequency)
+        (least, greatest), preferred = found.ranges.amplitude, self.frequency
+        amplitudes = [np.full(POINTS, least), np.linspace(least, greatest, POINTS), np.full(POINTS, greatest)]
+        up, on = np.linspace(low, preferred, POINTS), np.linspace(preferred, high, POINTS)
+        self._amplitudes = np.concatenate(amplitudes)
+        self._frequencies = np.concatenate([up, np.full(POINTS, preferred), on])
         self._steerings = np.linspace(0.0, found.ranges.steering, STEERINGS)
         wave = ca.SX.sym("amplitude"), ca.SX.sym("frequency"), ca.SX.sym("steering")
         speed, rate = length * found.speed(*wave), found.turn_rate(*wave)
@@ -64,32 +67,24 @@ class FeedForward:
         """Return the wave of a steady speed [m/s] and turn rate [rad/s], or the nearest that there is."""
         steering = 0.0  # its magnitude: left and right are mirror images
         for _ in range(REPEATS):
-            along = self._speeds(steering)
-            amplitude = float(np.interp(speed, along, self._amplitudes))
-            frequency = float(np.interp(speed, along, self._frequencies))
-            rates = np.array(self._turn_rate(amplitude, frequency, self._steerings[None])).ravel()
-            rising = np.maximum.accumulate(rates) + RISE * self._steerings
+            amplitude, frequency = self._on_line(speed, self._speeds(steering))
+            rising = np.maximum.accumulate(self._turn_rates(amplitude, frequency)) + RISE * self._steerings
             steering = float(np.interp(abs(turn_rate), rising, self._steerings))
         return ReducedInput(amplitude, frequency, float(np.copysign(steering, turn_rate)))
 
     def sharpest(self, speed: float) -> float:
         """Return the greatest turn rate of the map at a speed straight ahead [rad/s]."""
-        wave = (float(np.interp(speed, self._straight, line)) for line in (self._amplitudes, self._frequencies))
-        return float(np.array(self._turn_rate(*wave, self._steerings[None])).max())
+        return float(self._turn_rates(*self._on_line(speed, self._straight)).max())
+
+    def _on_line(self, speed: float, speeds: FloatArray) -> tuple[float, float]:
+        """Return amplitude and frequency at a speed, given the speeds along the line [m/s]."""
+        return float(np.interp(speed, speeds, self._amplitudes)), float(np.interp(speed, speeds, self._frequencies))
+
+    def _turn_rates(self, amplitude: float, frequency: float) -> FloatArray:
+        """Return the turn rates over the steerings [rad/s]."""
+        return np.array(self._turn_rate(amplitude, frequency, self._steerings[None])).ravel()
 
     def _speeds(self, steering: float) -> FloatArray:
         """Return the speeds along the line [m/s]; they rise, whatever the fit does at its edges."""
         speeds = np.array(self._speed(self._amplitudes[None], self._frequencies[None], steering)).ravel()
         return np.maximum.accumulate(speeds)
-
-
-def _line(ranges: Ranges, preferred: float) -> tuple[FloatArray, FloatArray]:
-    """Return amplitudes and frequencies from the slowest wave to the fastest."""
-    (least, greatest), (low, high) = ranges.amplitude, ranges.frequency
-    amplitudes = [np.full(POINTS, least), np.linspace(least, greatest, POINTS), np.full(POINTS, greatest)]
-    frequencies = [
-        np.linspace(low, preferred, POINTS),
-        np.full(POINTS, preferred),
-        np.linspace(preferred, high, POINTS),
-    ]
-    return np.concatenate(amplitudes), np.concatenate(frequencies)

@@ -1,4 +1,4 @@
-"""CasADi functions called again and again without allocating what they need each time."""
+"""CasADi functions that are called again and again from Python, without allocating memory in each call."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from worm3d.values.arrays import FloatArray
 
 
 class Buffered:
-    """A function of dense arguments and results, with memory of its own; not to be called by two threads at once.
+    """A function of dense arguments and results with memory of its own; not to be called by two threads at once.
 
     Parameters
     ----------
