@@ -1,13 +1,107 @@
-"""What an estimator says of a worm."""
+"""Beliefs about the state of a worm, the estimate that follows from them, and a test of their covariance.
+
+While its heading is not known a worm has several beliefs, each a normal distribution. With the weights w_i, means m_i
+and covariances P_i the mixture has
+
+    m = sum w_i m_i,   P = sum w_i (P_i + (m_i - m)(m_i - m)^T)                                               (KF1)
+
+with headings averaged on the circle, m_h = arg sum w_i exp(i h_i).
+
+If model and noise are right, the normalised innovation squared (NIS) of a sample of d numbers is chi-squared
+distributed with d degrees of freedom, independently of those before, so that the mean over n samples
+
+    nis = sum nis_k / n   lies in   [chi2^-1(0.025; n d), chi2^-1(0.975; n d)] / n                            (KF7)
+
+19 times out of 20. Above it the estimator trusts its model or sensors too much, below it too little. (Bar-Shalom, Li,
+Kirubarajan: Estimation with Applications to Tracking and Navigation, 5.4.2.)
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy
 
 from control.estimation.reduced import ReducedState
 from worm3d.values.arrays import FloatArray
+
+HEADING = ReducedState._fields.index("heading")
+"""Index of the heading in the state."""
+
+HOPELESS = 12.0
+"""Logarithm of the likelihood ratio to the best belief at which another is dropped, a hundred thousand."""
+
+NARROW = 0.25
+"""Standard deviation of the heading of all beliefs below which they become one [rad]."""
+
+PROBABILITY = 0.95
+"""Probability of the interval in (KF7)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """Normal distribution of the state.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (n,)
+    covariance : ndarray, shape (n, n)
+    log_weight : float
+        Logarithm of its weight, up to a constant that all beliefs share.
+    refused, turned : int
+        Number of samples in a row, of the centre of mass and of the heading, that were refused as impossible.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    log_weight: float = 0.0
+    refused: int = 0
+    turned: int = 0
+
+
+def weights(beliefs: Sequence[Belief]) -> FloatArray:
+    """Return the weights, whose sum is 1."""
+    logs = np.array([belief.log_weight for belief in beliefs])
+    shares = np.exp(np.maximum(logs - logs.max(), -700.0))
+    normalised: FloatArray = shares / shares.sum()
+    return normalised
+
+
+def merged(beliefs: Sequence[Belief]) -> Belief:
+    """Return the mixture of beliefs, (KF1), its heading within half a turn of that of the likeliest."""
+    if len(beliefs) == 1:
+        return beliefs[0]
+    shares = weights(beliefs)
+    means = np.array([belief.mean for belief in beliefs])
+    best = means[np.argmax(shares), HEADING]
+    towards = shares @ np.exp(1j * (means[:, HEADING] - best))
+    middle = best + (np.angle(towards) if abs(towards) > 1e-9 else -best)  # from all sides: 0, as good as any
+    means[:, HEADING] = middle + wrapped(means[:, HEADING] - middle)
+    mean = shares @ means
+    mean[HEADING] = middle
+    off = means - mean
+    covariance = np.einsum("i,ijk->jk", shares, np.array([belief.covariance for belief in beliefs]))
+    return Belief(mean, covariance + (shares[:, None] * off).T @ off)
+
+
+def pruned(beliefs: Sequence[Belief]) -> list[Belief]:
+    """Return the beliefs that are likely enough, as one when they nearly agree."""
+    best = max(belief.log_weight for belief in beliefs)
+    left = [
+        replace(belief, log_weight=belief.log_weight - best)
+        for belief in beliefs
+        if belief.log_weight > best - HOPELESS
+    ]
+    whole = merged(left)
+    return [whole] if whole.covariance[HEADING, HEADING] < NARROW**2 else left
+
+
+def wrapped(angle: FloatArray) -> FloatArray:
+    """Return angles in [-pi, pi)."""
+    turned: FloatArray = np.mod(angle + np.pi, 2.0 * np.pi) - np.pi
+    return turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,19 +111,19 @@ class Estimate:
     Attributes
     ----------
     time : float
-        [s]
+        Instant [s].
     state : ReducedState
-        Numbers.
+        Mean, in numbers.
     covariance : ndarray, shape (9, 9)
-        Of the state's errors, in the order of its fields.
+        Covariance of the state, in the order of its fields.
     nis : float or None
         Normalised innovation squared, of 2 degrees of freedom, of the last sample of the centre of mass; None before
         the first.
     slope : ndarray, shape (2,)
-        Gradient of the ground where the worm is: what it climbs a metre in x and in y.
+        Gradient of the ground where the worm is, its climb per metre in x and in y.
     slope_covariance : ndarray, shape (2, 2)
     refused : int
-        Samples so far that were held for impossible.
+        Number of samples so far that were refused as impossible.
     """
 
     time: float
@@ -42,22 +136,22 @@ class Estimate:
 
     @property
     def position(self) -> FloatArray:
-        """Centre of mass without what a wave rocks it by, shape (2,) [m]."""
+        """Centre of mass without its rocking in a wave, shape (2,) [m]."""
         return np.array([self.state.x, self.state.y], dtype=float)
 
     @property
     def heading(self) -> float:
-        """Azimuth, unwrapped; its whole turns are arbitrary [rad]."""
+        """Azimuth, unwrapped from an arbitrary whole turn [rad]."""
         return float(self.state.heading)
 
     @property
     def speed(self) -> float:
-        """Along the heading, less what slips [m/s]."""
+        """Speed along the heading, slip taken off [m/s]."""
         return float((1.0 - self.state.slip) * self.state.speed)
 
     @property
     def turn_rate(self) -> float:
-        """To the left, whatever makes it [rad/s]."""
+        """Turn rate to the left, whatever its cause [rad/s]."""
         return float(self.state.turn_rate + self.state.yaw_bias)
 
     @property
@@ -65,3 +159,33 @@ class Estimate:
         """Standard deviations of the state, shape (9,)."""
         deviations: FloatArray = np.sqrt(np.diagonal(self.covariance))
         return deviations
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """Mean of normalised innovations squared, and the interval in which it should lie, (KF7)."""
+
+    mean: float
+    low: float
+    high: float
+    samples: int
+
+    @property
+    def holds(self) -> bool:
+        """Whether the mean lies within the interval."""
+        return self.low <= self.mean <= self.high
+
+
+def consistency(nis: Sequence[float], degrees: int = 2) -> Consistency:
+    """Return (KF7) of normalised innovations squared, such as `Estimator.innovations`, of so many degrees of freedom.
+
+    Raises
+    ------
+    ValueError
+        There are none.
+    """
+    if not len(nis):
+        raise ValueError("consistency: got no innovations, must be at least one; did samples of the sensors arrive?")
+    tail, n = (1.0 - PROBABILITY) / 2.0, len(nis)
+    low, high = (float(scipy.stats.chi2.ppf(share, n * degrees)) / n for share in (tail, 1.0 - tail))
+    return Consistency(float(np.mean(nis)), low, high, n)

@@ -1,9 +1,9 @@
-"""The estimator: where the worm is, where it heads and what it does besides what its gait should make it do.
+"""Estimator of a worm's place, heading, and motion, also of what its gait does not explain of that.
 
 It is an extended Kalman filter (`control.estimation.kalman`) on the reduced model (R1), fed with samples of the centre
 of mass at the instants at which they were taken: a late one takes the filter back to its instant, and those after it
 are taken again. The noise of these samples is what the sensors are told to have, or more if the innovations show more
-(`control.sensing.noise`). The strains give the wave that rocks the centre of mass (`control.estimation.measured_wave`).
+(KF8). The strains give the wave that rocks the centre of mass (`control.estimation.wave`).
 A heading that is not told at the start is sought from all sides at once, by a filter for each; they agree, or die out,
 within a wave or so of crawling.
 
@@ -22,51 +22,50 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.estimation.belief import HEADING, Belief, merged, reduced
-from control.estimation.estimate import Estimate
+from control.estimation.estimate import HEADING, Belief, Estimate, merged, pruned
 from control.estimation.ground import Ground, GroundTrust, Standing
-from control.estimation.input_history import Driven
-from control.estimation.kalman import IMPOSSIBLE, ROCKING, SIZE, Corrected, Kalman, Uncertainty
-from control.estimation.measured_wave import MeasuredWave
+from control.estimation.kalman import IMPOSSIBLE, ROCKING, SIZE, Corrected, Kalman, Noise, Uncertainty
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
+from control.estimation.wave import InputHistory, MeasuredWave
 from control.gaits.steering import GaitParameters, Schedule
+from control.sensing.channels import COM, Channel
+from control.sensing.channels import HEADING as HEADING_SENSOR
 from control.sensing.gate import AHEAD, SPAN
-from control.sensing.noise import Noise
-from control.sensing.sensors import COM, Channel, Measurement
-from control.sensing.sensors import HEADING as HEADING_SENSOR
+from control.sensing.sensors import Measurement
 from worm3d import Worm
+from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
 __all__ = ["Estimate", "Estimator"]
 
-
 PAUSE = 0.2
-"""After such a time without samples the filter goes on without one [s]."""
+"""Time without samples after which the filter goes on without one [s]."""
 
 SIDES = 12
-"""Headings from which a filter starts where none is told."""
+"""Number of headings from which a filter starts where none is told."""
 
 ANYWHERE = 10.0
-"""Deviation of the position before the first sample [m]."""
+"""Standard deviation of the position before the first sample [m]."""
 
 RIPPLE = 0.002
-"""Least deviation of a sample of the centre of mass: what the measured wave does not explain of its rocking [m]."""
+"""Least standard deviation of a sample of the centre of mass, its rocking beside the measured wave included [m]."""
 
 ROCKED = 0.016
-"""Deviation of the chord's azimuth from the heading, by which a wave rocks it besides the noise of its sensor [rad]."""
+"""Standard deviation by which a wave rocks the chord's azimuth about the heading [rad]."""
 
 NOISIEST = 0.2
-"""Greatest noise of the centre of mass that is believed in [body lengths]."""
+"""Largest noise of the centre of mass that is believed [body lengths]."""
 
 BEGIN = {"speed": 0.02, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01}
-"""Deviations at the start, from a worm at rest that does what its map says [m/s], [rad/s], [1], [rad/s]."""
+"""Standard deviations at the start, of a worm at rest that obeys its map [m/s], [rad/s], [1], [rad/s]."""
+
 BEGIN_ROCKING = 0.05
-"""[m] a unit of strain."""
+"""Standard deviation of the entries of C at the start [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """What arrived of an instant; nothing, where the filter just went on to it."""
+    """Samples of one instant; none where the filter just went on to it."""
 
     time: float
     com: FloatArray | None = None
@@ -78,47 +77,45 @@ class _Sample:
 
 @dataclass(frozen=True, eq=False)
 class _Fused:
-    """A sample, and what is believed since."""
+    """Sample, and the beliefs after it; `placed` after the first sample of the centre of mass."""
 
     sample: _Sample
     beliefs: list[Belief]
     ground: Ground
     nis: float | None
     placed: bool = False
-    """Whether there has been a sample of the centre of mass."""
     refused: int = 0
-    """Samples so far that were held for impossible."""
 
 
 class Estimator:
-    """Makes an estimate of each measurement.
+    """Extended Kalman filter that makes an estimate of each measurement.
 
     Parameters
     ----------
     worm : Worm
     model : ReducedModel
     schedule : Schedule, optional
-        Of the wave; the default if left out.
+        Schedule of the wave; the default if left out.
     heading : float, optional
-        At the start [rad]; None: not known.
+        Heading at the start [rad]; None: not known.
     heading_deviation : float
-        How uncertain that is [rad].
+        Standard deviation of that [rad].
     uncertainty : Uncertainty, optional
         How far sensors and model are trusted.
     ground : GroundTrust, optional
-        How the ground may be.
+        How far samples of the height are trusted.
     span : float
         Age beyond which a sample is not used [s].
 
     Attributes
     ----------
     noise : Noise
-        Of the samples of the centre of mass.
+        Noise of the samples of the centre of mass.
 
     Raises
     ------
     ValueError
-        A heading that is not finite, or a deviation that is not above 0.
+        The heading is not finite, or its deviation not above 0.
     """
 
     def __init__(
@@ -134,22 +131,21 @@ class Estimator:
     ) -> None:
         if heading is not None and not np.isfinite(heading):
             raise ValueError(f"heading: got {heading!r} rad, must be finite, or None where it is not known")
-        if not (np.isfinite(heading_deviation) and heading_deviation > 0.0):
-            raise ValueError(f"heading_deviation: got {heading_deviation!r} rad, must be finite and above 0")
+        arguments.number("heading_deviation", heading_deviation, "rad", gt=0.0)
         self._mechanism, self.span = model.mechanism, span
         trust = uncertainty or Uncertainty()
         self._filter = Kalman(model, trust)
         self._trust_ground = ground or GroundTrust()
         self._wave, self._standing = MeasuredWave(worm.segments, schedule or Schedule()), Standing(worm)
         self.noise = Noise(trust.com, NOISIEST * worm.length)
-        self._driven = Driven(2.0 * span)
+        self._history = InputHistory(2.0 * span)
         self._begin = _beginning(trust, heading, heading_deviation)
         self.reset()
 
     def reset(self) -> None:
         """Forget everything; a run begins."""
         self._wave.reset()
-        self._driven.reset()
+        self._history.reset()
         self.noise.reset()
         self._past: list[_Fused] = []
         self._settled: list[tuple[float, float]] = []
@@ -174,7 +170,7 @@ class Estimator:
     def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
         """Take a measurement; parameters as of `update`."""
         steering = getattr(parameters, self._mechanism)
-        self._driven.add(t, np.array([parameters.amplitude, parameters.frequency, steering]), phase)
+        self._history.add(t, np.array([parameters.amplitude, parameters.frequency, steering]), phase)
         if not self._past:
             self._past = [_Fused(_Sample(t), self._begin, Ground.unknown(self._trust_ground), None)]
         if measurement.strain is not None:
@@ -196,12 +192,12 @@ class Estimator:
 
     @property
     def innovations(self) -> list[tuple[float, float]]:
-        """Instant [s] and nis of every sample of the centre of mass; see `control.estimation.consistency`."""
+        """Instant [s] and nis of every sample of the centre of mass; see `control.estimation.estimate.consistency`."""
         return self._settled + [(each.sample.time, each.nis) for each in self._past if each.nis is not None]
 
     def _look_at(self, strain: FloatArray, instant: float) -> None:
         """Take in the shape of the body at an instant."""
-        self._wave.take(strain, self._driven.phase(instant))
+        self._wave.take(strain, self._history.phase(instant))
         self._heights.append((instant, self._standing.height(strain)))
         while self._heights[0][0] < instant - self.span:
             self._heights.popleft()
@@ -218,7 +214,7 @@ class Estimator:
         samples = []
         if measurement.com is not None:
             instant = measurement.com_time
-            wave, stood = self._wave.at(self._driven.phase(instant)), self._stood(instant)
+            wave, stood = self._wave.at(self._history.phase(instant)), self._stood(instant)
             samples.append(_Sample(instant, measurement.com, wave, self.noise.deviation, stood))
         if measurement.heading is not None:
             samples.append(_Sample(measurement.heading_time, heading=measurement.heading))
@@ -249,7 +245,7 @@ class Estimator:
         if sample.heading is not None:
             beliefs, unlikely = self._with_heading(beliefs, sample.heading)
             refused += unlikely
-        return _Fused(sample, reduced(beliefs), ground, nis, last.placed or sample.com is not None, refused)
+        return _Fused(sample, pruned(beliefs), ground, nis, last.placed or sample.com is not None, refused)
 
     def _with_com(self, beliefs: list[Belief], sample: _Sample, gated: bool) -> list[Corrected]:
         """Return the beliefs after a sample of the centre of mass; gated, it may be held for impossible."""
@@ -271,7 +267,7 @@ class Estimator:
     def _predicted(self, last: _Fused, t: float) -> list[Belief]:
         """Return what is believed of a later instant."""
         beliefs = last.beliefs
-        for given, seconds in self._driven.between(last.sample.time, t):
+        for given, seconds in self._history.between(last.sample.time, t):
             beliefs = [self._filter.predicted(belief, given, last.ground.slope, seconds) for belief in beliefs]
         return beliefs
 

@@ -1,8 +1,8 @@
-"""The extended Kalman filter of a crawling worm: prediction by the reduced model, correction by the centre of mass.
+"""Extended Kalman filter of a crawling worm: prediction by the reduced model, correction by samples, and their noise.
 
-Its state X are the states of (R1) and, besides, how the centre of mass rocks with the wave, C (2 x 2):
+Its state X are the states of (R1) and the matrix C (2 x 2) by which the centre of mass rocks with the wave:
 
-    (R1),   drift' = (-kappa v s_left - drift)/tau,   C' = 0                                                  (K2)
+    (R1),   drift' = (-kappa v s_left - drift)/tau,   C' = 0                                                 (KF2)
 
 with white noise on each rate. s_left is the slope of the ground to the left, as far as it is known
 (`control.estimation.ground`), and kappa what a slope makes a crawling worm yield: dry friction that is shaken by the
@@ -10,52 +10,77 @@ wave gives way like a viscous one, so that uphill the worm loses kappa v s of it
 kappa = 4), and across a slope it slides downhill in proportion likewise (found: 10 degrees of crab at 3 degrees, kappa
 = 3.4). A sample of the centre of mass is
 
-    (x, y) + T(h) C wave(psi)                                                                                 (K3)
+    (x, y) + T(h) C wave(psi)                                                                                (KF3)
 
 T being the rotation by the heading h and wave(psi) the measured wave (W2); a sample of the heading is h. With the
 Jacobians F and H of prediction and sample, noise Q dt and R, innovation e, S = H P H^T + R and K = P H^T S^-1:
 
-    P -> F P F^T + Q dt;    X -> X + K e,   P -> (1 - K H) P (1 - K H)^T + K R K^T,   nis = e^T S^-1 e           (K4)
+    P -> F P F^T + Q dt;    X -> X + K e,   P -> (1 - K H) P (1 - K H)^T + K R K^T,   nis = e^T S^-1 e          (KF4)
 
 (Bar-Shalom, Li, Kirubarajan: Estimation with Applications to Tracking and Navigation, 5.4 and 10.3.)
 
-What can be known. Position, speed and course (the direction in which the centre of mass moves) follow from the
-samples of the centre of mass within a wave. The heading follows from course and drift: a constant drift that no known
-slope explains looks like a heading, and is taken for one, since the filter expects drift to pass with tau. A worm at
-rest has no course: its heading stays as uncertain as it was, and more so. Slip is known where the worm crawls, at
-rest it is not.
+Observability. Position, speed and course (the direction in which the centre of mass moves) follow from the samples of
+the centre of mass within a wave. The heading follows from course and drift: a constant drift that no known slope
+explains looks like a heading, and is taken for one, since the filter expects drift to pass with tau. A worm at rest
+has no course, so that its heading stays as uncertain as it was, and more so. Slip shows where the worm crawls only.
+
+Noise of the samples. The innovations e_k of a filter that knows its model are uncorrelated, so that, with what it is
+unsure of, H P H^T, and the noise R of a sample,
+
+    E (e_k - e_{k-1}) (e_k - e_{k-1})^T = 2 (H P H^T + R).                                                    (KF8)
+
+Model errors change little from one sample to the next and cancel. Of two coordinates with equal variances S,
+|e_k - e_{k-1}|^2 / 2 is S times a chi-squared number of 2 degrees of freedom, the median of which is 2 ln 2; unlike
+the mean it does not mind a few wrong samples.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections import deque
+from dataclasses import dataclass, replace
+from math import log, sqrt
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from control.estimation.belief import HEADING, Belief, wrapped
+from control.estimation.estimate import HEADING, Belief, wrapped
 from control.estimation.reduced import INPUTS, STATES, ReducedModel, ReducedState
 from worm3d.machine.buffered import Buffered
 from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
 
 ROCKING = slice(STATES, STATES + 4)
 SIZE = STATES + 4
 DRIFT = ReducedState._fields.index("drift")
 
 IMPOSSIBLE = 25.0
-"""A sample with a greater nis is held for impossible: of two normal numbers, one pair in 270 000 is."""
+"""NIS beyond which a sample of the centre of mass is refused; of two normal numbers, one pair in 270 000 has more."""
 
 IMPOSSIBLE_HEADING = 21.0
-"""Squared deviation, over its variance, beyond which a measured heading is not believed."""
+"""NIS beyond which a sample of the heading is refused."""
 
 PATIENCE = 3
-"""After so many impossible samples in a row it is the belief that is held for wrong: the worm was moved."""
+"""Number of refused samples in a row after which the belief is taken to be wrong, and the worm to have been moved."""
 
 MOVED = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
-"""Standard deviations that a worm that was moved has besides [rad], [m/s], [rad/s]."""
+"""Standard deviations that are added where the worm was moved [rad], [m/s], [rad/s]."""
+
+NOISE_WINDOW = 100
+"""Number of samples from which their noise is estimated, five seconds of the default sensors. With half of them the
+estimate is off by 20 % of the noise, with twice as many it takes twice as long to follow."""
+
+NOISE_LEAST = 8
+"""Number of samples below which their noise is not estimated."""
+
+NOISE_CHANCE = 4.0
+"""Number of standard errors of the variance that are put down to chance."""
+
+NOISE_ERROR = 1.6
+"""Standard error of the variance by (KF8), times the square root of the number of samples, over the variance."""
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Uncertainty:
     """How far sensors and model are trusted; the defaults suit the default worm and `control.sensing.sensors`.
@@ -63,72 +88,43 @@ class Uncertainty:
     Place, speed and turn rate are about where the innovations of nine runs of a minute are likeliest (line, circle,
     S-curve, way points, steps of the speed, and 3 degrees uphill; seeds 11 to 13). For those the drift could be half of
     what it is; that is what makes the filter know how wrong its heading is where a worm winds.
-
-    Attributes
-    ----------
-    com : float
-        Standard deviation of a sample of the centre of mass, with what it rocks besides (K3) [m].
-    heading_sample : float
-        Likewise of a heading sensor [rad].
-    place : float
-        Noise of the position [m/sqrt(s)].
-    heading, turning : float
-        Noise of the heading [rad/sqrt(s)], at no turn rate, and what it grows by a unit of it [sqrt(s)].
-    speed, turn_rate : float
-        Of the motion that the gait makes [m/s/sqrt(s)], [rad/s/sqrt(s)].
-    slip, yaw_bias : float
-        [1/sqrt(s)], [rad/s/sqrt(s)]
-    drift, drift_time : float
-        Standard deviation [m/s] and correlation time tau [s] of the drift that no slope explains.
-    rocking : float
-        Of the entries of C [m/sqrt(s)].
-    slope_yield : float
-        kappa.
-
-    Raises
-    ------
-    ValueError
-        A value that is not finite or is below 0; sensors and `drift_time` must be above 0.
     """
 
-    com: float = 0.005
-    heading_sample: float = 0.025
-    place: float = 0.0005
-    heading: float = 0.004
-    turning: float = 0.12
-    speed: float = 0.003
-    turn_rate: float = 0.008
-    slip: float = 0.01
-    yaw_bias: float = 0.003
-    drift: float = 0.0018
-    drift_time: float = 2.0
-    rocking: float = 0.001
-    slope_yield: float = 3.6
+    com: float = parameter(0.005, unit="m", gt=0, meaning="standard deviation of a sample of the centre of mass")
+    heading_sample: float = parameter(0.025, unit="rad", gt=0, meaning="standard deviation of a sample of the heading")
+    place: float = parameter(0.0005, unit="m/sqrt(s)", ge=0, meaning="noise of the position")
+    heading: float = parameter(0.004, unit="rad/sqrt(s)", ge=0, meaning="noise of the heading without turning")
+    turning: float = parameter(0.12, unit="sqrt(s)", ge=0, meaning="increase of that noise per turn rate")
+    speed: float = parameter(0.003, unit="m/s/sqrt(s)", ge=0, meaning="noise of the speed that the gait makes")
+    turn_rate: float = parameter(
+        0.008, unit="rad/s/sqrt(s)", ge=0, meaning="noise of the turn rate that the gait makes"
+    )
+    slip: float = parameter(0.01, unit="1/sqrt(s)", ge=0, meaning="noise of the slip")
+    yaw_bias: float = parameter(0.003, unit="rad/s/sqrt(s)", ge=0, meaning="noise of the yaw bias")
+    drift: float = parameter(0.0018, unit="m/s", ge=0, meaning="standard deviation of the drift that no slope explains")
+    drift_time: float = parameter(2.0, unit="s", gt=0, meaning="correlation time tau of that drift")
+    rocking: float = parameter(0.001, unit="m/sqrt(s)", ge=0, meaning="noise of the entries of C")
+    slope_yield: float = parameter(3.6, ge=0, meaning="kappa, share of the speed that a slope takes, over the slope")
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            positive = field.name in ("com", "heading_sample", "drift_time")
-            if not (np.isfinite(value) and value >= 0.0 and (value > 0.0 or not positive)):
-                rule = "above 0" if positive else "at least 0"
-                raise ValueError(f"{field.name}: got {value!r}, must be finite and {rule}")
+        check(self)
 
 
 class Corrected(NamedTuple):
-    """A belief after a sample."""
+    """Belief after a sample of the centre of mass."""
 
     belief: Belief
     nis: float
     innovation: FloatArray
-    """Sample less what was expected, shape (2,) [m]."""
+    """Sample minus its expected value, shape (2,) [m]."""
     spread: float
-    """Variance of what was expected, the mean of both coordinates [m^2]."""
+    """Variance of the expected value, the mean of both coordinates [m^2]."""
     refused: bool = False
-    """Whether the sample was held for impossible."""
+    """Whether the sample was refused as impossible."""
 
 
 class Kalman:
-    """The filter, compiled.
+    """Filter of one reduced model, compiled.
 
     Parameters
     ----------
@@ -153,17 +149,17 @@ class Kalman:
     def with_com(
         self, belief: Belief, com: FloatArray, wave: FloatArray, gated: bool, deviation: float | None = None
     ) -> Corrected:
-        """Return the belief after a sample of the centre of mass, (K4).
+        """Return the belief after a sample of the centre of mass, (KF4).
 
         Parameters
         ----------
         belief : Belief
         com, wave : ndarray, shape (2,)
-            The sample [m], and the measured wave then.
+            Sample [m], and the measured wave (W2) at its instant.
         gated : bool
-            Whether it may be held for impossible.
+            Whether it may be refused as impossible.
         deviation : float, optional
-            Standard deviation of its noise [m]; what was told if left out.
+            Standard deviation of its noise [m]; `Uncertainty.com` if left out.
         """
         sigma = self._deviation if deviation is None else deviation
         mean, covariance, nis, log_det, e, spread = self._com(belief.mean, belief.covariance, com, wave, sigma)
@@ -179,9 +175,9 @@ class Kalman:
         return Corrected(after, *found)
 
     def with_heading(self, belief: Belief, heading: float, gated: bool = False) -> tuple[Belief, bool]:
-        """Return the belief after a sample of the heading [rad], (K4), modulo a turn, and whether that was refused.
+        """Return the belief after a sample of the heading [rad], (KF4), modulo a turn, and whether that was refused.
 
-        Gated, it may be held for impossible.
+        Only a gated sample may be refused as impossible.
         """
         off = wrapped(np.array([heading - belief.mean[HEADING]]))
         before = belief.mean, belief.covariance, belief.mean[HEADING] + off
@@ -203,7 +199,7 @@ def _usable(*found: FloatArray) -> bool:
 
 
 def _prediction(model: ReducedModel, trust: Uncertainty) -> ca.Function:
-    """Return (X, P, input, slope, seconds) -> X, P by (K2) and (K4)."""
+    """Return (X, P, input, slope, seconds) -> X, P by (KF2) and (KF4)."""
     X, P = ca.SX.sym("X", SIZE), ca.SX.sym("P", SIZE, SIZE)
     given, slope, dt = ca.SX.sym("input", INPUTS), ca.SX.sym("slope", 2), ca.SX.sym("dt")
     s = ReducedState(*ca.vertsplit(X[:STATES]))
@@ -217,7 +213,7 @@ def _prediction(model: ReducedModel, trust: Uncertainty) -> ca.Function:
 
 
 def _noise(s: ReducedState, trust: Uncertainty) -> ca.SX:
-    """Return the spectral densities of (K2), the diagonal of Q."""
+    """Return the spectral densities of (KF2), the diagonal of Q."""
     of_state = ReducedState(
         x=trust.place**2,
         y=trust.place**2,
@@ -232,7 +228,7 @@ def _noise(s: ReducedState, trust: Uncertainty) -> ca.SX:
 
 
 def _com_correction() -> ca.Function:
-    """Return (X, P, com, wave, deviation) -> X, P, nis, log det S, e and the mean of H P H^T by (K3) and (K4)."""
+    """Return (X, P, com, wave, deviation) -> X, P, nis, log det S, e and the mean of H P H^T by (KF3) and (KF4)."""
     X, P = ca.SX.sym("X", SIZE), ca.SX.sym("P", SIZE, SIZE)
     sample, wave, deviation = ca.SX.sym("com", 2), ca.SX.sym("wave", 2), ca.SX.sym("deviation")
     rocking = ca.reshape(X[ROCKING], 2, 2) @ wave
@@ -246,13 +242,13 @@ def _com_correction() -> ca.Function:
 
 
 def _heading_correction(trust: Uncertainty) -> ca.Function:
-    """Return (X, P, heading) -> X, P, nis, log det S by (K4)."""
+    """Return (X, P, heading) -> X, P, nis, log det S by (KF4)."""
     X, P, sample = ca.SX.sym("X", SIZE), ca.SX.sym("P", SIZE, SIZE), ca.SX.sym("heading")
     return ca.Function("heading", [X, P, sample], _correction(X, P, sample, X[HEADING], ca.SX(trust.heading_sample)))
 
 
 def _correction(X: ca.SX, P: ca.SX, sample: ca.SX, expected: ca.SX, deviations: ca.SX) -> list[ca.SX]:
-    """Return X, P, nis and log det S after a sample, (K4)."""
+    """Return X, P, nis and log det S after a sample, (KF4)."""
     H, R, e = ca.jacobian(expected, X), ca.diag(deviations**2), sample - expected
     S = H @ P @ H.T + R
     inverse = ca.inv(S)
@@ -263,7 +259,7 @@ def _correction(X: ca.SX, P: ca.SX, sample: ca.SX, expected: ca.SX, deviations: 
 
 
 def _widened(belief: Belief, com: FloatArray) -> FloatArray:
-    """Return the covariance of a worm that was moved to about where a sample of its centre of mass says."""
+    """Return the covariance of a worm that was moved to about the place of a sample."""
     widened = belief.covariance.copy()
     off = float(np.hypot(*(com - belief.mean[:2])))
     for index in (0, 1):
@@ -272,3 +268,46 @@ def _widened(belief: Belief, com: FloatArray) -> FloatArray:
         index = ReducedState._fields.index(name)
         widened[index, index] += deviation**2
     return widened
+
+
+class Noise:
+    """Standard deviation of the noise of samples of the centre of mass, by (KF8), never below what it is told.
+
+    Parameters
+    ----------
+    told : float
+        Standard deviation of a sample [m].
+    most : float
+        Largest estimate [m].
+
+    Attributes
+    ----------
+    deviation : float
+        Present estimate [m].
+    """
+
+    def __init__(self, told: float, most: float) -> None:
+        self.told, self._most = told, max(told, most)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew, with what was told."""
+        self.deviation = self.told
+        self._last: FloatArray | None = None
+        self._found: deque[tuple[float, float]] = deque(maxlen=NOISE_WINDOW)
+
+    def learn(self, innovation: FloatArray, spread: float) -> None:
+        """Take in the innovation (2,) of the next sample [m], and the variance of its expected value [m^2]."""
+        if self._last is not None:
+            change = innovation - self._last
+            self._found.append((0.5 * float(change @ change), spread))
+        self._last = innovation
+        if len(self._found) >= NOISE_LEAST:
+            self.deviation = self._estimate()
+
+    def _estimate(self) -> float:
+        count, middle = len(self._found), len(self._found) // 2
+        half, spread = (sorted(each)[middle] for each in zip(*self._found, strict=True))
+        variance = half / (2.0 * log(2.0)) - spread
+        credible = self.told**2 * (1.0 + NOISE_CHANCE * NOISE_ERROR / sqrt(count))
+        return min(sqrt(variance), self._most) if variance > credible else self.told

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.estimation.consistency import consistency
+from control.estimation.estimate import consistency
 from control.estimation.estimator import Estimate, Estimator
 from control.estimation.reduced import ReducedModel, ReducedState
 from control.gaits.generator import WaveGenerator

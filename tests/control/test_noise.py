@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from control.estimation.estimator import Estimator
+from control.estimation.kalman import NOISE_LEAST, NOISE_WINDOW, Noise
 from control.estimation.reduced import ReducedModel
 from control.identification.identified import load
-from control.sensing.noise import LEAST, WINDOW, Noise
 from control.sensing.sensors import COM, HEADING, STRAIN, Channel, Sensors
 from control.supervisor import Supervisor
 from control.tracking.metrics import Motion, summary, tracking
@@ -34,7 +34,7 @@ def learned(
 
 @pytest.mark.parametrize("true", [0.01, 0.02, 0.04])
 def test_noise_that_nobody_told_is_found_in_the_mean_of_many_runs(true: float) -> None:
-    found = [learned(Noise(TOLD, 0.2), true, 5 * WINDOW, seed) for seed in range(40)]
+    found = [learned(Noise(TOLD, 0.2), true, 5 * NOISE_WINDOW, seed) for seed in range(40)]
     assert np.mean(found) == pytest.approx(true, rel=0.05)
     assert np.std(found) < 0.15 * true
 
@@ -43,7 +43,7 @@ def test_what_was_told_is_believed_as_long_as_it_may_be_right() -> None:
     changes = 0
     for seed in range(40):
         noise = Noise(TOLD, 0.2)
-        changes += any(learned(noise, TOLD, 1, 1000 * seed + k) > TOLD for k in range(3 * WINDOW))
+        changes += any(learned(noise, TOLD, 1, 1000 * seed + k) > TOLD for k in range(3 * NOISE_WINDOW))
     assert changes <= 2
     assert learned(Noise(0.04, 0.2), 0.005, 300) == 0.04, "better sensors than told: trusted as told"
 
@@ -61,7 +61,7 @@ def test_wrong_samples_uncertain_predictions_and_steady_errors_are_no_noise() ->
 
 def test_the_estimate_is_bounded_and_waits_for_some_samples() -> None:
     assert learned(Noise(TOLD, 0.2), 5.0, 300) == 0.2
-    assert learned(Noise(TOLD, 0.2), 1.0, LEAST) == TOLD
+    assert learned(Noise(TOLD, 0.2), 1.0, NOISE_LEAST) == TOLD
     noise = Noise(TOLD, 0.2)
     learned(noise, 0.05, 100)
     noise.reset()

@@ -1,0 +1,141 @@
+"""Wave of a body: what was commanded, and what its chamber strains say that it made of it.
+
+A travelling wave of contraction of wavelength lambda (body lengths) and commanded phase psi strains segment i by
+
+    s_i = mean + Re(a exp(i (k x_i +- psi))) + shorter waves,   x_i = (i + 1/2)/N, k = 2 pi / lambda           (W1)
+
+(+ for a retrograde wave). Least squares over the segments give mean and a exp(+- i psi) of one sample of the strains,
+the mean of left and right; a, which is constant in a steady wave, is smoothed over a part of a wave. |a| is the
+amplitude of the strain, arg a its lag behind the command. What rocks with the wave is proportional to
+
+    wave(psi) = (Re, Im) a exp(+- i psi),                                                                     (W2)
+
+at any instant whose commanded phase is known, whether a sample of the strains arrived then or not.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from control.gaits.steering import Schedule
+from worm3d.values.arrays import FloatArray
+
+SMOOTHING = 0.25
+"""Number of waves over which a is smoothed; the shorter waves, of which two pass in a wave, nearly vanish."""
+
+UNKNOWNS = 3
+"""Number of unknowns of (W1) in one sample, and of the segments that it needs."""
+
+
+class InputHistory:
+    """History of commands, for delayed measurements: inputs of the reduced model, and phases.
+
+    Parameters
+    ----------
+    span : float
+        Time for which they are kept [s].
+    """
+
+    def __init__(self, span: float) -> None:
+        self._span = span
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the history."""
+        self._times: list[float] = []
+        self._phases: list[float] = []
+        self._inputs: list[FloatArray] = []
+
+    def add(self, t: float, given: FloatArray, phase: float) -> None:
+        """Add the input that was in force up to t [s], and the phase [rad] at t."""
+        last = self._inputs[-1] if self._inputs else given
+        self._times.append(t)
+        self._phases.append(phase)
+        self._inputs.append(last if np.array_equal(last, given) else given)
+        if self._times[0] < t - 2.0 * self._span:  # many at once, which is cheaper than one by one
+            old = bisect_left(self._times, t - self._span)
+            del self._times[:old], self._phases[:old], self._inputs[:old]
+
+    def __len__(self) -> int:
+        return len(self._times)
+
+    def phase(self, t: float) -> float:
+        """Return the phase [rad] at t [s]."""
+        k = min(max(bisect_left(self._times, t), 1), len(self._times) - 1)
+        if len(self._times) == 1 or self._times[k] == self._times[k - 1]:
+            return self._phases[-1]
+        share = (t - self._times[k - 1]) / (self._times[k] - self._times[k - 1])
+        return self._phases[k - 1] + share * (self._phases[k] - self._phases[k - 1])
+
+    def between(self, begin: float, end: float) -> Iterator[tuple[FloatArray, float]]:
+        """Yield the inputs in force between two instants [s], and the time for which each was [s]."""
+        now, k = begin, bisect_left(self._times, begin + 1e-12)
+        while now < end - 1e-12:
+            k = min(k, len(self._times) - 1)
+            given = self._inputs[k]
+            while k < len(self._times) - 1 and self._inputs[k + 1] is given:
+                k += 1
+            until = end if k == len(self._times) - 1 else min(end, self._times[k])
+            yield given, until - now
+            now, k = until, k + 1
+
+
+class MeasuredWave:
+    """Wave of one body, as its strains show it.
+
+    Parameters
+    ----------
+    segments : int
+    schedule : Schedule
+        Wavelength and direction of the wave.
+    """
+
+    def __init__(self, segments: int, schedule: Schedule) -> None:
+        x = 2.0 * np.pi * (np.arange(segments) + 0.5) / segments / schedule.wavelength
+        self._columns = np.column_stack([np.ones(segments), np.cos(x), -np.sin(x)])
+        self._fit = _cos_sin(self._columns)
+        self._turning = 1j if schedule.direction == "retrograde" else -1j
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the wave."""
+        self.amplitude = 0j
+        self._phase: float | None = None
+
+    def take(self, strain: FloatArray, phase: float) -> None:
+        """Take a sample of the strains, shape (N, 2), NaN where unknown, at the commanded phase psi [rad], (W1)."""
+        sampled = self._fitted(strain)
+        if sampled != sampled:
+            return
+        passed = 0.0 if self._phase is None else abs(phase - self._phase) / (2.0 * np.pi)
+        self._phase = phase
+        sampled *= np.exp(-self._turning * phase)
+        self.amplitude += (1.0 - np.exp(-passed / SMOOTHING)) * (sampled - self.amplitude)
+
+    def _fitted(self, strain: FloatArray) -> complex:
+        """Return a exp(+- i psi) of one sample; NaN if too little is known."""
+        sampled = complex(self._fit @ strain.mean(axis=1))
+        if sampled == sampled:
+            return sampled
+        known = np.isfinite(strain)
+        rows = known.any(axis=1)
+        if rows.sum() < UNKNOWNS:
+            return complex(np.nan)
+        means = np.where(known, strain, 0.0)[rows].sum(axis=1) / known[rows].sum(axis=1)
+        return complex(_cos_sin(self._columns[rows]) @ means)
+
+    def at(self, phase: float) -> FloatArray:
+        """Return (W2) at a commanded phase [rad], shape (2,)."""
+        turned = self.amplitude * np.exp(self._turning * phase)
+        return np.array([turned.real, turned.imag])
+
+
+def _cos_sin(columns: FloatArray) -> NDArray[np.complex128]:
+    """Return the least-squares map from strains to their wave; `columns` are 1, cos and -sin at the segments."""
+    inverse = np.linalg.pinv(columns)
+    fit: NDArray[np.complex128] = inverse[1] + 1j * inverse[2]
+    return fit
