@@ -234,7 +234,7 @@ def test_every_key_of_the_planar_worm_reaches_the_plant() -> None:
 
 
 def test_every_kind_of_world_is_built() -> None:
-    assert set(WORLDS) == set(choices(World.model_fields["kind"]))
+    assert set(WORLDS) | set(worm3d.WORLDS) == set(choices(World.model_fields["kind"]))
     scene = worm_scene("world.slope_deg=10", "world.heading_deg=-30", "world.patches=[{grip=2, across_m=[-1, 0.5]}]")
     plane = world_of(scene.world)
     assert isinstance(plane, worm3d.Plane)

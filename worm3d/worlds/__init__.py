@@ -1,6 +1,6 @@
 """Where worms crawl: worlds given by signed distance, its gradient and curvature, and friction per place."""
 
-from worm3d.worlds.base import World
+from worm3d.worlds.base import WORLDS, World
 from worm3d.worlds.centreline import Bend, Centreline, Straight
 from worm3d.worlds.heightfield import Heightfield
 from worm3d.worlds.kernels import WorldKernel
@@ -24,6 +24,7 @@ __all__ = [
     "Profile",
     "Straight",
     "Union",
+    "WORLDS",
     "World",
     "WorldKernel",
     "slope_into_pipe",

@@ -15,6 +15,9 @@ from worm3d.worlds.kernels import Formula, WorldKernel, compiled, looked_up
 if TYPE_CHECKING:
     from worm3d.worlds.sampled import SampledWorld
 
+WORLDS: dict[str, type[World]] = {}
+"""Class of each world that is found by name, such as by `world.kind` in a scene."""
+
 NORMAL_STEP = 1e-6
 """Step of the central differences that give a normal, as a fraction of the length given."""
 
@@ -26,8 +29,14 @@ class World:
     """Base of everything to crawl on or in: a signed distance, negative inside the solid, and what follows from it.
 
     A world of one's own has `symbolic` (a formula) or a `kernel` and `distance` of its own, and `height` or a `placed`
-    of its own; `from_distance` needs a Python function alone.
+    of its own; `from_distance` needs a Python function alone. A subclass with a name, `class Hill(World, name="hill")`,
+    is a dataclass whose fields are declared by `worm3d.values.parameters.parameter`; scenes have it under that name.
     """
+
+    def __init_subclass__(cls, name: str = "") -> None:
+        super().__init_subclass__()
+        if name:
+            WORLDS[name] = cls
 
     @staticmethod
     def from_distance(

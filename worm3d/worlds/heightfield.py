@@ -30,7 +30,7 @@ BAND = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Heightfield(ReadOnly, World):
+class Heightfield(World, ReadOnly):
     """A surface z = h(x, y): the bicubic spline through heights on a regular grid; the solid is below it.
 
     Beyond the grid the terrain goes on as high as its edge. The spline has continuous curvature, so that normals are

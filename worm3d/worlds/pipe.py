@@ -44,7 +44,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Pipe(ReadOnly, World):
+class Pipe(World, ReadOnly):
     """The inside of a pipe; gravity stays -z.
 
     Where the radius is constant, and where it changes, the distance to the wall is exact, in bends too; the radius may

@@ -11,6 +11,7 @@ import numpy as np
 
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
 from worm3d.worlds.base import World
 from worm3d.worlds.kernels import Formula, WorldKernel
 
@@ -118,24 +119,22 @@ class Plane(World):
         return joints, np.cross(normal, tangent)
 
 
+@documented
 @dataclass(frozen=True)
-class ClampedGround(World):
-    """The paper's level ground in 3D: nothing touches it.
+class ClampedGround(World, name="clamped"):
+    """The paper's level ground in 3D, which holds the joints' heights and touches nothing.
 
     The joints' z stays as it is. A predictor without friction gives the normal load of each joint, the force (P9) that
     holds its z, and its velocity; (P10) turns them into friction: against the motion with the coefficients towards
     the head, towards the tail and sideways, and none below the threshold. The corrector is solved with these forces.
-
-    Attributes
-    ----------
-    velocity_threshold : float
-        eps of (P10) [m/s].
     """
 
-    velocity_threshold: float = 1e-6
+    velocity_threshold: float = parameter(
+        1e-6, meaning="speed below which there is no friction, eps of (P10)", unit="m/s", ge=0
+    )
 
     def __post_init__(self) -> None:
-        arguments.number("velocity_threshold", self.velocity_threshold, "m/s", ge=0.0)
+        check(self)
 
     @property
     def clamped(self) -> bool:

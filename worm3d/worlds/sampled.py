@@ -84,7 +84,7 @@ class Grid(ReadOnly):
     cell: float
 
 
-class GridWorld(ReadOnly, World):
+class GridWorld(World, ReadOnly):
     """A world kept as a grid of signed distances; edges and corners are rounded by about a cell (`sampled_kernel`)."""
 
     grid: Grid

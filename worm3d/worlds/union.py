@@ -44,7 +44,7 @@ _KERNEL, _INPUTS, _OUTPUTS, _ROWS = 0, 2, 4, 6
 
 
 @dataclass(frozen=True, eq=False)
-class Union(ReadOnly, World):
+class Union(World, ReadOnly):
     """The union of the free spaces of worlds: a pipe bored into the ground below a plane, pipes that cross.
 
     The solid is what all of them have in common. The signed distance is the greatest of theirs: inside the solid, where

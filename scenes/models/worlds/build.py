@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import worm3d
-from scenes.models.worlds.pipe_schema import Piece
-from scenes.models.worlds.plane_schema import Patch
-from scenes.models.worlds.schema import World
-from scenes.models.worlds.terrain_build import heightfield, mesh
+from scenes.language.parts import part_of
+from scenes.models.worlds.schema import NONE, Patch, Piece, World
+
+SHIPPED = Path(__file__).parents[2]
+"""Folder of the files that come with the program."""
 
 
 def _plane(world: World) -> worm3d.Plane:
@@ -56,19 +59,49 @@ def _patch(patch: Patch) -> worm3d.Patch:
     return worm3d.Patch(patch.grip, **{name: side for name, side in sides.items() if side is not None})  # type: ignore[arg-type]
 
 
+def _heightfield(world: World) -> worm3d.Heightfield:
+    """Return the terrain of a section."""
+    (length, width), spacing, height, size = world.extent_m, world.spacing_m, world.height_m, world.size_m
+    if world.surface == "image":
+        return worm3d.Heightfield.from_image(_file_of(world), spacing, 0.0, height, grip=world.grip)
+    if world.surface == "steps":
+        return worm3d.Heightfield.steps(
+            length, width, spacing, height=height, tread=size, ramp=world.ramp_m, grip=world.grip
+        )
+    if world.surface == "sinusoid":
+        return worm3d.Heightfield.sinusoid(length, width, spacing, amplitude=height, wavelength=size, grip=world.grip)
+    return worm3d.Heightfield.rubble(
+        length, width, spacing, height=height, size=size, seed=world.stones, grip=world.grip
+    )
+
+
+def _mesh(world: World) -> worm3d.Mesh:
+    """Return the world of a section's mesh file."""
+    units = None if world.units == "unknown" else world.units
+    return worm3d.Mesh(_file_of(world), units, world.solid, world.cell_m, world.up, grip=world.grip)
+
+
+def _file_of(world: World) -> Path:
+    """Return the file of a section: as it says, or among those that come with the program."""
+    path = Path(world.file)
+    shipped = SHIPPED / path.name
+    return shipped if not os.path.exists(path) and path.name == world.file and os.path.isfile(shipped) else path
+
+
 WORLDS: dict[str, Callable[[World], Any]] = {
     "plane": _plane,
     "pipe": _pipe,
     "slope_into_pipe": _slope_into_pipe,
-    "heightfield": heightfield,
-    "mesh": mesh,
-    "clamped": lambda world: worm3d.ClampedGround(world.velocity_threshold_m_s),
-    "none": lambda world: None,
+    "heightfield": _heightfield,
+    "mesh": _mesh,
+    NONE: lambda world: None,
 }
-"""What each `kind` of world becomes."""
+"""Maker of each `kind` of world of which the keys are written out."""
 
 
-def world_of(world: World) -> worm3d.worlds.World | None:
+def world_of(world: World) -> worm3d.World | None:
     """Return the world that a section describes; None if there is nothing."""
-    built: worm3d.worlds.World | None = WORLDS[world.kind](world)
-    return built
+    if world.kind in WORLDS:
+        built: worm3d.World | None = WORLDS[world.kind](world)
+        return built
+    return part_of(worm3d.WORLDS[world.kind], world)

@@ -21,9 +21,8 @@ from scenes.models.planar.linkage_checks import (
     links_reach,
 )
 from scenes.models.worlds.build import world_of
-from scenes.models.worlds.pipe_checks import PIPE_CHECKS, WORM_IN_PIPE_CHECKS
+from scenes.models.worlds.checks import SECTION_CHECKS, WORM_IN_PIPE_CHECKS
 from scenes.models.worlds.schema import World
-from scenes.models.worlds.terrain_checks import TERRAIN_CHECKS
 from scenes.models.worm.build import KEYS, gravity_of, start_of, worm_of
 from scenes.models.worm.schema import (
     LAW,
@@ -116,15 +115,6 @@ def _g_or_a_vector(gravity_m_s2: Any) -> str | None:
     )
 
 
-def _patches_have_an_inside(patches: Sequence[Mapping[str, Any]]) -> str | None:
-    for number, patch in enumerate(patches):
-        for key in ("along_m", "across_m"):
-            side = patch.get(key)
-            if side is not None and not side[0] < side[1]:
-                return f"{key} of patch {number}: got {shown(side)}: must be [from, to] with from < to"
-    return None
-
-
 def _a_body_between_anchors(anchors: int, segments: int, kind: str) -> Found:
     if kind != "two_anchor" or 2 * anchors < segments:
         return None
@@ -161,9 +151,7 @@ WORLD_CHECKS = (
         if key != "law"
     ),
     Check(("run.gravity_m_s2",), _g_or_a_vector),
-    Check(("world.patches",), _patches_have_an_inside),
-    *PIPE_CHECKS,
-    *TERRAIN_CHECKS,
+    *SECTION_CHECKS,
     Check(("push.joint", "worm.segments"), _push_on_a_joint),
     Check(("push.duration_s", "run.dt_s"), _push_lasts_a_step),
     Check(("run.dt_s", "run.duration_s", "worm.segments", "run.record_every"), _fits_into_memory),

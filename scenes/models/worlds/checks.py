@@ -1,4 +1,4 @@
-"""What is wrong with a pipe of a scene though each of its keys is right."""
+"""What is wrong with the world of a scene though each of its keys is right."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import numpy as np
 
 from scenes.language.checks import Check, Found
 from scenes.language.toml import shown
-from scenes.models.worlds.plane_schema import PIPE, SLOPE_INTO_PIPE
+from scenes.models.worlds.build import world_of
+from scenes.models.worlds.schema import FILES, HEIGHTFIELD, MESH, NO_FILE, PIPE, SLOPE_INTO_PIPE, World
+from worm3d.worlds.terrain import MOST_HEIGHTS
 
 BEND = ("bend_deg", "bend_radius_m")
 
@@ -76,6 +78,15 @@ def _along_the_pipe(azimuth_deg: float, kind: str) -> str | None:
     return f"got {azimuth_deg}: in a pipe it is 0, the head looks along it, or 180, back"
 
 
+def _patches_have_an_inside(patches: Sequence[Mapping[str, Any]]) -> str | None:
+    for number, patch in enumerate(patches):
+        for key in ("along_m", "across_m"):
+            side = patch.get(key)
+            if side is not None and not side[0] < side[1]:
+                return f"{key} of patch {number}: got {shown(side)}: must be [from, to] with from < to"
+    return None
+
+
 def _pipe_leads_into_the_hill(tilt_deg: float, slope_deg: float, kind: str) -> Found:
     if kind != SLOPE_INTO_PIPE or tilt_deg < slope_deg:
         return None
@@ -86,13 +97,55 @@ def _pipe_leads_into_the_hill(tilt_deg: float, slope_deg: float, kind: str) -> F
     }
 
 
-PIPE_CHECKS = (
+def _file_is_given(file: str, kind: str, surface: str) -> str | None:
+    if file != NO_FILE or not (kind == MESH or (kind == HEIGHTFIELD and surface == "image")):
+        return None
+    return f"missing: world.kind = '{kind}' needs it; give the path of a {'mesh' if kind == MESH else 'picture'}"
+
+
+def _extent_is_an_area(extent_m: Sequence[float], spacing_m: float) -> str | None:
+    if min(extent_m) <= 0.0:
+        return f"got {shown(extent_m)} m: length and width must be above 0"
+    along, across = (side / spacing_m + 1.0 for side in extent_m)
+    if along * across <= MOST_HEIGHTS:
+        return None
+    return (
+        f"got {shown(extent_m)} m at world.spacing_m = {spacing_m}: makes {along * across:.2g} heights, at most 4e6 "
+        "are allowed"
+    )
+
+
+def _step_has_a_tread(ramp_m: float, size_m: float, surface: str, kind: str) -> str | None:
+    if kind != HEIGHTFIELD or surface != "steps" or ramp_m <= size_m:
+        return None
+    return f"got {ramp_m} m: a step rises over at most its tread, world.size_m ({size_m} m)"
+
+
+def _world_can_be_made(file: str, section: Mapping[str, Any]) -> Found:
+    """Tell what a mesh or picture file says of itself when it is read."""
+    world = World.model_validate(section)
+    if world.kind not in FILES:
+        return None
+    try:
+        world_of(world)
+    except ValueError as error:
+        text = str(error)
+        return {"world": text, ("world.file" if file != NO_FILE else "world"): text}
+    return None
+
+
+SECTION_CHECKS = (
+    Check(("world.patches",), _patches_have_an_inside),
     Check(("start.position_m", "world.kind"), _across_nothing),
     Check(("world.pieces",), pieces_are_one_thing),
     Check(("world.points_m", "world.pieces", "world.tilt_deg"), _points_or_pieces),
     Check(("world.radii",), _radii_follow_one_another),
     Check(("world.radii", "world.radius_m"), _radius_or_radii),
     Check(("world.tilt_deg", "world.slope_deg", "world.kind"), _pipe_leads_into_the_hill),
+    Check(("world.file", "world.kind", "world.surface"), _file_is_given),
+    Check(("world.extent_m", "world.spacing_m"), _extent_is_an_area),
+    Check(("world.ramp_m", "world.size_m", "world.surface", "world.kind"), _step_has_a_tread),
+    Check(("world.file", "world"), _world_can_be_made),
 )
 
 WORM_IN_PIPE_CHECKS = (
