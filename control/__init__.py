@@ -12,7 +12,7 @@ DISTRIBUTION = "worm3d"
 
 _MOVED = {
     "control.estimator": "control.estimation.estimator",
-    "control.generator": "control.gaits.generator",
+    "control.generator": "control.gaits.steering",
     "control.identified": "control.identification.identified",
     "control.measurement": "control.sensing.sensors",
     "control.metrics": "control.tracking.metrics",

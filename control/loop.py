@@ -18,8 +18,7 @@ from typing import ClassVar, Protocol, Self
 from control.estimation.estimate import Estimate
 from control.estimation.estimator import Estimator
 from control.faults import Fault, Watch
-from control.gaits.generator import WaveGenerator
-from control.gaits.steering import GaitParameters, Mechanism, Schedule
+from control.gaits.steering import GaitParameters, Mechanism, Schedule, WaveGenerator
 from control.identification.identified import Identified
 from control.planning.fallback import LOST, MOST_HELD, complaint_of, rest
 from control.planning.feed_forward import FeedForward

@@ -33,8 +33,7 @@ from numpy.typing import NDArray
 import worm3d
 from control.estimation.estimator import span_of
 from control.estimation.reduced import INPUTS
-from control.gaits.generator import WaveGenerator
-from control.gaits.steering import GaitParameters
+from control.gaits.steering import GaitParameters, WaveGenerator
 from control.sensing.gate import Gate
 from control.sensing.sensors import Measurement
 from control.tracking.paths import offset

@@ -8,7 +8,7 @@ lags n_v in waves and T_w in seconds, f the frequency, L the body length:
     h'  = w + yaw_bias                          u  = L f c(A, f, s) + drift
                                                 s' = (s_asked - s) f / blend
 
-s is the steering in force, which `control.gaits.generator` leads to what is asked for: weak steering turns a worm out
+s is the steering in force, which `control.gaits.steering` leads to what is asked for: weak steering turns a worm out
 of proportion (`control.identification.surrogate`), so that it matters whether a change goes through the map before it
 is smoothed or after. (By what the default worm did on paths, (R1) misses the turn rate by 0.005 rad/s; one lag of 0.95
 s after a map that is odd powers of the steering does by 0.008.) Below the least amplitude that was identified d, c and
@@ -33,8 +33,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from control.gaits.generator import BLEND
-from control.gaits.steering import GaitParameters, Mechanism
+from control.gaits.steering import BLEND, GaitParameters, Mechanism
 from control.identification.identified import Identified
 from worm3d import Worm
 from worm3d.physics import elements

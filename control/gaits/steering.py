@@ -1,4 +1,4 @@
-"""Steering: how a crawling worm is made to turn, and the wave that a controller drives.
+"""Steering of a crawling worm: the wave that turns it, as a gait and at run time, when a controller drives it.
 
 What was found on the default worm (level ground, default friction, contraction amplitude 0.3):
 
@@ -46,32 +46,37 @@ clipped to the stroke, side = +1 left, -1 right; joint j belongs to its headward
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 import numpy as np
 
-from control.gaits import Body, Direction
+from control.gaits.patterns import Body, Direction
 from worm3d import Command, Commands
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
 
 Mechanism = Literal["hinge", "bias"]
 MECHANISMS: tuple[Mechanism, ...] = get_args(Mechanism)
 
 LEFT_RIGHT = np.array([1.0, -1.0])
 
+BLEND = 0.25
+"""Number of waves in which a parameter covers 63 % of a change, unless said otherwise."""
+
 
 @dataclass(frozen=True)
 class GaitParameters:
-    """What a controller decides from wave to wave.
+    """Parameters of a wave, which a controller decides from wave to wave.
 
     Attributes
     ----------
     amplitude : float
-        A, greatest contraction of a chamber, at least 0.
+        Greatest contraction of a chamber A, at least 0.
     frequency : float
-        f [Hz], above 0.
+        Frequency f [Hz], above 0.
     bias, hinge : float
         Steering by unequal chambers, a fraction of A, and by hinges [rad]; with the phases of a schedule that was found
         to steer, positive turns to the left.
@@ -79,7 +84,7 @@ class GaitParameters:
     Raises
     ------
     ValueError
-        A value that is not finite or out of range.
+        A value is not finite, or out of range.
     """
 
     amplitude: float
@@ -105,42 +110,27 @@ class GaitParameters:
         return np.array([self.amplitude, self.frequency, self.bias, self.hinge])
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """When each segment contracts and bends within a wave, (S1) and (S2); the defaults steer the default worm.
+    """Phases at which each segment contracts and bends within a wave, (S1) and (S2).
 
-    Attributes
-    ----------
-    wavelength : float
-        Of the contraction [body lengths].
-    steering_wavelength : float
-        Of the bending wave [body lengths].
-    bias_phase, hinge_phase : float
-        By which the bending wave of each mechanism runs ahead of the contraction at f -> 0 [rad].
-    lead : float
-        Time by which it runs ahead besides, since the bend lags behind its command [s].
-    direction : str
-        "retrograde" runs head to tail, "direct" tail to head.
-
-    Raises
-    ------
-    ValueError
-        A value out of range.
+    The defaults steer the default worm.
     """
 
-    wavelength: float = 0.7
-    steering_wavelength: float = 1.4
-    bias_phase: float = float(np.deg2rad(105.0))
-    hinge_phase: float = float(np.deg2rad(90.0))
-    lead: float = 0.2
-    direction: Direction = "retrograde"
+    wavelength: float = parameter(0.7, unit="body lengths", gt=0, meaning="wavelength of the contraction")
+    steering_wavelength: float = parameter(1.4, unit="body lengths", gt=0, meaning="wavelength of the bending wave")
+    bias_phase: float = parameter(
+        float(np.deg2rad(105.0)), unit="rad", meaning="phase of bending by bias ahead of the contraction at f -> 0"
+    )
+    hinge_phase: float = parameter(
+        float(np.deg2rad(90.0)), unit="rad", meaning="phase of bending by hinges ahead of the contraction at f -> 0"
+    )
+    lead: float = parameter(0.2, unit="s", meaning="time by which bending is further ahead, since it lags its command")
+    direction: Direction = parameter("retrograde", meaning="retrograde runs head to tail, direct tail to head")
 
     def __post_init__(self) -> None:
-        for name in ("wavelength", "steering_wavelength"):
-            arguments.number(name, getattr(self, name), gt=0.0)
-        for name in ("bias_phase", "hinge_phase", "lead"):
-            arguments.number(name, getattr(self, name))
-        arguments.choice("direction", self.direction, get_args(Direction))
+        check(self)
 
     def commands(self, phase: FloatArray, parameters: FloatArray, body: Body) -> Commands:
         """Return the commands at K phases psi [rad], (S1) and (S2).
@@ -151,7 +141,6 @@ class Schedule:
         parameters : ndarray, shape (K, 4)
             Amplitude, frequency [Hz], bias and hinge [rad] at each of them.
         body : Body
-            Its segments and stroke.
         """
         amplitude, frequency, bias, hinge = parameters.T[:, :, None]
         ahead = phase[:, None] + 2.0 * np.pi * self.lead * frequency
@@ -170,19 +159,19 @@ class Schedule:
 
 @dataclass(frozen=True)
 class SteeredWave:
-    """The wave of constant parameters, as a gait; it swells from nothing like that of `control.gaits.generator`.
+    """Wave of constant parameters, as a gait; it swells from nothing like that of a `WaveGenerator`.
 
     Attributes
     ----------
     parameters : GaitParameters
     schedule : Schedule
     blend : float
-        Waves in which the wave swells to 63 %.
+        Number of waves in which the wave swells to 63 %.
     """
 
     parameters: GaitParameters
     schedule: Schedule = Schedule()
-    blend: float = 0.25
+    blend: float = BLEND
 
     def __post_init__(self) -> None:
         arguments.instance("parameters", self.parameters, GaitParameters, "a control.gaits.steering.GaitParameters")
@@ -191,7 +180,7 @@ class SteeredWave:
 
     @property
     def period(self) -> float:
-        """1 / f [s]."""
+        """Period of the wave [s]."""
         return 1.0 / self.parameters.frequency
 
     def bind(self, worm: Body) -> BoundWave:
@@ -200,7 +189,7 @@ class SteeredWave:
 
 
 class BoundWave:
-    """A steered wave as the actuation of one worm.
+    """Steered wave as the actuation of one worm.
 
     Parameters
     ----------
@@ -222,3 +211,84 @@ class BoundWave:
         swell = 1.0 - np.exp(-asked.frequency / wave.blend * times)
         parameters = asked.row() * np.column_stack([swell, np.ones_like(swell), swell, swell])
         return wave.schedule.commands(2.0 * np.pi * asked.frequency * times, parameters, self._worm)
+
+
+class WaveGenerator:
+    """Wave at run time, whose parameters a controller may change at any time without jumps of the command.
+
+    Its phase accumulates, psi' = 2 pi f, and every parameter p approaches its target at the rate
+    (target - p) f / blend. A wave begins at amplitude 0.
+
+    Parameters
+    ----------
+    schedule : Schedule
+    body : Body
+    blend : float
+        Number of waves in which a parameter covers 63 % of a change.
+
+    Attributes
+    ----------
+    phase : float
+        Phase psi [rad].
+    parameters : GaitParameters or None
+        Parameters in force; None before the first step.
+
+    Raises
+    ------
+    ValueError
+        `blend` is out of range.
+    """
+
+    def __init__(self, schedule: Schedule, body: Body, blend: float = BLEND) -> None:
+        arguments.number("blend", blend, "waves", gt=0.0)
+        arguments.instance("schedule", schedule, Schedule, "a control.gaits.steering.Schedule")
+        if not (hasattr(body, "segments") and hasattr(body, "stroke")):
+            raise ValueError(f"body: got {type(body).__name__}, must be a worm3d.Worm")
+        self.schedule, self.blend, self._body = schedule, blend, body
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.phase = 0.0
+        self.parameters: GaitParameters | None = None
+
+    def step(self, dt: float, target: GaitParameters) -> Command:
+        """Return the command after another `dt` [s] of approaching `target`."""
+        now = self.parameters or GaitParameters(0.0, target.frequency)
+        left = np.exp(-dt * now.frequency / self.blend)
+        moved = GaitParameters(*(target.row() + (now.row() - target.row()) * left))
+        self.phase += np.pi * (now.frequency + moved.frequency) * dt
+        self.parameters = moved
+        given = self.schedule.commands(np.array([self.phase]), moved.row()[None], self._body)
+        return Command(given.contraction[0], given.hinge[0])
+
+    @property
+    def waves(self) -> float:
+        """Number of waves since the beginning."""
+        return self.phase / (2.0 * np.pi)
+
+
+class PlannedWave:
+    """Wave whose parameters follow a plan, as a controller without measurements.
+
+    Parameters
+    ----------
+    plan : callable
+        Time [s] -> target of the parameters, a `GaitParameters`.
+    generator : WaveGenerator
+    """
+
+    def __init__(self, plan: Callable[[float], GaitParameters], generator: WaveGenerator) -> None:
+        self._plan, self._generator = plan, generator
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._generator.reset()
+        self._time: float | None = None
+
+    def step(self, t: float, _measurement: object) -> Command:
+        """Return the command from time t [s] on."""
+        dt = 0.0 if self._time is None else t - self._time
+        self._time = t
+        return self._generator.step(dt, self._plan(t))

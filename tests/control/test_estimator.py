@@ -12,8 +12,7 @@ from numpy.testing import assert_allclose
 from control.estimation.estimate import consistency
 from control.estimation.estimator import Estimate, Estimator
 from control.estimation.reduced import ReducedModel, ReducedState
-from control.gaits.generator import WaveGenerator
-from control.gaits.steering import GaitParameters, Schedule
+from control.gaits.steering import GaitParameters, Schedule, WaveGenerator
 from control.identification.identified import load
 from control.sensing.sensors import COM, HEADING, STRAIN, Channel, Measurement, Sensors
 from worm3d import Command, Observation, Plane, Worm, simulate

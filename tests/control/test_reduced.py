@@ -6,8 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from control.estimation.reduced import INPUTS, STATES, ReducedInput, ReducedModel, ReducedState, body_shape
-from control.gaits.generator import PlannedWave, WaveGenerator
-from control.gaits.steering import GaitParameters, Schedule, SteeredWave
+from control.gaits.steering import GaitParameters, PlannedWave, Schedule, SteeredWave, WaveGenerator
 from control.identification.identified import Identified, load
 from worm3d import Plane, Worm, simulate
 from worm3d.metrics import averaged

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from control.gaits import TravellingWave
-from control.gaits.generator import PlannedWave, WaveGenerator
-from control.gaits.steering import MECHANISMS, GaitParameters, Schedule, SteeredWave
+from control.gaits.steering import MECHANISMS, GaitParameters, PlannedWave, Schedule, SteeredWave, WaveGenerator
 from control.identification.identified import Motion, steady_motion
 from worm3d import Commands, Plane, Status, Worm, simulate
 
@@ -152,8 +151,8 @@ def test_a_bend_in_step_with_the_contraction_shuffles_instead() -> None:
         (lambda: GaitParameters(-0.1, 1.0), "amplitude: got -0.1, must be at least 0"),
         (lambda: GaitParameters(0.1, 0.0), "frequency: got 0.0 Hz, must be above 0"),
         (lambda: GaitParameters(0.1, 1.0, hinge=float("nan")), "hinge: got nan, must be finite"),
-        (lambda: Schedule(wavelength=0.0), "wavelength: got 0.0, must be finite and above 0"),
-        (lambda: Schedule(lead=float("inf")), "lead: got inf, must be finite"),
+        (lambda: Schedule(wavelength=0.0), "wavelength: got 0.0 body lengths, must be finite and above 0"),
+        (lambda: Schedule(lead=float("inf")), "lead: got inf s, must be finite"),
         (lambda: Schedule(direction="standing"), "direction: got 'standing', must be 'direct' or 'retrograde'"),
         (lambda: WaveGenerator(SCHEDULE, WORM, blend=0.0), "blend: got 0.0 waves, must be finite and above 0"),
     ],

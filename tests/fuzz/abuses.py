@@ -11,7 +11,7 @@ import numpy as np
 import worm3d
 from control import baselines
 from control import gaits as gait
-from control.gaits import generator, steering
+from control.gaits import steering
 from control.sensing import sensors
 from control.tracking import paths, references
 from planar import linkage, published
@@ -186,7 +186,7 @@ TARGETS: dict[str, Target] = {
         _kinds(object="parameters schedule", positive="blend"),
     ),
     "WaveGenerator": Target(
-        generator.WaveGenerator,
+        steering.WaveGenerator,
         {"schedule": steering.Schedule(), "body": WORM},
         _kinds(object="schedule body", positive="blend"),
     ),

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from control.gaits import TravellingWave
-from control.gaits.generator import BLEND
-from control.gaits.steering import GaitParameters, Schedule, SteeredWave
+from control.gaits.steering import BLEND, GaitParameters, Schedule, SteeredWave
 from control.identification.identified import Design, lag, load
 from control.identification.surrogate import Ranges
 from scenes.commands.identify import command, figure, phases, plant, report, runs

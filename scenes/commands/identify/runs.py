@@ -9,8 +9,7 @@ import numpy as np
 
 import worm3d
 from control.gaits import TravellingWave
-from control.gaits.generator import BLEND, PlannedWave, WaveGenerator
-from control.gaits.steering import GaitParameters, Mechanism, Schedule, SteeredWave
+from control.gaits.steering import BLEND, GaitParameters, Mechanism, PlannedWave, Schedule, SteeredWave, WaveGenerator
 from control.identification.identified import Lags, Motion, Sample, lag, steady_motion
 from worm3d.values.arrays import FloatArray
 
