@@ -44,28 +44,7 @@ MAX_TRIM = 0.5
 
 
 class _Baseline(WaveController):
-    """A controller that goes by the identified map alone.
-
-    Parameters
-    ----------
-    worm : Worm
-    identified : Identified
-    reference : Reference
-    mechanism : str
-        What steers: "hinge" or "bias".
-    control_period : float
-        Time between two decisions [s].
-    estimator : Estimates, optional
-
-    Attributes
-    ----------
-    As of `control.loop.WaveController`.
-
-    Raises
-    ------
-    ValueError
-        A period that is not above 0, or a mechanism that was not identified.
-    """
+    """A controller that goes by the identified map alone."""
 
     source: Source
 
@@ -126,9 +105,10 @@ class OpenLoop(_Baseline):
     control_period : float
         Time between two decisions [s].
 
-    Attributes
-    ----------
-    As of `control.loop.WaveController`.
+    Raises
+    ------
+    ValueError
+        A period that is not above 0, or a mechanism that was not identified.
     """
 
     source: Source = "open_loop"
@@ -154,23 +134,16 @@ class Gains:
     goes from 0.0023 (chosen) to 0.0029 body lengths (and 13 pairs up to a reach of 0.6 before that, with an older map);
     then four pairs of K_p (0.3, 0.6) and K_i (0.15, 0.3) for the least error of the speed in steps, in a sine and in a
     pipe.
-
-    Attributes
-    ----------
-    speed : float
-        K_p.
-    speed_integral : float
-        K_i [1/s].
-    heading : float
-        K_h [1/s].
-    reach : float
-        Look-ahead distance of (B2) [body lengths].
     """
 
     speed: float = 0.6
+    """Gain of the speed, K_p."""
     speed_integral: float = 0.3
+    """Gain of its integral, K_i [1/s]."""
     heading: float = 1.2
+    """Gain of the heading, K_h [1/s]."""
     reach: float = 0.15
+    """Look-ahead distance of (B2) [body lengths]."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -189,10 +162,6 @@ class PiLineOfSight(_Baseline):
     estimator : Estimates, optional
         `control.estimation.estimator.Estimator` if left out.
     gains : Gains, optional
-
-    Attributes
-    ----------
-    gains : Gains
     """
 
     source: Source = "pi_los"
@@ -209,8 +178,7 @@ class PiLineOfSight(_Baseline):
     ) -> None:
         self.gains = gains or Gains()
         if estimator is None and mechanism in identified.maps:  # else what follows complains
-            model = ReducedModel.of(worm, identified, mechanism)
-            estimator = Estimator.told(worm, model, identified.schedule, {})
+            estimator = _estimator(worm, identified, mechanism, {})
         super().__init__(worm, identified, reference, mechanism, control_period, estimator)
 
     @classmethod
@@ -224,8 +192,7 @@ class PiLineOfSight(_Baseline):
         sensors: Mapping[str, Channel] | None = None,
     ) -> Self:
         """Return the controller of a worm that was identified; see `WaveController.of`."""
-        model = ReducedModel.of(worm, identified, mechanism)
-        estimator = Estimator.told(worm, model, identified.schedule, sensors or {})
+        estimator = _estimator(worm, identified, mechanism, sensors or {})
         return cls(worm, identified, reference, mechanism, control_period, estimator)
 
     def reset(self) -> None:
@@ -269,3 +236,8 @@ class PiLineOfSight(_Baseline):
             return 0.0
         # The remainder lies in [-pi, pi]; opposite angles have opposite ones.
         return turn_rate(reference, t, s) + self.gains.heading * math.remainder(wanted - estimate.heading, math.tau)
+
+
+def _estimator(worm: Worm, identified: Identified, mechanism: Mechanism, sensors: Mapping[str, Channel]) -> Estimator:
+    model = ReducedModel.of(worm, identified, mechanism)
+    return Estimator.told(worm, model, identified.schedule, sensors)

@@ -80,69 +80,52 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that keeps a worm from doing what it is asked for.
-
-    Attributes
-    ----------
-    time : float
-        Time when it was found [s].
-    kind : str
-        Name of the fault; each (with its chamber) is reported once a run.
-    what, advice : str
-        A sentence each.
-    """
+    """Something that keeps a worm from doing what it is asked for."""
 
     time: float
+    """Time when it was found [s]."""
     kind: str
+    """Name of the fault; each (with its chamber) is reported once a run."""
     what: str
+    """A sentence."""
     advice: str
+    """A sentence on what to do."""
 
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """What was seen of a worm of N segments in one wave.
-
-    Attributes
-    ----------
-    end : float
-        [s]
-    gain, gain_error : ndarray, shape (N, 2)
-        Gain of each chamber [left, right], and its standard error; NaN where it is not known.
-    bend : float
-        Greatest mean strain of a left less a right chamber; NaN if not known.
-    place : ndarray, shape (2,), or None
-        Mean of the centre of mass [m]; None without samples.
-    place_time, place_error : float
-        Mean instant of its samples [s], and its standard error [m].
-    heading : float or None
-        Estimated heading, if it is known [rad].
-    at_limit : bool
-        Whether amplitude and frequency are as great as they get.
-    least_asked, most_asked : float
-        Speed that was asked for in it [m/s].
-    reach : float
-        Greatest speed of the map [m/s].
-    turn, sharpest : float
-        Turn rate of the path at the worm, and the greatest one of the map [rad/s].
-    aside : float or None
-        Distance from the path [body lengths].
-    """
+    """What was seen of a worm of N segments in one wave."""
 
     end: float
+    """End of the wave [s]."""
     gain: FloatArray
+    """Gain of each chamber [left, right], shape (N, 2); NaN where it is not known."""
     gain_error: FloatArray
+    """Standard errors of the gains, shape (N, 2)."""
     bend: float
+    """Greatest mean strain of a left less a right chamber; NaN if not known."""
     place: FloatArray | None
+    """Mean of the centre of mass [m], shape (2,); None without samples."""
     place_time: float
+    """Mean instant of its samples [s]."""
     place_error: float
+    """Its standard error [m]."""
     heading: float | None
+    """Estimated heading, if it is known [rad]."""
     at_limit: bool
+    """Whether amplitude and frequency are as great as they get."""
     least_asked: float
+    """Least speed that was asked for in it [m/s]."""
     most_asked: float
+    """Greatest speed that was asked for in it [m/s]."""
     reach: float
+    """Greatest speed of the map [m/s]."""
     turn: float
+    """Turn rate of the path at the worm [rad/s]."""
     sharpest: float
+    """Greatest turn rate of the map [rad/s]."""
     aside: float | None
+    """Distance from the path [body lengths]."""
 
 
 class Watch:

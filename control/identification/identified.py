@@ -54,21 +54,14 @@ SHIPPED = Path(__file__).parent / "worms"
 
 @dataclass(frozen=True)
 class Motion:
-    """Steady motion of a worm in a wave, (I2).
-
-    Attributes
-    ----------
-    distance : float
-        Way forward [body lengths].
-    turn : float
-        Turn to the left [rad].
-    drift : float
-        Way to the left [body lengths].
-    """
+    """Steady motion of a worm in a wave, (I2)."""
 
     distance: float
+    """Way forward [body lengths]."""
     turn: float
+    """Turn to the left [rad]."""
     drift: float
+    """Way to the left [body lengths]."""
 
 
 @dataclass(frozen=True)
@@ -81,24 +74,17 @@ class Sample:
 
 @dataclass(frozen=True)
 class Design:
-    """The runs that identify a map: every amplitude with every period and every steering, to the left only.
-
-    Attributes
-    ----------
-    amplitudes : tuple of float
-    periods : tuple of float
-        1/f, multiples of the time step [s].
-    steerings : tuple of float
-        Fractions of the greatest steering.
-    waves, skipped : int
-        Waves of each run, and how many of them are not steady yet.
-    """
+    """The runs that identify a map: every amplitude with every period and every steering, to the left only."""
 
     amplitudes: tuple[float, ...] = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
     periods: tuple[float, ...] = (2.0, 1.6, 1.25, 1.0, 0.8)
+    """Periods 1/f, multiples of the time step [s]."""
     steerings: tuple[float, ...] = (0.0, 0.04, 0.08, 0.125, 0.25, 0.5, 0.75, 1.0)
+    """Fractions of the greatest steering."""
     waves: int = 7
+    """Waves of each run."""
     skipped: int = 4
+    """Waves of each run that are not steady yet."""
 
     def ranges(self, steering: float) -> Ranges:
         """Return where a map of these runs holds; `steering` is the greatest."""
@@ -115,26 +101,21 @@ class Design:
 
 @dataclass(frozen=True)
 class SteeringMap:
-    """What one mechanism of steering does: distance, turn and drift a wave over amplitude, frequency and steering.
-
-    Attributes
-    ----------
-    mechanism : str
-        What the steering is: "hinge" [rad] or "bias" [1].
-    ranges : Ranges
-    distance, turn, drift : Polynomial
-        [body lengths a wave], [rad a wave], [body lengths a wave].
-    misfits, checks : mapping of str to Misfit
-        Misfit of each of them, over the runs that it was fitted to, and over other runs.
-    """
+    """What one mechanism of steering does: distance, turn and drift a wave over amplitude, frequency and steering."""
 
     mechanism: Mechanism
+    """What the steering is: "hinge" [rad] or "bias" [1]."""
     ranges: Ranges
     distance: Polynomial
+    """Way forward [body lengths a wave]."""
     turn: Polynomial
+    """Turn to the left [rad a wave]."""
     drift: Polynomial
+    """Way to the left [body lengths a wave]."""
     misfits: Mapping[str, Misfit]
+    """Misfit of each of them over the runs that it was fitted to."""
     checks: Mapping[str, Misfit]
+    """Misfit of each of them over other runs."""
 
     def speed(self, amplitude: Any, frequency: Any, steering: Any) -> Any:
         """Return the forward speed [body lengths/s]; numbers, arrays or CasADi's symbols."""
@@ -170,38 +151,26 @@ class SteeringMap:
 
 @dataclass(frozen=True)
 class Lags:
-    """How long motion takes to follow the gait parameters, (I3).
-
-    Attributes
-    ----------
-    amplitude, frequency : float
-        Lag of the speed after a step of the amplitude, and of the frequency [waves].
-    steering : float
-        Lag of the turn rate behind the steering in force, by sines of it [s]. (On the default worm 0.4 to 0.6 s from
-        0.6 to 1.1 Hz; with the wave generator's own lag, 0.8 to 0.95 s.)
-    """
+    """How long motion takes to follow the gait parameters, (I3)."""
 
     amplitude: float
+    """Lag of the speed after a step of the amplitude [waves]."""
     frequency: float
+    """Lag of the speed after a step of the frequency [waves]."""
     steering: float
+    """Lag of the turn rate behind the steering in force, by sines of it [s]. (On the default worm 0.4 to 0.6 s from 0.6
+    to 1.1 Hz; with the wave generator's own lag, 0.8 to 0.95 s.)"""
 
 
 @dataclass(frozen=True)
 class Identified:
-    """All that is known of a worm on a ground.
-
-    Attributes
-    ----------
-    schedule : Schedule
-    maps : mapping of str to SteeringMap
-        Map of each mechanism.
-    lags : mapping of str to Lags
-        Lags of each mechanism.
-    """
+    """All that is known of a worm on a ground."""
 
     schedule: Schedule
     maps: Mapping[Mechanism, SteeringMap]
+    """Map of each mechanism."""
     lags: Mapping[Mechanism, Lags]
+    """Lags of each mechanism."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as JSON can hold it."""

@@ -40,13 +40,6 @@ POWERS: dict[Parity, tuple[int, ...]] = {"even": (0, 2, 4), "odd": (STICKING, 1,
 class Ranges:
     """Ranges in which a surrogate holds.
 
-    Attributes
-    ----------
-    amplitude, frequency : tuple of float
-        Least and greatest, [1] and [Hz].
-    steering : float
-        Greatest magnitude.
-
     Raises
     ------
     ValueError
@@ -54,8 +47,11 @@ class Ranges:
     """
 
     amplitude: tuple[float, float]
+    """Least and greatest amplitude."""
     frequency: tuple[float, float]
+    """Least and greatest frequency [Hz]."""
     steering: float
+    """Greatest magnitude of the steering."""
 
     def __post_init__(self) -> None:
         for name in ("amplitude", "frequency"):
@@ -78,14 +74,6 @@ class Ranges:
 class Polynomial:
     """One quantity over amplitude, frequency and steering, (I1).
 
-    Attributes
-    ----------
-    ranges : Ranges
-    parity : str
-        "even" or "odd" in the steering.
-    coefficients : tuple of float
-        In the order of `exponents(parity)`.
-
     Raises
     ------
     ValueError
@@ -94,7 +82,9 @@ class Polynomial:
 
     ranges: Ranges
     parity: Parity
+    """Parity in the steering: "even" or "odd"."""
     coefficients: tuple[float, ...]
+    """Coefficients in the order of `exponents(parity)`."""
 
     def __post_init__(self) -> None:
         wanted = len(exponents(self.parity))
@@ -112,19 +102,14 @@ class Polynomial:
 
 @dataclass(frozen=True)
 class Misfit:
-    """How far a surrogate is from samples.
-
-    Attributes
-    ----------
-    rms, worst : float
-        In the unit of the quantity.
-    rms_percent : float
-        rms over the root mean square of the quantity itself.
-    """
+    """How far a surrogate is from samples."""
 
     rms: float
+    """Root mean square of the misses, in the unit of the quantity."""
     worst: float
+    """Greatest miss, in the unit of the quantity."""
     rms_percent: float
+    """`rms` over the root mean square of the quantity itself [%]."""
 
 
 def exponents(parity: Parity) -> tuple[tuple[int, int, int], ...]:

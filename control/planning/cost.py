@@ -50,31 +50,25 @@ class Tolerances:
 
     An offset dies away as exp(-s/L) over the way s, L = a_e/a_h body lengths, once the worm has turned (two seconds),
     if the horizon reaches 2 L or further and L is 0.2 or more: at 0.14 it is a tenth shorter.
-
-    Attributes
-    ----------
-    speed : float
-        a_V [body lengths/s].
-    offset : float
-        a_e [body lengths].
-    heading : float
-        a_h [rad].
-    amplitude_rate, frequency_rate, steering_rate : float
-        a_rate, changes from step to step, as shares of half the range, like the next two.
-    frequency : float
-        a_f.
-    steering : float
-        a_s.
     """
 
     speed: float = 0.004
+    """Tolerance of the speed, a_V [body lengths/s]."""
     offset: float = 0.015
+    """Tolerance of the offset from the path, a_e [body lengths]."""
     heading: float = 0.07
+    """Tolerance of the heading, a_h [rad]."""
+    # The others are shares of half the range of the input.
     amplitude_rate: float = 0.3
+    """Tolerance of the amplitude's change from step to step, a_rate."""
     frequency_rate: float = 0.2
+    """Tolerance of the frequency's change, a_rate."""
     steering_rate: float = 0.25
+    """Tolerance of the steering's change, a_rate."""
     frequency: float = 1.0
+    """Tolerance of the frequency's distance from the preferred one, a_f."""
     steering: float = 0.2
+    """Tolerance of the steering where nothing is to be followed, a_s."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -169,35 +163,22 @@ class Scale:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """(O2) at an instant, as residuals of scaled inputs z, shape (3 H,).
-
-    Attributes
-    ----------
-    prediction : Prediction
-    scale : Scale
-    tolerances : Tolerances
-    length : float
-        Length of the body [m].
-    state : ndarray, shape (9,)
-        Estimated state of the reduced model.
-    preview : Preview
-    crab : ndarray, shape (H,)
-        `Wanted.crab` of each step [s/m].
-    before : ndarray, shape (3,)
-        u_{-1}.
-    preferred : float
-        f_0, scaled like the inputs.
-    """
+    """(O2) at an instant, as residuals of scaled inputs z, shape (3 H,)."""
 
     prediction: Prediction
     scale: Scale
     tolerances: Tolerances
     length: float
+    """Length of the body [m]."""
     state: FloatArray
+    """Estimated state of the reduced model, shape (9,)."""
     preview: Preview
     crab: FloatArray
+    """Value of `Wanted.crab` for each step [s/m], shape (H,)."""
     before: FloatArray
+    """Inputs in force, u_{-1}, shape (3,)."""
     preferred: float
+    """Preferred frequency f_0, scaled like the inputs."""
 
     def residuals(self, z: FloatArray) -> FloatArray:
         """Return the residuals: the misses of each step, then the terms of the inputs alone."""

@@ -46,25 +46,17 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The best point found.
-
-    Attributes
-    ----------
-    z : ndarray, shape (n,)
-    cost : float
-        Value of (O1).
-    outcome : Outcome
-    iterations : int
-        Quadratic programmes solved.
-    certificate : float
-        Greatest |z - clip(z - gradient)| where last linearised: 0 at a minimum, whichever bounds are active.
-    """
+    """The best point found."""
 
     z: FloatArray
+    """The point, shape (n,)."""
     cost: float
+    """Value of (O1) there."""
     outcome: Outcome
     iterations: int
+    """Number of quadratic programmes solved."""
     certificate: float
+    """Greatest |z - clip(z - gradient)| where last linearised: 0 at a minimum, whichever bounds are active."""
 
 
 class GaussNewton:

@@ -35,43 +35,29 @@ class PlanStatus(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Inputs over a horizon of H steps; a plan that could not be made has NaN for its numbers.
-
-    Attributes
-    ----------
-    time : float
-        Start of the horizon [s].
-    step : float
-        Time over which an input is constant [s].
-    inputs : ndarray, shape (H, 3)
-        Amplitude, frequency [Hz] and steering.
-    horizon : ndarray, shape (H + 1, 2)
-        Predicted way of the centre of mass [m].
-    status : PlanStatus
-    seconds : float
-        Time that the planning took.
-    parameters : GaitParameters or None
-        Gait parameters of the first input; None where there is no plan.
-    iterations : int
-        Quadratic programmes solved.
-    cost, plain_cost : float
-        Cost of the plan, and of the better of the two starts of the search: the plan before, shifted, and the plain
-        wave.
-    certificate : float
-        Distance from a minimum, `control.planning.gauss_newton.Solution.certificate`.
-    """
+    """Inputs over a horizon of H steps; a plan that could not be made has NaN for its numbers."""
 
     time: float
+    """Start of the horizon [s]."""
     step: float
+    """Time over which an input is constant [s]."""
     inputs: FloatArray
+    """Amplitude, frequency [Hz] and steering, shape (H, 3)."""
     horizon: FloatArray
+    """Predicted way of the centre of mass [m], shape (H + 1, 2)."""
     status: PlanStatus
     seconds: float
+    """Time that the planning took [s]."""
     parameters: GaitParameters | None = None
+    """Gait parameters of the first input; None where there is no plan."""
     iterations: int = 0
+    """Number of quadratic programmes solved."""
     cost: float = nan
+    """Cost of the plan, (O2)."""
     plain_cost: float = nan
+    """Cost of the better of the two starts of the search: the plan before, shifted, and the plain wave."""
     certificate: float = nan
+    """Distance from a minimum, `control.planning.gauss_newton.Solution.certificate`."""
 
     def at(self, t: ArrayLike) -> FloatArray:
         """Return the inputs at times of shape (...) [s], shape (..., 3); beyond an end those of the step there."""
@@ -96,38 +82,24 @@ class Choice(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """Record of a choice of the gait parameters and of what the controller knew.
-
-    Attributes
-    ----------
-    time : float
-        Time from which on the parameters are in force [s].
-    source : str
-        Where they come from: an accepted plan ("mpc"), the plan before ("shifted plan"), the feed-forward or the last
-        parameters ("gait"), rest ("stop"), or a baseline ("pi_los", "open_loop").
-    parameters : GaitParameters
-    estimate : Estimate or None
-        None for a controller without estimator.
-    status : str
-        Sentence of the solver, or why it was not asked or not followed; empty where nothing is solved.
-    failed : bool
-        Whether something better should have been available.
-    iterations : int
-    cost : float
-        NaN where nothing is minimised.
-    seconds : float
-        Wall time of the decision, estimator included [s].
-    horizon : ndarray, shape (H + 1, 2), or None
-        Predicted way of the centre of mass [m].
-    """
+    """Record of a choice of the gait parameters and of what the controller knew."""
 
     time: float
+    """Time from which on the parameters are in force [s]."""
     source: Source
+    """Where they come from: an accepted plan ("mpc"), the plan before ("shifted plan"), the feed-forward or the last
+    parameters ("gait"), rest ("stop"), or a baseline ("pi_los", "open_loop")."""
     parameters: GaitParameters
     estimate: Estimate | None
+    """Estimate of that time; None for a controller without estimator."""
     status: str = ""
+    """Sentence of the solver, or why it was not asked or not followed; empty where nothing is solved."""
     failed: bool = False
+    """Whether something better should have been available."""
     iterations: int = 0
     cost: float = nan
+    """Cost of the plan; NaN where nothing is minimised."""
     seconds: float = 0.0
+    """Wall time of the decision, estimator included [s]."""
     horizon: FloatArray | None = None
+    """Predicted way of the centre of mass [m], shape (H + 1, 2)."""

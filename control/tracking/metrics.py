@@ -52,60 +52,42 @@ REASONS = {
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What a worm did, at T instants.
-
-    Attributes
-    ----------
-    time : ndarray, shape (T,)
-        [s]
-    com : ndarray, shape (T, 2)
-        True centre of mass [m].
-    heading : ndarray, shape (T,)
-        True azimuth of the chord, unwrapped [rad].
-    waves : ndarray, shape (T,)
-        Commanded phase, not falling [waves].
-    """
+    """What a worm did, at T instants."""
 
     time: FloatArray
+    """Instants [s], shape (T,)."""
     com: FloatArray
+    """True centre of mass [m], shape (T, 2)."""
     heading: FloatArray
+    """True azimuth of the chord, unwrapped [rad], shape (T,)."""
     waves: FloatArray
+    """Commanded phase, not falling [waves], shape (T,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tracking:
-    """How a worm kept to its reference, over K windows of one period, (V1).
-
-    Attributes
-    ----------
-    time : ndarray, shape (K,)
-        Ends of the windows [s].
-    waves : ndarray, shape (K,)
-        Commanded phase there [waves].
-    place : ndarray, shape (K, 2)
-        Mean centre of mass [m].
-    speed, wanted_speed : ndarray, shape (K,)
-        [m/s]
-    heading, wanted_heading : ndarray, shape (K,)
-        [rad]; the latter NaN without a path or heading to keep to.
-    cross_track : ndarray, shape (K,)
-        Mean offset to the left of the path [m]; NaN without a path.
-    counted : ndarray of bool, shape (K,)
-        Windows that the metrics take.
-    settled : ndarray of bool, shape (K,)
-        Those of them that also lie beyond the steps of the reference speed.
-    """
+    """How a worm kept to its reference, over K windows of one period, (V1)."""
 
     time: FloatArray
+    """Ends of the windows [s], shape (K,)."""
     waves: FloatArray
+    """Commanded phase there [waves], shape (K,)."""
     place: FloatArray
+    """Mean centre of mass [m], shape (K, 2)."""
     speed: FloatArray
+    """Speed forward [m/s], shape (K,)."""
     wanted_speed: FloatArray
+    """Speed that was asked for [m/s], shape (K,)."""
     heading: FloatArray
+    """Mean heading [rad], shape (K,)."""
     wanted_heading: FloatArray
+    """Heading to keep to [rad], shape (K,); NaN without a path or heading."""
     cross_track: FloatArray
+    """Mean offset to the left of the path [m], shape (K,); NaN without a path."""
     counted: Bools
+    """Windows that the metrics take, shape (K,)."""
     settled: Bools
+    """Those of them that also lie beyond the steps of the reference speed, shape (K,)."""
 
     @property
     def heading_error(self) -> FloatArray:

@@ -56,21 +56,14 @@ class Path(Protocol):
 
 @dataclass(frozen=True)
 class Line:
-    """A straight line.
-
-    Attributes
-    ----------
-    start : tuple of float
-        x, y of s = 0 [m].
-    azimuth : float
-        [rad]
-    length : float
-        Arc length at which it counts as ended [m].
-    """
+    """A straight line."""
 
     start: tuple[float, float] = (0.0, 0.0)
+    """Point (x, y) at s = 0 [m]."""
     azimuth: float = 0.0
+    """Azimuth of its direction [rad]."""
     length: float = math.inf
+    """Arc length at which it counts as ended [m]."""
 
     closed = False
 
@@ -98,24 +91,16 @@ class Line:
 
 @dataclass(frozen=True)
 class Circle:
-    """A circle.
-
-    Attributes
-    ----------
-    radius : float
-        [m]
-    start : tuple of float
-        x, y of s = 0 [m].
-    azimuth : float
-        Azimuth of its tangent there [rad].
-    towards : str
-        Side of the tangent on which its centre lies: "left" or "right".
-    """
+    """A circle."""
 
     radius: float
+    """Radius [m]."""
     start: tuple[float, float] = (0.0, 0.0)
+    """Point (x, y) at s = 0 [m]."""
     azimuth: float = 0.0
+    """Azimuth of its tangent there [rad]."""
     towards: Side = "left"
+    """Side of the tangent on which its centre lies: "left" or "right"."""
 
     closed = True
 
@@ -159,28 +144,20 @@ class Circle:
 
 @dataclass(frozen=True)
 class SCurve(Curve):
-    """A sine wave, y = amplitude sin(2 pi x / wavelength), turned so that it begins along `azimuth`, without curvature.
-
-    Attributes
-    ----------
-    amplitude, wavelength : float
-        [m]
-    waves : float
-        Length along its axis in wavelengths.
-    start : tuple of float
-        x, y of s = 0 [m].
-    azimuth : float
-        Azimuth of its tangent there [rad].
-    towards : str
-        Side of the wave's axis on which it lies at first: "left" or "right".
-    """
+    """A sine wave, y = amplitude sin(2 pi x / wavelength), turned so that it begins along `azimuth`."""
 
     amplitude: float = 0.4
+    """Amplitude of the sine [m]."""
     wavelength: float = 4.0
+    """Wavelength of the sine [m]."""
     waves: float = 2.0
+    """Length along its axis [wavelengths]."""
     start: tuple[float, float] = (0.0, 0.0)
+    """Point (x, y) at s = 0 [m]."""
     azimuth: float = 0.0
+    """Azimuth of its tangent there [rad]."""
     towards: Side = "left"
+    """Side of the wave's axis on which it lies at first: "left" or "right"."""
 
     def __post_init__(self) -> None:
         _require_start(self.start, self.azimuth)
@@ -205,18 +182,12 @@ class SCurve(Curve):
 
 @dataclass(frozen=True, eq=False)
 class SplinePath(ReadOnly, Curve):
-    """A cubic spline through points, with continuous curvature; over the chords, and natural at its ends.
-
-    Attributes
-    ----------
-    points : ndarray, shape (P, 2)
-        At least two, each apart from the next; a closed one does not repeat its first [m].
-    closed : bool
-        Whether it goes on from the last point to the first.
-    """
+    """A cubic spline through points, with continuous curvature; over the chords, and natural at its ends."""
 
     points: FloatArray
+    """At least two points, each apart from the next [m], shape (P, 2); a closed path does not repeat its first."""
     closed: bool = False
+    """Whether it goes on from the last point to the first."""
 
     def __post_init__(self) -> None:
         closed = arguments.flag("closed", self.closed)
@@ -239,15 +210,10 @@ class SplinePath(ReadOnly, Curve):
 
 @dataclass(frozen=True, eq=False)
 class PlanView(ReadOnly, Curve):
-    """The centre line of a pipe seen from above.
-
-    Attributes
-    ----------
-    centreline : worm3d.Centreline
-        Centre line that is nowhere vertical.
-    """
+    """The centre line of a pipe seen from above."""
 
     centreline: Centreline
+    """Centre line that is nowhere vertical."""
 
     def __post_init__(self) -> None:
         arguments.instance("centreline", self.centreline, Centreline, "a worm3d.Centreline")

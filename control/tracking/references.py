@@ -36,21 +36,14 @@ class Constant:
 
 @dataclass(frozen=True)
 class Steps:
-    """A profile that changes in steps.
-
-    Attributes
-    ----------
-    first : float
-        Value before the first step.
-    times : tuple of float
-        Times of the steps, growing [s].
-    values : tuple of float
-        Value from each of them on.
-    """
+    """A profile that changes in steps."""
 
     first: float
+    """Value before the first step."""
     times: tuple[float, ...]
+    """Times of the steps, growing [s]."""
     values: tuple[float, ...]
+    """Value from each of them on."""
 
     def __post_init__(self) -> None:
         arguments.number("first", self.first)
@@ -91,14 +84,6 @@ class Sine:
 class Reference:
     """What the worm is to do.
 
-    Attributes
-    ----------
-    speed : callable
-        Time [s] -> speed forward, along the path if there is one [m/s]; takes arrays.
-    heading : callable, optional
-        Time [s] -> heading [rad]; takes arrays.
-    path : Path, optional
-
     Raises
     ------
     ValueError
@@ -106,7 +91,9 @@ class Reference:
     """
 
     speed: Profile
+    """Time [s] -> speed forward, along the path if there is one [m/s]; takes arrays."""
     heading: Profile | None = None
+    """Time [s] -> heading [rad]; takes arrays."""
     path: Path | None = None
 
     def __post_init__(self) -> None:
@@ -122,28 +109,20 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class Preview:
-    """What a reference asks for at K instants.
-
-    Attributes
-    ----------
-    speed : ndarray, shape (K,)
-        Speed forward [m/s].
-    point : ndarray, shape (K, 2)
-        Points of the path [m]; zeros without a path.
-    heading : ndarray, shape (K,)
-        Heading of the path, or as asked for, on the turn of the worm's own heading [rad]; zeros if there is none.
-    follows, heads : bool
-        Whether there is a path, and whether there is a heading.
-    progress : float
-        Arc length of the path's point nearest to the worm [m]; 0 without a path.
-    """
+    """What a reference asks for at K instants."""
 
     speed: FloatArray
+    """Speed forward [m/s], shape (K,)."""
     point: FloatArray
+    """Points of the path [m], shape (K, 2); zeros without a path."""
     heading: FloatArray
+    """Heading of the path, or as asked for, on the turn of the worm's own [rad], shape (K,); zeros if there is none."""
     follows: bool
+    """Whether there is a path."""
     heads: bool
+    """Whether there is a heading."""
     progress: float
+    """Arc length of the path's point nearest to the worm [m]; 0 without a path."""
 
 
 def look_ahead(

@@ -20,25 +20,19 @@ PHASES_DEG = tuple(range(0, 180, 15))
 
 @dataclass(frozen=True)
 class Phases:
-    """One bending wave with all phases ahead of the contraction.
-
-    Attributes
-    ----------
-    mechanism : str
-    steering_wavelength : float
-        [body lengths]
-    phase_deg, turn_deg, drift_bl : tuple of float
-        Phase at the wave's frequency; turn [deg a wave]; drift to the left [body lengths a wave].
-    chosen_deg : float
-        The schedule's own phase.
-    """
+    """One bending wave with all phases ahead of the contraction."""
 
     mechanism: Mechanism
     steering_wavelength: float
+    """Wavelength of the bending wave [body lengths]."""
     phase_deg: tuple[float, ...]
+    """Phases at the wave's frequency [deg]."""
     turn_deg: tuple[float, ...]
+    """Turn [deg a wave]."""
     drift_bl: tuple[float, ...]
+    """Drift to the left [body lengths a wave]."""
     chosen_deg: float
+    """Phase of the schedule [deg]."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as JSON can hold it."""

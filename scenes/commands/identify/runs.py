@@ -34,21 +34,14 @@ WINDING_WAVES = (0.6, 0.9, 1.1)
 
 @dataclass(frozen=True)
 class Steady:
-    """What a steady wave does.
-
-    Attributes
-    ----------
-    motion : Motion or None
-        None where the run did not end, or has no heading.
-    slip : float
-        Way that the feet slide a wave, summed over them [body lengths].
-    roll : float
-        Greatest mean roll of the segments [rad].
-    """
+    """What a steady wave does."""
 
     motion: Motion | None
+    """Motion a wave; None where the run did not end, or has no heading."""
     slip: float
+    """Way that the feet slide a wave, summed over them [body lengths]."""
     roll: float
+    """Greatest mean roll of the segments [rad]."""
 
     @property
     def tipped(self) -> bool:

@@ -46,18 +46,12 @@ class Point:
 
 @dataclass(frozen=True)
 class Curve:
-    """One schedule on one worm.
-
-    Attributes
-    ----------
-    mechanism, name : str
-    points : tuple of Point
-        In the order of the steering.
-    """
+    """One schedule on one worm."""
 
     mechanism: Mechanism
     name: str
     points: tuple[Point, ...]
+    """Runs in the order of the steering."""
 
     @property
     def standing(self) -> tuple[Point, ...]:
