@@ -12,7 +12,7 @@ from worm3d.physics.kernels import point
 from worm3d.plant import Plant
 from worm3d.solver import arrays, fronts, regimes
 from worm3d.solver.arrays import Core
-from worm3d.solver.fronts import DUE
+from worm3d.solver.fronts import ETA
 
 SEGMENTS = 9
 
@@ -49,7 +49,7 @@ class Contacts:
 
     @property
     def due(self) -> list[float]:
-        return self.plant.arrays["fronts"][DUE, :SEGMENTS].tolist()
+        return self.plant.arrays["fronts"][ETA, :SEGMENTS].tolist()
 
     def expect(self) -> str:
         expected(self.plant.core)

@@ -95,7 +95,7 @@ def test_regimes_change_where_the_law_denies_them(error: float) -> None:
         v["distance"] = np.random.default_rng(3).uniform(-0.02, 0.01, (1, COUNT))
         out, now = run("point_yielding", point.LAYOUT, v), run("point_yielding", point.LAYOUT, v | AT_REST)
         f = out[PULL : PULL + 2] / np.array([np.where(out[PULL] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
-        inside = np.sum(f**2, axis=0) < regime_kernels.HELD * v["cap"][0] ** 2
+        inside = np.sum(f**2, axis=0) < regime_kernels.STICK_SHARE * v["cap"][0] ** 2
         mu_n, mu = (np.where(way[Y] > 0.0, v["mu"][0], v["mu"][1]) for way in (now, out))
         back = mu_n**2 * now[Y] * out[Y] + v["mu"][2] ** 2 * now[Y + 1] * out[Y + 1] <= 0.0
         for k in range(COUNT):
@@ -112,7 +112,7 @@ def test_regimes_change_where_the_law_denies_them(error: float) -> None:
             else:
                 expected = point.SLIDING if out[EXCESS, k] > error else regime
             assert out[NEXT, k] == expected, (k, regime, side)
-            changed = expected != regime or (regime == point.SLIDING and out[SWING, k] > regime_kernels.SWUNG)
+            changed = expected != regime or (regime == point.SLIDING and out[SWING, k] > regime_kernels.MAX_SWING)
             assert out[STALE, k] == changed
             seen.add((regime, expected))
     assert len(seen) > 10, seen

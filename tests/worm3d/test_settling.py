@@ -33,7 +33,7 @@ SLOPES = [
     (0.5724016246883944, -1.8330345396862178),
     (0.43398925616669354, 2.9936044925337804),
 ]
-"""On which the default worm was not settled: `_search` in solver/newton.py went up where the slope fell again."""
+"""On which the default worm was not settled: `_search` in solver/descent.py went up where the slope fell again."""
 
 
 @pytest.mark.parametrize(("slope", "heading"), SLOPES)

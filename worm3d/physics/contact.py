@@ -24,7 +24,7 @@ mu_i y_i/rho, which make unit vectors. Where H = 1 it is the gradient of Huber's
 
     h = cap^2 lambda + r/2 sum_i (mu_i y_i/P_i)^2
 
-and where it is not, there is none across the axes: descent (`worm3d.solver.newton`) takes H = 1 everywhere. The limit
+and where it is not, there is none across the axes: descent (`worm3d.solver.descent`) takes H = 1 everywhere. The limit
 mu_x -> 0 is regular: no force along x, an anchor that follows, and lateral friction that goes on to hold.
 
 rho_b, the breakaway displacement times e, is one number, so that all contacts yield together whatever their load; D

@@ -1,4 +1,4 @@
-"""What the contacts will do in a step, by what they and their neighbours have done: Newton begins there.
+"""Prediction of regimes, friction and loads in a step, from which Newton's method begins.
 
 A wave runs along the body, and contacts change one after the other where its fronts pass. A contact that changes notes
 by how many steps its neighbour was ahead of it; where two in a row agree, the next contact is expected to change as
@@ -16,14 +16,14 @@ from worm3d.solver.arrays import POINTS, Core
 from worm3d.solver.block import combine, copy, dot, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
 
-DOES, DID, SINCE, AHEAD, STEADY, DUE = range(6)
-"""Rows of "fronts": what a contact does and did before, a slide towards the tail being negative; steps since; by how
-many steps its neighbour was ahead, negative for the one behind it; 1 where that one's own was ahead by as many; and
-steps until a front arrives, 0 where none is awaited."""
-LONGEST = 20.0
-"""Steps from contact to contact up to which a front is awaited."""
+STATE, PREVIOUS, AGE, LEAD, LEAD_CONFIRMED, ETA = range(6)
+"""Rows of "fronts": state of a contact (a regime, negative where it slides towards the tail), its previous state, steps
+since it changed, steps by which a neighbour changed earlier (negative for the neighbour behind), 1 where that neighbour
+was preceded by as many, and steps until a front arrives, 0 where none is awaited."""
+MAX_LEAD = 20.0
+"""Largest number of steps between neighbouring contacts at which a front is awaited."""
 SMOOTH = 0.02
-"""Greatest change of motion that goes on: squares, in coordinates."""
+"""Largest change of motion that is expected to go on, square of its norm over that of the motion."""
 
 _LOAD_N, _LOAD_M, _REGIME = point.LAYOUT.firsts("load_n", "load_m", "regime")
 _PULL, _PULL_M = point.LAYOUT.firsts("pull", "pull_m")
@@ -50,14 +50,14 @@ def expect(core: Core) -> None:
         combine(first, 1.0, now, -1.0, before)
     fill(rows(core.block, a.POINT_IN, _ERROR, 1), regimes.PRESSED * vector(core.block, a.NUMBERS_)[a.L0])
     run(kernel(core, a.POINT_EXPECTED), p, out[:4], p.shape[1])
-    due = matrix(core.block, a.FRONTS)[DUE]
+    eta = matrix(core.block, a.FRONTS)[ETA]
     for k in range(p.shape[1]):
-        if due[k] > 0.0:  # what is awaited is trusted
+        if eta[k] > 0.0:  # what is awaited is trusted
             for row in range(4):
                 out[row, k] = p[_PULL + row, k]
     copy(rows(core.block, a.POINT_IN, _PULL, 4), rows(core.block, a.YIELDING_OUT, 0, 4))
     for k in range(p.shape[1]):
-        if due[k] == 1.0:
+        if eta[k] == 1.0:
             _arrive(core, k)
 
 
@@ -66,14 +66,14 @@ def _arrive(core: Core, k: int) -> None:
     """Take a contact for what its neighbour is on the side from which a front arrives."""
     p, fronts, pull = matrix(core.block, a.POINT_IN), matrix(core.block, a.FRONTS), matrix(core.block, a.PULL_N)
     for side in (1, -1):
-        j, does = k + side, 0.0
+        j, state = k + side, 0.0
         if _passed(core, k, side):
-            does = fronts[DOES, j]
-        if does == point.OPEN:
+            state = fronts[STATE, j]
+        if state == point.OPEN:
             p[_REGIME, k] = point.OPEN
-        elif does != 0.0:
+        elif state != 0.0:
             p[_PULL, k], p[_PULL + 1, k] = pull[0, j], pull[1, j]
-            p[_REGIME, k] = regimes.sticking(pull[0, j]) if does == point.STICKING else point.SLIDING
+            p[_REGIME, k] = regimes.sticking(pull[0, j]) if state == point.STICKING else point.SLIDING
             if p[_FORESEEN, k] <= 0.0:
                 p[_FORESEEN, k] = p[_LOAD_N, j]
 
@@ -84,8 +84,8 @@ def _passed(core: Core, k: int, side: int) -> bool:
     fronts, j = matrix(core.block, a.FRONTS), k + side
     if not 0 <= k % (fronts.shape[1] // POINTS) + side < core.n:
         return False
-    changed = fronts[DOES, j] != fronts[DOES, k] and fronts[DID, j] == fronts[DOES, k]
-    return bool(changed and side * fronts[AHEAD, j] > 0.0)
+    changed = fronts[STATE, j] != fronts[STATE, k] and fronts[PREVIOUS, j] == fronts[STATE, k]
+    return bool(changed and side * fronts[LEAD, j] > 0.0)
 
 
 @inner
@@ -99,29 +99,29 @@ def keep(core: Core) -> None:
 def note(core: Core) -> None:
     """Note, at the end of a step, which contacts do something else than before, and where fronts are awaited."""
     fronts, found = matrix(core.block, a.FRONTS), matrix(core.block, a.Y_START)
-    since, due, lanes, changed = fronts[SINCE], fronts[DUE], fronts.shape[1] // POINTS, 0
-    for k in range(len(since)):
-        since[k] += 1.0
-        due[k] = max(0.0, due[k] - 1.0)
+    age, eta, lanes, changed = fronts[AGE], fronts[ETA], fronts.shape[1] // POINTS, 0
+    for k in range(len(age)):
+        age[k] += 1.0
+        eta[k] = max(0.0, eta[k] - 1.0)
     for s in range(POINTS):
         for k in range(s * lanes, s * lanes + core.n):
-            if _does(core, k) != fronts[DOES, k]:
+            if _state(core, k) != fronts[STATE, k]:
                 found[0, changed] = k
                 changed += 1
     for m in range(changed):
-        found[1, m], found[2, m] = _ahead(core, int(found[0, m]))
+        found[1, m], found[2, m] = _lead(core, int(found[0, m]))
     for m in range(changed):
         k = int(found[0, m])
-        fronts[DID, k], fronts[DOES, k], since[k], due[k] = fronts[DOES, k], _does(core, k), 0.0, 0.0
-        fronts[AHEAD, k], fronts[STEADY, k] = found[1, m], found[2, m]
+        fronts[PREVIOUS, k], fronts[STATE, k], age[k], eta[k] = fronts[STATE, k], _state(core, k), 0.0, 0.0
+        fronts[LEAD, k], fronts[LEAD_CONFIRMED, k] = found[1, m], found[2, m]
     for m in range(changed):
-        for k in range(max(0, int(found[0, m]) - 1), min(len(due), int(found[0, m]) + 2)):
-            due[k] = _awaited(core, k)
+        for k in range(max(0, int(found[0, m]) - 1), min(len(eta), int(found[0, m]) + 2)):
+            eta[k] = _awaited(core, k)
 
 
 @inner
-def _does(core: Core, k: int) -> float:
-    """Return what a contact does at the end of a step."""
+def _state(core: Core, k: int) -> float:
+    """Return the state of a contact at the end of a step."""
     p = matrix(core.block, a.POINT_IN)
     if p[_LOAD_N, k] <= 0.0:
         return point.OPEN
@@ -131,16 +131,16 @@ def _does(core: Core, k: int) -> float:
 
 
 @inner
-def _ahead(core: Core, k: int) -> tuple[float, float]:
-    """Return the rows AHEAD and STEADY of a contact that changes in this step."""
-    fronts, does, found = matrix(core.block, a.FRONTS), _does(core, k), (0.0, 0.0)
+def _lead(core: Core, k: int) -> tuple[float, float]:
+    """Return the rows LEAD and LEAD_CONFIRMED of a contact that changes in this step."""
+    fronts, state, found = matrix(core.block, a.FRONTS), _state(core, k), (0.0, 0.0)
     i = k % (fronts.shape[1] // POINTS)
     for side in (1, -1):
         j = k + side
-        if 0 <= i + side < core.n and fronts[DOES, j] == does and fronts[DID, j] == fronts[DOES, k]:
-            steps = fronts[SINCE, j]
-            if steps <= LONGEST:
-                found = side * steps, 1.0 if abs(fronts[AHEAD, j]) == steps else 0.0
+        if 0 <= i + side < core.n and fronts[STATE, j] == state and fronts[PREVIOUS, j] == fronts[STATE, k]:
+            steps = fronts[AGE, j]
+            if steps <= MAX_LEAD:
+                found = side * steps, 1.0 if abs(fronts[LEAD, j]) == steps else 0.0
     return found
 
 
@@ -149,6 +149,6 @@ def _awaited(core: Core, k: int) -> float:
     """Return in how many steps a steady front arrives at a contact, 0 where there is none."""
     fronts, steps = matrix(core.block, a.FRONTS), 0.0
     for side in (1, -1):
-        if _passed(core, k, side) and fronts[STEADY, k + side] != 0.0:
-            steps = max(steps, side * fronts[AHEAD, k + side] - fronts[SINCE, k + side])
+        if _passed(core, k, side) and fronts[LEAD_CONFIRMED, k + side] != 0.0:
+            steps = max(steps, side * fronts[LEAD, k + side] - fronts[AGE, k + side])
     return steps

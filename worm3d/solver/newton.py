@@ -1,8 +1,8 @@
-"""Newton-Raphson (P1), (P2) with exact derivatives and a line search, compiled.
+"""Newton-Raphson (P1), (P2) with exact derivatives, compiled.
 
-First it follows the residual with the normal loads of the iterate itself, whose Jacobian is unsymmetric, from the first
-guess, and again from the start of the step. Where that does not converge, passes begin that minimise the potential of
-the step for given loads (it always descends) and follow from there; after each, the loads are updated.
+First it solves the residual with the normal loads of the iterate itself, whose Jacobian is unsymmetric, from the first
+guess, and again from the start of the step. Where that does not converge the fallback begins: passes that minimise the
+potential of the step for given loads (`worm3d.solver.descent`) and solve from there; after each, the loads are updated.
 """
 
 from __future__ import annotations
@@ -10,57 +10,52 @@ from __future__ import annotations
 import numpy as np
 
 from worm3d.machine import vectors
-from worm3d.machine.banded import B, cholesky_solve
 from worm3d.machine.banded_lu import lu_factor, lu_solve
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import point
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, regimes
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import address, combine, copy, dot, fill, matrix, rows, total, vector
+from worm3d.solver.block import combine, copy, dot, fill, matrix, rows, total, vector
+from worm3d.solver.descent import descend, largest
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import LOAD, LOCAL, NONE, WHOLE, WITH_KEPT_JOINTS, evaluate, hold
-from worm3d.solver.regimes import Y
 from worm3d.values.arrays import FloatArray
 
-MAX_DESCENT = 60
-MAX_SEARCH = 40
-MAX_FOLLOW = 40
+MAX_ITERATIONS = 40
+"""Largest number of Newton iterations, counted anew whenever contacts break away."""
 RELAXATIONS = np.array([1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25] + 17 * [0.1])
-"""Of the update of the loads after each pass that did not converge."""
-SLOPE_LEFT = 0.9
-"""A line search ends where the slope has fallen to this fraction."""
-DESCENT_TOLERANCE = 1e-9
-"""Largest coordinate step that ends the descent, as a fraction of the body length."""
-WILD = 0.02
-"""A step that is longer than the first one and than this fraction of the segment length strays."""
+"""Relaxation factor of the normal loads after each pass of the fallback."""
+DIVERGED = 0.1
+"""Newton step, as a fraction of the body length, beyond which the iteration is given up."""
+STRAY_STEP = 0.02
+"""Newton step, as a fraction of the segment length, beyond which one that is longer than the first strays."""
 MAX_STRAYS = 2
-"""Steps that stray before Newton gives up: where contacts let go all at once the descent finds them sooner."""
+"""Number of straying steps that are tolerated: where contacts let go all at once the descent finds them sooner."""
 MAX_CHANGES = 16
-"""Iterations in which contacts change their regime before Newton gives up."""
+"""Number of iterations with a change of regime that are tolerated."""
 CONTRACTION = 0.2
-"""A Jacobian is kept while steps shrink to this fraction."""
+"""Largest ratio of successive steps at which the Jacobian is kept."""
 CURVATURE = 10.0
-"""A step of size s moves a contact point otherwise than to first order by s^2 times this over the segment length."""
+"""Error of the first-order motion of a contact point in a step of size s, over s^2/l0."""
 DOUBT = 2.0
-"""By which that error is taken to be larger each time that contacts have changed their regime."""
-TRUST = 10.0
-"""Contacts break away before Newton has converged where every stuck one is further from its limit than this times what
-the last step has changed. From 4 to 100 the outcome is the same as after convergence and the cost changes by 0.1 %;
-without it a step in which a contact breaks away takes one or two iterations more."""
-BREAKS = 25.0
-"""Square of the share of the yield limit beyond which what sticks slides at once, where there is no guess to trust."""
+"""Factor on that error for each earlier change of regime in the same step."""
+EARLY_RELEASE_MARGIN = 10.0
+"""Distance of every stuck contact from its static limit, over its last change, from which on those beyond the limit
+break away before Newton's method has converged; the outcome is the same as after convergence."""
+SLIDE_AT_ONCE = 25.0
+"""Square of y over the yield limit beyond which a stuck contact slides at once, where no guess is to be trusted."""
 SEGMENTS_KEPT = 3e-4
-"""The Jacobian is kept, but for contacts that change, until x has moved by this fraction of the segment length."""
+"""Motion of x, as a fraction of the segment length, up to which the Jacobian is kept but for contacts that change."""
 JOINTS_KEPT = 1e-2
-"""The joints' part of the Jacobian is kept until x has moved by this fraction of the segment length."""
+"""Motion of x, as a fraction of the segment length, up to which the joints' part of the Jacobian is kept."""
 STAGNATION = 1e-12
-"""A step below this fraction that no longer shrinks, with new Jacobians, is rounding: converged too."""
+"""Newton step, as a fraction of the body length, below which steps that no longer shrink count as rounding."""
 
 NOTHING, TURNED, FREED, CHANGED = range(4)
-"""What has become of the contacts: a stuck one turns round, or a slide, one breaks away, or one changes its regime."""
+"""Event among the contacts in an iteration: none, a sliding or stuck one turns, one breaks away, one changes regime."""
 
-_LOAD, _MU, _REGIME, _BREAKS = point.LAYOUT.firsts("load", "mu", "regime", "breaks")
+_LOAD, _REGIME, _BREAKS = point.LAYOUT.firsts("load", "regime", "breaks")
 
 
 @inner
@@ -93,12 +88,12 @@ def _solve(core: Core, again: bool) -> bool:
     if guessed and not again:
         fronts.expect(core)
     breaks = rows(core.block, a.POINT_IN, _BREAKS, 1)
-    fill(breaks, np.inf if guessed or again else BREAKS)
+    fill(breaks, np.inf if guessed or again else SLIDE_AT_ONCE)
     found = _follow(core)
     if not found and guessed and not again:  # other contacts may hold there than at the start of the step
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         regimes.last(core)
-        fill(breaks, BREAKS)
+        fill(breaks, SLIDE_AT_ONCE)
         found = _follow(core)
     fill(regime, point.FREE)
     if found:
@@ -108,7 +103,7 @@ def _solve(core: Core, again: bool) -> bool:
     load, own = rows(core.block, a.POINT_IN, _LOAD, 1), rows(core.block, a.POINT_OUT, LOAD, 1)
     copy(x, vector(core.block, a.X_N))
     for relaxation in RELAXATIONS:
-        if _descend(core):
+        if descend(core):
             copy(best, x)
             evaluate(core, a.X, True, NONE)
             regimes.own(core)
@@ -138,13 +133,13 @@ def _follow(core: Core) -> bool:
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     length, tolerance = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.TOLERANCE]
     size, moved, hessian, fresh, changes, doubt, before = np.inf, 0.0, WHOLE, 0, 0, 1.0, NOTHING
-    since_joints, since_all, far, strays, left = 0.0, 0.0, 0.0, 0, MAX_FOLLOW
+    since_joints, since_all, far, strays, left = 0.0, 0.0, 0.0, 0, MAX_ITERATIONS
     while left > 0:
         left -= 1
         previous, size = size, _newton_step(core, hessian, moved > 0.0)
-        far = max(far, WILD * vector(core.block, a.NUMBERS_)[a.L0]) if far > 0.0 else size
+        far = max(far, STRAY_STEP * vector(core.block, a.NUMBERS_)[a.L0]) if far > 0.0 else size
         strays += size > far
-        if not size <= 0.1 * length or strays > MAX_STRAYS:
+        if not size <= DIVERGED * length or strays > MAX_STRAYS:
             return False
         news, lands = _news(core, size, doubt)
         renewed = hessian in (WHOLE, WITH_KEPT_JOINTS)
@@ -160,7 +155,7 @@ def _follow(core: Core) -> bool:
             news = FREED
         if news == FREED:  # another problem from here on
             count(core, 2)
-            changes, doubt, strays, left = 0, 1.0, 0, MAX_FOLLOW
+            changes, doubt, strays, left = 0, 1.0, 0, MAX_ITERATIONS
         moved = 0.0 if lands else size
         if not lands:
             copy(vector(core.block, a.TRIAL), step)
@@ -185,7 +180,7 @@ def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
     changed, turned = regimes.change(core, lands)
     if changed:
         return CHANGED, lands
-    if not turned and not lands and regimes.break_away(core, TRUST):
+    if not turned and not lands and regimes.break_away(core, EARLY_RELEASE_MARGIN):
         return FREED, lands
     return TURNED if turned else NOTHING, lands
 
@@ -234,7 +229,7 @@ def _newton_step(core: Core, hessian: int, follows: bool) -> float:
     lu_solve(factor, step)
     if hessian == NONE and follows:
         _correct(step, vector(core.block, a.TRIAL))
-    return float(_size(core, step))
+    return float(largest(core, step))
 
 
 @inner
@@ -254,150 +249,3 @@ def _first_changed(core: Core) -> int:
             if changed[s * lanes + i] != 0.0:
                 return BLOCK * i
     return 0
-
-
-@inner
-def _size(core: Core, step: FloatArray) -> float:
-    """Return the largest entry of a step, rolls and bends turned into metres."""
-    largest, lever = 0.0, vector(core.block, a.NUMBERS_)[a.LEVER]
-    for k in range(len(step)):
-        value = abs(step[k]) * (lever if k % BLOCK > 2 else 1.0)
-        if not value <= largest:  # a NaN too
-            largest = value
-    return largest
-
-
-@inner
-def _descend(core: Core) -> bool:
-    x, direction = vector(core.block, a.X), vector(core.block, a.DIRECTION)
-    tolerance = DESCENT_TOLERANCE * vector(core.block, a.NUMBERS_)[a.LENGTH]
-    for _ in range(MAX_DESCENT):
-        phi = evaluate(core, a.X, False, WHOLE)
-        if not np.isfinite(phi):
-            return False
-        hold(core, True)
-        if not _descent_direction(core):
-            return False
-        if not _search(core, phi):
-            return True  # no descent left above rounding
-        copy(x, vector(core.block, a.BEST))
-        if _size(core, direction) < tolerance:
-            return True
-    return False
-
-
-@inner
-def _descent_direction(core: Core) -> bool:
-    """Solve with the Hessian, shifted until it is positive definite."""
-    direction, gradient = vector(core.block, a.DIRECTION), vector(core.block, a.GRADIENT)
-    band, factor = matrix(core.block, a.BAND), matrix(core.block, a.FACTOR)
-    square = vector(core.block, a.NUMBERS_)[a.LEVER] ** 2
-    scale, shift = 0.0, 0.0
-    for k in range(len(direction)):
-        if k % BLOCK < 3:
-            scale = max(scale, abs(band[k, B]))
-    while shift < 1e6 * scale:
-        vectors.move(address(core.block, a.FACTOR, 0), address(core.block, a.BAND, 0), factor.size)
-        if shift > 0.0:
-            for k in range(len(direction)):
-                factor[k, B] += shift * (square if k % BLOCK > 2 else 1.0)
-        combine(direction, -1.0, gradient, 0.0, gradient)
-        if cholesky_solve(factor, direction) and np.isfinite(total(direction)):
-            return True
-        shift = max(10.0 * shift, 1e-9 * scale)
-    return False
-
-
-@inner
-def _search(core: Core, phi: float) -> bool:
-    """Put into "best" a point further down the direction; False if there is none above rounding.
-
-    Friction's slope jumps within the tiny displacement in which a contact sticks; halving alone takes ages to find
-    that place: where contacts come to rest on the way is tried first.
-    """
-    x, gradient = vector(core.block, a.X), vector(core.block, a.GRADIENT)
-    direction, trial = vector(core.block, a.DIRECTION), vector(core.block, a.TRIAL)
-    slope = dot(gradient, direction)
-    low, high, step, found, kinks = 0.0, 1.0, 1.0, False, -1
-    for _ in range(MAX_SEARCH):
-        combine(trial, 1.0, x, step, direction)
-        value = evaluate(core, a.TRIAL, False, NONE)
-        rise = dot(gradient, direction) if np.isfinite(value) else np.inf
-        lower = value <= phi + 1e-4 * step * slope + 1e-14 * abs(phi)
-        if lower:
-            copy(vector(core.block, a.BEST), trial)
-            found = True
-            if rise <= SLOPE_LEFT * abs(slope):
-                return True
-        if lower and rise <= 0.0:
-            low = step
-        else:
-            high = step
-        if kinks < 0:
-            kinks = _resting_points(core)
-        step = _between(vector(core.block, a.KINKS)[:kinks], low, high)
-    return found
-
-
-@inner
-def _between(kinks: FloatArray, low: float, high: float) -> float:
-    """Return the middle one of the kinks between two steps, or half-way."""
-    inside, middle = 0, 0
-    for kink in kinks:
-        if low < kink < high:
-            inside += 1
-    for kink in kinks:  # sorted
-        if low < kink < high:
-            if middle == inside // 2:
-                return float(kink)
-            middle += 1
-    return 0.5 * (low + high)
-
-
-@inner
-def _sort(values: FloatArray) -> None:
-    """Sort a few values in place; Numba's own sort takes seconds to compile."""
-    for i in range(1, len(values)):
-        value, k = values[i], i
-        while k > 0 and values[k - 1] > value:
-            values[k] = values[k - 1]
-            k -= 1
-        values[k] = value
-
-
-@inner
-def _resting_points(core: Core) -> int:
-    """Find the step lengths in (0, 1), sorted, at which sliding contacts come closest to rest, to first order."""
-    x, trial = vector(core.block, a.X), vector(core.block, a.TRIAL)
-    point_in, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
-    start, kinks = matrix(core.block, a.Y_START), vector(core.block, a.KINKS)
-    if not _slides(core, a.X):
-        return 0
-    copy(vector(core.block, a.Y_START), rows(core.block, a.YIELDING_OUT, Y, 3))
-    combine(trial, 1.0, x, 1.0, vector(core.block, a.DIRECTION))
-    if not _slides(core, a.TRIAL):
-        return 0
-    lanes, found = point_in.shape[1] // POINTS, 0
-    for s in range(POINTS):
-        for k in range(s * lanes, s * lanes + core.n):
-            if not (point_in[_LOAD, k] > 0.0 and start[2, k] > 0.0):  # start: y and the excess
-                continue
-            y_x, y_l = start[0, k], start[1, k]
-            d_x, d_l = out[Y, k] - y_x, out[Y + 1, k] - y_l
-            along, across = point_in[_MU if y_x > 0.0 else _MU + 1, k] ** 2, point_in[_MU + 2, k] ** 2
-            curve = along * d_x * d_x + across * d_l * d_l
-            closest = -(along * y_x * d_x + across * y_l * d_l) / curve if curve > 0.0 else 0.0
-            if 0.0 < closest < 1.0:
-                kinks[found] = closest
-                found += 1
-    _sort(kinks[:found])
-    return found
-
-
-@inner
-def _slides(core: Core, which: int) -> bool:
-    """Run the kernel that says which contacts slide at x."""
-    if not evaluate(core, which, False, NONE) < np.inf:
-        return False
-    regimes.look(core)
-    return True

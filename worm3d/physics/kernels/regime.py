@@ -25,24 +25,27 @@ from worm3d.physics.kernels.point import (
     sided,
 )
 
-SWUNG = 3e-5
+MAX_SWING = 3e-5
 """Square of the relative change of y above which the K of a sliding contact is made anew."""
 
-HELD = 0.25
+STICK_SHARE = 0.25
 """Square of the share of the law's own force below which a foreseen force of a sliding contact means that it sticks."""
 
-TURNED = 1e-7
+SIDE_TOLERANCE = 1e-7
 """Displacement along the segment, as a fraction of the yield limit, below which a stuck contact keeps its side."""
 
 
 def yielding(law: Law = Coulomb) -> ca.Function:
-    """Return what a contact does at X + `first`, to first order, in metres.
+    """Return what a contact does at X + `first`, to first order: rows "y" to "recent", 12 in all.
 
-    y = s - s* (2); by how much it is beyond the yield limit, for the largest coefficient; the penetration -g - d*
-    (negative where nothing touches); f' (2) of (C5) and the normal load; the square of the fraction of itself, or of
-    the yield limit, by which y changes; the regime that follows where the law denies one by more than `error`;
-    whether K of before is out of date: with another regime, or where y changes by more than `SWUNG`; by how much eta is
-    beyond (C6); and by how much it changes, the error included.
+    y, pull : s - s* (2) [m], and f' (2) of (C5).
+    excess : eta less its yield limit, over the largest coefficient [m].
+    touching : penetration -g - d*, negative where nothing touches [m].
+    foreseen : normal load [N].
+    swing : square of the relative change of y.
+    regime : the one that follows, another where the law denies the present one by more than `error`.
+    stale : whether K of before is out of date.
+    reach, recent : (C6), and the last change of eta, the error included [m].
     """
     s, c = LAYOUT.symbols, contact_of(law)
     now, dy = c.y, in_tangents(s["first"])
@@ -57,10 +60,10 @@ def yielding(law: Law = Coulomb) -> ca.Function:
     excess = (eta - c.step.cap * c.step.r * (1.0 + contact.YIELD_TOLERANCE)) / largest
     touching = c.touching - ca.dot(s["normal"], s["first"])
     backs = ca.dot(_elastic(now, c.of) ** 2 * now, y) <= 0.0
-    held = HELD * ca.if_else(at.multiplier > 0.0, contact.share(at.f, sided(c.of), at.strength), 1.0)
+    held = STICK_SHARE * ca.if_else(at.multiplier > 0.0, contact.share(at.f, sided(c.of), at.strength), 1.0)
     recent = ca.norm_2(_elastic(y, c.of) * dy) + largest * s["error"]
     regime = _next(c, y, eta, excess, touching, share < held, backs)
-    swings = ca.logic_and(s["regime"] == SLIDING, swing > SWUNG)
+    swings = ca.logic_and(s["regime"] == SLIDING, swing > MAX_SWING)
     rows = {
         "y": y,
         "excess": excess,
@@ -88,7 +91,7 @@ def _next(c: Contact, y: ca.SX, eta: ca.SX, excess: ca.SX, touching: ca.SX, held
     sticking = ca.if_else(y[0] >= 0.0, STICKING, STICKING_BACK)
     side = ca.if_else(regime == STICKING_BACK, y[0], -y[0])  # how far it is on the other side
     limit = c.step.cap * c.step.r
-    counts = ca.fabs(_elastic(y, c.of)[0] * y[0]) > TURNED * limit
+    counts = ca.fabs(_elastic(y, c.of)[0] * y[0]) > SIDE_TOLERANCE * limit
     turned = ca.logic_and(ca.logic_and(side > error, counts), c.of.mu.forward != c.of.mu.backward)
     far = eta**2 > s["breaks"] * limit**2
     of_stuck = ca.if_else(turned, sticking, ca.if_else(ca.logic_or(far, excess > error), SLIDING, regime))

@@ -1,0 +1,184 @@
+"""Descent: minimisation of the potential of a step for given normal loads, the fallback of Newton's method.
+
+The Hessian is shifted until it is positive definite, and a line search makes every iteration go down, so that it cannot
+run in circles.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from worm3d.machine import vectors
+from worm3d.machine.banded import B, cholesky_solve
+from worm3d.machine.compiled import inner
+from worm3d.physics.kernels import point
+from worm3d.solver import arrays as a
+from worm3d.solver import regimes
+from worm3d.solver.arrays import BLOCK, POINTS, Core
+from worm3d.solver.block import address, combine, copy, dot, matrix, rows, total, vector
+from worm3d.solver.evaluate import NONE, WHOLE, evaluate, hold
+from worm3d.solver.regimes import Y
+from worm3d.values.arrays import FloatArray
+
+MAX_DESCENT = 60
+"""Largest number of iterations of a descent."""
+MAX_SEARCH = 40
+"""Largest number of trial points of a line search."""
+SUFFICIENT = 1e-4
+"""Fraction of the first-order decrease by which a trial point has to be lower (Armijo's rule)."""
+ROUNDING = 1e-14
+"""Relative rise of the potential that counts as rounding."""
+SLOPE_LEFT = 0.9
+"""Fraction of the initial slope at which a line search ends."""
+DESCENT_TOLERANCE = 1e-9
+"""Largest coordinate step that ends a descent, as a fraction of the body length."""
+
+_LOAD, _MU = point.LAYOUT.firsts("load", "mu")
+
+
+@inner
+def descend(core: Core) -> bool:
+    """Move x to where the potential is least for the given normal loads; return whether a minimum was found."""
+    x, direction = vector(core.block, a.X), vector(core.block, a.DIRECTION)
+    tolerance = DESCENT_TOLERANCE * vector(core.block, a.NUMBERS_)[a.LENGTH]
+    for _ in range(MAX_DESCENT):
+        phi = evaluate(core, a.X, False, WHOLE)
+        if not np.isfinite(phi):
+            return False
+        hold(core, True)
+        if not _descent_direction(core):
+            return False
+        if not _search(core, phi):
+            return True  # no descent left above rounding
+        copy(x, vector(core.block, a.BEST))
+        if largest(core, direction) < tolerance:
+            return True
+    return False
+
+
+@inner
+def _descent_direction(core: Core) -> bool:
+    """Solve with the Hessian, shifted until it is positive definite."""
+    direction, gradient = vector(core.block, a.DIRECTION), vector(core.block, a.GRADIENT)
+    band, factor = matrix(core.block, a.BAND), matrix(core.block, a.FACTOR)
+    square = vector(core.block, a.NUMBERS_)[a.LEVER] ** 2
+    scale, shift = 0.0, 0.0
+    for k in range(len(direction)):
+        if k % BLOCK < 3:
+            scale = max(scale, abs(band[k, B]))
+    while shift < 1e6 * scale:
+        vectors.move(address(core.block, a.FACTOR, 0), address(core.block, a.BAND, 0), factor.size)
+        if shift > 0.0:
+            for k in range(len(direction)):
+                factor[k, B] += shift * (square if k % BLOCK > 2 else 1.0)
+        combine(direction, -1.0, gradient, 0.0, gradient)
+        if cholesky_solve(factor, direction) and np.isfinite(total(direction)):
+            return True
+        shift = max(10.0 * shift, 1e-9 * scale)
+    return False
+
+
+@inner
+def _search(core: Core, phi: float) -> bool:
+    """Put into "best" a point further down the direction; False if there is none above rounding.
+
+    Friction's slope jumps within the tiny displacement in which a contact sticks; halving alone takes ages to find
+    that place: where contacts come to rest on the way is tried first.
+    """
+    x, gradient = vector(core.block, a.X), vector(core.block, a.GRADIENT)
+    direction, trial = vector(core.block, a.DIRECTION), vector(core.block, a.TRIAL)
+    slope = dot(gradient, direction)
+    low, high, step, found, kinks = 0.0, 1.0, 1.0, False, -1
+    for _ in range(MAX_SEARCH):
+        combine(trial, 1.0, x, step, direction)
+        value = evaluate(core, a.TRIAL, False, NONE)
+        rise = dot(gradient, direction) if np.isfinite(value) else np.inf
+        lower = value <= phi + SUFFICIENT * step * slope + ROUNDING * abs(phi)
+        if lower:
+            copy(vector(core.block, a.BEST), trial)
+            found = True
+            if rise <= SLOPE_LEFT * abs(slope):
+                return True
+        if lower and rise <= 0.0:
+            low = step
+        else:
+            high = step
+        if kinks < 0:
+            kinks = _resting_points(core)
+        step = _between(vector(core.block, a.KINKS)[:kinks], low, high)
+    return found
+
+
+@inner
+def _between(kinks: FloatArray, low: float, high: float) -> float:
+    """Return the middle one of the kinks between two steps, or half-way."""
+    inside, middle = 0, 0
+    for kink in kinks:
+        if low < kink < high:
+            inside += 1
+    for kink in kinks:  # sorted
+        if low < kink < high:
+            if middle == inside // 2:
+                return float(kink)
+            middle += 1
+    return 0.5 * (low + high)
+
+
+@inner
+def _sort(values: FloatArray) -> None:
+    """Sort a few values in place; Numba's own sort takes seconds to compile."""
+    for i in range(1, len(values)):
+        value, k = values[i], i
+        while k > 0 and values[k - 1] > value:
+            values[k] = values[k - 1]
+            k -= 1
+        values[k] = value
+
+
+@inner
+def _resting_points(core: Core) -> int:
+    """Find the step lengths in (0, 1), sorted, at which sliding contacts come closest to rest, to first order."""
+    x, trial = vector(core.block, a.X), vector(core.block, a.TRIAL)
+    point_in, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
+    start, kinks = matrix(core.block, a.Y_START), vector(core.block, a.KINKS)
+    if not _slides(core, a.X):
+        return 0
+    copy(vector(core.block, a.Y_START), rows(core.block, a.YIELDING_OUT, Y, 3))
+    combine(trial, 1.0, x, 1.0, vector(core.block, a.DIRECTION))
+    if not _slides(core, a.TRIAL):
+        return 0
+    lanes, found = point_in.shape[1] // POINTS, 0
+    for s in range(POINTS):
+        for k in range(s * lanes, s * lanes + core.n):
+            if not (point_in[_LOAD, k] > 0.0 and start[2, k] > 0.0):  # start: y and the excess
+                continue
+            y_x, y_l = start[0, k], start[1, k]
+            d_x, d_l = out[Y, k] - y_x, out[Y + 1, k] - y_l
+            along, across = point_in[_MU if y_x > 0.0 else _MU + 1, k] ** 2, point_in[_MU + 2, k] ** 2
+            curve = along * d_x * d_x + across * d_l * d_l
+            closest = -(along * y_x * d_x + across * y_l * d_l) / curve if curve > 0.0 else 0.0
+            if 0.0 < closest < 1.0:
+                kinks[found] = closest
+                found += 1
+    _sort(kinks[:found])
+    return found
+
+
+@inner
+def _slides(core: Core, which: int) -> bool:
+    """Run the kernel that says which contacts slide at x."""
+    if not evaluate(core, which, False, NONE) < np.inf:
+        return False
+    regimes.look(core)
+    return True
+
+
+@inner
+def largest(core: Core, step: FloatArray) -> float:
+    """Return the largest entry of a step, rolls and bends turned into metres."""
+    most, lever = 0.0, vector(core.block, a.NUMBERS_)[a.LEVER]
+    for k in range(len(step)):
+        value = abs(step[k]) * (lever if k % BLOCK > 2 else 1.0)
+        if not value <= most:  # a NaN too
+            most = value
+    return most
