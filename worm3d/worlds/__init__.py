@@ -2,6 +2,7 @@
 
 from worm3d.worlds.base import WORLDS, World
 from worm3d.worlds.centreline import Bend, Centreline, Straight
+from worm3d.worlds.groove import Groove
 from worm3d.worlds.heightfield import Heightfield
 from worm3d.worlds.kernels import WorldKernel
 from worm3d.worlds.mesh import Mesh
@@ -15,6 +16,7 @@ __all__ = [
     "Bend",
     "Centreline",
     "ClampedGround",
+    "Groove",
     "Heightfield",
     "Mesh",
     "MeshError",

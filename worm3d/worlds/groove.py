@@ -1,0 +1,89 @@
+"""A groove with walls that rise to both sides of a round bottom.
+
+Across the groove, with y to the left and z above its lowest line, q = (|y|, z - r) is the place of a point seen from
+the axis of the bottom, a circular cylinder of radius r. With the wall's outward normal N = (-sin a, cos a) and its
+direction of ascent T = (cos a, sin a) the signed distance and its gradient are
+
+    g = r - |q|,      -q/|q|     where q.T < 0: the nearest place lies on the bottom,                        (WG1)
+    g = r + q.N,      N          else, on the wall,
+
+and both agree where q.T = 0. The Hessian is -(1/|q|) t t' across the groove on the bottom, with t normal to q, else 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+import numpy as np
+
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
+from worm3d.worlds.base import World
+from worm3d.worlds.kernels import Formula
+
+ON_AXIS = 1e-30
+"""Square of the distance below which a point on the axis of the bottom has no direction to it [m^2]."""
+
+
+@documented
+@dataclass(frozen=True)
+class Groove(World, name="groove"):
+    """A straight groove with a round bottom, of which the lowest line goes through the origin.
+
+    Raises
+    ------
+    ValueError
+        A value out of range.
+    """
+
+    wall: float = parameter(
+        np.pi / 4, meaning="angle of its walls with the horizontal", unit="rad", ge=0, lt=np.pi / 2, key="wall_deg"
+    )
+    bottom: float = parameter(0.1, meaning="radius of its round bottom", unit="m", gt=0)
+    heading: float = parameter(0.0, meaning="azimuth of its direction", unit="rad")
+    grip: float = parameter(1.0, meaning="multiplier of the friction coefficients", ge=0)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    @property
+    def uneven(self) -> bool:
+        """False: a worm without friction comes to rest on the bottom, wherever along it."""
+        return False
+
+    @property
+    def left(self) -> FloatArray:
+        """Unit vector across the groove, seen from above, shape (2,)."""
+        return np.array([-np.sin(self.heading), np.cos(self.heading)])
+
+    def symbolic(self) -> Formula:
+        """Return the world's rows as a function of a point and parameters, and the parameters."""
+        return _function(), np.array([*self.left, np.sin(self.wall), np.cos(self.wall), self.bottom, self.grip])
+
+    def height(self, places: FloatArray) -> FloatArray:
+        """Return the height of the surface at x, y of shape (M, 2), shape (M,) [m]."""
+        y, r = np.abs(places @ self.left), self.bottom
+        on_bottom = r - np.sqrt(np.maximum(r * r - y * y, 0.0))
+        on_wall = r + (y * np.sin(self.wall) - r) / np.cos(self.wall)
+        height: FloatArray = np.where(y < r * np.sin(self.wall), on_bottom, on_wall)
+        return height
+
+
+@cache
+def _function() -> ca.Function:
+    x, given = ca.SX.sym("x", 3), ca.SX.sym("given", 6)
+    left, sine, cosine, r, grip = given[:2], given[2], given[3], given[4], given[5]
+    y = ca.dot(left, x[:2])
+    side = ca.if_else(y < 0.0, -1.0, 1.0)
+    q = ca.vertcat(side * y, x[2] - r)
+    away = ca.sqrt(ca.sumsqr(q) + ON_AXIS)
+    on_bottom = q[0] * cosine + q[1] * sine < 0.0
+    g = r + ca.if_else(on_bottom, -away, q[1] * cosine - q[0] * sine)
+    across = ca.if_else(on_bottom, -q / away, ca.vertcat(-sine, cosine))
+    n = ca.vertcat(side * across[0] * left, across[1])
+    t = ca.vertcat(-side * across[1] * left, across[0])
+    H = -ca.if_else(on_bottom, 1.0 / away, 0.0) * t @ t.T
+    upper = ca.vertcat(H[0, 0], H[0, 1], H[0, 2], H[1, 1], H[1, 2], H[2, 2])
+    return ca.Function("groove", [x, given], [ca.densify(ca.vertcat(g, n, upper, grip))])
