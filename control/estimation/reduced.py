@@ -1,4 +1,4 @@
-"""The reduced model: a worm as its controller sees it, averaged over a wave; symbolic, for MPC and estimator alike.
+"""Reduced model: a worm as its controller sees it, averaged over a wave; symbolic, for MPC and estimator alike.
 
 Pose and motion, with d, c and the turn omega a wave from the identified map (`control.identification.identified`), the
 lags n_v in waves and T_w in seconds, f the frequency, L the body length:
@@ -8,14 +8,15 @@ lags n_v in waves and T_w in seconds, f the frequency, L the body length:
     h'  = w + yaw_bias                          u  = L f c(A, f, s) + drift
                                                 s' = (s_asked - s) f / blend
 
-s is the steering in force, which `control.gaits.steering` leads to what is asked for: weak steering turns a worm out
-of proportion (`control.identification.surrogate`), so that it matters whether a change goes through the map before it
-is smoothed or after. (By what the default worm did on paths, (R1) misses the turn rate by 0.005 rad/s; one lag of 0.95
-s after a map that is odd powers of the steering does by 0.008.) Below the least amplitude that was identified d, c and
-omega fade in proportion to it: without contraction a worm rests.
-slip, yaw_bias and drift are what the map does not know (a slope, another ground); they are constant in the model, and
-estimated. x, y is the centre of mass and h the heading, both without what a wave rocks them by; that part is a matter
-of the body's shape, which the strains give: with the inverse of (E2) and no strain in yaw (E5),
+s is the steering in force, which `control.gaits.steering.WaveGenerator` leads to the steering asked for. Weak steering
+turns a worm out of proportion (`control.identification.surrogate`), so that it matters whether a change is smoothed
+before or after the map. (By what the default worm did on paths, (R1) misses the turn rate by 0.005 rad/s; one lag of
+0.95 s after a map that is odd powers of the steering does by 0.008.) Below the least amplitude that was identified d, c
+and omega fade in proportion to it: without contraction a worm rests. slip, yaw_bias and drift are what the map does not
+know (a slope, another ground); they are constant in the model, and estimated.
+
+x, y is the centre of mass and h the heading, both without the rocking of a wave. That is a matter of the body's shape,
+which the strains give: with the inverse of (E2) and no strain in yaw (E5),
 
     l_i = (l_L + l_R)/2,   th_i = (l_R - l_L)/(2 b),   a_{i+1} - a_i = th_i/2 + th_{i+1}/2 + hinge            (R2)
 
@@ -38,43 +39,38 @@ from control.identification.identified import Identified
 from worm3d import Worm
 from worm3d.physics import elements
 
-FASTEST = 0.5
-"""Greatest share of its time constant that a substep of Runge and Kutta may take."""
+LONGEST_SUBSTEP = 0.5
+"""Longest substep of Runge and Kutta, as a fraction of the shortest time constant."""
 
 
 class ReducedState(NamedTuple):
-    """State of the reduced model; each an SX of one entry, or a number."""
+    """State of the reduced model; each is an SX of one entry, or a number.
+
+    Centre of mass x, y [m] and azimuth [rad]; speed v along it [m/s] and turn rate w [rad/s] that the gait makes; the
+    share of v that is lost; turn rate [rad/s] and speed to the left [m/s] that the gait does not make; the steering s
+    in force, a hinge [rad] or a bias.
+    """
 
     x: float | ca.SX
-    """Centre of mass [m]."""
     y: float | ca.SX
     heading: float | ca.SX
-    """Azimuth [rad]."""
     speed: float | ca.SX
-    """v, that the gait makes along the heading [m/s]."""
     turn_rate: float | ca.SX
-    """w, that the gait makes [rad/s]."""
     slip: float | ca.SX = 0.0
-    """Share of v that is lost."""
     yaw_bias: float | ca.SX = 0.0
-    """Turn rate that the gait does not make [rad/s]."""
     drift: float | ca.SX = 0.0
-    """Speed to the left that the gait does not make [m/s]."""
     steering: float | ca.SX = 0.0
-    """s, in force: hinge [rad] or bias."""
 
 
 STATES = len(ReducedState._fields)
 
 
 class ReducedInput(NamedTuple):
-    """Input of the reduced model: the gait's parameters, steered by one mechanism."""
+    """Input of the reduced model: amplitude, frequency [Hz], and the steering asked for, a hinge [rad] or a bias."""
 
     amplitude: float | ca.SX
     frequency: float | ca.SX
-    """[Hz]"""
     steering: float | ca.SX
-    """Asked for: hinge [rad] or bias."""
 
 
 INPUTS = len(ReducedInput._fields)
@@ -82,12 +78,12 @@ INPUTS = len(ReducedInput._fields)
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel:
-    """The functions of a worm's reduced model, each with named inputs and outputs.
+    """Functions of a worm's reduced model, each with named inputs and outputs.
 
     Attributes
     ----------
     mechanism : str
-        What steers.
+        Mechanism that steers, "hinge" or "bias".
     dynamics : casadi.Function
         (state (9,), input (3,)) -> rate (9,): (R1).
     output : casadi.Function
@@ -95,17 +91,19 @@ class ReducedModel:
     shape : casadi.Function
         (chamber_length (N, 2) [m], hinge (N-1,) [rad]) -> joints (N+1, 2) [m] with the centre of mass at the origin and
         the tail-to-head chord along x: (R2).
+    longest_step : float
+        Longest time that one step of Runge and Kutta may span [s].
     """
 
     mechanism: Mechanism
     dynamics: ca.Function
     output: ca.Function
     shape: ca.Function
-    _fastest_rate: float
+    longest_step: float
 
     @classmethod
     def of(cls, worm: Worm, identified: Identified, mechanism: Mechanism = "hinge") -> ReducedModel:
-        """Return the model of a worm that was identified.
+        """Return the model of an identified worm.
 
         Raises
         ------
@@ -116,7 +114,8 @@ class ReducedModel:
             known = ", ".join(map(repr, identified.maps))
             raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")
         state, given = ca.SX.sym("state", STATES), ca.SX.sym("input", INPUTS)
-        rate = _rate(_state(state), _input(given), worm, identified, mechanism)
+        symbols = ReducedState(*ca.vertsplit(state)), ReducedInput(*ca.vertsplit(given))
+        rate = _rate(*symbols, worm, identified, mechanism)
         names = ["state", "input"]
         lags = identified.lags[mechanism]
         highest = identified.maps[mechanism].ranges.frequency[1]
@@ -126,7 +125,7 @@ class ReducedModel:
             ca.Function("dynamics", [state, given], [rate], names, ["rate"]),
             ca.Function("output", [state, given], [rate[:3]], names, ["velocity"]),
             body_shape(worm),
-            fastest,
+            LONGEST_SUBSTEP / fastest,
         )
 
     def step(self, dt: float) -> ca.Function:
@@ -135,7 +134,7 @@ class ReducedModel:
         Raises
         ------
         ValueError
-            A step that is not above 0.
+            The step is not above 0.
         """
         if not dt > 0.0:
             raise ValueError(f"dt: got {dt!r} s, must be above 0")
@@ -146,11 +145,6 @@ class ReducedModel:
             state = self.advance(state, given, dt / parts)
         return ca.Function("step", [begin, given], [state], ["state", "input"], ["next"])
 
-    @property
-    def longest_step(self) -> float:
-        """Time that one step of Runge and Kutta may span [s]."""
-        return FASTEST / self._fastest_rate
-
     def advance(self, state: ca.SX, given: ca.SX, dt: float | ca.SX) -> ca.SX:
         """Return the state after one step of Runge and Kutta's fourth order; dt [s] up to `longest_step`."""
         k1 = self.dynamics(state, given)
@@ -160,7 +154,7 @@ class ReducedModel:
         return state + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
     def parameters(self, given: ReducedInput) -> GaitParameters:
-        """Return the gait parameters that an input means."""
+        """Return the gait parameters of an input."""
         amplitude, frequency, steering = map(float, given)
         return GaitParameters(amplitude, frequency).steered(self.mechanism, steering)
 
@@ -207,8 +201,9 @@ def body_shape(worm: Worm) -> ca.Function:
     com = sum(mass * place for mass, place in _masses(worm, joints, edges, lengths)) / worm.mass
     chord = joints[-1] - joints[0]
     cos, sin = chord[0] / ca.norm_2(chord[:2]), chord[1] / ca.norm_2(chord[:2])
-    turned = [_turned(joint - com, cos, sin) for joint in joints]
-    return ca.Function("shape", [lengths, hinge], [ca.vertcat(*turned)], ["chamber_length", "hinge"], ["joints"])
+    places = ca.horzcat(*(joint - com for joint in joints))[:2, :].T
+    turned = places @ ca.vertcat(ca.horzcat(cos, -sin), ca.horzcat(sin, cos))
+    return ca.Function("shape", [lengths, hinge], [turned], ["chamber_length", "hinge"], ["joints"])
 
 
 def _azimuths(lengths: ca.SX, hinge: ca.SX, offset: float) -> list[ca.SX]:
@@ -221,7 +216,7 @@ def _azimuths(lengths: ca.SX, hinge: ca.SX, offset: float) -> list[ca.SX]:
 
 
 def _masses(worm: Worm, joints: list[ca.SX], edges: list[ca.SX], lengths: ca.SX) -> Iterator[tuple[float, ca.SX]]:
-    """Give every mass [kg] and its place."""
+    """Yield every mass [kg] and its place."""
     yield from zip(worm.joint_mass.tolist(), joints, strict=True)
     ahead, left = ca.SX([1, 0, 0]), ca.SX([0, 1, 0])
     for i, edge in enumerate(edges):
@@ -229,15 +224,3 @@ def _masses(worm: Worm, joints: list[ca.SX], edges: list[ca.SX], lengths: ca.SX)
         middle, chambers = (joints[i] + joints[i + 1]) / 2.0, [lengths[i, 0], lengths[i, 1]]
         places = elements.apexes(middle, f, chambers, ca.SX(worm.link_length[i]), ca.SX(worm.chamber_offset))
         yield from zip(worm.apex_mass[i].tolist(), places, strict=True)
-
-
-def _turned(place: ca.SX, cos: ca.SX, sin: ca.SX) -> ca.SX:
-    return ca.horzcat(cos * place[0] + sin * place[1], cos * place[1] - sin * place[0])
-
-
-def _state(vector: ca.SX) -> ReducedState:
-    return ReducedState(*ca.vertsplit(vector))
-
-
-def _input(vector: ca.SX) -> ReducedInput:
-    return ReducedInput(*ca.vertsplit(vector))
