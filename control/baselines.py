@@ -240,4 +240,4 @@ class PiLineOfSight(_Baseline):
 
 def _estimator(worm: Worm, identified: Identified, mechanism: Mechanism, sensors: Mapping[str, Channel]) -> Estimator:
     model = ReducedModel.of(worm, identified, mechanism)
-    return Estimator.told(worm, model, identified.schedule, sensors)
+    return Estimator.for_sensors(worm, model, identified.schedule, sensors)

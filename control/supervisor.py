@@ -86,7 +86,7 @@ class Supervisor(WaveController):
     ) -> Supervisor:
         """Return the supervisor of a worm that was identified; see `WaveController.of`."""
         model = ReducedModel.of(worm, identified, mechanism)
-        estimator = Estimator.told(worm, model, identified.schedule, sensors or {})
+        estimator = Estimator.for_sensors(worm, model, identified.schedule, sensors or {})
         mpc = GaitMPC(worm, identified, model)
         return cls(worm, reference, model, estimator, mpc, identified.schedule, control_period, deadline)
 

@@ -143,7 +143,7 @@ class Estimator:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything; a run begins."""
+        """Begin anew."""
         self._wave.reset()
         self._history.reset()
         self.noise.reset()
@@ -152,7 +152,7 @@ class Estimator:
         self._heights: deque[tuple[float, float]] = deque()
 
     def update(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> Estimate:
-        """Take a measurement and return the estimate of an instant: `take` and `estimate`.
+        """Take a measurement, and return the estimate of this instant.
 
         Parameters
         ----------
@@ -160,7 +160,7 @@ class Estimator:
             Now, later than at the last call [s].
         measurement : Measurement
         parameters : GaitParameters
-            Asked for since the last call.
+            Parameters asked for since the last call.
         phase : float
             Commanded phase [rad].
         """
@@ -168,22 +168,24 @@ class Estimator:
         return self.estimate(t)
 
     def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
-        """Take a measurement; parameters as of `update`."""
+        """Take a measurement; the parameters are those of `update`."""
         steering = getattr(parameters, self._mechanism)
         self._history.add(t, np.array([parameters.amplitude, parameters.frequency, steering]), phase)
         if not self._past:
             self._past = [_Fused(_Sample(t), self._begin, Ground.unknown(self._trust_ground), None)]
         if measurement.strain is not None:
-            self._look_at(measurement.strain, measurement.strain_time)
+            self._take_strain(measurement.strain, measurement.strain_time)
         for sample in self._arrived(measurement):
-            self._take(t, sample)
+            self._insert(t, sample)
         if t - self._past[-1].sample.time > PAUSE:
-            self._take(t, _Sample(t - PAUSE / 2.0))
+            self._insert(t, _Sample(t - PAUSE / 2.0))
         self._forget(t - self.span)
 
     @classmethod
-    def told(cls, worm: Worm, model: ReducedModel, schedule: Schedule, sensors: Mapping[str, Channel]) -> Estimator:
-        """Return the estimator that is told how good its sensors are, as in `control.sensing.sensors.Sensors`."""
+    def for_sensors(
+        cls, worm: Worm, model: ReducedModel, schedule: Schedule, sensors: Mapping[str, Channel]
+    ) -> Estimator:
+        """Return the estimator for sensors of known quality, `control.sensing.sensors.Sensors.channels`."""
         noise = {name: channel.noise for name, channel in sensors.items()}
         place, heading = noise.get("com", COM.noise), noise.get("heading", HEADING_SENSOR.noise)
         uncertainty = Uncertainty(com=max(place, RIPPLE), heading_sample=float(np.hypot(heading, ROCKED)))
@@ -195,15 +197,15 @@ class Estimator:
         """Instant [s] and nis of every sample of the centre of mass; see `control.estimation.estimate.consistency`."""
         return self._settled + [(each.sample.time, each.nis) for each in self._past if each.nis is not None]
 
-    def _look_at(self, strain: FloatArray, instant: float) -> None:
-        """Take in the shape of the body at an instant."""
+    def _take_strain(self, strain: FloatArray, instant: float) -> None:
+        """Take in the strains of an instant [s]."""
         self._wave.take(strain, self._history.phase(instant))
         self._heights.append((instant, self._standing.height(strain)))
         while self._heights[0][0] < instant - self.span:
             self._heights.popleft()
 
-    def _stood(self, t: float) -> float:
-        """Return how high the body stood at an instant; 0 as long as no strains have arrived."""
+    def _height_at(self, t: float) -> float:
+        """Return the height of the axis above the ground at an instant [m]; 0 before the first strains."""
         if not self._heights:
             return 0.0
         times, heights = np.array(self._heights).T
@@ -214,14 +216,14 @@ class Estimator:
         samples = []
         if measurement.com is not None:
             instant = measurement.com_time
-            wave, stood = self._wave.at(self._history.phase(instant)), self._stood(instant)
+            wave, stood = self._wave.at(self._history.phase(instant)), self._height_at(instant)
             samples.append(_Sample(instant, measurement.com, wave, self.noise.deviation, stood))
         if measurement.heading is not None:
             samples.append(_Sample(measurement.heading_time, heading=measurement.heading))
         return sorted(samples, key=lambda sample: sample.time)
 
-    def _take(self, now: float, sample: _Sample) -> None:
-        """Fuse a sample at its instant, and again all those after it."""
+    def _insert(self, now: float, sample: _Sample) -> None:
+        """Fuse a sample at its instant, then again those of later instants."""
         if not self._past[0].sample.time <= sample.time <= now + AHEAD:
             return
         again = []
@@ -231,7 +233,7 @@ class Estimator:
             self._past.append(self._fused(self._past[-1], each, new=each is sample))
 
     def _fused(self, last: _Fused, sample: _Sample, new: bool) -> _Fused:
-        """Return what is believed at the instant of a sample and after it; a new one tells of its noise, too."""
+        """Return a sample and the beliefs after it; the noise is learnt from new samples."""
         beliefs, ground, nis, refused = self._predicted(last, sample.time), last.ground, None, last.refused
         if sample.com is not None and sample.wave is not None:
             corrected = self._with_com(beliefs, sample, gated=last.placed)
@@ -248,38 +250,38 @@ class Estimator:
         return _Fused(sample, pruned(beliefs), ground, nis, last.placed or sample.com is not None, refused)
 
     def _with_com(self, beliefs: list[Belief], sample: _Sample, gated: bool) -> list[Corrected]:
-        """Return the beliefs after a sample of the centre of mass; gated, it may be held for impossible."""
+        """Return the beliefs after a sample of the centre of mass; a gated one may be refused as impossible."""
         assert sample.com is not None
         assert sample.wave is not None
         given = sample.com[:2], sample.wave
         corrected = [self._filter.with_com(each, *given, False, sample.deviation) for each in beliefs]
-        # While there are several, those for which it is impossible die out; it is refused if all would.
+        # Beliefs for which it is impossible lose their weight; the sample is refused if all of them would.
         if not gated or min(each.nis for each in corrected) <= IMPOSSIBLE:
             return corrected
         return [self._filter.with_com(each, *given, True, sample.deviation) for each in beliefs]
 
     def _with_heading(self, beliefs: list[Belief], heading: float) -> tuple[list[Belief], bool]:
-        """Return the beliefs after a sample of the heading, and whether that was refused."""
+        """Return the beliefs after a sample of the heading [rad], and whether all refused it."""
         alone = len(beliefs) == 1
         found = [self._filter.with_heading(belief, heading, gated=alone) for belief in beliefs]
         return [belief for belief, _ in found], all(refused for _, refused in found)
 
     def _predicted(self, last: _Fused, t: float) -> list[Belief]:
-        """Return what is believed of a later instant."""
+        """Return the beliefs predicted for a later instant [s]."""
         beliefs = last.beliefs
         for given, seconds in self._history.between(last.sample.time, t):
             beliefs = [self._filter.predicted(belief, given, last.ground.slope, seconds) for belief in beliefs]
         return beliefs
 
     def _forget(self, before: float) -> None:
-        """Keep no samples that nothing can come before any more, but one to go on from."""
+        """Drop the samples that no later arrival can precede, but for one to go on from."""
         while len(self._past) > 1 and self._past[1].sample.time < before:
             oldest = self._past.pop(0)
             if oldest.nis is not None:
                 self._settled.append((oldest.sample.time, oldest.nis))
 
     def estimate(self, t: float) -> Estimate:
-        """Return the estimate of the instant of the last measurement that was taken."""
+        """Return the estimate of the instant of the last measurement [s]."""
         last = self._past[-1]
         now = merged(self._predicted(last, t))
         nis = next((each.nis for each in reversed(self._past) if each.nis is not None), None)
@@ -295,12 +297,12 @@ class Estimator:
 
 
 def span_of(sensors: Mapping[str, Channel]) -> float:
-    """Return the age beyond which samples of some sensors, by channel, are not used [s]."""
+    """Return the age beyond which samples of some channels are not used [s]."""
     return SPAN + max((channel.delay for channel in sensors.values()), default=0.0)
 
 
 def _beginning(trust: Uncertainty, heading: float | None, deviation: float) -> list[Belief]:
-    """Return what is believed before the first sample: a belief for each heading that may be."""
+    """Return the beliefs before the first sample, one for each possible heading."""
     if heading is not None:
         return [_believed(trust, heading, deviation)]
     apart = 2.0 * np.pi / SIDES

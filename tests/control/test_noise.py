@@ -73,7 +73,7 @@ def test_the_estimator_is_told_how_good_its_sensors_are() -> None:
     model = ReducedModel.of(WORM, FOUND)
 
     def told(**sensors: Channel) -> Estimator:
-        return Estimator.told(WORM, model, FOUND.schedule, {"strain": STRAIN, "com": COM} | sensors)
+        return Estimator.for_sensors(WORM, model, FOUND.schedule, {"strain": STRAIN, "com": COM} | sensors)
 
     assert told().noise.told == COM.noise
     assert told(com=Channel(noise=0.03)).noise.told == 0.03
