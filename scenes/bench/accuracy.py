@@ -1,10 +1,8 @@
-"""How far the time step puts a run off: distance, turn and work of each scene against a fine reference.
+"""`worm3d bench accuracy`: how far the time step puts a run off, and write `accuracy.md`.
 
-    python -m scenes.bench.accuracy --out DIR
-
-prints three tables and writes them as accuracy.md; `scenes/bench/accuracy.md` is one that it wrote. On rough ground
-every stone decides, so that a run says little: there the tables have mean and standard deviation over starts that
-differ by a millimetre, as the reference has. Takes two or three minutes of one core.
+Distance, turn and work of each scene are compared with those at a fine time step; `scenes/bench/accuracy.md` is a
+report that it wrote. On rough ground every stone decides, so that a run says little: there the tables have mean and
+standard deviation over starts that differ by a millimetre, as the reference has.
 """
 
 from __future__ import annotations
@@ -13,19 +11,18 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import typer
 
-from scenes.bench.crawl import StoppedError
-from scenes.bench.machine import machine
-from scenes.bench.tables import Cells, aligned, markdown_table
+from scenes.bench.plant_measures import StoppedError
+from scenes.commands.packages import machine
 from scenes.commands.runner import simulate
-from scenes.language.errors import SceneError
+from scenes.commands.terminal import progress
 from scenes.models.loading import load_scene
 from scenes.records import folder as folders
-from scenes.records.files import write_bytes
+from scenes.records.folder import write_bytes
+from scenes.records.text import Cells, aligned, markdown_table
 from worm3d.values.arrays import FloatArray
 
 STEPS = (0.02, 0.01, 0.005, 0.002)
@@ -33,23 +30,20 @@ STEPS = (0.02, 0.01, 0.005, 0.002)
 REFERENCE = 0.0002
 """Time step that they are judged by [s]."""
 ROW = 0.02
-"""Between two rows of a record [s]: a multiple of every time step."""
-
+"""Time between two rows of a record [s], a multiple of every time step."""
 STARTS, SHIFT, SEED = 8, 0.001, 7
-"""On rough ground: how many starts, and how far they are from the scene's along each axis, at most [m]."""
+"""Number of starts on rough ground, their largest distance from the scene's along each axis [m], and the seed."""
 
-FIGURES = ("distance_m", "heading_change_deg", "work_contract_J")
+METRICS = ("distance_m", "heading_change_deg", "work_contract_J")
 
 SAYS = (
     f"Time steps against one of {1e3 * REFERENCE:g} ms, scene by scene. Where a cell has two numbers they are mean and "
     f"standard deviation over {STARTS} starts within {1e3 * SHIFT:g} mm of the scene's, of both time steps alike: less "
-    "than two thirds of the second is no difference. Made by `python -m scenes.bench.accuracy --out DIR`."
+    "than two thirds of the second is no difference. Made by `worm3d bench accuracy`."
 )
 
 SPREADS = {".4g": ".1g", ".1f": ".1f", "+.1f": ".1f"}
 """How a standard deviation is written, by how the mean is."""
-
-app = typer.Typer(add_completion=False)
 
 
 @dataclass(frozen=True)
@@ -89,7 +83,7 @@ class Found:
     ----------
     name : str
     reference : ndarray, shape (starts, 3)
-        `FIGURES` at the fine time step.
+        `METRICS` at the fine time step.
     coarse : ndarray, shape (steps, starts, 3)
         At each of `STEPS`.
     """
@@ -99,25 +93,27 @@ class Found:
     coarse: FloatArray
 
 
-@app.command()
-def main(
-    out: Annotated[Path, typer.Option(help="Folder for accuracy.md.")],
-    force: Annotated[bool, typer.Option(help="Write into a folder that has something in it.")] = False,
-) -> None:
-    """Measure how far the time step puts the scenes off."""
-    try:
-        with folders.prepared(out, "bench-accuracy", force=force) as folder:
-            found = measure(lambda name: typer.echo(name, err=True))
-            write_bytes(folder / "accuracy.md", markdown(found).encode())
-    except SceneError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(error.exit_code) from error
-    for title, header, rows in tables(found):
-        typer.echo("\n".join((title, *aligned(header, rows), "")))
+def run(out: Path | None, *, force: bool, quiet: bool) -> int:
+    """Measure how far the time step puts the scenes off, write what was found and return the exit code.
+
+    Raises
+    ------
+    SceneError
+        The folder cannot be used, the disc refused a file, or a run failed.
+    """
+    with folders.prepared(out, "bench-accuracy", force=force) as folder:
+        with progress("accuracy", len(CASES), quiet=quiet, what="scene") as show:
+            found = measure(show)
+        write_bytes(folder / "accuracy.md", markdown(found).encode())
+    if not quiet:
+        for title, header, rows in tables(found):
+            typer.echo("\n".join((title, *aligned(header, rows), "")))
+        typer.echo(f"Written to {folder}: accuracy.md")
+    return 0
 
 
-def measure(watch: Callable[[str], None] = lambda name: None) -> list[Found]:
-    """Run all cases; `watch` is called with the name of each before it begins.
+def measure(watch: Callable[[int], None] = lambda done: None) -> list[Found]:
+    """Run all cases; `watch` is called with the number of those that are done.
 
     Raises
     ------
@@ -125,12 +121,12 @@ def measure(watch: Callable[[str], None] = lambda name: None) -> list[Found]:
         A run did not reach its end.
     """
     found = []
-    for name, case in CASES.items():
-        watch(name)
+    for done, (name, case) in enumerate(CASES.items(), start=1):
         places = starts(case)
-        of = partial(_figures, name, case)
+        of = partial(_metrics, name, case)
         reference, *coarse = (np.array([of(place, dt) for place in places]) for dt in (REFERENCE, *STEPS))
         found.append(Found(name, reference, np.array(coarse)))
+        watch(done)
     return found
 
 
@@ -143,12 +139,12 @@ def starts(case: Case) -> list[tuple[str, ...]]:
     return [(f"start.position_m={place}",) for place in moved.tolist()]
 
 
-def _figures(name: str, case: Case, start: tuple[str, ...], dt: float) -> list[float]:
+def _metrics(name: str, case: Case, start: tuple[str, ...], dt: float) -> list[float]:
     stepped = (f"run.dt_s={dt}", f"run.record_every={round(ROW / dt)}")
     record = simulate(load_scene(case.scene, (*case.changes, *start, *stepped)))
     if record.status != "done":
         raise StoppedError(f"bench: {name}, time step {1e3 * dt:g} ms: {record.sentence}")
-    return [np.nan if record.summary[figure] is None else float(str(record.summary[figure])) for figure in FIGURES]
+    return [np.nan if record.summary[name] is None else float(str(record.summary[name])) for name in METRICS]
 
 
 def markdown(found: list[Found]) -> str:
@@ -163,21 +159,17 @@ def markdown(found: list[Found]) -> str:
 def tables(found: list[Found]) -> Iterator[tuple[str, Cells, list[Cells]]]:
     """Yield title, header and rows of each table."""
     header = ("scene", f"{1e3 * REFERENCE:g} ms", *(f"{1e3 * dt:g} ms" for dt in STEPS))
-    yield "Distance: reference [m], and differences [%]", header, [_relative(each, 0) for each in found]
-    yield "Turn: reference, and differences [degrees]", header, [_absolute(each, 1) for each in found]
-    yield "Work of contraction: reference [J], and differences [%]", header, [_relative(each, 2) for each in found]
+    titles = ("Distance: reference [m], and differences [%]", "Turn: reference, and differences [degrees]")
+    for metric, title in enumerate((*titles, "Work of contraction: reference [J], and differences [%]")):
+        yield title, header, [_cells(each, metric, relative=metric != 1) for each in found]
 
 
-def _relative(found: Found, figure: int) -> Cells:
-    reference = found.reference[:, figure]
-    off = 100.0 * (found.coarse[:, :, figure] - reference.mean()) / abs(reference.mean())
-    return (found.name, _shown(reference, ".4g"), *(_shown(each, "+.1f") for each in off))
-
-
-def _absolute(found: Found, figure: int) -> Cells:
-    reference = found.reference[:, figure]
-    off = found.coarse[:, :, figure] - reference.mean()
-    return (found.name, _shown(reference, ".1f"), *(_shown(each, "+.1f") for each in off))
+def _cells(found: Found, metric: int, *, relative: bool) -> Cells:
+    """Return the reference, and the differences from its mean, perhaps as a percentage."""
+    reference = found.reference[:, metric]
+    off = found.coarse[:, :, metric] - reference.mean()
+    off = 100.0 * off / abs(reference.mean()) if relative else off
+    return (found.name, _shown(reference, ".4g" if relative else ".1f"), *(_shown(each, "+.1f") for each in off))
 
 
 def _shown(values: FloatArray, form: str) -> str:
@@ -187,7 +179,3 @@ def _shown(values: FloatArray, form: str) -> str:
     mean = f"{values.mean():{form}}"
     mean = mean[1:] if float(mean) == 0.0 and mean[0] in "+-" else mean
     return mean if len(values) == 1 else f"{mean} ± {values.std(ddof=1):{SPREADS[form]}}"
-
-
-if __name__ == "__main__":
-    app()

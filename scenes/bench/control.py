@@ -1,7 +1,8 @@
-"""`worm3d bench control`: scenes with controllers, each with several seeds, by the MPC and by the baselines.
+"""The runs of `worm3d bench control`: scenes with controllers, several seeds each, by the MPC and by the baselines.
 
-A case is one run. Its figures are kept in a file of its own, with the scene that they are of and a digest of all else
-that they depend on (`scenes.bench.basis`), so that a study that was stopped goes on where it was.
+A case is one run. Its metrics are kept in a file of its own, with the scene that they are of and a digest of all else
+that they depend on: the programs, and what the controller knows of the worm. A study that was stopped goes on where it
+was.
 """
 
 from __future__ import annotations
@@ -11,41 +12,81 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import cache
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from scenes.bench.basis import basis
-from scenes.commands.report import timing
+from scenes.commands.packages import versions
 from scenes.commands.runner import simulate
+from scenes.commands.terminal import timing
+from scenes.models.control.build import identified_of
+from scenes.models.control.schema import ControlScene
 from scenes.models.loading import Scene, load_scene
-from scenes.records.files import write_bytes
-from scenes.records.summary import without_nan
+from scenes.records.folder import write_bytes
+from scenes.records.text import json_bytes
 
 CONTROLLERS = ("mpc", "pi_los", "open_loop")
 BLIND = "open_loop"
-"""Looks at nothing: noise does not matter to it, and one seed is enough."""
-
-METRICS = (
-    *("speed_bias_relative", "speed_error_rms_relative", "speed_bias_settled_relative"),
-    *("speed_error_rms_settled_relative", "settling_periods", "heading_error_mean_deg", "heading_error_rms_deg"),
-    *("cross_track_rms_bl", "cross_track_max_bl", "mpc_failures"),
-)
-TIMES = ("control_step_ms_p50", "control_step_ms_p99", "overruns")
-"""Wall-clock figures."""
+"""Controller that looks at nothing: noise does not matter to it, and one seed is enough."""
+PACKAGES = ("worm3d", "control", "scenes")
+"""Packages on whose sources a case depends."""
 
 Value = float | None
 
 
-@dataclass(frozen=True)
-class Trial:
-    """A scene, with or without changes.
+class Metric(NamedTuple):
+    """How a metric is written.
 
     Attributes
     ----------
-    name, scene : str
-    overrides : tuple of str
-        As after -o.
+    column, says : str
+        Title of its column, and what it is.
+    unit, form : str
+        Format as after the colon in an f-string.
+    scale : float
+        Factor from its value in `summary.json`.
     """
+
+    column: str
+    says: str
+    unit: str = ""
+    form: str = ".2f"
+    scale: float = 1.0
+
+    def number(self, value: Value) -> str:
+        """Return a value without its unit."""
+        return "-" if value is None else f"{self.scale * value:{self.form}}"
+
+    def text(self, value: Value) -> str:
+        """Return a value with its unit."""
+        return "-" if value is None else f"{self.number(value)} {self.unit}"
+
+
+METRICS = {
+    "speed_bias_relative": Metric("bias", "bias of the speed", "%", scale=100.0),
+    "speed_error_rms_relative": Metric("rms", "rms error of the speed", "%", scale=100.0),
+    "speed_bias_settled_relative": Metric("settled bias", "settled bias of the speed", "%", scale=100.0),
+    "speed_error_rms_settled_relative": Metric("settled rms", "settled rms error of the speed", "%", scale=100.0),
+    "settling_periods": Metric("settling", "periods until a step of the speed has settled to 10 %", "periods"),
+    "heading_error_mean_deg": Metric("heading mean", "mean error of the heading", "deg"),
+    "heading_error_rms_deg": Metric("heading rms", "rms error of the heading", "deg"),
+    "cross_track_rms_bl": Metric("offset rms", "rms offset from the path", "BL", ".4f"),
+    "cross_track_max_bl": Metric("offset max", "greatest offset from the path", "BL", ".4f"),
+    "mpc_failures": Metric("MPC failures", "failures of the MPC", form=".0f"),
+    "control_step_ms_p50": Metric("p50", "median of the control steps", "ms"),
+    "control_step_ms_p99": Metric("p99", "99th percentile of the control steps", "ms"),
+    "overruns": Metric("overruns", "control steps that took too long", form=".0f"),
+}
+"""What is kept of each run, by its name in `summary.json`."""
+WALL_CLOCK = ("control_step_ms_p50", "control_step_ms_p99", "overruns")
+"""Metrics that differ when a run is made again."""
+PERIOD = "control_period_ms"
+"""Name under which the period of the control steps is kept beside them."""
+
+
+class Trial(NamedTuple):
+    """A scene, with changes as after -o."""
 
     name: str
     scene: str
@@ -53,16 +94,26 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What is run.
+class Case:
+    """One run."""
 
-    Attributes
-    ----------
-    trials : tuple of Trial
-    seeds : int
-        0, 1, ...
-    controllers : tuple of str
-    """
+    trial: Trial
+    controller: str
+    seed: int
+
+    def load(self) -> Scene:
+        """Return its scene."""
+        more = (f"controller.kind={self.controller}", f"seed={self.seed}")
+        return load_scene(self.trial.scene, (*self.trial.overrides, *more))
+
+    def file(self, folder: Path) -> Path:
+        """Return where its metrics are kept."""
+        return folder / "cases" / f"{self.trial.name}-{self.controller}-{self.seed}.json"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is run: trials, with the seeds 0, 1, ..., by controllers."""
 
     trials: tuple[Trial, ...]
     seeds: int = 5
@@ -78,45 +129,6 @@ class Plan:
         ]
 
 
-@dataclass(frozen=True)
-class Case:
-    """One run."""
-
-    trial: Trial
-    controller: str
-    seed: int
-
-    @property
-    def name(self) -> str:
-        """Of its file."""
-        return f"{self.trial.name}-{self.controller}-{self.seed}"
-
-    def load(self) -> Scene:
-        """Return its scene."""
-        more = (f"controller.kind={self.controller}", f"seed={self.seed}")
-        return load_scene(self.trial.scene, (*self.trial.overrides, *more))
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a case came to.
-
-    Attributes
-    ----------
-    trial, controller : str
-    seed : int
-    status : str
-    figures : dict
-        `METRICS`, `TIMES` and the period of the control steps; None where one has no value.
-    """
-
-    trial: str
-    controller: str
-    seed: int
-    status: str
-    figures: dict[str, Value]
-
-
 SCENES = (
     *("velocity_step", "velocity_sine", "heading_hold", "path_line", "path_circle", "path_s_curve", "path_waypoints"),
     *("velocity_pipe", "path_s_curve_slope", "disturbance_push"),
@@ -125,7 +137,18 @@ UPHILL = Trial("path_line_uphill", "path_line", ("world.slope_deg=3.0",))
 FULL = (*(Trial(name, name) for name in SCENES), UPHILL)
 SHORT = ("run.duration_s=12", "run.record_every=2")
 QUICK = tuple(Trial(name, name, SHORT) for name in ("path_line", "path_circle"))
-"""To try it out: too short to say much."""
+"""Trials to try it out: too short to say much."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a case came to; `metrics` are `METRICS` and `PERIOD`, None where one has no value."""
+
+    trial: str
+    controller: str
+    seed: int
+    status: str
+    metrics: dict[str, Value]
 
 
 @dataclass(frozen=True)
@@ -157,7 +180,7 @@ def study(plan: Plan, folder: Path, watch: Callable[[int], None] = lambda done: 
     """
     found, kept, outdated = [], 0, 0
     for done, case in enumerate(plan.cases(), start=1):
-        scene, there = case.load(), _file(case, folder).exists()
+        scene, there = case.load(), case.file(folder).exists()
         earlier = _kept(case, scene, folder)
         kept += earlier is not None
         outdated += earlier is None and there
@@ -169,20 +192,19 @@ def study(plan: Plan, folder: Path, watch: Callable[[int], None] = lambda done: 
 def _measured(case: Case, scene: Scene, folder: Path) -> Found:
     """Run a case and keep what it came to."""
     record = simulate(scene)
-    seen: dict[str, Any] = {**record.summary.figures, **timing(record)}
-    figures = {name: seen.get(name) for name in (*METRICS, *TIMES)}
-    figures["control_period_ms"] = 1e3 * scene.settings.controller.period_s
-    found = Found(case.trial.name, case.controller, case.seed, record.status, figures)
-    content = without_nan({"scene": scene.to_toml(), "basis": basis(scene), **asdict(found)})
-    content["digest"] = _digest(content)
-    write_bytes(_file(case, folder), f"{json.dumps(content, indent=1, allow_nan=False)}\n".encode())
+    seen: dict[str, Any] = {**record.summary.metrics, **timing(record)}
+    metrics = {name: seen.get(name) for name in METRICS}
+    metrics[PERIOD] = 1e3 * scene.settings.controller.period_s
+    found = Found(case.trial.name, case.controller, case.seed, record.status, metrics)
+    content = json.loads(json_bytes({"scene": scene.to_toml(), "basis": basis(scene), **asdict(found)}))
+    write_bytes(case.file(folder), json_bytes({**content, "digest": _digest(content)}, indent=1))
     return found
 
 
 def _kept(case: Case, scene: Scene, folder: Path) -> Found | None:
     """Return what an earlier study found of the very same scene by the very same programs."""
     with suppress(OSError, ValueError, TypeError, KeyError):
-        content = json.loads(_file(case, folder).read_text("utf-8"))
+        content = json.loads(case.file(folder).read_text("utf-8"))
         if content.pop("digest") != _digest(content):
             return None
         if content.pop("scene") == scene.to_toml() and content.pop("basis") == basis(scene):
@@ -191,12 +213,25 @@ def _kept(case: Case, scene: Scene, folder: Path) -> Found | None:
 
 
 def _digest(content: dict[str, Any]) -> str:
-    """Return by what a damaged file is known."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _file(case: Case, folder: Path) -> Path:
-    return folder / "cases" / f"{case.name}.json"
+def basis(scene: Scene) -> str:
+    """Return a digest of the versions, of all sources and of the identified map of a scene with a controller."""
+    assert isinstance(scene.settings, ControlScene)
+    found = identified_of(scene.settings)
+    return _digest({"versions": versions(), "sources": sources(), "map": None if found is None else found.as_dict()})
+
+
+@cache
+def sources() -> str:
+    """Return a digest of all modules of the packages."""
+    digest = hashlib.sha256()
+    for name in PACKAGES:
+        root = Path(str(import_module(name).__file__)).parent
+        for path in sorted(root.rglob("*.py")):
+            digest.update(f"{name}/{path.relative_to(root).as_posix()}\0".encode() + path.read_bytes() + b"\0")
+    return digest.hexdigest()
 
 
 @dataclass(frozen=True)
@@ -206,25 +241,24 @@ class Row:
     Attributes
     ----------
     trial, controller : str
-    seeds : int
-    failed : int
-        Runs that did not come to their end.
-    figures : dict
-        Of each figure the value of the greatest magnitude; None where a seed has none.
+    seeds, failed : int
+        Runs, and those that did not come to their end.
+    metrics : dict
+        Of each metric the value of the greatest magnitude; None where a seed has none.
     """
 
     trial: str
     controller: str
     seeds: int
     failed: int
-    figures: dict[str, Value]
+    metrics: dict[str, Value]
 
 
 def rows(found: Sequence[Found]) -> Iterator[Row]:
     """Yield the worst of each trial and controller, in their order."""
     for trial, controller in dict.fromkeys((each.trial, each.controller) for each in found):
         of = [each for each in found if (each.trial, each.controller) == (trial, controller)]
-        worst = {name: _worst([each.figures[name] for each in of]) for name in of[0].figures}
+        worst = {name: _worst([each.metrics[name] for each in of]) for name in of[0].metrics}
         yield Row(trial, controller, len(of), sum(each.status != "done" for each in of), worst)
 
 

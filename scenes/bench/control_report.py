@@ -1,48 +1,33 @@
-"""What `worm3d bench control` found as text: CSV, Markdown, and lines for the terminal."""
+"""`worm3d bench control`: run, print, and write `control.csv`, `control.md` and `control.png`."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
-from control.tracking.metrics import SETTLED_METRICS, SPEED_METRICS
-from scenes.bench.control import BLIND, METRICS, TIMES, Found, Row, Value
-from scenes.bench.control_bars import MPC, RIVAL, Verdict, verdicts
-from scenes.bench.tables import Cells, aligned, markdown_table
+import numpy as np
+import typer
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
-TABLES = {
-    "Speed [%], and its settling [periods]": {
-        "speed_bias_relative": "bias",
-        "speed_error_rms_relative": "rms",
-        **dict(zip(SETTLED_METRICS, ("settled bias", "settled rms"), strict=True)),
-        "settling_periods": "settling",
-    },
-    "Heading [deg], and offset from the path [BL]": {
-        "heading_error_mean_deg": "heading mean",
-        "heading_error_rms_deg": "heading rms",
-        "cross_track_rms_bl": "offset rms",
-        "cross_track_max_bl": "offset max",
-    },
-    "Control steps [ms], and how many failed or took too long": {
-        "mpc_failures": "MPC failures",
-        "control_step_ms_p50": "p50",
-        "control_step_ms_p99": "p99",
-        "overruns": "overruns",
-    },
-}
-"""Tables of a report: title and columns of each, which stand beside scene, controller and seeds."""
-KEYS = ("scene", "controller", "seeds")
-SCALES = dict.fromkeys((*SPEED_METRICS, *SETTLED_METRICS), 100.0)
-UNITS = {
-    **dict.fromkeys(SCALES, "%"),
-    **dict.fromkeys(("heading_error_mean_deg", "heading_error_rms_deg"), "deg"),
-    **dict.fromkeys(("cross_track_rms_bl", "cross_track_max_bl"), "BL"),
-    "settling_periods": "periods",
-    "control_step_ms_p99": "ms",
-}
-FORMS = {"cross_track_rms_bl": ".4f", "cross_track_max_bl": ".4f", "mpc_failures": ".0f", "overruns": ".0f"}
+from scenes.bench import control
+from scenes.bench.control import BLIND, CONTROLLERS, METRICS, PERIOD, Found, Plan, Row, Study
+from scenes.bench.control_bars import BROKEN, MPC, RIVAL, Verdict, verdicts
+from scenes.commands.packages import machine
+from scenes.commands.terminal import counted, progress
+from scenes.language.errors import SceneError
+from scenes.records import folder as folders
+from scenes.records.drawing import save_figure
+from scenes.records.folder import write_bytes
+from scenes.records.text import Cells, aligned, markdown_table
+
+PICTURE = "control.png"
+FAILED, BAR_BROKEN = 5, 6
+"""Exit codes: runs that did not come to their end, or else bars that are not kept."""
 
 SAYS = (
     "The worst of all seeds, on the full 3D plant, without a sensor of the heading unless the scene has one. All is "
@@ -50,26 +35,95 @@ SAYS = (
     "bias and rms of the speed also three after each of its steps. BL: body lengths. A control step is all that a "
     "controller computes in a control period, its estimates included. open_loop looks at nothing: one seed is enough."
 )
-SHORT = ("cross_track_rms_bl", "heading_error_rms_deg", "speed_error_rms_relative")
-"""What a trial is about: the first of these that its MPC has, but of those of the velocity the last."""
-TITLES = {
+NAMES = tuple(METRICS)
+TABLES = {
+    "Speed [%], and its settling [periods]": NAMES[:5],
+    "Heading [deg], and offset from the path [BL]": NAMES[5:9],
+    "Control steps [ms], and how many failed or took too long": NAMES[9:],
+}
+"""Title and metrics of each table."""
+KEYS = ("scene", "controller", "seeds")
+"""Columns of every table before its metrics."""
+SHORT = {
     "cross_track_rms_bl": "offset from the path, rms",
     "heading_error_rms_deg": "heading error, rms",
     "speed_error_rms_relative": "speed error, rms",
 }
+"""What a trial is about: the first of these that its MPC has, but of those of the velocity the last."""
 TOLD = {MPC: "MPC", RIVAL: "line-of-sight", BLIND: "open loop"}
-NO_VERDICTS = "These runs are too short to be held to any bar."
 VERDICTS = ("scene", "what", "found", "at most", "")
+NO_VERDICTS = "These runs are too short to be held to any bar."
+
+PANELS = {
+    "speed_error_rms_relative": ("speed error, rms [%]", 0.1),
+    "cross_track_rms_bl": ("offset from the path, rms [BL]", 1e-3),
+    "heading_error_rms_deg": ("heading error, rms [deg]", 0.1),
+    "control_step_ms_p99": ("control step, 99th percentile [ms]", 0.1),
+}
+"""Label of each panel of the figure, and where its logarithmic scale begins; below it is linear down to zero."""
+COLOURS = dict(zip(CONTROLLERS, ("#1f5a94", "#d9793a", "#a0a0a0"), strict=True))
+
+
+def run(out: Path | None, *, seeds: int, quick: bool, quiet: bool) -> int:
+    """Run what is not in the folder yet, write what was found and return the exit code.
+
+    It is 5 if runs failed, else 6 if a bar is not kept, else 0; short runs are not held to bars.
+
+    Parameters
+    ----------
+    out : Path, optional
+        Folder to write to, or to go on in; `runs/bench-control-<time>` if left out.
+    seeds : int
+        Of each scene and controller.
+    quick : bool
+        Whether to run two short scenes only.
+    quiet : bool
+        Whether to print nothing.
+
+    Raises
+    ------
+    SceneError
+        The folder cannot be used, or the disc refused a file.
+    """
+    if seeds < 1:
+        raise SceneError(f"--seeds: got {seeds}, must be at least 1")
+    with folders.prepared(out, "bench-control", force=True) as folder:
+        folders.made(folder / "cases")
+        plan = Plan(control.QUICK if quick else control.FULL, 1 if quick else seeds)
+        with progress("control", len(plan.cases()), quiet=quiet, what="run") as show:
+            study = control.study(plan, folder, show)
+        rows = list(control.rows(study.found))
+        write_bytes(folder / "control.csv", as_csv(study.found).encode())
+        write_bytes(folder / "control.md", markdown(rows, machine(), PICTURE, judged=not quick).encode())
+        save_figure(draw(study.found), folder / PICTURE)
+        if not quiet:
+            for line in terminal_lines(rows, judged=not quick):
+                typer.echo(line)
+            typer.echo(_of_the_folder(study))
+            typer.echo(f"Written to {folder}: control.md, control.csv, {PICTURE}, cases/")
+    if any(each.status != "done" for each in study.found):
+        return FAILED
+    return BAR_BROKEN if not quick and any(verdict.word == BROKEN for verdict in verdicts(rows)) else 0
+
+
+def _of_the_folder(study: Study) -> str:
+    """Return which of the cases were there already."""
+    new = len(study.found) - study.kept - study.outdated
+    return (
+        f"Of {counted(len(study.found), 'run')} {study.kept} kept from before, {study.outdated} run again (scene, "
+        f"programs or map have changed since), {new} new"
+    )
 
 
 def as_csv(found: Sequence[Found]) -> str:
     """Return one line for each run."""
-    names = (*METRICS, *TIMES, "control_period_ms")
+    names = (*NAMES, PERIOD)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("scene", "controller", "seed", "status", *names))
     for each in found:
-        writer.writerow((each.trial, each.controller, each.seed, each.status, *(_cell(each.figures[n]) for n in names)))
+        cells = ("" if each.metrics[name] is None else repr(each.metrics[name]) for name in names)
+        writer.writerow((each.trial, each.controller, each.seed, each.status, *cells))
     return text.getvalue()
 
 
@@ -89,44 +143,66 @@ def markdown(rows: Sequence[Row], machine: dict[str, Any], picture: str, *, judg
 def terminal_lines(rows: Sequence[Row], *, judged: bool = True) -> Iterator[str]:
     """Yield the lines to print; bars are left out unless `judged`."""
     for title in TABLES:
-        yield title
-        yield from aligned(*_table(title, rows))
-        yield ""
+        yield from (title, *aligned(*_table(title, rows)), "")
     yield from aligned(VERDICTS, map(_verdict_cells, verdicts(rows))) if judged else (NO_VERDICTS,)
-
-
-def _short(rows: Sequence[Row]) -> Iterator[Cells]:
-    """Yield one figure of each trial, of every controller."""
-    of = {(row.trial, row.controller): row.figures for row in rows}
-    for trial in dict.fromkeys(row.trial for row in rows):
-        mine = of.get((trial, MPC), {})
-        places = () if trial.startswith("velocity") else SHORT
-        name = next((name for name in places if mine.get(name) is not None), SHORT[-1])
-        yield trial, TITLES[name], *(_with_unit(name, of.get((trial, kind), {}).get(name)) for kind in TOLD)
 
 
 def _table(title: str, rows: Sequence[Row]) -> tuple[Cells, Iterator[Cells]]:
     """Return the header and the rows of a table."""
-    return (*KEYS, *TABLES[title].values()), (_cells(row, TABLES[title]) for row in rows)
+    names = TABLES[title]
+    return (*KEYS, *(METRICS[name].column for name in names)), (_cells(row, names) for row in rows)
 
 
-def _cells(row: Row, names: Iterable[str]) -> Cells:
-    failed = f" ({row.failed} failed)" if row.failed else ""
-    return (row.trial, row.controller, f"{row.seeds}{failed}", *(_number(name, row.figures[name]) for name in names))
+def _cells(row: Row, names: Sequence[str]) -> Cells:
+    seeds = f"{row.seeds} ({row.failed} failed)" if row.failed else f"{row.seeds}"
+    return (row.trial, row.controller, seeds, *(METRICS[name].number(row.metrics[name]) for name in names))
 
 
-def _number(name: str, value: Value) -> str:
-    return "-" if value is None else f"{SCALES.get(name, 1.0) * value:{FORMS.get(name, '.2f')}}"
-
-
-def _with_unit(name: str, value: Value) -> str:
-    return "-" if value is None else f"{_number(name, value)} {UNITS[name]}"
+def _short(rows: Sequence[Row]) -> Iterator[Cells]:
+    """Yield one metric of each trial, of every controller."""
+    of = {(row.trial, row.controller): row.metrics for row in rows}
+    last = next(reversed(SHORT))
+    for trial in dict.fromkeys(row.trial for row in rows):
+        mine = {} if trial.startswith("velocity") else of.get((trial, MPC), {})
+        name = next((name for name in SHORT if mine.get(name) is not None), last)
+        values = (of.get((trial, controller), {}).get(name) for controller in TOLD)
+        yield trial, SHORT[name], *map(METRICS[name].text, values)
 
 
 def _verdict_cells(verdict: Verdict) -> Cells:
-    numbers = (_with_unit(verdict.figure, value) for value in (verdict.found, verdict.most))
-    return (verdict.trial, verdict.says, *numbers, verdict.word)
+    text = METRICS[verdict.bar.metric].text
+    return verdict.bar.trial, verdict.bar.says, text(verdict.found), text(verdict.bar.most), verdict.word
 
 
-def _cell(value: Value) -> str:
-    return "" if value is None else repr(value)
+def draw(found: Sequence[Found]) -> Figure:
+    """Return the figure: how well each controller did in each trial, every seed a point.
+
+    The scales are logarithmic and go down to a true zero: a point on the left edge is a zero, no point is no value.
+    """
+    trials = list(dict.fromkeys(each.trial for each in found))
+    figure = Figure(figsize=(11.0, 2.4 + 0.42 * len(trials)), layout="constrained", dpi=120)
+    for axes, name in zip(figure.subplots(1, len(PANELS), sharey=True), PANELS, strict=True):
+        _draw_panel(axes, found, trials, name)
+    figure.axes[0].set_yticks(range(len(trials)), trials)
+    figure.axes[0].set_ylim(len(trials) - 0.4, -0.6)
+    there = [name for name in CONTROLLERS if name in {each.controller for each in found}]
+    handles = [Patch(color=COLOURS[name], alpha=0.6, label=name) for name in there]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=9)
+    return figure
+
+
+def _draw_panel(axes: Axes, found: Sequence[Found], trials: list[str], name: str) -> None:
+    label, linear = PANELS[name]
+    height = 0.8 / len(CONTROLLERS)
+    for k, controller in enumerate(CONTROLLERS):
+        aside = (k - 0.5 * (len(CONTROLLERS) - 1)) * height
+        for place, trial in enumerate(trials):
+            of = (each.metrics[name] for each in found if (each.trial, each.controller) == (trial, controller))
+            seen = METRICS[name].scale * np.abs([value for value in of if value is not None])
+            if len(seen):
+                axes.barh(place + aside, seen.max(), height, color=COLOURS[controller], alpha=0.6)
+                axes.plot(seen, np.full(len(seen), place + aside), ".", color="black", ms=2.5, clip_on=False)
+    axes.set_xscale("symlog", linthresh=linear, linscale=0.4)
+    axes.set_xlim(left=0.0)
+    axes.set_xlabel(label, fontsize=9)
+    axes.grid(True, axis="x", alpha=0.3)

@@ -1,60 +1,95 @@
-"""What `worm3d bench plant` found as text: lines for the terminal, Markdown for a file."""
+"""`worm3d bench plant`: measure the 3D worm, print, and write `plant.json`, `plant.md` and `plant.png`."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from scenes.bench.contest import Contender
-from scenes.bench.crawl import FLATTENED, STIFFER
+import numpy as np
+import typer
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
+
+from scenes.bench import plant
 from scenes.bench.plant import Study
-from scenes.bench.shares import Shares
-from scenes.bench.speed import Speed
-from scenes.bench.tables import Cells, aligned, markdown_table
-from scenes.bench.throughput import Throughput
+from scenes.bench.plant_measures import FLATTENED, STIFFER
+from scenes.records import folder as folders
+from scenes.records.drawing import save_figure
+from scenes.records.folder import write_bytes
+from scenes.records.text import Cells, Column, aligned, json_bytes, markdown_table, table
 
-SPEEDS = (
-    "N",
-    "us/step",
-    "slowest",
-    "real time",
-    "whole call",
-    "Jacobians",
-    "other residuals",
-    "fallbacks",
-    "error at dt/20",
-)
-BATCH = ("simulated [s]", "threads", "single runs [s]", "batch [s]", "over single", "over 1 thread", "worm steps/s")
-RIVALS = (
-    "N",
-    "simulator",
-    "dt [ms]",
-    "error [%]",
-    "us/step",
-    "real time",
-    "worm3d over it",
-    "with the whole call",
-)
+PICTURE = "plant.png"
+
+SPEEDS = {
+    "N": Column("segments"),
+    "us/step": Column("us_per_step", ".1f"),
+    "slowest": Column("slowest_over_fastest", ".2f"),
+    "real time": Column("real_time_factor", ".1f"),
+    "whole call": Column("real_time_factor_of_call", ".1f"),
+    "Jacobians": Column("newton_iterations", ".2f"),
+    "other residuals": Column("gradient_evaluations", ".2f"),
+    "fallbacks": Column("fallbacks"),
+    "error at dt/20": Column("distance_error", ".2%"),
+}
+BATCH = {
+    "simulated [s]": Column("duration_s", "g"),
+    "threads": Column("threads"),
+    "single runs [s]": Column("single_s", ".2f"),
+    "batch [s]": Column("batch_s", ".2f"),
+    "over single": Column("gain", ".2f"),
+    "over 1 thread": Column("over_one_thread", ".2f"),
+    "worm steps/s": Column("worm_steps_per_s", ".0f"),
+}
+COLOURS = ("#1f5a94", "#3f8fc4", "#8cc0df", "#f0b35a", "#d9793a", "#9c4a2f", "#c4c4c4")
+"""Colours of the parts, from the bottom of a bar; the last is that of "other"."""
+DARK = (COLOURS[0], COLOURS[1], COLOURS[5])
+"""Colours on which white is easier to read."""
+LEAST_LABELLED = 0.03
+"""Least fraction of a step at which a part has a number in its bar."""
 
 
 @dataclass(frozen=True)
 class Section:
-    """A title, an explanation, a table and remarks.
-
-    Attributes
-    ----------
-    title, says : str
-    header : sequence of str
-    rows : sequence of tuples of str
-    remarks : sequence of str
-    """
+    """A title, an explanation, a table and remarks."""
 
     title: str
     says: str
     header: Sequence[str] = ()
     rows: Sequence[Cells] = ()
     remarks: Sequence[str] = ()
+
+
+def run(out: Path | None, *, quick: bool, force: bool, quiet: bool) -> int:
+    """Measure the plant, write what was found and return the exit code.
+
+    Parameters
+    ----------
+    out : Path, optional
+        Folder to write to; `runs/bench-plant-<time>` if left out.
+    quick : bool
+        Whether to measure short worms and runs only.
+    force : bool
+        Whether to write into a folder that has something in it.
+    quiet : bool
+        Whether to print nothing.
+
+    Raises
+    ------
+    SceneError
+        The folder cannot be used, the disc refused a file, or a run failed.
+    """
+    with folders.prepared(out, "bench-plant", force=force) as folder:
+        found = plant.study(plant.QUICK if quick else plant.FULL, quiet=quiet)
+        write_bytes(folder / "plant.json", json_bytes(found.as_dict()))
+        write_bytes(folder / "plant.md", markdown(found, PICTURE).encode())
+        save_figure(draw(found), folder / PICTURE)
+        if not quiet:
+            for line in terminal_lines(found):
+                typer.echo(line)
+            typer.echo(f"Written to {folder}: plant.md, plant.json, {PICTURE}")
+    return 0
 
 
 def terminal_lines(study: Study) -> Iterator[str]:
@@ -69,20 +104,16 @@ def terminal_lines(study: Study) -> Iterator[str]:
 
 def markdown(study: Study, picture: str) -> str:
     """Return the report; `picture` is the file beside it, which it shows."""
-    return "\n".join(_markdown_lines(study, picture)) + "\n"
-
-
-def _markdown_lines(study: Study, picture: str) -> Iterator[str]:
-    yield "# How fast worm3d is"
-    yield from ("", _machine(study), "")
-    yield "Versions: " + ", ".join(f"{name} {version}" for name, version in study.machine["versions"].items()) + "."
-    yield from ("", f"![time of a step and what it is spent on]({picture})")
+    versions = ", ".join(f"{name} {version}" for name, version in study.machine["versions"].items())
+    lines = ["# How fast worm3d is", "", _machine(study), "", f"Versions: {versions}."]
+    lines += ["", f"![time of a step and what it is spent on]({picture})"]
     for section in _sections(study):
-        yield from ("", f"## {section.title}", "", section.says)
+        lines += ["", f"## {section.title}", "", section.says]
         if section.rows:
-            yield from ("", *markdown_table(section.header, section.rows))
+            lines += ["", *markdown_table(section.header, section.rows)]
         for remark in section.remarks:
-            yield from ("", remark)
+            lines += ["", remark]
+    return "\n".join(lines) + "\n"
 
 
 def _machine(study: Study) -> str:
@@ -92,29 +123,53 @@ def _machine(study: Study) -> str:
 
 
 def _sections(study: Study) -> Iterator[Section]:
-    yield _speeds(study)
-    yield _shares(study)
-    yield _batch(study)
-    yield _start(study)
-    yield _memory(study)
-    yield _rivals(study)
-
-
-def _speeds(study: Study) -> Section:
-    growth = study.growth
-    sizes = ", ".join(map(str, growth.segments))
+    growth, first, start, memory = study.growth, study.batch[0], study.start, study.memory
     simulated = ", ".join(f"{s.duration_s:g} s for N = {s.segments}" for s in study.speeds)
-    return Section(
+    sizes = ", ".join(map(str, growth.segments))
+    yield Section(
         "Time of a step",
         "The default worm of N segments on a plane with sticking friction, crawling by a travelling wave: BDF2 at "
-        f"dt = 10 ms, every step recorded, ledger on; the fastest of {study.plan.repeats} after a run that warms up, "
-        "and by what factor the slowest took longer (far from 1: the machine was busy, do not trust the line). "
+        f"dt = 10 ms, every step recorded, ledger on; the fastest of {study.plan.repeats} after a run that warms up. "
+        "Slowest: the slowest run over the fastest; far from 1 the machine was busy and the line is worth little. "
         "Real time: simulated over computing time of the steps, and of the whole call of `simulate`. Jacobians, and "
         "residuals with a Jacobian that is kept, count a step, fallbacks the whole run. The error is that of the "
         f"distance, relative to a run at dt/20. Simulated: {simulated}.",
-        SPEEDS,
-        [_speed_cells(speed) for speed in study.speeds],
+        *table(SPEEDS, study.speeds),
         [f"Growth: N^{growth.exponent:.2f}, least squares in log-log over N = {sizes}.", *_stiffened(study)],
+    )
+    yield Section(
+        "What a step is spent on",
+        "Parts are timed in compiled loops on the data of one step, in turns with the step itself, times how often "
+        "they run in a step on average; of a Jacobian after a step's first one it is taken that it differs in one "
+        'contact; what is left of the measured step is "other": larger changes of Jacobians, cold caches, and what '
+        "happens in rare steps.",
+        *_shares(study),
+    )
+    yield Section(
+        f"{first.runs} worms at once",
+        f"`simulate_batch` of {first.runs} worms of N = {first.segments}, gaits of different periods, "
+        "against as many single calls of `simulate`; wall time of the calls.",
+        *table(BATCH, study.batch),
+        [
+            f"{each.duration_s:g} s, {each.threads} threads: distances differ from single runs."
+            for each in study.batch
+            if not each.equal
+        ],
+    )
+    yield Section(
+        "Start",
+        f"From the start of Python to the end of the first step of a worm of {start.segments} segments, import "
+        "included.",
+        ("cache", "first step [s]"),
+        [("cold", f"{start.cold_s:.2f}"), ("warm", f"{start.warm_s:.2f}")],
+        [f"The cold start compiles {'with' if start.cold_says_so else 'without'} a message."],
+    )
+    grown = "not known on this system" if memory.grown_kib is None else f"{memory.grown_kib / 1024.0:.1f} MiB"
+    yield Section(
+        "Memory",
+        f"Peak of the process after a run with recording off (`record_every` = steps), N = {memory.segments}, less the "
+        "peak after 1000 steps.",
+        remarks=[f"Growth over {memory.steps} steps: {grown}."],
     )
 
 
@@ -127,124 +182,61 @@ def _stiffened(study: Study) -> Iterator[str]:
             )
 
 
-def _speed_cells(speed: Speed) -> Cells:
-    return (
-        f"{speed.segments}",
-        f"{speed.us_per_step:.1f}",
-        f"x {speed.slowest_over_fastest:.2f}",
-        f"{speed.real_time_factor:.1f}",
-        f"{speed.real_time_factor_of_call:.1f}",
-        f"{speed.newton_iterations:.2f}",
-        f"{speed.gradient_evaluations:.2f}",
-        f"{speed.fallbacks}",
-        _percent(speed.distance_error),
-    )
-
-
-def _shares(study: Study) -> Section:
-    sizes = [f"N = {shares.segments}" for shares in study.shares]
-    parts = list(study.shares[0].us) if study.shares else []
-    header = ("part", *(cell for size in sizes for cell in (f"{size} [us]", "[%]")))
-    rows = [(part, *(cell for shares in study.shares for cell in _share_cells(shares, part))) for part in parts]
-    whole = (cell for shares in study.shares for cell in (f"{shares.us_per_step:.2f}", "100"))
-    return Section(
-        "What a step is spent on",
-        "Parts are timed in compiled loops on the data of one step, in turns with the step itself, times how often "
-        "they run in a step on average; of a Jacobian after a step's first one it is taken that it differs in one "
-        'contact; what is left of the measured step is "other": larger changes of Jacobians, cold caches, and what '
-        "happens in rare steps.",
-        header,
-        [*rows, ("a step", *whole)] if rows else (),
-    )
-
-
-def _share_cells(shares: Shares, part: str) -> Cells:
-    return f"{shares.us[part]:.2f}", f"{100.0 * shares.fractions[part]:.1f}"
-
-
-def _batch(study: Study) -> Section:
-    first = study.batch[0]
-    differ = [
-        f"{each.duration_s:g} s, {each.threads} threads: distances differ from single runs."
-        for each in study.batch
-        if not each.equal
+def _shares(study: Study) -> tuple[Cells, list[Cells]]:
+    """Return the header and the rows of the table of shares."""
+    times = [{**shares.us, "a step": shares.us_per_step} for shares in study.shares]
+    header = ("part", *(cell for shares in study.shares for cell in (f"N = {shares.segments} [us]", "[%]")))
+    return header, [
+        (part, *(cell for us in times for cell in (f"{us[part]:.2f}", f"{100.0 * us[part] / us['a step']:.1f}")))
+        for part in times[0]
     ]
-    return Section(
-        f"{first.runs} worms at once",
-        f"`simulate_batch` of {first.runs} worms of N = {first.segments}, gaits of different periods, "
-        "against as many single calls of `simulate`; wall time of the calls.",
-        BATCH,
-        [_batch_cells(each) for each in study.batch],
-        differ,
-    )
 
 
-def _batch_cells(each: Throughput) -> Cells:
-    return (
-        f"{each.duration_s:g}",
-        f"{each.threads}",
-        f"{each.single_s:.2f}",
-        f"{each.batch_s:.2f}",
-        f"{each.gain:.2f}",
-        f"{each.over_one_thread:.2f}",
-        f"{each.worm_steps_per_s:.0f}",
-    )
+def draw(study: Study) -> Figure:
+    """Return the figure: time of a step against the number of segments, and what it is spent on."""
+    figure = Figure(figsize=(10.0, 4.6), layout="constrained", dpi=120)
+    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
+    _draw_times(left, study)
+    _draw_shares(right, study)
+    return figure
 
 
-def _start(study: Study) -> Section:
-    start = study.start
-    said = "with a message" if start.cold_says_so else "without a message"
-    return Section(
-        "Start",
-        f"From the start of Python to the end of the first step of a worm of {start.segments} segments, import "
-        "included.",
-        ("cache", "first step [s]"),
-        [("cold", f"{start.cold_s:.2f}"), ("warm", f"{start.warm_s:.2f}")],
-        [f"The cold start compiles {said}."],
-    )
+def _draw_times(axes: Axes, study: Study) -> None:
+    growth, speeds = study.growth, study.speeds
+    sizes = [speed.segments for speed in speeds]
+    ends = np.array([min(growth.segments), max(growth.segments)], dtype=float)
+    label = f"fit: N$^{{{growth.exponent:.2f}}}$ over N = {ends[0]:.0f} to {ends[1]:.0f}"
+    axes.loglog(ends, growth.us_of_one * ends**growth.exponent, color=COLOURS[4], lw=1.5, label=label)
+    axes.loglog(sizes, [speed.us_per_step for speed in speeds], "o", color=COLOURS[0], label="measured")
+    for speed in speeds:
+        text = f"{speed.us_per_step:.{0 if speed.us_per_step >= 100.0 else 1}f}"
+        place = (speed.segments, speed.us_per_step)
+        axes.annotate(text, place, xytext=(5, -10), textcoords="offset points", ha="left", fontsize=8)
+    axes.set_xticks(sizes, [str(size) for size in sizes])
+    axes.set_xticks([], minor=True)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.set(xlabel="segments N", ylabel="time of a step [µs]")
+    axes.set_title("Time of a step, dt = 10 ms", fontsize=11)
+    axes.margins(x=0.12, y=0.12)
+    axes.grid(True, alpha=0.25)
+    axes.legend(loc="upper left", fontsize=9)
 
 
-def _memory(study: Study) -> Section:
-    memory = study.memory
-    grown = "not known on this system" if memory.grown_kib is None else f"{memory.grown_kib / 1024.0:.1f} MiB"
-    return Section(
-        "Memory",
-        f"Peak of the process after a run with recording off (`record_every` = steps), N = {memory.segments}, less the "
-        "peak after 1000 steps.",
-        remarks=[f"Growth over {memory.steps} steps: {grown}."],
-    )
-
-
-def _rivals(study: Study) -> Section:
-    remarks = [f"{c.name}, N = {c.segments}: {c.settings}." for c in study.rivals]
-    cannot = [f"{name} cannot express: {'; '.join(what)}." for name, what in study.cannot.items()]
-    return Section(
-        "Beside other simulators",
-        "Each at the largest step at which its own distance after 10 s is within 1 % of its own converged one, in the "
-        "same run on the same machine; real-time factors of the steps alone, and worm3d's of the whole call too.",
-        RIVALS,
-        [_rival_cells(each) for each in study.rivals],
-        [*study.missing, *remarks, *cannot],
-    )
-
-
-def _rival_cells(each: Contender) -> Cells:
-    remark = f" ({each.remark})" if each.remark else ""
-    return (
-        f"{each.segments}",
-        f"{each.name}{remark}",
-        f"{1e3 * each.dt_s:.3g}",
-        _number(None if each.error is None else 100.0 * each.error, ".2f"),
-        f"{each.us_per_step:.1f}",
-        f"{each.real_time_factor:.1f}",
-        _number(each.ratio, ".1f"),
-        _number(each.ratio_of_call, ".1f"),
-    )
-
-
-def _percent(value: float) -> str:
-    return f"{100.0 * value:.2f} %"
-
-
-def _number(value: float | None, form: str) -> str:
-    return "" if value is None or math.isnan(value) else f"{value:{form}}"
+def _draw_shares(axes: Axes, study: Study) -> None:
+    shares = study.shares
+    places, bottom = np.arange(len(shares)), np.zeros(len(shares))
+    for part, colour in zip(shares[0].us, COLOURS, strict=False):
+        # Parts timed alone may add up to more than the step, where only some segments are evaluated anew.
+        heights = np.array([max(0.0, 100.0 * each.fractions[part]) for each in shares])
+        bars = axes.bar(places, heights, 0.55, bottom=bottom, color=colour, label=part)
+        texts = [f"{height:.0f} %" if height >= 100.0 * LEAST_LABELLED else "" for height in heights]
+        axes.bar_label(bars, texts, label_type="center", fontsize=8, color="white" if colour in DARK else "black")
+        bottom += heights
+    axes.set_xticks(places, [f"N = {each.segments}\n{each.us_per_step:.3g} µs" for each in shares])
+    axes.set_xlim(-0.6, len(shares) - 0.4)
+    axes.set_ylabel("share of a step [%]")
+    axes.set_title("What it is spent on", fontsize=11)
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(handles[::-1], labels[::-1], loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)

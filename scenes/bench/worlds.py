@@ -1,19 +1,15 @@
-"""What a step costs in a world, over what it costs on a plane.
+"""`worm3d bench worlds`: what a step costs in a world over what it costs on a plane; `worlds.md` and `worlds.png`.
 
-    python -m scenes.bench.worlds --out DIR
-
-prints a table of times and of Newton's iterations, and writes it and a figure. On a plane the default worm is exactly
-symmetric: its left and right contacts change together. In a crooked pipe they change one by one, and so they do where
-the worm turns on the plane, which is measured beside.
+On a plane the default worm is exactly symmetric: its left and right contacts change together. In a crooked pipe they
+change one by one, and so they do where the worm turns on the plane, which is measured beside.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import trimesh
@@ -22,13 +18,13 @@ from matplotlib.figure import Figure
 
 import worm3d
 from control.gaits import TravellingWave
-from scenes.bench.crawl import StoppedError, us_per_step
-from scenes.bench.machine import machine
-from scenes.bench.tables import Cells, aligned, markdown_table
-from scenes.language.errors import SceneError
+from scenes.bench.plant_measures import StoppedError, us_per_step
+from scenes.commands.packages import machine
+from scenes.commands.terminal import progress
 from scenes.records import folder as folders
 from scenes.records.drawing import save_figure
-from scenes.records.files import write_bytes
+from scenes.records.folder import write_bytes
+from scenes.records.text import Column, aligned, markdown_table, table
 from worm3d import Bend, Centreline, Heightfield, Mesh, Pipe, Plane, Profile, Result, Status, Straight, Worm
 from worm3d.worlds import World
 
@@ -38,26 +34,35 @@ BIAS = 0.05
 """Of the gait of the worm that turns on the plane."""
 BARS: Mapping[str, float] = {"pipe": 1.5, "mesh": 2.0}
 """Greatest time of a step over the plane's that is asked for, by the first word of a world's name."""
-HEADER = ("world", "us/step", "over the plane", "bar", "Jacobians", "other residuals", "us an iteration")
-
-app = typer.Typer(add_completion=False)
+COLUMNS = {
+    "world": Column("name"),
+    "us/step": Column("us_per_step", ".1f"),
+    "over the plane": Column("over_plane", ".2f"),
+    "bar": Column("bar", "g"),
+    "Jacobians": Column("jacobians", ".2f"),
+    "other residuals": Column("residuals", ".2f"),
+    "us an iteration": Column("us_per_iteration", ".2f"),
+}
 
 
 @dataclass(frozen=True)
 class Visit:
-    """What a step cost in a world.
+    """Cost of a step in a world.
 
     Attributes
     ----------
     name : str
     us_per_step : float
         Of the fastest run [µs].
+    over_plane : float
+        Over that on the plane.
     jacobians, residuals : float
         Evaluations with and without a new Jacobian, a step.
     """
 
     name: str
     us_per_step: float
+    over_plane: float
     jacobians: float
     residuals: float
 
@@ -68,30 +73,41 @@ class Visit:
 
     @property
     def bar(self) -> float | None:
-        """What is asked for, or None."""
+        """Greatest time over the plane's that is asked for."""
         return BARS.get(self.name.split()[0])
 
 
-@app.command()
-def main(
-    out: Annotated[Path, typer.Option(help="Folder for worlds.md and worlds.png.")],
-    duration: Annotated[float, typer.Option(help="Simulated in each world [s].")] = 8.0,
-    repeats: Annotated[int, typer.Option(help="Of which the fastest counts.")] = 20,
-    force: Annotated[bool, typer.Option(help="Write into a folder that has something in it.")] = False,
-) -> None:
-    """Measure the default worm's step in worlds of all kinds."""
-    try:
-        with folders.prepared(out, "bench-worlds", force=force) as folder:
-            visits = measure_worlds(duration, repeats)
-            rows = [_cells(visit, visits[0]) for visit in visits]
-            title = f"# A step in worlds\n\n{machine()['cpu']}, {machine()['date']}\n\n"
-            write_bytes(folder / "worlds.md", (title + "\n".join(markdown_table(HEADER, rows)) + "\n").encode())
-            save_figure(draw(visits), folder / "worlds.png")
-    except SceneError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(error.exit_code) from error
-    for line in aligned(HEADER, rows):
-        typer.echo(line)
+def run(out: Path | None, *, duration: float, repeats: int, force: bool, quiet: bool) -> int:
+    """Measure the default worm's step in worlds of all kinds, write what was found and return the exit code.
+
+    Parameters
+    ----------
+    out : Path, optional
+        Folder to write to; `runs/bench-worlds-<time>` if left out.
+    duration : float
+        Simulated in each world [s].
+    repeats : int
+        Runs of which the fastest counts.
+    force, quiet : bool
+        Whether to write into a folder that has something in it, and to print nothing.
+
+    Raises
+    ------
+    SceneError
+        The folder cannot be used, the disc refused a file, or a run failed.
+    """
+    with folders.prepared(out, "bench-worlds", force=force) as folder:
+        with progress("worlds", repeats + 1, quiet=quiet, what="round") as show:
+            visits = measure_worlds(duration, repeats, show)
+        header, rows = table(COLUMNS, visits)
+        title = f"# A step in worlds\n\n{machine()['cpu']}, {machine()['date']}\n\n"
+        write_bytes(folder / "worlds.md", (title + "\n".join(markdown_table(header, rows)) + "\n").encode())
+        save_figure(draw(visits), folder / "worlds.png")
+    if not quiet:
+        for line in aligned(header, rows):
+            typer.echo(line)
+        typer.echo(f"Written to {folder}: worlds.md, worlds.png")
+    return 0
 
 
 def worlds(folder: Path) -> dict[str, World]:
@@ -116,7 +132,7 @@ def worlds(folder: Path) -> dict[str, World]:
     }
 
 
-def measure_worlds(duration: float, repeats: int) -> list[Visit]:
+def measure_worlds(duration: float, repeats: int, watch: Callable[[int], None] = lambda done: None) -> list[Visit]:
     """Measure all in turns, after a run of each that warms up; the plane comes first.
 
     Raises
@@ -127,12 +143,14 @@ def measure_worlds(duration: float, repeats: int) -> list[Visit]:
     best: dict[str, Result] = {}
     with tempfile.TemporaryDirectory() as folder:
         places = worlds(Path(folder))
-        for _ in range(repeats + 1):
+        for done in range(1, repeats + 2):
             for name, world in places.items():
                 result = _crawled(name, world, duration)
                 if name not in best or us_per_step(result) < us_per_step(best[name]):
                     best[name] = result
-    return [_visit(name, result) for name, result in best.items()]
+            watch(done)
+    plane = us_per_step(best["plane"])
+    return [_visit(name, result, plane) for name, result in best.items()]
 
 
 def _crawled(name: str, world: World, duration: float) -> Result:
@@ -143,16 +161,9 @@ def _crawled(name: str, world: World, duration: float) -> Result:
     return result
 
 
-def _visit(name: str, result: Result) -> Visit:
+def _visit(name: str, result: Result, plane: float) -> Visit:
     jacobians, residuals = (float(x.mean()) for x in (result.newton_iterations, result.gradient_evaluations))
-    return Visit(name, us_per_step(result), jacobians, residuals)
-
-
-def _cells(visit: Visit, plane: Visit) -> Cells:
-    ratio = f"{visit.us_per_step / plane.us_per_step:.2f}"
-    bar = "" if visit.bar is None else f"{visit.bar:g}"
-    counts = (f"{visit.jacobians:.2f}", f"{visit.residuals:.2f}", f"{visit.us_per_iteration:.2f}")
-    return (visit.name, f"{visit.us_per_step:.1f}", ratio, bar, *counts)
+    return Visit(name, us_per_step(result), us_per_step(result) / plane, jacobians, residuals)
 
 
 def draw(visits: list[Visit]) -> Figure:
@@ -160,7 +171,7 @@ def draw(visits: list[Visit]) -> Figure:
     plane, places = visits[0], np.arange(len(visits))
     figure = Figure(figsize=(9.0, 4.5), layout="constrained", dpi=120)
     axes = figure.subplots()
-    times = axes.bar(places, [each.us_per_step / plane.us_per_step for each in visits], 0.6, label="time of a step")
+    times = axes.bar(places, [each.over_plane for each in visits], 0.6, label="time of a step")
     axes.bar_label(times, fmt="%.2f", label_type="center", color="white", fontsize=9)
     counts = [(each.jacobians + each.residuals) / (plane.jacobians + plane.residuals) for each in visits]
     axes.plot(places, counts, "kD", ms=5, label="iterations of Newton")
@@ -172,7 +183,3 @@ def draw(visits: list[Visit]) -> Figure:
     axes.set_ylim(0.0, 1.15 * max(2.0, *axes.get_ylim()))
     axes.legend(loc="upper left", fontsize=8, ncols=3)
     return figure
-
-
-if __name__ == "__main__":
-    app()

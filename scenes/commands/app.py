@@ -84,8 +84,7 @@ def resume(
 
     Writes the whole run, its first part included, as if it had never been stopped, into a new folder.
     """
-    from scenes.commands.resume import lengthened
-    from scenes.commands.runner import run_scene
+    from scenes.commands.runner import lengthened, run_scene
     from scenes.records.store import load
 
     earlier = load(result)
@@ -98,7 +97,7 @@ def check(scene: SceneArgument, o: Overrides = None) -> None:
 
     All mistakes are listed at once, a line each.
     """
-    from scenes.commands.progress import counted
+    from scenes.commands.terminal import counted
     from scenes.models.loading import load_scene
 
     loaded = load_scene(scene, o or ())
@@ -128,7 +127,7 @@ def init(
     """
     from scenes import models
     from scenes.language.template import template
-    from scenes.records.files import write_bytes
+    from scenes.records.folder import write_bytes
 
     if model not in models.names():
         raise SceneError(f"--model: got '{model}', must be one of {', '.join(models.names())}")
@@ -273,20 +272,42 @@ def identify(
 def bench_plant(
     out: Out = None,
     quick: Annotated[bool, typer.Option("--quick", help="Short worms and short runs only.")] = False,
-    without_rivals: Annotated[
-        bool, typer.Option("--without-rivals", help="Leave out MuJoCo and PyElastica (extra 'bench').")
-    ] = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
     """Measure the 3D worm.
 
-    Time of a step by the number of segments and what it is spent on, many runs at once, start and memory, and the
-    same worm in other simulators at the same error of the distance. Takes minutes; nothing else should run meanwhile.
+    Time of a step by the number of segments and what it is spent on, many runs at once, start and memory. Takes
+    minutes; nothing else should run meanwhile. 'python tests/benchmarks/plant.py' compares it with other simulators.
     """
-    from scenes.bench import plant_command
+    from scenes.bench import plant_report
 
-    raise typer.Exit(plant_command.run(out, quick=quick, with_rivals=not without_rivals, force=force, quiet=quiet))
+    raise typer.Exit(plant_report.run(out, quick=quick, force=force, quiet=quiet))
+
+
+@bench.command(name="accuracy")
+def bench_accuracy(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
+    """Measure how far the time step puts the scenes off.
+
+    Distance, turn and work against runs with a fine time step. Takes a few minutes.
+    """
+    from scenes.bench import accuracy
+
+    raise typer.Exit(accuracy.run(out, force=force, quiet=quiet))
+
+
+@bench.command(name="worlds")
+def bench_worlds(
+    out: Out = None,
+    duration: Annotated[float, typer.Option(help="Simulated in each world [s].")] = 8.0,
+    repeats: Annotated[int, typer.Option(min=1, help="Runs in each world, of which the fastest counts.")] = 20,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure the default worm's step in pipes, on terrain and meshes, over its step on a plane."""
+    from scenes.bench import worlds
+
+    raise typer.Exit(worlds.run(out, duration=duration, repeats=repeats, force=force, quiet=quiet))
 
 
 @bench.command(name="control")
@@ -303,15 +324,15 @@ def bench_control(
     with what the same programs, scenes and map of the worm have not run yet. Ends with 5 if runs failed, or else with
     6 if a bar is not kept (with --quick there are no bars).
     """
-    from scenes.bench import control_command
+    from scenes.bench import control_report
 
-    raise typer.Exit(control_command.run(out, seeds=seeds, quick=quick, quiet=quiet))
+    raise typer.Exit(control_report.run(out, seeds=seeds, quick=quick, quiet=quiet))
 
 
 @app.command()
 def info() -> None:
     """Print versions, the platform and where the packages come from."""
-    from scenes.records.versions import info_lines
+    from scenes.commands.packages import info_lines
 
     for line in info_lines():
         typer.echo(line)

@@ -21,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if isinstance(stream, io.TextIOWrapper):  # and not what a test put in its place
             stream.reconfigure(errors="backslashreplace")  # what the terminal's encoding lacks is shown as an escape
     try:
-        from scenes.commands.guard import require_own_packages
+        from scenes.commands.packages import require_own_packages
 
         require_own_packages()
         from scenes.commands.app import app

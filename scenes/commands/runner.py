@@ -1,22 +1,24 @@
-"""From a scene to a folder of results, whatever happens on the way."""
+"""From a scene, or the first part of its run, to a folder of results, whatever happens on the way."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import typer
 
-from scenes.commands import report
-from scenes.commands.interrupt import Interruption
-from scenes.commands.progress import busy, progress
+from scenes.commands import terminal
+from scenes.commands.packages import versions
+from scenes.commands.terminal import Interruption, busy, progress
+from scenes.language.errors import SceneError
 from scenes.models.base import Observer, Outcome, Watch
-from scenes.models.loading import Scene
+from scenes.models.loading import Scene, parse_scene
 from scenes.records import folder as folders
-from scenes.records.drawing import animate, cut_short, draw_overview, is_drawable, view
-from scenes.records.record import Record, Variable
-from scenes.records.store import FILE_NAME, save
-from scenes.records.summary import Summary, write_summary
-from scenes.records.versions import versions
+from scenes.records.drawing import animate, clear_pictures, cut_short, draw_overview, is_drawable, model_of, view
+from scenes.records.folder import RESULT, write_bytes
+from scenes.records.record import Record, Summary, Variable
+from scenes.records.store import save
+from scenes.records.text import json_bytes
 
 EXIT_CODES = {"done": 0, "diverged": 3, "incomplete": 5, "interrupted": 130}
 """What a run ends the program with, by its status."""
@@ -38,7 +40,7 @@ def run_scene(
     quiet : bool
         Whether to print only what went wrong.
     earlier : Record, optional
-        A first part of this run, to go on from (`scenes.commands.resume`).
+        A first part of this run, to go on from (`lengthened`).
 
     Raises
     ------
@@ -49,13 +51,57 @@ def run_scene(
         return _run_into(folder, scene, earlier, quiet=quiet)
 
 
+def lengthened(earlier: Record, more: float | None = None) -> Scene:
+    """Return the scene of a run that goes on.
+
+    Parameters
+    ----------
+    earlier : Record
+        The first part, which ended as planned or was interrupted.
+    more : float, optional
+        Time to add [s]; if left out, to the planned end.
+
+    Raises
+    ------
+    SceneError
+        It cannot go on, or there is nothing more to do.
+    """
+    model = model_of(earlier)
+    if model.resume is None or not earlier.checkpoint:
+        raise SceneError(f"{earlier.name}: has no checkpoint to go on from (model '{model.name}')")
+    if earlier.status not in ("done", "interrupted"):
+        raise SceneError(
+            f"{earlier.name}: {earlier.sentence}; it would end there again: {model.advice}, and run the scene anew"
+        )
+    planned = parse_scene(earlier.scene, earlier.name)
+    run, done = planned.settings.run, earlier.sizes["step"]
+    if done % run.record_every:
+        raise SceneError(
+            f"{earlier.name}: stopped after step {done}, between two stored states (run.record_every = "
+            f"{run.record_every}): nothing could be joined to it; run the scene anew"
+        )
+    if more is None and done < planned.settings.steps:
+        return planned
+    if more is None:
+        raise SceneError(
+            f"{planned.name}: has come to its end ({run.duration_s:g} s); say how much longer it is "
+            "to go on: --duration SECONDS_MORE"
+        )
+    if not (math.isfinite(more) and more > 0.0):
+        raise SceneError(f"--duration: got {more} s, must be finite and above 0")
+    if round(more / run.dt_s) < 1:
+        raise SceneError(f"--duration: got {more} s, must be at least a time step (run.dt_s = {run.dt_s} s)")
+    total = float(f"{done * run.dt_s + more:.12g}")  # 0.1 + 0.2 s are 0.3 s
+    return parse_scene(earlier.scene, earlier.name, [f"run.duration_s={total!r}"])
+
+
 def _run_into(folder: Path, scene: Scene, earlier: Record | None, *, quiet: bool) -> int:
     kept = "nothing of this run was kept"
     try:
         record = _simulate_patiently(scene, earlier, quiet=quiet)
         with Interruption() as late:
             _keep(record, folder)
-        kept = f"{folder / FILE_NAME} is safe, 'worm3d plot {folder}' draws it"
+        kept = f"{folder / RESULT} is safe, 'worm3d plot {folder}' draws it"
         if late.requested:
             raise KeyboardInterrupt
         with busy("drawing", quiet=quiet):
@@ -81,9 +127,9 @@ def _simulate_patiently(scene: Scene, earlier: Record | None, *, quiet: bool) ->
 
 def _keep(record: Record, folder: Path) -> None:
     """Write the result and only then remove what an earlier run left."""
-    save(record, folder / FILE_NAME)
-    folders.clear_pictures(folder)
-    write_summary(record.summary, report.timing(record), folder / folders.SUMMARY)
+    save(record, folder / RESULT)
+    clear_pictures(folder)
+    write_bytes(folder / folders.SUMMARY, json_bytes({**record.summary.to_dict(), **terminal.timing(record)}))
 
 
 def simulate(
@@ -118,7 +164,7 @@ def _outcome(scene: Scene, observer: Observer, earlier: Record | None, how: Watc
     if earlier is None:
         outcome: Outcome = scene.model.run(scene.settings, observer)
         return outcome
-    assert scene.model.resume is not None  # `scenes.commands.resume` refuses the others
+    assert scene.model.resume is not None  # `lengthened` refuses the others
     return scene.model.resume(scene.settings, earlier, observer)
 
 
@@ -143,11 +189,11 @@ def _draw(record: Record, scene: Scene, folder: Path) -> None:
 
 
 def _tell(record: Record, scene: Scene, folder: Path, *, quiet: bool) -> None:
-    if report.failed(record):
-        typer.echo(report.failure(record, scene.model), err=True)
-    for warning in report.warnings(record):
+    if terminal.failed(record):
+        typer.echo(terminal.failure(record, scene.model), err=True)
+    for warning in terminal.warnings(record):
         typer.echo(f"warning: {warning}", err=True)
     if not quiet:
-        typer.echo(report.ending(record, scene.model, folder))
+        typer.echo(terminal.ending(record, scene.model, folder))
         if scene.model.view is None and (line := cut_short(record)) and record.status != "interrupted":
             typer.echo(f"  {line}")

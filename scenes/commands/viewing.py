@@ -9,14 +9,14 @@ from pathlib import Path
 
 import typer
 
-from scenes.commands import report
-from scenes.commands.interrupt import Interruption
+from scenes.commands import terminal
 from scenes.commands.runner import EXIT_CODES, simulate
+from scenes.commands.terminal import Interruption
 from scenes.language.errors import SceneError
 from scenes.models.base import Watch
 from scenes.models.loading import Scene
 from scenes.records.drawing import is_drawable, model_of
-from scenes.records.files import written_whole
+from scenes.records.folder import written_whole
 from scenes.records.record import Record
 
 
@@ -65,8 +65,8 @@ def watch(scene: Scene, *, speed: float, opens: bool) -> int:
 
     with Interruption() as interruption:
         record = _watched(scene, Watch(speed, began), interruption)
-    if report.failed(record):
-        typer.echo(report.failure(record, scene.model), err=True)
+    if terminal.failed(record):
+        typer.echo(terminal.failure(record, scene.model), err=True)
     else:
         how = "stopped by Ctrl-C" if record.status == "interrupted" else record.sentence
         typer.echo(f"{scene.name}: {how}; nothing was kept, 'worm3d run' keeps it")

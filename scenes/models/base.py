@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Generic, Literal, Protocol, TypeVar
 
 from scenes.language.checks import Check
 from scenes.models.sections import Settings
-from scenes.records.record import Record, Variable
-from scenes.records.summary import Figure
+from scenes.records.record import Metric, Record, Variable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,7 +83,7 @@ class Outcome:
     status: Status
     sentence: str
     variables: tuple[Variable, ...]
-    summary: Mapping[str, Figure]
+    summary: Mapping[str, Metric]
     reasons: Mapping[str, str]
     wall_s: float
     checkpoint: tuple[Variable, ...] = ()

@@ -1,4 +1,4 @@
-"""Figures and animations of a record, as files."""
+"""Figures, animation, page and mesh of a record, as files."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenes import models
-from scenes.language.errors import MissingPartError, SceneError
+from scenes.language.errors import DiscError, MissingPartError, SceneError
 from scenes.models.base import MOVIE_S, Model, Movie
-from scenes.records import overview
-from scenes.records.files import write_bytes, written_whole
+from scenes.records.folder import ANIMATION, OVERVIEW, PREFIX, SUMMARY, VIEWER, write_bytes, written_whole
 from scenes.records.record import Record
 
 if TYPE_CHECKING:
@@ -57,7 +56,10 @@ def plot(record: Record, model: Model[Any], folder: Path) -> list[Path]:
 def draw_overview(record: Record, model: Model[Any], folder: Path) -> Path:
     """Write the one figure that every run draws into a folder and return its path; errors as of `plot`."""
     _require_steps(record)
-    return overview.write(model.overview(record), folder / overview.FILE_NAME)
+    path = folder / OVERVIEW
+    with written_whole(path) as part:
+        model.overview(record).save(part, format="png")
+    return path
 
 
 def animate(record: Record, model: Model[Any], path: Path, fps: int = 20) -> Path:
@@ -115,6 +117,25 @@ def mesh(record: Record, model: Model[Any], at: float | None, path: Path) -> Pat
         raise SceneError(f"--{error}") from error
     write_bytes(path, content)
     return path
+
+
+def clear_pictures(folder: Path) -> None:
+    """Remove the summary and pictures of an earlier run, of whatever model, and unfinished files; others stay.
+
+    Raises
+    ------
+    DiscError
+        A file cannot be removed.
+    """
+    found = {path.name for path in folder.glob("*.png")} - {OVERVIEW}
+    # Only where there are pictures: it imports every model.
+    stems = {stem for name in models.names() for stem in models.get(name).figures} if found else set()
+    unfinished = [path.name for path in folder.glob(f"{PREFIX}*.part*")]
+    for name in (SUMMARY, ANIMATION, VIEWER, OVERVIEW, *unfinished, *sorted(found & {f"{stem}.png" for stem in stems})):
+        try:
+            (folder / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise DiscError.writing(folder / name, error) from error
 
 
 def cut_short(record: Record) -> str | None:

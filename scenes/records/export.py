@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.records.files import written_whole
+from scenes.records.folder import written_whole
 from scenes.records.record import Record, Variable
 
 AXES = "xyz"

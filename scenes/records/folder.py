@@ -1,29 +1,52 @@
-"""The folder of a run: where it is, whether it may be written, and which files in it are ours.
+"""The folder of a run: where it is, whether it may be written, and how its files are written.
 
-It holds `result.nc`, `summary.json`, `overview.png` (by `worm3d plot` all figures), and what moves: `viewer.html` of 3D
-worms, a page that plays in any browser without a network, or `animation.gif` of planar ones (of 3D worms by `worm3d
-animate`).
+Its files are written whole or not at all, and one process at a time writes to a folder. The lock belongs to an open
+file, so that it ends with the process, however that ends; a file that a killed process left behind locks nothing.
 """
 
 from __future__ import annotations
 
 import itertools
+import os
+import secrets
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 
-from scenes import models
 from scenes.language.errors import DiscError, SceneError
-from scenes.records import lock
-from scenes.records.overview import FILE_NAME as OVERVIEW
-from scenes.records.store import FILE_NAME
 
-SUMMARY = "summary.json"
-ANIMATION = "animation.gif"
-VIEWER = "viewer.html"
 RUNS = Path("runs")
+"""Folder of the runs without --out."""
+
+RESULT = "result.nc"
+SUMMARY = "summary.json"
+OVERVIEW = "overview.png"
+ANIMATION = "animation.gif"
+"""Animation of a planar worm; 3D worms have one by `worm3d animate`."""
+VIEWER = "viewer.html"
+"""Page of a 3D worm, which plays in any browser without a network."""
+
+PREFIX = ".worm3d-"
+"""First letters of the names of files that are there while something is written."""
+LOCK = f"{PREFIX}lock"
+LOCKED_BYTE = 1 << 20
+"""Byte that is locked on Windows, where others cannot read what is locked."""
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(handle: int) -> None:
+        os.lseek(handle, LOCKED_BYTE, os.SEEK_SET)
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        os.lseek(handle, 0, os.SEEK_SET)
+else:
+    import fcntl
+
+    def _lock(handle: int) -> None:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 @contextmanager
@@ -39,14 +62,14 @@ def prepared(out: Path | None, scene_name: str, *, force: bool) -> Iterator[Path
     """
     folder = out if out is not None else _fresh(scene_name)
     _require_empty(folder, force=force)
-    with lock.held(made(folder)):
+    with locked(made(folder)):
         _require_empty(folder, force=force)  # or else another run has come to its end meanwhile
         yield folder
 
 
 def _require_empty(folder: Path, *, force: bool) -> None:
     try:
-        if not force and folder.is_dir() and any(not path.name.startswith(lock.PREFIX) for path in folder.iterdir()):
+        if not force and folder.is_dir() and any(not path.name.startswith(PREFIX) for path in folder.iterdir()):
             raise SceneError(
                 f"{folder} exists and is not empty: choose another --out, or replace its results with --force"
             )
@@ -74,25 +97,6 @@ def made(folder: Path) -> Path:
         raise DiscError.writing(folder, error) from error
 
 
-def clear_pictures(folder: Path) -> None:
-    """Remove the summary and pictures of an earlier run, of whatever model, and unfinished files; others stay.
-
-    Raises
-    ------
-    DiscError
-        A file cannot be removed.
-    """
-    found = {path.name for path in folder.glob("*.png")} - {OVERVIEW}
-    # Only where there are pictures: it imports every model.
-    stems = {stem for name in models.names() for stem in models.get(name).figures} if found else set()
-    unfinished = [path.name for path in folder.glob(f"{lock.PREFIX}*.part*")]
-    for name in (SUMMARY, ANIMATION, VIEWER, OVERVIEW, *unfinished, *sorted(found & {f"{stem}.png" for stem in stems})):
-        try:
-            (folder / name).unlink(missing_ok=True)
-        except OSError as error:
-            raise DiscError.writing(folder / name, error) from error
-
-
 def require_free(targets: Sequence[Path], result: Path, *, force: bool) -> None:
     """Check that files may be written, before anything is computed.
 
@@ -101,7 +105,7 @@ def require_free(targets: Sequence[Path], result: Path, *, force: bool) -> None:
     SceneError
         Two of them are one file, one is the result itself, or one exists and `force` is not set.
     """
-    source = (result / FILE_NAME if result.is_dir() else result).resolve()
+    source = (result / RESULT if result.is_dir() else result).resolve()
     real = [target.resolve() for target in targets]
     for target, place in zip(targets, real, strict=True):
         if place == source:
@@ -110,6 +114,32 @@ def require_free(targets: Sequence[Path], result: Path, *, force: bool) -> None:
             raise SceneError(f"{target} is named twice: choose two names")
         if target.exists() and not force:
             raise SceneError(f"{target} exists: choose another name, or replace it with --force")
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Give a path ending in `.part` to write to, of this call alone; it becomes `path` only if all went well.
+
+    Raises
+    ------
+    DiscError
+        The disc refused; the previous file, if any, stands as it was.
+    """
+    part = path.with_name(f"{PREFIX}{os.getpid()}-{secrets.token_hex(4)}.part")
+    try:
+        yield part
+        os.replace(part, path)
+    except OSError as error:
+        raise DiscError.writing(path, error) from error
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all."""
+    with written_whole(path) as part:
+        part.write_bytes(content)
 
 
 def _fresh(scene_name: str) -> Path:
@@ -127,3 +157,58 @@ def _fresh(scene_name: str) -> Path:
             raise DiscError.writing(RUNS / name, error) from error
         return RUNS / name
     raise AssertionError("unreachable")
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other processes, and threads, from writing to a folder.
+
+    Where no lock can be had, on a file system without locks or a folder that cannot be written, there is none.
+
+    Raises
+    ------
+    SceneError
+        Another one holds it.
+    """
+    handle = _acquired(folder)
+    try:
+        yield
+    finally:
+        if handle is not None:
+            with suppress(OSError):
+                (folder / LOCK).unlink()
+            os.close(handle)
+
+
+def _acquired(folder: Path) -> int | None:
+    """Return the handle of the locked file, or None where there are no locks."""
+    while True:
+        try:
+            handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
+        except OSError:
+            return None
+        with ExitStack() as undo:
+            undo.callback(os.close, handle)
+            try:
+                _lock(handle)
+            except (BlockingIOError, PermissionError) as error:
+                raise SceneError(_explained(handle, folder)) from error
+            except OSError:
+                return None
+            if _is_there(handle, folder / LOCK):  # or the one that held it has just removed the file
+                os.ftruncate(handle, 0)
+                os.write(handle, f"{os.getpid()}\n".encode())
+                undo.pop_all()
+                return handle
+
+
+def _is_there(handle: int, path: Path) -> bool:
+    with suppress(FileNotFoundError):
+        return os.path.samestat(os.fstat(handle), path.stat())
+    return False
+
+
+def _explained(handle: int, folder: Path) -> str:
+    text = os.pread(handle, 20, 0).decode("ascii", "replace") if hasattr(os, "pread") else ""
+    process = f"process {text.strip()}" if text.strip().isdigit() else "another process"
+    return f"{folder}: {process} is writing to it: wait until it ends, or choose another --out"

@@ -1,10 +1,11 @@
-"""What a run leaves behind: named arrays with dimensions and units, and how they came about."""
+"""What a run leaves behind: its metrics, named arrays with dimensions and units, and how they came about."""
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -13,7 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scenes.language.errors import SceneError
-from scenes.records.summary import Summary
+
+Cell = float | int | str | None
+
+Metric = Cell | list[dict[str, Cell]]
+"""A number of the summary, or a table of them: a row for each case of a study."""
 
 
 class MissingVariableError(SceneError, KeyError):
@@ -60,6 +65,48 @@ class Variable:
         return dict(zip(self.dims, self.values.shape, strict=True))
 
 
+@dataclass(frozen=True)
+class Summary:
+    """Metrics of a run by name; one that is None, NaN or infinite becomes None and needs a reason.
+
+    Attributes
+    ----------
+    metrics : mapping of name to float, int, str, None, or a list of rows
+    reasons : mapping of name to str
+        Why a metric has no value.
+    """
+
+    metrics: Mapping[str, Metric]
+    reasons: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        metrics = {name: metric if _has_value(metric) else None for name, metric in self.metrics.items()}
+        absent = [name for name, metric in metrics.items() if metric is None]
+        unexplained = sorted(set(absent) - self.reasons.keys())
+        if unexplained:
+            raise ValueError(f"summary: {', '.join(unexplained)} without a value, must have a reason")
+        object.__setattr__(self, "metrics", MappingProxyType(metrics))
+        object.__setattr__(self, "reasons", MappingProxyType({name: self.reasons[name] for name in absent}))
+
+    def __getitem__(self, name: str) -> Metric:
+        """Return a metric by its name."""
+        return self.metrics[name]
+
+    @property
+    def faults(self) -> list[dict[str, Cell]]:
+        """Faults of a run, each with `time_s`, `kind`, `what` and `advice`, as they came."""
+        found = self.metrics.get("faults")
+        return found if isinstance(found, list) else []
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the metrics, and the reasons under `reasons`, as JSON can hold them."""
+        return {**self.metrics, "reasons": dict(self.reasons)}
+
+
+def _has_value(metric: Metric) -> bool:
+    return metric is not None and not (isinstance(metric, float) and not math.isfinite(metric))
+
+
 @dataclass(frozen=True, eq=False)
 class Record:
     """A finished run; frozen, with read-only arrays.
@@ -81,7 +128,7 @@ class Record:
     versions : mapping
         Of the programs that made it.
     summary : Summary
-        Figures of merit.
+        Metrics.
     variables : tuple of Variable
         Names are unique; a dimension has one length throughout.
     timing : tuple of Variable

@@ -4,18 +4,25 @@ Variables stand in the root group with named dimensions, `units` and `long_name`
 group `timing`, and that from which the run can go on in the group `checkpoint`. Nothing is compressed: it would
 take six times as long to write; nor chunked, so that HDF5's own checksums (fletcher32) do not apply.
 
-Damage is noticed (`scenes.records.digest`): a digest of the bytes follows the HDF5 data, and the attribute `digest` is
-one of what the record says. A file whose bytes have no digest was not written by this program as it is: it is read in a
-process of its own that may not take for ever (`scenes.records.foreign`), and accepted if it still says what its
-attribute `digest` is of. Files of earlier versions have neither; they are accepted with a warning.
+Damage is noticed by two digests. One of the file's bytes follows the HDF5 data, where every program that reads HDF5
+ignores it; it is checked before anything else reads the file, since a few wrong bytes can make the HDF5 library loop
+for ever, ask for all memory or crash. The other, the attribute `digest`, is one of what the record says: it tells what
+another program changed when it wrote the file anew, and holds where that changed nothing.
+
+A file whose bytes have no digest was not written by this program as it is. A process with little time and memory reads
+it first and hands it on as worm3d writes it: `python -m scenes.records.store RESULT NAME`. Files of earlier versions
+have neither digest; they are accepted with a warning.
 """
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
+import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,18 +30,23 @@ import h5netcdf
 import numpy as np
 
 from scenes.language.errors import DiscError, SceneError
-from scenes.records import digest, foreign
-from scenes.records.files import write_bytes
-from scenes.records.record import Record, Variable
-from scenes.records.summary import Summary
+from scenes.records.folder import RESULT, write_bytes
+from scenes.records.record import Record, Summary, Variable
+from worm3d.values.memory import MOST_MEMORY
 
 FORMAT = "worm3d result 2"
 """Value of the attribute `format` by which we know our files."""
-
 WITHOUT_DIGEST = "worm3d result 1"
 """Its value in files of earlier versions."""
 
-FILE_NAME = "result.nc"
+SEAL, SEAL_END = b"\nworm3d sha256 ", b"\n"
+"""Bytes before and after the digest at the end of a file."""
+SEAL_LENGTH = len(SEAL) + 64 + len(SEAL_END)
+
+PATIENCE = 60
+"""Longest time to read a file that another program wrote [s]."""
+MEMORY = 3 * int(MOST_MEMORY)
+"""Memory of the process that reads it: a run's arrays, another copy of them, and programs [byte]."""
 
 
 def save(record: Record, path: Path) -> None:
@@ -59,7 +71,8 @@ def as_bytes(record: Record, *, verified: bool = True) -> bytes:
         if record.checkpoint:
             _put_group(file, "checkpoint", record.checkpoint)
         file.attrs.update(_attributes(record) if verified else {**_attributes(record), "format": WITHOUT_DIGEST})
-    return digest.sealed(image.getbuffer())
+    content = image.getbuffer()
+    return b"".join((content, SEAL, hashlib.sha256(content).hexdigest().encode(), SEAL_END))
 
 
 def _to_standard_error(warning: str) -> None:
@@ -82,13 +95,11 @@ def load(path: Path, warn: Callable[[str], None] = _to_standard_error) -> Record
     DiscError
         The file may not be read.
     """
-    file_path = path / FILE_NAME if path.is_dir() else path
+    file_path = path / RESULT if path.is_dir() else path
     if not file_path.is_file():
-        raise SceneError(
-            f"{file_path}: no such file; a result is the folder that 'worm3d run' wrote, or its {FILE_NAME}"
-        )
+        raise SceneError(f"{file_path}: no such file; a result is the folder that 'worm3d run' wrote, or its {RESULT}")
     try:
-        whole = digest.is_whole(file_path)
+        whole = is_whole(file_path)
         if whole:
             return read(file_path, str(file_path))[0]
         if whole is None:
@@ -103,7 +114,7 @@ def load(path: Path, warn: Callable[[str], None] = _to_standard_error) -> Record
 
 def _load_foreign(path: Path, warn: Callable[[str], None]) -> Record:
     """Read a file that this program did not write as it is."""
-    record, verified = read(io.BytesIO(foreign.checked(path)), str(path))
+    record, verified = read(io.BytesIO(handed_on(path)), str(path))
     if not verified:
         warn(f"{path} was written by an earlier version of worm3d, without a checksum: damage to it goes unnoticed")
     return record
@@ -127,12 +138,114 @@ def read(file: Path | BinaryIO, name: str) -> tuple[Record, bool]:
         raise
     except Exception as error:  # a few wrong bytes come out of the HDF5 libraries as almost anything
         raise SceneError(f"{name}: not a result of worm3d, or cut short: {_first_line(error)}") from error
-    if form == FORMAT and expected != digest.of_record(record):
+    if form == FORMAT and expected != digest_of(record):
         raise SceneError(
             f"{name}: does not say what worm3d wrote (its attribute 'digest' is of something else): damaged, or "
             "changed by another program; take the original, or run the scene again"
         )
     return record, form == FORMAT
+
+
+def handed_on(path: Path) -> bytes:
+    """Return a file that another program wrote, as worm3d writes it.
+
+    Raises
+    ------
+    SceneError
+        It is not one, it is damaged, or it cannot be read in time.
+    """
+    command = [sys.executable, "-P", "-m", "scenes.records.store", str(path.resolve()), str(path)]
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=PATIENCE, check=False, stdin=subprocess.DEVNULL)
+    except subprocess.TimeoutExpired as error:
+        raise SceneError(f"{path}: not a result of worm3d, or damaged: not read after {PATIENCE} s") from error
+    if done.returncode == 0:
+        return done.stdout
+    said = done.stderr.decode("utf-8", "replace").strip().splitlines()
+    if done.returncode == SceneError.exit_code and said:
+        raise SceneError(*said)
+    raise SceneError(f"{path}: not a result of worm3d, or damaged: the HDF5 library fails on it")
+
+
+def main() -> None:
+    """Read the file that the first argument names and the second one calls, and write it to standard output."""
+    _restrict()
+    try:
+        record, verified = read(Path(sys.argv[1]), sys.argv[2])
+    except SceneError as error:
+        sys.stderr.write("\n".join(error.lines))
+        sys.exit(error.exit_code)
+    sys.stdout.buffer.write(as_bytes(record, verified=verified))
+
+
+def _restrict() -> None:
+    """Limit the memory and time of this process, where the system can."""
+    with suppress(ImportError, ValueError, OSError):
+        import resource
+
+        for limit, value in ((resource.RLIMIT_AS, MEMORY), (resource.RLIMIT_CPU, PATIENCE), (resource.RLIMIT_CORE, 0)):
+            resource.setrlimit(limit, (value, value))
+
+
+def is_whole(path: Path) -> bool | None:
+    """Return whether a file is as it was written; None if it has no digest at its end.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    with path.open("rb") as file:
+        left = max(path.stat().st_size - SEAL_LENGTH, 0)
+        digest = hashlib.sha256()
+        while left and (block := file.read(min(left, 1 << 20))):
+            digest.update(block)
+            left -= len(block)
+        end = file.read()
+    if not end.startswith(SEAL):
+        return None
+    return end == SEAL + digest.hexdigest().encode() + SEAL_END
+
+
+def digest_of(record: Record) -> str:
+    """Return the digest of all that a record says, however it is stored."""
+    said = {
+        "name": record.name,
+        "kind": record.model,
+        "scene": record.scene,
+        "status": record.status,
+        "sentence": record.sentence,
+        "seed": record.seed,
+        "versions": dict(record.versions),
+        "summary": record.summary.to_dict(),
+    }
+    digest = hashlib.sha256(_text(said))
+    for group in (record.variables, record.timing, record.checkpoint):
+        digest.update(_text({"variables": len(group)}))
+        for variable in sorted(group, key=lambda variable: variable.name):
+            _add(digest, variable)
+    return digest.hexdigest()
+
+
+def _add(digest: hashlib._Hash, variable: Variable) -> None:
+    values = variable.values.astype(variable.values.dtype.newbyteorder("<"), copy=False)
+    digest.update(
+        _text(
+            {
+                "name": variable.name,
+                "dims": variable.dims,
+                "shape": values.shape,
+                "type": values.dtype.str,
+                "units": variable.units,
+                "long_name": variable.long_name,
+            }
+        )
+    )
+    digest.update(np.ascontiguousarray(values).tobytes())
+
+
+def _text(said: Mapping[str, object]) -> bytes:
+    return json.dumps(said, sort_keys=True).encode()
 
 
 def _put_group(file: Any, name: str, variables: tuple[Variable, ...]) -> None:
@@ -159,7 +272,7 @@ def _attributes(record: Record) -> dict[str, Any]:
         "seed": np.int64(record.seed),
         "versions": json.dumps(dict(record.versions)),
         "summary": json.dumps(record.summary.to_dict()),
-        "digest": digest.of_record(record),
+        "digest": digest_of(record),
     }
 
 
@@ -191,3 +304,7 @@ def _variables(group: Any) -> tuple[Variable, ...]:
 
 def _first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+if __name__ == "__main__":
+    main()

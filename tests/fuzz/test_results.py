@@ -11,7 +11,7 @@ from fuzzing import TIMES, no_hang
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
-from scenes.records import digest, store
+from scenes.records import store
 
 SEED = 5 if TIMES == 1 else None
 
@@ -23,14 +23,14 @@ def whole() -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("cut", "flips"), [(0, 500), (digest.LENGTH, 6)], ids=["as written", "without the digest of the bytes"]
+    ("cut", "flips"), [(0, 500), (store.SEAL_LENGTH, 6)], ids=["as written", "without the digest of the bytes"]
 )
 def test_flipped_bits(cut: int, flips: int, whole: bytes, tmp_path: Path) -> None:
     """Without that digest each file is read by a process of its own."""
     path, random = tmp_path / "result.nc", np.random.default_rng(SEED)
-    kept, mark = whole[: len(whole) - cut], range(len(whole) - digest.LENGTH, len(whole) - 65)
+    kept, mark = whole[: len(whole) - cut], range(len(whole) - store.SEAL_LENGTH, len(whole) - 65)
     path.write_bytes(whole)
-    expected = digest.of_record(store.load(path))
+    expected = store.digest_of(store.load(path))
     for place in random.integers(8 * len(kept), size=flips * TIMES):
         damaged = bytearray(kept)
         damaged[place // 8] ^= 1 << (place % 8)
@@ -42,5 +42,5 @@ def test_flipped_bits(cut: int, flips: int, whole: bytes, tmp_path: Path) -> Non
             (line,) = error.lines
             assert line.startswith(str(path))
         else:
-            assert digest.of_record(found) == expected
+            assert store.digest_of(found) == expected
             assert cut or place // 8 in mark, "the digest is not taken for one if the mark before it is damaged"

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from typer.testing import CliRunner
 
 from scenes.bench import accuracy
 from scenes.bench.accuracy import Case, Found
@@ -18,7 +17,7 @@ SHIPPED = Path(accuracy.__file__).with_suffix(".md").read_text(encoding="utf-8")
 
 def test_the_shipped_table_has_every_case_and_the_cases_every_scene() -> None:
     for name in accuracy.CASES:
-        assert SHIPPED.count(f"| {name} |") == 3, "make it anew: python -m scenes.bench.accuracy --out DIR"
+        assert SHIPPED.count(f"| {name} |") == 3, "make it anew: worm3d bench accuracy"
     worms = {n for n in shipped_scenes() if load_scene(n).model.name in ("worm", "worm_planar")}
     assert {case.scene for case in accuracy.CASES.values()} >= worms - {"free_fall", "slope"}
 
@@ -27,14 +26,15 @@ def test_the_shipped_table_fits_a_terminal() -> None:
     assert max(map(len, SHIPPED.split("##", 1)[1].splitlines())) <= 100
 
 
-def test_differences_are_those_of_the_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_differences_are_those_of_the_runs(worm3d, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     changes = ("run.duration_s=1", "gait.hinge_deg=20")
     monkeypatch.setattr(accuracy, "CASES", {"bends": Case("flat", changes)})
-    done = CliRunner().invoke(accuracy.app, ["--out", str(tmp_path / "out")])
-    assert done.exit_code == 0, done.output
+    done = worm3d("bench", "accuracy", "--out", "out")
+    assert (done.code, done.err) == (0, "accuracy: 1 scene\n")
+    assert "Turn: reference, and differences [degrees]" in done.out
     (found,) = accuracy.measure()
     summary = simulate(load_scene("flat", (*changes, "run.dt_s=0.005"))).summary
-    assert_allclose(found.coarse[2, 0], [summary[name] for name in accuracy.FIGURES], rtol=1e-9)
+    assert_allclose(found.coarse[2, 0], [summary[name] for name in accuracy.METRICS], rtol=1e-9)
     off = np.abs(found.coarse[:, 0] / found.reference[0] - 1.0)
     assert (off[3] < off[0]).all(), "finer steps are better"
     assert f"| bends | {found.reference[0, 0]:.4g} | " in (tmp_path / "out" / "accuracy.md").read_text()
@@ -67,8 +67,8 @@ def test_what_has_no_value_is_a_dash() -> None:
     assert row == ("vertical", *5 * ("-",))
 
 
-def test_a_run_that_stops_is_a_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_run_that_stops_is_a_sentence(worm3d, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(accuracy, "CASES", {"folds": Case("flat", ("gait.hinge_deg=110",))})
-    done = CliRunner().invoke(accuracy.app, ["--out", str(tmp_path / "out")])
-    assert done.exit_code == 3
-    assert "bench: folds, time step " in done.output
+    done = worm3d("bench", "accuracy", "--out", "out", "--quiet")
+    assert (done.code, done.out) == (3, "")
+    assert done.complaints[0].startswith("bench: folds, time step ")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from scenes.bench import basis, control, control_bars, control_command, control_figure, control_report
+from scenes.bench import control, control_bars, control_report
 from scenes.bench.control import FULL, QUICK, SCENES, Found, Plan, Row, Trial
 from scenes.language.loader import shipped_scenes
 from scenes.models.control.model import MODEL
@@ -19,8 +19,8 @@ TINY = Plan((Trial("tiny", "path_line", ("run.duration_s=6",)),), seeds=2, contr
 
 
 def found(trial: str, controller: str, seed: int, **figures: float | None) -> Found:
-    names = (*control.METRICS, *control.TIMES, "control_period_ms")
-    return Found(trial, controller, seed, "done", {**dict.fromkeys(names), "control_period_ms": 200.0, **figures})
+    metrics = {**dict.fromkeys(control.METRICS), control.PERIOD: 200.0, **figures}
+    return Found(trial, controller, seed, "done", metrics)
 
 
 def test_every_scene_with_a_controller_is_in_it() -> None:
@@ -31,7 +31,7 @@ def test_every_scene_with_a_controller_is_in_it() -> None:
 def test_the_cases_are_all_seeds_but_of_the_blind_controller() -> None:
     cases = Plan(FULL, 5).cases()
     assert len(cases) == len(FULL) * (5 + 5 + 1)
-    assert len({case.name for case in cases}) == len(cases)
+    assert len({case.file(Path()) for case in cases}) == len(cases)
     assert [case.load().settings.seed for case in cases[:5]] == [0, 1, 2, 3, 4]
     assert len(Plan(QUICK, 1).cases()) == 6
 
@@ -60,11 +60,10 @@ def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
     assert ran == ["pi_los", "open_loop"]
     assert (again.kept, again.outdated) == (1, 2)
     for one, other in zip(first.found, again.found, strict=True):
-        assert {name: one.figures[name] for name in control.METRICS} == {
-            name: other.figures[name] for name in control.METRICS
-        }
+        same = control.METRICS.keys() - control.WALL_CLOCK
+        assert {name: one.metrics[name] for name in same} == {name: other.metrics[name] for name in same}
     case = TINY.cases()[0]
-    file = tmp_path / "cases" / f"{case.name}.json"
+    file = case.file(tmp_path)
     assert control._kept(case, case.load(), tmp_path) is not None
     file.write_text(file.read_text().replace('"seed": 0', '"seed": 4'))
     assert control._kept(case, case.load(), tmp_path) is None, "a digit that flipped is noticed"
@@ -75,7 +74,7 @@ def test_what_other_programs_found_is_not_kept(tmp_path: Path, monkeypatch: pyte
     plan = replace(TINY, controllers=("open_loop",))
     control.study(plan, tmp_path)
     assert (control.study(plan, tmp_path).kept, control.study(plan, tmp_path).outdated) == (1, 0)
-    monkeypatch.setattr(basis, "versions", lambda: {"numpy": "0.1"})
+    monkeypatch.setattr(control, "versions", lambda: {"numpy": "0.1"})
     assert (control.study(plan, tmp_path).kept, control.study(plan, tmp_path).kept) == (0, 1)
 
 
@@ -83,37 +82,37 @@ def test_sources_and_the_identified_map_are_what_a_case_depends_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = load_scene("path_line")
-    now = basis.basis(scene)
-    assert basis.basis(load_scene("path_line", ["seed=3"])) == now
+    now = control.basis(scene)
+    assert control.basis(load_scene("path_line", ["seed=3"])) == now
     with monkeypatch.context() as patch:
-        patch.setattr(basis, "identified_of", lambda settings: None)
-        assert basis.basis(scene) != now
+        patch.setattr(control, "identified_of", lambda settings: None)
+        assert control.basis(scene) != now
     package = tmp_path / "package"
     package.mkdir()
     (package / "__init__.py").write_text("")
     (package / "one.py").write_text("x = 1")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(basis, "PACKAGES", ("package",))
+    monkeypatch.setattr(control, "PACKAGES", ("package",))
     digests = []
     for text in ("x = 1", "x = 2", "x = 1"):
         (package / "one.py").write_text(text)
-        basis.sources.cache_clear()
-        digests.append(basis.basis(scene))
-    basis.sources.cache_clear()
+        control.sources.cache_clear()
+        digests.append(control.basis(scene))
+    control.sources.cache_clear()
     assert digests[0] == digests[2] != digests[1]
 
 
 def test_the_worst_seed_counts_by_its_magnitude() -> None:
     values = (0.01, -0.03, 0.02)
     (row,) = control.rows([found("path_line", "mpc", k, speed_bias_relative=v) for k, v in enumerate(values)])
-    assert (row.seeds, row.failed, row.figures["speed_bias_relative"]) == (3, 0, -0.03)
+    assert (row.seeds, row.failed, row.metrics["speed_bias_relative"]) == (3, 0, -0.03)
     unknown = [found("a", "mpc", 0, cross_track_rms_bl=0.1), found("a", "mpc", 1)]
     (row,) = control.rows(unknown)
-    assert row.figures["cross_track_rms_bl"] is None
+    assert row.metrics["cross_track_rms_bl"] is None
 
 
 def verdict(rows: list[Row], trial: str, says: str) -> control_bars.Verdict:
-    (one,) = [v for v in control_bars.verdicts(rows) if v.trial == trial and says in v.says]
+    (one,) = [v for v in control_bars.verdicts(rows) if v.bar.trial == trial and says in v.bar.says]
     return one
 
 
@@ -131,7 +130,7 @@ def test_bars_are_kept_or_not() -> None:
     assert verdict(rows, "path_line", "rms offset from the line").word == "kept"
     assert verdict(rows, "path_line", "below that of line-of-sight").word == "NOT KEPT"
     assert verdict(rows, "path_line", "bias of the speed").word == "NOT KEPT"
-    assert verdict(rows, "path_line", "control steps").most == pytest.approx(20.0)
+    assert verdict(rows, "path_line", "control steps").bar.most == pytest.approx(20.0)
     assert verdict(rows, "path_line", "control steps").word == "NOT KEPT"
     assert verdict(rows, "path_circle", "rms offset from the circle").word == "not run"
 
@@ -173,11 +172,11 @@ def test_the_report_has_every_row_and_every_run() -> None:
 
 
 def test_the_tables_fit_a_terminal_and_have_every_figure() -> None:
-    figures = dict.fromkeys((*control.METRICS, *control.TIMES), 123.456)
+    figures = dict.fromkeys(control.METRICS, 123.456)
     runs = [found(trial.name, name, 0, **figures) for trial in control.FULL for name in control.CONTROLLERS]
     lines = list(control_report.terminal_lines(list(control.rows(runs)), judged=False))
     assert max(map(len, lines)) <= 100
-    assert [name for columns in control_report.TABLES.values() for name in columns] == list(figures)
+    assert [name for names in control_report.TABLES.values() for name in names] == list(figures)
 
 
 def test_in_short_each_trial_has_its_own_figure() -> None:
@@ -196,7 +195,7 @@ def test_in_short_each_trial_has_its_own_figure() -> None:
 
 def test_the_figure_shows_every_controller() -> None:
     runs = [found("path_line", name, 0, speed_error_rms_relative=0.01) for name in control.CONTROLLERS]
-    figure = control_figure.draw(runs)
+    figure = control_report.draw(runs)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == list(control.CONTROLLERS)
 
 
@@ -206,7 +205,7 @@ def test_the_figure_shows_zeros_as_zeros_and_nothing_where_there_is_no_value() -
         found("path_line", "pi_los", 0, cross_track_rms_bl=5e-5),
         found("path_line", "open_loop", 0),
     ]
-    axes = control_figure.draw(runs).axes[1]
+    axes = control_report.draw(runs).axes[1]
     assert sorted(bar.get_width() for bar in axes.patches) == [0.0, 5e-5]
     assert [line.get_xdata().tolist() for line in axes.lines] == [[0.0], [5e-5]]
     assert axes.get_xlim()[0] == 0.0
@@ -226,7 +225,7 @@ def test_it_ends_with_a_code_after_everything_is_written(
 ) -> None:
     run = found("path_line_uphill", "mpc", 0, speed_bias_relative=2.0 * bias, control_step_ms_p99=1.0)
     study = control.Study((replace(run, status=status),), kept=1, outdated=0)
-    monkeypatch.setattr(control_command.control, "study", lambda *args: study)
+    monkeypatch.setattr(control, "study", lambda *args: study)
     ended = worm3d("bench", "control", "--out", "bench")
     assert ended.code == code
     assert "Of 1 run 1 kept from before, 0 run again (scene, programs or map have changed since), 0 new" in ended.out

@@ -16,26 +16,19 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from scenes.bench import contest, crawl, fresh, plant, plant_command, plant_figure, rivals, shares, speed, throughput
-from scenes.bench.contest import Contender
-from scenes.bench.fresh import ChildError, MemoryGrowth, Start
-from scenes.bench.machine import cpu_name, machine
-from scenes.bench.plant_report import markdown, terminal_lines
-from scenes.bench.rivals import Measured, MissingRivalError
-from scenes.bench.search import NotConvergedError
-from scenes.bench.speed import Growth, Speed
+from scenes.bench import plant, plant_measures, plant_parts, plant_report
+from scenes.bench.plant_measures import MemoryGrowth, Speed, Start, StoppedError, Throughput, crawl, steps_of
+from scenes.commands.packages import cpu_name, machine
 from worm3d import Status
 
 TINY = plant.Plan(
     segments=(3, 4, 6),
     shares_of=(4,),
-    rivals_at=(4,),
     duration_s=0.1,
     repeats=1,
     batch=2,
     batch_s=(0.1, 0.2),
     steps=50,
-    search_s=1.0,
 )
 PARTS = [
     "kernels",
@@ -48,50 +41,15 @@ PARTS = [
 ]
 
 
-class Toy:
-    """A rival whose distance error is dt."""
-
-    name, cannot = "Toy 1.0", ("friction", "gravity")
-
-    def __init__(self, seconds: float = 1.0) -> None:
-        self.seconds = seconds
-
-    def settings(self, segments: int) -> str:
-        return f"{segments} blocks"
-
-    def run(self, segments: int, duration: float, dt: float) -> float:
-        return duration * (1.0 + dt)
-
-    def step_at_error(self, segments: int, tolerance: float = 0.01) -> float:
-        return tolerance
-
-    def distance_error(self, segments: int, dt: float) -> float:
-        return dt
-
-    def real_time_factor(self, segments: int, dt: float, duration: float) -> float:
-        return 50.0
-
-
 @pytest.fixture
 def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Short runs, one toy rival and one that is missing, no fresh processes."""
-
-    def load(name: str, seconds: float = 1.0) -> rivals.Rival:
-        if name == "pyelastica":
-            raise MissingRivalError("pyelastica cannot be imported; it comes with the extra 'bench': pip install it")
-        return Toy(seconds)
-
+    """Short runs, no fresh processes."""
     monkeypatch.setattr(plant, "QUICK", TINY)
-    monkeypatch.setattr(rivals, "load", load)
-    monkeypatch.setattr(contest, "DURATION", 0.1)
-    monkeypatch.setattr(contest, "STEPS", (0.01,))
-    monkeypatch.setattr(contest, "TOLERANCE", 1e9)
     monkeypatch.setattr(plant, "measure_start", lambda: Start(6, 2.0, 0.5, False))
     monkeypatch.setattr(plant, "measure_memory", lambda steps: MemoryGrowth(6, steps, 12))
-    monkeypatch.setattr(shares, "BEFORE", 0.1)
-    monkeypatch.setattr(shares, "ROUNDS", 2)
-    monkeypatch.setattr(shares, "LOOP_S", 1e-4)
-    monkeypatch.setattr(contest.largest_that_holds, "__defaults__", (1e9,))
+    monkeypatch.setattr(plant_parts, "BEFORE", 0.1)
+    monkeypatch.setattr(plant_parts, "ROUNDS", 2)
+    monkeypatch.setattr(plant_parts, "LOOP_S", 1e-4)
 
 
 def numbers_in(content: Any) -> Iterator[float]:
@@ -115,16 +73,13 @@ def test_the_command_measures_prints_and_writes(worm3d, tmp_path: Path) -> None:
     _check_speeds(study)
     _check_shares(study)
     _check_batch(study)
-    _check_rivals(study)
     report = (tmp_path / "out" / "plant.md").read_text()
     for place in (done.out.replace(str(tmp_path), ""), report, text):
         assert study["machine"]["cpu"] in place
-        assert "comes with the extra 'bench': pip install it" in place
         assert "/home" not in place
         assert str(tmp_path) not in place
         assert str(Path.cwd()) not in place
         assert not re.search(rf"\b{re.escape(socket.gethostname())}\b", place)
-    assert "Toy 1.0 cannot express: friction; gravity." in report
 
 
 def _check_speeds(study: dict[str, Any]) -> None:
@@ -154,16 +109,6 @@ def _check_batch(study: dict[str, Any]) -> None:
     assert study["batch"][0]["over_one_thread"] == 1.0
 
 
-def _check_rivals(study: dict[str, Any]) -> None:
-    own, toy = study["rivals"]
-    assert own["name"].startswith("worm3d ")
-    assert_allclose(toy["ratio"], own["real_time_factor"] / 50.0)
-    assert_allclose(toy["ratio_of_call"], own["real_time_factor_of_call"] / 50.0)
-    assert_allclose(1e6 * toy["dt_s"] / toy["us_per_step"], toy["real_time_factor"])
-    assert study["cannot"] == {"Toy 1.0": ["friction", "gravity"]}
-    assert len(study["missing"]) == 1
-
-
 @pytest.mark.usefixtures("tiny")
 def test_a_folder_with_something_in_it_is_refused_before_anything_is_measured(worm3d, tmp_path: Path) -> None:
     (tmp_path / "full").mkdir()
@@ -182,53 +127,14 @@ def test_the_options_are_passed_on(worm3d, monkeypatch: pytest.MonkeyPatch) -> N
         asked.update(options, out=out)
         return 3
 
-    monkeypatch.setattr(plant_command, "run", run)
-    assert worm3d("bench", "plant", "--without-rivals").code == 3
-    assert asked == {"out": None, "quick": False, "with_rivals": False, "force": False, "quiet": False}
-
-
-def test_without_any_rival_a_line_says_how_to_get_each(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in rivals.names():
-        monkeypatch.setitem(sys.modules, f"scenes.bench.{name}_worm", None)
-    contenders, cannot, missing = plant._rivals(TINY, quiet=True)
-    assert (contenders, cannot, len(missing)) == ((), {}, 2)
-    for name, line in zip(rivals.names(), missing, strict=True):
-        assert re.fullmatch(rf"{name} cannot be imported .*; it comes with the extra 'bench': pip install .*", line)
-
-
-def test_a_rival_without_a_step_is_a_sentence() -> None:
-    class Lost(Toy):
-        def step_at_error(self, segments: int, tolerance: float = 0.01) -> float:
-            raise NotConvergedError("no step in time")
-
-    own = Contender("worm3d", "", 4, 0.01, 0.0, 1.0, 1e4, 5e3)
-    assert contest.theirs(Lost(), own) == "Toy 1.0 (4 blocks), 4 segments: no step in time"
-
-
-def test_the_largest_step_is_that_up_to_which_all_hold() -> None:
-    errors = {0.02: 0.009, 0.005: 0.001, 0.01: 0.002, 0.03: 0.02, 0.04: 0.001}
-    assert contest.largest_that_holds(errors, 0.01) == (0.02, 0.009)
-    with pytest.raises(NotConvergedError, match=r"an error of 0\.5 at dt = 0\.005 s, must be 0\.01 or less"):
-        contest.largest_that_holds({0.005: 0.5, 0.01: 0.001}, 0.01)
-    with pytest.raises(NotConvergedError, match="nan"):
-        contest.largest_that_holds({0.005: math.nan}, 0.01)
-
-
-def test_a_single_tree_without_a_step_is_timed_at_that_of_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("mujoco", reason="mujoco is not installed; it comes with the extra 'bench'")
-    monkeypatch.setattr(contest, "ONE_TREE_S", 0.05)
-    own = Contender("worm3d", "", 3, 0.01, 0.0, 1.0, 1e4, 5e3)
-    timed, why = contest.one_tree(own, Contender("MuJoCo", "", 3, 5e-3, 0.01, 1.0, 1e4), seconds=0.0)
-    assert isinstance(timed, Contender)
-    assert (timed.dt_s, timed.error is not None and math.isnan(timed.error)) == (5e-3, True)
-    assert_allclose(timed.ratio, 1e4 / timed.real_time_factor)
-    assert "per_tree 3" in timed.settings
-    assert "no step from 0.02 s" in str(why)
+    monkeypatch.setattr(plant_report, "run", run)
+    assert worm3d("bench", "plant", "--quick").code == 3
+    assert asked == {"out": None, "quick": True, "force": False, "quiet": False}
 
 
 @pytest.mark.parametrize(("sizes", "taken"), [((3, 6, 25, 50, 100), (25, 50, 100)), ((3, 6, 25), (3, 6, 25))])
 def test_the_growth_is_fitted_to_long_worms(sizes: tuple[int, ...], taken: tuple[int, ...]) -> None:
-    found = speed.growth([speed_of(n, 5.0 * n**1.1) for n in sizes])
+    found = plant_measures.growth([speed_of(n, 5.0 * n**1.1) for n in sizes])
     assert_allclose([found.exponent, found.us_of_one], [1.1, 5.0])
     assert found.segments == taken
 
@@ -237,42 +143,34 @@ def speed_of(segments: int, us: float) -> Speed:
     return Speed(segments, 1.0, 0.01, us, 1.1, 1e4 / us, 5e3 / us, 2.0, 4.0, 0, 0, 0.1, 1e-3)
 
 
-def test_an_unknown_error_is_left_blank_and_null() -> None:
-    own = Contender("worm3d", "", 4, 0.01, 0.0, 1.0, 1e4, 5e3)
-    study = study_of((own, contest.against(Toy(), own, Measured(0.01, math.nan, 2.0, 5e3), "no search")))
-    assert "| 4 | Toy 1.0 (no search) | 10 |  | 2.0 | 5000.0 | 2.0 | 1.0 |" in markdown(study, "p.png")
-    assert any("Toy 1.0 (no search)" in line for line in terminal_lines(study))
-
-
-def study_of(contenders: tuple[Contender, ...]) -> plant.Study:
+def study() -> plant.Study:
     speeds = tuple(speed_of(n, 5.0 * n) for n in (3, 6))
-    share = shares.Shares(6, 10.0, {"kernels": 8.0, "other": 2.0})
-    batch = throughput.Throughput(2, 6, 1, 1.0, 2.0, 1.0, 200.0, 2.0, 1.0, False)
+    share = plant_parts.Shares(6, 10.0, {"kernels": 8.0, "other": 2.0})
+    batch = Throughput(2, 6, 1, 1.0, 2.0, 1.0, 200.0, 2.0, 1.0, False)
     start, memory = Start(6, 2.0, 0.5, True), MemoryGrowth(6, 50, None)
-    return plant.Study(machine(), TINY, speeds, speed.growth(speeds), (share,), (batch,), start, memory, contenders)
+    return plant.Study(machine(), TINY, speeds, plant_measures.growth(speeds), (share,), (batch,), start, memory)
 
 
 def test_what_is_not_known_or_not_equal_is_said() -> None:
-    report = markdown(study_of(()), "p.png")
+    report = plant_report.markdown(study(), "p.png")
     assert "Growth over 50 steps: not known on this system." in report
     assert "1 s, 1 threads: distances differ from single runs." in report
     assert "N = 3: the default worm would be pressed flat by its weight" in report
 
 
 def test_the_figure_shows_every_worm_and_every_part() -> None:
-    study = study_of(())
-    times, bars = plant_figure.draw(study.speeds, Growth(1.0, 5.0, (3, 6)), study.shares).axes
+    times, bars = plant_report.draw(study()).axes
     assert_allclose(times.lines[1].get_ydata(), [15.0, 30.0])
     assert_allclose([bar.get_height() for bar in bars.patches], [80.0, 20.0])
 
 
 def test_parts_of_a_step_are_counted_by_what_a_run_did() -> None:
-    result = crawl.crawl(4, 0.2)
-    counts = shares.Counts.of(result)
+    result = crawl(4, 0.2)
+    counts = plant_parts.Counts.of(result)
     assert_allclose(counts.solves, 1.0 + result.breakaways.mean())
     us = {"whole": 1.0, "exchanged": 10.0, "residual": 100.0, "factorise": 3.0, "refactorise": 1.0, "solve": 2.0}
     us |= {"ahead": 4.0, "expect": 0.5, "start": 6.0, "end": 7.0, "ledger": 8.0, "record": 9.0}
-    parts = shares.parts_of_step(us, shares.Counts(1.5, 2.0, 3.0))
+    parts = plant_parts.parts_of_step(us, plant_parts.Counts(1.5, 2.0, 3.0))
     linear = 1.5 * 3.0 + 0.5 * 1.0 + 3.0 * 2.0
     assert_allclose(list(parts.values()), [1.5 + 5.0 + 300.0, linear, 20.0 + 0.5, 13.0, 8.0, 9.0])
 
@@ -283,18 +181,22 @@ def test_a_run_that_stops_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None
         stop = type("Stop", (), {"sentence": "it folded"})
 
     monkeypatch.setattr("worm3d.simulate", lambda *_, **__: Stopped)
-    with pytest.raises(crawl.StoppedError, match=r"bench: the worm of 4 segments at dt = 0\.01 s: it folded"):
-        crawl.crawl(4, 0.1)
+    with pytest.raises(StoppedError, match=r"bench: the worm of 4 segments at dt = 0\.01 s: it folded"):
+        crawl(4, 0.1)
+
+
+def test_steps_fill_the_duration() -> None:
+    assert [steps_of(1.0, dt) for dt in (0.1, 0.3, 1.0, 2.0)] == [10, 4, 1, 1]
 
 
 def test_every_worm_of_the_plans_stands() -> None:
     for segments in (3, 4, 6):
-        assert crawl.crawl(segments, 0.02).status is Status.DONE
-    assert_allclose(np.asarray(crawl.standing(6).k_spring), np.asarray(crawl.standing(4).k_spring)[0])
+        assert crawl(segments, 0.02).status is Status.DONE
+    assert_allclose(np.asarray(plant_measures.standing(6).k_spring), np.asarray(plant_measures.standing(4).k_spring)[0])
 
 
 def test_a_fresh_process_tells_its_memory() -> None:
-    grown = fresh.measure_memory(10).grown_kib
+    grown = plant_measures.measure_memory(10).grown_kib
     assert grown is None or grown >= 0
 
 
@@ -303,10 +205,10 @@ def test_a_fresh_process_is_timed_with_a_cache_of_its_own(monkeypatch: pytest.Mo
 
     def run(code: str, *_: str, **environment: str) -> tuple[str, str]:
         caches.append(environment["XDG_CACHE_HOME"])
-        return f"{fresh.time() + 1.0}\n", "compiling\n" if len(caches) == 1 else ""
+        return f"{plant_measures.time() + 1.0}\n", "compiling\n" if len(caches) == 1 else ""
 
-    monkeypatch.setattr(fresh, "_python", run)
-    start = fresh.measure_start(2)
+    monkeypatch.setattr(plant_measures, "_python", run)
+    start = plant_measures.measure_start(2)
     assert (len(caches), len(set(caches))) == (3, 1)
     assert not Path(caches[0]).exists()
     assert min(start.cold_s, start.warm_s) > 0.9
@@ -314,8 +216,8 @@ def test_a_fresh_process_is_timed_with_a_cache_of_its_own(monkeypatch: pytest.Mo
 
 
 def test_a_fresh_process_that_fails_is_a_sentence() -> None:
-    with pytest.raises(ChildError, match=r"^bench: a fresh Python failed: ValueError: no$"):
-        fresh._python("raise ValueError('no')")
+    with pytest.raises(StoppedError, match=r"^bench: a fresh Python failed: ValueError: no$"):
+        plant_measures._python("raise ValueError('no')")
 
 
 def test_the_processor_has_a_name(tmp_path: Path) -> None:

@@ -4,12 +4,15 @@ from pathlib import Path
 
 import pytest
 from numpy.testing import assert_allclose
-from typer.testing import CliRunner
 
 from scenes.bench import worlds
 from scenes.bench.worlds import Visit
 
-VISITS = [Visit("plane", 20.0, 2.0, 3.0), Visit("pipe bend", 30.0, 4.0, 4.0), Visit("mesh box", 35.0, 2.5, 2.5)]
+VISITS = [
+    Visit("plane", 20.0, 1.0, 2.0, 3.0),
+    Visit("pipe bend", 30.0, 1.5, 4.0, 4.0),
+    Visit("mesh box", 35.0, 1.75, 2.5, 2.5),
+]
 
 
 def test_the_figure_shows_times_and_iterations_over_the_planes() -> None:
@@ -20,10 +23,9 @@ def test_the_figure_shows_times_and_iterations_over_the_planes() -> None:
     assert_allclose([bar[0][1] for bar in bars], [1.5, 2.0])
 
 
-def test_the_command_writes_a_table_and_a_figure(tmp_path: Path) -> None:
-    command = ["--out", str(tmp_path / "out"), "--duration", "0.05", "--repeats", "1"]
-    done = CliRunner().invoke(worlds.app, command)
-    assert done.exit_code == 0, done.output
+def test_the_command_writes_a_table_and_a_figure(worm3d, tmp_path: Path) -> None:
+    done = worm3d("bench", "worlds", "--out", "out", "--duration", "0.05", "--repeats", "1")
+    assert (done.code, done.err) == (0, "worlds: 2 rounds\n")
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"worlds.md", "worlds.png"}
     table = (tmp_path / "out" / "worlds.md").read_text()
     rows = [line.split(" | ") for line in table.splitlines() if line.startswith(("| p", "| mesh"))]
@@ -35,12 +37,11 @@ def test_the_command_writes_a_table_and_a_figure(tmp_path: Path) -> None:
         assert float(row[3] or 0.0) == {"pipe": 1.5, "mesh": 2.0}.get(row[0].split()[1], 0.0)
 
 
-def test_a_run_that_stops_is_a_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_run_that_stops_is_a_sentence(worm3d, monkeypatch: pytest.MonkeyPatch) -> None:
     class Stopped:
         status = "FOLDED"
         stop = type("Stop", (), {"sentence": "it folded"})
 
     monkeypatch.setattr("worm3d.simulate", lambda *_, **__: Stopped)
-    done = CliRunner().invoke(worlds.app, ["--out", str(tmp_path / "out"), "--duration", "0.05"])
-    assert done.exit_code == 3
-    assert "bench: plane: it folded" in done.output
+    done = worm3d("bench", "worlds", "--out", "out", "--quiet")
+    assert (done.code, done.out, done.complaints) == (3, "", ["bench: plane: it folded"])

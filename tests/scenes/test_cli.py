@@ -272,7 +272,7 @@ def test_ctrl_c_outside_a_run_is_130(worm3d, monkeypatch: pytest.MonkeyPatch) ->
     def interrupted() -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("scenes.records.versions.info_lines", interrupted)
+    monkeypatch.setattr("scenes.commands.packages.info_lines", interrupted)
     ended = worm3d("info")
     assert ended.code == 130
     assert "Traceback" not in ended.err

@@ -22,8 +22,7 @@ from control.supervisor import Supervisor
 from control.tracking.paths import Circle, Line, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Sine, Steps
 from scenes.bench.control import SCENES
-from scenes.commands import report
-from scenes.commands.report import faults
+from scenes.commands import terminal
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.models.base import Watch
@@ -122,7 +121,7 @@ def test_controllers_and_sensors_are_those_asked_for() -> None:
 
 
 def test_a_run_has_the_figures_that_are_promised(circle: Record) -> None:
-    figures = circle.summary.figures
+    figures = circle.summary.metrics
     assert circle.status == "done"
     assert all(name in figures for name in REQUIRED)
     assert {v.name for v in circle.timing} >= set(TIMED)
@@ -231,18 +230,18 @@ def tipped() -> Record:
 
 
 def test_a_worm_that_lies_on_its_side_is_no_ordinary_end(tipped: Record, tmp_path: Path) -> None:
-    rows = faults(tipped)
+    rows = tipped.summary.faults
     assert tipped.status == "done"
     assert [set(row) for row in rows] == [{"time_s", "kind", "what", "advice"}] * len(rows)
     assert {"on its side", "tipped"} <= {row["kind"] for row in rows}
     times = [row["time_s"] for row in rows]
     assert times == sorted(times)
     assert 0.5 < times[0] < 3.0
-    ending = report.ending(tipped, MODEL, tmp_path)
+    ending = terminal.ending(tipped, MODEL, tmp_path)
     assert f"path_line: the run reached its end, with {len(rows)} faults" in ending
-    assert any("the worm lies on its side (from 1." in line for line in report.warnings(tipped))
+    assert any("the worm lies on its side (from 1." in line for line in terminal.warnings(tipped))
     save(tipped, tmp_path / "result.nc")
-    assert faults(load(tmp_path)) == rows
+    assert load(tmp_path).summary.faults == rows
     MODEL.figures["tracking"](tipped)[0].savefig(tmp_path / "tracking.png")
 
 

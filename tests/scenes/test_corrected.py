@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from fnmatch import fnmatch
 from itertools import pairwise
 
@@ -12,39 +12,39 @@ import pytest
 from numpy.testing import assert_allclose
 
 from planar.linkage import Linkage, Run, simulate
-from scenes.commands.paper import corrected, corrected_claims, corrected_figures
-from scenes.commands.paper.corrected import CorrectedRow, Key
-from scenes.commands.paper.tables import PERIODS, SEGMENTS
+from scenes.commands.paper import cases, corrected_claims
+from scenes.commands.paper.cases import PERIODS, SEGMENTS, CorrectedRow, GroundKey
+from scenes.commands.paper.figures import corrected_figures
 
 ROW = CorrectedRow(6, 2.0, "contact", "anchored", 0.1, 0.6, 0.01, 5.0, 8000.0, 0.01, 8.0, 0, "it ended")
 
 
 @pytest.fixture(scope="module")
-def brief_runs() -> dict[Key, Run]:
+def brief_runs() -> dict[GroundKey, Run]:
     """Every run of the study, cut short."""
     return {
         (n, T, ground): simulate(
             Linkage(segments=n),
-            corrected.wave(n, T),
+            cases.wave(n, T),
             duration=0.3,
             ground="clamped" if ground == "clamped" else "contact",
             friction_law="threshold" if ground == "threshold" else "anchored",
         )
-        for n, T, ground in corrected.cases()
+        for n, T, ground in cases.corrected_keys()
     }
 
 
 def test_the_papers_nine_cases_and_the_other_grounds_of_six_segments() -> None:
-    cases = corrected.cases()
-    assert len(set(cases)) == len(cases) == 19
-    assert [key for key in cases if key[2] == "anchored"][:5] == [(n, 2.0, "anchored") for n in SEGMENTS]
+    keys = cases.corrected_keys()
+    assert len(set(keys)) == len(keys) == 19
+    assert [key for key in keys if key[2] == "anchored"][:5] == [(n, 2.0, "anchored") for n in SEGMENTS]
     for ground in ("anchored", "threshold", "clamped"):
-        assert {T for n, T, g in cases if (n, g) == (6, ground)} == set(PERIODS)
+        assert {T for n, T, g in keys if (n, g) == (6, ground)} == set(PERIODS)
 
 
 def test_threshold_friction_and_clamping_overstate_the_distance() -> None:
-    runs = {key: corrected.run(key) for key in ((6, 2.0, "anchored"), (6, 2.0, "threshold"), (6, 2.0, "clamped"))}
-    anchored, threshold, clamped = corrected.rows(runs)
+    runs = {key: cases.corrected_run(key) for key in ((6, 2.0, "anchored"), (6, 2.0, "threshold"), (6, 2.0, "clamped"))}
+    anchored, threshold, clamped = cases.corrected_rows(runs)
     assert_allclose(
         [anchored.distance_m, threshold.distance_m, clamped.distance_m], [0.0343, 0.0755, 0.3032], atol=1e-4
     )
@@ -56,14 +56,14 @@ def test_threshold_friction_and_clamping_overstate_the_distance() -> None:
     assert_allclose(anchored.cost_of_transport, runs[6, 2.0, "anchored"].cost_of_transport)
     assert_allclose(anchored.work_contract_J, 0.564, atol=1e-3)
     assert anchored.halved_steps == 0
-    json.dumps(anchored.as_dict(), allow_nan=False)
+    json.dumps(asdict(anchored), allow_nan=False)
 
 
 def test_overstatement_in_percent_and_none_without_way_forward() -> None:
     distances = {"anchored": 0.1, "threshold": 0.17, "clamped": 0.3}
-    (first, *_) = corrected.overstatements(lambda key: distances[key[2]])
+    (first, *_) = cases.overstatements(lambda key: distances[key[2]])
     assert_allclose([first.threshold_percent, first.clamped_percent], [70.0, 200.0])
-    back = corrected.overstatements(lambda key: -distances[key[2]])
+    back = cases.overstatements(lambda key: -distances[key[2]])
     assert {each.threshold_percent for each in back} == {None}
 
 
@@ -91,9 +91,9 @@ def test_verdict_on_the_period() -> None:
 
 
 def test_an_active_segment_shortens_and_widens() -> None:
-    run = simulate(Linkage(), corrected.wave(6, 2.0), duration=2.0)
+    run = simulate(Linkage(), cases.wave(6, 2.0), duration=2.0)
     assert corrected_claims.mechanism_claim(run).verdict == "holds"
-    wrong = simulate(Linkage(), lambda t: -corrected.wave(6, 2.0)(t), duration=2.0)
+    wrong = simulate(Linkage(), lambda t: -cases.wave(6, 2.0)(t), duration=2.0)
     flipped = replace(wrong, steps=[[replace(p, end=replace(p.end, l_cmd=2 / 6 - p.end.l_cmd)) for p in parts]
                                     for parts in wrong.steps])  # fmt: skip
     assert corrected_claims.mechanism_claim(flipped).verdict == "does not hold"
@@ -104,7 +104,7 @@ def test_the_further_runs_judge_torsion_mass_friction_and_wave(monkeypatch: pyte
         return simulate(*arguments, duration=4.0, **options)  # type: ignore[arg-type]
 
     monkeypatch.setattr(corrected_claims, "simulate", brief)
-    main = brief(Linkage(), corrected.wave(6, 2.0))
+    main = brief(Linkage(), cases.wave(6, 2.0))
     verdicts = {
         judge: getattr(corrected_claims, judge)(main)
         for judge in ("_torsion_claim", "_mass_claim", "_friction_claim", "_wave_claim")
@@ -120,10 +120,10 @@ def test_the_further_runs_judge_torsion_mass_friction_and_wave(monkeypatch: pyte
     assert "the run reached its end" in verdicts["_mass_claim"].evidence
 
 
-def test_figures_are_told_from_the_papers_by_their_names(brief_runs: dict[Key, Run]) -> None:
-    rows = corrected.rows(brief_runs)
-    over = corrected.overstatements(lambda key: {"anchored": 0.1, "threshold": 0.17, "clamped": 0.3}[key[2]])
-    drawn = corrected_figures.draw(brief_runs, rows, over)
+def test_figures_are_told_from_the_papers_by_their_names(brief_runs: dict[GroundKey, Run]) -> None:
+    rows = cases.corrected_rows(brief_runs)
+    over = cases.overstatements(lambda key: {"anchored": 0.1, "threshold": 0.17, "clamped": 0.3}[key[2]])
+    drawn = corrected_figures(brief_runs, rows, over)
     for number in (10, 11, 12, 13):
         assert len([stem for stem in drawn if stem.startswith(f"corrected_figure_{number}_")]) == 1
         assert not [stem for stem in drawn if fnmatch(stem, f"figure_{number}_*")]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from scenes.commands.guard import HOME, NAMES
+from scenes.commands.packages import HOME, OURS
 
 
 def python_in(path: Path, code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -22,7 +22,7 @@ def version_with(path: Path) -> subprocess.CompletedProcess[str]:
     return python_in(path, "from scenes.commands.cli import main; main(['--version'])")
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", OURS)
 def test_a_foreign_package_is_named(name: str, tmp_path: Path) -> None:
     foreign = tmp_path / name / "__init__.py"
     foreign.parent.mkdir()
@@ -36,7 +36,7 @@ def test_a_foreign_package_is_named(name: str, tmp_path: Path) -> None:
 
 
 def test_a_merged_package_is_named(tmp_path: Path) -> None:
-    for name in ("scenes", *NAMES):
+    for name in ("scenes", *OURS):
         shutil.copytree(HOME / name, tmp_path / name)
     assert version_with(tmp_path).returncode == 0
     merged = tmp_path / "control" / "__init__.py"
@@ -62,5 +62,5 @@ def test_a_missing_package_is_named(tmp_path: Path) -> None:
 
 def test_no_other_distribution_owns_our_names() -> None:
     owners = packages_distributions()
-    for name in ("scenes", *NAMES):
+    for name in ("scenes", *OURS):
         assert set(owners.get(name, [])) <= {"worm3d"}

@@ -13,13 +13,13 @@ from pathlib import Path
 import pytest
 
 from scenes.language.errors import SceneError
-from scenes.records import files, folder, lock
+from scenes.records import folder
 
 HOLDS = """
 import sys, time
 from pathlib import Path
-from scenes import lock
-with lock.held(Path(sys.argv[1])):
+from scenes.records import folder
+with folder.locked(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -48,16 +48,16 @@ def test_a_second_run_into_a_folder_is_refused(holder, force, worm3d, tmp_path: 
     holder.communicate("")
     assert list((tmp_path / "x").iterdir()) == []
     assert worm3d("run", "planar_published", *SHORT, "--out", "x").code == 0
-    assert not list((tmp_path / "x").glob(f"{lock.PREFIX}*"))
+    assert not list((tmp_path / "x").glob(f"{folder.PREFIX}*"))
 
 
 def test_the_lock_of_a_killed_process_locks_nothing(holder, worm3d, tmp_path: Path) -> None:
-    (tmp_path / "x" / f"{lock.PREFIX}1-a.part").write_text("half a file")
+    (tmp_path / "x" / f"{folder.PREFIX}1-a.part").write_text("half a file")
     holder.send_signal(signal.SIGKILL)
     holder.wait()
-    assert (tmp_path / "x" / lock.NAME).exists()
+    assert (tmp_path / "x" / folder.LOCK).exists()
     assert worm3d("run", "planar_published", *SHORT, "--out", "x").code == 0, "nor is the folder full by what it left"
-    assert not list((tmp_path / "x").glob(f"{lock.PREFIX}*"))
+    assert not list((tmp_path / "x").glob(f"{folder.PREFIX}*"))
 
 
 def test_one_of_many_gets_it_each_time(tmp_path: Path) -> None:
@@ -66,7 +66,7 @@ def test_one_of_many_gets_it_each_time(tmp_path: Path) -> None:
     def work() -> None:
         for _ in range(200):
             try:
-                with lock.held(tmp_path):
+                with folder.locked(tmp_path):
                     inside[0] += 1
                     most[0] = max(most[0], inside[0])
                     time.sleep(0.0)
@@ -84,13 +84,13 @@ def test_one_of_many_gets_it_each_time(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_another_run_has_filled_meanwhile_is_refused(tmp_path: Path, monkeypatch) -> None:
-    held = lock.held
+    locked = folder.locked
 
-    def late(folder: Path):
-        (folder / "result.nc").write_text("of the other one")
-        return held(folder)
+    def late(place: Path):
+        (place / "result.nc").write_text("of the other one")
+        return locked(place)
 
-    monkeypatch.setattr(lock, "held", late)
+    monkeypatch.setattr(folder, "locked", late)
     with (
         pytest.raises(SceneError, match="exists and is not empty"),
         folder.prepared(tmp_path / "x", "flat", force=False),
@@ -103,15 +103,15 @@ def test_where_there_are_no_locks_things_go_on(tmp_path: Path, monkeypatch: pyte
     def refuse(_: int) -> None:
         raise OSError(95, "Operation not supported")
 
-    monkeypatch.setattr(lock, "_lock", refuse)
-    with lock.held(tmp_path), lock.held(tmp_path):
+    monkeypatch.setattr(folder, "_lock", refuse)
+    with folder.locked(tmp_path), folder.locked(tmp_path):
         pass
-    with lock.held(tmp_path / "not" / "there"):
+    with folder.locked(tmp_path / "not" / "there"):
         pass
 
 
 def test_two_writers_of_one_file_do_not_share_an_unfinished_one(tmp_path: Path) -> None:
-    with files.written_whole(tmp_path / "a") as first, files.written_whole(tmp_path / "a") as second:
+    with folder.written_whole(tmp_path / "a") as first, folder.written_whole(tmp_path / "a") as second:
         assert first != second
         first.write_text("first")
         second.write_text("second")

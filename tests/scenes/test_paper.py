@@ -18,13 +18,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from planar import published
 from planar.animation import Movie
 from planar.published import Parameters, Run
-from scenes.commands.paper import claims, command, corrected, corrected_figures, differences, figures, report, tables
-from scenes.commands.paper.corrected import CorrectedRow, Overstatement
-from scenes.commands.paper.tables import Key, Row
+from scenes.commands.paper import cases, claims, differences, figures, report
+from scenes.commands.paper.cases import CorrectedRow, Key, Overstatement, Row
 
 ROW = Row(6, 2.0, 0.7, 4.5, 6.2, 1.2, 100.0)
 CORRECTED = CorrectedRow(6, 2.0, "contact", "anchored", -0.1, 0.6, 0.01, None, 8000.0, 0.01, 8.0, 0, "it ended")
-ALL = tables.keys()
+ALL = cases.published_keys()
 OVERSTATED = Overstatement(2.0, 0.03, 120.0, None)
 
 
@@ -34,7 +33,7 @@ def numbers_in(sentence: str) -> list[float]:
 
 
 def rows_by_segments(values: list[float]) -> list[Row]:
-    return [replace(ROW, n=n, reported_distance_m=v) for n, v in zip(tables.SEGMENTS, values, strict=True)]
+    return [replace(ROW, n=n, reported_distance_m=v) for n, v in zip(cases.SEGMENTS, values, strict=True)]
 
 
 @pytest.mark.parametrize(
@@ -51,7 +50,7 @@ def test_verdict_on_the_number_of_segments(values: list[float], verdict: str) ->
 
 
 def test_verdict_on_the_period() -> None:
-    rows = [replace(ROW, T_wave_s=T, work_J=10.0 / T) for T in tables.PERIODS]
+    rows = [replace(ROW, T_wave_s=T, work_J=10.0 / T) for T in cases.PERIODS]
     work, _, per_metre = claims._period_claims(rows)
     assert work.verdict == "holds"
     assert per_metre.verdict == "does not hold", "equal values do not rise"
@@ -71,7 +70,7 @@ def test_the_differences_are_measured() -> None:
 
 
 def test_report_holds_every_row_claim_and_difference() -> None:
-    rows = [replace(ROW, n=n) for n in tables.SEGMENTS] + [replace(ROW, T_wave_s=T) for T in tables.PERIODS if T != 2.0]
+    rows = [replace(ROW, n=n) for n in cases.SEGMENTS] + [replace(ROW, T_wave_s=T) for T in cases.PERIODS if T != 2.0]
     claim = claims.Claim("the claim", "IV.A", "holds", "the evidence")
     difference = differences.Difference("thing", "the text", "the program", "the effect")
     study = report.Study(rows, [claim], [difference], [CORRECTED], [replace(claim, claim="another")], [OVERSTATED])
@@ -84,7 +83,7 @@ def test_report_holds_every_row_claim_and_difference() -> None:
     assert "![" not in text
     assert "\n![figure 7](figure_7.png)\n" in report.markdown(study, ["figure_7.png"])
     assert "| 6 | 2 | contact | anchored | -0.1000 | 0.6000 | 0.0100 | none | 0.0100 |" in text
-    assert "| 2 | 0.0300 | 120 % | none |" in text
+    assert "| 2 | 0.0300 | 120 | none |" in text
     assert "* **holds**: another (IV.A). Evidence: the evidence." in text
     assert "* **holds**: the claim (IV.A). Evidence: the evidence." in text
     assert "* **thing**. Text: the text. Program: the program. Effect: the effect." in text
@@ -95,8 +94,18 @@ def test_report_holds_every_row_claim_and_difference() -> None:
 
 
 def test_tables_hold_the_papers_runs_once_each() -> None:
-    assert tables.keys() == [(3, 2.0), (4, 2.0), (5, 2.0), (6, 2.0), (7, 2.0), (6, 1.0), (6, 3.0), (6, 4.0), (6, 5.0)]
-    (row,) = tables.rows({(3, 2.0): tables.simulate((3, 2.0))})
+    assert cases.published_keys() == [
+        (3, 2.0),
+        (4, 2.0),
+        (5, 2.0),
+        (6, 2.0),
+        (7, 2.0),
+        (6, 1.0),
+        (6, 3.0),
+        (6, 4.0),
+        (6, 5.0),
+    ]
+    (row,) = cases.published_rows({(3, 2.0): cases.published_run((3, 2.0))})
     assert_allclose(row.total_cot_J_per_m, 6.0267, rtol=0, atol=1e-4)
     assert_allclose(row.cumulative_cot_J_per_m, 1432.166, rtol=1e-4)
 
@@ -109,10 +118,10 @@ def curves() -> dict[Key, Run]:
 
 @pytest.mark.parametrize(
     ("number", "keys"),
-    [(10, [(n, 2.0) for n in tables.SEGMENTS]), (12, [(6, T) for T in tables.PERIODS])],
+    [(10, [(n, 2.0) for n in cases.SEGMENTS]), (12, [(6, T) for T in cases.PERIODS])],
 )
 def test_the_centres_of_mass_are_those_of_the_right_runs(curves, number: int, keys: list[Key]) -> None:
-    (figure,) = [f for stem, f in figures.draw(curves).items() if stem.startswith(f"figure_{number}_")]
+    (figure,) = [f for stem, f in figures.published_figures(curves).items() if stem.startswith(f"figure_{number}_")]
     reported, true = figure.axes
     assert "as the paper reports it" in reported.get_title()
     assert "true" in true.get_title()
@@ -127,17 +136,17 @@ def test_the_centres_of_mass_are_those_of_the_right_runs(curves, number: int, ke
 
 @pytest.mark.parametrize(
     ("number", "keys"),
-    [(11, [(n, 2.0) for n in tables.SEGMENTS]), (13, [(6, T) for T in tables.PERIODS])],
+    [(11, [(n, 2.0) for n in cases.SEGMENTS]), (13, [(6, T) for T in cases.PERIODS])],
 )
 def test_the_costs_are_those_of_the_right_runs(curves, number: int, keys: list[Key]) -> None:
-    (figure,) = [f for stem, f in figures.draw(curves).items() if stem.startswith(f"figure_{number}_")]
+    (figure,) = [f for stem, f in figures.published_figures(curves).items() if stem.startswith(f"figure_{number}_")]
     (axes,) = figure.axes
     for key, line in zip(keys, axes.lines, strict=True):
         assert_array_equal(line.get_ydata(), curves[key].cumulative_cot)
 
 
 def test_the_segments_contract_one_at_a_time_and_the_wave_runs_to_the_head(curves) -> None:
-    drawn = figures.draw(curves)
+    drawn = figures.published_figures(curves)
     seventh = drawn["figure_7_segment_activation"].axes[0]
     heights = np.array([line.get_ydata() for line in seventh.lines]) - np.arange(6)[:, None]
     assert set((heights > 0).sum(axis=0)) == {1}
@@ -157,13 +166,13 @@ def cheap(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs of a few steps, and nothing judged: the command itself is what is tested."""
     claim = claims.Claim("the claim", "IV.A", "holds", "the evidence")
     difference = differences.Difference("thing", "the text", "the program", "the effect")
-    monkeypatch.setattr(tables, "simulate", lambda key: published.simulate(n=key[0], T_wave=key[1], steps=3))
-    monkeypatch.setattr(corrected, "run", lambda key: key)
+    monkeypatch.setattr(cases, "published_run", lambda key: published.simulate(n=key[0], T_wave=key[1], steps=3))
+    monkeypatch.setattr(cases, "corrected_run", lambda key: key)
     monkeypatch.setattr(
-        command,
+        report,
         "_study",
         lambda runs, others: report.Study(
-            [*tables.rows(runs), replace(ROW, n=9, work_J=math.nan)],
+            [*cases.published_rows(runs), replace(ROW, n=9, work_J=math.nan)],
             [claim],
             [difference],
             [CORRECTED],
@@ -171,7 +180,7 @@ def cheap(monkeypatch: pytest.MonkeyPatch) -> None:
             [OVERSTATED],
         ),
     )
-    monkeypatch.setattr(corrected_figures, "draw", lambda *_: {"corrected_figure_10": Figure(figsize=(1, 1))})
+    monkeypatch.setattr(report, "corrected_figures", lambda *_: {"corrected_figure_10": Figure(figsize=(1, 1))})
 
 
 def test_the_command_writes_the_study(worm3d, cheap: None, tmp_path: Path) -> None:
@@ -193,7 +202,7 @@ def test_the_command_writes_the_study(worm3d, cheap: None, tmp_path: Path) -> No
     assert {
         "n", "T_wave_s", "reported_distance_m", "work_J", "total_cot_J_per_m", "true_displacement_m"
     } <= set(study["rows"][0])  # fmt: skip
-    assert [(row["n"], row["T_wave_s"]) for row in study["rows"][:-1]] == tables.keys()
+    assert [(row["n"], row["T_wave_s"]) for row in study["rows"][:-1]] == cases.published_keys()
     assert study["rows"][-1]["work_J"] is None
     assert study["claims"][0]["verdict"] == "holds"
     (folder / "notes.txt").write_text("mine")
@@ -219,7 +228,7 @@ def test_an_animation_that_cannot_be_written_leaves_no_part(
 
 def test_the_papers_movie_is_drawn_like_that_of_a_scene() -> None:
     run = published.simulate(steps=3)
-    movie = command._movie(run)
+    movie = report._movie(run)
     assert_array_equal(movie.activation[0], run.activation[0])
     (ground,) = movie.figure.axes[0].patches
     assert_allclose(ground.get_y() + ground.get_height(), run.ground)

@@ -98,7 +98,7 @@ def test_the_scene_says_what_it_does(wave: Record) -> None:
 
 def test_the_summary(wave: Record) -> None:
     summary = wave.summary
-    assert list(summary.figures)[: len(REQUIRED)] == REQUIRED
+    assert list(summary.metrics)[: len(REQUIRED)] == REQUIRED
     assert all(summary[name] is not None for name in REQUIRED)
     assert_allclose(summary["distance_m"], wave["com"][-1, 0] - wave["com"][0, 0])
     assert_allclose(summary["work_contract_positive_J"], np.maximum(0.0, wave["work_contract"]).sum())

@@ -37,7 +37,7 @@ def test_the_papers_row(paper_run: Record) -> None:
 
 def test_the_summary_has_the_agreed_figures(paper_run: Record) -> None:
     summary = paper_run.summary
-    assert list(summary.figures)[: len(FIGURES)] == FIGURES
+    assert list(summary.metrics)[: len(FIGURES)] == FIGURES
     assert summary["status"] == "done"
     assert_allclose(summary["distance_m"], paper_run["com"][-1, 0] - paper_run["com"][0, 0])
     assert_allclose(summary["work_contract_J"], paper_run["work_contract"].sum())

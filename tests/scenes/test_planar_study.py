@@ -73,7 +73,7 @@ def test_the_shipped_studies_say_what_they_find() -> None:
 
 def test_the_summary_has_the_agreed_figures(segments: Record, tmp_path: Path) -> None:
     summary = segments.summary
-    assert set(REQUIRED) <= set(summary.figures)
+    assert set(REQUIRED) <= set(summary.metrics)
     assert summary["status"] == "done"
     assert_allclose(summary["duration_s"], 5 * 0.4)
     assert summary["distance_m"] is None

@@ -1,13 +1,14 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 
-from scenes.records.record import Record, Variable
-from scenes.records.summary import Summary
+from scenes.records.record import Record, Summary, Variable
 
 
 def record_of(*variables: Variable, **changes: Any) -> Record:
@@ -59,3 +60,18 @@ def test_names_are_unique() -> None:
 def test_a_missing_variable_is_told_with_those_there_are() -> None:
     with pytest.raises(KeyError, match="z: not in this result, which has a, b"):
         record_of(Variable("a", (), 1.0, "m", ""), Variable("b", (), 1, "1", ""))["z"]
+
+
+@pytest.mark.parametrize("metric", [None, math.nan, math.inf, -math.inf])
+def test_a_metric_without_a_value_has_a_reason(metric: float | None) -> None:
+    summary = Summary({"a": metric, "b": 1.0}, {"a": "the worm stood still", "b": "not needed"})
+    assert json.loads(json.dumps(summary.to_dict(), allow_nan=False)) == {
+        "a": None,
+        "b": 1.0,
+        "reasons": {"a": "the worm stood still"},
+    }
+
+
+def test_a_reason_cannot_be_forgotten() -> None:
+    with pytest.raises(ValueError, match="summary: a without a value, must have a reason"):
+        Summary({"a": math.nan})

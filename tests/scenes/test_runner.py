@@ -15,12 +15,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from scenes import models
-from scenes.commands import report, runner
-from scenes.commands.interrupt import Interruption
-from scenes.commands.report import ending
+from scenes.commands import runner, terminal
+from scenes.commands.terminal import Interruption, ending
 from scenes.language.errors import DiscError
+from scenes.records.record import Summary
 from scenes.records.store import load
-from scenes.records.summary import Summary
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 # The only segment pushes with an absurd force from t = T/2 on.
@@ -187,7 +186,7 @@ def test_pictures_of_an_earlier_run_of_any_model_go_and_files_of_others_stay(wor
     assert names(folder) == {"result.nc", "summary.json", "photo.png"}
 
 
-@pytest.mark.parametrize("stage", ["draw_overview", "animate", "write_summary"])
+@pytest.mark.parametrize("stage", ["draw_overview", "animate", "write_bytes"])
 def test_ctrl_c_after_the_simulation_says_where_the_result_is(worm3d, tmp_path: Path, monkeypatch, stage: str) -> None:
     real = getattr(runner, stage)
 
@@ -238,9 +237,9 @@ def test_steps_that_newton_gave_up_on_are_told(worm3d, tmp_path: Path) -> None:
 
 
 def test_segments_that_are_inside_out_are_told(record) -> None:
-    summary = Summary({**record.summary.figures, "inverted_steps": 1}, record.summary.reasons)
-    assert report.warnings(record) == []
-    assert report.warnings(replace(record, summary=summary)) == [
+    summary = Summary({**record.summary.metrics, "inverted_steps": 1}, record.summary.reasons)
+    assert terminal.warnings(record) == []
+    assert terminal.warnings(replace(record, summary=summary)) == [
         "a segment is inside out after 1 step: these are shapes that no worm has"
     ]
 

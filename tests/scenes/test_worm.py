@@ -15,7 +15,7 @@ from PIL import Image
 import worm3d
 from control import gaits
 from scenes import models
-from scenes.commands import report
+from scenes.commands import terminal
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.language.schema import choices
@@ -129,8 +129,8 @@ def test_free_fall_falls_lands_and_rests_where_it_landed() -> None:
 
 def test_the_summary(flat: Record) -> None:
     summary = flat.summary
-    assert list(summary.figures)[: len(REQUIRED)] == REQUIRED
-    assert all(figure is not None for figure in summary.figures.values())
+    assert list(summary.metrics)[: len(REQUIRED)] == REQUIRED
+    assert all(figure is not None for figure in summary.metrics.values())
     assert_allclose(summary["distance_m"], flat["com"][-1, 0] - flat["com"][0, 0])
     assert_allclose(summary["work_friction_J"], flat["friction_loss"].sum())
     assert_allclose(
@@ -360,7 +360,7 @@ def test_a_run_ends_with_what_became_of_the_work() -> None:
     record = simulate(load_scene("flat", ["run.duration_s=2"]))
     line = next(
         line
-        for line in report.ending(record, drawing.model_of(record), Path()).splitlines()
+        for line in terminal.ending(record, drawing.model_of(record), Path()).splitlines()
         if line.strip().startswith("of the")
     )
     shares = [float(part) for part in re.findall(r"(-?[\d.]+)%", line)]

@@ -16,8 +16,7 @@ from numpy.testing import assert_array_equal
 
 from scenes import models
 from scenes.commands import runner
-from scenes.commands.resume import lengthened
-from scenes.commands.runner import simulate
+from scenes.commands.runner import lengthened, simulate
 from scenes.language.errors import SceneError
 from scenes.language.loader import shipped_scenes
 from scenes.models.loading import load_scene

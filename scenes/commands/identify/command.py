@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from scenes.commands.identify import phases as phases_of
 from scenes.commands.identify import study as studies
 from scenes.commands.identify.phases import Phases
 from scenes.commands.identify.study import Curve
-from scenes.commands.progress import progress
+from scenes.commands.terminal import progress
 from scenes.language.errors import SceneError
 from scenes.language.loader import find_scene, read_text
 from scenes.language.toml import parse
@@ -26,8 +25,8 @@ from scenes.models.worm.build import friction_of, worm_of
 from scenes.models.worm.schema import SpatialScene
 from scenes.records import folder as folders
 from scenes.records.drawing import save_figure
-from scenes.records.files import write_bytes
-from scenes.records.summary import without_nan
+from scenes.records.folder import write_bytes
+from scenes.records.text import json_bytes
 
 WORM_CONTROL = "worm_control"
 """Model of the scenes with a controller."""
@@ -101,7 +100,6 @@ def _write(
     ground: worm3d.Friction,
 ) -> None:
     content = report.content(found, curves, phases, kept.parameters(worm), kept.parameters(ground))
-    text = json.dumps(without_nan(content), indent=1, ensure_ascii=False, allow_nan=False)
-    write_bytes(folder / CONTENT, f"{text}\n".encode())
+    write_bytes(folder / CONTENT, json_bytes(content, indent=1))
     write_bytes(folder / TABLES, report.markdown(found, curves, PICTURE).encode())
     save_figure(figure.draw(curves, phases, found), folder / PICTURE)

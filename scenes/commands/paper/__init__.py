@@ -1,5 +1,5 @@
 """`worm3d paper`: the paper's tables, figures and claims from our own runs."""
 
-from scenes.commands.paper.command import run
+from scenes.commands.paper.report import run
 
 __all__ = ["run"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from control.gaits import ContractionEngine_segmentdriven
 from planar import published
 from planar.published import Parameters, Run
-from scenes.commands.paper.tables import PERIODS, SEGMENTS, Key, Row
+from scenes.commands.paper.cases import PERIODS, SEGMENTS, Key, Row
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,6 @@ class Claim:
     source: str
     verdict: str
     evidence: str
-
-    def as_dict(self) -> dict[str, str]:
-        """Return the claim with its field names as keys."""
-        return asdict(self)
 
 
 def claims(runs: Mapping[Key, Run], rows: Sequence[Row]) -> list[Claim]:

@@ -7,15 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from planar.linkage import Friction, Run, simulate
+from scenes.commands.paper.cases import AMPLITUDE, PERIODS, SEGMENTS, CorrectedRow, GroundKey, wave
 from scenes.commands.paper.claims import Claim, by_period, by_segments, listed, verdict
-from scenes.commands.paper.corrected import AMPLITUDE, CorrectedRow, Key, wave
-from scenes.commands.paper.tables import PERIODS, SEGMENTS
 
 TORSIONS = (1.0, 1e2, 1e4, 1e6)
 """Torsional stiffnesses to try [J]; Table I has 1e4."""
 
 
-def corrected_claims(runs: Mapping[Key, Run], rows: Sequence[CorrectedRow]) -> list[Claim]:
+def corrected_claims(runs: Mapping[GroundKey, Run], rows: Sequence[CorrectedRow]) -> list[Claim]:
     """Return the claims with their verdicts; makes about six further runs of the corrected worm."""
     contact = {(r.n, r.T_wave_s): r for r in rows if r.law == "anchored"}
     main = runs[6, 2.0, "anchored"]

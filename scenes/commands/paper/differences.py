@@ -7,7 +7,7 @@ wherever the program can be told so.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -33,10 +33,6 @@ class Difference:
     text: str
     program: str
     effect: str
-
-    def as_dict(self) -> dict[str, str]:
-        """Return the difference with its field names as keys."""
-        return asdict(self)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""The paper's figures 7 to 13, re-drawn from our own runs."""
+"""The paper's figures 7 to 13, re-drawn from our own runs, and 10 to 13 for the corrected worm."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,12 +10,21 @@ from matplotlib.figure import Figure
 from control import gaits
 from control.gaits import ContractionEngine_segmentdriven as SegmentDriven
 from control.gaits.patterns import GAUSSIAN_WIDTH
-from planar import figures
-from planar.published import Parameters, Run
-from scenes.commands.paper.tables import PERIODS, SEGMENTS, Key
+from planar import figures, linkage, published
+from scenes.commands.paper.cases import (
+    NAMES,
+    PERIODS,
+    SEGMENTS,
+    CorrectedRow,
+    Ground,
+    GroundKey,
+    Key,
+    Overstatement,
+)
+from scenes.models.planar.linkage import cumulative_cost
 from worm3d.values.arrays import FloatArray
 
-FORCE = Parameters().contraction_force
+FORCE = published.Parameters().contraction_force
 """Of a segment at activation 1 [N]."""
 
 SHOWN = 6
@@ -29,8 +38,11 @@ T_CONTRACT = ENGINE.T_wave / SHOWN
 OUR_CHOICE = f"T_contract = {T_CONTRACT:.3g} s (one segment at a time)"
 """The paper does not say which it drew."""
 
+COMPARED = (2.0, 5.0)
+"""Wave periods at which the grounds are compared [s]."""
 
-def draw(runs: Mapping[Key, Run]) -> dict[str, Figure]:
+
+def published_figures(runs: Mapping[Key, published.Run]) -> dict[str, Figure]:
     """Return the figures by file stem, named after the paper's."""
     by_segments = {f"n = {n}": runs[n, 2.0] for n in SEGMENTS}
     by_period = {f"T = {T:g} s": runs[6, T] for T in PERIODS}
@@ -38,10 +50,10 @@ def draw(runs: Mapping[Key, Run]) -> dict[str, Figure]:
         "figure_7_segment_activation": _segment_activation(),
         "figure_8_segment_contraction_force": _segment_force(),
         "figure_9_wave_contraction_force": _wave_force(),
-        "figure_10_centre_of_mass_by_segments": _centre_of_mass(by_segments, "Fig. 10, T = 2 s"),
-        "figure_11_cumulative_cost_by_segments": _cumulative_cost(by_segments, "Fig. 11, T = 2 s"),
-        "figure_12_centre_of_mass_by_period": _centre_of_mass(by_period, "Fig. 12, n = 6"),
-        "figure_13_cumulative_cost_by_period": _cumulative_cost(by_period, "Fig. 13, n = 6"),
+        "figure_10_centre_of_mass_by_segments": _published_com(by_segments, "Fig. 10, T = 2 s"),
+        "figure_11_cumulative_cost_by_segments": _published_cost(by_segments, "Fig. 11, T = 2 s"),
+        "figure_12_centre_of_mass_by_period": _published_com(by_period, "Fig. 12, n = 6"),
+        "figure_13_cumulative_cost_by_period": _published_cost(by_period, "Fig. 13, n = 6"),
     }
 
 
@@ -80,7 +92,7 @@ def _wave_force() -> Figure:
     return figure
 
 
-def _centre_of_mass(runs: Mapping[str, Run], title: str) -> Figure:
+def _published_com(runs: Mapping[str, published.Run], title: str) -> Figure:
     figure = Figure(figsize=(10.0, 4.0), layout="constrained", dpi=120)
     reported, true = figure.subplots(1, 2, sharey=True)
     time = next(iter(runs.values())).time
@@ -92,9 +104,64 @@ def _centre_of_mass(runs: Mapping[str, Run], title: str) -> Figure:
     return figure
 
 
-def _cumulative_cost(runs: Mapping[str, Run], title: str) -> Figure:
+def _published_cost(runs: Mapping[str, published.Run], title: str) -> Figure:
     time = next(iter(runs.values())).time[1:]
     figure, _ = figures.cumulative_cost(
         time, {label: run.cumulative_cot for label, run in runs.items()}, f"{title}: sum of |work / dx|"
     )
     return figure
+
+
+def corrected_figures(
+    runs: Mapping[GroundKey, linkage.Run], rows: Sequence[CorrectedRow], overstatements: Sequence[Overstatement]
+) -> dict[str, Figure]:
+    """Return the figures by file stem."""
+    contact = {(r.n, r.T_wave_s): r for r in rows if r.law == "anchored"}
+    by_segments = {f"n = {n}": runs[n, 2.0, "anchored"] for n in SEGMENTS}
+    by_period = {f"T = {T:g} s": runs[6, T, "anchored"] for T in PERIODS}
+    table_2, table_3 = [contact[n, 2.0] for n in SEGMENTS], [contact[6, T] for T in PERIODS]
+    return {
+        "corrected_figure_10_centre_of_mass_by_segments": _corrected_com(by_segments, "Fig. 10 corrected, T = 2 s"),
+        "corrected_figure_11_cost_by_segments": _corrected_cost(
+            by_segments, np.array(SEGMENTS, dtype=float), table_2, "number of segments", "Fig. 11 corrected, T = 2 s"
+        ),
+        "corrected_figure_12_centre_of_mass_by_period": _corrected_com(by_period, "Fig. 12 corrected, n = 6"),
+        "corrected_figure_13_cost_by_period": _corrected_cost(
+            by_period, np.array(PERIODS), table_3, "wave period [s]", "Fig. 13 corrected, n = 6"
+        ),
+        "friction_threshold_against_set_valued": _friction(runs, overstatements),
+    }
+
+
+def _corrected_com(runs: Mapping[str, linkage.Run], title: str) -> Figure:
+    time = next(iter(runs.values())).time
+    figure, _ = figures.centre_of_mass(time, {label: run.com[:, 0] for label, run in runs.items()}, title)
+    return figure
+
+
+def _corrected_cost(
+    runs: Mapping[str, linkage.Run], parameter: FloatArray, rows: Sequence[CorrectedRow], xlabel: str, title: str
+) -> Figure:
+    figure = Figure(figsize=(10.0, 4.0), layout="constrained", dpi=120)
+    left, right = figure.subplots(1, 2)
+    time = next(iter(runs.values())).time[1:]
+    curves = {label: cumulative_cost(run.ledger.work_contract_p11, run.com[:, 0]) for label, run in runs.items()}
+    figures.cumulative_cost(time, curves, f"{title}: sum of |work / dx|, (P12)", left, logarithmic=True)
+    cost = np.array([np.nan if row.cost_of_transport is None else row.cost_of_transport for row in rows])
+    figures.case_panel(right, parameter, cost, xlabel, "cost of transport W / (m g d)")
+    right.set_title("work over weight and distance; none: no way forward", fontsize=10)
+    return figure
+
+
+def _friction(runs: Mapping[GroundKey, linkage.Run], overstatements: Sequence[Overstatement]) -> Figure:
+    figure = Figure(figsize=(10.0, 4.0), layout="constrained", dpi=120)
+    by_period = {each.T_wave_s: each for each in overstatements}
+    for axes, T in zip(figure.subplots(1, 2), COMPARED, strict=True):
+        curves = {_labelled(ground, by_period[T]): runs[6, T, ground].com[:, 0] for ground in NAMES}
+        figures.centre_of_mass(runs[6, T, "anchored"].time, curves, f"six segments, T = {T:g} s", axes)
+    return figure
+
+
+def _labelled(ground: Ground, by: Overstatement) -> str:
+    percent = {"anchored": None, "threshold": by.threshold_percent, "clamped": by.clamped_percent}[ground]
+    return NAMES[ground] if percent is None else f"{NAMES[ground]}: {percent:+.0f} %"

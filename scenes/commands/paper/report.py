@@ -1,47 +1,63 @@
-"""The paper's study as text: Markdown for a file, lines for the terminal."""
+"""Run the paper's study and write it down: `paper.json`, `report.md`, the figures and the animation."""
 
 from __future__ import annotations
 
+import shutil
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TypeVar
 
-from scenes.commands.paper.claims import Claim
-from scenes.commands.paper.corrected import CorrectedRow, Overstatement
-from scenes.commands.paper.differences import Difference
-from scenes.commands.paper.tables import PERIODS, SEGMENTS, Row
+import numpy as np
+import typer
 
-HEADER = ("n", "T_wave [s]", "distance [m]", "work [J]", "total CoT [J/m]", "true displacement [m]")
+from planar import linkage
+from planar.animation import Movie
+from planar.published import Run
+from scenes.commands.packages import versions
+from scenes.commands.paper import cases
+from scenes.commands.paper.cases import PERIODS, SEGMENTS, CorrectedRow, GroundKey, Key, Overstatement, Row
+from scenes.commands.paper.claims import Claim, claims
+from scenes.commands.paper.corrected_claims import corrected_claims
+from scenes.commands.paper.differences import Difference, differences
+from scenes.commands.paper.figures import corrected_figures, published_figures
+from scenes.commands.terminal import busy, progress
+from scenes.records import folder as folders
+from scenes.records.drawing import save_figure, save_movie
+from scenes.records.folder import write_bytes
+from scenes.records.text import Column, aligned, json_bytes, markdown_table, table
 
-COMPARED = ("n", "distance [m]", "work [J]", "total CoT [J/m]", "true displacement [m]")
+K = TypeVar("K")
+R = TypeVar("R")
 
-CORRECTED = ("n", "T_wave [s]", "ground", "friction", "distance [m]", "work [J]", "friction loss [J]", "CoT", "BL/wave")
+MOVIE = "animation_6_segments.gif"
 
-
-@dataclass(frozen=True)
-class Study:
-    """All that the report tells.
-
-    Attributes
-    ----------
-    rows, claims, differences : sequences
-        Of the published program.
-    corrected, corrected_claims, overstatements : sequences
-        Of the corrected worm.
-    """
-
-    rows: Sequence[Row]
-    claims: Sequence[Claim]
-    differences: Sequence[Difference]
-    corrected: Sequence[CorrectedRow]
-    corrected_claims: Sequence[Claim]
-    overstatements: Sequence[Overstatement]
-
-    def as_dict(self) -> dict[str, list[dict[str, Any]]]:
-        """Return the study as `paper.json` holds it."""
-        return {field.name: [each.as_dict() for each in getattr(self, field.name)] for field in fields(self)}
-
+PUBLISHED = {
+    "n": Column("n"),
+    "T_wave [s]": Column("T_wave_s", "g"),
+    "distance [m]": Column("reported_distance_m", ".6f"),
+    "work [J]": Column("work_J", ".6f"),
+    "total CoT [J/m]": Column("total_cot_J_per_m", ".4f"),
+    "true displacement [m]": Column("true_displacement_m", ".6f"),
+}
+CORRECTED = {
+    "n": Column("n"),
+    "T_wave [s]": Column("T_wave_s", "g"),
+    "ground": Column("ground"),
+    "friction": Column("law"),
+    "distance [m]": Column("distance_m", ".4f"),
+    "work [J]": Column("work_contract_J", ".4f"),
+    "friction loss [J]": Column("work_friction_J", ".4f"),
+    "CoT": Column("cost_of_transport", ".3f", none="none"),
+    "BL/wave": Column("speed_BL_per_wave", ".4f", none="none"),
+}
+OVERSTATED = {
+    "T_wave [s]": Column("T_wave_s", "g"),
+    "set-valued [m]": Column("set_valued_distance_m", ".4f"),
+    "threshold [%]": Column("threshold_percent", ".0f", none="none"),
+    "clamped [%]": Column("clamped_percent", ".0f", none="none"),
+}
 
 PRINTED = {
     3: (0.176235, 1.062124, 6.0267, 0.332435),
@@ -53,31 +69,96 @@ PRINTED = {
 """What the author's program prints for T_wave = 2 s, by segments: distance, work, total CoT, true displacement."""
 
 
+@dataclass(frozen=True)
+class Study:
+    """All that the report tells: of the published program, and of the corrected worm."""
+
+    rows: Sequence[Row]
+    claims: Sequence[Claim]
+    differences: Sequence[Difference]
+    corrected: Sequence[CorrectedRow]
+    corrected_claims: Sequence[Claim]
+    overstatements: Sequence[Overstatement]
+
+
+def run(out: Path | None, force: bool, quiet: bool) -> int:
+    """Make all runs of the paper, write the study and return the exit code.
+
+    Parameters
+    ----------
+    out : Path, optional
+        Folder to write to; `runs/paper-<time>` if left out.
+    force : bool
+        Whether to write into a folder that has something in it.
+    quiet : bool
+        Whether to print nothing.
+
+    Raises
+    ------
+    SceneError
+        The folder cannot be used, or the disc refused a file.
+    """
+    with folders.prepared(out, "paper", force=force) as folder:
+        runs = _simulate("the paper's runs", cases.published_keys(), cases.published_run, quiet)
+        corrected = _simulate("the corrected worm's runs", cases.corrected_keys(), cases.corrected_run, quiet)
+        with busy("judging the claims", quiet=quiet):
+            study = _study(runs, corrected)
+        with busy("drawing", quiet=quiet):
+            _write(folder, study, runs, corrected)
+        if not quiet:
+            for line in terminal_lines(study, shutil.get_terminal_size().columns):
+                typer.echo(line)
+            typer.echo(
+                f"Written to {folder}: report.md, paper.json, figures 7 to 13, those of the corrected worm, {MOVIE}"
+            )
+    return 0
+
+
+def _simulate(title: str, keys: Sequence[K], simulate: Callable[[K], R], quiet: bool) -> dict[K, R]:
+    runs = {}
+    with progress(title, len(keys), quiet=quiet, what="run") as show:
+        for done, key in enumerate(keys, start=1):
+            runs[key] = simulate(key)
+            show(done)
+    return runs
+
+
+def _study(runs: Mapping[Key, Run], corrected: Mapping[GroundKey, linkage.Run]) -> Study:
+    rows, corrected_rows = cases.published_rows(runs), cases.corrected_rows(corrected)
+    return Study(
+        rows=rows,
+        claims=claims(runs, rows),
+        differences=differences(runs[6, 2.0]),
+        corrected=corrected_rows,
+        corrected_claims=corrected_claims(corrected, corrected_rows),
+        overstatements=cases.overstatements(lambda key: corrected[key].distance),
+    )
+
+
+def _write(folder: Path, study: Study, runs: Mapping[Key, Run], corrected: Mapping[GroundKey, linkage.Run]) -> None:
+    drawn = published_figures(runs) | corrected_figures(corrected, study.corrected, study.overstatements)
+    pictures = [*(f"{stem}.png" for stem in drawn), MOVIE]
+    write_bytes(folder / "paper.json", json_bytes({**asdict(study), "versions": versions()}))
+    write_bytes(folder / "report.md", markdown(study, pictures).encode())
+    for stem, figure in drawn.items():
+        save_figure(figure, folder / f"{stem}.png")
+    save_movie(_movie(runs[6, 2.0]), folder / MOVIE)
+
+
+def _movie(run: Run) -> Movie:
+    net = run.net
+    activation = np.vstack([run.activation[:1], run.activation])
+    return Movie(run.time, run.q[:, net.main], run.q[:, net.top], run.q[:, net.bottom], activation, run.ground)
+
+
 def markdown(study: Study, pictures: Sequence[str] = ()) -> str:
     """Return the whole report; `pictures` are the files beside it, which it shows."""
-    parts = (*_published_lines(study), *_corrected_lines(study), *_picture_lines(pictures))
-    return "\n".join(parts) + "\n"
-
-
-def _picture_lines(pictures: Sequence[str]) -> Iterator[str]:
+    lines = [*_published_lines(study), *_corrected_lines(study)]
     if pictures:
-        yield from ("", "## Figures")
+        lines += ["", "## Figures"]
     for name in pictures:
-        yield from ("", f"![{name.rpartition('.')[0].replace('_', ' ')}]({name})")
-
-
-def _printed_lines(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield the table of the program's printed values beside ours, with the difference."""
-    yield from ("", "## What the program prints at T_wave = 2 s, ours, and ours less the printed", "")
-    yield from _markdown_table(COMPARED, [tuple(_compared_cells(row)) for row in rows if row.n in PRINTED])
-    yield from ("", "The program prints six decimals, the total CoT to four.")
-
-
-def _compared_cells(row: Row) -> Iterator[str]:
-    ours = (row.reported_distance_m, row.work_J, row.total_cot_J_per_m, row.true_displacement_m)
-    yield f"{row.n}"
-    for digits, printed, own in zip((6, 6, 4, 6), PRINTED[row.n], ours, strict=True):
-        yield f"{printed:.{digits}f} / {own:.{digits}f} ({own - printed:+.1e})"
+        lines += ["", f"![{name.rpartition('.')[0].replace('_', ' ')}]({name})"]
+    return "\n".join(lines) + "\n"
 
 
 def _published_lines(study: Study) -> Iterator[str]:
@@ -87,12 +168,24 @@ def _published_lines(study: Study) -> Iterator[str]:
     yield "is the mean displacement of the main nodes. The program inverts the sign of the elastic force: these numbers"
     yield "are a regression target, not physics."
     for title, part in _tables(study.rows):
-        yield from ("", f"## {title}", "", *_markdown_table(HEADER, map(_cells, part)))
-    yield from _printed_lines([r for r in study.rows if r.T_wave_s == 2.0])
+        yield from ("", f"## {title}", "", *markdown_table(*table(PUBLISHED, part)))
+    yield from ("", "## What the program prints at T_wave = 2 s, ours, and ours less the printed", "")
+    columns = [column for title, column in PUBLISHED.items() if title != "T_wave [s]"]
+    printed = [row for row in study.rows if row.T_wave_s == 2.0 and row.n in PRINTED]
+    header = [title for title in PUBLISHED if title != "T_wave [s]"]
+    yield from markdown_table(header, [tuple(_compared_cells(row, columns)) for row in printed])
+    yield from ("", "The program prints six decimals, the total CoT to four.")
     yield from ("", "## The paper's claims", "", *_judged(study.claims))
     yield from ("", "## Where text and program differ", "")
     for d in study.differences:
         yield f"* **{d.what}**. Text: {d.text}. Program: {d.program}. Effect: {d.effect}."
+
+
+def _compared_cells(row: Row, columns: Sequence[Column]) -> Iterator[str]:
+    yield f"{row.n}"
+    for column, printed in zip(columns[1:], PRINTED[row.n], strict=True):
+        off = getattr(row, column.attribute) - printed
+        yield f"{printed:{column.form}} / {column.cell(row)} ({off:+.1e})"
 
 
 def _corrected_lines(study: Study) -> Iterator[str]:
@@ -101,11 +194,9 @@ def _corrected_lines(study: Study) -> Iterator[str]:
     yield "a commanded rest length, friction 0.03 and 0.20. CoT is the net work of the actuators over weight and"
     yield "distance; none: the worm made no way forward. In contact the friction is set-valued with anchors, or for"
     yield "comparison the paper's threshold (P10); clamped, the joints' heights are held, with (P9) and (P10)."
-    yield from ("", *_markdown_table(CORRECTED, map(_corrected_cells, study.corrected)), "")
+    yield from ("", *markdown_table(*table(CORRECTED, study.corrected)), "")
     yield "What the distance of six segments is overstated by, against set-valued friction in contact:"
-    yield ""
-    header = ("T_wave [s]", "set-valued [m]", "threshold", "clamped")
-    yield from _markdown_table(header, map(_overstated_cells, study.overstatements))
+    yield from ("", *markdown_table(*table(OVERSTATED, study.overstatements)))
     yield from ("", "## The paper's claims, by the corrected worm in contact", "", *_judged(study.corrected_claims))
 
 
@@ -113,31 +204,17 @@ def _judged(claims: Sequence[Claim]) -> Iterator[str]:
     return (f"* **{c.verdict}**: {c.claim} ({c.source}). Evidence: {c.evidence}." for c in claims)
 
 
-def _markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
-    yield "| " + " | ".join(header) + " |"
-    yield "|---" * len(header) + "|"
-    yield from ("| " + " | ".join(cells) + " |" for cells in rows)
-
-
 def terminal_lines(study: Study, width: int) -> Iterator[str]:
     """Yield the lines to print: the tables and the verdicts; the evidence stands in the report."""
     for title, part in _tables(study.rows):
-        yield from (title, *_aligned(HEADER, map(_cells, part)), "")
+        yield from (title, *aligned(*table(PUBLISHED, part)), "")
     yield from ("The paper's claims", *_wrapped(study.claims, width), "")
     yield f"{len(study.differences)} differences between text and program, each with its effect, are in the report."
-    yield from ("", "The corrected worm", *_aligned(CORRECTED, map(_corrected_cells, study.corrected)), "")
-    overstated = ", ".join(
-        f"{_percent(each.threshold_percent)} at T = {each.T_wave_s:g} s" for each in study.overstatements
-    )
+    yield from ("", "The corrected worm", *aligned(*table(CORRECTED, study.corrected)), "")
+    percents = [(each.threshold_percent, each.T_wave_s) for each in study.overstatements]
+    overstated = ", ".join(f"{'none' if by is None else f'{by:.0f} %'} at T = {T:g} s" for by, T in percents)
     yield from _paragraph(f"Threshold friction overstates the distance of six segments by {overstated}.", width)
     yield from ("", "The paper's claims, by the corrected worm in contact", *_wrapped(study.corrected_claims, width))
-
-
-def _aligned(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
-    body = list(rows)
-    widths = [max(map(len, column)) for column in zip(header, *body, strict=True)]
-    for cells in (header, *body):
-        yield "  ".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
 
 
 def _wrapped(claims: Sequence[Claim], width: int) -> Iterator[str]:
@@ -153,41 +230,3 @@ def _tables(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:
     yield "Table II: segments", [r for r in rows if r.T_wave_s == 2.0 and r.n in SEGMENTS]
     by_period = [r for r in rows if r.n == 6 and r.T_wave_s in PERIODS]
     yield "Table III: wave period", sorted(by_period, key=lambda r: r.T_wave_s)
-
-
-def _cells(row: Row) -> tuple[str, ...]:
-    return (
-        f"{row.n}",
-        f"{row.T_wave_s:g}",
-        f"{row.reported_distance_m:.6f}",
-        f"{row.work_J:.6f}",
-        f"{row.total_cot_J_per_m:.4f}",
-        f"{row.true_displacement_m:.6f}",
-    )
-
-
-def _corrected_cells(row: CorrectedRow) -> tuple[str, ...]:
-    return (
-        f"{row.n}",
-        f"{row.T_wave_s:g}",
-        row.ground,
-        row.law,
-        f"{row.distance_m:.4f}",
-        f"{row.work_contract_J:.4f}",
-        f"{row.work_friction_J:.4f}",
-        _or_none(row.cost_of_transport, ".3f"),
-        _or_none(row.speed_BL_per_wave, ".4f"),
-    )
-
-
-def _overstated_cells(each: Overstatement) -> tuple[str, ...]:
-    percents = (_percent(each.threshold_percent), _percent(each.clamped_percent))
-    return (f"{each.T_wave_s:g}", f"{each.set_valued_distance_m:.4f}", *percents)
-
-
-def _percent(value: float | None) -> str:
-    return _or_none(value, ".0f", " %")
-
-
-def _or_none(value: float | None, form: str, unit: str = "") -> str:
-    return "none" if value is None else f"{value:{form}}{unit}"

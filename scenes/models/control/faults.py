@@ -12,7 +12,7 @@ from control.planning.fallback import MOST_SHIFTED
 from control.planning.plan import Decision, PlanStatus
 from control.sensing.channels import QUANTITIES
 from control.sensing.gate import Gate
-from scenes.records.summary import Cell
+from scenes.records.record import Cell
 
 Row = dict[str, Cell]
 """`time_s` [s], when it was found, `kind`, `what` and `advice`."""

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from control.estimation.reduced import ReducedState
 from control.planning.plan import SOURCES
 from control.tracking.metrics import SETTLED, Tracking
-from scenes.commands.report import faults
 from scenes.models.control.build import reference_of
 from scenes.models.control.record import tracked
 from scenes.models.control.schema import ControlScene
@@ -232,7 +231,7 @@ def _shade(axes: Axes, seen: Tracking) -> None:
 
 def _mark_faults(axes: Axes, record: Record) -> None:
     """Mark when faults were found."""
-    for when, rows in groupby(faults(record), key=itemgetter("time_s")):
+    for when, rows in groupby(record.summary.faults, key=itemgetter("time_s")):
         time, kinds = float(when or 0.0), ", ".join(str(row["kind"]) for row in rows)
         axes.axvline(time, color="C3", lw=0.8, ls=":")
         axes.annotate(

@@ -24,8 +24,7 @@ from scenes.models.control.schema import ControlScene
 from scenes.models.worm import model as worm
 from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
-from scenes.records.record import Record
-from scenes.records.summary import Figure as Merit
+from scenes.records.record import Metric, Record
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -107,7 +106,7 @@ def _with_control(
     """Return the outcome of a run with what its controller did and how well that kept to the reference."""
     figures, reasons = measured(motion_of(result, waves), reference, result.worm.length)
     failures = controller.failures if controller.plans else None
-    merits: dict[str, Merit] = {**plain.summary, **figures, "mpc_failures": failures}
+    merits: dict[str, Metric] = {**plain.summary, **figures, "mpc_failures": failures}
     merits |= {
         "measurements_refused": refused(controller),
         "faults": in_turn([*of_plant(result), *of_controller(controller)]),

@@ -18,8 +18,7 @@ from scenes.models.planar.linkage_checks import in_keys
 from scenes.models.planar.merit import status_word
 from scenes.models.planar.study_schema import CHECKS, StudyScene
 from scenes.records import overview
-from scenes.records.record import Record, Variable
-from scenes.records.summary import Cell
+from scenes.records.record import Cell, Record, Variable
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:

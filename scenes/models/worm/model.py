@@ -17,8 +17,7 @@ from scenes.models.worm.build import KEYS, Drive, simulate
 from scenes.models.worm.checks import WORM_CHECKS
 from scenes.models.worm.record import checkpoint_of, joined, missing, state_of, variables_of
 from scenes.models.worm.schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
-from scenes.records.record import Record
-from scenes.records.summary import Cell
+from scenes.records.record import Cell, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,36 +1,44 @@
 """Rival simulators do the task, each converges on its own, and the search finds the step where it has."""
 
+import json
+import math
 import sys
+from pathlib import Path
 
 import numpy as np
+import plant
 import pytest
+import rivals
 from numpy.testing import assert_allclose
+from plant import Contender
+from rivals import RIVALS, Measured, Rival, Task
+from step_search import NotConvergedError, largest_step
+from typer.testing import CliRunner
 
-from scenes import bench
-from scenes.bench.search import NotConvergedError, largest_step, relative_error
-from scenes.bench.task import Task, steps_of
+from scenes.bench.plant_measures import relative_error
+from scenes.language.errors import MissingPartError
 
 NEEDS = {"mujoco": "mujoco", "pyelastica": "elastica"}
 """PyElastica compiles for a minute when it is new."""
 
 
 @pytest.fixture(params=["mujoco", pytest.param("pyelastica", marks=pytest.mark.slow)])
-def rival(request: pytest.FixtureRequest) -> bench.Rival:
+def rival(request: pytest.FixtureRequest) -> Rival:
     package = NEEDS[request.param]
     pytest.importorskip(package, reason=f"{request.param} is not installed; it comes with the extra 'bench'")
-    return bench.load(request.param)
+    return rivals.load(request.param)
 
 
-class Exact:
+class Exact(Rival):
     """A rival whose distance error is dt and which takes 2 us a step."""
 
-    name, cannot = "exact", ()
+    name, cannot = "Exact 1.0", ("friction", "gravity")
 
     def settings(self, segments: int) -> str:
         return f"{segments} segments"
 
-    def run(self, segments: int, duration: float, dt: float) -> float:
-        return duration * (1.0 + dt)
+    def prepare(self, segments: int, duration: float, steps: int):
+        return lambda: duration * (1.0 + duration / steps)
 
     def step_at_error(self, segments: int, tolerance: float = 0.01) -> float:
         return tolerance
@@ -42,8 +50,11 @@ class Exact:
         return dt / 2e-6
 
 
+OWN = Contender("worm3d", "", 4, 0.01, 0.0, 1.0, 1e4, 5e3)
+
+
 def test_measured_speeds_belong_together() -> None:
-    measured = bench.measure(Exact(), 6)
+    measured = rivals.measure(Exact(), 6)
     assert (measured.dt, measured.error) == (0.01, 0.01)
     assert_allclose(measured.us_per_step, 2.0)
     assert_allclose(measured.real_time_factor, 5000.0)
@@ -79,10 +90,6 @@ def test_an_error_is_relative_to_the_reference_and_unknown_where_that_is_zero() 
     assert np.isnan(relative_error(1.0, 0.0))
 
 
-def test_steps_fill_the_duration() -> None:
-    assert [steps_of(1.0, dt) for dt in (0.1, 0.3, 1.0, 2.0)] == [10, 4, 1, 1]
-
-
 def test_the_task_is_the_default_worm() -> None:
     task = Task.of(12)
     assert (task.worm.segments, task.worm.l0, task.forward, task.backward) == (12, 1.0 / 12, 0.03, 0.2)
@@ -95,21 +102,103 @@ def test_yaw_is_the_chambers_in_series_with_the_joint() -> None:
     assert_allclose(Task().yaw, np.full(5, chambers * 0.5 / (chambers + 0.5)))
 
 
-@pytest.mark.parametrize("name", bench.names())
+@pytest.mark.parametrize("name", list(RIVALS))
 def test_a_missing_rival_says_how_to_get_it(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, NEEDS[name], None)
-    monkeypatch.delitem(sys.modules, f"scenes.bench.{name}_worm", raising=False)
-    with pytest.raises(bench.MissingRivalError, match=rf"{name} cannot be imported .* extra 'bench': pip install .*"):
-        bench.load(name)
+    monkeypatch.delitem(sys.modules, f"{name}_worm", raising=False)
+    with pytest.raises(MissingPartError, match=rf"{name} cannot be imported .* extra 'bench': pip install .*"):
+        rivals.load(name)
 
 
-def test_a_rival_says_what_it_is_and_what_it_cannot_express(rival: bench.Rival) -> None:
+def test_a_rival_without_a_step_is_a_sentence() -> None:
+    class Lost(Exact):
+        def step_at_error(self, segments: int, tolerance: float = 0.01) -> float:
+            raise NotConvergedError("no step in time")
+
+    assert plant.theirs(Lost(), OWN) == "Exact 1.0 (4 segments), 4 segments: no step in time"
+
+
+def test_the_largest_step_is_that_up_to_which_all_hold() -> None:
+    errors = {0.02: 0.009, 0.005: 0.001, 0.01: 0.002, 0.03: 0.02, 0.04: 0.001}
+    assert plant.largest_that_holds(errors, 0.01) == (0.02, 0.009)
+    with pytest.raises(NotConvergedError, match=r"an error of 0\.5 at dt = 0\.005 s, must be 0\.01 or less"):
+        plant.largest_that_holds({0.005: 0.5, 0.01: 0.001}, 0.01)
+    with pytest.raises(NotConvergedError, match="nan"):
+        plant.largest_that_holds({0.005: math.nan}, 0.01)
+
+
+def test_a_single_tree_without_a_step_is_timed_at_that_of_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed; it comes with the extra 'bench'")
+    monkeypatch.setattr(plant, "ONE_TREE_S", 0.05)
+    own = Contender("worm3d", "", 3, 0.01, 0.0, 1.0, 1e4, 5e3)
+    timed, why = plant.one_tree(own, Contender("MuJoCo", "", 3, 5e-3, 0.01, 1.0, 1e4), seconds=0.0)
+    assert isinstance(timed, Contender)
+    assert (timed.dt_s, timed.error is not None and math.isnan(timed.error)) == (5e-3, True)
+    assert_allclose(timed.ratio, 1e4 / timed.real_time_factor)
+    assert "per_tree 3" in timed.settings
+    assert "no step from 0.02 s" in str(why)
+
+
+def test_a_rivals_ratios_are_those_of_the_real_time_factors() -> None:
+    found = plant.against(Exact(), OWN, Measured(0.01, math.nan, 2.0, 5e3), "no search")
+    assert (found.ratio, found.ratio_of_call, found.title) == (2.0, 1.0, "Exact 1.0 (no search)")
+    _, rows = plant.table(plant.COLUMNS, [found])
+    assert rows == [("4", "Exact 1.0 (no search)", "10", "", "2.0", "5000.0", "2.0", "1.0")]
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plant, "DURATION", 0.1)
+    monkeypatch.setattr(plant, "STEPS", (0.01,))
+    monkeypatch.setattr(plant.largest_that_holds, "__defaults__", (1e9,))
+
+
+def compare(*arguments: object):
+    app = plant.typer.Typer()
+    app.command()(plant.main)
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def test_the_comparison_prints_and_writes(short: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def load_one(name: str, seconds: float) -> Rival:
+        if name == "pyelastica":
+            raise MissingPartError("pyelastica cannot be imported")
+        return Exact(seconds)
+
+    monkeypatch.setattr(plant, "load", load_one)
+    done = compare("--out", tmp_path / "out", "--segments", 4)
+    assert done.exit_code == 0, done.output
+    study = json.loads((tmp_path / "out" / "rivals.json").read_text())
+    own, exact = study["rivals"]
+    assert own["name"].startswith("worm3d ")
+    assert_allclose(exact["ratio"], own["real_time_factor"] / 5000.0)
+    assert_allclose(1e6 * exact["dt_s"] / exact["us_per_step"], exact["real_time_factor"])
+    for text in (done.output, (tmp_path / "out" / "rivals.md").read_text()):
+        assert "Exact 1.0 cannot express: friction; gravity." in text
+        assert "pyelastica cannot be imported" in text
+
+
+@pytest.mark.parametrize(("arguments", "code"), [((), 4), (("--rival", "mujoco"), 4), (("--rival", "toy"), 2)])
+def test_rivals_that_are_not_there_end_it_before_anything_is_measured(
+    arguments: tuple[str, ...], code: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for name in RIVALS:
+        monkeypatch.setitem(sys.modules, NEEDS[name], None)
+        monkeypatch.delitem(sys.modules, f"{name}_worm", raising=False)
+    done = compare("--out", tmp_path / "out", *arguments)
+    assert done.exit_code == code
+    expected = "toy" if code == 2 else "it comes with the extra 'bench': pip install"
+    assert expected in done.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_rival_says_what_it_is_and_what_it_cannot_express(rival: Rival) -> None:
     assert rival.name.lower().startswith(("mujoco 4", "pyelastica 1"))
     assert len(rival.cannot) >= 4
     assert rival.settings(3)
 
 
-def test_a_rival_converges_with_its_step(rival: bench.Rival) -> None:
+def test_a_rival_converges_with_its_step(rival: Rival) -> None:
     reference = rival.run(3, 1.0, 2e-4)
     coarse, fine = (abs(rival.run(3, 1.0, dt) - reference) for dt in (3.2e-3, 8e-4))
     assert 1e-3 < abs(reference) < 0.1
@@ -117,16 +206,16 @@ def test_a_rival_converges_with_its_step(rival: bench.Rival) -> None:
     assert fine < 5e-4
 
 
-def test_a_rival_crawls_towards_its_head(rival: bench.Rival) -> None:
+def test_a_rival_crawls_towards_its_head(rival: Rival) -> None:
     assert 0.3 < rival.run(6, 10.0, 2.5e-3) < 0.6
 
 
-def test_a_step_that_blows_up_is_not_a_distance(rival: bench.Rival) -> None:
+def test_a_step_that_blows_up_is_not_a_distance(rival: Rival) -> None:
     distance = rival.run(3, 1.0, 0.2)
     assert np.isnan(distance) or abs(distance - rival.run(3, 1.0, 1e-3)) > 0.01
 
 
-def test_speed_is_positive(rival: bench.Rival) -> None:
+def test_speed_is_positive(rival: Rival) -> None:
     assert rival.real_time_factor(3, 5e-3, 0.1) > 0.0
 
 
@@ -138,8 +227,7 @@ class TestMuJoCo:
     @staticmethod
     def model(segments: int, per_tree: int = 6):
         import mujoco
-
-        from scenes.bench.mujoco_model import Settings, mjcf
+        from mujoco_model import Settings, mjcf
 
         return mujoco.MjModel.from_xml_string(mjcf(Task.of(segments), 2e-3, Settings(per_tree=per_tree)))
 
@@ -150,8 +238,8 @@ class TestMuJoCo:
         assert model.ntree == -(-7 // per_tree)
 
     def test_cut_into_trees_it_crawls_as_far(self) -> None:
-        from scenes.bench.mujoco_model import Settings
-        from scenes.bench.mujoco_worm import MuJoCoWorm
+        from mujoco_model import Settings
+        from mujoco_worm import MuJoCoWorm
 
         whole, cut = (MuJoCoWorm(Settings(per_tree=n)).run(6, 4.0, 2e-3) for n in (6, 2))
         assert_allclose(cut, whole, rtol=0.02)
@@ -187,7 +275,7 @@ class TestPyElastica:
         pytest.importorskip("elastica", reason="pyelastica is not installed; it comes with the extra 'bench'")
 
     def test_mass_and_stiffness_are_the_worms(self) -> None:
-        from scenes.bench.pyelastica_worm import _rod
+        from pyelastica_worm import _rod
 
         task = Task.of(4)
         rod = _rod(task)
@@ -196,7 +284,7 @@ class TestPyElastica:
         assert_allclose(rod.radius, 0.05)
 
     def test_damping_is_an_implicit_step_of_the_relative_rates(self) -> None:
-        from scenes.bench.pyelastica_worm import _damp_joints, _damp_stretch
+        from pyelastica_worm import _damp_joints, _damp_stretch
 
         rng = np.random.default_rng(1)
         n, mass, damping = 5, rng.uniform(0.5, 2.0, 6), rng.uniform(0.1, 3.0, 5)

@@ -15,6 +15,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 
+from scenes.bench.plant_measures import relative_error
+
 REFERENCE_RUNGS = 3
 """Halvings from a step to its reference: dt/8."""
 QUARTERS = 4
@@ -81,11 +83,6 @@ class Ladder:
         """Return whether all steps from `rung` on agree with the last one."""
         others = self.distances[rung:-1]
         return bool(others) and all(relative_error(d, self.distances[-1]) <= tolerance for d in others)
-
-
-def relative_error(distance: float, reference: float) -> float:
-    """Return |distance - reference|/|reference|; NaN if either run failed."""
-    return abs(distance - reference) / abs(reference) if reference else float("nan")
 
 
 def largest_step(distance: Callable[[float], float], *, coarsest: float, tolerance: float, seconds: float) -> Step:

@@ -1,13 +1,13 @@
 """PyElastica on the task: a Cosserat rod with one element a segment and commanded rest lengths.
 
-Stiffness (R1), per element of rest length l0 or per joint, from the worm's: EA = k, EI and GJ = joint stiffness x l0;
+Stiffness (PE1), per element of rest length l0 or per joint, from the worm's: EA = k, EI and GJ = joint stiffness x l0;
 shear as stiff as stretch, since the rod cannot be unshearable. Inertia about the element's own axes is that of the
 apexes. Contraction c shortens the rest length to l0 (1 - c), and (P7) stiffens with it; since the rod divides its
 stress by the stretch e,
 
     n = S (e - (1 - c))/e   with S = k/(1 - c)   has the worm's tangent stiffness k/(1 - c)^2 at e = 1 - c.
 
-Damping (R2): PyElastica's dampers act on velocities, like a viscous medium. Kelvin-Voigt damping of stretch, bending
+Damping (PE2): PyElastica's dampers act on velocities, like a viscous medium. Kelvin-Voigt damping of stretch, bending
 and twist enters through its interface for dampers, implicitly, so that it does not limit the step: with the
 relative rates s = D v of neighbours and the damping coefficients C,
 
@@ -22,10 +22,9 @@ from typing import Any
 
 import elastica
 import numpy as np
+from rivals import Rival, Task
 from scipy.signal import lfilter
 
-from scenes.bench.rivals import SEARCH_SECONDS, Searching
-from scenes.bench.task import Task
 from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
 
@@ -40,7 +39,7 @@ class Simulation(elastica.BaseSystemCollection, elastica.Forcing, elastica.Conta
 
 
 class Contraction(elastica.NoForces):
-    """Sets the rest lengths of the elements, (R1).
+    """Sets the rest lengths of the elements, (PE1).
 
     Parameters
     ----------
@@ -61,7 +60,7 @@ class Contraction(elastica.NoForces):
 
 
 class KelvinVoigt(elastica.DamperBase):
-    """Damps the rates of stretch, bending and twist, (R2).
+    """Damps the rates of stretch, bending and twist, (PE2).
 
     Parameters
     ----------
@@ -85,14 +84,8 @@ class KelvinVoigt(elastica.DamperBase):
         _damp_joints(system.omega_collection, system.inv_mass_second_moment_of_inertia, self.dt * self.joints)
 
 
-class PyElasticaWorm(Searching):
-    """The worm in PyElastica.
-
-    Parameters
-    ----------
-    seconds : float
-        Wall clock that the search for a step may take.
-    """
+class PyElasticaWorm(Rival):
+    """The worm in PyElastica."""
 
     name = f"PyElastica {version('pyelastica')}"
     cannot = (
@@ -103,9 +96,6 @@ class PyElasticaWorm(Searching):
         "exact sticking: friction is static below 0.3 mm/s and blends into kinetic up to twice that",
         "Kelvin-Voigt damping and actuator lag of its own: both are added from outside",
     )
-
-    def __init__(self, seconds: float = SEARCH_SECONDS) -> None:
-        super().__init__(seconds)
 
     def settings(self, segments: int) -> str:
         """Return the configuration it runs in, in words."""
@@ -164,7 +154,7 @@ def _stand(simulation: Simulation, rod: Any, ground: Any, task: Task) -> None:
 
 
 def _rod(task: Task) -> Any:
-    """Return the rod at rest on the ground, (R1); its axes are u (up), -d (to the right) and t."""
+    """Return the rod at rest on the ground, (PE1); its axes are u (up), -d (to the right) and t."""
     worm, h = task.worm, float(np.asarray(task.worm.half_height)[0])
     section = np.pi * h**2
     k = np.asarray(worm.k_spring)
@@ -206,7 +196,7 @@ def _lagged(task: Task, dt: float, steps: int) -> FloatArray:
 
 @njit
 def _command(rest_strain: FloatArray, stiffness: FloatArray, contraction: FloatArray, k: FloatArray) -> None:
-    """Set the rest strain and the stiffness of stretch of each element, (R1)."""
+    """Set the rest strain and the stiffness of stretch of each element, (PE1)."""
     for i in range(len(contraction)):
         rest_strain[2, i] = -contraction[i]
         stiffness[2, 2, i] = k[i] / (1.0 - contraction[i])
@@ -226,7 +216,7 @@ def _solve(below: FloatArray, diagonal: FloatArray, right: FloatArray) -> None:
 
 @njit
 def _damp_stretch(velocity: FloatArray, tangents: FloatArray, mass: FloatArray, damping: FloatArray) -> None:
-    """Apply (R2) along the elements; `damping` is dt C, shape (N,) [N s^2/m]."""
+    """Apply (PE2) along the elements; `damping` is dt C, shape (N,) [N s^2/m]."""
     n = len(damping)
     below, diagonal, impulse = np.zeros(n), np.empty(n), np.empty(n)
     for i in range(n):
@@ -245,7 +235,7 @@ def _damp_stretch(velocity: FloatArray, tangents: FloatArray, mass: FloatArray, 
 
 @njit
 def _damp_joints(omega: FloatArray, inverse_inertia: FloatArray, damping: FloatArray) -> None:
-    """Apply (R2) to the joints, axis by axis; `damping` is dt C, shape (3, N-1) [N m s^2]."""
+    """Apply (PE2) to the joints, axis by axis; `damping` is dt C, shape (3, N-1) [N m s^2]."""
     n = damping.shape[1]
     below, diagonal, impulse = np.empty(n), np.empty(n), np.empty(n)
     for a in range(3):

@@ -25,11 +25,10 @@ from typing import Any
 import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
+from mujoco_model import Settings, mjcf
+from rivals import SEARCH_SECONDS, Measured, Rival, Task, measure
+from step_search import NotConvergedError
 
-from scenes.bench.mujoco_model import Settings, mjcf
-from scenes.bench.rivals import SEARCH_SECONDS, Measured, Searching, measure
-from scenes.bench.search import NotConvergedError
-from scenes.bench.task import Task
 from worm3d.values.arrays import FloatArray
 
 STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -50,7 +49,7 @@ OTHERS: tuple[dict[str, Any], ...] = (
 """Changes to the fastest settings that were tried; the last is one tree, however long the worm."""
 
 
-class MuJoCoWorm(Searching):
+class MuJoCoWorm(Rival):
     """The worm in MuJoCo.
 
     Parameters

@@ -1,15 +1,23 @@
-"""What a person wants to know when a run has ended."""
+"""What a person at a terminal sees of a run, and does to it: its progress, Ctrl-C, and how it ended."""
 
 from __future__ import annotations
 
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from types import FrameType, TracebackType
 from typing import Any
 
-from scenes.commands.progress import counted
+import typer
+
 from scenes.models.base import Model
 from scenes.records.folder import VIEWER
-from scenes.records.record import Record
-from scenes.records.summary import Cell
+from scenes.records.record import Cell, Record
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 HEADLINES = (
     ("distance_m", "distance", "m"),
@@ -30,8 +38,79 @@ DOUBTS = {
 """Counts in the summary that must be 0, and what to say if one is not."""
 
 
+@contextmanager
+def progress(title: str, total: int, *, quiet: bool, what: str = "step") -> Iterator[Callable[[int], None]]:
+    """Give a function to call with the number of finished steps, or whatever; all goes to standard error."""
+    if quiet or not _bars():
+        if not quiet:
+            typer.echo(f"{title}: {counted(total, what)}", err=True)
+        yield lambda done: None
+        return
+    from rich.console import Console  # takes as long as a short run
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(title, total=total)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def counted(number: int, what: str) -> str:
+    """Return `1 step`, `2 steps`."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def busy(what: str, *, quiet: bool) -> AbstractContextManager[object]:
+    """Say on a terminal what takes a while; nothing elsewhere."""
+    if quiet or not _bars():
+        return nullcontext()
+    from rich.console import Console
+
+    return Console(stderr=True).status(what)
+
+
+def _bars() -> bool:
+    """Return whether bars can be drawn on standard error."""
+    return sys.stderr.isatty()
+
+
+class Interruption:
+    """While entered, the first SIGINT or SIGTERM only sets `requested`; after it the old behaviour is back.
+
+    Attributes
+    ----------
+    requested : bool
+        Whether the user wants the run to stop.
+    """
+
+    def __init__(self) -> None:
+        self.requested = False
+        self._previous: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> Interruption:
+        if threading.current_thread() is threading.main_thread():
+            self._previous = {s: signal.signal(s, self._note) for s in SIGNALS}
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._restore()
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self.requested = True
+        self._restore()
+
+    def _restore(self) -> None:
+        # An ignored SIGINT (a background job) would make the second Ctrl-C powerless.
+        for number, handler in self._previous.items():
+            ignored = number == signal.SIGINT and handler in (signal.SIG_IGN, None)
+            signal.signal(number, signal.default_int_handler if ignored else handler or signal.SIG_DFL)
+        self._previous = {}
+
+
 def ending(record: Record, model: Model[Any], folder: Path) -> str:
-    """Return the lines that end a run: the figures that matter, and where the files are."""
+    """Return the lines that end a run: the metrics that matter, and where the files are."""
     lines = model.table(record) if model.table else _figures(record, model)
     page = folder / VIEWER
     seen = (f"{'to look at':22}{page}",) if model.view is not None and page.is_file() else ()
@@ -56,15 +135,9 @@ def failed(record: Record) -> bool:
 
 def warnings(record: Record) -> list[str]:
     """Return what makes the figures of a run doubtful though it reached its end, its faults included."""
-    found = ((record.summary.figures.get(name), text) for name, text in DOUBTS.items())
+    found = ((record.summary.metrics.get(name), text) for name, text in DOUBTS.items())
     doubts = [text.format(counted(number, "step")) for number, text in found if isinstance(number, int) and number]
-    return [*doubts, *map(_fault, faults(record))]
-
-
-def faults(record: Record) -> list[dict[str, Cell]]:
-    """Return the faults of a run, each with `time_s`, `kind`, `what` and `advice`, as they came."""
-    found = record.summary.figures.get("faults")
-    return found if isinstance(found, list) else []
+    return [*doubts, *map(_fault, record.summary.faults)]
 
 
 def _fault(row: dict[str, Cell]) -> str:
@@ -79,7 +152,7 @@ def _figures(record: Record, model: Model[Any]) -> list[str]:
 
 def _uses(record: Record) -> list[str]:
     """Return a line that says which parts of the work, and so of the cost of transport, went where; none without."""
-    parts = {name: record.summary.figures.get(f"work_{name}_J") for name in USES}
+    parts = {name: record.summary.metrics.get(f"work_{name}_J") for name in USES}
     joules = {name: float(part) for name, part in parts.items() if isinstance(part, float | int)}
     work = sum(joules.values())
     if len(joules) < len(USES) or work <= 0.0:
@@ -93,8 +166,8 @@ def timing(record: Record) -> dict[str, float]:
 
 
 def _sentence(record: Record) -> str:
-    how = record.status if failed(record) else record.sentence
-    how += f", with {counted(len(faults(record)), 'fault')}" if faults(record) else ""
+    how, faults = record.status if failed(record) else record.sentence, record.summary.faults
+    how += f", with {counted(len(faults), 'fault')}" if faults else ""
     return f"{how} ({record.summary['duration_s']:g} s simulated, {_speed(record)})"
 
 

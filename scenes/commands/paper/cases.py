@@ -1,20 +1,33 @@
-"""The paper's nine cases on the corrected worm: in contact, with the paper's threshold friction, and clamped."""
+"""The paper's nine cases: the runs behind its Tables II and III, and the same on the corrected worm.
+
+The corrected worm makes them in contact with the ground, with the paper's threshold friction, and clamped.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from control import gaits
-from planar.linkage import Linkage, Run, simulate
+from planar import linkage, published
 from planar.linkage.simulate import Gait
-from scenes.commands.paper.tables import PERIODS
-from scenes.commands.paper.tables import keys as papers_cases
 from scenes.models.planar.linkage import cumulative_cost
 from scenes.models.planar.merit import Travel, cost_of_transport
+
+SEGMENTS = (3, 4, 5, 6, 7)
+"""Segment counts of Table II, at a period of 2 s."""
+
+PERIODS = (1.0, 2.0, 3.0, 4.0, 5.0)
+"""Wave periods of Table III [s], with six segments."""
+
+Key = tuple[int, float]
+"""Number of segments, wave period [s]."""
+
+AMPLITUDE = 0.2
+"""Contraction of the corrected worm at activation 1."""
 
 Ground = Literal["anchored", "threshold", "clamped"]
 """In contact with set-valued friction, in contact with the paper's (P10), or clamped with (P9) and (P10)."""
@@ -25,11 +38,47 @@ NAMES: dict[Ground, str] = {
     "clamped": "clamped, (P9) and (P10)",
 }
 
-Key = tuple[int, float, Ground]
+GroundKey = tuple[int, float, Ground]
 """Number of segments, wave period [s], ground."""
 
-AMPLITUDE = 0.2
-"""Contraction at activation 1."""
+
+@dataclass(frozen=True)
+class Row:
+    """One row of the tables, as the published program counts."""
+
+    n: int
+    T_wave_s: float
+    reported_distance_m: float
+    work_J: float
+    total_cot_J_per_m: float
+    true_displacement_m: float
+    cumulative_cot_J_per_m: float
+
+
+def published_keys() -> list[Key]:
+    """Return the runs of both tables, each once, in the order of the tables."""
+    return list(dict.fromkeys([(n, 2.0) for n in SEGMENTS] + [(6, T) for T in PERIODS]))
+
+
+def published_run(key: Key) -> published.Run:
+    """Run the published program for one row."""
+    return published.simulate(n=key[0], T_wave=key[1])
+
+
+def published_rows(runs: Mapping[Key, published.Run]) -> list[Row]:
+    """Return the table rows of the runs."""
+    return [
+        Row(
+            n=n,
+            T_wave_s=T,
+            reported_distance_m=run.reported_distance,
+            work_J=run.work,
+            total_cot_J_per_m=run.total_cot,
+            true_displacement_m=run.true_displacement,
+            cumulative_cot_J_per_m=float(run.cumulative_cot[-1]),
+        )
+        for (n, T), run in runs.items()
+    ]
 
 
 @dataclass(frozen=True)
@@ -64,25 +113,21 @@ class CorrectedRow:
     halved_steps: int
     sentence: str
 
-    def as_dict(self) -> dict[str, float | str | None]:
-        """Return the row with its field names as keys."""
-        return asdict(self)
 
-
-def cases() -> list[Key]:
+def corrected_keys() -> list[GroundKey]:
     """Return the runs, each once: all nine in contact, those of six segments on every ground."""
     grounds: tuple[Ground, ...] = ("threshold", "clamped")
     return [
-        *((n, T, "anchored") for n, T in papers_cases()),
+        *((n, T, "anchored") for n, T in published_keys()),
         *((6, T, ground) for ground in grounds for T in PERIODS),
     ]
 
 
-def run(key: Key) -> Run:
+def corrected_run(key: GroundKey) -> linkage.Run:
     """Make one run: ten seconds of the paper's rectified wave, Table I's worm and friction."""
     n, T, ground = key
-    return simulate(
-        Linkage(segments=n),
+    return linkage.simulate(
+        linkage.Linkage(segments=n),
         wave(n, T),
         ground="clamped" if ground == "clamped" else "contact",
         friction_law="threshold" if ground == "threshold" else "anchored",
@@ -95,12 +140,12 @@ def wave(n: int, T: float, direction: gaits.Direction = "direct") -> Gait:
     return lambda t: pattern.amplitude * pattern.activation(t, n)
 
 
-def rows(runs: Mapping[Key, Run]) -> list[CorrectedRow]:
+def corrected_rows(runs: Mapping[GroundKey, linkage.Run]) -> list[CorrectedRow]:
     """Return what the runs have come to."""
     return [_row(key, each) for key, each in runs.items()]
 
 
-def _row(key: Key, result: Run) -> CorrectedRow:
+def _row(key: GroundKey, result: linkage.Run) -> CorrectedRow:
     n, T, ground = key
     worm, work = result.worm, result.work_contract
     travel = Travel.of(result.com, result.time, T)
@@ -137,12 +182,8 @@ class Overstatement:
     threshold_percent: float | None
     clamped_percent: float | None
 
-    def as_dict(self) -> dict[str, float | None]:
-        """Return the numbers with their field names as keys."""
-        return asdict(self)
 
-
-def overstatements(distance: Callable[[Key], float]) -> list[Overstatement]:
+def overstatements(distance: Callable[[GroundKey], float]) -> list[Overstatement]:
     """Compare the grounds for each period with six segments; `distance` gives that of a run [m]."""
 
     def percent(T: float, ground: Ground) -> float | None:

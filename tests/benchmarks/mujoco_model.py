@@ -1,12 +1,12 @@
 """The worm as a MuJoCo model (MJCF).
 
-A segment (M1) is two bodies at its end joints, coupled by a slide joint along its axis, and a foot at its middle.
+A segment (MJ1) is two bodies at its end joints, coupled by a slide joint along its axis, and a foot at its middle.
 Bodies of neighbouring segments are coupled by three hinges: pitch, yaw and twist, with the stiffness and damping of
 the worm's joints. A position actuator with a first-order lag commands the slide: force (k/l0) (l_cmd - l).
 Left out in MuJoCo's favour: the bend of the chambers (merged with the yaw of the joints), and contact of the upper and
 outward apexes and the end faces, which touch nothing here: 2 contacts a segment instead of 6.
 
-The foot (M2) carries the two lower apexes. It slides relative to the far end body along
+The foot (MJ2) carries the two lower apexes. It slides relative to the far end body along
 
     (-1/2, 0, s)   per metre of length,   s = (h(l0 (1 - A)) - h(l0))/(l0 A),   h(l) = sqrt(a^2 - l^2/4)
 
@@ -14,10 +14,10 @@ so that it stays at the middle of the segment and moves out as the segment short
 the amplitude A of the gait. An equality constraint ties it to the slide, so that the weight on the foot stretches the
 segment as it does in the linkage.
 
-A kinematic tree (M3) is rooted in the middle of the worm: the mass matrix couples each joint with all between it and
+A kinematic tree (MJ3) is rooted in the middle of the worm: the mass matrix couples each joint with all between it and
 the root, and factoring it costs the cube of their number. Long worms are cut into several trees, welded together.
 
-Contacts (M4) are springs in MuJoCo. Their impedance 1 - 0.0033 (6/N)^0.6 lets the resting worm sink in by 1e-4 (N up
+Contacts (MJ4) are springs in MuJoCo. Their impedance 1 - 0.0033 (6/N)^0.6 lets the resting worm sink in by 1e-4 (N up
 to 6) to 3e-4 (N = 200) of a segment's length; the bound of `worm3d` is 1e-4. Softness is a device of the method, not a
 property of the worm: MuJoCo's default is faster, but loses 3 % of the distance at N = 6 and 35 % at N = 20; ten times
 less than here adds 0.2 and 2 %.
@@ -31,13 +31,12 @@ from itertools import pairwise
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
-
-from scenes.bench.task import Task
+from rivals import Task
 
 TIP_RADIUS = 0.005
 """Of the spheres whose lowest points are the apexes [m]."""
 SOFTNESS = 0.0033
-"""Of the contacts of 6 segments, (M4)."""
+"""Of the contacts of 6 segments, (MJ4)."""
 TIE_SOFTNESS = 0.1
 """Of ties and welds, relative to that of the contacts; ten times less changes the distance by less than 0.5 %."""
 LEAST_INERTIA = 1e-3
@@ -117,7 +116,7 @@ def _touch(contact: Element, task: Task, i: int) -> None:
 
 
 def _softness(task: Task) -> float:
-    """Return how soft the contacts are, (M4)."""
+    """Return how soft the contacts are, (MJ4)."""
     softness: float = SOFTNESS * (6.0 / task.worm.segments) ** 0.6
     return softness
 
@@ -191,7 +190,7 @@ class _Tree:
         self._go_on(far, i + sign, forward=forward)
 
     def _foot(self, far: Element, i: int, sign: int) -> None:
-        """Add the lower apexes, (M2)."""
+        """Add the lower apexes, (MJ2)."""
         worm, s = self.task.worm, self._secant(i)
         b, h, mass = worm.chamber_offset, self._half_height(i), 2.0 * worm.apex_mass[i, 0]
         foot = SubElement(far, "body", pos=f"{-sign * worm.l0 / 2.0} 0 0")

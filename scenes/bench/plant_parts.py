@@ -1,0 +1,254 @@
+"""What the time of a step is spent on.
+
+The parts of a step run in compiled loops, over and over on the same data, so that they can be timed: their times are
+lower bounds. The rest of the measured step (caches gone cold, regimes that change, breakaways, iterations of a
+fallback) is "other".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from scenes.bench.plant_measures import DT, crawl, us_per_step
+from worm3d import Friction, Result
+from worm3d.constraints import held_mask
+from worm3d.machine.banded_lu import lu_factor, lu_solve
+from worm3d.machine.compiled import njit
+from worm3d.plant import Plant
+from worm3d.solver import arrays as a
+from worm3d.solver import fronts, ledger, regimes
+from worm3d.solver.advance import actuate
+from worm3d.solver.arrays import BLOCK, Core
+from worm3d.solver.block import Block, copy, matrix, vector
+from worm3d.solver.entry import reset
+from worm3d.solver.evaluate import LOCAL, NONE, WHOLE, evaluate, hold
+from worm3d.solver.newton import _newton_step
+from worm3d.solver.records import Records, record
+from worm3d.solver.step import _commit, begin, place_start
+from worm3d.values.arrays import FloatArray
+
+Loop = Callable[[int], None]
+
+BEFORE = 1.3
+"""Simulated time before the step whose parts are timed, when some contacts stick and some slide [s]."""
+ROUNDS = 7
+"""Number of rounds, in each of which everything is timed once; the fastest counts."""
+LOOP_S = 0.01
+"""Least duration of a timed loop [s]."""
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Parts of a step of the worm of N segments.
+
+    Attributes
+    ----------
+    segments : int
+    us_per_step : float
+        Measured [µs].
+    us : dict
+        By part [µs]; they and "other" add up to the step.
+    """
+
+    segments: int
+    us_per_step: float
+    us: dict[str, float]
+
+    @property
+    def fractions(self) -> dict[str, float]:
+        """Each part over the measured step."""
+        return {name: value / self.us_per_step for name, value in self.us.items()}
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How often an average step does what.
+
+    Attributes
+    ----------
+    solves : float
+        Newton from the start, and again after contacts broke away.
+    jacobians, residuals : float
+        Evaluations with and without a new Jacobian.
+    """
+
+    solves: float
+    jacobians: float
+    residuals: float
+
+    @classmethod
+    def of(cls, result: Result) -> Counts:
+        """Return the means of a run."""
+        means = (x.mean() for x in (result.breakaways, result.newton_iterations, result.gradient_evaluations))
+        breakaways, jacobians, residuals = map(float, means)
+        return cls(1.0 + breakaways, jacobians, residuals)
+
+
+def measure_shares(segments: int, duration: float) -> Shares:
+    """Measure a step and its parts in turns: a machine that is busy for a while then slows all of them down."""
+    step, counts = _MiddleOfStep(segments), Counts.of(crawl(segments, duration))
+    timed = step.loops()
+    for loop in timed.values():
+        step.us(loop)  # compiles it
+    us, whole = dict.fromkeys(timed, np.inf), np.inf
+    for _ in range(ROUNDS):
+        whole = min(whole, us_per_step(crawl(segments, duration)))
+        for name, loop in timed.items():
+            us[name] = min(us[name], step.us(loop))
+    parts = parts_of_step(us, counts)
+    return Shares(segments, whole, {**parts, "other": whole - sum(parts.values())})
+
+
+def parts_of_step(us: Mapping[str, float], counts: Counts) -> dict[str, float]:
+    """Return the time of each part in a step [µs]; a solve begins with a whole Jacobian, its others cost less.
+
+    Each of the others is assumed to exchange one contact in the middle of the body, which costs about least.
+    """
+    iterations, whole = counts.jacobians + counts.residuals, min(counts.solves, counts.jacobians)
+    exchanged = counts.jacobians - whole
+    return {
+        "kernels": whole * us["whole"] + exchanged * us["exchanged"] + counts.residuals * us["residual"],
+        "linear solver": whole * us["factorise"] + exchanged * us["refactorise"] + counts.residuals * us["solve"],
+        "contact regimes": iterations * us["ahead"] + us["expect"],
+        "start and end of a step": us["start"] + us["end"],
+        "ledger": us["ledger"],
+        "recording": us["record"],
+    }
+
+
+class _MiddleOfStep:
+    """A worm of so many segments in the middle of a step, on which loops can be timed."""
+
+    def __init__(self, segments: int) -> None:
+        result = crawl(segments, BEFORE)
+        worm, self.state = result.worm, result.state
+        mask = held_mask(None, segments, flat=worm.flat, clamped=False)
+        self.plant = Plant(worm, result.world, Friction(), result.gravity, mask)
+        self.core = self.plant.core
+        self.command = np.zeros(5 * segments)
+        self.records = Records(self.plant.memory_of_core, self.plant.clamped, 2)
+
+    def loops(self) -> dict[str, Loop]:
+        """Return what is timed, by name; each takes the number of passes."""
+        core, block = self.core, self.records.block
+        return {
+            "whole": lambda times: evaluate_loop(core, WHOLE, times),
+            "exchanged": lambda times: exchange_loop(core, times),
+            "residual": lambda times: evaluate_loop(core, NONE, times),
+            "factorise": lambda times: linear_loop(core, 0, times),
+            "refactorise": lambda times: linear_loop(core, BLOCK * (core.n // 2), times),
+            "solve": lambda times: linear_loop(core, -1, times),
+            "ahead": lambda times: ahead_loop(core, times),
+            "expect": lambda times: expect_loop(core, times),
+            "start": lambda times: start_loop(core, self.command, DT, times),
+            "end": lambda times: end_loop(core, times),
+            "ledger": lambda times: ledger_loop(core, times),
+            "record": lambda times: record_loop(core, block, times),
+        }
+
+    def us(self, loop: Loop) -> float:
+        """Return the time of one pass of a loop [µs]."""
+        self.plant.set_pose(self.state)
+        self.plant.remember(self.state.memory)
+        ready(self.core, DT)
+        times = 16
+        while (seconds := _seconds(loop, times)) < LOOP_S:
+            times *= 2
+        return 1e6 * seconds / times
+
+
+def _seconds(loop: Loop, times: int) -> float:
+    began = perf_counter()
+    loop(times)
+    return perf_counter() - began
+
+
+@njit
+def ready(core: Core, dt: float) -> None:
+    """Begin a step by BDF2, go as far as Newton's first direction, and keep the ledger of that."""
+    place_start(core)
+    begin(core, dt, True)
+    regimes.last(core)
+    _newton_step(core, WHOLE, False)
+    ledger.prepare(core)
+    ledger.add(core, vector(core.block, a.TERMS_))
+
+
+@njit
+def evaluate_loop(core: Core, hessian: int, times: int) -> None:
+    """Compute potential, gradient and perhaps band: the kernels."""
+    for _ in range(times):
+        evaluate(core, a.X, True, hessian)
+
+
+@njit
+def exchange_loop(core: Core, times: int) -> None:
+    """Compute the residual, and exchange what a contact in the middle of the body contributes to the band."""
+    for _ in range(times):
+        vector(core.block, a.CHANGED)[core.n // 2] = 1.0
+        evaluate(core, a.X, True, LOCAL)
+
+
+@njit
+def linear_loop(core: Core, first: int, times: int) -> None:
+    """Solve for the direction as Newton does, with factors that are made anew from this row on; -1: none is."""
+    factor, step = matrix(core.block, a.FACTOR), vector(core.block, a.DIRECTION)
+    for _ in range(times):
+        hold(core, first >= 0)
+        copy(step, vector(core.block, a.GRADIENT))
+        if first >= 0:
+            lu_factor(matrix(core.block, a.BAND), factor, first)
+        lu_solve(factor, step)
+
+
+@njit
+def ahead_loop(core: Core, times: int) -> None:
+    """Ask what contacts do next, in an iteration; the error is so large that nothing changes."""
+    for _ in range(times):
+        regimes.look_ahead(core, vector(core.block, a.DIRECTION), 1e9)
+        regimes.change(core, regimes.lands(core))
+
+
+@njit
+def expect_loop(core: Core, times: int) -> None:
+    """Take contacts for what is expected of them before the first iteration, and note what they have done."""
+    for _ in range(times):
+        regimes.last(core)
+        fronts.expect(core)
+        fronts.note(core)
+
+
+@njit
+def start_loop(core: Core, command: FloatArray, dt: float, times: int) -> None:
+    """Do everything before Newton."""
+    for _ in range(times):
+        actuate(core, command, dt)
+        place_start(core)
+        begin(core, dt, True)
+
+
+@njit
+def end_loop(core: Core, times: int) -> None:
+    """Renew histories, anchors and directors after the step."""
+    for _ in range(times):
+        _commit(core)
+
+
+@njit
+def ledger_loop(core: Core, times: int) -> None:
+    """Keep the energy ledger."""
+    for _ in range(times):
+        ledger.prepare(core)
+        ledger.add(core, vector(core.block, a.TERMS_))
+
+
+@njit
+def record_loop(core: Core, records: Block, times: int) -> None:
+    """Write a row of the result."""
+    for _ in range(times):
+        reset(core)
+        record(core, records, 1)

@@ -1,0 +1,86 @@
+"""What the program runs on: that our packages are ours, the versions of all, and the machine.
+
+The import name `control` is also that of python-control, and pip lays the two over one another without a
+word; then `import control` gets the other one, or a mixture.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from datetime import datetime
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from scenes.language.errors import SceneError
+
+LIBRARIES = ("numpy", "scipy", "casadi", "numba", "llvmlite", "pydantic", "h5netcdf", "h5py", "matplotlib")
+OURS = ("control", "planar", "worm3d")
+MARK = 'DISTRIBUTION = "worm3d"'
+"""Line of our `control` that the other one lacks."""
+HOME = Path(__file__).resolve().parents[2]
+
+
+def require_own_packages() -> None:
+    """Check, without importing them, that our import names lead to our packages.
+
+    Raises
+    ------
+    SceneError
+        Which file was found instead, and what to do.
+    """
+    for name in OURS:
+        found, own = _found(name), HOME / name / "__init__.py"
+        if found != own or (name == "control" and MARK not in own.read_text(encoding="utf-8")):
+            raise SceneError(
+                f"the import name '{name}' leads to {found or 'nothing'}, which is not worm3d's package; "
+                f"run 'pip uninstall {name}' (or take its folder off PYTHONPATH), then install worm3d again"
+            )
+
+
+def versions() -> dict[str, str]:
+    """Return the version of worm3d, of Python and of the libraries that results depend on."""
+    packages = {name: metadata.version(name) for name in ("worm3d", *LIBRARIES)}
+    return {"python": platform.python_version(), **packages}
+
+
+def machine() -> dict[str, Any]:
+    """Return processor, cores, system, date and versions, without the machine's name or any path."""
+    return {
+        "cpu": cpu_name(),
+        "cores": os.cpu_count() or 1,
+        "system": f"{platform.system()} {platform.machine()}",
+        "date": f"{datetime.now().astimezone():%Y-%m-%d %H:%M %z}",
+        "versions": versions(),
+    }
+
+
+def cpu_name(listing: Path = Path("/proc/cpuinfo")) -> str:
+    """Return the processor's name, as far as the system tells."""
+    with suppress(OSError):
+        for line in listing.read_text().splitlines():
+            key, _, value = line.partition(":")
+            if key.strip() == "model name":
+                return value.strip()
+    return platform.processor() or platform.machine()
+
+
+def info_lines() -> Iterator[str]:
+    """Yield the lines of `worm3d info`."""
+    found = versions()
+    yield f"worm3d {found.pop('worm3d')}"
+    yield f"python {found.pop('python')} at {sys.executable}"
+    yield f"platform {platform.platform()}"
+    yield "libraries " + ", ".join(f"{name} {version}" for name, version in found.items())
+    for name in ("scenes", *OURS):
+        yield f"package {name} at {_found(name) or 'nowhere'}"
+
+
+def _found(name: str) -> Path | None:
+    spec = find_spec(name)
+    return Path(spec.origin).resolve() if spec and spec.origin else None

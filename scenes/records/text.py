@@ -1,0 +1,71 @@
+"""Reports as text: tables for terminals and Markdown, and JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+Cells = tuple[str, ...]
+
+
+class Column(NamedTuple):
+    """How an attribute of a row is written.
+
+    Attributes
+    ----------
+    attribute : str
+    form : str
+        Format, as after the colon in an f-string.
+    scale : float
+        Factor of the value.
+    none : str
+        What stands for None and NaN.
+    """
+
+    attribute: str
+    form: str = ""
+    scale: float = 1.0
+    none: str = ""
+
+    def cell(self, row: object) -> str:
+        """Return the attribute of a row as text."""
+        value = getattr(row, self.attribute)
+        if value is None or (isinstance(value, float) and math.isnan(value)):
+            return self.none
+        return format(value if self.scale == 1.0 else self.scale * value, self.form)
+
+
+def table(columns: Mapping[str, Column], rows: Iterable[object]) -> tuple[Cells, list[Cells]]:
+    """Return the header and the rows of a table; `columns` by title."""
+    return tuple(columns), [tuple(column.cell(row) for column in columns.values()) for row in rows]
+
+
+def aligned(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    """Yield the lines of a table for a terminal."""
+    body = list(rows)
+    widths = [max(map(len, column)) for column in zip(header, *body, strict=True)]
+    for cells in (header, *body):
+        yield "  ".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True)).rstrip()
+
+
+def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    """Yield the lines of a table in Markdown."""
+    yield "| " + " | ".join(header) + " |"
+    yield "|---" * len(header) + "|"
+    yield from ("| " + " | ".join(cells) + " |" for cells in rows)
+
+
+def json_bytes(content: Any, indent: int = 2) -> bytes:
+    """Return content as the bytes of a JSON file; numbers that are not finite become null."""
+    text = json.dumps(_without_nan(content), indent=indent, ensure_ascii=False, allow_nan=False)
+    return f"{text}\n".encode()
+
+
+def _without_nan(content: Any) -> Any:
+    if isinstance(content, Mapping):
+        return {key: _without_nan(item) for key, item in content.items()}
+    if isinstance(content, list | tuple):
+        return [_without_nan(item) for item in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
