@@ -17,6 +17,7 @@ from worm3d.physics.actuators import Actuator, FirstOrder
 from worm3d.physics.friction import ContactConstants, Friction
 from worm3d.physics.friction_laws import Coulomb, FrictionLaw
 from worm3d.physics.kernels import actuator, joint, node, point, segment
+from worm3d.physics.kernels.layout import once
 from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
 from worm3d.solver.entry import SIGNATURE
@@ -72,7 +73,7 @@ def kernels(
     return {name: kernel for name, kernel in made.items() if kernel is not None}
 
 
-@actuator.once
+@once
 def _kernel(name: str, *part: type) -> Kernel | None:
     row = arrays.KERNELS[name]
     function = None if row.make is None else row.make(*part)

@@ -130,7 +130,7 @@ def _set(home: ModuleType, name: str, value: float) -> None:
     from worm3d import plant
     from worm3d.physics.kernels import point
 
-    for made in (plant._kernels, point.contact_of, point._force):
+    for made in (plant._kernel, point.contact_of, point._force):
         made.cache_clear()  # type: ignore[attr-defined]
 
 
@@ -145,8 +145,9 @@ def measured(seconds: float) -> str:
         problem: Any = problem_of(load_scene(name, [f"run.duration_s={seconds}"]).settings)
         fields = "worm world ground actuation duration dt integrator gravity external_force state held"
         run = worm3d.simulate(**{each: getattr(problem, each) for each in fields.split()})
-        cells.append(f"{run.newton_iterations.mean():.2f}{'' if run.status.name == 'DONE' else '!'}")
-        evaluations.append((run.newton_iterations + run.gradient_evaluations).mean())
+        done = run.status is worm3d.Status.DONE
+        cells.append(f"{run.newton_iterations.mean():.2f}" if done else "!")
+        evaluations.extend([(run.newton_iterations + run.gradient_evaluations).mean()] if done else [])
         fallbacks += int(run.fallbacks.sum())
         distances.append(run.distance)
     moved = " ".join(f"{each:.5f}" for each in distances)

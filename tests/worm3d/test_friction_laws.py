@@ -30,7 +30,7 @@ class Sticky(FrictionLaw):  # without a name: the laws of this file are none tha
 
     @staticmethod
     def capacity(load: ca.SX, p: Any) -> ca.SX:
-        return load + p.adhesion * load / ca.sqrt(load**2 + p.full**2)
+        return load + p["adhesion"] * load / ca.sqrt(load**2 + p["full"] ** 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,16 +43,11 @@ class Thinning(FrictionLaw):
 
     @staticmethod
     def capacity(load: ca.SX, p: Any) -> ca.SX:
-        return Sticky.capacity(load, Given(adhesion=p.adhesion, full=p.adhesion))
+        return Sticky.capacity(load, {"adhesion": p["adhesion"], "full": p["adhesion"]})
 
     @staticmethod
     def excess(rate: ca.SX, p: Any) -> ca.SX:
-        return p.growth * (rate - p.speed * ca.log1p(rate / p.speed))
-
-
-class Given:
-    def __init__(self, **given: ca.SX) -> None:
-        vars(self).update(given)
+        return p["growth"] * (rate - p["speed"] * ca.log1p(rate / p["speed"]))
 
 
 LAWS_HERE = (Coulomb, Viscous, Sticky, Thinning)

@@ -13,10 +13,9 @@ that sticks holds up to static_ratio mu C(N). `worm3d/physics/README.md` derives
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -29,6 +28,9 @@ if TYPE_CHECKING:
     import casadi as ca
 
 Numbers = float | FloatArray
+
+Symbols = Mapping[str, Any]
+"""Parameters of a law, casadi.SX by name."""
 
 LAWS: dict[str, type[FrictionLaw]] = {}
 """Class of each law of friction, by its name."""
@@ -46,7 +48,7 @@ class FrictionLaw(ReadOnly):
 
     A subclass is a frozen dataclass found in `LAWS` under its `name`. Its fields are its parameters, declared by
     `worm3d.values.parameters.parameter` with each="segment", at most four. It overrides `capacity`, `excess` or both,
-    which receive the parameters as attributes of `p`.
+    which receive the parameters by name in `p`.
 
     Raises
     ------
@@ -75,9 +77,10 @@ class FrictionLaw(ReadOnly):
     def _check_functions(self) -> None:
         import casadi as ca  # loading it takes longer than all else that describes a worm
 
-        x, p = ca.SX.sym("x"), Symbols(type(self), ca.SX.sym("p", MAX_PARAMETERS))
+        x, rows = ca.SX.sym("x"), ca.SX.sym("p", MAX_PARAMETERS)
+        p = self.symbols(rows)
         functions = self.capacity(x, p), self.excess(x, p)
-        values = ca.Function("law", [x, p.rows], [*functions, *(ca.gradient(each, x) for each in functions)])
+        values = ca.Function("law", [x, rows], [*functions, *(ca.gradient(each, x) for each in functions)])
         for column in self.rows().T:
             capacity, excess, slope, rise = (float(each) for each in values(0.0, column))
             for what, value in (("capacity at 0", capacity), ("excess at 0", excess), ("slope of excess at 0", rise)):
@@ -111,6 +114,11 @@ class FrictionLaw(ReadOnly):
             row[:] = value
         return rows
 
+    @classmethod
+    def symbols(cls, rows: ca.SX) -> Symbols:
+        """Return the parameters by name, of their rows, shape (4,)."""
+        return {name: rows[k] for k, name in enumerate(parameters_of(cls))}
+
     @staticmethod
     def capacity(load: ca.SX, p: Symbols) -> ca.SX:
         """Return C of (C7) [N] for a normal load [N].
@@ -123,26 +131,6 @@ class FrictionLaw(ReadOnly):
     def excess(rate: ca.SX, p: Symbols) -> ca.SX:
         """Return Psi of (C8) [m/s] for a rate [m/s], which is never negative."""
         return 0.0 * rate
-
-
-class Symbols:
-    """Symbols of the parameters of a law, as attributes.
-
-    Parameters
-    ----------
-    law : type of FrictionLaw
-    rows : SX, shape (4,)
-    """
-
-    def __init__(self, law: type[FrictionLaw], rows: ca.SX) -> None:
-        self.rows = rows
-        for k, name in enumerate(parameters_of(law)):
-            setattr(self, name, rows[k])
-
-    if TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> ca.SX:
-            """Return a parameter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,15 +158,7 @@ class Viscous(FrictionLaw, name="viscous"):
     @staticmethod
     def excess(rate: ca.SX, p: Symbols) -> ca.SX:
         """Return viscosity w^2/2, whose slope in w is viscosity w."""
-        return 0.5 * p.viscosity * rate**2
-
-
-Made = TypeVar("Made")
-
-
-def made_once(make: Callable[[type[FrictionLaw]], Made]) -> Callable[[type[FrictionLaw]], Made]:
-    """Decorate a function of a law to be called once for each (mypy does not take a class for hashable)."""
-    return cast("Callable[[type[FrictionLaw]], Made]", cache(make))
+        return 0.5 * p["viscosity"] * rate**2
 
 
 def law_of(given: FrictionLaw | str | Mapping[str, Any]) -> FrictionLaw:

@@ -8,21 +8,16 @@ states and the energy, for actuators that have any.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import casadi as ca
 
 from worm3d.physics.actuators import Actuator, FirstOrder, Response
 from worm3d.physics.kernels import COMMANDS, inertia, joint, losses, segment
-from worm3d.physics.kernels.layout import Layout
+from worm3d.physics.kernels.layout import Layout, once
 from worm3d.values.parameters import parameters_of
 
 Kind = type[Actuator]
-F = TypeVar("F", bound=Callable[..., Any])
-
-once: Callable[[F], F] = cast(Any, cache)
-"""`functools.cache` for functions of a class, which mypy does not take for hashable."""
 
 PREFIX = "actuator_"
 """Before the names of the inputs, which could be those of a segment's otherwise."""

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from itertools import accumulate
+from typing import Any, TypeVar, cast
 
 import casadi as ca
 
 from worm3d.values.arrays import FloatArray
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+once: Callable[[F], F] = cast(Any, cache)
+"""`functools.cache` for functions of a class, which mypy does not take for hashable."""
 
 
 class Layout:

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import casadi as ca
 
 from worm3d.physics import contact
-from worm3d.physics.friction_laws import MAX_PARAMETERS, Coulomb, FrictionLaw, Symbols, made_once
+from worm3d.physics.friction_laws import MAX_PARAMETERS, Coulomb, FrictionLaw
 from worm3d.physics.kernels import inertia
-from worm3d.physics.kernels.layout import Layout
+from worm3d.physics.kernels.layout import Layout, once
 
 LAYOUT = Layout(
     {
@@ -95,13 +95,13 @@ class Contact(NamedTuple):
     """s - s* of (C3), shape (2,)."""
 
 
-@made_once
+@once
 def contact_of(law: Law) -> Contact:
     """Return the contact of a point under a law of friction."""
     s = LAYOUT.symbols
     touching = contact.pressing(s["distance"], s["carried"])
     pressed = penetration(touching)
-    step = contact.Step(s["r"], s["cap"], s["centre"], s["dt"], law, Symbols(law, s["law"]))
+    step = contact.Step(s["r"], s["cap"], s["centre"], s["dt"], law, law.symbols(s["law"]))
     slide = in_tangents(s["x"] - s["anchor"])
     of = contact.Coefficients(*(contact.Directions(*ca.vertsplit(s[name])) for name in ("mu", "hardness")))
     return Contact(pressed, touching, s["stiff"] * pressed, of, step, slide, slide - step.centre)
@@ -145,7 +145,7 @@ def stiffness(law: Law = Coulomb) -> ca.Function:
     return LAYOUT.function("point_stiffness", _force(law))
 
 
-@made_once
+@once
 def _force(law: Law) -> dict[str, ca.SX]:
     s, c = LAYOUT.symbols, contact_of(law)
     T = ca.horzcat(*_tangents())
