@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 Numbers = float | FloatArray
 
-Symbols = Mapping[str, Any]
-"""Parameters of a law, casadi.SX by name."""
+Symbols: TypeAlias = "Mapping[str, ca.SX]"
+"""Parameters of a law by name."""
 
 LAWS: dict[str, type[FrictionLaw]] = {}
 """Class of each law of friction, by its name."""
