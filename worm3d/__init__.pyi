@@ -3,6 +3,7 @@ from worm3d.command import Command as Command
 from worm3d.command import Commands as Commands
 from worm3d.constraints import Held as Held
 from worm3d.energy import Energy as Energy
+from worm3d.files import load as load
 from worm3d.live import Live as Live
 from worm3d.observation import Observation as Observation
 from worm3d.physics.actuators import ACTUATORS as ACTUATORS

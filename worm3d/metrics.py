@@ -113,8 +113,24 @@ def _window(result: Result) -> int | None:
     return window if 1 <= window < len(result.time) else None
 
 
-def summary(result: Result) -> dict[str, float | str | None]:
-    """Return the figures of merit of a run."""
+UNITS = {"_m_s": "m/s", "_deg": "deg", "_m": "m", "_s": "s", "_J": "J"}
+"""Unit of a metric by the ending of its name."""
+
+
+class Summary(dict[str, float | str | None]):
+    """Metrics by name; printed as a table with units."""
+
+    def __repr__(self) -> str:
+        rows = []
+        for name, value in self.items():
+            ending = next((ending for ending in UNITS if name.endswith(ending)), "")
+            shown = "-" if value is None else value if isinstance(value, str) else f"{value:.6g}"
+            rows.append((name.removesuffix(ending).replace("_", " "), shown, UNITS.get(ending, "")))
+        return "\n".join(f"{name:<34}{shown:>12} {unit}".rstrip() for name, shown, unit in rows)
+
+
+def summary(result: Result) -> Summary:
+    """Return the metrics of a run."""
     energy, made, window = result.energy, result.distance, _window(result)
     work, weight = float(energy.work_contract.sum()), result.worm.mass * float(np.linalg.norm(result.gravity))
     cost, uses, dragged = _cost(work, weight, made, result), energy.uses, float(energy.drag_loss.sum())
@@ -129,7 +145,7 @@ def summary(result: Result) -> dict[str, float | str | None]:
     turned = np.rad2deg(result.heading[-1] - result.heading[0])
     steps = len(result.newton_iterations)
     simulated = float(result.time[-1] - result.time[0])
-    return {
+    metrics: dict[str, float | str | None] = {
         "status": result.status.name.lower(),
         "duration_s": simulated,
         "distance_m": _known(made),
@@ -153,6 +169,7 @@ def summary(result: Result) -> dict[str, float | str | None]:
         **{f"cost_of_transport_{name}": _share(cost, joules, weight * made) for name, joules in uses.items()},
         "settling_m": result.settling,
     }
+    return Summary(metrics)
 
 
 def _cost(work: float, weight: float, way: float, result: Result) -> float | None:

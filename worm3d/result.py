@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from os import PathLike
+from typing import TYPE_CHECKING
 
 from worm3d import metrics, roll
 from worm3d.energy import Energy
-from worm3d.series import Recorded, Steps, documented
+from worm3d.series import Recorded, Steps, documented, variables_of
 from worm3d.state import State
 from worm3d.status import Status, Stop
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import brief, listed
+from worm3d.values.variable import AXES, Variable, write_csv
 from worm3d.worlds import World
+
+if TYPE_CHECKING:
+    import xarray
 
 HEADLINES = ("distance_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J", "cost_of_transport")
 """Figures of merit with which a result is printed."""
@@ -69,6 +76,68 @@ class Result(Recorded, Steps):
         """Displacement of the centre of mass along the initial heading, within the surface's tangent plane [m]."""
         return metrics.distance(self.com, self.joints[0], self.world)
 
+    def variables(self) -> Iterator[Variable]:
+        """Yield everything recorded as named arrays with dimensions and units: what files hold."""
+        for part in (self, self.energy):
+            yield from variables_of(part, "time")
+        yield from variables_of(self, "step", "")
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the result as a NetCDF4 file, whole or not at all; `worm3d.load` reads it, and so do xarray and others.
+
+        Worm and world are stored with it, as far as their classes are those of worm3d. Call it "….nc".
+
+        Raises
+        ------
+        OSError
+            The file cannot be written.
+        """
+        from worm3d.files import save
+
+        save(self, path)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return all variables as an xarray Dataset, with units as attributes.
+
+        Raises
+        ------
+        ImportError
+            xarray is not installed.
+        """
+        try:
+            import xarray
+        except ImportError as error:
+            raise ImportError("to_xarray: xarray is not installed; pip install 'worm3d[xarray]'") from error
+        variables = {
+            each.name: (each.dims, each.values, {"units": each.units, "long_name": each.long_name})
+            for each in self.variables()
+        }
+        coordinates = {"time": variables.pop("time"), "axis": ("axis", list(AXES))}
+        attributes = {"status": self.status.name.lower(), "sentence": self.stop.sentence}
+        return xarray.Dataset(variables, coordinates, attributes)
+
+    def to_csv(self, path: str | PathLike[str], series: Sequence[str] | None = None) -> None:
+        """Write series as text: a row for each recorded instant, a column for each number ("com_x_m").
+
+        Parameters
+        ----------
+        path : str or Path
+        series : sequence of str, optional
+            Names of series or terms of the energy ledger; all if left out. The time is always the first column.
+
+        Raises
+        ------
+        ValueError
+            A name of nothing that is recorded at every instant.
+        OSError
+            The file cannot be written.
+        """
+        timed = {each.name: each for each in self.variables() if each.dims[:1] == ("time",)}
+        names = list(timed) if series is None else list(dict.fromkeys(["time", *series]))
+        if unknown := [name for name in names if name not in timed]:
+            raise ValueError(f"series: got {', '.join(map(repr, unknown))}, must be among {', '.join(timed)}")
+        write_csv([timed[name] for name in names], path)
+
     def __repr__(self) -> str:
         worm, figures = self.worm, {**dict.fromkeys(HEADLINES), **self.summary()}
         merits = (f"{name} {figures[name]:.4g}" for name in HEADLINES if isinstance(figures[name], float))
@@ -90,10 +159,10 @@ class Result(Recorded, Steps):
         figures = (f"{name} = {figure:.6g}" for name, figure in self.summary().items() if isinstance(figure, float))
         return f"<p>{self.stop.sentence}: {', '.join(figures)}</p>{show(self)._repr_html_()}"
 
-    def summary(self) -> dict[str, float | str | None]:
-        """Return the figures of merit of the run; None where one has no value (`reasons`)."""
+    def summary(self) -> metrics.Summary:
+        """Return the metrics of the run by name, printed as a table; None where one has no value (`reasons`)."""
         return metrics.summary(self)
 
     def reasons(self) -> dict[str, str]:
-        """Return why figures of the summary have no value."""
+        """Return why metrics of the summary have no value."""
         return metrics.reasons(self)

@@ -68,8 +68,8 @@ class Run:
         self.dt, self.bdf2 = problem.dt, problem.integrator == "bdf2"
         self.every, self.steps = problem.record_every, problem.steps
         self.n, self.core = plant.n, plant.core
-        self.records = Records(plant.memory_of_core, plant.clamped, problem.rows)
-        self._now = Records(plant.memory_of_core, plant.clamped, 1)
+        self.records = Records(plant, problem.rows)
+        self._now = Records(plant, 1)
         self.counters = np.zeros((self.steps, len(COUNTERS)), dtype=np.int64)
         self.done, self.halved, self.last_share, self.wall = 0, 0, 1.0, 0.0
         self.complaint, self.residual, self.segment = "", 0.0, 0
@@ -272,7 +272,7 @@ class Run:
         row, between = divmod(self.done, self.every)
         if between:
             gather(self.core, self._now.block, 0)
-        series = self._now.arrays() if between else self.records.arrays(slice(row, row + 1))
+        series = self._now.fields(slice(1)) if between else self.records.fields(slice(row, row + 1))
         del series["energy"]
         return Recorded(worm=self.plant.worm, time=self.times(self.done, 1, 1), **series)
 
@@ -284,7 +284,7 @@ class Run:
     def result(self, status: Status) -> Result:
         """Return the run as far as it got."""
         rows, plant = self.done // self.every + 1, self.plant
-        series: dict[str, Any] = dict(self.records.arrays(slice(rows)))
+        series = self.records.fields(slice(rows))
         energy = Energy.of(series.pop("energy"))
         counters: dict[str, Any] = dict(zip(COUNTERS, self.counters[: self.done].T, strict=True))
         return Result(

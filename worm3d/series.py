@@ -7,7 +7,7 @@ with a `recorded` value, one that follows from others a method under `derived`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import count
@@ -34,8 +34,8 @@ class Rows:
     """Where a series stands in the solver: component by component in the rows of an array, from one row on."""
 
     array: str
-    row: str = ""
-    """Row of a kernel's input, by its name in the layout; the first row if empty."""
+    row: str | int = 0
+    """First row: its number, or its name in the layout of a kernel's inputs."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,8 @@ class Series:
         Where it stands instead for a worm on the clamped ground.
     order : int
         Its place among the variables of a file.
+    derived : bool
+        Whether it follows from others.
     """
 
     dims: tuple[str, ...]
@@ -83,6 +85,7 @@ class Series:
     source: Source | None = None
     clamped: Source | None = None
     order: int = 0
+    derived: bool = False
 
     def shape(self, segments: int) -> tuple[int, ...]:
         """Return its shape at one instant."""
@@ -128,7 +131,7 @@ def derived(dims: str, unit: str, meaning: str) -> Callable[[Callable[[Any], T]]
 
     def declare(method: Callable[[Any], T]) -> _Derived[T]:
         made = _Derived[T](lambda self: read_only(method(self)))
-        made.series = Series(tuple(dims.split()), unit, meaning, order=next(_declared))
+        made.series = Series(tuple(dims.split()), unit, meaning, order=next(_declared), derived=True)
         made.__doc__ = method.__doc__
         return made
 
@@ -143,11 +146,28 @@ def series_of(holder: type) -> dict[str, Series]:
     return dict(sorted(found.items(), key=lambda item: item[1].order))
 
 
-def variables_of(holder: Any) -> Iterator[Variable]:
-    """Yield the series of an instance as named arrays with units; None counts as NaN."""
+def states_of(worm: Worm) -> dict[str, Series]:
+    """Return the states of a worm's actuators as series, those of hinges with "hinge_" before their names."""
+    found = {}
+    for k, (name, unit) in enumerate(type(worm.actuator).states.items()):
+        meaning = f"{name} of the actuator of each chamber [left, right]"
+        found[name] = Series(("time", "segment", "chamber"), unit, meaning, Rows("actuator", 2 * k))
+    for k, (name, unit) in enumerate(type(worm.hinge_actuator).states.items()):
+        meaning = f"{name} of the actuator of each hinge"
+        found[f"hinge_{name}"] = Series(("time", "inner_joint"), unit, meaning, Rows("hinge_states", k))
+    return found
+
+
+def variables_of(holder: Any, *first: str) -> Iterator[Variable]:
+    """Yield the series of an instance whose first dimension is given, "" if they have none; None counts as NaN."""
     for name, series in series_of(type(holder)).items():
-        value = getattr(holder, name)
-        yield Variable(name, series.dims, np.nan if value is None else value, series.unit, series.meaning)
+        if "".join(series.dims[:1]) in first:
+            value = getattr(holder, name)
+            yield Variable(name, series.dims, np.nan if value is None else value, series.unit, series.meaning)
+    if isinstance(holder, Recorded) and "time" in first:
+        for name, series in states_of(holder.worm).items():
+            values = holder.actuator_states[name]
+            yield Variable(f"actuator_{name}", series.dims, values, series.unit, series.meaning)
 
 
 def documented(holder: type[T]) -> type[T]:
@@ -178,6 +198,8 @@ class Recorded(ReadOnly):
     """Series of a worm at T instants."""
 
     worm: Worm
+    actuator_states: Mapping[str, FloatArray]
+    """States of the actuators by name (`states_of`); those of chambers of shape (T, N, 2), of hinges (T, N-1)."""
     time: FloatArray = recorded("time", "s", "time")
     joints: FloatArray = recorded("time joint axis", "m", "joints, from tail to head", Rows("joints"))
     joint_velocity: FloatArray = recorded("time joint axis", "m/s", "velocity of the joints", Rows("joint_velocity"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from worm3d.observation import Observation
@@ -46,7 +47,7 @@ class View:
         return found
 
     def __dir__(self) -> list[str]:
-        return sorted({*SEEN, "observation", "result", "state", "step", "steps", "world", "worm"})
+        return sorted({*SEEN, "actuator_states", "observation", "result", "state", "step", "steps", "world", "worm"})
 
     def __repr__(self) -> str:
         return f"View of step {self.step} of {self.steps}: {', '.join(dir(self))}"
@@ -66,6 +67,11 @@ class View:
                 "observer returns; keep the arrays, not the view"
             )
         return self._run
+
+    @property
+    def actuator_states(self) -> Mapping[str, FloatArray]:
+        """States of the actuators by name; those of chambers of shape (N, 2), of hinges (N-1,)."""
+        return {name: array[0].copy() for name, array in self._recorded.actuator_states.items()}
 
     def state(self) -> State:
         """Return the state, with memory: a run from it goes on bit for bit."""

@@ -130,7 +130,7 @@ class _MiddleOfStep:
         self.plant = Plant(worm, result.world, Friction(), result.gravity, mask)
         self.core = self.plant.core
         self.command = np.zeros(5 * segments)
-        self.records = Records(self.plant.memory_of_core, self.plant.clamped, 2)
+        self.records = Records(self.plant, 2)
 
     def loops(self) -> dict[str, Loop]:
         """Return what is timed, by name; each takes the number of passes."""

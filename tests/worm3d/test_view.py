@@ -61,7 +61,7 @@ def test_the_view_is_read_only_and_of_its_instant() -> None:
         kept.append(view.com)
         with pytest.raises(ValueError, match="read-only"):
             view.joints[0, 0] = 1.0
-        with pytest.raises(AttributeError, match="a view of a run has no 'comm'; it has anchors, "):
+        with pytest.raises(AttributeError, match="a view of a run has no 'comm'; it has actuator_states, anchors, "):
             _ = view.comm
 
     result = worm3d.simulate(Worm(), Plane(), **GIVEN, observer=look, every=25)

@@ -9,7 +9,7 @@ them, and compiled code follows it. An entry of the plan is a block of numbers, 
 from __future__ import annotations
 
 from math import prod
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
@@ -19,12 +19,18 @@ from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as run
 from worm3d.machine.compiled import inner, njit
 from worm3d.machine.vectors import doubles_at
-from worm3d.series import Entries, Points, Recorded, Rows, Series, series_of
+from worm3d.series import Entries, Points, Recorded, Rows, Series, series_of, states_of
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import POINTS, Core, CoreMemory
 from worm3d.solver.block import Block, Memory, address, fill, integers, matrix, vector
 from worm3d.solver.entry import kernel
 from worm3d.values.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from worm3d.plant import Plant
+
+STATE = "actuator_"
+"""Before the names of the actuators' states."""
 
 PLAN, MOMENTA = 0, 1
 """Arrays of the block of records that are no series: the plan; momentum, angular momentum and centre of mass."""
@@ -51,19 +57,17 @@ class Records:
 
     Parameters
     ----------
-    memory : CoreMemory
-        Of the worm.
-    clamped : bool
-        Whether it is on the clamped ground.
+    plant : Plant
     rows : int
         Instants; `record` writes every number of a row.
     """
 
-    def __init__(self, memory: CoreMemory, clamped: bool, rows: int) -> None:
-        n, self._core = memory.core.n, memory  # its arrays are read as long as rows are written
+    def __init__(self, plant: Plant, rows: int) -> None:
+        memory = self._core = plant.memory_of_core  # its arrays are read as long as rows are written
         declared = {name: series for name, series in series_of(Recorded).items() if series.source is not None}
-        self._shapes = {name: series.shape(n) for name, series in declared.items()} | {"energy": (len(TERMS),)}
-        pieces = {name: _pieces(series, clamped, memory) for name, series in declared.items()}
+        declared |= {STATE + name: series for name, series in states_of(plant.worm).items()}
+        self._shapes = {name: series.shape(plant.n) for name, series in declared.items()} | {"energy": (len(TERMS),)}
+        pieces = {name: _pieces(series, plant.clamped, memory) for name, series in declared.items()}
         pieces["energy"] = [_Piece("terms", 0, (len(TERMS), 1, 1), (1, 0, 0))]
         sizes = [(sum(map(len, pieces.values())), ENTRY), (1, MOMENTUM_SIZE)]
         sizes += [(rows, prod(shape)) for shape in self._shapes.values()]
@@ -85,6 +89,16 @@ class Records:
         """Return rows of each series, and of the energy ledger, by name, not copies."""
         found = {name: array[rows] for name, array in self._memory.arrays().items() if name in self._shapes}
         return {name: array.reshape(len(array), *self._shapes[name]) for name, array in found.items()}
+
+    def fields(self, rows: slice) -> dict[str, Any]:
+        """Return rows of each series as fields of `Recorded`, and of the energy ledger."""
+        found, states = {}, {}
+        for name, array in self.arrays(rows).items():
+            if name.startswith(STATE):
+                states[name.removeprefix(STATE)] = array
+            else:
+                found[name] = array
+        return {**found, "actuator_states": states}
 
 
 def _pieces(series: Series, clamped: bool, memory: CoreMemory) -> list[_Piece]:
@@ -111,7 +125,7 @@ def _pieces(series: Series, clamped: bool, memory: CoreMemory) -> list[_Piece]:
 
 
 def _row(source: Rows) -> int:
-    return a.ARRAYS[source.array].first(source.row or 0)
+    return a.ARRAYS[source.array].first(source.row)
 
 
 @njit

@@ -1,0 +1,267 @@
+"""Results in files, both ways: `Result.save` and `worm3d.load`. What `worm3d run` writes is such a file too.
+
+A file has the series of a result as variables, its end as the group `checkpoint`, and worm, world and end of the run as
+text in the attribute `run` (plain values by name, arrays in the group `run`). Nothing is pickled.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from importlib.metadata import version
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.energy import Energy
+from worm3d.result import Result
+from worm3d.series import Recorded, Steps, series_of, states_of
+from worm3d.state import State
+from worm3d.status import Status, Stop
+from worm3d.values import arguments, netcdf
+from worm3d.values.netcdf import Content, FileError
+from worm3d.values.variable import Variable
+from worm3d.worm import Worm
+
+RESULT = "result.nc"
+"""Name of the file in a folder that `worm3d run` wrote."""
+
+RUN, CHECKPOINT = "run", "checkpoint"
+"""Groups: arrays of worm and world, and the state at the end."""
+
+STATE = {
+    "joints": "m",
+    "directors": "1",
+    "bend": "rad",
+    "joint_velocity": "m/s",
+    "roll_rate": "rad/s",
+    "bend_rate": "rad/s",
+    "contraction": "1",
+    "time": "s",
+}
+"""Fields of a state that are numbers, and their units."""
+
+FIELD, MEMORY = "state_", "memory_"
+"""What a checkpoint puts before the name of a state's field, and of an array of its memory."""
+
+IN_TEXT = 16
+"""Numbers that an array has at most to stand in the text; others are variables."""
+
+_MISSING = object()
+
+
+def save(result: Result, path: str | PathLike[str]) -> None:
+    """Write a result; see `Result.save`."""
+    arguments.instance("path", path, str | PathLike, "the path of a file")
+    text, arrays = described(result)
+    summary = {"status": "done", **result.summary()}
+    content = Content(
+        {
+            "name": "result",
+            "model": "python",
+            "scene": "",
+            "status": result.status.name.lower(),
+            "sentence": result.stop.sentence,
+            "seed": 0,
+            "versions": json.dumps({"worm3d": version("worm3d")}),
+            "summary": json.dumps({**summary, "reasons": result.reasons()}),
+            "run": text,
+        },
+        {
+            netcdf.ROOT: tuple(result.variables()),
+            netcdf.TIMING: (Variable("wall_s", (), result.wall_s, "s", "wall time of the simulation"),),
+            CHECKPOINT: checkpoint_of(result.state),
+            RUN: arrays,
+        },
+    )
+    netcdf.write_whole(Path(path), netcdf.packed(netcdf.signed(content)))
+
+
+def load(path: str | PathLike[str], *, worm: Worm | None = None, world: Any = _MISSING) -> Result:
+    """Return the result that `Result.save` or `worm3d run` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, or a folder with a `result.nc`.
+    worm, world : Worm, World, optional
+        Those of the run, where the file could not hold them: classes of one's own.
+
+    Returns
+    -------
+    Result
+        With the same numbers. A run from its state goes on bit for bit, if the file has the whole state (that of a
+        closed loop has its pose and velocities: what the controller knew is not in it).
+
+    Raises
+    ------
+    FileNotFoundError, OSError
+        No such file, or it cannot be read.
+    ValueError
+        It is no result, is damaged, was made by a version that did not store the worm, or lacks the worm or world.
+    """
+    arguments.instance("path", path, str | PathLike, "the path of a file")
+    file = Path(path) / RESULT if Path(path).is_dir() else Path(path)
+    content, name = netcdf.load(file), str(file)
+    content.require_digest(name)
+    if "run" not in content.attributes:
+        raise FileError(
+            f"{name}: does not say which worm it is of: made by an earlier version of worm3d, or not by the 3D worm; "
+            "run it again"
+        )
+    try:
+        return _result(content, worm, world)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise FileError(f"{name}: made by another version of worm3d: {type(error).__name__}: {error}") from error
+    except ValueError as error:
+        raise FileError(f"{name}: {error}") from error
+
+
+def _result(content: Content, worm: Worm | None, world: Any) -> Result:
+    run = json.loads(content.attributes["run"])
+    arrays = [variable.values for variable in content.groups.get(RUN, ())]
+    values = {variable.name: variable.values for variable in content.groups[netcdf.ROOT]}
+    timing = {variable.name: variable.values for variable in content.groups[netcdf.TIMING]}
+    found: Worm = restored("worm", run["worm"], arrays) if worm is None else worm
+    names = [name for name, series in (series_of(Recorded) | series_of(Steps)).items() if not series.derived]
+    given: dict[str, Any] = {name: values[name] for name in names}
+    settling = float(given.pop("settling"))
+    return Result(
+        **{**given, "halved_steps": int(given["halved_steps"])},
+        worm=found,
+        world=restored("world", run["world"], arrays) if world is _MISSING else world,
+        gravity=restored("gravity", run["gravity"], arrays),
+        dt=run["dt"],
+        period=run["period"],
+        settling=None if np.isnan(settling) else settling,
+        actuator_states={name: values[f"actuator_{name}"] for name in states_of(found)},
+        energy=Energy(**{each.name: values[each.name] for each in fields(Energy)}),
+        state=_state(content.groups.get(CHECKPOINT, ()), given, run["laid"]),
+        stop=Stop(**{**run["stop"], "status": Status[run["stop"]["status"]]}),
+        wall_s=float(timing["wall_s"]),
+    )
+
+
+def described(result: Result) -> tuple[str, tuple[Variable, ...]]:
+    """Return worm, world and end of a run as text, and the arrays of these."""
+    arrays: list[NDArray[Any]] = []
+    stop = {each.name: getattr(result.stop, each.name) for each in fields(Stop)}
+    said = {
+        "worm": plain(result.worm, arrays),
+        "world": plain(result.world, arrays),
+        "gravity": plain(result.gravity, arrays),
+        "dt": result.dt,
+        "period": result.period,
+        "laid": result.state.laid,
+        "stop": {**stop, "status": result.status.name},
+    }
+    variables = (
+        Variable(f"array_{k}", _sizes(array, f"array_{k}"), array, "SI", "of the worm or its world")
+        for k, array in enumerate(arrays)
+    )
+    return json.dumps(said), tuple(variables)
+
+
+def _sizes(array: NDArray[Any], name: str) -> tuple[str, ...]:
+    return tuple(f"{name}_{axis}" for axis in range(np.ndim(array)))
+
+
+def checkpoint_of(state: State) -> tuple[Variable, ...]:
+    """Return a state with its memory as variables."""
+    arrays = {FIELD + name: (getattr(state, name), unit, f"{name} at the end") for name, unit in STATE.items()}
+    for name, array in state.memory.items():
+        arrays[MEMORY + name] = (array, "SI", f"what the next step depends on: {name}, in the solver's layout")
+    return tuple(
+        Variable(name, tuple(f"size_{n}" for n in np.shape(array)), array, unit, meaning)
+        for name, (array, unit, meaning) in arrays.items()
+    )
+
+
+def state_of(checkpoint: tuple[Variable, ...], laid: bool = False) -> State:
+    """Return the state of a checkpoint."""
+    values = {variable.name: variable.values for variable in checkpoint}
+    memory = {name.removeprefix(MEMORY): array for name, array in values.items() if name.startswith(MEMORY)}
+    given: dict[str, Any] = {name: values[FIELD + name] for name in STATE if FIELD + name in values}
+    return State(**{**given, "time": float(given["time"])}, memory=memory, laid=laid)
+
+
+def _state(checkpoint: tuple[Variable, ...], series: Mapping[str, NDArray[Any]], laid: bool) -> State:
+    """Return the state at the end of a run: from its checkpoint, or its last row."""
+    if checkpoint:
+        return state_of(checkpoint, laid)
+    last = {name: series[name][-1] for name in ("joints", "directors", "bend", "joint_velocity", "contraction")}
+    return State(**last, time=float(series["time"][-1]))
+
+
+def plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
+    """Return a value as JSON can hold it; larger arrays are appended to `arrays`."""
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        if value.size <= IN_TEXT:
+            return {"array": value.tolist(), "type": value.dtype.str}
+        arrays.append(value.astype(np.uint8) if value.dtype == bool else value)
+        return {"array": len(arrays) - 1, "type": value.dtype.str}
+    if isinstance(value, PathLike):
+        return fspath(value)
+    if isinstance(value, tuple | list):
+        return [plain(each, arrays) for each in value]
+    if is_dataclass(value) and (name := _name_of(type(value))):
+        return {"class": name, **{each.name: plain(getattr(value, each.name), arrays) for each in fields(value)}}
+    return {"unknown": type(value).__qualname__}
+
+
+def _name_of(kind: type) -> str:
+    """Return the name under which a class of worm3d is found again; empty for any other."""
+    import worm3d
+
+    if getattr(worm3d, kind.__name__, None) is kind:
+        return str(kind.__name__)
+    return f"{kind.__module__}:{kind.__qualname__}" if kind.__module__.startswith("worm3d.") else ""
+
+
+def restored(name: str, said: Any, arrays: list[NDArray[Any]]) -> Any:
+    """Return the value of which `plain` made `said`; lists come back as tuples, paths as text.
+
+    Raises
+    ------
+    ValueError
+        It was of a class that is not worm3d's; `name` says what it is.
+    """
+    if isinstance(said, list):
+        return tuple(restored(name, each, arrays) for each in said)
+    if not isinstance(said, dict):
+        return said
+    if "unknown" in said:
+        raise ValueError(
+            f"its {name} has a part of the class {said['unknown']}, which a file cannot hold: give it, "
+            f"worm3d.load(path, {name}=...)"
+        )
+    if "array" in said:
+        held = arrays[said["array"]] if isinstance(said["array"], int) else np.array(said["array"])
+        return np.array(held, dtype=said["type"])
+    kind = _class_of(said["class"])
+    given = {each.name: restored(name, said[each.name], arrays) for each in fields(kind)}
+    if all(each.init for each in fields(kind)):
+        return kind(**given)
+    made = object.__new__(kind)  # a field that was computed, as a mesh's grid, is not computed again
+    cast(Any, made).__setstate__(given)
+    return made
+
+
+def _class_of(name: str) -> Any:
+    """Return the dataclass that `_name_of` has named."""
+    module, _, qualname = name.rpartition(":")
+    if module and not module.startswith("worm3d."):
+        raise ValueError(f"has a part of the class {name}, which is none of worm3d")
+    kind = getattr(importlib.import_module(module or "worm3d"), qualname)
+    if not (isinstance(kind, type) and is_dataclass(kind)):
+        raise ValueError(f"has a part of the class {name}, which is no part of a worm or world")
+    return kind

@@ -1,0 +1,272 @@
+"""Files of named arrays: one NetCDF4 file per run, for planar and 3D worms alike, however it was started.
+
+Variables stand in the root group with named dimensions, `units` and `long_name`; further groups hold wall-clock figures
+and that from which a run can go on. Nothing is compressed: it would take six times as long to write; nor chunked, so
+that HDF5's own checksums (fletcher32) do not apply.
+
+Damage is noticed by two digests. One of the file's bytes follows the HDF5 data, where every program that reads HDF5
+ignores it; it is checked before anything else reads the file, since a few wrong bytes can make the HDF5 library loop
+for ever, ask for all memory or crash. The other, the attribute `digest`, is one of what the file says: it tells what
+another program changed when it wrote the file anew, and holds where that changed nothing.
+
+A file whose bytes have no digest was not written by this program as it is. A process with little time and memory reads
+it first and hands it on as worm3d writes it: `python -m worm3d.values.netcdf FILE NAME`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import secrets
+import subprocess
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import h5netcdf
+import numpy as np
+
+from worm3d.values.memory import MOST_MEMORY
+from worm3d.values.variable import Variable
+
+FORMAT = "worm3d result 2"
+"""Value of the attribute `format` by which worm3d knows its files."""
+
+SAID = ("name", "model", "scene", "status", "sentence", "seed", "versions", "summary", "run")
+"""Attributes that the attribute `digest` is of, as far as a file has them."""
+IN_JSON = ("versions", "summary", "run")
+"""Those of them that are JSON."""
+ROOT, TIMING = "", "timing"
+"""Groups that every file has."""
+GROUPS = (ROOT, TIMING, "checkpoint")
+"""Groups that the digest is of even if they are empty; in this order, before the others."""
+
+SEAL, SEAL_END = b"\nworm3d sha256 ", b"\n"
+"""Bytes before and after the digest at the end of a file."""
+SEAL_LENGTH = len(SEAL) + 64 + len(SEAL_END)
+
+PATIENCE = 60
+"""Longest time to read a file that another program wrote [s]."""
+MEMORY = 3 * int(MOST_MEMORY)
+"""Memory of the process that reads it: a run's arrays, another copy of them, and programs [byte]."""
+REFUSED = 2
+"""Exit code of that process where it has said why."""
+
+
+class FileError(ValueError):
+    """A file is not a result, is damaged, or does not say what worm3d wrote."""
+
+
+@dataclass(frozen=True, eq=False)
+class Content:
+    """What a file says.
+
+    Attributes
+    ----------
+    attributes : mapping of str
+        Texts and whole numbers.
+    groups : mapping of str to tuple of Variable
+        Variables of each group, `ROOT` for those outside of any.
+    """
+
+    attributes: Mapping[str, Any]
+    groups: Mapping[str, tuple[Variable, ...]]
+
+    @property
+    def digest(self) -> str:
+        """Digest of all that it says, however it is stored."""
+        said = {name: self.attributes[name] for name in SAID if name in self.attributes}
+        said = {name: json.loads(value) if name in IN_JSON else value for name, value in said.items()}
+        said = {"kind" if name == "model" else name: value for name, value in said.items()}  # its name in older files
+        said["seed"] = int(said["seed"])
+        digest = hashlib.sha256(_text(said))
+        for name in (*GROUPS, *sorted(self.groups.keys() - set(GROUPS))):
+            group = self.groups.get(name, ())
+            digest.update(_text({"variables": len(group)}))
+            for variable in sorted(group, key=lambda variable: variable.name):
+                _add(digest, variable)
+        return digest.hexdigest()
+
+    def require_digest(self, name: str) -> None:
+        """Raise FileError where it is not what its attributes `format` and `digest` are of; `name` is the file's."""
+        if self.attributes.get("format") != FORMAT:
+            raise FileError(f"{name}: not a result of worm3d (its attribute 'format' is not '{FORMAT}')")
+        try:
+            holds = self.digest == self.attributes.get("digest")
+        except (KeyError, ValueError, TypeError):
+            holds = False
+        if not holds:
+            raise FileError(
+                f"{name}: does not say what worm3d wrote (its attribute 'digest' is of something else): damaged, or "
+                "changed by another program; take the original, or run it again"
+            )
+
+
+def _text(said: Mapping[str, object]) -> bytes:
+    return json.dumps(said, sort_keys=True).encode()
+
+
+def _add(digest: hashlib._Hash, variable: Variable) -> None:
+    values = variable.values.astype(variable.values.dtype.newbyteorder("<"), copy=False)
+    said = {
+        "name": variable.name,
+        "dims": variable.dims,
+        "shape": values.shape,
+        "type": values.dtype.str,
+        "units": variable.units,
+        "long_name": variable.long_name,
+    }
+    digest.update(_text(said))
+    digest.update(np.ascontiguousarray(values).tobytes())
+
+
+def signed(content: Content) -> Content:
+    """Return a content with the attributes `format` and `digest`."""
+    return Content({"format": FORMAT, **content.attributes, "digest": content.digest}, content.groups)
+
+
+def packed(content: Content) -> bytes:
+    """Return a content as the bytes of a file."""
+    # The HDF5 library crashes when the disc is full, so it writes to memory.
+    image = io.BytesIO()
+    with h5netcdf.File(image, "w") as file:
+        for name, variables in content.groups.items():
+            group = file if name == ROOT else file.create_group(name)
+            group.dimensions = {dim: size for v in variables for dim, size in v.sizes.items()}
+            for v in variables:
+                stored = group.create_variable(v.name, v.dims, data=v.values)
+                stored.attrs.update({"units": v.units, "long_name": v.long_name})
+        file.attrs.update({k: np.int64(v) if isinstance(v, int) else v for k, v in content.attributes.items()})
+    data = image.getbuffer()
+    return b"".join((data, SEAL, hashlib.sha256(data).hexdigest().encode(), SEAL_END))
+
+
+def unpacked(file: Path | BinaryIO, name: str) -> Content:
+    """Return what a file says, without looking at its digests.
+
+    Raises
+    ------
+    FileError
+        No NetCDF file, or one that is cut short.
+    PermissionError
+        It may not be read.
+    """
+    try:
+        with h5netcdf.File(file, "r") as opened:
+            groups = {ROOT: opened, **opened.groups}
+            return Content(dict(opened.attrs), {each: _variables(group) for each, group in groups.items()})
+    except PermissionError:
+        raise
+    except Exception as error:  # a few wrong bytes come out of the HDF5 libraries as almost anything
+        line = (str(error).splitlines() or [type(error).__name__])[0]
+        raise FileError(f"{name}: not a result of worm3d, or cut short: {line}") from error
+
+
+def _variables(group: Any) -> tuple[Variable, ...]:
+    return tuple(
+        Variable(name, tuple(v.dimensions), v[...], v.attrs["units"], v.attrs["long_name"])
+        for name, v in group.variables.items()
+    )
+
+
+def load(path: Path) -> Content:
+    """Return what a file says, read so that damage does no harm; `Content.require_digest` is the caller's.
+
+    Raises
+    ------
+    FileError
+        No NetCDF file, cut short or damaged.
+    OSError
+        The file cannot be read.
+    """
+    whole = is_whole(path)
+    if whole is None:
+        return unpacked(io.BytesIO(handed_on(path)), str(path))
+    if not whole:
+        raise FileError(
+            f"{path}: damaged: its bytes are not those that were written (their checksum is wrong); take a copy of it, "
+            "or run it again"
+        )
+    return unpacked(path, str(path))
+
+
+def is_whole(path: Path) -> bool | None:
+    """Return whether a file is as it was written; None if it has no digest at its end.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    with path.open("rb") as file:
+        left = max(path.stat().st_size - SEAL_LENGTH, 0)
+        digest = hashlib.sha256()
+        while left and (block := file.read(min(left, 1 << 20))):
+            digest.update(block)
+            left -= len(block)
+        end = file.read()
+    if not end.startswith(SEAL):
+        return None
+    return end == SEAL + digest.hexdigest().encode() + SEAL_END
+
+
+def handed_on(path: Path) -> bytes:
+    """Return a file that another program wrote, as worm3d writes it.
+
+    Raises
+    ------
+    FileError
+        It is no NetCDF file, is damaged, or cannot be read in time.
+    """
+    command = [sys.executable, "-P", "-m", "worm3d.values.netcdf", str(path.resolve()), str(path)]
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=PATIENCE, check=False, stdin=subprocess.DEVNULL)
+    except subprocess.TimeoutExpired as error:
+        raise FileError(f"{path}: not a result of worm3d, or damaged: not read after {PATIENCE} s") from error
+    if done.returncode == 0:
+        return done.stdout
+    said = done.stderr.decode("utf-8", "replace").strip()
+    if done.returncode == REFUSED and said:
+        raise FileError(said)
+    raise FileError(f"{path}: not a result of worm3d, or damaged: the HDF5 library fails on it")
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all: an earlier one stands until all is written.
+
+    Raises
+    ------
+    OSError
+        The disc refused.
+    """
+    part = path.with_name(f".{path.name}-{os.getpid()}-{secrets.token_hex(4)}.part")
+    try:
+        part.write_bytes(data)
+        os.replace(part, path)
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def main() -> None:
+    """Read the file that the first argument names and the second one calls, and write it to standard output."""
+    with suppress(ImportError, ValueError, OSError):
+        import resource
+
+        for limit, value in ((resource.RLIMIT_AS, MEMORY), (resource.RLIMIT_CPU, PATIENCE), (resource.RLIMIT_CORE, 0)):
+            resource.setrlimit(limit, (value, value))
+    try:
+        content = unpacked(Path(sys.argv[1]), sys.argv[2])
+    except FileError as error:
+        sys.stderr.write(str(error))
+        sys.exit(REFUSED)
+    sys.stdout.buffer.write(packed(content))
+
+
+if __name__ == "__main__":
+    main()
