@@ -36,6 +36,7 @@ import numpy as np
 from planar.linkage.worm import Linkage
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import ReadOnly
 
 RESTING_PENETRATION = 1e-5
@@ -67,35 +68,31 @@ YIELD_TOLERANCE = 1e-9
 """Relative excess over the yield surface below which an anchor stays, so that rounding does not make it creep."""
 
 
+@documented
 @dataclass(frozen=True, eq=False)
 class Friction(ReadOnly):
-    """Directional Coulomb friction.
+    """Directional Coulomb friction."""
 
-    Attributes
-    ----------
-    forward, backward : float or ndarray, shape (N,)
-        Kinetic coefficient against motion towards the head and towards the tail.
-    static_ratio : float
-        Static over kinetic coefficient, at least 1.
-    """
-
-    forward: float | FloatArray = 0.03
-    backward: float | FloatArray = 0.20
-    static_ratio: float = 1.2
+    forward: float | FloatArray = parameter(
+        0.03,
+        meaning="kinetic coefficient against motion towards the head",
+        ge=0,
+        le=arguments.LARGEST,
+        each="segment",
+        aka=("mu_forward",),
+    )
+    backward: float | FloatArray = parameter(
+        0.20,
+        meaning="kinetic coefficient against motion towards the tail",
+        ge=0,
+        le=arguments.LARGEST,
+        each="segment",
+        aka=("mu_backward",),
+    )
+    static_ratio: float = parameter(1.2, meaning="static over kinetic coefficient, anchored", ge=1)
 
     def __post_init__(self) -> None:
-        for name in ("forward", "backward"):
-            value = arguments.floats(name, getattr(self, name))
-            if (
-                value.ndim > 1
-                or value.size == 0
-                or not (np.isfinite(value) & (value >= 0.0) & (value <= arguments.LARGEST)).all()
-            ):
-                got = arguments.shown(getattr(self, name))
-                raise ValueError(f"{name}: got {got}, must be finite and at least 0, a number or one for each segment")
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
-        arguments.number("static_ratio", self.static_ratio, ge=1.0)
+        check(self)
 
     def coefficients(self, segments: int) -> tuple[FloatArray, FloatArray]:
         """Return forward and backward coefficients of each segment, each of shape (N,)."""

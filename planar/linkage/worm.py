@@ -8,90 +8,86 @@ An active segment shortens and thereby widens.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import ReadOnly
 
 MOST_SEGMENTS = 10_000
 """Memory of a step, as of a run, is taken for each."""
 
-PER_SEGMENT = ("k_spring", "k_apex", "half_height")
-PER_JOINT = ("k_torsion", "cross0")
-_RANGES: dict[str, dict[str, Any]] = {
-    **{name: {"gt": 0.0} for name in ("k_spring", "half_height")},
-    **{name: {"ge": 0.0} for name in ("k_apex", "k_torsion")},
-    "cross0": {"gt": -1.0, "lt": 1.0},
-}
 
-
+@documented
 @dataclass(frozen=True, eq=False)
 class Linkage(ReadOnly):
-    """A chain of N rhombic linkages in the plane (x, z); frozen, validated, with read-only arrays.
+    """A chain of N rhombic linkages in the plane (x, z); frozen, validated, with read-only arrays."""
 
-    Attributes
-    ----------
-    segments : int
-        N, at least 1.
-    length : float
-        Rest length of the body [m]; segments are equally long, l0 = length / N.
-    half_height : float or ndarray, shape (N,)
-        Rest half-height h0 of each rhombus [m]; sqrt(3)/4 l0 (the paper's) if left out.
-    density, depth : float
-        Mass = density [kg/m^3] x rest area of the rhombi x depth [m].
-    mass : float
-        Total mass [kg]; density and depth decide if left out.
-    apex_mass_fraction : float
-        Share of the mass on the apexes, equally; the rest is on the joints, shared like rod nodes (the ends
-        half as much). In [0, 1].
-    k_spring : float or ndarray, shape (N,)
-        Stiffness of the horizontal spring in (P7) [N].
-    k_torsion : float or ndarray, shape (N-1,)
-        Stiffness between neighbouring segments in (P6) [J].
-    cross0 : float or ndarray, shape (N-1,)
-        Rest value of the cross product in (P6).
-    k_apex : float or ndarray, shape (N,)
-        Stiffness of each of the two apex hinges of a rhombus, on its angle [N m/rad].
-    kelvin_voigt_time : float
-        Damping of every strain: its coefficient is this time [s] x the stiffness of that strain.
-    drag : float
-        Viscous medium (P8): force over speed of the whole worm [N s/m], shared over the joints like their mass.
-    """
-
-    segments: int = 6
-    length: float = 1.0
-    half_height: float | FloatArray | None = None
-    density: float = 10.0
-    depth: float = 0.1
-    mass: float | None = None
-    apex_mass_fraction: float = 0.5
-    k_spring: float | FloatArray = 13.0
-    k_torsion: float | FloatArray = 1e4
-    cross0: float | FloatArray = 0.0
-    k_apex: float | FloatArray = 0.12
-    kelvin_voigt_time: float = 0.05
-    drag: float = 0.0
+    segments: int = parameter(6, meaning="number of segments, N", ge=1, le=MOST_SEGMENTS, aka=("n", "n_segments"))
+    length: float = parameter(1.0, meaning="length at rest; segments are equally long, l0 = length / N", unit="m", gt=0)
+    half_height: float | FloatArray | None = parameter(
+        None,
+        meaning="rest half-height h0 of a rhombus",
+        unit="m",
+        gt=0,
+        each="segment",
+        aka=("h0_m",),
+        left_out="sqrt(3)/4 of a segment's length, as in the paper",
+    )
+    density: float = parameter(10.0, meaning="mass per rest area and depth", unit="kg/m^3", gt=0)
+    depth: float = parameter(0.1, meaning="depth across the plane, for the mass", unit="m", gt=0)
+    mass: float | None = parameter(
+        None, meaning="mass of the whole worm", unit="kg", gt=0, left_out="density x rest area x depth"
+    )
+    apex_mass_fraction: float = parameter(
+        0.5,
+        meaning="share of the mass on the apexes, equally; the rest is on the joints, like rod nodes (the ends half as "
+        "much)",
+        ge=0,
+        le=1,
+    )
+    k_spring: float | FloatArray = parameter(
+        13.0, meaning="stiffness k of a segment's spring, (P7)", unit="N", gt=0, each="segment", key="spring_N"
+    )
+    k_torsion: float | FloatArray = parameter(
+        1e4,
+        meaning="torsional stiffness between neighbouring segments, (P6)",
+        unit="J",
+        ge=0,
+        each="joint",
+        key="torsion_J",
+    )
+    cross0: float | FloatArray = parameter(
+        0.0, meaning="rest value of the cross product in (P6)", gt=-1, lt=1, each="joint"
+    )
+    k_apex: float | FloatArray = parameter(
+        0.12,
+        meaning="stiffness of each of the two apex hinges of a rhombus, on its angle",
+        unit="N m/rad",
+        ge=0,
+        each="segment",
+        key="apex_hinge_N_m_rad",
+    )
+    kelvin_voigt_time: float = parameter(0.05, meaning="damping of every strain over its stiffness", unit="s", ge=0)
+    drag: float = parameter(
+        0.0,
+        meaning="viscous medium, (P8): force over speed of the whole worm, shared over the joints like their mass",
+        unit="N s/m",
+        ge=0,
+    )
 
     def __post_init__(self) -> None:
-        arguments.whole("segments", self.segments, le=MOST_SEGMENTS)
-        for name in ("length", "density", "depth"):
-            arguments.number(name, getattr(self, name), gt=0.0)
+        n = arguments.whole("segments", self.segments, le=MOST_SEGMENTS)
+        check(self, segment=n, joint=n - 1)
         if self.half_height is None:
-            object.__setattr__(self, "half_height", np.sqrt(3.0) / 4.0 * self.l0)
-        for names, size in ((PER_SEGMENT, self.segments), (PER_JOINT, self.segments - 1)):
-            for name in names:
-                array = arguments.array(name, getattr(self, name), (size,), fill=True, **_RANGES[name])
-                object.__setattr__(self, name, array)
+            half_height = np.full(n, np.sqrt(3.0) / 4.0 * self.l0)
+            half_height.setflags(write=False)
+            object.__setattr__(self, "half_height", half_height)
         if self.mass is None:
             area = float(self.l0 * np.sum(self.rest_half_height))
-            object.__setattr__(self, "mass", self.density * area * self.depth)
-        arguments.number("mass", self.mass, gt=0.0)
-        for name in ("kelvin_voigt_time", "drag"):
-            arguments.number(name, getattr(self, name), ge=0.0)
-        arguments.number("apex_mass_fraction", self.apex_mass_fraction, ge=0.0, le=1.0)
+            object.__setattr__(self, "mass", arguments.number("mass", self.density * area * self.depth, "kg", gt=0.0))
 
     @property
     def l0(self) -> float:

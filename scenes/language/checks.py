@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from pydantic.fields import FieldInfo
+
 from scenes.language.mistakes import Mistake, dotted
-from scenes.language.schema import Section, default_text, field_at, only_for
+from scenes.language.schema import Section, choices, default_text, field_at, only_for, words_of
 from scenes.language.toml import KeyPath
 
 Found = str | Mapping[str, str] | None
@@ -124,7 +126,19 @@ def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") 
         )
         for name, field in schema.model_fields.items()
         if (only := only_for(field))
+    ) + tuple(
+        Check((f"{section}.{name}", f"{section}.{by}"), partial(_word_of_this_kind, key=f"{section}.{by}", field=field))
+        for name, field in schema.model_fields.items()
+        if choices(field) and name != by
     )
+
+
+def _word_of_this_kind(value: Any, kind: str, *, key: str, field: FieldInfo) -> Found:
+    allowed = words_of(field, kind)
+    # A kind without the key has no words; `_of_this_kind` tells.
+    if not allowed or value in allowed:
+        return None
+    return f"got {value!r}: not for {key} = {kind!r}; allowed here: {', '.join(map(repr, allowed))}"
 
 
 def _of_this_kind(value: Any, kind: str, *, key: str, default: Any, only: tuple[str, ...], usual: str) -> Found:

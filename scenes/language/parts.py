@@ -10,16 +10,17 @@
     gait = part_of(gaits.GAITS[scene.gait.kind], scene.gait)
 
 A registry (a mapping of names to dataclasses) makes the key `by`, which names one of them, and the keys of all; a key
-that only some of them have is refused where another is chosen (`scenes.models.checks.kind_checks`). Keys end in their
-unit, angles are in degrees; a parameter that may be infinite, or None, is left out instead. `prefix` puts a word before
-each key, for several parts of one class in one section.
+that only some of them have is refused where another is chosen (`scenes.language.checks.kind_checks`). A key that
+several have is declared by the first of them. Keys end in their unit, angles are in degrees; a parameter that may be
+infinite, or None, is left out instead. `prefix` puts a word before each key, for several parts of one class in one
+section.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Collection, Mapping
+from dataclasses import fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
@@ -33,12 +34,14 @@ T = TypeVar("T")
 Keys = dict[str, tuple[Any, Any]]
 """Key of a section -> its type and its declaration."""
 
-Bounds = Mapping[str, Mapping[str, Any]]
-"""Parameter -> bounds (gt, ge, lt, le) that replace its own."""
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+
+UNITS = {"m", "kg", "s", "N", "J", "Hz", "Pa", "W", "deg", "rad", "m^2", "m^3", "s^2", "1"}
+"""Units that a key ends in."""
 
 
 class PartSection(Section):
-    """A section with keys beside those that its class writes out."""
+    """A section with keys beside those that its class writes out; those that it writes out win."""
 
     def __init_subclass__(cls, keys: Keys | None = None, **kwargs: Any) -> None:
         written = dict(cls.__annotations__)
@@ -63,12 +66,15 @@ def keys_of(
     *,
     by: str = "",
     title: str = "",
-    default: str = "",
     aka: tuple[str, ...] = ("type",),
+    these: Collection[str] = (),
     without: Collection[str] = (),
-    bounds: Bounds = MappingProxyType({}),
-    defaults: Mapping[str, Any] = MappingProxyType({}),
+    bounds: Mapping[str, Mapping[str, Any]] = NOTHING,
+    defaults: Mapping[str, Any] = NOTHING,
+    units: Mapping[str, str] = NOTHING,
     prefix: str = "",
+    about: str = "",
+    only: tuple[str, ...] = (),
 ) -> Keys:
     """Return the keys of a section.
 
@@ -76,114 +82,103 @@ def keys_of(
     ----------
     parts : type or mapping
         A dataclass, or several by name.
-    by, title, default, aka : str
-        Of several, the key that names the one, what it is, its default (else the first), and its aliases.
-    without : collection of str
-        Parameters that have no key here.
-    bounds, defaults : mapping
-        Ranges and defaults that differ from those of the dataclass, by parameter.
-    prefix : str
-        Before each key.
+    by, title, aka : str
+        Of several, the key that names the one (by default the first), its meaning, and its aliases.
+    these, without : collection of str
+        Parameters that alone have a key (all, if there are none), and those that have none.
+    bounds, defaults, units : mapping
+        Ranges (in the units of the section), defaults and units that differ from those of the dataclass, by parameter.
+    prefix, about : str
+        What stands before each key, and before each meaning.
+    only : tuple of str
+        Kinds of the section that the keys are for; empty for all.
     """
     registry = parts if isinstance(parts, Mapping) else {"": parts}
+    found: dict[str, dict[str, Parameter]] = {}
+    for owner, part in registry.items():
+        for name, known in parameters_of(part).items():
+            if name not in without and (name in these or not these):
+                own = in_degrees(replace(known, **_changes(name, default=defaults, unit=units)))
+                own = replace(own, meaning=about + own.meaning, **_changes(name, bounds=bounds))
+                found.setdefault(prefix + key_of(own), {})[owner] = own
     keys: Keys = {}
     if by:
-        keys[prefix + by] = (Literal[tuple(registry)], setting(default or next(iter(registry)), title=title, aka=aka))
-    owners: dict[str, list[str]] = {}
-    known: dict[str, Parameter] = {}
-    for owner, part in registry.items():
-        for name, own in parameters_of(part).items():
-            if name not in without:
-                key = prefix + key_of(own)
-                owners.setdefault(key, []).append(owner)
-                known.setdefault(key, _adapted(own, bounds.get(name), defaults))
-    everywhere = len(registry)
-    for key, one in known.items():
-        only = tuple(owners[key]) if len(owners[key]) < everywhere else ()
-        choices = tuple(dict.fromkeys(c for part in registry.values() for c in _choices(part, key, prefix)))
-        keys[key] = _declared(one, only, choices)
+        keys[prefix + by] = (Literal[tuple(registry)], setting(next(iter(registry)), title=title, aka=aka))
+    for key, owners in found.items():
+        keys[key] = _declared(owners, only or (tuple(owners) if len(owners) < len(registry) else ()))
     return keys
 
 
-def part_of(part: type[T], section: Any, prefix: str = "", **given: Any) -> T:
-    """Return the part that a section describes.
+def part_of(part: type[T], *sections: Any, prefix: str = "", units: Mapping[str, str] = NOTHING, **given: Any) -> T:
+    """Return the part that a section describes, or several sections together.
 
     Parameters
     ----------
     part : type
         Its dataclass.
+    prefix, units
+        As of `keys_of`.
     given
-        Parameters that are not in the section; those that the dataclass does not have are passed over.
+        Fields that are not in the section; those that the dataclass does not have are passed over.
 
     Raises
     ------
     ValueError
         What the dataclass refuses.
     """
-    known = parameters_of(part)
-    values = {
-        name: math.radians(value) if one.unit.startswith("rad") else value
-        for name, one in known.items()
-        if (value := getattr(section, prefix + key_of(one), None)) is not None
-    }
-    return part(**{**values, **{name: value for name, value in given.items() if name in known}})
+    values: dict[str, Any] = {}
+    for name, declared in parameters_of(part).items():
+        known = replace(declared, **_changes(name, unit=units))
+        key = prefix + key_of(known)
+        value = next((getattr(section, key) for section in sections if hasattr(section, key)), None)
+        if value is not None:
+            values[name] = math.radians(value) if known.unit.startswith("rad") else value
+    own: Any = part
+    return part(**values, **{field.name: given[field.name] for field in fields(own) if field.name in given})
 
 
 def key_of(known: Parameter) -> str:
     """Return the key of a parameter in a section: its name, and its unit if that is of SI."""
-    if known.key:
-        return known.key
     unit = in_degrees(known).unit
-    if not all(part in UNITS for part in _words(unit)):
-        return known.name
-    suffix = "_".join(_words(unit.replace("1/", "per ").replace("^", "")))
-    return f"{known.name}_{suffix}" if suffix else known.name
+    words = unit.replace("/", " ").split()
+    if known.key or not all(word in UNITS for word in words):
+        return known.key or known.name
+    return "_".join([known.name, *unit.replace("1/", "per ").replace("/", " ").replace("^", "").split()])
 
 
-def keys_by_parameter(part: type, prefix: str = "") -> dict[str, str]:
-    """Return the key of each parameter of a dataclass, to put keys into its errors."""
-    return {name: prefix + key_of(known) for name, known in parameters_of(part).items()}
+def keys_by_parameter(part: type, section: type[Section]) -> dict[str, str]:
+    """Return the key of each parameter of a dataclass that a section has, to put keys into its errors."""
+    keys = {name: key_of(known) for name, known in parameters_of(part).items()}
+    return {name: key for name, key in keys.items() if key in section.model_fields}
 
 
-UNITS = {"m", "kg", "s", "N", "J", "Hz", "Pa", "W", "deg", "rad", "m^2", "m^3", "s^2", "1"}
+def _changes(name: str, **changes: Mapping[str, Any]) -> dict[str, Any]:
+    return {field: values[name] for field, values in changes.items() if name in values}
 
 
-def _words(unit: str) -> list[str]:
-    return unit.replace("/", " ").split()
-
-
-def _choices(part: type, key: str, prefix: str) -> Iterator[str]:
-    for known in parameters_of(part).values():
-        if prefix + key_of(known) == key:
-            yield from known.choices
-
-
-def _adapted(known: Parameter, bounds: Mapping[str, Any] | None, defaults: Mapping[str, Any]) -> Parameter:
-    """Return a parameter as a section has it: in degrees, with the bounds and the default of that section."""
-    changed = in_degrees(replace(known, default=defaults.get(known.name, known.default)))
-    return changed if bounds is None else replace(changed, bounds=bounds)
-
-
-def _declared(known: Parameter, only: tuple[str, ...], choices: tuple[str, ...]) -> tuple[Any, Any]:
-    """Return the type and the declaration of a key."""
-    common: dict[str, Any] = {"title": known.meaning, "aka": _aka(known), "only": only, "left_out": known.left_out}
-    default = None if known.left_out else known.default
-    if choices or known.hint is bool:
-        return (Literal[choices] if choices else bool), setting(default, **common)
+def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...]) -> tuple[Any, Any]:
+    """Return the type and the declaration of a key, from its parameter in each part that has it."""
+    known = next(iter(owners.values()))
+    is_finite = known.default is not None and not (isinstance(known.default, float) and math.isinf(known.default))
+    left_out = "" if is_finite else known.left_out
+    key = key_of(known)
+    common: dict[str, Any] = {"title": known.meaning, "only": only, "left_out": left_out}
+    common["aka"] = known.aka if key == known.name else (known.name, *known.aka)
+    default = known.default if is_finite else None
+    if known.choices:
+        words = dict.fromkeys(word for own in owners.values() for word in own.choices)
+        whose = {word: tuple(owner for owner, own in owners.items() if word in own.choices) for word in words}
+        return Literal[tuple(words)], setting(default, words={} if "" in owners else whose, **common)
+    if known.hint is bool:
+        return bool, setting(default, **common)
     common["unit"] = known.unit
-    if known.each:
-        each: Any = Each
-        number = Annotated[float, Field(**known.bounds)] if known.bounds else float
-        return _optional(each[number], known), quantity(default, each=known.each, **common)
     if known.is_pair:
         return Pair, quantity(default, **common)
     kind: Any = int if known.hint is int else float
-    return _optional(kind, known), quantity(default, **known.bounds, **common)
-
-
-def _optional(kind: Any, known: Parameter) -> Any:
-    return kind | None if known.left_out else kind
-
-
-def _aka(known: Parameter) -> tuple[str, ...]:
-    return known.aka if key_of(known) == known.name else (known.name, *known.aka)
+    if known.each:
+        each: Any = Each
+        kind = each[Annotated[float, Field(**known.bounds)] if known.bounds else float]
+        common["each"] = known.each
+    else:
+        common |= known.bounds
+    return kind | None if left_out else kind, quantity(default, **common)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Strict, Tag
@@ -110,10 +110,15 @@ def setting(
     left_out: str = "",
     only: str | tuple[str, ...] = "",
     is_file: bool = False,
+    words: Mapping[str, tuple[str, ...]] | None = None,
 ) -> Any:
-    """Declare a choice, a switch or a text (`is_file`: a path); without a default it must be given. See `quantity`."""
+    """Declare a choice, a switch or a text (`is_file`: a path); without a default it must be given. See `quantity`.
+
+    `words` are the kinds of the section that each word of a choice is for.
+    """
     given = ... if default is None and not left_out else default
     extra: dict[str, Any] = {"aka": list(aka), "left_out": left_out, "only": _kinds(only), "file": is_file}
+    extra["words"] = {word: list(kinds) for word, kinds in (words or {}).items()}
     return Field(given, title=title, json_schema_extra=extra)
 
 
@@ -186,9 +191,20 @@ def only_for(field: FieldInfo) -> tuple[str, ...]:
     return tuple(_extra(field, "only") or ())
 
 
+def words_of(field: FieldInfo, kind: str) -> tuple[str, ...]:
+    """Return the words of a choice that a kind of its section allows."""
+    kinds = _extra(field, "words") or {}
+    return tuple(word for word in choices(field) if kind in kinds.get(word, [kind]))
+
+
 def is_file(field: FieldInfo) -> bool:
     """Return whether a key holds the path of a file."""
     return bool(_extra(field, "file"))
+
+
+def each_of(field: FieldInfo) -> str:
+    """Return of what a key may have a list, "segment" or "joint"; empty if it is a single value."""
+    return str(_extra(field, "each") or "")
 
 
 def is_number(field: FieldInfo) -> bool:

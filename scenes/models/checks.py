@@ -3,10 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
 
-from scenes.language.checks import Check, Found
+import numpy as np
+
+from control.gaits import GAITS, Gait
+from scenes.language.checks import Check, Found, kind_checks
+from scenes.language.parts import key_of
+from scenes.language.schema import Section, each_of
+from scenes.language.toml import shown
+from scenes.models.sections import gait_from
 from worm3d.values.memory import MOST_MEMORY
+from worm3d.values.parameters import parameters_of
+
+AMPLITUDE = "gait.amplitude"
+
+BODY = ("worm.half_height_m", "worm.length_m", "worm.segments")
+"""Keys that say how far the links of a chamber reach."""
 
 STEPS_PER_PERIOD = 10
 """Fewest time steps of a gait's period."""
@@ -63,16 +80,6 @@ def _greatest_divisor(number: int, most: int) -> int:
     return max(divisor for n in small for divisor in (n, number // n) if divisor <= most)
 
 
-def _contraction_ends_in_period(contract_time_s: float, period_s: float, kind: str) -> Found:
-    if kind != "segment_driven" or contract_time_s <= period_s:
-        return None
-    why = "for a segment ends its contraction before its next one"
-    return {
-        "gait.contract_time_s": f"got {contract_time_s} s: must be at most gait.period_s ({period_s} s), {why}",
-        "gait.period_s": f"got {period_s} s: must be at least gait.contract_time_s ({contract_time_s} s), {why}",
-    }
-
-
 def _contraction_resolved(contract_time_s: float, dt_s: float, kind: str) -> Found:
     if kind != "segment_driven" or contract_time_s >= dt_s * (1.0 - EQUAL):
         return None
@@ -81,12 +88,6 @@ def _contraction_resolved(contract_time_s: float, dt_s: float, kind: str) -> Fou
         "gait.contract_time_s": f"got {contract_time_s} s: must be at least run.dt_s ({dt_s} s), {why}",
         "run.dt_s": f"got {dt_s} s: must be at most gait.contract_time_s ({contract_time_s} s), {why}",
     }
-
-
-def _segments_have_a_direction(direction: str, kind: str) -> Found:
-    if kind == "travelling_wave" or direction != "standing":
-        return None
-    return "got 'standing': only a travelling_wave can stand; allowed here: 'direct', 'retrograde'"
 
 
 def too_much_memory(
@@ -120,9 +121,96 @@ RUN_CHECKS = (
     Check(("run.dt_s", "run.duration_s"), _step_fits_run),
     Check(("run.record_every", "run.duration_s", "run.dt_s"), _recorded_to_the_end),
 )
-GAIT_CHECKS = (
-    Check(("run.dt_s", "gait.period_s"), _step_resolves_period),
-    Check(("gait.contract_time_s", "gait.period_s", "gait.kind"), _contraction_ends_in_period),
-    Check(("gait.contract_time_s", "run.dt_s", "gait.kind"), _contraction_resolved),
-    Check(("gait.direction", "gait.kind"), _segments_have_a_direction),
-)
+
+
+def gait_checks(gait: type[Section], worm: type[Section]) -> tuple[Check, ...]:
+    """Return the checks that the section [gait] describes a gait, and that the body of a section [worm] can follow."""
+    told = tuple(f"gait.{name}" for name in gait.model_fields)
+    body = (AMPLITUDE, *(("worm.stroke",) if "stroke" in worm.model_fields else ()), *BODY)
+    has_links = "half_height_m" in worm.model_fields
+    return (
+        *kind_checks(gait),
+        Check(("run.dt_s", "gait.period_s"), _step_resolves_period),
+        Check(("gait.contract_time_s", "run.dt_s", "gait.kind"), _contraction_resolved),
+        Check(("worm.segments", *told), partial(_gait_fits, told=told)),
+        *([Check((*body, *told), partial(_links_reach, told=told, body=body))] if has_links else []),
+    )
+
+
+def _asked(told: tuple[str, ...], values: tuple[Any, ...]) -> Gait:
+    names = [key.removeprefix("gait.") for key in told]
+    return gait_from(SimpleNamespace(**dict(zip(names, values, strict=True))), dt=1.0)
+
+
+def _gait_fits(segments: int, *values: Any, told: tuple[str, ...]) -> Found:
+    """Tell what a gait refuses: what its parameters are together, or a worm with too few segments."""
+    try:
+        _asked(told, values).activations(np.zeros(1), segments)
+    except ValueError as error:
+        gait = GAITS[values[told.index("gait.kind")]]
+        return by_key(str(error), {name: f"gait.{key_of(known)}" for name, known in parameters_of(gait).items()})
+    return None
+
+
+def _links_reach(*values: Any, told: tuple[str, ...], body: tuple[str, ...]) -> Found:
+    """Tell of a gait that lengthens a chamber beyond its links."""
+    given = dict(zip((*body, *told), values, strict=True))
+    half_height_m, length_m, segments = (given[key] for key in BODY)
+    try:
+        gait = _asked(told, values[len(body) :])
+    except ValueError:
+        return None  # `_gait_fits` tells
+    if not gait.lengthens:
+        return None
+    l0 = length_m / segments
+    half_height = math.sqrt(3.0) / 4.0 * l0 if half_height_m is None else float(np.min(half_height_m))
+    stroke = given.get("worm.stroke", (-math.inf, math.inf))
+    longest = l0 * (1.0 + min(gait.amplitude * (1.0 + abs(gait.bias)), -stroke[0]))
+    reach = 2.0 * math.hypot(half_height, l0 / 2.0)
+    if longest < reach:
+        return None
+    what, one_of = (
+        ("chamber", f"one of {AMPLITUDE} and -worm.stroke[0]") if "worm.stroke" in given else ("segment", AMPLITUDE)
+    )
+    text = (
+        f"the gait lengthens a {what} to {longest:.4g} m, but its links end at {reach:.4g} m; "
+        f"keep {one_of} below {reach / l0 - 1.0:.4g}, or let the gait only contract"
+    )
+    switches = (key for key, value in given.items() if isinstance(value, bool))
+    keys = (AMPLITUDE, "worm.stroke", "worm.half_height_m", "gait.kind", *switches)
+    return {key: f"got {shown(given[key])}: {text}" for key in keys if key in given}
+
+
+def list_checks(schema: type[Section], section: str) -> tuple[Check, ...]:
+    """Return the checks that each list in a section has a number for each segment, or joint between two segments."""
+    return tuple(
+        Check((f"{section}.{name}", "worm.segments"), partial(_as_many, per=per))
+        for name, field in schema.model_fields.items()
+        if (per := each_of(field))
+    )
+
+
+def _as_many(values: Any, segments: int, *, per: str) -> Found:
+    wanted = segments if per == "segment" else segments - 1
+    if not isinstance(values, list | tuple) or len(values) == wanted:
+        return None
+    of = f"{segments} segments" if per == "segment" else f"{wanted} joints between the {segments} segments"
+    return f"got a list of {len(values)}: must be one number for all or {wanted} numbers, one for each of the {of}"
+
+
+def in_keys(sentence: str, keys: Mapping[str, str]) -> str:
+    """Return a sentence of a part with the keys of the scene in place of its parameters."""
+    for parameter, key in keys.items():
+        if "_" in parameter:
+            sentence = sentence.replace(parameter, key)
+    return sentence
+
+
+def by_key(sentence: str, keys: Mapping[str, str]) -> Found:
+    """Return a refusal of a part, `parameter: got ...`, told at the key of each parameter that it names."""
+    subject, _, rest = sentence.partition(": ")
+    named = {name: key for name, key in keys.items() if re.search(rf"\b{name}\b", sentence)}
+    if subject not in keys:
+        return in_keys(sentence, keys)
+    whole, rest = in_keys(sentence, keys), in_keys(rest, keys)
+    return {key: rest if name == subject else whole for name, key in named.items()}

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any
 
-from control import gaits
+from control.gaits import GAITS, Gait
+from scenes.language.parts import Keys, keys_of, part_of
 from scenes.language.schema import Section, quantity, setting
 
 LARGEST_SEED = 2**63 - 1
 
-WAVE, SEGMENTS, TWO_ANCHOR = "travelling_wave", "segment_driven", "two_anchor"
+WAVE = "travelling_wave"
 
-_SEGMENTS = gaits.ContractionEngine_segmentdriven()
-_TWO_ANCHOR = gaits.TwoAnchor()
+BODY_BOUNDS = {"segments": {"ge": 1, "le": 200}, "length": {"gt": 0, "le": 100}}
+"""Ranges that are narrower in a scene than in Python."""
 
 
 class Run(Section):
@@ -32,45 +33,22 @@ class Run(Section):
         return max(1, round(self.duration_s / self.dt_s))
 
 
-class Gait(Section):
-    """A pattern of contraction: a travelling wave or segment after segment (the paper's two schemes), or two anchors.
+def gait_keys(*without: str, **defaults: Any) -> Keys:
+    """Return the keys of a gait, but for some parameters; a dirac pulse lasts one time step."""
+    return keys_of(
+        GAITS,
+        by="kind",
+        title="pattern of contraction: a travelling wave or one segment after the other (the paper's two schemes), or, "
+        "in pipes, two anchors in turn",
+        without=("impulse", *without),
+        defaults=defaults,
+        bounds={"amplitude": {"ge": 0, "lt": 1}, "hinge": {"gt": -180, "lt": 180}},
+    )
 
-    A model adds how strong it is, and the length of the wave in its unit.
-    """
 
-    kind: Literal["travelling_wave", "segment_driven", "two_anchor"] = setting(
-        "travelling_wave",
-        title="the wave A = sin(kx - wt), one segment after the other, or (in pipes) two anchors in turn",
-        aka=("type",),
-    )
-    period_s: float = quantity(
-        2.0, unit="s", gt=0, title="T_wave: time between two contractions of a segment", aka=("T_wave_s",)
-    )
-    direction: Literal["direct", "retrograde", "standing"] = setting(
-        "retrograde", title="direct runs tail to head, retrograde head to tail; standing: travelling_wave only"
-    )
-    rectified: bool = setting(True, only=WAVE, title="whether segments contract, never lengthen")
-    contract_time_s: float = quantity(
-        _SEGMENTS.T_contract,
-        unit="s",
-        gt=0,
-        only=SEGMENTS,
-        title="T_contract, duration of a contraction",
-    )
-    pulse: Literal["gaussian", "square", "dirac"] = setting(
-        _SEGMENTS.contractType,
-        only=SEGMENTS,
-        title="shape of a contraction (dirac: one time step)",
-    )
-    alternating: bool = setting(_SEGMENTS.alternating, only=SEGMENTS, title="whether odd segments lengthen instead")
-    extension: float = quantity(
-        _TWO_ANCHOR.extension,
-        ge=-1,
-        le=0,
-        only=TWO_ANCHOR,
-        title="activation of an extended segment, -0.5 lengthens it by half the amplitude",
-    )
-    anchors: int = quantity(_TWO_ANCHOR.anchors, ge=1, only=TWO_ANCHOR, title="segments of each anchor")
+def gait_from(section: Any, dt: float, **given: Any) -> Gait:
+    """Return the gait of a section; `given` are parameters that the section does not have, dt is the time step [s]."""
+    return part_of(GAITS[section.kind], section, impulse=dt, **given)
 
 
 class Settings(Section):

@@ -201,13 +201,13 @@ def test_bad_arguments(arguments: dict, sentence: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"k_link": 0.0}, "k_link: got 0.0, must be finite and above 0"),
+        ({"k_link": 0.0}, "k_link: got 0.0 N, must be finite and above 0"),
         ({"connector_mass": 1.0}, "connector_mass: got 1.0 kg, must lie between 0 and mass"),
         ({"elastic_sign": 0.5}, "elastic_sign: got 0.5, must be -1"),
         ({"mu_forward": float("nan")}, "mu_forward: got nan, must be finite and at least 0"),
-        ({"gravity": float("inf")}, "gravity: got inf, must be finite and at least 0"),
-        ({"contraction_force": float("nan")}, "contraction_force: got nan, must be finite"),
-        ({"ground_clearance": -0.1}, "ground_clearance: got -0.1, must be finite and at least 0"),
+        ({"gravity": float("inf")}, "gravity: got inf m/s.2, must be finite and at least 0"),
+        ({"contraction_force": float("nan")}, "contraction_force: got nan N, must be finite"),
+        ({"ground_clearance": -0.1}, "ground_clearance: got -0.1 m, must be finite and at least 0"),
         ({"max_iterations": 2.5}, "max_iterations: got 2.5, must be a whole number"),
         ({"normal_load": "none"}, "normal_load: got 'none', must be 'weight' or 'residual'"),
     ],

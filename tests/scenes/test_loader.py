@@ -104,8 +104,8 @@ def test_a_misspelt_key_silences_the_checks_of_the_key_it_was_meant_to_be() -> N
         ),
         (
             '[gait]\nkind = "segment_driven"\nperiod_s = 0.2',
-            "gait.period_s: got 0.2 s: must be at least gait.contract_time_s (0.25 s), "
-            "for a segment ends its contraction before its next one",
+            "gait.period_s: gait.contract_time_s: got 0.25 s, must be at most gait.period_s (0.2 s): a segment must "
+            "end its contraction before it is activated again",
         ),
         (
             "[worm]\nmass_kg = 1e-12",
@@ -132,8 +132,8 @@ def test_a_misspelt_key_silences_the_checks_of_the_key_it_was_meant_to_be() -> N
         ),
         (
             '[gait]\nkind = "segment_driven"\ncontract_time_s = 2.5',
-            "gait.contract_time_s: got 2.5 s: must be at most gait.period_s (2.0 s), "
-            "for a segment ends its contraction before its next one",
+            "gait.contract_time_s: got 2.5 s, must be at most gait.period_s (2.0 s): a segment must end its "
+            "contraction before it is activated again",
         ),
         (
             '[gait]\nkind = "segment_driven"\ncontract_time_s = 0.005',
@@ -141,7 +141,8 @@ def test_a_misspelt_key_silences_the_checks_of_the_key_it_was_meant_to_be() -> N
         ),
         (
             '[gait]\nkind = "segment_driven"\ndirection = "standing"',
-            "gait.direction: got 'standing': only a travelling_wave can stand; allowed here: 'direct', 'retrograde'",
+            "gait.direction: got 'standing': not for gait.kind = 'segment_driven'; allowed here: 'direct', "
+            "'retrograde'",
         ),
     ],
 )

@@ -19,8 +19,7 @@ from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene, parse_scene
 from scenes.models.planar.linkage import INCOMING, LOST, STORED
-from scenes.models.planar.linkage_build import gait_of, worm_of
-from scenes.models.planar.linkage_schema import LinkageScene
+from scenes.models.planar.linkage_scene import LinkageScene, gait_of, worm_of
 from scenes.records import drawing
 from scenes.records.record import Record
 from scenes.records.store import load, save
@@ -229,8 +228,8 @@ def test_a_gait_must_not_stretch_a_segment_beyond_its_links(overrides: tuple[str
     text = 'model = "planar_linkage"\n'
     (line,) = lines_about(text, "gait.amplitude=0.33", *overrides)
     assert line == (
-        "override gait.amplitude: got 0.33: lengthens a segment to 0.2217 m, but its links end at 0.2205 m; "
-        "must be below 0.3229 unless the gait only contracts"
+        "override gait.amplitude: got 0.33: the gait lengthens a segment to 0.2217 m, but its links end at 0.2205 m; "
+        "keep gait.amplitude below 0.3229, or let the gait only contract"
     )
     parse_scene(text, "test", ["gait.amplitude=0.32", *overrides])
     parse_scene(text, "test", ["gait.amplitude=0.33"])

@@ -11,8 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from planar import metrics, published
 from scenes.commands.runner import simulate
 from scenes.models.loading import load_scene
-from scenes.models.planar.published import MODEL, gait_of, parameters_of
-from scenes.models.planar.published_schema import PublishedScene
+from scenes.models.planar.published import MODEL, PublishedScene, gait_of, parameters_of
 from scenes.records.record import Record
 
 FIGURES = [

@@ -20,13 +20,13 @@ from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.language.schema import choices
 from scenes.models.loading import load_scene
-from scenes.models.planar.linkage_build import KEYS as PLANAR_KEYS
 from scenes.models.worlds.build import WORLDS, world_of
 from scenes.models.worlds.schema import World
 from scenes.models.worm import build as worm_build
 from scenes.models.worm import view as worm_view
 from scenes.models.worm.build import (
     KEYS,
+    PLANAR_KEYS,
     force_of,
     friction_of,
     gait_of,

@@ -90,13 +90,15 @@ class Parameter:
         """Whether it is a pair of numbers, which its class checks."""
         return get_origin(self.hint) is tuple
 
-    def checked(self, value: Any, size: int | None = None) -> Any:
+    def checked(self, value: Any, size: int | None = None, largest: float = arguments.LARGEST) -> Any:
         """Return a value in the type that the rest relies on.
 
         Parameters
         ----------
         size : int, optional
             Numbers of an array; None where its class does not know.
+        largest : float
+            Largest size of a number.
 
         Raises
         ------
@@ -112,9 +114,8 @@ class Parameter:
         if self.hint is int:
             return arguments.whole(self.name, value, **{key: int(bound) for key, bound in self.bounds.items()})
         if not self.each:
-            return arguments.number(
-                self.name, value, self.unit, infinite=self.infinite, allowed=self.allowed, **self.bounds
-            )
+            words: dict[str, Any] = {"infinite": self.infinite, "allowed": self.allowed}
+            return arguments.number(self.name, value, self.unit, largest=largest, **words, **self.bounds)
         if size is None:
             return arguments.one_or_each(self.name, value, f"for each {self.each}", **self.bounds)
         return arguments.array(self.name, value, (size,), fill=True, **self.bounds)
@@ -176,16 +177,19 @@ def _read(part: Any) -> Mapping[str, Parameter]:
 _parameters: Callable[[type], Mapping[str, Parameter]] = cache(_read)
 
 
-def check(instance: Any, **sizes: int) -> None:
+def check(instance: Any, *, largest: float = arguments.LARGEST, **sizes: int) -> None:
     """Check the parameters of a (frozen) instance and store them in the types that the rest relies on.
 
     Parameters
     ----------
+    largest : float
+        Largest size of a number.
     sizes : int
         Numbers of an array, by what the parameter has one for: `segment=6, joint=5`.
     """
     for name, known in parameters_of(type(instance)).items():
-        object.__setattr__(instance, name, known.checked(getattr(instance, name), sizes.get(known.each)))
+        value = known.checked(getattr(instance, name), sizes.get(known.each), largest)
+        object.__setattr__(instance, name, value)
 
 
 def documented(part: type[T]) -> type[T]:

@@ -10,7 +10,7 @@ from typing import Any
 from scenes.language.checks import Check, Found, kind_checks
 from scenes.models.control.build import NOT_IDENTIFIED, identified_of, path_of
 from scenes.models.control.schema import Controller, ControlScene, Reference
-from scenes.models.worm.checks import SPATIAL_CHECKS, STARTS_WITH, WORLD_CHECKS, refusal
+from scenes.models.worm.checks import SPATIAL_CHECKS, STARTS_WITH, refusal
 
 
 def _can_start(mass_kg: float, *sections: Mapping[str, Any]) -> Found:
@@ -78,7 +78,6 @@ def _decides_no_more_than_once_a_step(period_s: float, dt_s: float) -> Found:
 
 STEPS = ("reference.speed_steps", "reference.heading_steps")
 CONTROL_CHECKS = (
-    *WORLD_CHECKS,
     *SPATIAL_CHECKS,
     *kind_checks(Reference, "reference"),
     *kind_checks(Controller, "controller"),

@@ -10,9 +10,8 @@ import numpy as np
 from planar import linkage
 from planar.metrics import p12_cost_of_transport
 from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome
-from scenes.models.planar.linkage_build import simulate
 from scenes.models.planar.linkage_checks import CHECKS
-from scenes.models.planar.linkage_schema import LinkageScene, LinkageSettings
+from scenes.models.planar.linkage_scene import LinkageScene, LinkageSettings, simulate
 from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
 from scenes.records import overview
 from scenes.records.record import Record, Variable

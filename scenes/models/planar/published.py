@@ -1,19 +1,23 @@
-"""The model `planar_published`: the paper's program, run from a scene and turned into a record."""
+"""The model `planar_published`: the paper's program, its scene, its run and what a record keeps of it."""
 
 from __future__ import annotations
 
 from functools import partial
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from control import gaits
+from control.gaits import Gait
 from planar import published
+from planar.published import Parameters, bytes_per_step
+from scenes.language.checks import Check, Found
+from scenes.language.parts import PartSection, keys_of, part_of
+from scenes.language.schema import Sign, quantity, setting
 from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome
-from scenes.models.pattern import pattern
+from scenes.models.checks import RUN_CHECKS, gait_checks, memory_check
 from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
-from scenes.models.planar.published_schema import CHECKS, PublishedScene
+from scenes.models.sections import BODY_BOUNDS, WAVE, Settings, gait_from, gait_keys
 from scenes.records import overview
 from scenes.records.record import Record, Variable
 
@@ -21,6 +25,72 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from PIL.Image import Image
+
+SPRINGS = ("length", "k_spring", "k_link", "mass", "connector_mass")
+FRICTION = ("mu_forward", "mu_backward", "gravity", "velocity_threshold")
+FORCE = {"contraction_force": {"ge": 0}}
+SOLVER = {"tolerance": {"gt": 0}, "max_iterations": {"ge": 1, "le": 10_000}}
+
+
+class Worm(PartSection, keys=keys_of(Parameters, these=SPRINGS, bounds=BODY_BOUNDS)):
+    """The mass points and springs."""
+
+    segments: int = quantity(6, ge=1, le=200, title="number of segments", aka=("n", "n_segments"))
+
+
+class Friction(PartSection, keys=keys_of(Parameters, these=FRICTION)):
+    """Friction along the ground, (P10), with the normal load m g."""
+
+
+class PublishedGait(
+    PartSection,
+    keys=gait_keys("amplitude", "bias", "hinge", "force", "wavelength", direction="direct")
+    | keys_of(Parameters, these=("wavelength",), only=(WAVE,))
+    | keys_of(Parameters, these=FORCE, bounds=FORCE),
+):
+    """The contraction, as a force on the connectors."""
+
+
+class Ground(PartSection, keys=keys_of(Parameters, these=("ground_clearance",))):
+    """The ground that the connectors may touch."""
+
+
+class Solver(PartSection, keys=keys_of(Parameters, these=SOLVER, bounds=SOLVER)):
+    """Newton's iteration, (P2)."""
+
+    elastic_sign: Sign = setting(
+        int(Parameters().elastic_sign), title="sign of the elastic force: -1 as the program, 1 as in mechanics"
+    )
+
+
+class PublishedScene(Settings):
+    """A whole scene."""
+
+    model: Literal["planar_published"] = setting(title="which simulation the scene is for")
+    worm: Worm = Worm()
+    friction: Friction = Friction()
+    gait: PublishedGait = PublishedGait()
+    ground: Ground = Ground()
+    solver: Solver = Solver()
+
+
+def _connectors_lighter_than_worm(connector_mass_kg: float, mass_kg: float) -> Found:
+    if connector_mass_kg < mass_kg:
+        return None
+    return {
+        "worm.connector_mass_kg": f"got {connector_mass_kg} kg: must be below worm.mass_kg ({mass_kg} kg), "
+        "of which it is a part",
+        "worm.mass_kg": f"got {mass_kg} kg: must be above worm.connector_mass_kg ({connector_mass_kg} kg), "
+        "which is a part of it",
+    }
+
+
+CHECKS = (
+    *RUN_CHECKS,
+    *gait_checks(PublishedGait, Worm),
+    memory_check(bytes_per_step),
+    Check(("worm.connector_mass_kg", "worm.mass_kg"), _connectors_lighter_than_worm),
+)
 
 
 def run(scene: PublishedScene, observer: Observer) -> Outcome:
@@ -49,31 +119,14 @@ def run(scene: PublishedScene, observer: Observer) -> Outcome:
         )
 
 
-def parameters_of(scene: PublishedScene) -> published.Parameters:
+def parameters_of(scene: PublishedScene) -> Parameters:
     """Return the program's constants as the scene sets them."""
-    return published.Parameters(
-        length=scene.worm.length_m,
-        k_spring=scene.worm.spring_N,
-        k_link=scene.worm.link_N,
-        mass=scene.worm.mass_kg,
-        connector_mass=scene.worm.connector_mass_kg,
-        gravity=scene.friction.gravity_m_s2,
-        mu_forward=scene.friction.forward,
-        mu_backward=scene.friction.backward,
-        velocity_threshold=scene.friction.velocity_threshold_m_s,
-        contraction_force=scene.gait.force_N,
-        wavelength=scene.gait.wavelength_m,
-        ground_clearance=scene.ground.clearance_m,
-        elastic_sign=scene.solver.elastic_sign,
-        rectified=scene.gait.rectified,
-        tolerance=scene.solver.tolerance_N,
-        max_iterations=scene.solver.max_iterations,
-    )
+    return part_of(Parameters, scene.worm, scene.friction, scene.gait, scene.ground, scene.solver)
 
 
-def gait_of(scene: PublishedScene) -> gaits.Gait:
-    """Return the gait that the scene describes."""
-    return pattern(scene.gait, scene.run.dt_s, wavelength=scene.gait.wavelength_m / scene.worm.length_m)
+def gait_of(scene: PublishedScene) -> Gait:
+    """Return the gait, of which the program takes the activation."""
+    return gait_from(scene.gait, scene.run.dt_s, wavelength=scene.gait.wavelength_m / scene.worm.length_m)
 
 
 def _variables(scene: PublishedScene, result: published.Run) -> tuple[Variable, ...]:

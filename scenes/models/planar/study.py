@@ -11,10 +11,10 @@ import numpy as np
 
 from planar import linkage
 from scenes.models.base import Model, Observer, Outcome, Status
+from scenes.models.checks import in_keys
 from scenes.models.planar.linkage import ADVICE, animate, cumulative_cost, merits, reasons
 from scenes.models.planar.linkage import states as states_of
-from scenes.models.planar.linkage_build import simulate
-from scenes.models.planar.linkage_checks import in_keys
+from scenes.models.planar.linkage_scene import KEYS, simulate
 from scenes.models.planar.merit import status_word
 from scenes.models.planar.study_schema import CHECKS, StudyScene
 from scenes.records import overview
@@ -109,7 +109,7 @@ def _simulate(scene: StudyScene, value: float, observer: Observer) -> Case:
     try:
         result = simulate(case, observer)
     except ValueError as error:
-        return _failed(value, in_keys(str(error)))
+        return _failed(value, in_keys(str(error), KEYS))
     if status_word(result.status) != "done":
         return _failed(value, result.stop.sentence, result)
     figures = merits(case, result)

@@ -11,7 +11,7 @@ from scenes.language.mistakes import dotted, schema_mistakes
 from scenes.language.schema import Numbers, Section, field_at, is_number, quantity, setting
 from scenes.models.checks import RUN_CHECKS, too_much_memory
 from scenes.models.planar.linkage_checks import RULES
-from scenes.models.planar.linkage_schema import LinkageScene, LinkageSettings
+from scenes.models.planar.linkage_scene import LinkageScene, LinkageSettings
 
 VARIABLE = ("worm", "friction", "ground", "gait")
 """Sections whose numbers may be varied; all cases share the time steps."""

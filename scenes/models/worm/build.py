@@ -4,34 +4,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 import worm3d
 from control.gaits import Gait
+from planar.linkage import Linkage
 from scenes.language.parts import keys_by_parameter, part_of
 from scenes.models.base import Observer
-from scenes.models.pattern import pattern
-from scenes.models.planar.linkage_build import KEYS as PLANAR_KEYS
+from scenes.models.sections import gait_from
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.schema import (
     AimedStart,
     AnyWormScene,
     GaitScene,
+    PlanarWorm,
     PlanarWormScene,
     Push,
     Start,
-    WormScene,
+    Worm,
 )
 from worm3d import run as runs
 from worm3d.actuation import Actuation, Sensor
 from worm3d.physics.friction_laws import LAWS
 from worm3d.problem import Problem
 
-KEYS = keys_by_parameter(worm3d.Worm)
-"""Each parameter of `worm3d.Worm` and its key in the section [worm]."""
+KEYS, PLANAR_KEYS = keys_by_parameter(worm3d.Worm, Worm), keys_by_parameter(Linkage, PlanarWorm)
+"""Key of each parameter of `worm3d.Worm`, and of `worm3d.Worm.planar`, in the section [worm]."""
 
 STEPS_BETWEEN_LOOKS = 50
 """Steps between two looks at whether the user wants a run without a controller to end, about."""
@@ -101,17 +101,13 @@ def worm_of(scene: AnyWormScene) -> worm3d.Worm:
 
 def friction_of(scene: AnyWormScene) -> worm3d.Friction:
     """Return the coefficients of friction and their law."""
-    law = part_of(LAWS[scene.friction.law], scene.friction)
-    return replace(part_of(worm3d.Friction, scene.friction), law=law)
+    return part_of(worm3d.Friction, scene.friction, law=part_of(LAWS[scene.friction.law], scene.friction))
 
 
 def gait_of(scene: AnyWormScene) -> Gait:
-    """Return the gait."""
+    """Return the gait of a scene that has one."""
     assert isinstance(scene, GaitScene)
-    gait, turning = scene.gait, {"force": scene.gait.force_N}
-    if isinstance(scene, WormScene):
-        turning |= {"bias": scene.gait.bias, "hinge": math.radians(scene.gait.hinge_deg)}
-    return pattern(gait, scene.run.dt_s, wavelength=gait.wavelength, amplitude=gait.amplitude, **turning)
+    return gait_from(scene.gait, scene.run.dt_s)
 
 
 def gravity_of(scene: AnyWormScene) -> NDArray[np.float64]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,26 +9,19 @@ import numpy as np
 
 from scenes.language.checks import Check, Found, kind_checks
 from scenes.language.toml import shown
-from scenes.models.checks import GAIT_CHECKS, RUN_CHECKS, too_much_memory
-from scenes.models.planar.linkage_build import lengthens
-from scenes.models.planar.linkage_checks import (
-    LIST_CHECKS,
-    REACH_NEEDS,
-    as_many_as_joints,
-    as_many_as_segments,
-    in_keys,
-    links_reach,
-)
+from scenes.models.checks import RUN_CHECKS, gait_checks, in_keys, list_checks, too_much_memory
 from scenes.models.worlds.build import world_of
 from scenes.models.worlds.checks import SECTION_CHECKS, WORM_IN_PIPE_CHECKS
 from scenes.models.worlds.schema import World
 from scenes.models.worm.build import KEYS, gravity_of, start_of, worm_of
 from scenes.models.worm.schema import (
-    LAW,
     AnyWormScene,
+    Friction,
     PlanarFriction,
     PlanarGait,
+    PlanarWorm,
     PlanarWormScene,
+    Worm,
     WormGait,
     WormScene,
 )
@@ -74,37 +66,6 @@ def _stroke_holds_rest(stroke: Sequence[float]) -> str | None:
     return f"got {shown(stroke)}: must be [least, greatest] contraction with least <= 0 <= greatest < 1"
 
 
-def _chamber_links_reach(
-    amplitude: float,
-    stroke: Sequence[float],
-    half_height_m: Any,
-    length_m: float,
-    segments: int,
-    bias: float,
-    kind: str,
-    rectified: bool,
-    alternating: bool,
-) -> Found:
-    """Tell of a gait that lengthens a chamber beyond its links."""
-    if not lengthens(kind, rectified=rectified, alternating=alternating):
-        return None
-    l0 = length_m / segments
-    longest = l0 * (1.0 + min(amplitude * (1.0 + abs(bias)), -stroke[0]))
-    reach = 2.0 * math.hypot(float(np.min(half_height_m)), l0 / 2.0)
-    if longest < reach:
-        return None
-    too_long = f"the gait lengthens a chamber to {longest:.4g} m, but its links end at {reach:.4g} m"
-    mend = f"keep one of gait.amplitude and -worm.stroke[0] below {reach / l0 - 1.0:.4g}, or let the gait only contract"
-    found = {
-        "gait.amplitude": amplitude,
-        "worm.stroke": stroke,
-        "worm.half_height_m": half_height_m,
-        "gait.rectified": rectified,
-        "gait.kind": kind,
-    }
-    return {key: f"got {shown(value)}: {too_long}; {mend}" for key, value in found.items()}
-
-
 def _g_or_a_vector(gravity_m_s2: Any) -> str | None:
     if isinstance(gravity_m_s2, list | tuple):
         if len(gravity_m_s2) == 3:
@@ -112,15 +73,6 @@ def _g_or_a_vector(gravity_m_s2: Any) -> str | None:
         return f"got a list of {len(gravity_m_s2)}: must be one number, g downwards, or three, x, y, z"
     return (
         None if gravity_m_s2 >= 0 else f"got {gravity_m_s2} m/s^2: g is at least 0; a list of x, y, z may point upwards"
-    )
-
-
-def _a_body_between_anchors(anchors: int, segments: int, kind: str) -> Found:
-    if kind != "two_anchor" or 2 * anchors < segments:
-        return None
-    return (
-        f"got {anchors}: two anchors take {2 * anchors} of the worm's {segments} segments (worm.segments), must leave "
-        "one between them"
     )
 
 
@@ -144,59 +96,35 @@ def _fits_into_memory(dt_s: float, duration_s: float, segments: int, record_ever
 WORLD_CHECKS = (
     *RUN_CHECKS,
     *kind_checks(World, "world"),
-    *kind_checks(PlanarFriction, "friction", "law"),
-    *(
-        Check((f"friction.{key}", "worm.segments"), as_many_as_segments)
-        for key in ("forward", "backward", *LAW)
-        if key != "law"
-    ),
     Check(("run.gravity_m_s2",), _g_or_a_vector),
     *SECTION_CHECKS,
     Check(("push.joint", "worm.segments"), _push_on_a_joint),
     Check(("push.duration_s", "run.dt_s"), _push_lasts_a_step),
     Check(("run.dt_s", "run.duration_s", "worm.segments", "run.record_every"), _fits_into_memory),
 )
-"""Of every worm."""
-
-SHARED = (
-    *WORLD_CHECKS,
-    *GAIT_CHECKS,
-    Check(("gait.anchors", "worm.segments", "gait.kind"), _a_body_between_anchors),
-)
+"""Checks of every worm."""
 
 SPATIAL_CHECKS = (
-    *(
-        Check((f"worm.{key}", "worm.segments"), as_many_as_segments)
-        for key in ("half_height_m", "spring_N", "apex_hinge_N_m_rad")
-    ),
-    *(
-        Check((f"worm.{key}", "worm.segments"), as_many_as_joints)
-        for key in ("torsion_J", "yaw_J", "twist_J", "cross0")
-    ),
-    Check(("friction.lateral", "worm.segments"), as_many_as_segments),
+    *WORLD_CHECKS,
+    *list_checks(Worm, "worm"),
+    *list_checks(Friction, "friction"),
+    *kind_checks(Friction, "friction", "law"),
     Check(("worm.stroke",), _stroke_holds_rest),
     *WORM_IN_PIPE_CHECKS,
 )
-"""Of every 3D worm, whatever drives it."""
+"""Checks of every 3D worm, whatever drives it."""
 
 WORM_CHECKS = (
-    *SHARED,
-    *kind_checks(WormGait),
     *SPATIAL_CHECKS,
-    Check(
-        (
-            *("gait.amplitude", "worm.stroke", "worm.half_height_m", "worm.length_m", "worm.segments", "gait.bias"),
-            *("gait.kind", "gait.rectified", "gait.alternating"),
-        ),
-        _chamber_links_reach,
-    ),
+    *gait_checks(WormGait, Worm),
     Check(("worm.mass_kg", *STARTS_WITH), _worm_can_start),
 )
 
 PLANAR_CHECKS = (
-    *SHARED,
-    *kind_checks(PlanarGait),
-    *LIST_CHECKS,
-    Check(REACH_NEEDS, links_reach),
+    *WORLD_CHECKS,
+    *list_checks(PlanarWorm, "worm"),
+    *list_checks(PlanarFriction, "friction"),
+    *kind_checks(PlanarFriction, "friction", "law"),
+    *gait_checks(PlanarGait, PlanarWorm),
     Check(("worm.mass_kg", *STARTS_WITH), _planar_worm_can_start),
 )

@@ -10,7 +10,7 @@ import worm3d
 from scenes.language.checks import Check
 from scenes.language.errors import SceneError
 from scenes.models.base import Model, Observer, Outcome, Status, Watch
-from scenes.models.planar.linkage_checks import in_keys
+from scenes.models.checks import in_keys
 from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
 from scenes.models.worm.build import KEYS, Drive, simulate

@@ -4,67 +4,43 @@ from __future__ import annotations
 
 from typing import Literal
 
-from control import gaits
+from planar.linkage import Linkage
 from scenes.language.parts import PartSection, keys_of
-from scenes.language.schema import (
-    Each,
-    Pair,
-    Section,
-    Triple,
-    quantity,
-    setting,
-)
-from scenes.models.planar.linkage_schema import LinkageGait
-from scenes.models.planar.linkage_schema import Worm as PlanarWorm
-from scenes.models.sections import Run, Settings
+from scenes.language.schema import Each, Pair, Section, Triple, quantity, setting
+from scenes.models.sections import BODY_BOUNDS, Run, Settings, gait_keys
 from scenes.models.worlds.schema import World
 from worm3d.physics.friction import Friction as PlantFriction
 from worm3d.physics.friction_laws import LAWS
 from worm3d.worm import Worm as PlantWorm
 
-WORM_BOUNDS = {"segments": {"ge": 1, "le": 200}, "length": {"gt": 0, "le": 100}, "chamber_offset": {"gt": 0}}
-"""Ranges that are narrower in a scene than in Python."""
-
-_WAVE = gaits.TravellingWave()
-
-
-class Worm(PartSection, keys=keys_of(PlantWorm, without=("flat",), bounds=WORM_BOUNDS)):
-    """The chain of rhombic linkages with left and right chambers."""
-
-
 LAW = keys_of(LAWS, by="law", title="law of friction: what is made of the coefficients", aka=("kind", "type"))
 """Keys of the laws of friction."""
 
 
-class PlanarFriction(PartSection, keys=keys_of(PlantFriction, without=("lateral",)) | LAW):
-    """Directional friction that sticks."""
+class Worm(
+    PartSection, keys=keys_of(PlantWorm, without=("flat",), bounds={**BODY_BOUNDS, "chamber_offset": {"gt": 0}})
+):
+    """The chain of rhombic linkages with left and right chambers."""
+
+
+class PlanarWorm(PartSection, keys=keys_of(Linkage, bounds=BODY_BOUNDS)):
+    """The chain of rhombic linkages, with the parameters of the planar model."""
 
 
 class Friction(PartSection, keys=keys_of(PlantFriction) | LAW):
     """Directional friction that sticks."""
 
 
-class PlanarGait(LinkageGait):
-    """What the chambers are told: to shorten by amplitude x activation."""
-
-    force_N: float = quantity(
-        _WAVE.force, unit="N", title="force of a chamber at activation 1, beside its contraction; positive contracts"
-    )
+class PlanarFriction(PartSection, keys=keys_of(PlantFriction, without=("lateral",)) | LAW):
+    """Directional friction that sticks, along the plane."""
 
 
-class WormGait(PlanarGait):
+class WormGait(PartSection, keys=gait_keys()):
     """What the chambers and hinges are told: to shorten by amplitude x activation, and to turn."""
 
-    bias: float = quantity(
-        _WAVE.bias, ge=-1, le=1, title="the left chambers shorten 1 + bias, the right ones 1 - bias times as much"
-    )
-    hinge_deg: float = quantity(
-        0.0,
-        unit="deg",
-        gt=-180,
-        lt=180,
-        title="hinge angle of a joint at activation 1; positive yaws the headward segment to the left",
-    )
+
+class PlanarGait(PartSection, keys=gait_keys("bias", "hinge")):
+    """What the chambers are told: to shorten by amplitude x activation."""
 
 
 class PlanarStart(Section):

@@ -1,0 +1,98 @@
+"""Scene of the corrected planar worm, and what the model makes of it; every default is that of the model itself."""
+
+from __future__ import annotations
+
+import math
+from inspect import signature
+from typing import Any, Literal
+
+from planar import linkage
+from planar.linkage.simulate import Gait
+from scenes.language.parts import PartSection, keys_by_parameter, keys_of, part_of
+from scenes.language.schema import Section, quantity, setting
+from scenes.models.base import Observer
+from scenes.models.sections import BODY_BOUNDS, Settings, gait_from, gait_keys
+
+_RUN: dict[str, Any] = {name: given.default for name, given in signature(linkage.simulate).parameters.items()}
+
+
+class Worm(PartSection, keys=keys_of(linkage.Linkage, bounds=BODY_BOUNDS)):
+    """The chain of rhombic linkages."""
+
+
+class Friction(PartSection, keys=keys_of(linkage.Friction)):
+    """Directional Coulomb friction along the ground."""
+
+    law: Literal["anchored", "threshold"] = setting(
+        _RUN["friction_law"], title="in contact: set-valued with anchors, or the paper's (P10) for comparison"
+    )
+    velocity_threshold_m_s: float = quantity(
+        _RUN["velocity_threshold"], unit="m/s", ge=0, title="(P10): no friction below this speed (threshold, clamped)"
+    )
+
+
+class Ground(Section):
+    """The ground under the worm, and gravity."""
+
+    kind: Literal["contact", "clamped"] = setting(
+        _RUN["ground"], title="contact: the apexes touch it; clamped: the joints' heights are held, loads by (P9)"
+    )
+    slope_deg: float = quantity(_RUN["slope"], unit="deg", gt=-90, lt=90, title="angle, rising towards the head")
+    gravity_m_s2: float = quantity(_RUN["gravity"], unit="m/s^2", ge=0, title="g")
+
+
+class LinkageGait(PartSection, keys=gait_keys("bias", "hinge", "force")):
+    """The commanded contraction: rest lengths are l0 (1 - amplitude x activation)."""
+
+
+class LinkageSettings(Settings):
+    """What one run of the worm needs."""
+
+    worm: Worm = Worm()
+    friction: Friction = Friction()
+    gait: LinkageGait = LinkageGait()
+    ground: Ground = Ground()
+
+
+class LinkageScene(LinkageSettings):
+    """A whole scene."""
+
+    model: Literal["planar_linkage"] = setting(title="which simulation the scene is for")
+
+
+KEYS = keys_by_parameter(linkage.Linkage, Worm)
+"""Key of each parameter of `Linkage` in the section [worm]."""
+
+
+def simulate(scene: LinkageSettings, observer: Observer) -> linkage.Run:
+    """Run the worm of a scene.
+
+    Raises
+    ------
+    ValueError
+        The worm is refused, or its weight would flatten it (`LimitPointError`).
+    """
+    return linkage.simulate(
+        worm_of(scene.worm),
+        gait_of(scene),
+        duration=scene.run.duration_s,
+        dt=scene.run.dt_s,
+        ground=scene.ground.kind,
+        friction=part_of(linkage.Friction, scene.friction),
+        friction_law=scene.friction.law,
+        gravity=scene.ground.gravity_m_s2,
+        slope=math.radians(scene.ground.slope_deg),
+        velocity_threshold=scene.friction.velocity_threshold_m_s,
+        observer=observer,
+    )
+
+
+def worm_of(worm: Worm) -> linkage.Linkage:
+    """Return the worm that the section [worm] describes."""
+    return part_of(linkage.Linkage, worm)
+
+
+def gait_of(scene: LinkageSettings) -> Gait:
+    """Return the gait as the worm wants it: time [s] -> contraction of each segment, shape (N,)."""
+    wave, segments = gait_from(scene.gait, scene.run.dt_s), scene.worm.segments
+    return lambda t: wave.amplitude * wave.activation(t, segments)
