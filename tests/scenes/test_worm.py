@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 from inspect import signature
 from pathlib import Path
 
@@ -208,8 +208,13 @@ def test_a_scene_without_keys_is_the_plant() -> None:
 
 
 def assert_equal_fields(ours: object, theirs: object) -> None:
+    assert type(ours) is type(theirs)
     for field in fields(theirs):  # type: ignore[arg-type]
-        assert_array_equal(getattr(ours, field.name), getattr(theirs, field.name))
+        mine, other = getattr(ours, field.name), getattr(theirs, field.name)
+        if is_dataclass(other):
+            assert_equal_fields(mine, other)
+        else:
+            assert_array_equal(mine, other)
 
 
 def test_every_key_of_the_worm_reaches_the_plant() -> None:
