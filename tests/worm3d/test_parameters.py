@@ -72,7 +72,11 @@ def test_the_docstring_follows() -> None:
 @pytest.mark.parametrize("part", [worm3d.Worm, worm3d.Friction])
 def test_every_parameter_of_the_plant_is_documented(part: type) -> None:
     names = list(parameters_of(part))
-    assert set(part.__dataclass_fields__) - set(names) <= {"law", "actuator", "hinge_actuator"}  # parts, with parameters of their own
+    assert set(part.__dataclass_fields__) - set(names) <= {
+        "law",
+        "actuator",
+        "hinge_actuator",
+    }  # parts, with parameters of their own
     assert all(f"    {name} : " in (part.__doc__ or "") for name in names)
 
 
