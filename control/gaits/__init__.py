@@ -1,5 +1,6 @@
 """Gaits: open-loop patterns of contraction, and the waves that controllers drive."""
 
+from control.gaits.crawlers import TwoAnchor
 from control.gaits.patterns import (
     GAITS,
     Body,
@@ -11,7 +12,6 @@ from control.gaits.patterns import (
     TravellingWave,
     WaveDirection,
 )
-from control.gaits.pipe import TwoAnchor
 
 __all__ = [
     "GAITS",
