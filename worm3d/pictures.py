@@ -24,7 +24,7 @@ from worm3d.worlds.scenery import Window, on_ground, scenery
 from worm3d.worm import Worm
 
 if TYPE_CHECKING:
-    from worm3d.viewer.notebook import NotebookView
+    from worm3d.viewer.html import NotebookView
 
 
 FPS = 25.0
@@ -114,9 +114,9 @@ def show(
     height : int
         Of the cell [pixels].
     """
-    from worm3d.viewer import notebook
+    from worm3d.viewer import html
 
-    return notebook.show(
+    return html.show(
         frames_of(result, fps=fps, reference=reference, horizon=horizon), height=height, fps=None, skin=skin
     )
 

@@ -1,10 +1,10 @@
 """Pictures of the worm from plain arrays: a page for the browser, figures, movies, meshes. Knows no simulator.
 
-Heavy libraries are imported where they are used: take `pictures`, `movie`, `meshes`, `live` and `notebook` as modules.
+Heavy libraries are imported where they are used: take `pictures`, `movie`, `meshes`, `live` as modules.
 """
 
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.html import write_html
-from worm3d.viewer.world import WorldMesh, banded_pipe, chequered, heightfield, mesh, pipe, plane
+from worm3d.viewer.world import WorldMesh, banded_pipe, chequered, heightfield, pipe, plane
 
-__all__ = ["Frames", "WorldMesh", "banded_pipe", "chequered", "heightfield", "mesh", "pipe", "plane", "write_html"]
+__all__ = ["Frames", "WorldMesh", "banded_pipe", "chequered", "heightfield", "pipe", "plane", "write_html"]

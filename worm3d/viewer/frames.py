@@ -6,11 +6,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from worm3d.values.arrays import FloatArray
-from worm3d.viewer.arrays import Shape, check_shape, frozen
 from worm3d.viewer.world import WorldMesh
+
+Shape = tuple[int | str, ...]
+"""Shape of an array: a letter stands for a size that is the same everywhere, "N+1" for N and one."""
 
 _ARRAYS: dict[str, Shape] = {
     "time": ("T",),
@@ -99,7 +101,7 @@ class Frames:
         sizes = {"K": 6 if self.faces is None else 8}
         for name, shape in _ARRAYS.items():
             if getattr(self, name) is not None:
-                self._set(name, frozen(name, getattr(self, name), shape, sizes))
+                self._set(name, _frozen(name, getattr(self, name), shape, sizes))
         if min(sizes["T"], sizes["N"]) < 1:
             raise ValueError(f"frames: got {sizes['T']} frames of {sizes['N']} segments, must be at least 1 of each")
         self._set_anchored(sizes)
@@ -118,7 +120,7 @@ class Frames:
         if self.anchored is None:
             return
         anchored = np.array(self.anchored)
-        check_shape("anchored", anchored.shape, ("T", "N", "K"), sizes)
+        _check_shape("anchored", anchored.shape, ("T", "N", "K"), sizes)
         if anchored.dtype != np.bool_:
             raise ValueError(f"anchored: got {anchored.dtype}, must be bool: which contact points stick")
         anchored.setflags(write=False)
@@ -127,7 +129,7 @@ class Frames:
     def _set_line(self, name: str) -> None:
         if getattr(self, name) is None:
             return
-        line = frozen(name, getattr(self, name), ("P", 3), {})
+        line = _frozen(name, getattr(self, name), ("P", 3), {})
         if len(line) < 2:
             raise ValueError(f"{name}: got {len(line)} points, must be at least 2")
         self._set(name, line)
@@ -284,3 +286,38 @@ def _as_mesh(mesh: WorldMesh | Iterable[object]) -> WorldMesh:
 def _where(wrong: NDArray[np.bool_]) -> str:
     frame, segment = np.argwhere(wrong)[0]
     return f"{segment} in frame {frame}"
+
+
+def _frozen(name: str, value: ArrayLike, shape: Shape, sizes: dict[str, int]) -> FloatArray:
+    """Return a read-only copy of an array, checked; sizes of new letters in its shape are entered into `sizes`."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: got {type(value).__name__}, must be numbers of shape {_written(shape)}") from error
+    _check_shape(name, array.shape, shape, sizes)
+    if not np.isfinite(array).all():
+        first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ValueError(
+            f"{name}: got {array[first]} at index {first}, must be finite: show only the frames before a run diverged"
+        )
+    array.setflags(write=False)
+    return array
+
+
+def _check_shape(name: str, got: tuple[int, ...], shape: Shape, sizes: dict[str, int]) -> None:
+    """Raise ValueError unless `got` is `shape`; enter sizes of new letters into `sizes`."""
+    fits = len(got) == len(shape)
+    for size, want in zip(got, shape, strict=False):
+        if isinstance(want, str) and not want.endswith("+1"):
+            want = sizes.setdefault(want, size)
+        elif isinstance(want, str):
+            want = sizes[want.removesuffix("+1")] + 1
+        fits = fits and size == want
+    if not fits:
+        known = ", ".join(f"{key} = {sizes[key]}" for key in sizes if any(key in str(want) for want in shape))
+        raise ValueError(f"{name}: got shape {got}, must be {_written(shape)}" + (f" with {known}" if known else ""))
+
+
+def _written(shape: Shape) -> str:
+    """Return a shape as it stands in documentation, e.g. "(T, N+1, 3)"."""
+    return "(" + ", ".join(str(size) for size in shape) + ("," if len(shape) == 1 else "") + ")"

@@ -21,26 +21,6 @@ from worm3d.viewer.skin import Skin
 _Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 
-def worm_mesh(frames: Frames, index: int = 0) -> trimesh.Trimesh:
-    """Return links and chambers in frame `index` as one mesh with coloured vertices [m]."""
-    shown, scales = _one(frames, index)
-    parts = []
-    for piece in pieces.worm(shown, scales):
-        part = trimesh.Trimesh(piece.mesh.vertices, piece.mesh.faces, process=False)
-        part.apply_transform(piece.matrix(0))
-        colour = [*(round(255 * share) for share in piece.colour_at(0)), 255]
-        part.visual = ColorVisuals(
-            part, vertex_colors=np.tile(np.array(colour, dtype=np.uint8), (len(part.vertices), 1))
-        )
-        parts.append(part)
-    return cast(trimesh.Trimesh, trimesh.util.concatenate(parts))
-
-
-def world_meshes(frames: Frames) -> list[trimesh.Trimesh]:
-    """Return the meshes of the world [m]."""
-    return [trimesh.Trimesh(mesh.vertices, mesh.faces, process=False) for mesh in frames.world]
-
-
 def scene(frames: Frames, index: int = 0) -> trimesh.Scene:
     """Return the worm and what surrounds it in frame `index`, each piece under its own name, z up [m].
 

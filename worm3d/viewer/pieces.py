@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from worm3d.values.arrays import FloatArray
-from worm3d.viewer import colours, rotation, shapes
+from worm3d.viewer import colours, piece, shapes
 from worm3d.viewer.body import Bars, Body
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import HIDDEN, Piece
-from worm3d.viewer.tube import Mesh, tube
+from worm3d.viewer.shapes import Mesh, tube
 from worm3d.viewer.world import Colour, WorldMesh
 
 LAYERS = {
@@ -85,7 +85,7 @@ def worm(frames: Frames, scales: Scales) -> list[Piece]:
 
 
 def _links(bars: Bars, thick: float) -> list[Piece]:
-    middle, turn = 0.5 * (bars.start + bars.end), rotation.y_onto(bars.end - bars.start, bars.normal)
+    middle, turn = 0.5 * (bars.start + bars.end), piece.y_onto(bars.end - bars.start, bars.normal)
     return [
         Piece(
             path=f"links/{name}",
@@ -101,7 +101,7 @@ def _links(bars: Bars, thick: float) -> list[Piece]:
 def _chambers(body: Body, strain: FloatArray, scales: Scales) -> list[Piece]:
     """Return an ellipsoid for each chamber, its long axis y along t, x to the left, z down."""
     mesh = shapes.ball()
-    turn = rotation.quaternions(np.stack([body.d, body.t, -body.u], axis=-1))
+    turn = piece.quaternions(np.stack([body.d, body.t, -body.u], axis=-1))
     half = FULLNESS * np.stack([body.height, 0.5 * body.length, body.height], axis=-1)
     tint = colours.strain_colour(strain, scales.strain)
     return [
@@ -130,7 +130,7 @@ def _faces(frames: Frames, body: Body) -> list[Piece]:
             mesh=shapes.disc(float(radius), FACE_THICKNESS * float(radius)),
             colour=colours.FACE,
             position=frames.joints[:, end],
-            quaternion=rotation.y_onto(outwards * body.t[:, end], body.d[:, end]),
+            quaternion=piece.y_onto(outwards * body.t[:, end], body.d[:, end]),
         )
         for (name, end, outwards), radius in zip(ends, frames.face_radius, strict=True)
     ]
@@ -155,7 +155,7 @@ def _arrows(places: FloatArray, force: FloatArray, metres_per_newton: float, bod
     length = np.minimum(metres_per_newton * size, 2.0 * ARROW * body_length)
     seen = length > 1e-3 * body_length
     direction = np.where(seen[..., None], force, [0.0, 0.0, 1.0])
-    turn = rotation.y_onto(direction, rotation.any_normal(direction))
+    turn = piece.y_onto(direction, piece.any_normal(direction))
     wide = np.minimum(length, 0.12 * body_length)
     scale = np.where(seen[..., None], np.stack([wide, length, wide], axis=2), HIDDEN)
     return [

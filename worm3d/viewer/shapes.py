@@ -1,10 +1,20 @@
-"""Small meshes that everything is put together of; y is their long axis, as in three.js."""
+"""Meshes that everything is put together of: bars, discs, balls, arrows with y as long axis, and tubes along lines."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
-from worm3d.viewer.tube import Mesh, rings_mesh
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.values.arrays import FloatArray
+
+
+class Mesh(NamedTuple):
+    """Triangles: vertices (V, 3) [m] and rows of them, faces (F, 3), seen from outside anticlockwise."""
+
+    vertices: FloatArray
+    faces: NDArray[np.int64]
 
 
 def capsule(length: float, radius: float, *, sides: int = 8) -> Mesh:
@@ -46,3 +56,86 @@ def _turned(
     if tip is not None:
         mesh.vertices[-1, 1] = tip
     return mesh
+
+
+def tube(points: FloatArray, radius: float | FloatArray, *, sides: int = 6, capped: bool = True) -> Mesh:
+    """Return a tube around a polyline.
+
+    Parameters
+    ----------
+    points : ndarray, shape (P, 3)
+        P >= 2 [m]; neighbours may coincide.
+    radius : float or ndarray, shape (P,)
+        [m].
+    sides : int
+        Corners of the cross-section.
+    capped : bool
+        Whether the ends are closed.
+    """
+    tangents = _tangents(points)
+    normals = _transported(tangents)
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    across = np.cross(tangents, normals)
+    circle = np.cos(angle)[:, None] * normals[:, None] + np.sin(angle)[:, None] * across[:, None]
+    rings = points[:, None] + np.broadcast_to(radius, len(points))[:, None, None] * circle
+    return rings_mesh(rings, capped=capped)
+
+
+def rings_mesh(rings: FloatArray, *, capped: bool = True) -> Mesh:
+    """Join rings of vertices, shape (P, sides, 3), anticlockwise about the direction they follow each other in.
+
+    Faces come in order along the rings, 2 * sides between two rings, the caps at the end.
+    """
+    count, sides = rings.shape[:2]
+    faces = wall_faces(count, sides)
+    vertices = rings.reshape(-1, 3)
+    if capped:
+        vertices = np.vstack([vertices, rings[0].mean(axis=0), rings[-1].mean(axis=0)])
+        faces = np.vstack([faces, cap_faces(count, sides)])
+    return Mesh(vertices, faces)
+
+
+def wall_faces(count: int, sides: int) -> NDArray[np.int64]:
+    """Return the triangles between `count` rings, shape (2 * sides * (count - 1), 3)."""
+    corner = np.arange(sides)
+    after = (corner + 1) % sides
+    strip = np.stack([[corner, after, after + sides], [corner, after + sides, corner + sides]], axis=0)
+    first = sides * np.arange(count - 1)
+    return np.asarray(first[:, None, None] + strip.transpose(2, 0, 1).reshape(1, -1, 3)).reshape(-1, 3)
+
+
+def cap_faces(count: int, sides: int) -> NDArray[np.int64]:
+    """Return the triangles that close both ends; their middles are the two vertices after those of the rings."""
+    corner = np.arange(sides)
+    after = (corner + 1) % sides
+    middle, last = count * sides, (count - 1) * sides
+    start = np.stack([np.full(sides, middle), after, corner], axis=1)
+    end = np.stack([np.full(sides, middle + 1), last + corner, last + after], axis=1)
+    return np.vstack([start, end])
+
+
+def _tangents(points: FloatArray) -> FloatArray:
+    """Return unit tangents at the points, shape (P, 3); that of the point before where it stands still."""
+    edges = np.gradient(points, axis=0)
+    length = np.linalg.norm(edges, axis=1)
+    moving = length > 1e-9 * max(float(np.ptp(points, axis=0).max()), 1e-300)
+    if not moving.any():
+        return np.tile([1.0, 0.0, 0.0], (len(points), 1))
+    last = np.maximum.accumulate(np.where(moving, np.arange(len(points)), -1))
+    last[last < 0] = np.argmax(moving)
+    return np.asarray(edges[last] / length[last, None])
+
+
+def _transported(tangents: FloatArray) -> FloatArray:
+    """Return unit normals carried along without twist, shape (P, 3)."""
+    normals = np.empty_like(tangents)
+    normal = np.eye(3)[np.argmin(np.abs(tangents[0]))]
+    for k, tangent in enumerate(tangents):
+        normal = normal - (normal @ tangent) * tangent
+        size = np.linalg.norm(normal)
+        if size < 1e-6:  # the line turned by 90 degrees at once
+            normal = np.cross(tangent, np.eye(3)[np.argmin(np.abs(tangent))])
+            size = np.linalg.norm(normal)
+        normal = normal / size
+        normals[k] = normal
+    return normals

@@ -22,7 +22,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.viewer import colours
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import Piece
-from worm3d.viewer.tube import Mesh, cap_faces, wall_faces
+from worm3d.viewer.shapes import Mesh, cap_faces, wall_faces
 
 RINGS = 6
 """Rings between neighbouring sections."""

@@ -1,15 +1,21 @@
-"""Meshes of the world for pictures, in plain NumPy: planes, pipes and heightfields."""
+"""Meshes of the world for pictures, in plain NumPy: planes, pipes, heightfields, and surfaces where a function is zero.
+
+Such a surface has one corner in each cell of a grid that it passes through. Each edge of the grid along which the sign
+changes is crossed by a quadrilateral between the corners of the four cells around it ("naive surface nets", Gibson
+1998); a corner is the mean of the places where its cell's edges are crossed.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
-from worm3d.viewer.arrays import frozen
-from worm3d.viewer.tube import tube
+from worm3d.viewer.shapes import Mesh, tube
 
 Colour = tuple[float, float, float]
 
@@ -17,6 +23,9 @@ GROUND: Colour = (0.80, 0.82, 0.78)
 TILE: Colour = (0.70, 0.73, 0.68)
 PIPE: Colour = (0.62, 0.72, 0.80)
 BAND: Colour = (0.36, 0.48, 0.60)
+
+_CORNERS = np.array(list(product((0, 1), repeat=3)))
+_EDGES = [(a, b) for a in range(8) for b in range(a, 8) if np.abs(_CORNERS[b] - _CORNERS[a]).sum() == 1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +58,7 @@ class WorldMesh:
 
     def __post_init__(self) -> None:
         what = f"world mesh {self.name!r}"
-        vertices = frozen(f"{what}: vertices", self.vertices, ("V", 3), {})
+        vertices = arguments.array(f"{what}: vertices", self.vertices, ("V", 3), least=0)
         faces = np.array(self.faces)
         if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
             raise ValueError(
@@ -182,40 +191,6 @@ def _split(mesh: WorldMesh, dark: NDArray[np.bool_], colour: Colour) -> tuple[Wo
     )
 
 
-def mesh(
-    vertices: FloatArray, faces: NDArray[np.int64], *, colour: Colour = GROUND, opacity: float = 1.0, most: int = 50_000
-) -> WorldMesh:
-    """Return triangles as they are, or, of more than `most`, about as many: near vertices become one, their mean.
-
-    Parameters
-    ----------
-    vertices : ndarray, shape (V, 3)
-        [m].
-    faces : ndarray, shape (F, 3)
-        Rows of `vertices`.
-    """
-    vertices, faces = np.asarray(vertices, dtype=float), np.asarray(faces)
-    cell = float(np.ptp(vertices, axis=0).max()) / np.sqrt(max(most, 1))
-    thinned = vertices, faces
-    while len(thinned[1]) > most:
-        thinned = _clustered(vertices, faces, cell)
-        cell *= 1.25
-    return WorldMesh("mesh", *thinned, colour, opacity)
-
-
-def _clustered(vertices: FloatArray, faces: NDArray[np.int64], cell: float) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Return a mesh in which the vertices in each cubic cell are one, without the faces that have lost their area."""
-    places = np.floor((vertices - vertices.min(axis=0)) / cell).astype(np.int64)
-    _, cluster, count = np.unique(places, axis=0, return_inverse=True, return_counts=True)
-    means = np.zeros((len(count), 3))
-    np.add.at(means, cluster.ravel(), vertices)
-    joined = cluster.ravel()[faces]
-    a, b, c = joined.T
-    kept = joined[(a != b) & (b != c) & (c != a)]
-    turned = np.take_along_axis(kept, (kept.argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)  # each face once
-    return means / count[:, None], np.unique(turned, axis=0).astype(np.int64)
-
-
 def heightfield(
     x: FloatArray, y: FloatArray, z: FloatArray, *, colour: Colour = GROUND, opacity: float = 1.0
 ) -> WorldMesh:
@@ -237,3 +212,53 @@ def heightfield(
     halves = [np.stack(corners, axis=-1) for corners in ((a, b, c), (a, c, d))]
     faces = np.stack(halves, axis=-2).reshape(-1, 3)  # halves of a square follow each other
     return WorldMesh("heightfield", vertices, faces, colour, opacity)
+
+
+def isosurface(values: FloatArray, origin: FloatArray, spacing: float) -> Mesh:
+    """Return the surface on which a function is zero, seen from where it is positive; empty if there is none.
+
+    Parameters
+    ----------
+    values : ndarray, shape (A, B, C)
+        The function on a grid, each size at least 2.
+    origin : ndarray, shape (3,)
+        Place of `values[0, 0, 0]` [m].
+    spacing : float
+        Of the grid [m].
+    """
+    cells, places = _crossed_cells(values)
+    number = np.full(np.array(values.shape) - 1, -1)
+    number[tuple(cells.T)] = np.arange(len(cells))
+    faces = [_across(values, number, axis) for axis in range(3)]
+    return Mesh(np.asarray(origin) + spacing * places, np.concatenate(faces))
+
+
+def _crossed_cells(values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the cells that the surface passes through, shape (V, 3), and the place of the corner in each."""
+    inside = np.array(values.shape) - 1
+    corners = np.stack([values[tuple(slice(o, o + n) for o, n in zip(c, inside, strict=True))] for c in _CORNERS])
+    solid = (corners < 0.0).sum(axis=0)
+    cells = np.argwhere((solid > 0) & (solid < 8))
+    at = corners[:, *cells.T]
+    total, count = np.zeros((len(cells), 3)), np.zeros(len(cells))
+    for a, b in _EDGES:
+        crossed = (at[a] < 0.0) != (at[b] < 0.0)
+        share = at[a][crossed] / (at[a] - at[b])[crossed]
+        total[crossed] += _CORNERS[a] + share[:, None] * (_CORNERS[b] - _CORNERS[a])
+        count[crossed] += 1.0
+    return cells, cells + total / count[:, None]
+
+
+def _across(values: FloatArray, number: NDArray[np.int64], axis: int) -> NDArray[np.int64]:
+    """Return the triangles that cross the edges of the grid along one axis, shape (F, 3)."""
+    value, cell = np.moveaxis(values, axis, 0), np.moveaxis(number, axis, 0)
+    solid = value < 0.0
+    changes = solid[1:] != solid[:-1]
+    changes[:, [0, -1], :] = False  # an edge on the border has no four cells
+    changes[:, :, [0, -1]] = False
+    k, i, j = np.nonzero(changes)
+    quads = np.stack([cell[k, i + a, j + b] for a, b in ((-1, -1), (0, -1), (0, 0), (-1, 0))], axis=1)
+    # The other two axes follow in cyclic order for x and z, in the opposite order for y.
+    turned = ~solid[k, i, j] if axis != 1 else solid[k, i, j]
+    quads[turned] = quads[turned][:, ::-1]
+    return quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)

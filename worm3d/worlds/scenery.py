@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.values.arrays import FloatArray
-from worm3d.viewer.isosurface import isosurface
 from worm3d.viewer.pieces import rounded_up
-from worm3d.viewer.world import GROUND, PIPE, Colour, WorldMesh, banded_pipe, chequered, heightfield, plane
+from worm3d.viewer.world import GROUND, PIPE, Colour, WorldMesh, banded_pipe, chequered, heightfield, isosurface, plane
 from worm3d.worlds.base import World
 from worm3d.worlds.heightfield import Heightfield
 from worm3d.worlds.mesh import Mesh

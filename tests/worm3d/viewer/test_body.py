@@ -8,13 +8,13 @@ import trimesh
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
-from worm3d.viewer import Frames, pieces, plane, rotation, shapes
+from worm3d.viewer import Frames, piece, pieces, plane, shapes
 from worm3d.viewer.body import Body
 from worm3d.viewer.camera import azimuths, floor, inside
 from worm3d.viewer.piece import HIDDEN
 from worm3d.viewer.pieces import Scales
+from worm3d.viewer.shapes import tube
 from worm3d.viewer.skin import RINGS, SIDES, Skin
-from worm3d.viewer.tube import tube
 
 LINK = np.sqrt(0.05**2 + (1.0 / 12.0) ** 2)
 
@@ -51,16 +51,16 @@ def test_quaternions_are_the_rotations_they_come_from() -> None:
     q /= np.linalg.norm(q, axis=1, keepdims=True)
     half_turns = np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 0], [0, 0, 0, 1.0], [0.6, 0.8, 0, 0]])
     q = np.concatenate([q, half_turns])
-    again = rotation.quaternions(rotation.matrices(q))
+    again = piece.quaternions(piece.matrices(q))
     assert_allclose(again * np.sign(np.sum(again * q, axis=1, keepdims=True)), q, atol=1e-12)
-    turned = rotation.matrices(np.array([0.0, 0.0, np.sin(0.25 * np.pi), np.cos(0.25 * np.pi)]))
+    turned = piece.matrices(np.array([0.0, 0.0, np.sin(0.25 * np.pi), np.cos(0.25 * np.pi)]))
     assert_allclose(turned @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-12)
 
 
 def test_bars_and_arrows_point_along_their_direction() -> None:
     rng = np.random.default_rng(6)
     direction = np.concatenate([rng.normal(size=(50, 3)), np.eye(3), -np.eye(3)])
-    turn = rotation.matrices(rotation.y_onto(direction, rotation.any_normal(direction)))
+    turn = piece.matrices(piece.y_onto(direction, piece.any_normal(direction)))
     unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
     assert_allclose(turn[..., 1], unit, atol=1e-12)
     assert_allclose(np.linalg.det(turn), 1.0)

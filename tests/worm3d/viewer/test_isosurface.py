@@ -6,7 +6,7 @@ import trimesh
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
-from worm3d.viewer.isosurface import isosurface
+from worm3d.viewer.world import isosurface
 
 SPACING = 0.1
 MIDDLE = np.array([0.1, 0.0, -0.2])

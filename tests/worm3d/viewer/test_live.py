@@ -17,9 +17,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from worm3d.viewer import Frames, notebook
-from worm3d.viewer.connection import Server
-from worm3d.viewer.live import LiveView
+from worm3d.viewer import Frames, html
+from worm3d.viewer.live import LiveView, Server
 
 
 @pytest.fixture(scope="module")
@@ -189,7 +188,7 @@ def test_the_server_does_not_survive_its_parent(tmp_path: Path) -> None:
 
 
 def test_the_notebook_shows_the_page_without_a_server(short: Frames) -> None:
-    view = notebook.show(short, height=300)
+    view = html.show(short, height=300)
     cell = view._repr_html_()
     source = re.search(r'srcdoc="([^"]*)"', cell)
     assert source is not None
@@ -198,7 +197,7 @@ def test_the_notebook_shows_the_page_without_a_server(short: Frames) -> None:
     assert len(repr(view)) < 100
 
 
-@pytest.mark.parametrize("module", ["", ".notebook", ".html", ".frames", ".pieces"])
+@pytest.mark.parametrize("module", ["", ".html", ".world", ".frames", ".pieces"])
 def test_imports_are_cheap(module: str) -> None:
     heavy = "meshcat IPython matplotlib trimesh scipy zmq tornado PIL"
     script = (

@@ -13,8 +13,8 @@ from numpy.testing import assert_allclose
 from PIL import Image
 
 from worm3d.viewer import Frames, colours, meshes, movie, pictures, pipe
+from worm3d.viewer.pictures import Projection
 from worm3d.viewer.pieces import Scales
-from worm3d.viewer.projection import Projection
 from worm3d.viewer.skin import Skin
 
 SIDE = Projection(np.array([1.0, 0, 0]), np.array([0, 0, 1.0]), np.array([0, -1.0, 0]))
@@ -129,7 +129,7 @@ def test_a_frame_that_does_not_exist_is_named(short: Frames, tmp_path: Path) -> 
     with pytest.raises(IndexError, match=r"frame: got 21, must be in \[0, 20\]"):
         pictures.figure(short, 21)
     with pytest.raises(IndexError, match=r"frame: got 21, must be in \[0, 20\]"):
-        meshes.worm_mesh(short, 21)
+        meshes.scene(short, 21)
     with pytest.raises(ValueError, match=r"picture file: got 'worm.jpeg', the ending must be .png"):
         pictures.write_png(short, tmp_path / "worm.jpeg")
     with pytest.raises(ValueError, match=r"mesh file: got 'worm.obj', the ending must be .glb"):
@@ -181,14 +181,19 @@ def test_an_mp4_is_written_where_ffmpeg_is_found(short: Frames, tmp_path: Path) 
         movie.write_movie(short, tmp_path / "nowhere" / "worm.mp4")
 
 
-def test_the_worm_as_one_mesh(short: Frames) -> None:
-    mesh = meshes.worm_mesh(short, 4)
-    assert mesh.is_watertight
+def test_links_and_chambers_are_closed_meshes_around_the_worm(short: Frames) -> None:
+    scene = meshes.scene(short, 4)
+    names = [name for name in scene.graph.nodes_geometry if name.startswith(("links/", "chambers/"))]
+    parts = [scene.geometry[name].copy().apply_transform(scene.graph[name][0]) for name in names]
+    assert all(part.is_watertight for part in parts)
     corners = np.concatenate([short.apexes[4].reshape(-1, 3), short.joints[4]])
-    assert_allclose(mesh.bounds, [corners.min(axis=0), corners.max(axis=0)], atol=0.03)
-    colours = np.unique(mesh.visual.vertex_colors, axis=0)
+    bounds = np.array([part.bounds for part in parts])
+    assert_allclose(bounds[:, 0].min(axis=0), corners.min(axis=0), atol=0.03)
+    assert_allclose(bounds[:, 1].max(axis=0), corners.max(axis=0), atol=0.03)
+    colours = {tuple(part.visual.material.baseColorFactor) for part in parts}
     assert len(colours) == 13, "one of the links, one for each chamber"
-    assert [len(part.faces) for part in meshes.world_meshes(short)] == [len(part.faces) for part in short.world]
+    worlds = [len(scene.geometry[name].faces) for name in scene.graph.nodes_geometry if name.startswith("world/")]
+    assert sorted(worlds) == sorted(len(part.faces) for part in short.world)
 
 
 def test_a_glb_has_y_up_and_names(short: Frames, tmp_path: Path) -> None:
