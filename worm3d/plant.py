@@ -160,11 +160,16 @@ class Plant:
         """Whether the ground is the paper's."""
         return self.world is not None and self.world.clamped
 
+    @property
+    def touches(self) -> bool:
+        """Whether contacts act: there is a world, and it is not the paper's."""
+        return self.world is not None and not self.clamped
+
     def _fill_numbers(self) -> None:
         worm, n = self.worm, self.n
         numbers = {
             "l0": worm.l0,
-            "deepest": np.inf if self.world is None else DEEPEST * worm.l0 if worm.end_faces else 0.0,
+            "deepest": np.inf if not self.touches else DEEPEST * worm.l0 if worm.end_faces else 0.0,
             "static_ratio": self.friction.static_ratio,
             "length": worm.length,
             "tolerance": ROUNDING,
@@ -224,7 +229,7 @@ class Plant:
     def _fill_points(self) -> None:
         constants = ContactConstants.of(self.worm, self.friction, self._weight)
         touching = np.zeros((POINTS, self.n))
-        if self.world is not None and not self.clamped:
+        if self.touches:
             touching[:6] = 1.0
             touching[[2, 5]] *= self.worm.outward_apexes
             touching[6] = touching[7, -1] = float(self.worm.end_faces)

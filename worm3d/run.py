@@ -20,9 +20,8 @@ from worm3d.result import Result
 from worm3d.series import COUNTERS, Recorded
 from worm3d.solver.advance import advance, ask, worst_residual
 from worm3d.solver.arrays import POINTS, TOLERANCE
-from worm3d.solver.guard import NO_CONVERGENCE, OK
+from worm3d.solver.guard import NO_CONVERGENCE, OK, refused
 from worm3d.solver.records import Records, gather, record
-from worm3d.solver.refused import refused
 from worm3d.start import GUARDED, Placed, place
 from worm3d.state import State
 from worm3d.status import Status, Stop

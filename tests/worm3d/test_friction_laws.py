@@ -1,6 +1,7 @@
 """Laws of friction as parts: viscous friction against closed forms, and a third law that is defined here alone."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -282,6 +283,18 @@ def test_laws_are_found_by_name_and_compared_by_value() -> None:
     assert replace(Friction(law=Viscous(3.0)), forward=0.5).law == Viscous(3.0)
     with pytest.raises(ValueError, match="another than those of the laws"):
         type("Other", (FrictionLaw,), {}, name="viscous")
+
+
+def test_the_example_of_the_readme_is_a_law() -> None:
+    text = (Path(worm3d.__file__).parent / "physics" / "README.md").read_text()
+    code, found = text.split("```python")[1].split("```")[0], {}
+    try:
+        exec(code, found)
+        assert found["ground"].law == law_of({"name": "sticky", "adhesion": 0.05})
+        result = worm3d.simulate(Worm(), Plane(), found["ground"], TravellingWave(), duration=0.5)
+        assert result.status is Status.DONE
+    finally:
+        LAWS.pop("sticky", None)
 
 
 class Pushing(FrictionLaw):

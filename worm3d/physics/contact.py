@@ -13,7 +13,8 @@ the step; mu_x = mu_forward for y_x > 0 (towards the head), else mu_backward:
 
 The hardness H is 1 but where mu is so small that a contact would have to move far before it yields.
 
-Friction (C3), set-valued with anchors: s is the displacement from the anchor and y = s - s*; per unit of normal load
+Friction (C3), set-valued with anchors: s is the displacement from the anchor and y = s - s*; per unit of the
+capacity, which is the normal load in Coulomb's law,
 
     f_i = mu_i e_i y_i/P_i,   P_i = r + H_i lambda,   lambda = rho max(0, 1/cap - r/eta)
     1/r = 1/rho_b + D/dt,   s* = (D/dt) r s_n
@@ -26,6 +27,9 @@ mu_i y_i/rho, which make unit vectors. Where H = 1 it is the gradient of Huber's
 
 and where it is not, there is none across the axes: descent (`worm3d.solver.descent`) takes H = 1 everywhere. The limit
 mu_x -> 0 is regular: no force along x, an anchor that follows, and lateral friction that goes on to hold.
+
+Other laws (`worm3d.physics.friction_laws`) have a capacity C(N) in place of N, and rho (1/c - 1/cap) beside lambda of
+Coulomb's law, with the strength c = cap + Psi'(cap lambda/dt) in place of cap where a contact slides.
 
 rho_b, the breakaway displacement times e, is one number, so that all contacts yield together whatever their load; D
 puts a damper beside the anchor's spring, both capped together. cap is 1, and static_ratio while a contact is stuck.
@@ -62,14 +66,14 @@ import casadi as ca
 from worm3d.physics.friction_laws import FrictionLaw, Symbols
 
 YIELD_TOLERANCE = 1e-9
-"""Relative excess over the yield surface below which an anchor stays, lest rounding makes it creep."""
+"""Excess over the yield surface, as a fraction of it, below which an anchor stays: rounding does not make it creep."""
 
 TIE = 1e-9
-"""Fraction of the static limit below it from which on a contact breaks away, (C6)."""
+"""Distance below the static limit, as a fraction of it, at which a contact breaks away, (C6)."""
 
 
 class Directions(NamedTuple):
-    """A number of one contact for motion towards the head, towards the tail and sideways."""
+    """Number of a contact for motion towards the head, towards the tail and sideways."""
 
     forward: ca.SX
     backward: ca.SX

@@ -16,31 +16,31 @@ from worm3d.worm import Worm
 Numbers = float | FloatArray
 
 RESTING_PENETRATION = 1e-5
-"""Of the mean load, as a fraction of the segment length."""
+"""Penetration under the mean load, as a fraction of the segment length."""
 
 BREAKAWAY = 1e-5
 """Displacement at which the contact with the smallest coefficient yields, as a fraction of the segment length."""
 
 GREATEST = 1e6
-"""Coefficient: whatever is larger sticks as well."""
+"""Largest coefficient that is accepted."""
 
 SMALLEST_COEFFICIENT = 0.01
-"""Coefficients below this fraction of the largest, 0 too, do not set the breakaway displacement: the others would
-become so stiff that rounding shows. Their contacts are harder instead, so that they yield no later."""
+"""Smallest coefficient, as a fraction of the largest, that may set the breakaway displacement. Smaller ones would make
+the others so stiff that rounding shows; their contacts are harder instead, so that they yield no later."""
 
 LEAST_BESIDE_SMALL = 0.1
-"""Where there are such, the greatest fraction of the largest coefficient that sets it: what glides almost freely one
-way creeps across, in every step, by about as much as makes it yield there, and that has to be little."""
+"""Largest coefficient, as a fraction of the largest of all, that sets the breakaway displacement beside smaller ones:
+what glides almost freely one way creeps across, in every step, by about as much as makes it yield there."""
 
 NEGLIGIBLE = 1e-13
-"""Coefficients below this fraction of the largest, 0 too, count as that: in a step its force changes a velocity by less
-than places are rounded, and the law needs no exception for 0."""
+"""Coefficient, as a fraction of the largest, that stands for all smaller ones, 0 too: its force changes a velocity in a
+step by less than positions are rounded, and the law needs no exception for 0."""
 
 TINY = 1e-30
-"""Coefficient that counts for 0 where all are 0."""
+"""Coefficient that stands for 0 where all are 0."""
 
 TANGENTIAL_DAMPING_RATIO = 40.0
-"""Of the contact with the smallest coefficient, for the mass that it holds; larger ones are damped more.
+"""Damping ratio of the contact with the smallest coefficient and the mass that it holds; larger ones are damped more.
 
 The damper shares the cap with the spring, so its only effects are micrometres and milliseconds: too little (1) and a
 suddenly applied load overshoots and breaks loose early; the more, the sooner the contact carries its full load, as a

@@ -1,18 +1,26 @@
-"""What becomes of a worm whose shape the model no longer stands for."""
+"""Shapes that the model does not stand for: how a step that ends in one is refused, and what to do about it."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from worm3d.machine.compiled import inner
-from worm3d.physics.kernels import joint, point
+from worm3d.physics.kernels import joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import matrix, total, vector
 from worm3d.solver.evaluate import LENGTHS, TANGENT
+from worm3d.status import Status
+from worm3d.values.arrays import FloatArray
+
+Arrays = dict[str, FloatArray]
+
+BEND = 4
+"""Row of the chamber bend among the coordinates of a segment."""
+SIDES = ("left", "right")
 
 OK, NO_CONVERGENCE, NOT_FINITE, FLATTENED, FOLDED, SUNK = range(6)
-"""How a step ended."""
+"""Ends of a step."""
 
 _HINGE = joint.LAYOUT.first("hinge")
 _DISTANCE = point.LAYOUT.first("distance")
@@ -51,9 +59,62 @@ def _sunk(core: Core) -> bool:
     """Return whether a joint is too deep in the world."""
     numbers, distance = vector(core.block, a.NUMBERS_), matrix(core.block, a.POINT_IN)[_DISTANCE]
     lanes = len(distance) // POINTS
-    if numbers[a.CLAMPED] != 0.0:
-        return False
     for i in range(core.n):
         if distance[6 * lanes + i] <= -numbers[a.DEEPEST]:
             return True
     return bool(distance[7 * lanes + core.n - 1] <= -numbers[a.DEEPEST])
+
+
+def refused(arrays: Arrays, segments: int, status: Status) -> tuple[int, str]:
+    """Return the segment in which a step ended that the solver's guard refused, and why, in words.
+
+    Parameters
+    ----------
+    arrays : dict of str to ndarray
+        Of the solver, as the step left them (`worm3d.solver.arrays`): all but the coordinates are those of the shape
+        that was refused.
+    segments : int
+        N.
+    status : Status
+    """
+    of = {Status.FOLDED: _where_folded, Status.FLATTENED: _where_flattened, Status.SUNK: _where_sunk}.get(status)
+    return of(arrays, segments) if of else (0, "")
+
+
+def joint_angles(arrays: Arrays, segments: int) -> tuple[FloatArray, FloatArray]:
+    """Return the angles between neighbouring segments, and those that bends and hinges ask for, each (N-1,) [rad]."""
+    tangent = arrays["rest"][TANGENT : TANGENT + 3, :segments]
+    cosine = np.sum(tangent[:, :-1] * tangent[:, 1:], axis=0)
+    bend = arrays["segment_in"][segment.LAYOUT.first("q") + BEND, :segments]
+    hinge = arrays["joint_in"][joint.LAYOUT.first("hinge"), : segments - 1]
+    return np.arccos(np.clip(cosine, -1.0, 1.0)), np.abs(0.5 * (bend[:-1] + bend[1:]) + hinge)
+
+
+def _where_folded(arrays: Arrays, segments: int) -> tuple[int, str]:
+    enclosed, asked = joint_angles(arrays, segments)
+    i = int(np.argmax(np.maximum(enclosed, asked)))
+    return i + 1, (
+        f"joint {i + 1}, between segments {i} and {i + 1}, is bent by {np.rad2deg(enclosed[i]):.3g} degrees, where "
+        f"hinge and chambers ask for {np.rad2deg(asked[i]):.3g}; ask for less (hinge, bias, amplitude), or make it "
+        "stiffer (k_yaw, k_torsion)"
+    )
+
+
+def _where_flattened(arrays: Arrays, segments: int) -> tuple[int, str]:
+    share = arrays["rest"][LENGTHS : LENGTHS + 2, :segments] / arrays["longest"][0, :segments]
+    side, i = np.unravel_index(int(np.argmax(share)), share.shape)
+    length = float(share[side, i] * arrays["longest"][0, i])
+    return int(i), (
+        f"segment {i}, whose {SIDES[side]} chamber is {length:.4g} m long, as long as its links can be; "
+        "lengthen it less (negative contraction, bias, pull), or make the worm lighter, k_spring or half_height larger"
+    )
+
+
+def _where_sunk(arrays: Arrays, segments: int) -> tuple[int, str]:
+    distance = arrays["point_in"][point.LAYOUT.first("distance")].reshape(POINTS, -1)[6:, :segments]
+    faces = np.append(distance[0], distance[1, -1])
+    j = int(np.argmin(faces))
+    return min(j, segments - 1), (
+        f"joint {j} is {-faces[j]:.3g} m deep; press on it less (weight, external force), or make the worm stiffer "
+        "(k_torsion, k_spring)"
+    )
