@@ -1,4 +1,4 @@
-"""Every command and snippet of the README does what it says."""
+"""Every command and snippet of the README, and of the pages that it leads to, does what it says."""
 
 import json
 import os
@@ -12,17 +12,18 @@ import pytest
 from numpy.testing import assert_allclose
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text()
+README = ROOT / "README.md"
+PAGES = [README, *(ROOT / page for page in ("scenes/README.md", "control/README.md", "scenes/bench/README.md"))]
 BIN = Path(sys.executable).parent
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+def blocks(page: Path, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", page.read_text(), flags=re.DOTALL)
 
 
 def commands() -> list[list[str]]:
     """Return the README's shell lines, without their set-up, as arguments."""
-    lines = [line for block in blocks("sh") for line in block.splitlines() if line]
+    lines = [line for block in blocks(README, "sh") for line in block.splitlines() if line]
     return [shlex.split(line.split("&&")[-1], comments=True) for line in lines]
 
 
@@ -36,38 +37,38 @@ def run(arguments: list[str], folder: Path) -> str:
     return done.stdout
 
 
-def test_the_first_command_reproduces_the_paper(tmp_path: Path) -> None:
-    assert commands()[0] == [".venv/bin/worm3d", "paper"]
-    out = run(commands()[0], tmp_path)
-    (folder,) = (tmp_path / "runs").iterdir()
-    assert f"Written to runs/{folder.name}" in out
-    study = json.loads((folder / "paper.json").read_text())
+def test_the_paper_is_reproduced(tmp_path: Path) -> None:
+    (command,) = (arguments for arguments in commands() if "paper" in arguments[1:2])
+    assert "Written to paper" in run(command, tmp_path)
+    study = json.loads((tmp_path / "paper" / "paper.json").read_text())
     row = next(r for r in study["rows"] if (r["n"], r["T_wave_s"]) == (6, 2.0))
     assert_allclose(row["reported_distance_m"], 0.739210, rtol=0, atol=1.5e-6)
     assert_allclose(row["work_J"], 4.547915, rtol=0, atol=1.5e-6)
     assert len(study["rows"]) == 9
     assert {c["verdict"] for c in study["claims"]} > {"holds", "does not hold"}
     for figure in range(7, 14):
-        assert len(list(folder.glob(f"figure_{figure}_*.png"))) == 1
+        assert len(list((tmp_path / "paper").glob(f"figure_{figure}_*.png"))) == 1
 
 
-def test_the_second_command_is_the_one_that_ci_runs() -> None:
+def test_the_first_command_shows_a_worm_and_the_second_is_the_one_that_ci_runs() -> None:
+    assert commands()[0] == [".venv/bin/worm3d", "run", "flat", "--out", "flat"]
     assert commands()[1] == [".venv/bin/pytest"]
     assert "grep -m 1 'bin/pytest' README.md" in (ROOT / ".ci" / "run").read_text()
 
 
-def test_the_other_commands(tmp_path: Path) -> None:
-    for arguments in commands()[2:]:
-        run(arguments, tmp_path)
-    for folder in ("flat", "further", "slow"):
+def test_the_commands(tmp_path: Path) -> None:
+    for arguments in commands():
+        if arguments[1:2] not in ([], ["paper"]):
+            run(arguments, tmp_path)
+    for folder in ("flat", "further", "turn", "circle"):
         assert (tmp_path / folder / "result.nc").is_file()
-    assert (tmp_path / "segments" / "summary.json").is_file()
     assert (tmp_path / "flat" / "viewer.html").is_file()
     assert (tmp_path / "flat.glb").read_bytes()[:4] == b"glTF"
-    assert len((tmp_path / "slow.csv").read_text().splitlines()) == 1002
+    assert len((tmp_path / "flat.csv").read_text().splitlines()) > 100
+    assert (tmp_path / "my_worm.toml").is_file()
 
 
-@pytest.mark.parametrize("snippet", blocks("python"))
+@pytest.mark.parametrize("snippet", [block for page in PAGES for block in blocks(page, "python")])
 def test_snippets(snippet: str, tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", snippet], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -76,8 +77,16 @@ def test_snippets(snippet: str, tmp_path: Path) -> None:
     assert "the run reached its end" in done.stdout
 
 
-def test_pictures_exist() -> None:
-    pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", README)
-    assert pictures
-    for picture in pictures:
-        assert (ROOT / picture).is_file()
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_what_pages_lead_to_is_there(page: Path) -> None:
+    links = re.findall(r"\]\(([^)#:]+)\)", page.read_text())
+    assert links or page != README
+    for link in links:
+        assert (page.parent / link).is_file(), link
+
+
+def test_files_to_change_are_there() -> None:
+    places = re.findall(r"`((?:worm3d|control|scenes|planar|tests)/[^`*]*)`", README.read_text())
+    assert len(places) > 15
+    for place in places:
+        assert (ROOT / place).exists(), place
