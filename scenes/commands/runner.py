@@ -16,9 +16,10 @@ from scenes.models.loading import Scene, parse_scene
 from scenes.records import folder as folders
 from scenes.records.drawing import animate, clear_pictures, cut_short, draw_overview, is_drawable, model_of, view
 from scenes.records.folder import RESULT, write_bytes
-from scenes.records.record import Record, Summary, Variable
+from scenes.records.record import Record, Summary
 from scenes.records.store import save
 from scenes.records.text import json_bytes
+from worm3d.values.variable import Variable
 
 EXIT_CODES = {"done": 0, "diverged": 3, "incomplete": 5, "interrupted": 130}
 """What a run ends the program with, by its status."""

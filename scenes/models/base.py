@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Generic, Literal, Protocol, TypeVar
 
 from scenes.language.checks import Check
 from scenes.models.sections import Settings
-from scenes.records.record import Metric, Record, Variable
+from scenes.records.record import Metric, Record
+from worm3d.values.variable import Variable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from scenes.records.folder import written_whole
-from scenes.records.record import Record, Variable
+from scenes.records.record import Record
+from worm3d.values.variable import Variable
 
 AXES = "xyz"
 

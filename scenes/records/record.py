@@ -10,10 +10,10 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from scenes.language.errors import SceneError
+from worm3d.values.variable import Variable
 
 Cell = float | int | str | None
 
@@ -23,46 +23,6 @@ Metric = Cell | list[dict[str, Cell]]
 
 class MissingVariableError(SceneError, KeyError):
     """A result lacks a variable."""
-
-
-@dataclass(frozen=True, init=False, eq=False)
-class Variable:
-    """A named array.
-
-    Attributes
-    ----------
-    name : str
-    dims : tuple of str
-        Name of each dimension, () for a single number.
-    values : ndarray
-        Numbers, read-only.
-    units : str
-        "1" for a pure number.
-    long_name : str
-        What it is, in a few words.
-    """
-
-    name: str
-    dims: tuple[str, ...]
-    values: NDArray[Any]
-    units: str
-    long_name: str
-
-    def __init__(self, name: str, dims: tuple[str, ...], values: ArrayLike, units: str, long_name: str) -> None:
-        array = np.array(values)
-        if array.dtype.kind not in "iuf":
-            raise ValueError(f"{name}: got values of type {array.dtype}, must be integers or floats")
-        if array.ndim != len(dims):
-            raise ValueError(f"{name}: got shape {array.shape}, must have one axis for each of {dims}")
-        array.setflags(write=False)
-        fields = {"name": name, "dims": dims, "values": array, "units": units, "long_name": long_name}
-        for key, item in fields.items():
-            object.__setattr__(self, key, item)
-
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Length of each dimension."""
-        return dict(zip(self.dims, self.values.shape, strict=True))
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,9 @@ import numpy as np
 
 from scenes.language.errors import DiscError, SceneError
 from scenes.records.folder import RESULT, write_bytes
-from scenes.records.record import Record, Summary, Variable
+from scenes.records.record import Record, Summary
 from worm3d.values.memory import MOST_MEMORY
+from worm3d.values.variable import Variable
 
 FORMAT = "worm3d result 2"
 """Value of the attribute `format` by which we know our files."""

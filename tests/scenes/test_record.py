@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes.records.record import Record, Summary, Variable
+from scenes.records.record import Record, Summary
+from worm3d.values.variable import Variable
 
 
 def record_of(*variables: Variable, **changes: Any) -> Record:

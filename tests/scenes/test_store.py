@@ -15,8 +15,9 @@ from scenes.commands.runner import simulate
 from scenes.language.errors import DiscError, SceneError
 from scenes.models.loading import load_scene
 from scenes.records import store
-from scenes.records.record import Record, Variable
+from scenes.records.record import Record
 from scenes.records.store import load, save
+from worm3d.values.variable import Variable
 
 
 def assert_same_variables(ours: tuple[Variable, ...], theirs: tuple[Variable, ...]) -> None:

@@ -21,8 +21,9 @@ from scenes.language.errors import SceneError
 from scenes.language.loader import shipped_scenes
 from scenes.models.loading import load_scene
 from scenes.models.worm import figures as worm_figures
-from scenes.records.record import Record, Variable
+from scenes.records.record import Record
 from scenes.records.store import load, save
+from worm3d.values.variable import Variable
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 WORMS = [name for name in shipped_scenes() if load_scene(name).model.name in ("worm", "worm_planar")]

@@ -12,8 +12,9 @@ from control.estimation.reduced import STATES, ReducedState
 from control.planning.plan import SOURCES, Decision
 from control.tracking.metrics import Motion, Tracking, tracking
 from control.tracking.references import Reference
-from scenes.records.record import Record, Variable
+from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
+from worm3d.values.variable import Variable
 
 PARAMETERS = "amplitude, frequency [Hz], bias, hinge [rad]"
 SERIES = ("time", "com", "heading")

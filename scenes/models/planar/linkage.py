@@ -14,8 +14,9 @@ from scenes.models.planar.linkage_checks import CHECKS
 from scenes.models.planar.linkage_scene import LinkageScene, LinkageSettings, simulate
 from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
 from scenes.records import overview
-from scenes.records.record import Record, Variable
+from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
+from worm3d.values.variable import Variable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

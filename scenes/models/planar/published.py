@@ -19,7 +19,8 @@ from scenes.models.checks import RUN_CHECKS, gait_checks, memory_check
 from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
 from scenes.models.sections import BODY_BOUNDS, WAVE, Settings, gait_from, gait_keys
 from scenes.records import overview
-from scenes.records.record import Record, Variable
+from scenes.records.record import Record
+from worm3d.values.variable import Variable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,8 +18,9 @@ from scenes.models.planar.linkage_scene import KEYS, simulate
 from scenes.models.planar.merit import status_word
 from scenes.models.planar.study_schema import CHECKS, StudyScene
 from scenes.records import overview
-from scenes.records.record import Cell, Record, Variable
+from scenes.records.record import Cell, Record
 from worm3d.values.arrays import FloatArray
+from worm3d.values.variable import Variable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

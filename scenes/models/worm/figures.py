@@ -15,6 +15,7 @@ from scenes.models.worm.body_figure import body
 from scenes.models.worm.overview import in_its_frame
 from scenes.models.worm.view import scene_of
 from scenes.records.record import Record
+from worm3d.energy import INCOMING, LOST, STORED
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -28,10 +29,6 @@ ARROWS = 8
 
 ALWAYS = ("work_contract", "kinetic")
 """Of the ledger, terms that are drawn even if they are zero all along."""
-
-INCOMING = ("work_contract", "work_external", "load_change")
-STORED = ("kinetic", "elastic", "potential", "penetration", "anchor")
-LOST = ("friction_loss", "viscous_loss", "impact", "numerical_loss")
 
 FAR = 1e3
 """Stands for infinity in a picture [m]."""
@@ -108,11 +105,11 @@ def loads_and_slip(record: Record) -> tuple[Figure, Axes]:
 
 def energy_ledger(record: Record) -> tuple[Figure, Axes]:
     """Draw where the energy comes from and goes to."""
+    known = {variable.name for variable in record.variables}
 
     def summed(names: tuple[str, ...]) -> dict[str, FloatArray]:
-        return {
-            name.replace("_", " "): np.cumsum(record[name]) for name in names if name in ALWAYS or np.any(record[name])
-        }
+        given = {name: record[name] for name in names if name in known}
+        return {n.replace("_", " "): np.cumsum(each) for n, each in given.items() if n in ALWAYS or np.any(each)}
 
     title = f"{record.title}: energy, summed over the run"
     terms = (summed(INCOMING), summed(STORED), summed(LOST))

@@ -15,9 +15,10 @@ from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
 from scenes.models.worm.build import KEYS, Drive, simulate
 from scenes.models.worm.checks import WORM_CHECKS
-from scenes.models.worm.record import checkpoint_of, joined, missing, state_of, variables_of
+from scenes.models.worm.record import joined, missing
 from scenes.models.worm.schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
 from scenes.records.record import Cell, Record
+from worm3d.files import checkpoint_of, state_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,7 +55,7 @@ def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
         raise SceneError(
             f"{earlier.name}: made by another version of worm3d, it has no {', '.join(lacking)} to go on from"
         )
-    rest = simulated(scene, observer, state_of(earlier), earlier.sizes["step"])
+    rest = simulated(scene, observer, state_of(earlier.checkpoint), earlier.sizes["step"])
     return outcome(joined(earlier, rest))
 
 
@@ -96,7 +97,7 @@ def outcome(result: worm3d.Result) -> Outcome:
     return Outcome(
         status=_status(result.status),
         sentence=result.stop.sentence,
-        variables=variables_of(result),
+        variables=tuple(result.variables()),
         summary=merits,
         reasons={**reasons, "speed_BL_per_period": reasons.get("mean_speed_m_s", "")},
         wall_s=result.wall_s,
