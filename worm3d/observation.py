@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -31,6 +32,8 @@ class Observation:
         What the actuators have reached.
     normal_load : ndarray, shape (N, 6)
         Of each apex in the order of the conventions [N].
+    actuator_states : mapping of str to ndarray
+        States of the actuators by name, such as a pressure; those of chambers of shape (N, 2), of hinges (N-1,).
     """
 
     time: float
@@ -44,6 +47,7 @@ class Observation:
     apex_velocity: FloatArray
     contraction: FloatArray
     normal_load: FloatArray
+    actuator_states: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def angular_velocity(self) -> FloatArray:

@@ -95,4 +95,5 @@ class View:
             apex_velocity=self._current.apex_velocity(),
             contraction=self.contraction,
             normal_load=self.normal_load,
+            actuator_states=self.actuator_states,
         )

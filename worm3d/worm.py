@@ -189,6 +189,9 @@ class Worm(ReadOnly):
             given = getattr(self, name)
             arguments.instance(name, given, Actuator, "a worm3d.Actuator such as worm3d.FirstOrder()")
             given.require_size(name, count)
+        if not self.hinge_actuator.drives_hinges:
+            wrong = type(self.hinge_actuator).__name__
+            raise ValueError(f"hinge_actuator: got {wrong}, which acts on chambers alone; use it as the actuator")
         if self.flat and self.chamber_offset != 0.0:
             raise ValueError(f"chamber_offset: got {self.chamber_offset!r}, must be 0 in a worm that is flat")
 

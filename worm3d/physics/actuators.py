@@ -14,7 +14,7 @@ the minimum of one potential. `Pneumatic` is an example to start from.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -71,6 +71,8 @@ class Actuator(ReadOnly):
     """Name in scenes; empty: in none."""
     states: ClassVar[Mapping[str, str]] = {}
     """Unit of each state of a chamber or hinge, by name."""
+    drives_hinges: ClassVar[bool] = True
+    """Whether it may drive a hinge: it has neither potential nor energy, and needs no length."""
 
     def __init_subclass__(cls, name: str = "") -> None:
         super().__init_subclass__()
@@ -87,6 +89,13 @@ class Actuator(ReadOnly):
             raise ValueError(f"{type(self).__name__}: the names {', '.join(taken)} are taken; rename the parameter")
         check(self)
         super().__post_init__()
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(np.array_equal(getattr(self, each.name), getattr(other, each.name)) for each in fields(self))
+
+    __hash__ = None  # type: ignore[assignment]
 
     @classmethod
     def respond(cls, s: Symbols) -> Response:
@@ -140,18 +149,26 @@ class FirstOrder(Actuator, name="first_order"):
         None, meaning="time constant", unit="s", ge=0, each="segment", left_out="the worm's actuator_lag"
     )
     least: Numbers | None = parameter(
-        None, meaning="least contraction", lt=1, each="segment", left_out="that of the worm's stroke"
+        None,
+        meaning="least contraction or hinge angle",
+        le=0,
+        each="segment",
+        left_out="the worm's stroke; hinges: none",
     )
     greatest: Numbers | None = parameter(
-        None, meaning="greatest contraction", lt=1, each="segment", left_out="that of the worm's stroke"
+        None,
+        meaning="greatest contraction or hinge angle",
+        ge=0,
+        each="segment",
+        left_out="the worm's stroke; hinges: none",
     )
     rate_limit: Numbers | None = parameter(
         None,
-        meaning="greatest speed of contraction",
+        meaning="greatest speed of contraction or of the hinge angle",
         unit="1/s",
         gt=0,
         each="segment",
-        left_out="the worm's rate_limit",
+        left_out="the worm's rate_limit; hinges: none",
     )
 
     @classmethod

@@ -10,15 +10,15 @@ from typing import Any
 from scenes.language.checks import Check, Found, kind_checks
 from scenes.models.control.build import NOT_IDENTIFIED, identified_of, path_of
 from scenes.models.control.schema import Controller, ControlScene, Reference
-from scenes.models.worm.checks import SPATIAL_CHECKS, STARTS_WITH, refusal
+from scenes.models.worm.checks import ACTUATORS, SPATIAL_CHECKS, SPATIAL_STARTS_WITH, refusal
 
 
 def _can_start(mass_kg: float, *sections: Mapping[str, Any]) -> Found:
-    return refusal(_scene(STARTS_WITH, sections))
+    return refusal(_scene(SPATIAL_STARTS_WITH, sections))
 
 
 def _is_identified(*sections: Mapping[str, Any]) -> Found:
-    scene = _scene(("worm", "friction", "controller"), sections)
+    scene = _scene(("worm", "friction", "controller", *ACTUATORS), sections)
     return (
         None if identified_of(scene) is not None else dict.fromkeys(("worm", "friction"), f"this worm {NOT_IDENTIFIED}")
     )
@@ -86,6 +86,6 @@ CONTROL_CHECKS = (
     Check(("reference.speed_steps", "reference.speed_sine_m_s"), _steps_or_a_sine),
     Check(("reference.speed_sine_m_s", "reference.speed_m_s"), _never_backwards),
     Check(("reference", "world", "worm", "start", "run"), _there_is_such_a_path),
-    Check(("worm.mass_kg", *STARTS_WITH), _can_start),
-    Check(("worm", "friction", "controller"), _is_identified),
+    Check(("worm.mass_kg", *SPATIAL_STARTS_WITH), _can_start),
+    Check(("worm", "friction", "controller", *ACTUATORS), _is_identified),
 )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +29,7 @@ from scenes.models.worm.schema import (
 )
 from worm3d import run as runs
 from worm3d.actuation import Actuation, Sensor
+from worm3d.actuators import ACTUATORS
 from worm3d.physics.friction_laws import LAWS
 from worm3d.problem import Problem
 
@@ -96,7 +99,9 @@ def worm_of(scene: AnyWormScene) -> worm3d.Worm:
     """Return the worm that the section [worm] describes."""
     if isinstance(scene, PlanarWormScene):
         return worm3d.Worm.planar(**{parameter: getattr(scene.worm, key) for parameter, key in PLANAR_KEYS.items()})
-    return part_of(worm3d.Worm, scene.worm)
+    parts = {name: getattr(scene, name) for name in ("actuator", "hinge_actuator")}
+    actuators: dict[str, Any] = {name: part_of(ACTUATORS[section.kind], section) for name, section in parts.items()}
+    return replace(part_of(worm3d.Worm, scene.worm), **actuators)
 
 
 def friction_of(scene: AnyWormScene) -> worm3d.Friction:

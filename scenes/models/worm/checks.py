@@ -15,8 +15,10 @@ from scenes.models.worlds.checks import SECTION_CHECKS, WORM_IN_PIPE_CHECKS
 from scenes.models.worlds.schema import World
 from scenes.models.worm.build import KEYS, gravity_of, start_of, worm_of
 from scenes.models.worm.schema import (
+    Actuator,
     AnyWormScene,
     Friction,
+    HingeActuator,
     PlanarFriction,
     PlanarGait,
     PlanarWorm,
@@ -30,11 +32,14 @@ from worm3d.state import StateError
 from worm3d.values.memory import bytes_of_run
 
 STARTS_WITH = ("worm", "world", "start", "run")
-"""Sections that decide whether a worm can start."""
+"""Sections that decide whether a planar worm can start."""
+ACTUATORS = ("actuator", "hinge_actuator")
+SPATIAL_STARTS_WITH = (*STARTS_WITH, *ACTUATORS)
+"""Sections that decide whether a 3D worm can start."""
 
 
 def _worm_can_start(mass_kg: float, *sections: Mapping[str, Any]) -> Found:
-    data = dict(zip(STARTS_WITH, sections, strict=True))
+    data = dict(zip(SPATIAL_STARTS_WITH, sections, strict=True))
     return refusal(WormScene.model_validate({"model": "worm", **data}))
 
 
@@ -109,6 +114,9 @@ SPATIAL_CHECKS = (
     *list_checks(Worm, "worm"),
     *list_checks(Friction, "friction"),
     *kind_checks(Friction, "friction", "law"),
+    *list_checks(Actuator, "actuator"),
+    *kind_checks(Actuator, "actuator"),
+    *kind_checks(HingeActuator, "hinge_actuator"),
     Check(("worm.stroke",), _stroke_holds_rest),
     *WORM_IN_PIPE_CHECKS,
 )
@@ -117,7 +125,7 @@ SPATIAL_CHECKS = (
 WORM_CHECKS = (
     *SPATIAL_CHECKS,
     *gait_checks(WormGait, Worm),
-    Check(("worm.mass_kg", *STARTS_WITH), _worm_can_start),
+    Check(("worm.mass_kg", *SPATIAL_STARTS_WITH), _worm_can_start),
 )
 
 PLANAR_CHECKS = (

@@ -9,9 +9,22 @@ from scenes.language.parts import PartSection, keys_of
 from scenes.language.schema import Each, Pair, Section, Triple, quantity, setting
 from scenes.models.sections import BODY_BOUNDS, Run, Settings, gait_keys
 from scenes.models.worlds.schema import World
+from worm3d.actuators import ACTUATORS
 from worm3d.physics.friction import Friction as PlantFriction
 from worm3d.physics.friction_laws import LAWS
 from worm3d.worm import Worm as PlantWorm
+
+
+class Actuator(PartSection, keys=keys_of(ACTUATORS, by="kind", title="what drives the chambers")):
+    """What drives the chambers: what they make of their commands."""
+
+
+_HINGE = {name: part for name, part in ACTUATORS.items() if part.drives_hinges}
+
+
+class HingeActuator(PartSection, keys=keys_of(_HINGE, by="kind", title="what drives the hinges")):
+    """What drives the hinges: what they make of their commands."""
+
 
 LAW = keys_of(LAWS, by="law", title="law of friction: what is made of the coefficients", aka=("kind", "type"))
 """Keys of the laws of friction."""
@@ -108,6 +121,8 @@ class SpatialScene(Surroundings):
     """What the scenes of the 3D worm share, whatever drives it."""
 
     worm: Worm = Worm()
+    actuator: Actuator = Actuator()
+    hinge_actuator: HingeActuator = HingeActuator()
     friction: Friction = Friction()
     start: AimedStart = AimedStart()
 
