@@ -1,6 +1,6 @@
 """Gaits: open-loop patterns of contraction, and the waves that controllers drive."""
 
-from control.gaits.crawlers import TwoAnchor
+from control.gaits.crawlers import Breathing, TwoAnchor
 from control.gaits.patterns import (
     GAITS,
     Body,
@@ -16,6 +16,7 @@ from control.gaits.patterns import (
 __all__ = [
     "GAITS",
     "BoundGait",
+    "Breathing",
     "Body",
     "ContractionEngine_segmentdriven",
     "Direction",

@@ -1,12 +1,23 @@
-"""A gait for pipes: two anchors that press the wall in turn, and a body between them that extends and shortens.
+"""Gaits of crawlers that make no wave: two anchors in turn, and breathing in unison.
 
-A contracted segment is wide and presses the wall all round; an extended one is thin and slides. One period has six
-parts of equal length:
+`TwoAnchor`, for pipes: two anchors press the wall in turn, and a body between them extends and shortens. A contracted
+segment is wide and presses the wall all round; an extended one is thin and slides. One period has six parts of equal
+length:
 
     0  front lets go   1  body extends, front moves on   2  front anchors
     3  rear lets go    4  body shortens, rear moves up   5  rear anchors
 
 At least one anchor holds at any time, and the worm begins with all segments contracted.
+
+`Breathing`, for a single actuator: all segments contract and lengthen again in unison. It crawls where friction is
+directional. A slow, uniform contraction moves the rear forward and the front backward, against the coefficients f and
+b, about the place x (from the tail, in body lengths) at which x f = (1 - x) b; lengthening moves them about the place
+at which x b = (1 - x) f. In a period with the contraction c the centre of mass of a body of length L moves by
+
+    d = c L (b - f)/(b + f)                                                                                   (GB1)
+
+(Gidoni, Noselli, DeSimone: Crawling on directional surfaces, International Journal of Non-Linear Mechanics 61, 2014,
+65-73, "breathing-like" shape changes).
 """
 
 from __future__ import annotations
@@ -80,3 +91,23 @@ def _change(part: FloatArray) -> FloatArray:
     """Return 0 before 0, 1 after 1, and half a cosine wave between."""
     change: FloatArray = (1.0 - np.cos(np.pi * np.clip(part, 0.0, 1.0))) / 2.0
     return change
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Breathing(Gait, name="breathing"):
+    """Contraction and lengthening of all segments in unison, (GB1), each half a cosine wave."""
+
+    period: float = parameter(2.0, meaning="duration of a contraction and the lengthening after it", unit="s", gt=0)
+    contracting: float = parameter(0.5, meaning="share of the period in which the body contracts", gt=0, lt=1)
+
+    @property
+    def lengthens(self) -> bool:
+        """Whether the activation falls below 0 at some time."""
+        return False
+
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activation of each segment at K times [s], shape (K, segments), in [0, 1]."""
+        tau, share = np.mod(times / self.period, 1.0), self.contracting
+        half_waves = np.where(tau < share, tau / share, 1.0 + (tau - share) / (1.0 - share))
+        return np.tile((1.0 - np.cos(np.pi * half_waves))[:, None] / 2.0, (1, segments))

@@ -8,9 +8,10 @@ from hypothesis import given, seed
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from control.gaits import GAITS, ContractionEngine_segmentdriven, Gait, TravellingWave, TwoAnchor
+from control.gaits import GAITS, Breathing, ContractionEngine_segmentdriven, Gait, TravellingWave, TwoAnchor
 from planar import published
 from planar.published import Parameters
+from worm3d import Friction, Plane, Worm, simulate
 
 
 @dataclass(frozen=True)
@@ -201,3 +202,23 @@ def test_a_gait_says_whether_it_lengthens(gait: Gait) -> None:
     assert gait.lengthens == (sampled.min() < 0.0)
     assert np.abs(sampled).max() <= 1.0
     assert_array_equal(sampled[100], gait.activation(0.5, 7))
+
+
+def test_breathing_contracts_all_segments_for_its_share_of_the_period() -> None:
+    gait = Breathing(period=2.0, contracting=0.25)
+    assert_allclose(
+        gait.activations(np.array([0.0, 0.25, 0.5, 1.25, 2.0]), 3)[:, 1], [0.0, 0.5, 1.0, 0.5, 0.0], atol=1e-15
+    )
+    assert_array_equal(gait.activation(0.3, 5), np.full(5, gait.activation(0.3, 1)))
+
+
+@pytest.mark.parametrize(("forward", "backward"), [(0.1, 0.3), (0.3, 0.1), (0.2, 0.2)])
+def test_breathing_crawls_as_far_as_its_closed_form_says(forward: float, backward: float) -> None:
+    worm, period, contraction = Worm(end_faces=False, actuator_lag=0.02), 4.0, 0.15
+    friction = Friction(forward=forward, backward=backward, static_ratio=1.0)
+    gait = Breathing(period=period, amplitude=contraction)
+    run = simulate(worm, Plane(), friction, actuation=gait, duration=2.0 * period)
+    x = run.com[[round(period / 0.01), -1], 0]
+    # Its neutral places, three quarters from an end, are those of feet, so that six segments move as a continuum does.
+    expected = contraction * worm.length * (backward - forward) / (backward + forward)
+    assert x[1] - x[0] == pytest.approx(expected, abs=0.01 * contraction * worm.length)

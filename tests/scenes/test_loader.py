@@ -47,8 +47,8 @@ def test_eight_mistakes_give_eight_lines() -> None:
         "line 10: worm.segments: got 6.5: input should be a valid integer, 1 <= … <= 200 (default 6)",
         "line 11: worm.connector_mass_kg: got 1.0 kg: must be below worm.mass_kg (1e-08 kg), of which it is a part",
         "line 14: gait.lamda_m: unknown key; did you mean 'wavelength_m'?",
-        "line 15: gait.kind: got 'traveling_wave': input should be 'travelling_wave', 'segment_driven' or "
-        "'two_anchor'; did you mean 'travelling_wave'? (default 'travelling_wave')",
+        "line 15: gait.kind: got 'traveling_wave': input should be 'travelling_wave', 'segment_driven', "
+        "'two_anchor' or 'breathing'; did you mean 'travelling_wave'? (default 'travelling_wave')",
         "line 17: frictoin: unknown section; did you mean 'friction'?",
     )
 

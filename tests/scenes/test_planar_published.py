@@ -125,6 +125,7 @@ SEGMENTS = {
     "gait.alternating": "false", "gait.force_N": 9,
 }  # fmt: skip
 ANCHORS = {"gait.extension": -0.2, "gait.anchors": 2, "gait.direction": "retrograde"}
+BREATHING = {"gait.contracting": 0.3}
 LENGTH = "run.duration_s=0.8"
 
 
@@ -135,7 +136,9 @@ def nodes(*overrides: str) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def references() -> dict[str, np.ndarray]:
-    return {kind: nodes(f"gait.kind={kind}") for kind in ("travelling_wave", "segment_driven", "two_anchor")}
+    return {
+        kind: nodes(f"gait.kind={kind}") for kind in ("travelling_wave", "segment_driven", "two_anchor", "breathing")
+    }
 
 
 @pytest.mark.parametrize(
@@ -144,6 +147,7 @@ def references() -> dict[str, np.ndarray]:
         *(("travelling_wave", key, value) for key, value in WAVE.items()),
         *(("segment_driven", key, value) for key, value in SEGMENTS.items()),
         *(("two_anchor", key, value) for key, value in ANCHORS.items()),
+        *(("breathing", key, value) for key, value in BREATHING.items()),
     ],
 )
 def test_every_key_of_a_scene_changes_the_run(references, kind: str, key: str, value: object) -> None:
@@ -156,7 +160,10 @@ def test_every_key_is_among_those_tested() -> None:
     sections = ("run", "worm", "friction", "gait", "ground", "solver")
     scene = PublishedScene(model="planar_published")
     keys = {f"{section}.{key}" for section in sections for key in type(getattr(scene, section)).model_fields}
-    assert keys - {"run.duration_s", "run.record_every"} == WAVE.keys() | SEGMENTS.keys() | ANCHORS.keys()
+    assert (
+        keys - {"run.duration_s", "run.record_every"}
+        == WAVE.keys() | SEGMENTS.keys() | ANCHORS.keys() | BREATHING.keys()
+    )
 
 
 def test_the_dirac_pulse_lasts_one_time_step() -> None:

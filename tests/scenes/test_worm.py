@@ -248,6 +248,16 @@ def test_the_gait_turns() -> None:
     assert (pulses.bias, pulses.impulse, pulses.contractType) == (0.5, 0.02, "dirac")
 
 
+@pytest.mark.parametrize("name", sorted(gaits.GAITS))
+def test_every_gait_is_found_by_name(name: str) -> None:
+    gait = gait_of(worm_scene(f"gait.kind={name}", "gait.period_s=3"))
+    assert type(gait) is gaits.GAITS[name]
+    assert_allclose(gait.activation(3.4, 6), gait.activation(6.4, 6), atol=1e-12)
+    assert gaits.Breathing(contracting=0.3, period=3.0) == gait_of(
+        worm_scene("gait.kind=breathing", "gait.contracting=0.3", "gait.period_s=3")
+    )
+
+
 def test_the_start() -> None:
     scene = worm_scene("start.position_m=[1, 2]", "start.azimuth_deg=90", "start.lift_m=0.1")
     joints = start_of(scene, worm3d.Worm(), worm3d.Plane()).joints
