@@ -80,7 +80,7 @@ class Directions(NamedTuple):
     lateral: ca.SX
 
     def of(self, y: ca.SX) -> ca.SX:
-        """Return those that count for a displacement, along the segment and sideways, shape (2,)."""
+        """Return the numbers along the segment and sideways for a displacement y, shape (2,)."""
         return ca.vertcat(ca.if_else(y[0] > 0.0, self.forward, self.backward), self.lateral)
 
 
@@ -92,12 +92,15 @@ class Coefficients(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What (C3) needs of a step: r, cap, the displacement s* of the potential's centre, shape (2,), and the step."""
+    """Constants of (C3) in a step, and the law of friction."""
 
     r: ca.SX
+    """[m]"""
     cap: ca.SX
     centre: ca.SX
+    """s*, shape (2,) [m]."""
     dt: ca.SX
+    """[s]"""
     law: type[FrictionLaw]
     parameters: Symbols
 
@@ -108,10 +111,7 @@ class Step(NamedTuple):
         return ca.substitute(of, N, load), ca.substitute(ca.gradient(of, N), N, load)
 
     def strength(self, slip: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return the share c of (C8) of the kinetic ellipse that acts at rho(slip), its slope, and what it dissipates.
-
-        The slope is per metre of rho(slip); dissipated is the excess alone, per unit of capacity [m].
-        """
+        """Return c of (C8) at rho(slip) [m], its slope [1/m], and the excess lost in the step [m]."""
         w = ca.SX.sym("w")
         excess = self.law.excess(w, self.parameters)
         hardening, slope = ca.gradient(excess, w), ca.gradient(ca.gradient(excess, w), w)

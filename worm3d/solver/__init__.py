@@ -1,11 +1,19 @@
-"""The compiled time step: arrays, evaluation of the incremental potential, Newton's method, steps and chunks of steps.
+"""The compiled time step: Newton's method with contact regimes on the incremental potential (README.md).
 
-arrays     everything that a step reads and writes, in the layout of the kernels
-evaluate   potential, gradient and Hessian of a step at a trial state
-fronts     what contacts are expected to do in a step: their trends, and fronts that run along the body
-regimes    what contacts are taken for while Newton iterates, and when the law denies it
-newton     descent at given normal loads, then Newton with the loads of the iterate itself
-step       one step: implicit Euler or BDF2, contacts that break away, the histories
+advance    many steps at once: commands, steps, records
+step       one step: implicit Euler or BDF2, and what the next one remembers
+newton     Newton's method with the loads of the iterate; falls back to
+descent    minimisation for given loads
+regimes    open, sliding, sticking: what contacts are taken for, changes, breakaway
+fronts     prediction of regimes, friction and loads, from which a step begins
+evaluate   potential, residual and Jacobian at a trial state, with the
+band       matrix put together from what joints, segments and contacts contribute
+faces      which place of the rim of an end face touches the world
+clamped    the step on the paper's ground, (P9) and (P10)
+guard      shapes that the model does not stand for
 ledger     the energy terms of a finished step
-advance    many steps at once, guards, recording
+records    what is kept of a run
+arrays     every array, kernel and number, declared once, in a
+block      of memory that compiled code shares with Python; kernels and parts of the solver are called by an
+entry      in a table of addresses
 """

@@ -20,16 +20,16 @@ _JOINT_Q = joint.LAYOUT.first("q")
 _COUPLED = point.LAYOUT.first("coupled")
 _OWN = segment.COORDINATES
 _BOTH = joint.COORDINATES
-_NEAR = 1e-4
-"""A chamber shorter than this fraction of its links is out of reach."""
+SHORTEST = 1e-4
+"""Shortest length of a chamber, as a fraction of that of its links, which they can take."""
 LENGTHS, TANGENT, DIRECTOR = 0, 2, 5
 """Rows of "rest"."""
 NONE, WHOLE, WITH_KEPT_JOINTS, LOCAL, HESSIANS = 0, 1, 2, 3, 4
-"""What `evaluate` fills of the band, and how many such ways there are."""
+"""Parts of the band that `evaluate` fills, and the number of these choices."""
 PHI, LOAD = 3, 4
 """Rows of "point_out"."""
 _FORCES = 5
-"""Rows of it that point_force writes."""
+"""Number of rows of "point_out" that point_force writes."""
 
 
 @inner
@@ -46,7 +46,7 @@ def place(core: Core, x: FloatArray) -> bool:
             turned += rest[TANGENT + d, i] * segment_in[_T_REF + d, i]
         for c in range(2):
             length = rest[LENGTHS + c, i]
-            if not (_NEAR * link < length < 2.0 * link * (1.0 - 1e-12)):
+            if not (SHORTEST * link < length < 2.0 * link * (1.0 - 1e-12)):
                 return False
         if not turned > -0.9:
             return False

@@ -1,4 +1,4 @@
-"""Regimes of the contacts - open, sliding, sticking - that Newton keeps until a step shows that the law denies them."""
+"""Regimes of the contacts (open, sliding, sticking), which Newton's method keeps until the law denies them."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Y, EXCESS, TOUCHING, PULL, SWING, NEXT, STALE, REACH, RECENT = 0, 2, 3, 4, 7, 8,
 """Rows of "yielding_out"."""
 
 SHALLOW = 1e-5
-"""A step that drives what lands no deeper than this fraction of the segment length is taken."""
+"""Penetration of a landing contact, as a fraction of the segment length, up to which a step is taken."""
 
 PRESSED = 1e-3
-"""What lands is taken for pressed in by this fraction of the segment length until a step foresees its load."""
+"""Penetration, as a fraction of the segment length, that gives a landing contact its load until a step foresees it."""
 
 
 @inner
@@ -53,7 +53,7 @@ def pull(core: Core) -> None:
 
 @njit
 def look(core: Core) -> None:
-    """Ask what the contacts do at the last evaluation."""
+    """Fill "yielding_out" for the place of the last evaluation."""
     fill(rows(core.block, a.POINT_IN, _FIRST, 3), 0.0)
     p = matrix(core.block, a.POINT_IN)
     run(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
@@ -61,7 +61,7 @@ def look(core: Core) -> None:
 
 @inner
 def look_ahead(core: Core, step: FloatArray, error: float) -> None:
-    """Ask what the contacts will do, to first order, once a step is subtracted from x; that may be off by `error`."""
+    """Fill "yielding_out" for x less a step, to first order; `error` is what that may be off by [m]."""
     p, segments = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN)
     for r in range(segment.COORDINATES):
         for i in range(core.n):
@@ -73,7 +73,7 @@ def look_ahead(core: Core, step: FloatArray, error: float) -> None:
 
 @inner
 def lands(core: Core) -> bool:
-    """Return whether an open contact will touch: the step, which knows nothing of that, would drive it deep."""
+    """Return whether the step, which knows nothing of an open contact, would drive it deep into the world."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     deep = SHALLOW * vector(core.block, a.NUMBERS_)[a.L0]
     for k in range(p.shape[1]):
@@ -84,12 +84,12 @@ def lands(core: Core) -> bool:
 
 @inner
 def change(core: Core, lands: bool) -> tuple[bool, bool]:
-    """Change the regimes that the law denies; return whether there was one, and whether a Jacobian is out of date.
+    """Change the regimes that the law denies; return whether one has changed, and whether a contact has turned.
 
     Parameters
     ----------
     lands : bool
-        Whether the step will not be taken: what sticks goes on as it is, for the way is not known.
+        Whether the step will not be taken: stuck contacts then stay as they are.
     """
     p, out, changed, turned = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT), False, False
     concerned = vector(core.block, a.CHANGED)
@@ -119,21 +119,21 @@ def sticking(y: float) -> float:
 
 
 @inner
-def break_away(core: Core, trust: float) -> bool:
-    """Let all that is stuck and reaches its static limit slide at the kinetic one (C6); return whether something did.
+def break_away(core: Core, margin: float) -> bool:
+    """Let all stuck contacts at their static limit slide with the kinetic one (C6); return whether there was one.
 
     Parameters
     ----------
-    trust : float
-        Nothing breaks away yet where, for one contact, the distance from the limit is not more than so many times what
-        the last step has changed. 0: the iterate solves the step.
+    margin : float
+        Nothing breaks away while a stuck contact is no further from its limit than this times what the last iteration
+        has changed; 0 where the iterate solves the step.
     """
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     stuck, concerned = vector(core.block, a.STUCK), vector(core.block, a.CHANGED)
     reach, recent, breaks = out[REACH], out[RECENT], False
     for k in range(p.shape[1]):
         if p[_CAP, k] > 1.0 and p[_REGIME, k] != point.OPEN:
-            if trust > 0.0 and abs(reach[k]) <= trust * recent[k]:
+            if margin > 0.0 and abs(reach[k]) <= margin * recent[k]:
                 return False
             breaks = breaks or reach[k] > 0.0
     if not breaks:

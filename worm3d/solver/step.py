@@ -32,8 +32,8 @@ _N_SPAN, _N_DT = node.LAYOUT.firsts("span", "dt")
 _OF_LEDGER, _OF_JOINTS_LEDGER, _OF_NODES_LEDGER = (len(each.LEDGER_TERMS) for each in (segment, joint, node))
 _GIVEN, _HINGE_STATES = actuator.LEDGER_ROWS, actuator.HINGE_ROWS
 IMPACT = 1e-3
-"""A point that would get deeper than this fraction of the segment length, and than gravity alone moves it in a step,
-strikes the world."""
+"""Depth that a point would reach in a step, as a fraction of the segment length, beyond which it strikes the world,
+unless gravity alone moves it as far."""
 
 
 @inner
@@ -101,9 +101,9 @@ def place_start(core: Core) -> None:
 
 @inner
 def _strikes(core: Core, dt: float) -> bool:
-    """Return whether a point strikes the world in this step: BDF2, which extrapolates velocities, would throw it back.
+    """Return whether a point strikes the world in this step.
 
-    Such a step is taken by implicit Euler, whose impact is inelastic.
+    BDF2, which extrapolates velocities, would throw it back; implicit Euler's impact is inelastic.
     """
     p, numbers = matrix(core.block, a.POINT_IN), vector(core.block, a.NUMBERS_)
     deep = max(gravity(core) * dt * dt, IMPACT * numbers[a.L0])
@@ -224,7 +224,7 @@ def _remember(core: Core, k: int, new: int) -> None:
 
 @inner
 def _move_anchors(core: Core) -> None:
-    """Take over what the ledger's kernel says of anchors, their energy and their slip."""
+    """Take over anchors, their energy and their slip from the outputs of point_after."""
     block, slid = core.block, vector(core.block, a.SLID)
     anchors, lanes = address(block, a.POINT_IN, _ANCHOR), slid.size
     vectors.move(anchors, address(block, a.AFTER_OUT, _NEW_ANCHOR), 3 * lanes)

@@ -66,7 +66,7 @@ LAYOUT = Layout(
 )
 
 ALONG_NORMAL = 1e-6
-"""Sine of the angle between segment and normal below which friction's tangent is the segment's upward normal."""
+"""Sine of the angle between segment and normal below which the first tangent is along the segment's upward director."""
 
 
 FREE, OPEN, SLIDING, STICKING, STICKING_BACK = 0.0, 1.0, 2.0, 3.0, 4.0
