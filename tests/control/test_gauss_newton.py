@@ -79,6 +79,27 @@ def test_a_mirrored_problem_has_mirrored_iterates_to_the_last_bit() -> None:
     assert_array_equal(solved(np.ones(4)).z, flip * solved(flip).z)
 
 
+def test_a_direction_that_no_residual_sees_is_left_alone() -> None:
+    bound = np.full(2, 2.0)
+    found = GaussNewton(2, 3).minimise(
+        lambda z: z[:1] - 1.0, lambda z: (z[:1] - 1.0, np.array([[1.0, 0.0]])), np.array([0.0, 0.5]), -bound, bound
+    )
+    assert found.outcome is Outcome.CONVERGED
+    assert_allclose(found.z, [1.0, 0.5], atol=1e-8)
+
+
+def test_a_negligible_decrease_ends_the_search_where_it_is() -> None:
+    """Of a linear problem the promised decrease is the true one: half the square of the distance."""
+    wanted, bound = np.zeros(2), np.full(2, 2.0)
+    for decrease, outcome in ((0.8e-6, Outcome.CONVERGED), (1.2e-6, Outcome.IMPROVED)):
+        start = np.array([np.sqrt(2.0 * decrease), 0.0])
+        found = GaussNewton(2, 1).minimise(
+            lambda z: z - wanted, lambda z: (z - wanted, np.eye(2)), start, -bound, bound
+        )
+        assert found.outcome is outcome
+        assert_allclose(found.z, start if outcome is Outcome.CONVERGED else wanted, atol=1e-9)
+
+
 def test_it_says_how_it_failed() -> None:
     start, method = np.array([0.5, 0.5]), GaussNewton(2, 5)
     nowhere = method.minimise(rosenbrock, lambda z: (np.full(2, np.nan), np.eye(2)), start, *BOX)

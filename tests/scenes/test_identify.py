@@ -12,8 +12,7 @@ from control.gaits import TravellingWave
 from control.gaits.steering import BLEND, GaitParameters, Schedule, SteeredWave
 from control.identification.identified import Design, lag, load
 from control.identification.surrogate import Ranges
-from scenes.commands.identify import command, figure, phases, plant, report, runs
-from scenes.commands.identify import study as studies
+from scenes.commands.identify import command, figure, report, runs, study
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import worm_of
@@ -24,20 +23,20 @@ FEW = {"hinge": (0.0, 0.08, 0.3), "bias": (0.0, 0.05, 0.2)}
 
 
 @pytest.fixture(scope="module")
-def curves() -> tuple[studies.Curve, ...]:
+def curves() -> tuple[study.Curve, ...]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(studies, "STEERINGS", FEW)
-        return studies.study(WORM, GROUND, SCHEDULE)
+        patch.setattr(study, "STEERINGS", FEW)
+        return study.curves(WORM, GROUND, SCHEDULE)
 
 
 @pytest.fixture(scope="module")
-def turned() -> tuple[phases.Phases, ...]:
+def turned() -> tuple[study.Phases, ...]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(phases, "PHASES_DEG", (0, 60, 120))
-        return phases.study(WORM, GROUND, SCHEDULE)
+        patch.setattr(study, "PHASES_DEG", (0, 60, 120))
+        return study.phases(WORM, GROUND, SCHEDULE)
 
 
-def test_the_phase_decides_between_turning_and_shuffling(turned: tuple[phases.Phases, ...]) -> None:
+def test_the_phase_decides_between_turning_and_shuffling(turned: tuple[study.Phases, ...]) -> None:
     """A long bending wave turns with the cosine of the phase; one as long as the contraction's hardly does."""
     assert [(each.mechanism, each.steering_wavelength) for each in turned] == [
         ("hinge", 1.4),
@@ -55,19 +54,21 @@ def test_the_phase_decides_between_turning_and_shuffling(turned: tuple[phases.Ph
 
 def test_steady_runs_tell_a_worm_that_tips_from_one_that_stands() -> None:
     gaits = [SteeredWave(GaitParameters(0.3, 0.8, hinge=0.1)), TravellingWave(amplitude=0.3, bias=0.1)]
-    stands, lies = runs.steady(WORM, GROUND, gaits, 7, 4)
+    stands, lies = (runs.steady(WORM, GROUND, gait, 7, 4) for gait in gaits)
     assert not stands.tipped
     assert np.rad2deg(stands.roll) < 5.0
     assert lies.tipped
     assert np.rad2deg(lies.roll) == pytest.approx(45.0, abs=1.0)
     assert lies.slip > 3.0 * stands.slip > 0.0
-    parameters = [GaitParameters(0.3, 0.8, hinge=0.1)] * 2
-    assert runs.samples([stands, lies], parameters) is None
-    assert runs.samples([stands], parameters[:1])[0].motion == stands.motion
+    parameters = [GaitParameters(0.3, 0.8, hinge=0.1), GaitParameters(0.3, 0.8, hinge=0.4)]
+    assert runs.samples(WORM, GROUND, SCHEDULE, Design(), parameters) is None
+    found = runs.samples(WORM, GROUND, SCHEDULE, Design(), parameters[:1])
+    assert found is not None
+    assert [(each.parameters, each.motion) for each in found] == [(parameters[0], stands.motion)]
 
 
 def test_a_run_that_folds_counts_as_tipped() -> None:
-    (folded,) = runs.steady(WORM, GROUND, [TravellingWave(amplitude=0.3, hinge=2.0)], 7, 4)
+    folded = runs.steady(WORM, GROUND, TravellingWave(amplitude=0.3, hinge=2.0), 7, 4)
     assert folded.motion is None
     assert folded.tipped
 
@@ -97,31 +98,31 @@ def test_a_worm_that_tips_is_identified_over_less_steering(monkeypatch) -> None:
         asked.append(max(abs(each.hinge) for each in given[-1]))
         return None if asked[-1] > 0.2 else [asked[-1]]
 
-    monkeypatch.setattr(plant, "GREATEST", {"hinge": 0.3})
-    monkeypatch.setattr(plant, "_run", run)
-    monkeypatch.setattr(plant, "fit_map", lambda mechanism, ranges, fitted, checks: ranges)
-    assert plant._map(WORM, GROUND, SCHEDULE, Design(), "hinge").steering == pytest.approx(0.3 * 0.7**2)
-    monkeypatch.setattr(plant, "_run", lambda *given: None)
+    monkeypatch.setattr(runs, "MAX_STEERING", {"hinge": 0.3})
+    monkeypatch.setattr(runs, "samples", run)
+    monkeypatch.setattr(runs, "fit_map", lambda mechanism, ranges, fitted, checks: ranges)
+    assert runs._map(WORM, GROUND, SCHEDULE, Design(), "hinge").steering == pytest.approx(0.3 * 0.7**2)
+    monkeypatch.setattr(runs, "samples", lambda *given: None)
     with pytest.raises(SceneError, match=r"tips over, folds or flattens even when it steers by 0\.103"):
-        plant._map(WORM, GROUND, SCHEDULE, Design(), "hinge")
+        runs._map(WORM, GROUND, SCHEDULE, Design(), "hinge")
 
 
 def test_check_runs_lie_within_the_ranges_and_last_whole_steps() -> None:
     ranges = Ranges((0.15, 0.4), (0.5, 1.25), 0.12)
-    parameters = plant.check_parameters(ranges, "hinge")
-    assert parameters == plant.check_parameters(ranges, "hinge")
-    assert len(parameters) == plant.CHECKS
+    parameters = runs.check_parameters(ranges, "hinge")
+    assert parameters == runs.check_parameters(ranges, "hinge")
+    assert len(parameters) == runs.CHECKS
     for each in parameters:
         assert ranges.contain(each.amplitude, min(each.frequency, 1.25), each.hinge)
         assert 100.0 / each.frequency == pytest.approx(round(100.0 / each.frequency), abs=1e-9)
 
 
-def test_curves_show_what_steers(curves: tuple[studies.Curve, ...]) -> None:
-    assert len(curves) == studies.CURVES
+def test_curves_show_what_steers(curves: tuple[study.Curve, ...]) -> None:
+    assert len(curves) == study.CURVES
     for curve in curves:
         middle = curve.points[1]
         assert not middle.tipped
-        if curve.name == studies.IN_STEP:
+        if curve.name == study.IN_STEP:
             assert abs(middle.turn_deg) < 2.0
         elif curve.name == "its own yaw joints":
             assert len(curve.useful) == 2, "the last steering is too much: the worm lies on its side"
@@ -132,10 +133,8 @@ def test_curves_show_what_steers(curves: tuple[studies.Curve, ...]) -> None:
 
 def told(*turns: tuple[float, float, bool]) -> list[str]:
     """What is said of a schedule that turns so far at such steerings, and tips."""
-    points = [
-        studies.Point(s, turn, 0.1, 0.0, 0.0, 10.0 * s, tipped) for s, turn, tipped in ((0.0, 0.0, False), *turns)
-    ]
-    curve = studies.Curve("hinge", studies.IN_STEP, tuple(points))
+    points = [study.Point(s, turn, 0.1, 0.0, 0.0, 10.0 * s, tipped) for s, turn, tipped in ((0.0, 0.0, False), *turns)]
+    curve = study.Curve("hinge", study.IN_STEP, tuple(points))
     return [report._line(curve), report._row(curve)]
 
 
@@ -160,7 +159,7 @@ def test_a_worm_that_is_not_identified_yet_can_be_identified_with_a_scene_of_a_c
 
 
 def test_the_command_writes_what_controllers_and_people_need(
-    curves: tuple[studies.Curve, ...], turned: tuple[phases.Phases, ...], tmp_path: Path, monkeypatch, capsys
+    curves: tuple[study.Curve, ...], turned: tuple[study.Phases, ...], tmp_path: Path, monkeypatch, capsys
 ) -> None:
     known = load(WORM)
     monkeypatch.setattr(command, "_measure", lambda *given: (known, curves, turned))
@@ -172,10 +171,10 @@ def test_the_command_writes_what_controllers_and_people_need(
     content = json.loads((tmp_path / "out" / "identified.json").read_text("utf-8"))
     assert content["worm"]["k_yaw"] == 0.5
     assert content["maps"].keys() == content["speed_range_bl_s"].keys() == {"hinge", "bias"}
-    assert len(content["curves"]) == studies.CURVES
-    assert len(content["phases"]) == phases.COUNT
+    assert len(content["curves"]) == study.CURVES
+    assert len(content["phases"]) == study.PHASE_STUDIES
     tables = (tmp_path / "out" / "steering.md").read_text("utf-8").splitlines()
-    assert sum(line.startswith(("| hinge |", "| bias |")) for line in tables) == studies.CURVES + 6
+    assert sum(line.startswith(("| hinge |", "| bias |")) for line in tables) == study.CURVES + 6
     assert (tmp_path / "out" / "steering.png").stat().st_size > 10_000
     assert len(list((tmp_path / "cache" / "worm3d" / "identified").glob("*.map"))) == 1
     with pytest.raises(SceneError, match="exists and is not empty"):
@@ -183,7 +182,7 @@ def test_the_command_writes_what_controllers_and_people_need(
 
 
 def test_the_figure_has_a_panel_for_each_quantity(
-    curves: tuple[studies.Curve, ...], turned: tuple[phases.Phases, ...]
+    curves: tuple[study.Curve, ...], turned: tuple[study.Phases, ...]
 ) -> None:
     known = load(WORM)
     assert known is not None
@@ -194,7 +193,7 @@ def test_the_figure_has_a_panel_for_each_quantity(
     np.testing.assert_allclose(drawn.get_ydata()[:2], [p.turn_deg for p in ours.points[:2]])
 
 
-def test_the_report_says_how_good_the_map_is(curves: tuple[studies.Curve, ...]) -> None:
+def test_the_report_says_how_good_the_map_is(curves: tuple[study.Curve, ...]) -> None:
     known = load(WORM)
     assert known is not None
     lines = report.terminal_lines(known, curves, 1.0)

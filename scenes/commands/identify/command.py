@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import typer
@@ -11,11 +12,8 @@ import worm3d
 from control.gaits.steering import MECHANISMS, Schedule
 from control.identification import identified as kept
 from control.identification.identified import Design, Identified
-from scenes.commands.identify import figure, plant, report
-from scenes.commands.identify import phases as phases_of
-from scenes.commands.identify import study as studies
-from scenes.commands.identify.phases import Phases
-from scenes.commands.identify.study import Curve
+from scenes.commands.identify import figure, report, runs, study
+from scenes.commands.identify.study import Curve, Phases
 from scenes.commands.terminal import progress
 from scenes.language.errors import SceneError
 from scenes.language.loader import find_scene, read_text
@@ -26,7 +24,6 @@ from scenes.models.worm.schema import SpatialScene
 from scenes.records import folder as folders
 from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
-from scenes.records.text import json_bytes
 
 WORM_CONTROL = "worm_control"
 """Model of the scenes with a controller."""
@@ -84,11 +81,11 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
 def _measure(worm: worm3d.Worm, ground: worm3d.Friction, quiet: bool) -> Measured:
     schedule = Schedule()
     with progress("maps", len(MECHANISMS), quiet=quiet, what="mechanism") as show:
-        found = plant.identify(worm, ground, schedule, Design(), show)
-    with progress("schedules", studies.CURVES, quiet=quiet, what="curve") as show:
-        curves = studies.study(worm, ground, schedule, show)
-    with progress("phases", phases_of.COUNT, quiet=quiet, what="wave") as show:
-        return found, curves, phases_of.study(worm, ground, schedule, show)
+        found = runs.identify(worm, ground, schedule, Design(), show)
+    with progress("schedules", study.CURVES, quiet=quiet, what="curve") as show:
+        curves = study.curves(worm, ground, schedule, show)
+    with progress("phases", study.PHASE_STUDIES, quiet=quiet, what="wave") as show:
+        return found, curves, study.phases(worm, ground, schedule, show)
 
 
 def _write(
@@ -99,7 +96,15 @@ def _write(
     worm: worm3d.Worm,
     ground: worm3d.Friction,
 ) -> None:
-    content = report.content(found, curves, phases, kept.parameters(worm), kept.parameters(ground))
-    write_bytes(folder / CONTENT, json_bytes(content, indent=1))
+    content = {
+        "worm": kept.parameters(worm),
+        "ground": kept.parameters(ground),
+        **found.as_dict(),
+        "speed_range_bl_s": {mechanism: report.speeds(each) for mechanism, each in found.maps.items()},
+        "curves": [asdict(curve) for curve in curves],
+        "phases": [asdict(each) for each in phases],
+    }
+    text = json.dumps(without_nan(content), indent=1, ensure_ascii=False, allow_nan=False)
+    write_bytes(folder / CONTENT, f"{text}\n".encode())
     write_bytes(folder / TABLES, report.markdown(found, curves, PICTURE).encode())
     save_figure(figure.draw(curves, phases, found), folder / PICTURE)

@@ -11,8 +11,16 @@ from matplotlib.figure import Figure
 
 from control.gaits.steering import MECHANISMS
 from control.identification.identified import Identified
-from scenes.commands.identify.phases import STEERING, Phases
-from scenes.commands.identify.study import AMPLITUDE, GOAL_DEG, IN_STEP, PERIOD, YAW_FACTORS, Curve
+from scenes.commands.identify.study import (
+    AMPLITUDE,
+    GOAL_DEG,
+    IN_STEP,
+    PERIOD,
+    STEERING,
+    YAW_FACTORS,
+    Curve,
+    Phases,
+)
 
 COLOURS = dict(zip((IN_STEP, *YAW_FACTORS), ("#9a9a9a", "#8cc0df", "#1f5a94", "#d9793a"), strict=True))
 PANELS = (

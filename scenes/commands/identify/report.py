@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from control.identification.identified import Identified, SteeringMap
-from scenes.commands.identify.phases import Phases
 from scenes.commands.identify.study import GOAL_DEG, Curve
 
 
@@ -39,24 +37,6 @@ def speeds(found: SteeringMap) -> tuple[float, float]:
     )
     speed = found.speed(amplitude, frequency, 0.0)
     return float(speed.min()), float(speed.max())
-
-
-def content(
-    identified: Identified,
-    curves: Sequence[Curve],
-    phases: Sequence[Phases],
-    worm: dict[str, Any],
-    ground: dict[str, Any],
-) -> dict[str, Any]:
-    """Return what `identified.json` holds."""
-    return {
-        "worm": worm,
-        "ground": ground,
-        **identified.as_dict(),
-        "speed_range_bl_s": {mechanism: speeds(found) for mechanism, found in identified.maps.items()},
-        "curves": [curve.as_dict() for curve in curves],
-        "phases": [each.as_dict() for each in phases],
-    }
 
 
 def markdown(identified: Identified, curves: Sequence[Curve], picture: str) -> str:

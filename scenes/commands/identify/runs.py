@@ -1,35 +1,66 @@
-"""Short runs of the plant: steady waves, and steps of the gait parameters."""
+"""Runs of the plant that identify a worm: steady waves, fits of their maps, and steps and sines that give the lags."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
 import worm3d
 from control.gaits import TravellingWave
-from control.gaits.steering import BLEND, GaitParameters, Mechanism, PlannedWave, Schedule, SteeredWave, WaveGenerator
-from control.identification.identified import Lags, Motion, Sample, lag, steady_motion
+from control.gaits.steering import (
+    BLEND,
+    MECHANISMS,
+    GaitParameters,
+    Mechanism,
+    PlannedWave,
+    Schedule,
+    SteeredWave,
+    WaveGenerator,
+)
+from control.identification.identified import (
+    MAX_STEERING,
+    Design,
+    Identified,
+    Lags,
+    Motion,
+    Sample,
+    SteeringMap,
+    fit_map,
+    lag,
+    steady_motion,
+)
+from control.identification.surrogate import Ranges
+from scenes.language.errors import SceneError
 from worm3d.values.arrays import FloatArray
 
 DT = 0.01
 """Time step of the runs, that of the closed loop [s]."""
 TIPPED = np.deg2rad(20.0)
-"""Mean roll of the segments beyond which a worm no longer stands on its feet: at rest it tips at 31 degrees."""
+"""Mean roll of the segments beyond which a worm no longer stands on its feet [rad]: at rest it tips at 31 degrees."""
+SHRINK = 0.7
+"""Factor by which the greatest steering is reduced while the worm tips."""
+TRIES = 4
+"""Number of greatest steerings that are tried."""
+CHECKS = 12
+"""Number of runs at random places that check a map."""
+
 BEFORE, AFTER = 8, 8
 """Waves before and after a step of the parameters."""
 SHIFTS = (0.0, 1.0 / 3.0, 2.0 / 3.0)
 """Parts of a wave at which the steps come: what follows depends on which feet stand just then."""
 FREQUENCY = 0.875
-"""Of the wave whose steps give the lags, in the middle of the map [Hz]."""
-
+"""Frequency of the wave whose steps give the lags, in the middle of the map [Hz]."""
 LEAST_LAG = 0.1
-"""Of the steering beyond that of the generator [s]; shorter ones make no difference over a wave."""
+"""Least lag of the steering beyond that of the generator [s]; shorter ones make no difference over a wave."""
 WINDING = 0.1
 """Frequency of the sines of the steering that give its lag [Hz]."""
 WINDING_WAVES = (0.6, 0.9, 1.1)
 """Frequencies of the waves that wind so [Hz]."""
+
+Gait = SteeredWave | TravellingWave
 
 
 @dataclass(frozen=True)
@@ -49,22 +80,10 @@ class Steady:
         return self.motion is None or not self.roll <= TIPPED
 
 
-def steady(
-    worm: worm3d.Worm,
-    ground: worm3d.Friction,
-    gaits: Sequence[SteeredWave | TravellingWave],
-    waves: int,
-    skipped: int,
-) -> list[Steady]:
+def steady(worm: worm3d.Worm, ground: worm3d.Friction, gait: Gait, waves: int, skipped: int) -> Steady:
     """Run waves of constant parameters on level ground, and measure those after the first `skipped`."""
-    return [_steady(worm, ground, gait, waves, skipped) for gait in gaits]
-
-
-def _steady(
-    worm: worm3d.Worm, ground: worm3d.Friction, gait: SteeredWave | TravellingWave, waves: int, skipped: int
-) -> Steady:
     rows = round(gait.period / DT)
-    run = worm3d.simulate(worm, worm3d.Plane(), ground, actuation=gait, duration=waves * rows * DT, dt=DT)
+    run = _simulated(worm, ground, gait, waves * rows)
     if run.status is not worm3d.Status.DONE:
         return Steady(None, float("nan"), float("nan"))
     first = skipped * rows + 1
@@ -73,45 +92,86 @@ def _steady(
     return Steady(motion, float(run.slip[first:].sum()) / (waves - skipped) / worm.length, roll)
 
 
-def samples(found: Sequence[Steady], parameters: Sequence[GaitParameters]) -> list[Sample] | None:
-    """Return the motions with their parameters; None if the worm tipped in one of the runs."""
-    pairs = [(given, each.motion) for given, each in zip(parameters, found, strict=True) if not each.tipped]
-    if len(pairs) < len(found):
-        return None
-    return [Sample(given, motion) for given, motion in pairs if motion is not None]
+def identify(
+    worm: worm3d.Worm,
+    ground: worm3d.Friction,
+    schedule: Schedule,
+    design: Design,
+    watch: Callable[[int], None] = lambda done: None,
+) -> Identified:
+    """Identify a worm on level ground; `watch` is called with the number of finished mechanisms.
+
+    Raises
+    ------
+    SceneError
+        It does not crawl on its feet, however little it steers.
+    """
+    maps: dict[Mechanism, SteeringMap] = {}
+    lags: dict[Mechanism, Lags] = {}
+    for done, mechanism in enumerate(MECHANISMS, start=1):
+        maps[mechanism] = _map(worm, ground, schedule, design, mechanism)
+        steering = maps[mechanism].ranges.steering / 2.0
+        lags[mechanism] = measure_lags(worm, ground, schedule, mechanism, steering)
+        watch(done)
+    return Identified(schedule, MappingProxyType(maps), MappingProxyType(lags))
+
+
+def _map(
+    worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, design: Design, mechanism: Mechanism
+) -> SteeringMap:
+    for attempt in range(TRIES):
+        greatest = MAX_STEERING[mechanism] * SHRINK**attempt
+        ranges = design.ranges(greatest)
+        fitted = samples(worm, ground, schedule, design, design.parameters(mechanism, greatest))
+        checks = fitted and samples(worm, ground, schedule, design, check_parameters(ranges, mechanism))
+        if fitted and checks:
+            return fit_map(mechanism, ranges, fitted, checks)
+    raise SceneError(
+        f"worm3d identify: the worm tips over, folds or flattens even when it steers by {greatest:.3g} ({mechanism}) "
+        "only; give it a wider stance (worm.chamber_offset_m), a lower body (worm.half_height_m) or stiffer springs"
+    )
+
+
+def samples(
+    worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, design: Design, parameters: Sequence[GaitParameters]
+) -> list[Sample] | None:
+    """Return the motions of waves with their parameters; None if the worm tipped in one of the runs."""
+    waves = [SteeredWave(given, schedule) for given in parameters]
+    found = [steady(worm, ground, wave, design.waves, design.skipped) for wave in waves]
+    pairs = zip(parameters, found, strict=True)
+    stood = [Sample(given, each.motion) for given, each in pairs if each.motion is not None and not each.tipped]
+    return stood if len(stood) == len(found) else None
+
+
+def check_parameters(ranges: Ranges, mechanism: Mechanism) -> list[GaitParameters]:
+    """Return random parameters within the ranges, with whole steps in a period; always the same ones."""
+    random = np.random.default_rng([7, len(mechanism)])
+    amplitudes = random.uniform(*ranges.amplitude, CHECKS)
+    periods = DT * np.round(1.0 / random.uniform(*ranges.frequency, CHECKS) / DT)
+    steerings = random.uniform(-ranges.steering, ranges.steering, CHECKS)
+    return [
+        GaitParameters(float(a), float(1.0 / t)).steered(mechanism, float(s))
+        for a, t, s in zip(amplitudes, periods, steerings, strict=True)
+    ]
 
 
 def measure_lags(
     worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, mechanism: Mechanism, steering: float
 ) -> Lags:
-    """Measure how long speed and turn rate lag behind a step of the gait parameters.
-
-    Parameters
-    ----------
-    worm : worm3d.Worm
-    ground : worm3d.Friction
-    schedule : Schedule
-    mechanism : str
-    steering : float
-        The amplitude of the sines that it winds by.
-    """
+    """Measure how long speed and turn rate lag behind the gait parameters; `steering` is the amplitude of the sines."""
     slow, long = GaitParameters(0.2, FREQUENCY), GaitParameters(0.3, FREQUENCY)
     quick = GaitParameters(0.3, 1.2 * FREQUENCY)
-    winding = [winding_lag(worm, ground, schedule, mechanism, steering, frequency) for frequency in WINDING_WAVES]
+    winding = [_winding_lag(worm, ground, schedule, mechanism, steering, frequency) for frequency in WINDING_WAVES]
 
-    def mean_lag(begin: GaitParameters, end: GaitParameters, quantity: int) -> float:
-        rates = [step_response(worm, ground, schedule, begin, end, shift)[quantity] for shift in SHIFTS]
+    def mean_lag(begin: GaitParameters, end: GaitParameters) -> float:
+        rates = [step_response(worm, ground, schedule, begin, end, shift)[0] for shift in SHIFTS]
         # From mean to mean of two waves: the first rate after the step stands for half a wave before it.
         return float(np.mean([lag(each, BEFORE - 1) - 0.5 for each in rates]))
 
-    return Lags(
-        amplitude=mean_lag(slow, long, 0),
-        frequency=mean_lag(long, quick, 0),
-        steering=max(float(np.mean(winding)), LEAST_LAG),
-    )
+    return Lags(mean_lag(slow, long), mean_lag(long, quick), max(float(np.mean(winding)), LEAST_LAG))
 
 
-def winding_lag(
+def _winding_lag(
     worm: worm3d.Worm,
     ground: worm3d.Friction,
     schedule: Schedule,
@@ -121,13 +181,13 @@ def winding_lag(
 ) -> float:
     """Return the time constant T [s] by which the turn rate follows a sine of the steering in force, from its phase.
 
-    A first-order response lags behind a sine of w rad/s by arctan(w T), the steering in force likewise behind that
+    A first-order response lags behind a sine of w rad/s by arctan(w T), and so does the steering in force behind that
     asked for with T = blend/f; the heading is the integral of the turn rate.
     """
     w = 2.0 * np.pi * WINDING
     wave, generator = GaitParameters(0.28, frequency), WaveGenerator(schedule, worm)
     plan = PlannedWave(lambda t: wave.steered(mechanism, steering * float(np.sin(w * t))), generator)
-    run = worm3d.simulate(worm, worm3d.Plane(), ground, actuation=plan, duration=3.0 / WINDING, dt=DT)
+    run = _simulated(worm, ground, plan, round(3.0 / WINDING / DT))
     late = run.time >= 1.0 / WINDING  # two windings
     t, h = run.time[late][:-1], run.heading[late][:-1]
     waves = np.column_stack([np.sin(w * t), np.cos(w * t), np.ones_like(t), t])
@@ -158,21 +218,13 @@ def step_response(
         return begin if generator.waves < BEFORE + shift else end
 
     duration = (BEFORE + shift) / begin.frequency + (AFTER + 1) / end.frequency
-    steps = round(duration / DT)
-    run = worm3d.simulate(
-        worm, worm3d.Plane(), ground, actuation=PlannedWave(plan, generator), duration=steps * DT, dt=DT
-    )
-    return _wave_rates(run, np.array(phases), shift)
-
-
-def _wave_rates(run: worm3d.Result, phases: FloatArray, shift: float) -> tuple[FloatArray, FloatArray]:
+    run = _simulated(worm, ground, PlannedWave(plan, generator), round(duration / DT))
     # A command given at the beginning of a step is in force at its end: entry k is the phase of row k's shape.
-    times, waves = run.time[1 : len(phases)], phases[1:]
+    times, waves = run.time[1 : len(phases)], np.array(phases)[1:]
     ends = np.interp(np.arange(BEFORE + AFTER + 1) + shift, waves, times)
 
     def mean(values: FloatArray) -> FloatArray:
-        parts = DT * (values[1:] + values[:-1]) / 2.0
-        summed = np.concatenate([[0.0], np.cumsum(parts)])
+        summed = np.concatenate([[0.0], np.cumsum(DT * (values[1:] + values[:-1]) / 2.0)])
         means: FloatArray = np.diff(np.interp(ends, run.time, summed)) / np.diff(ends)
         return means
 
@@ -180,3 +232,7 @@ def _wave_rates(run: worm3d.Result, phases: FloatArray, shift: float) -> tuple[F
     step = np.diff(np.column_stack([mean(run.com[:, 0]), mean(run.com[:, 1])]), axis=0)
     along = (h[1:] + h[:-1]) / 2.0
     return (step[:, 0] * np.cos(along) + step[:, 1] * np.sin(along)) / spans, np.diff(h) / spans
+
+
+def _simulated(worm: worm3d.Worm, ground: worm3d.Friction, gait: Gait | PlannedWave, steps: int) -> worm3d.Result:
+    return worm3d.simulate(worm, worm3d.Plane(), ground, actuation=gait, duration=steps * DT, dt=DT)

@@ -1,9 +1,9 @@
-"""What schedules do on the plant: turn, speed, slip and roll over the steering, with soft and stiff yaw joints."""
+"""What schedules do on the plant: turn, speed, slip and roll over the steering, and turn and drift over the phase."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import takewhile
 from typing import Any
 
@@ -13,22 +13,31 @@ import worm3d
 from control.gaits import TravellingWave
 from control.gaits.steering import MECHANISMS, GaitParameters, Mechanism, Schedule, SteeredWave
 from control.identification.identified import Motion
-from scenes.commands.identify.runs import Steady, steady
+from scenes.commands.identify.runs import Gait, Steady, steady
 
 AMPLITUDE, PERIOD = 0.3, 1.25
-"""Of all waves; period in s."""
+"""Amplitude and period [s] of all waves."""
 WAVES, SKIPPED = 9, 5
+"""Waves of a run, and how many of them are not steady yet."""
 STEERINGS: dict[Mechanism, tuple[float, ...]] = {
     "hinge": (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.2, 0.25, 0.3),
     "bias": (0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3),
 }
-"""To the left; to the right is the mirror image."""
+"""Steerings of a curve, to the left; to the right is the mirror image."""
 YAW_FACTORS = {"soft yaw joints (k_yaw / 10)": 0.1, "its own yaw joints": 1.0, "stiff yaw joints (k_yaw x 10)": 10.0}
+"""Factors of the stiffness of the yaw joints."""
 IN_STEP = "the default wave, bent in step with its contraction"
+CURVES = len(MECHANISMS) * (1 + len(YAW_FACTORS))
+"""Number of curves."""
 GOAL_DEG = 10.0
-"""A wave; what a schedule should reach."""
+"""Turn that a schedule should reach [deg a wave]."""
 
-Gait = SteeredWave | TravellingWave
+STEERING: dict[Mechanism, float] = {"hinge": 0.06, "bias": 0.04}
+"""Steering of the runs over the phase."""
+PHASES_DEG = tuple(range(0, 180, 15))
+"""Phases of half a turn [deg]: the other half is the mirror image."""
+PHASE_STUDIES = 2 * len(MECHANISMS)
+"""Number of bending waves that are run over the phase."""
 
 
 @dataclass(frozen=True)
@@ -77,25 +86,35 @@ class Curve:
         speed = np.interp(GOAL_DEG, [p.turn_deg for p in points], [p.speed_bl_s for p in points])
         return float(speed) / points[0].speed_bl_s
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the curve as JSON can hold it."""
-        return {"mechanism": self.mechanism, "name": self.name, "points": [asdict(point) for point in self.points]}
+
+@dataclass(frozen=True)
+class Phases:
+    """One bending wave with all phases ahead of the contraction."""
+
+    mechanism: Mechanism
+    steering_wavelength: float
+    """Wavelength of the bending wave [body lengths]."""
+    phase_deg: tuple[float, ...]
+    """Phases at the wave's frequency [deg]."""
+    turn_deg: tuple[float, ...]
+    """Turn [deg a wave]."""
+    drift_bl: tuple[float, ...]
+    """Drift to the left [body lengths a wave]."""
+    chosen_deg: float
+    """Phase of the schedule [deg]."""
 
 
-def study(
+def curves(
     worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, watch: Callable[[int], None] = lambda done: None
 ) -> tuple[Curve, ...]:
     """Run all curves; `watch` is called with the number of finished ones."""
-    curves = []
+    found: list[Curve] = []
     for mechanism, name, body, gaits in _plans(worm, schedule):
-        points = zip(STEERINGS[mechanism], steady(body, ground, gaits, WAVES, SKIPPED), strict=True)
-        curves.append(Curve(mechanism, name, tuple(_point(s, found) for s, found in points)))
-        watch(len(curves))
-    return tuple(curves)
-
-
-CURVES = len(MECHANISMS) * (1 + len(YAW_FACTORS))
-"""How many there are."""
+        runs = zip(STEERINGS[mechanism], gaits, strict=True)
+        points = tuple(_point(s, steady(body, ground, gait, WAVES, SKIPPED)) for s, gait in runs)
+        found.append(Curve(mechanism, name, points))
+        watch(len(found))
+    return tuple(found)
 
 
 def _plans(worm: worm3d.Worm, schedule: Schedule) -> Iterator[tuple[Mechanism, str, worm3d.Worm, list[Gait]]]:
@@ -120,4 +139,35 @@ def _point(steering: float, found: Steady) -> Point:
         slip_bl=found.slip,
         roll_deg=float(np.rad2deg(found.roll)),
         tipped=found.tipped,
+    )
+
+
+def phases(
+    worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, watch: Callable[[int], None] = lambda done: None
+) -> tuple[Phases, ...]:
+    """Run every phase with the schedule's bending wave and with one as long as its contraction wave."""
+    found: list[Phases] = []
+    for mechanism in MECHANISMS:
+        for wavelength in (schedule.steering_wavelength, schedule.wavelength):
+            found.append(_phases(worm, ground, replace(schedule, steering_wavelength=wavelength), mechanism))
+            watch(len(found))
+    return tuple(found)
+
+
+def _phases(worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, mechanism: Mechanism) -> Phases:
+    parameters = GaitParameters(AMPLITUDE, 1.0 / PERIOD).steered(mechanism, STEERING[mechanism])
+    name, ahead = f"{mechanism}_phase", 2.0 * np.pi * schedule.lead / PERIOD
+    turned: list[dict[str, Any]] = [{name: float(np.deg2rad(phase)) - ahead} for phase in PHASES_DEG]
+    waves = [SteeredWave(parameters, replace(schedule, **phase)) for phase in turned]
+    runs = [steady(worm, ground, wave, WAVES, SKIPPED) for wave in waves]
+    stood = [None if run.tipped else run.motion for run in runs]
+    motions = [(np.nan, np.nan) if each is None else (np.rad2deg(each.turn), each.drift) for each in stood]
+    turn, drift = np.array(motions).T
+    return Phases(
+        mechanism,
+        schedule.steering_wavelength,
+        phase_deg=tuple(float(phase + half) for half in (0, 180) for phase in PHASES_DEG),
+        turn_deg=tuple(map(float, [*turn, *-turn])),
+        drift_bl=tuple(map(float, [*drift, *-drift])),
+        chosen_deg=float(np.rad2deg(getattr(schedule, name) + ahead)),
     )
