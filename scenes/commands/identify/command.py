@@ -104,7 +104,6 @@ def _write(
         "curves": [asdict(curve) for curve in curves],
         "phases": [asdict(each) for each in phases],
     }
-    text = json.dumps(without_nan(content), indent=1, ensure_ascii=False, allow_nan=False)
-    write_bytes(folder / CONTENT, f"{text}\n".encode())
+    write_bytes(folder / CONTENT, json_bytes(content))
     write_bytes(folder / TABLES, report.markdown(found, curves, PICTURE).encode())
     save_figure(figure.draw(curves, phases, found), folder / PICTURE)
