@@ -24,6 +24,7 @@ from scenes.models.worm.schema import SpatialScene
 from scenes.records import folder as folders
 from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
+from scenes.records.text import json_bytes
 
 WORM_CONTROL = "worm_control"
 """Model of the scenes with a controller."""
@@ -104,6 +105,6 @@ def _write(
         "curves": [asdict(curve) for curve in curves],
         "phases": [asdict(each) for each in phases],
     }
-    write_bytes(folder / CONTENT, json_bytes(content))
+    write_bytes(folder / CONTENT, json_bytes(content, indent=1))
     write_bytes(folder / TABLES, report.markdown(found, curves, PICTURE).encode())
     save_figure(figure.draw(curves, phases, found), folder / PICTURE)
