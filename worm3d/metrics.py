@@ -1,4 +1,4 @@
-"""Figures of merit of a run; the words are those of the conventions."""
+"""Metrics of a run, as NOTATION.md defines them."""
 
 from __future__ import annotations
 

@@ -27,11 +27,11 @@ class Observation:
     joints, joint_velocity : ndarray, shape (N+1, 3)
         [m], [m/s]
     apexes, apex_velocity : ndarray, shape (N, 6, 3)
-        In the order of the conventions [m], [m/s].
+        In the order of NOTATION.md [m], [m/s].
     contraction : ndarray, shape (N, 2)
         What the actuators have reached.
     normal_load : ndarray, shape (N, 6)
-        Of each apex in the order of the conventions [N].
+        Of each apex in the order of NOTATION.md [N].
     actuator_states : mapping of str to ndarray
         States of the actuators by name, such as a pressure; those of chambers of shape (N, 2), of hinges (N-1,).
     """

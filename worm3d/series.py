@@ -287,7 +287,7 @@ class Recorded(ReadOnly):
 
     @property
     def apexes(self) -> FloatArray:
-        """Apexes in the order of the conventions, shape (T, N, 6, 3) [m]."""
+        """Apexes in the order of NOTATION.md, shape (T, N, 6, 3) [m]."""
         return self.points[:, :, :6]
 
     @property

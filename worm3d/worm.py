@@ -215,7 +215,7 @@ class Worm(ReadOnly):
 
     @property
     def apex_mass(self) -> FloatArray:
-        """Mass of each apex in the order of the conventions, shape (N, 6) [kg]."""
+        """Mass of each apex in the order of NOTATION.md, shape (N, 6) [kg]."""
         share = np.array([1.0, 1.0, float(self.outward_apexes)] * 2)
         return np.tile(
             (1.0 - self.joint_mass_fraction) * self.mass / self.segments * share / share.sum(), (self.segments, 1)

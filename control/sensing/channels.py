@@ -172,7 +172,7 @@ QUANTITIES = {
         limits=lambda worm: (-MAX_ANGULAR_RATE, MAX_ANGULAR_RATE),
         mirrored=lambda value: value * [-1.0, 1.0, -1.0],  # an axial vector
     ),
-    "contact_load": Quantity(  # normal load of each apex, in the order of the conventions
+    "contact_load": Quantity(  # normal load of each apex, in the order of NOTATION.md
         "contact load of the apexes",
         "N",
         CONTACT_LOAD,

@@ -1,4 +1,4 @@
-"""Metrics of tracking: how well a run kept to its reference; definitions as in the conventions of the project.
+"""Metrics of tracking: how well a run kept to its reference; definitions as in worm3d/NOTATION.md.
 
 A wave rocks the body, so everything is averaged over a moving window of one commanded period: with the commanded phase
 w(t) in waves, the window that ends at t begins at b with w(b) = w(t) - 1, and

@@ -93,7 +93,7 @@ def test_force_is_applied_to_both_chambers() -> None:
     assert_allclose(command.force, 3.0 * TravellingWave().activation(0.4, 6)[:, None] * [1.25, 0.75])
 
 
-def test_defaults_are_those_of_the_conventions() -> None:
+def test_defaults_are_those_of_the_notation() -> None:
     wave = TravellingWave()
     assert (wave.period, wave.wavelength, wave.amplitude, wave.direction) == (2.0, 1.0, 0.2, "retrograde")
     assert wave.rectified

@@ -55,7 +55,7 @@ def test_bend_to_the_left_shortens_the_left_chamber() -> None:
     assert_allclose(right, 0.2 + 0.015)
 
 
-def test_apexes_stand_in_the_order_of_the_conventions() -> None:
+def test_apexes_stand_in_the_order_of_the_notation() -> None:
     f = straight()
     lengths = elements.chamber_lengths(f.length, ca.SX(0.4), ca.SX(0.3))
     a, b, h = 1.2, 0.3, np.sqrt(1.2**2 - np.array([1.88, 2.12]) ** 2 / 4)

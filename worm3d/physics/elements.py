@@ -12,7 +12,7 @@ by parallel transport and turned about t by the roll; d points left, u = t x d u
 Chambers (E2) lie at the lateral offsets +b (left) and -b (right): l_L = l - b th, l_R = l + b th; each is a rhombus
 with links a, so that h_c = sqrt(a^2 - l_c^2/4).
 
-Apexes (E3), with m = (p_i + p_{i+1})/2, in the order of the conventions
+Apexes (E3), with m = (p_i + p_{i+1})/2, in the order of NOTATION.md
 [L-below, L-above, L-outward, R-below, R-above, R-outward]:
 
     below/above of chamber c: m +- b d -+ h_c u (upper sign of b: left),   outward: m +- (b + h_c) d

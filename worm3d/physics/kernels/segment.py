@@ -1,7 +1,7 @@
 """Kernels of a segment: from its 8 coordinates to its 8 contact points and chambers, and back with the forces.
 
 Coordinates: [p_i (3), roll g, bend th, p_{i+1} (3)]; the roll counts from the director at the start of the step.
-Points: the six apexes in the order of the conventions, tail face, head face; their coordinates stand axis by axis,
+Points: the six apexes in the order of NOTATION.md, tail face, head face; their coordinates stand axis by axis,
 row 8 axis + point, so that the rows of an axis are consecutive points for the kernels of
 `worm3d.physics.kernels.point`.
 
