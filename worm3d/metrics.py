@@ -117,6 +117,15 @@ UNITS = {"_m_s": "m/s", "_deg": "deg", "_m": "m", "_s": "s", "_J": "J"}
 """Unit of a metric by the ending of its name."""
 
 
+ROUNDING = {"deg": 1e-9, "m": 1e-12, "m/s": 1e-12}
+"""Magnitude below which a metric is rounding and written as 0, by its unit."""
+
+
+def written(value: float, unit: str) -> str:
+    """Return a metric as text, without its unit."""
+    return f"{0.0 if abs(value) < ROUNDING.get(unit, 0.0) else value:.6g}"
+
+
 class Summary(dict[str, float | str | None]):
     """Metrics by name; printed as a table with units."""
 
@@ -124,8 +133,9 @@ class Summary(dict[str, float | str | None]):
         rows = []
         for name, value in self.items():
             ending = next((ending for ending in UNITS if name.endswith(ending)), "")
-            shown = "-" if value is None else value if isinstance(value, str) else f"{value:.6g}"
-            rows.append((name.removesuffix(ending).replace("_", " "), shown, UNITS.get(ending, "")))
+            unit = UNITS.get(ending, "")
+            shown = "-" if value is None else value if isinstance(value, str) else written(value, unit)
+            rows.append((name.removesuffix(ending).replace("_", " "), shown, unit))
         return "\n".join(f"{name:<34}{shown:>12} {unit}".rstrip() for name, shown, unit in rows)
 
 

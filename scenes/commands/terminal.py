@@ -111,7 +111,7 @@ class Interruption:
 
 def ending(record: Record, model: Model[Any], folder: Path) -> str:
     """Return the lines that end a run: the metrics that matter, and where the files are."""
-    lines = model.table(record) if model.table else _figures(record, model)
+    lines = model.table(record) if model.table else _metrics(record, model)
     page = folder / VIEWER
     seen = (f"{'to look at':22}{page}",) if model.view is not None and page.is_file() else ()
     titled = () if record.title == record.name else (f"{'title':22}{record.title}",)
@@ -145,8 +145,8 @@ def _fault(row: dict[str, Cell]) -> str:
     return f"{row['what']}{when}: {row['advice']}"
 
 
-def _figures(record: Record, model: Model[Any]) -> list[str]:
-    lines = [f"{label:22}{_figure(record, key, unit)}" for key, label, unit in (*HEADLINES, *model.headlines)]
+def _metrics(record: Record, model: Model[Any]) -> list[str]:
+    lines = [f"{label:22}{_metric(record, key, unit)}" for key, label, unit in (*HEADLINES, *model.headlines)]
     return [*lines, *_uses(record)]
 
 
@@ -175,8 +175,12 @@ def _speed(record: Record) -> str:
     return f"{timing(record)['real_time_factor']:.3g} times real time"
 
 
-def _figure(record: Record, key: str, unit: str) -> str:
-    figure = record.summary[key]
+def _metric(record: Record, key: str, unit: str) -> str:
+    from worm3d.metrics import written  # a check of a scene prints none
+
+    value = record.summary[key]
     return (
-        f"{figure:.6g} {unit}".rstrip() if isinstance(figure, float | int) else f"none: {record.summary.reasons[key]}"
+        f"{written(value, unit)} {unit}".rstrip()
+        if isinstance(value, float | int)
+        else f"none: {record.summary.reasons[key]}"
     )

@@ -20,6 +20,7 @@ from scenes.commands.terminal import Interruption, ending
 from scenes.language.errors import DiscError
 from scenes.records.record import Summary
 from scenes.records.store import load
+from worm3d.metrics import written
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 # The only segment pushes with an absurd force from t = T/2 on.
@@ -242,6 +243,14 @@ def test_segments_that_are_inside_out_are_told(record) -> None:
     assert terminal.warnings(replace(record, summary=summary)) == [
         "a segment is inside out after 1 step: these are shapes that no worm has"
     ]
+
+
+def test_rounding_is_not_told_as_a_number(record) -> None:
+    summary = Summary({**record.summary.metrics, "distance_m": -2.6e-13}, record.summary.reasons)
+    told = ending(replace(record, summary=summary), models.get(record.model), Path("x")).splitlines()
+    assert "  distance              0 m" in told
+    assert written(-2.6e-13, "deg") == "0"
+    assert written(-2.6e-13, "") == "-2.6e-13"
 
 
 def test_an_animation_that_stops_early_says_so(worm3d, monkeypatch) -> None:

@@ -222,7 +222,8 @@ class Stage:
     def _text(self, index: int) -> str:
         text = f"t = {self.frames.time[index]:.2f} s"
         if self._speed is not None:
-            text += f"   {'mean ' if self.frames.period else ''}speed {self._speed[index]:.3g} m/s"
+            speed, period = f"speed {self._speed[index]:.3g} m/s", self.frames.period
+            text += f"   mean {speed} over {period:g} s" if period else f"   {speed}"
         if self.frames.contact_force is not None:
             text += f"   an arrow of {arrow_length(self.frames.body_length):.3g} m is {self.scales.force:.3g} N"
         return text

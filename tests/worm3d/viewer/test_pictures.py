@@ -34,6 +34,7 @@ def test_a_png_shows_the_worm_from_both_sides(short: Frames, tmp_path: Path) -> 
         "to its left [m]",
     )
     assert side.get_title(loc="left").startswith("t = 1.00 s   mean speed 0.0")
+    assert " m/s over 2 s   " in side.get_title(loc="left")
     assert not plt.get_fignums(), "nothing is left open, nothing is shown"
     with Image.open(tmp_path / "worm.png") as image:
         seen = np.asarray(image.convert("RGB"))
