@@ -95,6 +95,37 @@ def test_slopes_of_the_residuals_against_central_differences(reference: Referenc
         assert_allclose(exactly, (ends[0] - ends[1]) / (2.0 * h), atol=1e-5)
 
 
+@pytest.mark.parametrize(
+    "reference", [CIRCLE, Reference(Constant(0.08), heading=Constant(0.3)), Reference(Constant(0.1))]
+)
+def test_the_cost_is_the_sum_of_its_terms(reference: Reference) -> None:
+    """(O2) term by term, of a worm of length 1 m, from the states that the problem predicts."""
+    problem, a = problem_of(mpc(steps=4), MOVING, reference), Tolerances()
+    u = np.random.default_rng(7).uniform(-0.9, 0.9, (4, 3))
+    inputs, ahead = problem.scale.inputs(u.ravel()), problem.preview
+    states = problem.states(inputs)[1:]
+    output = model().output
+    vx, vy, _ = np.array([np.array(output(*given)).ravel() for given in zip(states, inputs, strict=True)]).T
+    x, y, h = states[:, :3].T
+    terms = [(vx * np.cos(h) + vy * np.sin(h) - ahead.speed) / a.speed]
+    if reference.path is not None:
+        normal = np.column_stack([-np.sin(ahead.heading), np.cos(ahead.heading)])
+        terms.append(np.sum(([x, y] - ahead.point.T).T * normal, axis=1) / a.offset)
+        crab = np.clip((vy * np.cos(h) - vx * np.sin(h)) / ahead.speed, -0.3, 0.3)
+        terms.append((h - ahead.heading + crab) / a.heading)
+    elif reference.heading is not None:
+        terms.append((h - ahead.heading) / a.heading)
+    else:
+        terms.append(u[:, 2] / a.steering)
+    plain = problem.scale.scaled(np.array([mpc().plain(0.0, MOVING.slip, reference)]))
+    changes = np.diff(np.vstack([plain, u]), axis=0)
+    terms += list((changes / [a.amplitude_rate, a.frequency_rate, a.steering_rate]).T)
+    low, high = FOUND["hinge"].frequency
+    terms.append((inputs[:, 1] - 0.8) / ((high - low) / 2.0) / a.frequency)
+    residuals = problem.residuals(u.ravel())
+    assert residuals @ residuals == pytest.approx(np.sum(np.square(terms)))
+
+
 @pytest.mark.parametrize("mechanism", ["hinge", "bias"])
 def test_an_optimal_plan_has_no_better_neighbour(mechanism) -> None:
     controller = mpc(mechanism, iterations=80)
