@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -141,23 +142,9 @@ class Live:
 
     def _show_frame(self, frames: Frames, k: int, words: str) -> None:
         assert self._view is not None
-        assert frames.faces is not None
-        assert frames.contact_force is not None
-        assert frames.anchored is not None
         assert frames.com is not None
         ahead = None if self.horizon is None else self.horizon(float(frames.time[k]), frames.com[k])
-        self._view.show(
-            frames.joints[k],
-            frames.apexes[k],
-            frames.directors[k],
-            frames.chamber_strain[k],
-            faces=frames.faces[k],
-            face_radius=frames.face_radius,
-            contact_force=frames.contact_force[k],
-            anchored=frames.anchored[k],
-            horizon=ahead,
-            caption=words,
-        )
+        self._view.show(replace(frames.take([k]), horizon=None if ahead is None else ahead[None]), words)
 
     def close(self) -> None:
         """Close the view and stop its server; may be called twice."""

@@ -116,9 +116,7 @@ def show(
     """
     from worm3d.viewer import html
 
-    return html.show(
-        frames_of(result, fps=fps, reference=reference, horizon=horizon), height=height, fps=None, skin=skin
-    )
+    return html.show(frames_of(result, fps=fps, reference=reference, horizon=horizon), height=height, skin=skin)
 
 
 def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = True, title: str = "worm3d") -> None:
@@ -128,7 +126,7 @@ def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = T
     if ending == ".html":
         from worm3d.viewer import write_html
 
-        write_html(frames, path, fps=None, skin=skin, title=title)
+        write_html(frames, path, skin=skin, title=title)
     elif ending == ".png":
         from worm3d.viewer.pictures import write_png
 

@@ -35,6 +35,7 @@ from scenes.models.loading import load_scene
 from scenes.models.worm import view as worm_view
 from scenes.records.record import Record
 from scenes.records.store import load, save
+from worm3d.viewer import Frames
 from worm3d.viewer.live import LiveView
 
 TIMED = ("control_step_ms_p50", "control_step_ms_p99", "overruns")
@@ -174,10 +175,10 @@ def test_a_run_that_is_watched_shows_the_horizon_as_its_page_does(monkeypatch: p
     places: list[np.ndarray] = []
     show = LiveView.show
 
-    def look(view: LiveView, joints: np.ndarray, *others: object, **more: object) -> None:
-        seen.append(more["horizon"])  # type: ignore[arg-type]
-        places.append(joints)
-        show(view, joints, *others, **more)  # type: ignore[arg-type]
+    def look(view: LiveView, frames: Frames, caption: str) -> None:
+        seen.append(None if frames.horizon is None else frames.horizon[0])
+        places.append(frames.joints[0])
+        show(view, frames, caption)
 
     monkeypatch.setattr(LiveView, "show", look)
     watched = load_scene("path_circle", ["run.duration_s=5"])

@@ -12,6 +12,7 @@ from numpy.testing import assert_array_equal
 import worm3d
 from control import gaits
 from worm3d import live as module
+from worm3d.viewer import Frames
 
 
 def crawl(**more: object) -> worm3d.Result:
@@ -45,10 +46,10 @@ def test_every_picture_is_one_of_the_run(monkeypatch: pytest.MonkeyPatch) -> Non
     captions: list[object] = []
     show = module.LiveView.show
 
-    def look(view: module.LiveView, joints: np.ndarray, *others: object, **more: object) -> None:
-        shown.append(joints)
-        captions.append(more["caption"])
-        show(view, joints, *others, **more)  # type: ignore[arg-type]
+    def look(view: module.LiveView, frames: Frames, caption: str) -> None:
+        shown.append(frames.joints[0])
+        captions.append(caption)
+        show(view, frames, caption)
 
     monkeypatch.setattr(module.LiveView, "show", look)
     with worm3d.Live(speed=1e9, began=lambda url: None) as live:

@@ -39,7 +39,6 @@ def write_html(
     frames: Frames,
     path: str | Path,
     *,
-    fps: float | None = 25.0,
     skin: bool = True,
     play: bool = False,
     title: str = "worm3d",
@@ -53,10 +52,9 @@ def write_html(
     Parameters
     ----------
     frames : Frames
+        Between them things move on straight lines; `Frames.at_rate` takes fewer.
     path : str or Path
         Replaced if it exists.
-    fps : float or None
-        Frames a second that are taken of the run, None: all; between them things move on straight lines.
     skin : bool
         Whether a smooth skin covers the worm, which can be taken off to see chambers and links; or they are seen from
         the start, and there is no skin.
@@ -65,32 +63,29 @@ def write_html(
     title : str
         Shown on the page.
     """
-    Path(path).write_text(html(frames, fps=fps, skin=skin, play=play, title=title), encoding="utf-8", newline="\n")
+    Path(path).write_text(html(frames, skin=skin, play=play, title=title), encoding="utf-8", newline="\n")
 
 
-def html(
-    frames: Frames, *, fps: float | None = 25.0, skin: bool = True, play: bool = False, title: str = "worm3d"
-) -> str:
+def html(frames: Frames, *, skin: bool = True, play: bool = False, title: str = "worm3d") -> str:
     """Return what `write_html` writes."""
-    shown = frames if fps is None else frames.at_rate(fps)
-    scales = Scales.of(shown)
+    scales = Scales.of(frames)
     parts = [
-        *pieces.worm(shown, scales),
-        *pieces.contact(shown, scales),
-        *pieces.way(shown),
-        *pieces.world(shown.world),
+        *pieces.worm(frames, scales),
+        *pieces.contact(frames, scales),
+        *pieces.way(frames),
+        *pieces.world(frames.world),
     ]
-    cover = Skin.of(shown, scales.strain) if skin else None
+    cover = Skin.of(frames, scales.strain) if skin else None
     if cover is not None:
         parts.append(cover.piece())
     return _page(
         title=escape(title),
         style=_resource("viewer.css"),
         meshcat=_meshcat_script(),
-        scene=json.dumps(_scene(shown, parts, scales, cover, play), separators=(",", ":"), allow_nan=False).replace(
+        scene=json.dumps(_scene(frames, parts, scales, cover, play), separators=(",", ":"), allow_nan=False).replace(
             "<", "\\u003c"
         ),
-        commands="\n".join(base64.b64encode(message).decode("ascii") for message in commands(shown, parts)),
+        commands="\n".join(base64.b64encode(message).decode("ascii") for message in commands(frames, parts)),
         script=_resource("viewer.js"),
     )
 
@@ -124,17 +119,15 @@ class NotebookView:
         )
 
 
-def show(
-    frames: Frames, *, height: int = 520, fps: float | None = 25.0, skin: bool = True, play: bool = False
-) -> NotebookView:
-    """Return the run for the end of a notebook cell; `fps`, `skin` and `play` as in `write_html`.
+def show(frames: Frames, *, height: int = 520, skin: bool = True, play: bool = False) -> NotebookView:
+    """Return the run for the end of a notebook cell; `skin` and `play` as in `write_html`.
 
     Parameters
     ----------
     height : int
         Of the cell [pixels].
     """
-    return NotebookView(html(frames, fps=fps, skin=skin, play=play), height)
+    return NotebookView(html(frames, skin=skin, play=play), height)
 
 
 def commands(frames: Frames, parts: list[Piece]) -> list[bytes]:

@@ -11,11 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
-import numpy as np
 import zmq
-from numpy.typing import NDArray
 
-from worm3d.values.arrays import FloatArray
 from worm3d.viewer import pieces, recorder
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.piece import Piece
@@ -91,58 +88,18 @@ class LiveView:
         if open_browser:
             webbrowser.open(self.url, new=2)
 
-    def show(
-        self,
-        joints: FloatArray,
-        apexes: FloatArray,
-        directors: FloatArray,
-        chamber_strain: FloatArray,
-        *,
-        faces: FloatArray | None = None,
-        face_radius: FloatArray | None = None,
-        contact_force: FloatArray | None = None,
-        anchored: NDArray[np.bool_] | None = None,
-        horizon: FloatArray | None = None,
-        caption: str = "",
-    ) -> None:
-        """Show the worm at one instant; arrays as in `Frames`, without the first axis.
+    def show(self, frames: Frames, caption: str = "") -> None:
+        """Show the worm at the first instant of `frames`, and a caption at the top of the picture.
 
-        Parameters
-        ----------
-        joints : ndarray, shape (N+1, 3)
-            [m].
-        apexes : ndarray, shape (N, 6, 3)
-            [m].
-        directors : ndarray, shape (N, 3)
-        chamber_strain : ndarray, shape (N, 2)
-        faces : ndarray, shape (N, 2, 3), optional
-            [m].
-        face_radius : ndarray, shape (2,), optional
-            [m].
-        contact_force : ndarray, shape (N, K, 3), optional
-            [N].
-        anchored : ndarray of bool, shape (N, K), optional
-        horizon : ndarray, shape (H, 3), optional
-            [m].
-        caption : str
-            At the top of the picture.
+        Raises
+        ------
+        ConnectionError
+            The view is closed, or the server has stopped or does not answer.
         """
         if self._window is None:
             raise ConnectionError("the live view is closed: open a new one")
         if self._server is not None and not self._server.running:
             raise ConnectionError("live view: meshcat's server has stopped: open a new view")
-        frames = Frames(
-            time=np.zeros(1),
-            joints=joints[None],
-            apexes=apexes[None],
-            directors=directors[None],
-            chamber_strain=chamber_strain[None],
-            faces=None if faces is None else faces[None],
-            face_radius=face_radius,
-            contact_force=None if contact_force is None else contact_force[None],
-            anchored=None if anchored is None else anchored[None],
-            horizon=None if horizon is None else horizon[None],
-        )
         parts = [*pieces.worm(frames, self._scales), *pieces.contact(frames, self._scales), *pieces.way(frames)]
         if not self._placed:
             recorder.stand(self._window, frames.axes, frames.body_length)

@@ -57,7 +57,7 @@ def view(record: Record, path: Path, *, skin: bool = True) -> None:
     """Write the page that plays a record in a browser, under a smooth skin or as chambers and links."""
     from worm3d.viewer import write_html
 
-    write_html(frames_of(record), path, fps=None, skin=skin, title=record.title)
+    write_html(frames_of(record), path, skin=skin, title=record.title)
 
 
 def side_and_top(record: Record) -> tuple[Figure, Axes]:

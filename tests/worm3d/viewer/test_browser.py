@@ -335,6 +335,6 @@ def test_the_live_view_keeps_to_its_policy(browser: Any, short: Frames) -> None:
             browser.ask("Page.navigate", url=view.url.replace("127.0.0.1", name))
             while not browser.value("typeof viewer !== 'undefined' && viewer.connection?.readyState === 1"):
                 assert not [error for error in browser.errors if "Content Security Policy" in error]
-            view.show(short.joints[0], short.apexes[0], short.directors[0], short.chamber_strain[0])
+            view.show(short)
             assert browser.worm_share(browser.picture()) > 0.005
             assert not [error for error in browser.errors if "404" not in error], "it asks for an icon, in vain"

@@ -11,6 +11,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
@@ -28,16 +29,7 @@ def window() -> Iterator[LiveView]:
 
 
 def show(view: LiveView, frames: Frames, index: int) -> None:
-    assert frames.contact_force is not None
-    assert frames.anchored is not None
-    view.show(
-        frames.joints[index],
-        frames.apexes[index],
-        frames.directors[index],
-        frames.chamber_strain[index],
-        contact_force=frames.contact_force[index],
-        anchored=frames.anchored[index],
-    )
+    view.show(frames.take([index]))
 
 
 def listens(url: str) -> bool:
@@ -55,8 +47,8 @@ def test_it_shows_the_worm_and_leaves_nothing_behind(short: Frames) -> None:
         for index in range(5):
             show(view, short, index)
         radii = np.array([0.05, 0.05])
-        view.show(short.joints[0], short.apexes[0], short.directors[0], short.chamber_strain[0], face_radius=radii)
-        view.show(short.joints[0], short.apexes[0], short.directors[0], short.chamber_strain[0])
+        view.show(replace(short, face_radius=radii))
+        view.show(short)
     assert not listens(url)
     view.close()
     with pytest.raises(ConnectionError, match="the live view is closed: open a new one"):

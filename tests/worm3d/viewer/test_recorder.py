@@ -124,9 +124,9 @@ def test_ten_seconds_are_small_and_take_no_more_commands_than_one(
 ) -> None:
     frames = make_crawl(duration=10.0, fps=100.0)
     assert len(commands(frames)) == len(commands(frames.at_rate(10.0)))
-    write_html(frames, tmp_path / "viewer.html", fps=25.0)
+    write_html(frames.at_rate(25.0), tmp_path / "viewer.html")
     assert (tmp_path / "viewer.html").stat().st_size < 5e6
-    write_html(frames, tmp_path / "without.html", fps=25.0, skin=False)
+    write_html(frames.at_rate(25.0), tmp_path / "without.html", skin=False)
     assert (tmp_path / "without.html").stat().st_size < 4e6
 
 
