@@ -77,7 +77,7 @@ def _of_hinge(kind: Kind) -> Response:
         response = kind.respond(known)
     except KeyError as missing:
         raise ValueError(f"hinge_actuator: {kind.__name__} acts on chambers alone: it needs {missing}") from missing
-    _require_known("hinge_actuator", response, known["span"])
+    _require_known("hinge_actuator", response._replace(force=ca.vertcat(*response.states.values())), known["span"])
     return response
 
 
@@ -106,7 +106,7 @@ def _require_known(name: str, response: Response, unknown: ca.SX) -> None:
     for part, value in (("command", response.command), ("spring", spring), ("force", response.force)):
         if ca.depends_on(ca.SX(value), unknown):
             raise ValueError(
-                f"{name}: what {part} says must not depend on the length or the integrator: write it as a potential"
+                f"{name}: its {part} must not depend on the length or the integrator: write it as a potential"
             )
 
 
