@@ -16,8 +16,7 @@ from control.gaits import TravellingWave
 from worm3d import Coulomb, Friction, FrictionLaw, Plane, State, Status, Viscous, Worm
 from worm3d.physics.friction_laws import LAWS, law_of
 from worm3d.physics.kernels import point
-from worm3d.solver.band import STIFFNESS
-from worm3d.solver.evaluate import LOAD, PHI
+from worm3d.solver.evaluate import LOAD, PHI, STIFFNESS
 from worm3d.solver.regimes import EXCESS, PULL, Y
 from worm3d.values.parameters import parameter
 

@@ -19,8 +19,7 @@ from numpy.testing import assert_allclose
 
 from worm3d.physics.kernels import point
 from worm3d.physics.kernels import regime as regime_kernels
-from worm3d.solver.band import STIFFNESS
-from worm3d.solver.evaluate import LOAD, PHI
+from worm3d.solver.evaluate import LOAD, PHI, STIFFNESS
 from worm3d.solver.regimes import EXCESS, NEXT, PULL, STALE, SWING, TOUCHING, Y
 
 

@@ -6,8 +6,7 @@ newton     Newton's method with the loads of the iterate; falls back to
 descent    minimisation for given loads
 regimes    open, sliding, sticking: what contacts are taken for, changes, breakaway
 fronts     prediction of regimes, friction and loads, from which a step begins
-evaluate   potential, residual and Jacobian at a trial state, with the
-band       matrix put together from what joints, segments and contacts contribute
+evaluate   potential, residual and Jacobian at a trial state
 faces      which place of the rim of an end face touches the world
 clamped    the step on the paper's ground, (P9) and (P10)
 guard      shapes that the model does not stand for
