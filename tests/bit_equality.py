@@ -29,8 +29,8 @@ RENAMED: dict[str, str] = {}
 ADDED = {"actuator", "actuator_loss", "checkpoint/state_contraction"}
 """Paths of variables that only NEW has, or may have."""
 
-WALL_CLOCK = "timing"
-"""Group of `result.nc` that is not compared."""
+NOT_COMPARED = ("timing", "run")
+"""Groups of `result.nc` that are not compared: wall-clock times, and arrays of worm and world."""
 
 BAD_SCENE = 2
 """Exit code of a scene that cannot be shortened so far."""
@@ -108,7 +108,7 @@ def _variables(path: Path) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
         for name, variable in file.variables.items():
             yield name, np.asarray(variable[...])
         for group in file.groups:
-            if group != WALL_CLOCK:
+            if group not in NOT_COMPARED:
                 for name, variable in file.groups[group].variables.items():
                     yield f"{group}/{name}", np.asarray(variable[...])
 

@@ -154,6 +154,8 @@ def simulate(
         variables=outcome.variables,
         timing=_timing(outcome),
         checkpoint=outcome.checkpoint,
+        run=outcome.run,
+        parts=outcome.parts,
     )
 
 

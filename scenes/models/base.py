@@ -79,6 +79,8 @@ class Outcome:
         From which the run can go on; empty if this model cannot.
     timing : tuple of Variable
         Further wall-clock figures; single numbers stand in `summary.json`.
+    run, parts : str, tuple of Variable
+        As in `Record`.
     """
 
     status: Status
@@ -89,6 +91,8 @@ class Outcome:
     wall_s: float
     checkpoint: tuple[Variable, ...] = ()
     timing: tuple[Variable, ...] = ()
+    run: str = ""
+    parts: tuple[Variable, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -95,6 +95,10 @@ class Record:
         Wall-clock figures.
     checkpoint : tuple of Variable
         From which the run can go on, bit for bit.
+    run : str
+        Worm, world and end of the run, as `worm3d.load` takes them; empty for a planar one.
+    parts : tuple of Variable
+        Arrays of worm and world.
     """
 
     name: str
@@ -108,6 +112,8 @@ class Record:
     variables: tuple[Variable, ...]
     timing: tuple[Variable, ...] = ()
     checkpoint: tuple[Variable, ...] = ()
+    run: str = ""
+    parts: tuple[Variable, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "versions", MappingProxyType(dict(self.versions)))

@@ -12,6 +12,7 @@ from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
 from scenes.records import store
+from worm3d.values import netcdf
 
 SEED = 5 if TIMES == 1 else None
 
@@ -23,12 +24,12 @@ def whole() -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("cut", "flips"), [(0, 500), (store.SEAL_LENGTH, 6)], ids=["as written", "without the digest of the bytes"]
+    ("cut", "flips"), [(0, 500), (netcdf.SEAL_LENGTH, 6)], ids=["as written", "without the digest of the bytes"]
 )
 def test_flipped_bits(cut: int, flips: int, whole: bytes, tmp_path: Path) -> None:
     """Without that digest each file is read by a process of its own."""
     path, random = tmp_path / "result.nc", np.random.default_rng(SEED)
-    kept, mark = whole[: len(whole) - cut], range(len(whole) - store.SEAL_LENGTH, len(whole) - 65)
+    kept, mark = whole[: len(whole) - cut], range(len(whole) - netcdf.SEAL_LENGTH, len(whole) - 65)
     path.write_bytes(whole)
     expected = store.digest_of(store.load(path))
     for place in random.integers(8 * len(kept), size=flips * TIMES):

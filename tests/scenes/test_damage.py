@@ -17,6 +17,7 @@ from scenes.language.errors import SceneError
 from scenes.records import store
 from scenes.records.record import Record
 from scenes.records.store import load, save
+from worm3d.values import netcdf
 
 
 @pytest.fixture(scope="module")
@@ -51,52 +52,56 @@ def rewritten(old: h5netcdf.Group, new: h5netcdf.Group) -> None:
 
 def test_flipped_bits_of_the_digest(whole: bytes, record: Record, tmp_path: Path) -> None:
     path = tmp_path / "result.nc"
-    for place in (1, store.SEAL_LENGTH - len(store.SEAL), store.SEAL_LENGTH - 1, store.SEAL_LENGTH):
+    for place in (1, netcdf.SEAL_LENGTH - len(netcdf.SEAL), netcdf.SEAL_LENGTH - 1, netcdf.SEAL_LENGTH):
         damaged = bytearray(whole)
         damaged[-place] ^= 4
         path.write_bytes(damaged)
         said = says(path, store.digest_of(record))
-        assert (said is None) == (place >= store.SEAL_LENGTH - 1), "in the mark: what follows is not taken for a digest"
+        assert (said is None) == (place >= netcdf.SEAL_LENGTH - 1), (
+            "in the mark: what follows is not taken for a digest"
+        )
 
 
 def test_files_cut_short(whole: bytes, record: Record, tmp_path: Path) -> None:
     path, expected = tmp_path / "result.nc", store.digest_of(record)
-    for left in (0, len(whole) // 2, len(whole) - store.SEAL_LENGTH - 1):
+    for left in (0, len(whole) // 2, len(whole) - netcdf.SEAL_LENGTH - 1):
         path.write_bytes(whole[:left])
         assert "cut short" in (says(path, expected) or ""), left
-    for left in (len(whole) - store.SEAL_LENGTH, len(whole) - 1):
+    for left in (len(whole) - netcdf.SEAL_LENGTH, len(whole) - 1):
         path.write_bytes(whole[:left])
         assert says(path, expected) is None, "only the digest is gone"
 
 
 def test_every_number_and_word_counts(whole: bytes, record: Record) -> None:
     """What HDF5 finds right is still compared with the digest of what the record says."""
-    image = io.BytesIO(whole[: -store.SEAL_LENGTH])
+    image = io.BytesIO(whole[: -netcdf.SEAL_LENGTH])
     with h5py.File(image, "r+") as file:
         file["timing/wall_s"][...] = float(file["timing/wall_s"][()]) * (1 + 1e-15)
-    with pytest.raises(SceneError, match=r"does not say what worm3d wrote .* damaged, or changed by another program"):
-        store.read(image, "result.nc")
-    image = io.BytesIO(whole[: -store.SEAL_LENGTH])
+    with pytest.raises(
+        netcdf.FileError, match=r"does not say what worm3d wrote .* damaged, or changed by another program"
+    ):
+        netcdf.unpacked(image, "result.nc").require_digest("result.nc")
+    image = io.BytesIO(whole[: -netcdf.SEAL_LENGTH])
     with h5py.File(image, "r+") as file:
         file["com"].attrs["units"] = "cm"
-    with pytest.raises(SceneError, match="does not say what worm3d wrote"):
-        store.read(image, "result.nc")
+    with pytest.raises(netcdf.FileError, match="does not say what worm3d wrote"):
+        netcdf.unpacked(image, "result.nc").require_digest("result.nc")
 
 
 def test_another_program_may_write_the_same_anew(whole: bytes, record: Record, tmp_path: Path) -> None:
     (tmp_path / "result.nc").write_bytes(whole)
     with h5netcdf.File(tmp_path / "result.nc") as old, h5netcdf.File(tmp_path / "copy.nc", "w") as new:
         rewritten(old, new)
-    assert store.is_whole(tmp_path / "copy.nc") is None
+    assert netcdf.is_whole(tmp_path / "copy.nc") is None
     assert says(tmp_path / "copy.nc", store.digest_of(record)) is None
     with xarray.open_dataset(tmp_path / "result.nc", engine="h5netcdf") as data:
         data.to_netcdf(tmp_path / "part.nc", engine="h5netcdf")
-    assert "not a result of worm3d" in (says(tmp_path / "part.nc", "") or ""), "xarray leaves the groups out"
+    assert "does not say what worm3d wrote" in (says(tmp_path / "part.nc", "") or ""), "xarray leaves the groups out"
 
 
 def test_files_of_earlier_versions_are_read_with_a_warning(record: Record, tmp_path: Path, worm3d) -> None:
     path = tmp_path / "result.nc"
-    path.write_bytes(store.as_bytes(record, verified=False)[: -store.SEAL_LENGTH])
+    path.write_bytes(store.as_bytes(record, verified=False)[: -netcdf.SEAL_LENGTH])
     warned: list[str] = []
     assert store.digest_of(load(path, warned.append)) == store.digest_of(record)
     sentence = f"{path} was written by an earlier version of worm3d, without a checksum: damage to it goes unnoticed"
@@ -107,8 +112,8 @@ def test_files_of_earlier_versions_are_read_with_a_warning(record: Record, tmp_p
 
 def test_a_file_on_which_hdf5_never_ends(whole: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, command = tmp_path / "result.nc", [sys.executable, "-c", "while True: pass"]
-    path.write_bytes(whole[: -store.SEAL_LENGTH])
-    monkeypatch.setattr(store, "PATIENCE", 0.3)
+    path.write_bytes(whole[: -netcdf.SEAL_LENGTH])
+    monkeypatch.setattr(netcdf, "PATIENCE", 0.3)
     run = subprocess.run
     monkeypatch.setattr(subprocess, "run", lambda _, **options: run(command, **options))
     with pytest.raises(SceneError, match=r"result\.nc: not a result of worm3d, or damaged: not read after 0\.3 s"):
@@ -117,7 +122,7 @@ def test_a_file_on_which_hdf5_never_ends(whole: bytes, tmp_path: Path, monkeypat
 
 @pytest.mark.parametrize("code", ["import os; os.abort()", "raise MemoryError", "raise SystemExit(2)"])
 def test_a_file_on_which_hdf5_crashes(code: str, whole: bytes, tmp_path: Path, monkeypatch) -> None:
-    (tmp_path / "result.nc").write_bytes(whole[: -store.SEAL_LENGTH])
+    (tmp_path / "result.nc").write_bytes(whole[: -netcdf.SEAL_LENGTH])
     run = subprocess.run
     monkeypatch.setattr(subprocess, "run", lambda _, **options: run([sys.executable, "-c", code], **options))
     with pytest.raises(SceneError, match="or damaged: the HDF5 library fails on it"):
@@ -142,6 +147,6 @@ def test_no_command_goes_on_from_a_damaged_result(record: Record, worm3d, tmp_pa
         assert ended.code == 2
         assert ended.complaints == [
             "run/result.nc: damaged: its bytes are not those that were written (their checksum is wrong); take a copy "
-            "of it, or run the scene again"
+            "of it, or run it again"
         ], command
     assert [path.name for path in (tmp_path / "run").iterdir()] == ["result.nc"]

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.testing import assert_array_equal
 
-from scenes.records.export import column_names, export_csv, export_npz
+from scenes.records.export import export_csv, export_npz
 from scenes.records.record import Record
-from worm3d.values.variable import Variable
+from worm3d.values.variable import Variable, column_names
 
 
 def test_csv_has_a_row_per_instant_and_reads_back_exactly(record: Record, tmp_path: Path) -> None:

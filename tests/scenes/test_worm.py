@@ -40,6 +40,7 @@ from scenes.records.record import Record
 from scenes.records.store import load, save
 from worm3d import pictures
 from worm3d.energy import INCOMING, LOST, STORED
+from worm3d.series import Recorded, Steps, series_of
 from worm3d.values.variable import Variable
 from worm3d.viewer import Frames
 
@@ -76,6 +77,27 @@ def test_the_scene_gives_the_plants_own_numbers(flat: Record) -> None:
     for name, figure in run.summary().items():
         if name != "real_time_factor":
             assert flat.summary[name] == figure
+
+
+def test_every_array_of_a_result_is_in_the_record() -> None:
+    arrays = {field.name for field in fields(worm3d.Result) if "Array" in str(field.type)}
+    assert arrays - {"gravity", "actuator_states"} <= set(series_of(Recorded) | series_of(Steps))
+    assert {field.name for field in fields(worm3d.Energy)} < set(series_of(worm3d.Energy))
+
+
+def test_python_loads_what_the_command_line_wrote(brief: Record, tmp_path: Path) -> None:
+    save(brief, tmp_path / "result.nc")
+    found = worm3d.load(tmp_path)
+    run = worm3d.simulate(
+        worm3d.Worm(), worm3d.Plane(), worm3d.Friction(), gaits.TravellingWave(period=0.2), duration=0.4
+    )
+    for name in series_of(Recorded) | series_of(Steps):
+        assert_array_equal(getattr(found, name), getattr(run, name), err_msg=name)
+    assert found.world == run.world
+    assert repr(found.worm) == repr(run.worm)
+    assert found.summary() | {"real_time_factor": None} == run.summary() | {"real_time_factor": None}
+    for name, memory in run.state.memory.items():
+        assert_array_equal(found.state.memory[name], memory)
 
 
 def test_flat_says_what_it_does(flat: Record) -> None:

@@ -18,7 +18,7 @@ from scenes.models.worm.checks import WORM_CHECKS
 from scenes.models.worm.record import joined, missing
 from scenes.models.worm.schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
 from scenes.records.record import Cell, Record
-from worm3d.files import checkpoint_of, state_of
+from worm3d.files import checkpoint_of, described, state_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,7 +93,7 @@ def outcome(result: worm3d.Result) -> Outcome:
         "mass_kg": result.worm.mass,
         "faults": faults,
     }
-    reasons = result.reasons()
+    reasons, (run, parts) = result.reasons(), described(result)
     return Outcome(
         status=_status(result.status),
         sentence=result.stop.sentence,
@@ -102,6 +102,8 @@ def outcome(result: worm3d.Result) -> Outcome:
         reasons={**reasons, "speed_BL_per_period": reasons.get("mean_speed_m_s", "")},
         wall_s=result.wall_s,
         checkpoint=checkpoint_of(result.state),
+        run=run,
+        parts=parts,
     )
 
 
