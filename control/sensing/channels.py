@@ -28,6 +28,9 @@ MAX_ANGULAR_RATE = 100.0
 MAX_LOAD = 1e5
 """Largest contact load per mass of the worm that can be right, ten thousand times its weight on earth [N/kg]."""
 
+MAX_PRESSURE = 1e9
+"""Largest pressure that can be right, ten times that of strong hydraulics [Pa]."""
+
 MAX_HEADING = 1e4
 """Largest magnitude of a heading that can be right; sensors may count whole turns [rad]."""
 
@@ -74,6 +77,10 @@ def _any(right: NDArray[np.bool_]) -> bool:
     return bool(right.any())
 
 
+def _always(worm: Worm) -> bool:
+    return True
+
+
 @dataclass(frozen=True)
 class Quantity:
     """Quantity that a channel measures.
@@ -87,7 +94,7 @@ class Quantity:
     default : Channel
         Quality of a usual sensor.
     true_value : callable
-        Observation -> value without error, an array.
+        Observation -> value without error, an array; KeyError of a worm without this quantity.
     shape : callable
         Worm -> shape of a sample.
     limits : callable
@@ -96,6 +103,8 @@ class Quantity:
         Value -> its mirror image, in which left and right, y and -y are exchanged.
     is_enough : callable
         Which numbers of a sample can be right, bool of its shape -> whether these are of use without the others.
+    exists : callable
+        Worm -> whether it has this quantity.
     standard : bool
         Whether a robot has such a sensor unless its user says otherwise.
     ordered : bool
@@ -112,6 +121,7 @@ class Quantity:
     limits: Callable[[Worm], tuple[float, float]]
     mirrored: Callable[[FloatArray], FloatArray]
     is_enough: Callable[[NDArray[np.bool_]], bool] = _any
+    exists: Callable[[Worm], bool] = _always
     standard: bool = False
     ordered: bool = False
     angle: bool = False
@@ -128,6 +138,8 @@ ANGULAR_RATE = Channel(noise=float(np.deg2rad(0.1)), bias=float(np.deg2rad(0.5))
 zero-rate offset of 0.5 deg/s."""
 CONTACT_LOAD = Channel(noise=0.005)
 """Quality of force sensors in the feet: 5 mN, a sixteenth of what a foot of the default worm bears."""
+PRESSURE = Channel(noise=500.0)
+"""Quality of pressure sensors: 0.5 % of a range of 100 kPa."""
 
 QUANTITIES = {
     "strain": Quantity(  # l_c/l0 - 1, [left, right]
@@ -180,6 +192,16 @@ QUANTITIES = {
         shape=lambda worm: (worm.segments, 6),
         limits=lambda worm: (-MAX_LOAD * worm.mass, MAX_LOAD * worm.mass),
         mirrored=lambda value: value[:, [3, 4, 5, 0, 1, 2]],
+    ),
+    "pressure": Quantity(  # [left, right]
+        "pressure of the chambers",
+        "Pa",
+        PRESSURE,
+        true_value=lambda seen: seen.actuator_states["pressure"],
+        shape=lambda worm: (worm.segments, 2),
+        limits=lambda worm: (-MAX_PRESSURE, MAX_PRESSURE),
+        mirrored=lambda value: value[:, ::-1],
+        exists=lambda worm: "pressure" in type(worm.actuator).states,
     ),
 }
 """Quantity of each channel, by its name."""

@@ -63,8 +63,9 @@ class Gate:
 
     def __init__(self, worm: Worm, span: float = SPAN) -> None:
         self._span = span
-        self._limits = {name: each.limits(worm) for name, each in QUANTITIES.items()}
-        self._shapes = {name: each.shape(worm) for name, each in QUANTITIES.items()}
+        existing = {name: each for name, each in QUANTITIES.items() if each.exists(worm)}
+        self._limits = {name: each.limits(worm) for name, each in existing.items()}
+        self._shapes = {name: each.shape(worm) for name, each in existing.items()}
         self.reset()
 
     def reset(self) -> None:
@@ -83,7 +84,7 @@ class Gate:
             It is neither.
         """
         if isinstance(measurement, Observation):
-            measurement = Measurement.exact(measurement)
+            measurement = Measurement.exact(measurement, self._shapes)
         if not isinstance(measurement, Measurement):
             raise TypeError(
                 f"measurement: got {type(measurement).__name__}, must be a control.sensing.sensors.Measurement; "
@@ -127,10 +128,10 @@ class Gate:
 
     def _checked(self, name: str, value: Any) -> tuple[Any, Refusal | None]:
         """Return what is right of a sample, None if that is too little, and what is wrong with it."""
-        low, high = self._limits[name]
         numbers = _numbers(value)
-        if numbers is None or numbers.shape != self._shapes[name]:
+        if numbers is None or numbers.shape != self._shapes.get(name):
             return None, Refusal.SHAPE
+        low, high = self._limits[name]
         flat = numbers.ravel()
         if np.vdot(flat, flat) <= min(low**2, high**2):  # quick; false where any is NaN
             return value if isinstance(value, np.ndarray | float) else numbers, None

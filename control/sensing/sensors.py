@@ -15,7 +15,7 @@ sign, left and right change places). What it makes of a mirrored observation is 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 from zlib import crc32
 
@@ -66,9 +66,9 @@ class Measurement(Mapping[str, Sample]):
         self._samples = {name: Sample(*sample) for name, sample in samples.items()}
 
     @classmethod
-    def exact(cls, seen: Observation) -> Measurement:
-        """Return the measurement of a robot with a perfect sensor of every quantity."""
-        return cls(seen.time, **{name: (each.true_value(seen), seen.time) for name, each in QUANTITIES.items()})
+    def exact(cls, seen: Observation, channels: Iterable[str]) -> Measurement:
+        """Return the measurement of a robot with perfect sensors of some channels."""
+        return cls(seen.time, **{name: (true_value(name, seen), seen.time) for name in channels})
 
     def changed(self, **samples: Sample | tuple[Any, Any]) -> Measurement:
         """Return the measurement with other samples of some channels."""
@@ -151,7 +151,8 @@ class _Instrument:
     """A channel at work."""
 
     def __init__(self, name: str, channel: Channel, sensors: Sensors) -> None:
-        self._quantity, self._channel, self._mirrored = QUANTITIES[name], channel, sensors.mirrored
+        self._name, self._quantity, self._channel = name, QUANTITIES[name], channel
+        self._mirrored = sensors.mirrored
         self._random = np.random.default_rng([sensors.seed, crc32(name.encode())])
         self._bias: FloatArray | None = None
         self._begin, self._next = 0.0, 0
@@ -160,7 +161,7 @@ class _Instrument:
 
     def sample(self, seen: Observation) -> Sample:
         """Take a sample if one is due, and return the latest that has arrived since the last call."""
-        self._look(seen.time, self._quantity.true_value(seen))
+        self._look(seen.time, true_value(self._name, seen))
         value = None
         while self._on_the_way and self._on_the_way[0][0] + self._channel.delay <= seen.time + ROUNDING:
             self._last, value = self._on_the_way.popleft()
@@ -182,6 +183,20 @@ class _Instrument:
         count = int((t - self._begin + ROUNDING) * self._channel.rate)
         due, self._next = count >= self._next, max(self._next, count + 1)
         return due
+
+
+def true_value(name: str, seen: Observation) -> FloatArray:
+    """Return the value of a channel without error.
+
+    Raises
+    ------
+    ValueError
+        The worm does not have this quantity.
+    """
+    try:
+        return QUANTITIES[name].true_value(seen)
+    except KeyError as error:
+        raise ValueError(f"{name}: got a sensor of it, but this worm has no {QUANTITIES[name].meaning}") from error
 
 
 def _wrapped(angle: FloatArray) -> FloatArray:

@@ -128,7 +128,7 @@ def test_every_channel_of_an_observation_passes_as_it_is() -> None:
     gate = Gate(WORM)
     exact = gate(seen.time, seen)
     assert gate.refused.total() == 0
-    assert list(exact) == list(QUANTITIES)
+    assert list(exact) == [name for name, each in QUANTITIES.items() if each.exists(WORM)]
     assert_array_equal(exact.strain, seen.chamber_strain)
     assert_array_equal(exact.com, seen.com)
     assert exact.heading == seen.heading

@@ -37,6 +37,7 @@ def seen(t: float) -> Observation:
         apex_velocity=random.uniform(-0.1, 0.1, (N, 6, 3)),
         contraction=np.zeros((N, 2)),
         normal_load=random.uniform(0.0, 0.2, (N, 6)),
+        actuator_states={"pressure": random.uniform(0.0, 5e4, (N, 2))},
     )
 
 
@@ -136,13 +137,14 @@ def mirrored(observation: Observation) -> Observation:
         apexes=observation.apexes[:, [3, 4, 5, 0, 1, 2]] * [1, -1, 1],
         apex_velocity=observation.apex_velocity[:, [3, 4, 5, 0, 1, 2]] * [1, -1, 1],
         normal_load=observation.normal_load[:, [3, 4, 5, 0, 1, 2]],
+        actuator_states={"pressure": observation.actuator_states["pressure"][:, ::-1]},
     )
 
 
 def test_mirrored_sensors_make_the_mirrored_measurement_of_the_mirrored_worm() -> None:
     rough = Channel(noise=0.1, bias=0.2, dropout=0.2, delay=0.02, rate=60.0)
     here, there = (Sensors(seed=3, mirrored=m, **dict.fromkeys(QUANTITIES, rough)) for m in (False, True))
-    arrived = turned = loaded = 0
+    arrived = turned = loaded = pressed = 0
     for k in range(100):
         one, two = here(seen(0.01 * k)), there(mirrored(seen(0.01 * k)))
         assert (one.com is None, one.strain is None) == (two.com is None, two.strain is None)
@@ -159,7 +161,10 @@ def test_mirrored_sensors_make_the_mirrored_measurement_of_the_mirrored_worm() -
         if one.contact_load is not None:
             assert_allclose(two.contact_load, one.contact_load[:, [3, 4, 5, 0, 1, 2]], atol=1e-14)
             loaded += 1
-    assert min(arrived, turned, loaded) > 30
+        if one.pressure is not None:
+            assert_allclose(two.pressure, one.pressure[:, ::-1], atol=1e-9)
+            pressed += 1
+    assert min(arrived, turned, loaded, pressed) > 30
 
 
 def test_measured_headings_stay_within_a_turn() -> None:
@@ -219,7 +224,7 @@ def test_a_quantity_that_is_declared_is_a_channel(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(QUANTITIES, "tail", tail)
     measured = Sensors(tail=EXACT)(seen(0.3))
     assert_array_equal(measured.tail, [0.0])
-    assert_array_equal(Measurement.exact(seen(0.3)).tail, [0.0])
+    assert_array_equal(Measurement.exact(seen(0.3), QUANTITIES).tail, [0.0])
     gate = Gate(Worm())
     assert gate(0.3, measured) is measured
     assert gate(0.4, measured.changed(tail=(np.array([2.0]), 0.4))).tail is None
@@ -238,6 +243,15 @@ class Listening:
     def step(self, t: float, measurement: Any) -> Command:
         self.heard.append(measurement)
         return self._gait(t)
+
+
+def test_pressures_are_measured_where_actuators_have_them() -> None:
+    truth = seen(0.3)
+    assert_array_equal(Sensors(pressure=EXACT)(truth).pressure, truth.actuator_states["pressure"])
+    dry = replace(truth, actuator_states={})
+    with pytest.raises(ValueError, match="pressure: got a sensor of it, but this worm has no pressure of the chambers"):
+        Sensors(pressure=EXACT)(dry)
+    assert "pressure" not in Gate(Worm())(0.3, dry), "an exact measurement has what there is"
 
 
 @pytest.mark.parametrize("roll", [0.0, 0.1])

@@ -114,6 +114,8 @@ def test_controllers_and_sensors_are_those_asked_for() -> None:
     assert sensors.channels["strain"].rate == 50.0
     assert sensors.channels["heading"].noise == pytest.approx(math.radians(1.1))
     assert "heading" not in sensors_of(scene("path_line")).channels
+    with pytest.raises(SceneError, match=r"sensor\.pressure: got true: this worm has no pressure of the chambers"):
+        scene("path_line", "sensor.pressure=true")
     gyroscopes = ("sensor.angular_rate=true", "sensor.angular_rate_bias_deg_s=2", "sensor.angular_rate_rate_Hz=200")
     found = sensors_of(scene("path_line", *gyroscopes)).channels["angular_rate"]
     assert (found.noise, found.bias) == pytest.approx((math.radians(0.1), math.radians(2.0)))

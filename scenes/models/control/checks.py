@@ -7,9 +7,11 @@ from functools import partial
 from itertools import pairwise
 from typing import Any
 
+from control.sensing.channels import QUANTITIES
 from scenes.language.checks import Check, Found, kind_checks
 from scenes.models.control.build import NOT_IDENTIFIED, identified_of, path_of
 from scenes.models.control.schema import Controller, ControlScene, Reference
+from scenes.models.worm.build import worm_of
 from scenes.models.worm.checks import ACTUATORS, SPATIAL_CHECKS, SPATIAL_STARTS_WITH, refusal
 
 
@@ -30,6 +32,12 @@ def _there_is_such_a_path(*sections: Mapping[str, Any]) -> Found:
     except ValueError as error:
         return str(error)
     return None
+
+
+def _worm_has_it(asked: bool, *sections: Mapping[str, Any], name: str) -> Found:
+    if not asked or QUANTITIES[name].exists(worm_of(_scene(("worm", *ACTUATORS), sections))):
+        return None
+    return f"got true: this worm has no {QUANTITIES[name].meaning}"
 
 
 def _scene(names: Sequence[str], sections: Sequence[Mapping[str, Any]]) -> ControlScene:
@@ -86,6 +94,11 @@ CONTROL_CHECKS = (
     Check(("reference.speed_steps", "reference.speed_sine_m_s"), _steps_or_a_sine),
     Check(("reference.speed_sine_m_s", "reference.speed_m_s"), _never_backwards),
     Check(("reference", "world", "worm", "start", "run"), _there_is_such_a_path),
+    *(
+        Check((f"sensor.{name}", "worm", *ACTUATORS), partial(_worm_has_it, name=name))
+        for name, each in QUANTITIES.items()
+        if not each.standard
+    ),
     Check(("worm.mass_kg", *SPATIAL_STARTS_WITH), _can_start),
     Check(("worm", "friction", "controller", *ACTUATORS), _is_identified),
 )
