@@ -138,8 +138,8 @@ ANGULAR_RATE = Channel(noise=float(np.deg2rad(0.1)), bias=float(np.deg2rad(0.5))
 zero-rate offset of 0.5 deg/s."""
 CONTACT_LOAD = Channel(noise=0.005)
 """Quality of force sensors in the feet: 5 mN, a sixteenth of what a foot of the default worm bears."""
-PRESSURE = Channel(noise=500.0)
-"""Quality of pressure sensors: 0.5 % of a range of 100 kPa."""
+PRESSURE = Channel(noise=5.0, bias=50.0)
+"""Quality of a MEMS barometer: 5 Pa, and a constant error of 50 Pa."""
 
 QUANTITIES = {
     "strain": Quantity(  # l_c/l0 - 1, [left, right]
@@ -193,7 +193,7 @@ QUANTITIES = {
         limits=lambda worm: (-MAX_LOAD * worm.mass, MAX_LOAD * worm.mass),
         mirrored=lambda value: value[:, [3, 4, 5, 0, 1, 2]],
     ),
-    "pressure": Quantity(  # [left, right]
+    "pressure": Quantity(  # absolute, [left, right]
         "pressure of the chambers",
         "Pa",
         PRESSURE,
