@@ -181,12 +181,15 @@ def _links_reach(*values: Any, told: tuple[str, ...], body: tuple[str, ...]) -> 
     return {key: f"got {shown(given[key])}: {text}" for key in keys if key in given}
 
 
-def list_checks(schema: type[Section], section: str) -> tuple[Check, ...]:
-    """Return the checks that each list in a section has a number for each segment, or joint between two segments."""
+def list_checks(schema: type[Section], section: str, per: str = "") -> tuple[Check, ...]:
+    """Return the checks that each list in a section has a number for each "segment" or "joint" between two segments.
+
+    Which of the two, the key says unless `per` does.
+    """
     return tuple(
-        Check((f"{section}.{name}", "worm.segments"), partial(_as_many, per=per))
+        Check((f"{section}.{name}", "worm.segments"), partial(_as_many, per=per or each))
         for name, field in schema.model_fields.items()
-        if (per := each_of(field))
+        if (each := each_of(field))
     )
 
 

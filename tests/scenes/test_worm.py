@@ -236,10 +236,22 @@ def test_every_key_of_the_worm_reaches_the_plant() -> None:
     each |= {"actuator_lag_s": 0.2, "stroke": [-0.2, 0.3], "rate_limit_per_s": 5.0}
     each |= {"outward_apexes": False, "end_faces": False}
     scene = WormScene.model_validate({"model": "worm", "worm": each})
-    assert set(each) == set(type(scene.worm).model_fields) == set(KEYS.values()) - {"flat"}
+    assert set(each) == set(KEYS.values()) == set(type(scene.worm).model_fields)
     assert_equal_fields(
-        worm_of(scene), worm3d.Worm(**{parameter: each[key] for parameter, key in KEYS.items() if key in each})  # type: ignore[arg-type]
+        worm_of(scene), worm3d.Worm(**{parameter: each[key] for parameter, key in KEYS.items()})  # type: ignore[arg-type]
     )  # fmt: skip
+
+
+def test_an_actuator_is_found_by_name_and_has_its_parameters_as_keys() -> None:
+    scene = worm_scene("actuator.lag_s=[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]", "hinge_actuator.lag_s=0.05")
+    worm = worm_of(scene)
+    assert isinstance(worm.actuator, worm3d.FirstOrder)
+    assert_allclose(worm.actuator.lag, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    assert_allclose(worm.hinge_actuator.lag, 0.05)  # type: ignore[attr-defined]
+    with pytest.raises(SceneError, match=r"actuator\.kind: got 'first': input should be .*'first_order'"):
+        worm_scene("actuator.kind=first")
+    with pytest.raises(SceneError, match=r"hinge_actuator\.lag_s: got a list of 2: .* or 5 numbers, one for"):
+        worm_scene("hinge_actuator.lag_s=[1, 2]")
 
 
 def test_every_key_of_the_planar_worm_reaches_the_plant() -> None:

@@ -116,6 +116,7 @@ SPATIAL_CHECKS = (
     *kind_checks(Friction, "friction", "law"),
     *list_checks(Actuator, "actuator"),
     *kind_checks(Actuator, "actuator"),
+    *list_checks(HingeActuator, "hinge_actuator", per="joint"),
     *kind_checks(HingeActuator, "hinge_actuator"),
     Check(("worm.stroke",), _stroke_holds_rest),
     *WORM_IN_PIPE_CHECKS,

@@ -15,10 +15,8 @@ from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
 from scenes.models.worm.build import KEYS, Drive, simulate
 from scenes.models.worm.checks import WORM_CHECKS
-from scenes.models.worm.record import joined, missing
 from scenes.models.worm.schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
 from scenes.records.record import Cell, Record
-from worm3d.files import checkpoint_of, described, state_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,6 +49,9 @@ def watch(scene: GaitScene, observer: Observer, how: Watch) -> Outcome:
 
 def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
     """Go on from the end of a record to the end of the scene."""
+    from scenes.models.worm.record import joined, missing  # imports the libraries of files
+    from worm3d.files import state_of
+
     if lacking := missing(earlier):
         raise SceneError(
             f"{earlier.name}: made by another version of worm3d, it has no {', '.join(lacking)} to go on from"
@@ -85,6 +86,8 @@ def _faults(result: worm3d.Result) -> list[dict[str, Cell]]:
 
 def outcome(result: worm3d.Result) -> Outcome:
     """Return a run as what the command line takes."""
+    from worm3d.files import checkpoint_of, described  # imports the libraries of files
+
     figures, period, faults = result.summary(), result.period, _faults(result)
     speed = figures["mean_speed_m_s"]
     merits = {
