@@ -7,7 +7,7 @@ standard deviation over starts that differ by a millimetre, as the reference has
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ import typer
 from scenes.bench.plant_measures import StoppedError
 from scenes.commands.packages import machine
 from scenes.commands.runner import simulate
-from scenes.commands.terminal import progress
+from scenes.commands.terminal import each
 from scenes.models.loading import load_scene
 from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
@@ -94,7 +94,7 @@ class Found:
 
 
 def run(out: Path | None, *, force: bool, quiet: bool) -> int:
-    """Measure how far the time step puts the scenes off, write what was found and return the exit code.
+    """Measure how far the time step puts the scenes off, write what was found, return the exit code.
 
     Raises
     ------
@@ -102,8 +102,7 @@ def run(out: Path | None, *, force: bool, quiet: bool) -> int:
         The folder cannot be used, the disc refused a file, or a run failed.
     """
     with folders.prepared(out, "bench-accuracy", force=force) as folder:
-        with progress("accuracy", len(CASES), quiet=quiet, what="scene") as show:
-            found = measure(show)
+        found = measure(quiet=quiet)
         write_bytes(folder / "accuracy.md", markdown(found).encode())
     if not quiet:
         for title, header, rows in tables(found):
@@ -112,22 +111,21 @@ def run(out: Path | None, *, force: bool, quiet: bool) -> int:
     return 0
 
 
-def measure(watch: Callable[[int], None] = lambda done: None) -> list[Found]:
-    """Run all cases; `watch` is called with the number of those that are done.
+def measure(*, quiet: bool) -> list[Found]:
+    """Run all cases.
 
     Raises
     ------
     StoppedError
         A run did not reach its end.
     """
-    found = []
-    for done, (name, case) in enumerate(CASES.items(), start=1):
-        places = starts(case)
-        of = partial(_metrics, name, case)
-        reference, *coarse = (np.array([of(place, dt) for place in places]) for dt in (REFERENCE, *STEPS))
-        found.append(Found(name, reference, np.array(coarse)))
-        watch(done)
-    return found
+    return list(each("accuracy", CASES, _found, "scene", quiet=quiet).values())
+
+
+def _found(name: str) -> Found:
+    of, places = partial(_metrics, name, CASES[name]), starts(CASES[name])
+    reference, *coarse = (np.array([of(place, dt) for place in places]) for dt in (REFERENCE, *STEPS))
+    return Found(name, reference, np.array(coarse))
 
 
 def starts(case: Case) -> list[tuple[str, ...]]:

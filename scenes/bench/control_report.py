@@ -65,20 +65,9 @@ COLOURS = dict(zip(CONTROLLERS, ("#1f5a94", "#d9793a", "#a0a0a0"), strict=True))
 
 
 def run(out: Path | None, *, seeds: int, quick: bool, quiet: bool) -> int:
-    """Run what is not in the folder yet, write what was found and return the exit code.
+    """Run what is not in the folder yet, write what was found and return the exit code; options as of the command.
 
     It is 5 if runs failed, else 6 if a bar is not kept, else 0; short runs are not held to bars.
-
-    Parameters
-    ----------
-    out : Path, optional
-        Folder to write to, or to go on in; `runs/bench-control-<time>` if left out.
-    seeds : int
-        Of each scene and controller.
-    quick : bool
-        Whether to run two short scenes only.
-    quiet : bool
-        Whether to print nothing.
 
     Raises
     ------

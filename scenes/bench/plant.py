@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
-from typing import Any, TypeVar
+from functools import partial
+from itertools import chain
+from typing import Any
 
 from scenes.bench.plant_measures import (
     Growth,
@@ -20,10 +21,7 @@ from scenes.bench.plant_measures import (
 )
 from scenes.bench.plant_parts import Shares, measure_shares
 from scenes.commands.packages import machine
-from scenes.commands.terminal import progress
-
-K = TypeVar("K")
-R = TypeVar("R")
+from scenes.commands.terminal import each
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,20 +87,11 @@ def study(plan: Plan, *, quiet: bool) -> Study:
         A run or a process failed.
     """
     duration, repeats = plan.duration_s, plan.repeats
-    speeds = measured("speeds", plan.segments, lambda n: measure_speed(n, duration, repeats), quiet)
-    shares = measured("shares", plan.shares_of, lambda n: measure_shares(n, duration), quiet)
-    batches = measured("batches", plan.batch_s, lambda s: measure_throughput(plan.batch, s, repeats), quiet, "length")
-    batch = tuple(each for of_length in batches for each in of_length)
-    (start,) = measured("cold and warm start", (None,), lambda _: measure_start(), quiet, "measurement")
-    (memory,) = measured("memory of a long run", (plan.steps,), measure_memory, quiet, "measurement")
-    return Study(machine(), plan, speeds, growth(speeds), shares, batch, start, memory)
-
-
-def measured(title: str, keys: Iterable[K], go: Callable[[K], R], quiet: bool, what: str = "worm") -> tuple[R, ...]:
-    """Measure one after the other, and show how far it has come."""
-    wanted, found = list(keys), []
-    with progress(title, len(wanted), quiet=quiet, what=what) as show:
-        for done, key in enumerate(wanted, start=1):
-            found.append(go(key))
-            show(done)
-    return tuple(found)
+    measure = partial(each, quiet=quiet)
+    speeds = measure("speeds", plan.segments, lambda n: measure_speed(n, duration, repeats), "worm").values()
+    shares = measure("shares", plan.shares_of, lambda n: measure_shares(n, duration), "worm").values()
+    batches = measure("batches", plan.batch_s, lambda s: measure_throughput(plan.batch, s, repeats), "length").values()
+    (start,) = measure("cold and warm start", (None,), lambda _: measure_start(), "measurement").values()
+    (memory,) = measure("memory of a long run", (plan.steps,), measure_memory, "measurement").values()
+    batch = tuple(chain.from_iterable(batches))
+    return Study(machine(), plan, tuple(speeds), growth(tuple(speeds)), tuple(shares), batch, start, memory)

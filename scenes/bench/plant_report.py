@@ -62,18 +62,7 @@ class Section:
 
 
 def run(out: Path | None, *, quick: bool, force: bool, quiet: bool) -> int:
-    """Measure the plant, write what was found and return the exit code.
-
-    Parameters
-    ----------
-    out : Path, optional
-        Folder to write to; `runs/bench-plant-<time>` if left out.
-    quick : bool
-        Whether to measure short worms and runs only.
-    force : bool
-        Whether to write into a folder that has something in it.
-    quiet : bool
-        Whether to print nothing.
+    """Measure the plant, write what was found and return the exit code; options as of the command.
 
     Raises
     ------

@@ -78,18 +78,9 @@ class Visit:
 
 
 def run(out: Path | None, *, duration: float, repeats: int, force: bool, quiet: bool) -> int:
-    """Measure the default worm's step in worlds of all kinds, write what was found and return the exit code.
+    """Measure the default worm's step in all worlds, write what was found and return the exit code.
 
-    Parameters
-    ----------
-    out : Path, optional
-        Folder to write to; `runs/bench-worlds-<time>` if left out.
-    duration : float
-        Simulated in each world [s].
-    repeats : int
-        Runs of which the fastest counts.
-    force, quiet : bool
-        Whether to write into a folder that has something in it, and to print nothing.
+    `duration` is simulated in each world [s]; of `repeats` runs the fastest counts. Other options as of the command.
 
     Raises
     ------

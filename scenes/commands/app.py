@@ -174,11 +174,13 @@ def view(
         raise typer.Exit(viewing.watch(load_scene(result, o or ()), speed=speed, opens=not no_open))
     if o:
         raise SceneError("view: -o changes a scene, and a result has been computed; it goes with --live")
+    from scenes.records import drawing
     from scenes.records.folder import VIEWER
     from scenes.records.store import load
 
     path = _path(result)
-    page = viewing.write_page(load(path), _home(path) / VIEWER, skin=skin)
+    record = load(path)
+    page = drawing.view(record, drawing.model_of(record), _home(path) / VIEWER, skin=skin)
     typer.echo(str(page))
     if not no_open:
         viewing.open_in_browser(page.resolve().as_uri())

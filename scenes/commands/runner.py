@@ -186,9 +186,10 @@ def _draw(record: Record, scene: Scene, folder: Path) -> None:
         return
     draw_overview(record, scene.model, folder)
     if record.status != "interrupted":  # who presses Ctrl-C does not want to wait; `worm3d animate` draws it
-        if scene.model.animate is not None and scene.model.view is None:
+        if scene.model.view is not None:
+            view(record, scene.model, folder / folders.VIEWER)
+        elif scene.model.animate is not None:
             animate(record, scene.model, folder / folders.ANIMATION)
-        view(record, scene.model, folder / folders.VIEWER)
 
 
 def _tell(record: Record, scene: Scene, folder: Path, *, quiet: bool) -> None:

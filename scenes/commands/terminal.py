@@ -5,17 +5,20 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 import typer
 
 from scenes.models.base import Model
 from scenes.records.folder import VIEWER
 from scenes.records.record import Cell, Record
+
+K = TypeVar("K")
+R = TypeVar("R")
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -53,6 +56,16 @@ def progress(title: str, total: int, *, quiet: bool, what: str = "step") -> Iter
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(title, total=total)
         yield lambda done: bar.update(task, completed=done)
+
+
+def each(title: str, keys: Iterable[K], go: Callable[[K], R], what: str, *, quiet: bool) -> dict[K, R]:
+    """Return what a function makes of each key, one after the other, and show how far it has come."""
+    wanted, found = list(keys), {}
+    with progress(title, len(wanted), quiet=quiet, what=what) as show:
+        for done, key in enumerate(wanted, start=1):
+            found[key] = go(key)
+            show(done)
+    return found
 
 
 def counted(number: int, what: str) -> str:

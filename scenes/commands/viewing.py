@@ -1,11 +1,10 @@
-"""Results in a browser: the page of a stored one, and a run that is seen while it goes on."""
+"""Runs in a browser: a page opened, and a run that is seen while it goes on."""
 
 from __future__ import annotations
 
 import os
 import sys
 import webbrowser
-from pathlib import Path
 
 import typer
 
@@ -15,29 +14,7 @@ from scenes.commands.terminal import Interruption
 from scenes.language.errors import SceneError
 from scenes.models.base import Watch
 from scenes.models.loading import Scene
-from scenes.records.drawing import is_drawable, model_of
-from scenes.records.folder import written_whole
 from scenes.records.record import Record
-
-
-def write_page(record: Record, path: Path, *, skin: bool = True) -> Path:
-    """Write the page that plays a record, whole or not at all, and return its path.
-
-    Raises
-    ------
-    SceneError
-        The model has no page, or no step was finished.
-    DiscError
-        The file cannot be written.
-    """
-    model = model_of(record)
-    if model.view is None:
-        raise SceneError(f"{record.name}: the model '{model.name}' has no page; 'worm3d animate' makes its animation")
-    if not is_drawable(record):
-        raise SceneError(f"{record.name}: no step was finished, there is nothing to see")
-    with written_whole(path) as part:
-        model.view(record, part, skin=skin)
-    return path
 
 
 def open_in_browser(address: str) -> bool:

@@ -83,17 +83,22 @@ def animate(record: Record, model: Model[Any], path: Path, fps: int = 20) -> Pat
     return path
 
 
-def view(record: Record, model: Model[Any], path: Path) -> None:
-    """Write the page that shows a record in a browser, whole or not at all, where the model has one.
+def view(record: Record, model: Model[Any], path: Path, *, skin: bool = True) -> Path:
+    """Write the page that plays a record in a browser, whole or not at all, and return its path.
 
     Raises
     ------
+    SceneError
+        The model has no page, or no step was finished.
     DiscError
         The file cannot be written.
     """
-    if model.view is not None:
-        with written_whole(path) as part:
-            model.view(record, part)
+    if model.view is None:
+        raise SceneError(f"{record.name}: the model '{model.name}' has no page; 'worm3d animate' makes its animation")
+    _require_steps(record)
+    with written_whole(path) as part:
+        model.view(record, part, skin=skin)
+    return path
 
 
 def mesh(record: Record, model: Model[Any], at: float | None, path: Path) -> Path:

@@ -32,7 +32,7 @@ def test_differences_are_those_of_the_runs(worm3d, monkeypatch: pytest.MonkeyPat
     done = worm3d("bench", "accuracy", "--out", "out")
     assert (done.code, done.err) == (0, "accuracy: 1 scene\n")
     assert "Turn: reference, and differences [degrees]" in done.out
-    (found,) = accuracy.measure()
+    (found,) = accuracy.measure(quiet=True)
     summary = simulate(load_scene("flat", (*changes, "run.dt_s=0.005"))).summary
     assert_allclose(found.coarse[2, 0], [summary[name] for name in accuracy.METRICS], rtol=1e-9)
     off = np.abs(found.coarse[:, 0] / found.reference[0] - 1.0)

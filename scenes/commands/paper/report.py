@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import shutil
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import typer
@@ -22,14 +21,11 @@ from scenes.commands.paper.claims import Claim, claims
 from scenes.commands.paper.corrected_claims import corrected_claims
 from scenes.commands.paper.differences import Difference, differences
 from scenes.commands.paper.figures import corrected_figures, published_figures
-from scenes.commands.terminal import busy, progress
+from scenes.commands.terminal import busy, each
 from scenes.records import folder as folders
 from scenes.records.drawing import save_figure, save_movie
 from scenes.records.folder import write_bytes
 from scenes.records.text import Column, aligned, json_bytes, markdown_table, table
-
-K = TypeVar("K")
-R = TypeVar("R")
 
 MOVIE = "animation_6_segments.gif"
 
@@ -82,16 +78,7 @@ class Study:
 
 
 def run(out: Path | None, force: bool, quiet: bool) -> int:
-    """Make all runs of the paper, write the study and return the exit code.
-
-    Parameters
-    ----------
-    out : Path, optional
-        Folder to write to; `runs/paper-<time>` if left out.
-    force : bool
-        Whether to write into a folder that has something in it.
-    quiet : bool
-        Whether to print nothing.
+    """Make all runs of the paper, write the study and return the exit code; options as of the command.
 
     Raises
     ------
@@ -99,8 +86,8 @@ def run(out: Path | None, force: bool, quiet: bool) -> int:
         The folder cannot be used, or the disc refused a file.
     """
     with folders.prepared(out, "paper", force=force) as folder:
-        runs = _simulate("the paper's runs", cases.published_keys(), cases.published_run, quiet)
-        corrected = _simulate("the corrected worm's runs", cases.corrected_keys(), cases.corrected_run, quiet)
+        runs = each("the paper's runs", cases.published_keys(), cases.published_run, "run", quiet=quiet)
+        corrected = each("the corrected worm's runs", cases.corrected_keys(), cases.corrected_run, "run", quiet=quiet)
         with busy("judging the claims", quiet=quiet):
             study = _study(runs, corrected)
         with busy("drawing", quiet=quiet):
@@ -112,15 +99,6 @@ def run(out: Path | None, force: bool, quiet: bool) -> int:
                 f"Written to {folder}: report.md, paper.json, figures 7 to 13, those of the corrected worm, {MOVIE}"
             )
     return 0
-
-
-def _simulate(title: str, keys: Sequence[K], simulate: Callable[[K], R], quiet: bool) -> dict[K, R]:
-    runs = {}
-    with progress(title, len(keys), quiet=quiet, what="run") as show:
-        for done, key in enumerate(keys, start=1):
-            runs[key] = simulate(key)
-            show(done)
-    return runs
 
 
 def _study(runs: Mapping[Key, Run], corrected: Mapping[GroundKey, linkage.Run]) -> Study:
