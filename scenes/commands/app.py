@@ -227,9 +227,8 @@ def export(
 ) -> None:
     """Write a result for other programs."""
     from scenes.records import drawing
-    from scenes.records.export import export_csv, export_npz
     from scenes.records.folder import require_free
-    from scenes.records.store import load
+    from scenes.records.store import export_csv, export_npz, load
 
     if csv is None and npz is None and glb is None:
         raise SceneError("export: nothing to write; give --csv FILE, --npz FILE or --glb FILE")

@@ -1,4 +1,4 @@
-"""Records on disc: NetCDF4 files in the format of `worm3d.values.netcdf`, for planar and 3D worms alike.
+"""Records on disc: NetCDF4 files in the format of `worm3d.values.netcdf`, CSV for spreadsheets and NPZ for NumPy.
 
 Files of earlier versions have no digest of what they say; they are accepted with a warning.
 """
@@ -10,11 +10,14 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from scenes.language.errors import DiscError, SceneError
-from scenes.records.folder import RESULT, write_bytes
+from scenes.records.folder import RESULT, write_bytes, written_whole
 from scenes.records.record import Record, Summary
 from worm3d.values import netcdf
 from worm3d.values.netcdf import Content, FileError
+from worm3d.values.variable import write_csv
 
 WITHOUT_DIGEST = "worm3d result 1"
 """Attribute `format` of files of earlier versions."""
@@ -28,15 +31,7 @@ def save(record: Record, path: Path) -> None:
     DiscError
         The file cannot be written.
     """
-    write_bytes(path, as_bytes(record))
-
-
-def as_bytes(record: Record, *, verified: bool = True) -> bytes:
-    """Return a record as NetCDF4; one that is not verified remains one of an earlier version, without a digest."""
-    content = content_of(record)
-    if not verified:
-        return netcdf.packed(Content({"format": WITHOUT_DIGEST, **content.attributes}, content.groups))
-    return netcdf.packed(netcdf.signed(content))
+    write_bytes(path, netcdf.packed(netcdf.signed(content_of(record))))
 
 
 def _to_standard_error(warning: str) -> None:
@@ -77,9 +72,32 @@ def load(path: Path, warn: Callable[[str], None] = _to_standard_error) -> Record
         raise SceneError(f"{file}: not a result of worm3d, or cut short: {error}") from error
 
 
-def digest_of(record: Record) -> str:
-    """Return the digest of all that a record says, however it is stored."""
-    return content_of(record).digest
+def export_csv(record: Record, path: Path) -> None:
+    """Write one row per stored instant, one column per number that is known then: `com_x_m`, `main_node_3_y_m`.
+
+    Left out is what has no instant: statistics of each solver step, single numbers, wall-clock figures and all text.
+
+    Raises
+    ------
+    DiscError
+        The file cannot be written.
+    """
+    timed = [v for v in record.variables if v.dims[:1] == ("time",)]
+    with written_whole(path) as part:
+        write_csv(timed, part)
+
+
+def export_npz(record: Record, path: Path) -> None:
+    """Write every variable by its name, and the resolved scene as the text `scene`; no pickles inside.
+
+    Raises
+    ------
+    DiscError
+        The file cannot be written.
+    """
+    arrays = {variable.name: variable.values for variable in record.variables}
+    with written_whole(path) as part, part.open("wb") as file:
+        np.savez(file, allow_pickle=False, scene=np.array(record.scene), **arrays)
 
 
 def content_of(record: Record) -> Content:

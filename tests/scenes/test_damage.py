@@ -23,7 +23,7 @@ from worm3d.values import netcdf
 @pytest.fixture(scope="module")
 def whole(record: Record) -> bytes:
     """A result as it stands on disc."""
-    return store.as_bytes(record)
+    return netcdf.packed(netcdf.signed(store.content_of(record)))
 
 
 def says(path: Path, expected: str) -> str | None:
@@ -33,7 +33,7 @@ def says(path: Path, expected: str) -> str | None:
     except SceneError as error:
         (line,) = error.lines
         return line if str(path) in line else pytest.fail(line)
-    assert store.digest_of(found) == expected
+    assert store.content_of(found).digest == expected
     return None
 
 
@@ -56,14 +56,14 @@ def test_flipped_bits_of_the_digest(whole: bytes, record: Record, tmp_path: Path
         damaged = bytearray(whole)
         damaged[-place] ^= 4
         path.write_bytes(damaged)
-        said = says(path, store.digest_of(record))
+        said = says(path, store.content_of(record).digest)
         assert (said is None) == (place >= netcdf.SEAL_LENGTH - 1), (
             "in the mark: what follows is not taken for a digest"
         )
 
 
 def test_files_cut_short(whole: bytes, record: Record, tmp_path: Path) -> None:
-    path, expected = tmp_path / "result.nc", store.digest_of(record)
+    path, expected = tmp_path / "result.nc", store.content_of(record).digest
     for left in (0, len(whole) // 2, len(whole) - netcdf.SEAL_LENGTH - 1):
         path.write_bytes(whole[:left])
         assert "cut short" in (says(path, expected) or ""), left
@@ -93,7 +93,7 @@ def test_another_program_may_write_the_same_anew(whole: bytes, record: Record, t
     with h5netcdf.File(tmp_path / "result.nc") as old, h5netcdf.File(tmp_path / "copy.nc", "w") as new:
         rewritten(old, new)
     assert netcdf.is_whole(tmp_path / "copy.nc") is None
-    assert says(tmp_path / "copy.nc", store.digest_of(record)) is None
+    assert says(tmp_path / "copy.nc", store.content_of(record).digest) is None
     with xarray.open_dataset(tmp_path / "result.nc", engine="h5netcdf") as data:
         data.to_netcdf(tmp_path / "part.nc", engine="h5netcdf")
     assert "does not say what worm3d wrote" in (says(tmp_path / "part.nc", "") or ""), "xarray leaves the groups out"
@@ -101,9 +101,11 @@ def test_another_program_may_write_the_same_anew(whole: bytes, record: Record, t
 
 def test_files_of_earlier_versions_are_read_with_a_warning(record: Record, tmp_path: Path, worm3d) -> None:
     path = tmp_path / "result.nc"
-    path.write_bytes(store.as_bytes(record, verified=False)[: -netcdf.SEAL_LENGTH])
+    content = store.content_of(record)
+    earlier = netcdf.Content({"format": store.WITHOUT_DIGEST, **content.attributes}, content.groups)
+    path.write_bytes(netcdf.packed(earlier)[: -netcdf.SEAL_LENGTH])
     warned: list[str] = []
-    assert store.digest_of(load(path, warned.append)) == store.digest_of(record)
+    assert store.content_of(load(path, warned.append)).digest == store.content_of(record).digest
     sentence = f"{path} was written by an earlier version of worm3d, without a checksum: damage to it goes unnoticed"
     assert warned == [sentence]
     ended = worm3d("export", path, "--csv", "x.csv")

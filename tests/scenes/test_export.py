@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.testing import assert_array_equal
 
-from scenes.records.export import export_csv, export_npz
 from scenes.records.record import Record
+from scenes.records.store import export_csv, export_npz
 from worm3d.values.variable import Variable, column_names
 
 
