@@ -23,9 +23,6 @@ LASTING = 0.5
 GROUND = 0.5
 """Least cosine between a normal and up for which what is below is a ground: a pipe's wall beside the worm is none."""
 
-SPAN = 1e-6
-"""Half the step of the differences that give normals, as a fraction of the body length."""
-
 
 def roll(result: Result, rows: slice = slice(None)) -> FloatArray:
     """Return by how much a worm is rolled to its left, the median of its segments, at rows of a result, (T,) [rad].
@@ -37,7 +34,7 @@ def roll(result: Result, rows: slice = slice(None)) -> FloatArray:
     if result.world is None or weight == 0.0:
         return rolls
     middle = (joints[:, 1:] + joints[:, :-1]) / 2.0
-    normal = _normals(result.world, middle.reshape(-1, 3), result.worm.length).reshape(middle.shape)
+    normal = _normals(result.world, middle, result.worm.length)
     load = result.normal_load[rows].sum(axis=(1, 2)) + result.joint_load[rows].sum(axis=1)
     seen = (load > 0.0) & (normal @ (-result.gravity / weight) > GROUND).all(axis=1)
     sine = (directors[seen] * normal[seen]).sum(axis=-1)
@@ -60,12 +57,9 @@ def on_its_side(result: Result) -> float | None:
 
 
 def _normals(world: World, places: FloatArray, length: float) -> FloatArray:
-    """Return unit normals of the world at places (T, 3); zeros where there is none."""
-    steps = SPAN * length * np.eye(3)
-    ends = places[:, None, None] + np.stack([steps, -steps], axis=1)
-    distance = world.distance(ends.reshape(-1, 3)).reshape(len(places), 3, 2)
-    gradient = (distance[..., 0] - distance[..., 1]) / (2.0 * SPAN * length)
-    size = np.linalg.norm(gradient, axis=1, keepdims=True)
+    """Return unit normals of the world at places (..., 3); zeros where there is none."""
+    gradient = world.normal(places, length)
+    size = np.linalg.norm(gradient, axis=-1, keepdims=True)
     known = np.isfinite(size) & (size > 0.5)
     normals: FloatArray = np.where(known, gradient / np.where(known, size, 1.0), 0.0)
     return normals

@@ -158,7 +158,7 @@ TARGETS: dict[str, Target] = {
         worm3d.simulate,
         RUN,
         _kinds(positive="duration dt tolerance", object="worm", choice="integrator", array="gravity")
-        | _kinds(whole="record_every")
+        | _kinds(whole="record_every every")
         | {"world": "object?", "ground": "object?", "state": "object?", "actuation": "object?", "held": "held"}
         | {"external_force": "function?", "sensor": "function?", "settle_first": "flag?"}
         | {"observer": "function?", "live": "object?"},

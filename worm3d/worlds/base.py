@@ -114,11 +114,13 @@ class World:
         return 0.0
 
     def normal(self, at: FloatArray, length: float) -> FloatArray:
-        """Return the gradient of the distance at a point by central differences over a small part of a length [m]."""
+        """Return the gradient of the distance at points (..., 3) by central differences over a small part of a length.
+
+        Of the same shape; the length is in metres.
+        """
         h = NORMAL_STEP * length
-        ends = np.array([at + side * h * axis for axis in np.eye(3) for side in (1.0, -1.0)])
-        d = self.distance(ends)
-        gradient: FloatArray = (d[::2] - d[1::2]) / (2.0 * h)
+        d = self.distance(np.asarray(at)[..., None, None, :] + h * np.stack([np.eye(3), -np.eye(3)], axis=1))
+        gradient: FloatArray = (d[..., 0] - d[..., 1]) / (2.0 * h)
         return gradient
 
     def forward(self, joints: FloatArray, level: FloatArray) -> FloatArray:
