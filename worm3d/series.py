@@ -218,6 +218,12 @@ class Recorded(ReadOnly):
         "chamber bend: the left chamber is offset x bend shorter than the segment",
         Entries("x", first=4, step=5),
     )
+    twist: FloatArray = recorded(
+        "time inner_joint",
+        "rad",
+        "roll of the segment ahead of joints 1 to N-1 against the one behind; positive lifts its left side",
+        Rows("joint_angles", 2),
+    )
     chamber_length: FloatArray = recorded(
         "time segment chamber", "m", "length of each chamber [left, right]", Rows("lengths")
     )
