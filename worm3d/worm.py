@@ -43,6 +43,13 @@ class Worm(ReadOnly):
         ge=0,
         le=1,
     )
+    payload: float = parameter(
+        0.0,
+        meaning="part of the mass that the head's joint carries beside its share, such as a camera or a tool",
+        unit="kg",
+        ge=0,
+        aka=("head_mass_kg",),
+    )
     chamber_offset: float = parameter(
         0.03, meaning="distance b of the chambers from the centre line", unit="m", ge=0, aka=("b_m",)
     )
@@ -192,6 +199,10 @@ class Worm(ReadOnly):
         if not self.hinge_actuator.drives_hinges:
             wrong = type(self.hinge_actuator).__name__
             raise ValueError(f"hinge_actuator: got {wrong}, which acts on chambers alone; use it as the actuator")
+        if self.payload >= self.mass:
+            raise ValueError(
+                f"payload: got {self.payload!r} kg, must be below mass ({self.mass!r} kg), which has it in it"
+            )
         if self.flat and self.chamber_offset != 0.0:
             raise ValueError(f"chamber_offset: got {self.chamber_offset!r}, must be 0 in a worm that is flat")
 
@@ -209,8 +220,9 @@ class Worm(ReadOnly):
     @property
     def joint_mass(self) -> FloatArray:
         """Mass of each joint, shape (N+1,) [kg]."""
-        mass = np.full(self.segments + 1, self.joint_mass_fraction * self.mass / self.segments)
+        mass = np.full(self.segments + 1, self.joint_mass_fraction * (self.mass - self.payload) / self.segments)
         mass[[0, -1]] /= 2.0
+        mass[-1] += self.payload
         return mass
 
     @property
@@ -218,7 +230,8 @@ class Worm(ReadOnly):
         """Mass of each apex in the order of NOTATION.md, shape (N, 6) [kg]."""
         share = np.array([1.0, 1.0, float(self.outward_apexes)] * 2)
         return np.tile(
-            (1.0 - self.joint_mass_fraction) * self.mass / self.segments * share / share.sum(), (self.segments, 1)
+            (1.0 - self.joint_mass_fraction) * (self.mass - self.payload) / self.segments * share / share.sum(),
+            (self.segments, 1),
         )
 
 

@@ -234,7 +234,7 @@ def test_every_key_of_the_worm_reaches_the_plant() -> None:
     each |= {"half_height_m": [0.04, 0.06], "spring_N": [14.0, 15.0], "torsion_J": [9.0], "yaw_J": 0.6, "twist_J": 0.7}
     each |= {"cross0": 0.1, "apex_hinge_N_m_rad": [0.1, 0.2], "kelvin_voigt_time_s": 0.06, "drag_N_s_m": 0.4}
     each |= {"actuator_lag_s": 0.2, "stroke": [-0.2, 0.3], "rate_limit_per_s": 5.0}
-    each |= {"outward_apexes": False, "end_faces": False}
+    each |= {"payload_kg": 0.02, "outward_apexes": False, "end_faces": False}
     scene = WormScene.model_validate({"model": "worm", "worm": each})
     assert set(each) == set(KEYS.values()) == set(type(scene.worm).model_fields)
     assert_equal_fields(
