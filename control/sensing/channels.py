@@ -9,15 +9,15 @@ the list of faults find it there by the name of its channel. A robot of one's ow
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from worm3d import Observation, Worm
-from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
 
 MAX_COORDINATE = 1e7
 """Largest magnitude of a coordinate that can be right, more than any grid on earth has [m]."""
@@ -35,42 +35,29 @@ MAX_HEADING = 1e4
 """Largest magnitude of a heading that can be right; sensors may count whole turns [rad]."""
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Channel:
-    """Quality of a sensor.
+    """Quality of a sensor; noise and bias are in the unit of what it measures."""
 
-    Attributes
-    ----------
-    noise : float
-        Standard deviation of the white noise of each sample, in the unit of the quantity.
-    bias : float
-        Standard deviation from which the constant error of a run is drawn, in the unit of the quantity.
-    delay : float
-        Time from the instant of a sample to its arrival [s].
-    dropout : float
-        Probability that a sample is lost, in [0, 1].
-    rate : float
-        Samples a second [Hz]; infinite: one at every call.
-
-    Raises
-    ------
-    ValueError
-        A value is out of range.
-    """
-
-    noise: float
-    bias: float = 0.0
-    delay: float = 0.0
-    dropout: float = 0.0
-    rate: float = float("inf")
+    noise: float = parameter(meaning="standard deviation of the white noise of each sample", ge=0)
+    bias: float = parameter(0.0, meaning="standard deviation of its constant error, drawn once a run", ge=0)
+    delay: float = parameter(0.0, meaning="time from the instant of a sample to its arrival", unit="s", ge=0)
+    dropout: float = parameter(
+        0.0, meaning="probability that a sample is lost", ge=0, le=1, allowed="a probability, in [0, 1]"
+    )
+    rate: float = parameter(
+        np.inf,
+        meaning="samples a second",
+        unit="Hz",
+        gt=0,
+        infinite=True,
+        allowed="above 0; infinite for a sample at every call",
+        left_out="at every time step",
+    )
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if field.name != "rate":
-                arguments.number(field.name, getattr(self, field.name), ge=0.0)
-        arguments.number("dropout", self.dropout, le=1.0, allowed="a probability, at most 1")
-        rate = "above 0; infinite for a sample at every call"
-        arguments.number("rate", self.rate, "Hz", gt=0.0, infinite=True, allowed=rate)
+        check(self)
 
 
 def _any(right: NDArray[np.bool_]) -> bool:

@@ -180,8 +180,8 @@ def test_measured_headings_stay_within_a_turn() -> None:
     ("bad", "sentence"),
     [
         ({"noise": -1.0}, r"noise: got -1\.0, must be finite and at least 0"),
-        ({"noise": 0.0, "delay": float("nan")}, "delay: got nan, must be finite and at least 0"),
-        ({"noise": 0.0, "dropout": 1.5}, r"dropout: got 1\.5, must be a probability, at most 1"),
+        ({"noise": 0.0, "delay": float("nan")}, "delay: got nan s, must be finite and at least 0"),
+        ({"noise": 0.0, "dropout": 1.5}, r"dropout: got 1\.5, must be a probability, in \[0, 1\]"),
         ({"noise": 0.0, "rate": 0.0}, r"rate: got 0\.0 Hz, must be above 0; infinite for a sample at every call"),
     ],
 )

@@ -18,7 +18,8 @@ from control.sensing.sensors import Sensors
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Profile, Reference, Sine, Steps
 from scenes.language.errors import SceneError
-from scenes.models.control.schema import ControlScene, key_of, unit_of
+from scenes.language.parts import part_of
+from scenes.models.control.schema import ControlScene, units_of
 from scenes.models.control.schema import Reference as Asked
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import friction_of, start_of, worm_of
@@ -148,20 +149,8 @@ def _farthest(scene: ControlScene) -> float:
 
 def sensors_of(scene: ControlScene) -> Sensors:
     """Return the sensors; their errors follow from the scene's seed."""
-    channels: dict[str, Any] = {name: _channel(scene, name) for name in QUANTITIES}
+    asked = (name for name in QUANTITIES if getattr(scene.sensor, name, True))
+    channels: dict[str, Any] = {
+        name: part_of(Channel, scene.sensor, prefix=f"{name}_", units=units_of(name)) for name in asked
+    }
     return Sensors(seed=scene.seed, **channels)
-
-
-def _channel(scene: ControlScene, name: str) -> Channel | None:
-    asked: dict[str, Any] = dict(scene.sensor)
-    if not asked.get(name, True):
-        return None
-    in_degrees = unit_of(QUANTITIES[name].unit) != QUANTITIES[name].unit
-    errors = {error: asked[key_of(name, error)] for error in ("noise", "bias")}
-    rest = {key: asked[f"{name}_{key}"] for key in ("delay_s", "dropout", "rate_Hz")}
-    return Channel(
-        **{error: math.radians(value) if in_degrees else value for error, value in errors.items()},
-        delay=rest["delay_s"],
-        dropout=rest["dropout"],
-        rate=math.inf if rest["rate_Hz"] is None else rest["rate_Hz"],
-    )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from typing import Any, Literal
+from dataclasses import asdict
+from typing import Literal
 
-from pydantic import create_model
-
-from control.sensing.channels import QUANTITIES
+from control.sensing.channels import QUANTITIES, Channel
+from scenes.language.parts import Keys, PartSection, keys_of
 from scenes.language.schema import Pair, Section, Tables, quantity, setting, tables
 from scenes.models.worm.schema import SpatialScene
 
@@ -36,45 +35,24 @@ class Controller(Section):
     )
 
 
-def unit_of(unit: str) -> str:
-    """Return the unit in which scenes have a quantity: degrees in place of radians."""
-    return unit.replace("rad", "deg")
+def units_of(name: str) -> dict[str, str]:
+    """Return the units of the parameters of a channel that have that of its quantity."""
+    return dict.fromkeys(("noise", "bias"), QUANTITIES[name].unit)
 
 
-def key_of(name: str, error: str) -> str:
-    """Return the key of an error (noise, bias) of a channel, which ends in its unit: "heading_noise_deg"."""
-    return "_".join([name, error, *unit_of(QUANTITIES[name].unit).replace("/", " ").split()])
+def _channel_keys() -> Keys:
+    """Return the keys of all channels; a sensor that a robot need not have is asked for by its name."""
+    keys: Keys = {}
+    for name, what in QUANTITIES.items():
+        if not what.standard:
+            keys[name] = bool, setting(False, title=f"{what.meaning}: whether there is a sensor")
+        usual, about = asdict(what.default), f"{what.meaning}: "
+        keys |= keys_of(Channel, prefix=f"{name}_", defaults=usual, units=units_of(name), about=about)
+    return keys
 
 
-def _of_channel(name: str) -> dict[str, Any]:
-    """Return the keys of a channel: their types and what is known of them."""
-    what, unit = QUANTITIES[name], unit_of(QUANTITIES[name].unit)
-    usual, scale = what.default, math.degrees(1.0) if unit != what.unit else 1.0
-    often: dict[str, Any] = {"left_out": "at every time step"} if math.isinf(usual.rate) else {"default": usual.rate}
-    keys: dict[str, Any] = {}
-    if not what.standard:
-        keys[name] = (bool, setting(False, title=f"whether there is a sensor: {what.meaning}"))
-    errors = {"noise": f"{what.meaning}: standard deviation", "bias": "that of its constant error, drawn once a run"}
-    for error, title in errors.items():
-        default = round(scale * getattr(usual, error), 9)
-        keys[key_of(name, error)] = (float, quantity(default, unit=unit, ge=0, title=title))
-    share = quantity(usual.dropout, ge=0, le=1, title="probability that a sample is lost")
-    return keys | {
-        f"{name}_delay_s": (float, quantity(usual.delay, unit="s", ge=0, title="time until a sample arrives")),
-        f"{name}_dropout": (float, share),
-        f"{name}_rate_Hz": (
-            float | None if math.isinf(usual.rate) else float,
-            quantity(unit="Hz", gt=0, title="samples a second", **often),
-        ),
-    }
-
-
-Sensor: type[Section] = create_model(
-    "Sensor",
-    __base__=Section,
-    __doc__="Quality of the sensors, channel by channel.",
-    **{key: field for name in QUANTITIES for key, field in _of_channel(name).items()},
-)
+class Sensor(PartSection, keys=_channel_keys()):
+    """Quality of the sensors, channel by channel."""
 
 
 class SpeedStep(Section):
@@ -137,5 +115,5 @@ class ControlScene(SpatialScene):
 
     model: Literal["worm_control"] = setting(title="which simulation the scene is for")
     controller: Controller = Controller()
-    sensor: Sensor = Sensor()  # type: ignore[valid-type]
+    sensor: Sensor = Sensor()
     reference: Reference = Reference()
