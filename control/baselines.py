@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Self
 
 from control.estimation.estimate import Estimate
@@ -34,7 +34,7 @@ from control.sensing.channels import Channel
 from control.tracking.paths import offset
 from control.tracking.references import Reference, turn_of_path, turn_rate
 from worm3d import Worm
-from worm3d.values import arguments
+from worm3d.values.parameters import check, documented, parameter
 
 REACHED = 0.01
 """Largest share of a speed by which the map's wave may miss it for the speed to count as reachable."""
@@ -125,6 +125,7 @@ class OpenLoop(_Baseline):
         return wave
 
 
+@documented
 @dataclass(frozen=True)
 class Gains:
     """Gains of (B1) to (B3).
@@ -136,20 +137,13 @@ class Gains:
     pipe.
     """
 
-    speed: float = 0.6
-    """Gain of the speed, K_p."""
-    speed_integral: float = 0.3
-    """Gain of its integral, K_i [1/s]."""
-    heading: float = 1.2
-    """Gain of the heading, K_h [1/s]."""
-    reach: float = 0.15
-    """Look-ahead distance of (B2) [body lengths]."""
+    speed: float = parameter(0.6, ge=0, meaning="K_p, gain of the speed")
+    speed_integral: float = parameter(0.3, unit="1/s", ge=0, meaning="K_i, gain of its integral")
+    heading: float = parameter(1.2, unit="1/s", ge=0, meaning="K_h, gain of the heading")
+    reach: float = parameter(0.15, unit="body lengths", gt=0, meaning="look-ahead distance of (B2)")
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            low = {"gt": 0.0} if field.name == "reach" else {"ge": 0.0}
-            allowed = "finite and at least 0 (reach: above 0)"
-            arguments.number(field.name, getattr(self, field.name), **low, allowed=allowed)  # type: ignore[arg-type]
+        check(self)
 
 
 class PiLineOfSight(_Baseline):

@@ -159,8 +159,8 @@ class Watch:
         self._begin: tuple[float, float] | None = None
         self._near: float | None = None
 
-    def look(self, t: float, seen: Measurement, known: Callable[[], Estimate | None]) -> None:
-        """Take in what was measured at time t [s], of the commands up to then; `known` gives the estimate."""
+    def look(self, t: float, seen: Measurement, known: Callable[[float], Estimate | None]) -> None:
+        """Take in what was measured at time t [s], of the commands up to then; `known` gives the estimate of t."""
         if seen.com is not None:
             self._places.append((float(seen.com[0]), float(seen.com[1]), seen.com_time))
         if self._told is None:
@@ -171,7 +171,7 @@ class Watch:
         if self._begin is None:
             self._begin = t, phase
         if phase >= self._begin[1] + 2.0 * np.pi:
-            self._end_wave(self._wave(self._begin[0], t, known()))
+            self._end_wave(self._wave(self._begin[0], t, known(t)))
             self._begin = t, phase
 
     def tell(self, phase: float, command: Command, parameters: GaitParameters) -> None:

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from math import inf, nan
 from time import perf_counter
 from typing import ClassVar, Protocol, Self
 
 from control.estimation.estimate import Estimate
-from control.estimation.estimator import Estimator
 from control.faults import Fault, Watch
 from control.gaits.steering import GaitParameters, Mechanism, Schedule, WaveGenerator
 from control.identification.identified import Identified
@@ -39,8 +37,11 @@ class Estimates(Protocol):
     def reset(self) -> None:
         """Begin anew."""
 
-    def update(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> Estimate:
-        """Return the estimate of time t [s]; the parameters were asked for since the call before."""
+    def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
+        """Take a measurement at time t [s]; the parameters were asked for since the call before."""
+
+    def estimate(self, t: float) -> Estimate:
+        """Return the estimate of time t [s], that of the last measurement; it is seldom asked for."""
 
 
 class WaveController(ABC):
@@ -157,26 +158,19 @@ class WaveController(ABC):
         began = perf_counter()
         elapsed, self._time = 0.0 if self._time is None else t - self._time, t
         seen = self.gate(t, measurement)
-        known = self._taken(t, seen)
-        self.watch.look(t, seen, known)
+        if self.estimator is not None:
+            self.estimator.take(t, seen, self._target, self.generator.phase)
+        self.watch.look(t, seen, self._estimate)
         if t >= self._due - 1e-9:
-            self._decide(t, known(), began)
+            self._decide(t, self._estimate(t), began)
             began = perf_counter()
         command = self.generator.step(elapsed, self._target)
         self.watch.tell(self.generator.phase, command, self._target)
         self._spent += perf_counter() - began
         return command
 
-    def _taken(self, t: float, seen: Measurement) -> Callable[[], Estimate | None]:
-        """Let the estimator take a measurement, and return what gives its estimate: that is seldom asked for."""
-        if self.estimator is None:
-            return lambda: None
-        given = t, seen, self._target, self.generator.phase
-        if isinstance(self.estimator, Estimator):
-            self.estimator.take(*given)
-            return partial(self.estimator.estimate, t)
-        estimate = self.estimator.update(*given)
-        return lambda: estimate
+    def _estimate(self, t: float) -> Estimate | None:
+        return None if self.estimator is None else self.estimator.estimate(t)
 
     def _decide(self, t: float, estimate: Estimate | None, began: float) -> None:
         """Choose the wave's parameters and record the decision; a new control period begins."""

@@ -21,7 +21,7 @@ each other, and a worm comes back to its line along another way than the cost sa
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -32,13 +32,14 @@ from control.estimation.reduced import INPUTS, STATES, ReducedModel
 from control.identification.surrogate import Ranges
 from control.planning.prediction import Prediction
 from control.tracking.references import Preview
-from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
 
 MAX_CRAB = 0.3
 """Largest angle by which the body may stand across its path [rad]."""
 
 
+@documented
 @dataclass(frozen=True)
 class Tolerances:
     """Misses that weigh the same, (O2).
@@ -52,27 +53,18 @@ class Tolerances:
     if the horizon reaches 2 L or further and L is 0.2 or more: at 0.14 it is a tenth shorter.
     """
 
-    speed: float = 0.004
-    """Tolerance of the speed, a_V [body lengths/s]."""
-    offset: float = 0.015
-    """Tolerance of the offset from the path, a_e [body lengths]."""
-    heading: float = 0.07
-    """Tolerance of the heading, a_h [rad]."""
+    speed: float = parameter(0.004, unit="body lengths/s", gt=0, meaning="a_V, miss of the speed")
+    offset: float = parameter(0.015, unit="body lengths", gt=0, meaning="a_e, offset from the path")
+    heading: float = parameter(0.07, unit="rad", gt=0, meaning="a_h, miss of the heading")
     # The others are shares of half the range of the input.
-    amplitude_rate: float = 0.3
-    """Tolerance of the amplitude's change from step to step, a_rate."""
-    frequency_rate: float = 0.2
-    """Tolerance of the frequency's change, a_rate."""
-    steering_rate: float = 0.25
-    """Tolerance of the steering's change, a_rate."""
-    frequency: float = 1.0
-    """Tolerance of the frequency's distance from the preferred one, a_f."""
-    steering: float = 0.2
-    """Tolerance of the steering where nothing is to be followed, a_s."""
+    amplitude_rate: float = parameter(0.3, gt=0, meaning="a_rate, change of the amplitude from step to step")
+    frequency_rate: float = parameter(0.2, gt=0, meaning="a_rate, change of the frequency")
+    steering_rate: float = parameter(0.25, gt=0, meaning="a_rate, change of the steering")
+    frequency: float = parameter(1.0, gt=0, meaning="a_f, distance of the frequency from the preferred one")
+    steering: float = parameter(0.2, gt=0, meaning="a_s, steering where nothing is to be followed")
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            arguments.number(field.name, getattr(self, field.name), gt=0.0)
+        check(self)
 
 
 class Wanted(NamedTuple):

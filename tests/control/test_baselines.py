@@ -35,7 +35,10 @@ class Told:
     def reset(self) -> None:
         """Nothing to forget."""
 
-    def update(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> Estimate:
+    def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
+        """Nothing to learn."""
+
+    def estimate(self, t: float) -> Estimate:
         return Estimate(t, self.state, self.covariance, None)
 
 
@@ -168,7 +171,7 @@ def test_reset_begins_anew() -> None:
     [
         (lambda: OpenLoop(WORM, KNOWN_WORM, Reference(Constant(0.1)), control_period=0.0), "control_period: got 0.0 s"),
         (lambda: OpenLoop(WORM, KNOWN_WORM, Reference(Constant(0.1)), "tail"), "mechanism: got 'tail', must be one of"),
-        (lambda: Gains(reach=0.0), r"reach: got 0.0, must be finite and at least 0 \(reach: above 0\)"),
+        (lambda: Gains(reach=0.0), "reach: got 0.0 body lengths, must be finite and above 0"),
         (lambda: Gains(speed=-1.0), "speed: got -1.0"),
     ],
 )
@@ -201,3 +204,18 @@ def test_a_reference_that_raises_leaves_the_parameters_in_force_and_then_rest(ki
     assert decisions[6].parameters == decisions[5].parameters
     assert decisions[6].status == "LostError: no speed"
     assert controller.failures == 14
+
+
+def test_failures_in_a_row_are_counted_from_the_last_choice_on() -> None:
+    """A reference that is lost for four decisions, known for one, and lost for four again: never a reason to rest."""
+
+    def speed(t):
+        if round(float(np.max(t)) / 0.2) % 5:
+            raise ValueError("no speed")
+        return 0.08 + 0.0 * np.asarray(t)
+
+    assert MOST_HELD == 5
+    controller = OpenLoop(WORM, KNOWN_WORM, Reference(speed))
+    for k in range(15):
+        controller.step(0.2 * k, Measurement(0.2 * k))
+    assert [decision.source for decision in controller.decisions] == ["open_loop", *["gait"] * 4] * 3

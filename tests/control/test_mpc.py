@@ -126,6 +126,26 @@ def test_the_cost_is_the_sum_of_its_terms(reference: Reference) -> None:
     assert residuals @ residuals == pytest.approx(np.sum(np.square(terms)))
 
 
+def test_the_plain_wave_makes_up_for_slip_but_for_no_more_than_half_of_the_speed() -> None:
+    found, reference = known().maps["hinge"], Reference(Constant(0.05))
+    for slip, share in ((0.0, 1.0), (0.3, 0.7), (-0.2, 1.2), (0.8, 0.5)):
+        assert found.speed(*mpc().plain(0.0, slip, reference)) == pytest.approx(0.05 / share, rel=1e-2)
+
+
+def test_the_search_begins_at_the_better_of_the_plan_before_and_the_plain_wave() -> None:
+    controller, better = mpc(iterations=1), set()
+    for t, state in ((0.0, MOVING), (0.2, MOVING), (0.4, MOVING._replace(y=-2.0, heading=3.0)), (0.6, REST)):
+        estimate = exact(t, np.array(state))
+        preview, waves = controller._preview(t, estimate, CIRCLE), controller._candidates(t, estimate, CIRCLE)
+        assert preview is not None
+        problem = controller._problem(t, state, preview, waves[-1])
+        residuals = [problem.residuals(problem.scale.scaled(wave)) for wave in waves]
+        costs = [0.5 * float(each @ each) for each in residuals]
+        assert controller.plan(t, estimate, CIRCLE).plain_cost == pytest.approx(min(costs), rel=1e-12)
+        better.add((len(costs), int(np.argmin(costs))))
+    assert better == {(1, 0), (2, 0), (2, 1)}
+
+
 @pytest.mark.parametrize("mechanism", ["hinge", "bias"])
 def test_an_optimal_plan_has_no_better_neighbour(mechanism) -> None:
     controller = mpc(mechanism, iterations=80)
@@ -282,7 +302,7 @@ def test_the_same_question_has_the_same_answer_after_a_reset() -> None:
 @pytest.mark.parametrize(
     ("build", "sentence"),
     [
-        (lambda: Tolerances(speed=0.0), "speed: got 0.0, must be finite and above 0"),
+        (lambda: Tolerances(speed=0.0), "speed: got 0.0 body lengths/s, must be finite and above 0"),
         (lambda: mpc(steps=1), "steps: got 1, must be at least 2"),
         (lambda: mpc(iterations=0), "iterations: got 0, must be at least 1"),
         (lambda: mpc(step=-0.1), "dt: got -0.1 s, must be above 0"),

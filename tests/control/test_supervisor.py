@@ -48,11 +48,13 @@ class ReducedWorm:
         self.state = np.array(ReducedState(0.0, 0.0, 0.0, 0.0, 0.0)._replace(**self._begin), dtype=float)
         self.states: list[np.ndarray] = []
 
-    def update(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> Estimate:
+    def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
         if self.states:
             given = [parameters.amplitude, parameters.frequency, parameters.hinge]
             self.state = np.array(self._step(self.state, given)).ravel()
         self.states.append(self.state)
+
+    def estimate(self, t: float) -> Estimate:
         return Estimate(t, ReducedState(*map(float, self.state)), self._variance * np.eye(STATES), None)
 
 
@@ -150,9 +152,7 @@ def test_the_fallback_step_by_step() -> None:
 def test_a_shifted_plan_is_that_plan_as_it_goes_on() -> None:
     planner = Unreliable(lambda call: call > 1)
     supervisor = run(planner, 1.0)
-    expected = GaitMPC(WORM, known(), model()).plan(
-        0.0, ReducedWorm().update(0.0, NOTHING, GaitParameters(0.0, 0.8), 0.0), CIRCLE
-    )
+    expected = GaitMPC(WORM, known(), model()).plan(0.0, ReducedWorm().estimate(0.0), CIRCLE)
     for decision in supervisor.decisions:
         given = decision.parameters
         assert_allclose([given.amplitude, given.frequency, given.hinge], expected.at(decision.time))
