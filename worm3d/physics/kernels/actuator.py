@@ -22,6 +22,9 @@ Kind = type[Actuator]
 PREFIX = "actuator_"
 """Before the names of the inputs, which could be those of a segment's otherwise."""
 
+HASTE = "haste"
+"""Input: how many times as fast time goes by for the actuators; 1 but while a worm comes to rest."""
+
 SIDES, ONE = 2, 1
 """Actuators of a segment (its chambers, left and right) and of a joint (its hinge)."""
 
@@ -46,7 +49,7 @@ HINGE_COMMANDS = tuple(joint.LAYOUT.rows + k for k in range(len(COMMANDS)))
 
 def _sizes(kind: Kind, count: int) -> dict[str, int]:
     past = {f"{state}_{at}": count for at in "nm" for state in kind.states}
-    sizes = {**dict.fromkeys(COMMANDS, count), **past, **dict.fromkeys(parameters_of(kind), 1)}
+    sizes = {**dict.fromkeys(COMMANDS, count), **past, HASTE: 1, **dict.fromkeys(parameters_of(kind), 1)}
     return {PREFIX + name: size for name, size in sizes.items()}
 
 
@@ -54,7 +57,8 @@ def _known(kind: Kind, layout: Layout, side: int) -> dict[str, ca.SX]:
     """Return what the actuator of a chamber or hinge knows, by name."""
     s = layout.symbols
     known = {name: s[PREFIX + name][side] for name in COMMANDS}
-    known |= {name: s[PREFIX + name] for name in parameters_of(kind)} | {name: s[name] for name in ("dt", "span")}
+    known |= {name: s[PREFIX + name] for name in parameters_of(kind)}
+    known |= {name: s[name] * s[PREFIX + HASTE] for name in ("dt", "span")}
     for state in kind.states:
         n, m = (s[f"{PREFIX}{state}_{at}"][side] for at in "nm")
         w0, w1 = (ca.if_else(s["span"] != s["dt"], *pair) for pair in zip(inertia.BDF2, inertia.EULER, strict=True))
@@ -77,7 +81,8 @@ def _of_hinge(kind: Kind) -> Response:
         response = kind.respond(known)
     except KeyError as missing:
         raise ValueError(f"hinge_actuator: {kind.__name__} acts on chambers alone: it needs {missing}") from missing
-    _require_known("hinge_actuator", response._replace(force=ca.vertcat(*response.states.values())), known["span"])
+    made = response._replace(force=ca.vertcat(*response.states.values()))
+    _require_known("hinge_actuator", made, hinges(kind).symbols["span"])
     return response
 
 
