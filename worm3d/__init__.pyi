@@ -1,3 +1,4 @@
+from worm3d.actuators import ACTUATORS as ACTUATORS
 from worm3d.batch import simulate_batch as simulate_batch
 from worm3d.command import Command as Command
 from worm3d.command import Commands as Commands
@@ -6,7 +7,6 @@ from worm3d.energy import Energy as Energy
 from worm3d.files import load as load
 from worm3d.live import Live as Live
 from worm3d.observation import Observation as Observation
-from worm3d.physics.actuators import ACTUATORS as ACTUATORS
 from worm3d.physics.actuators import Actuator as Actuator
 from worm3d.physics.actuators import FirstOrder as FirstOrder
 from worm3d.physics.actuators import Response as Response
@@ -14,6 +14,7 @@ from worm3d.physics.friction import Friction as Friction
 from worm3d.physics.friction_laws import Coulomb as Coulomb
 from worm3d.physics.friction_laws import FrictionLaw as FrictionLaw
 from worm3d.physics.friction_laws import Viscous as Viscous
+from worm3d.physics.pneumatic import Pneumatic as Pneumatic
 from worm3d.pictures import draw as draw
 from worm3d.pictures import show as show
 from worm3d.problem import Problem as Problem

@@ -1,0 +1,131 @@
+"""A pneumatic actuator: compressed air in each chamber, filled and emptied through a valve.
+
+The air fills the chamber's rhombus (E2), whose cross-section is that of the linkage, and is w wide:
+
+    V(l) = w l h(l) + V_d,   h = sqrt(a^2 - l^2/4)                                                     (A1)
+
+so that pressure shortens a chamber as long as l > sqrt(2) a, like a fluidic muscle, and opens it. The air is an ideal
+gas that keeps the temperature of the room, and the valve is linear, from a regulator that holds the commanded pressure:
+
+    p V = m R T,   dm/dt = C (p_cmd - p)                                                                (A2)
+
+(a held chamber fills with the time constant V/(R T C)). In a step, with the integrator's m_hat and span,
+
+    p = (m_hat + span C p_cmd)/(V/(R T) + span C)                                                       (A3)
+
+which depends on the length alone. Its force on the chamber, (p - p_0) dV/dl, is minus the derivative of
+
+    Psi(l) = - (m_hat + span C p_cmd) R T ln(V + span C R T) + p_0 V                                    (A4)
+
+Energy. The air stores the work that it could do on its way to the pressure p_0 of the room, at constant temperature,
+
+    X(m, V) = m R T (ln(p/p_0) - 1) + p_0 V,   dX = R T ln(p/p_0) dm - (p - p_0) dV                     (A5)
+
+What flows in comes from the supply where p_cmd > p_0, what flows out goes to the vacuum where p_cmd < p_0, else it is
+air of the room. From a source at the pressure p_s a mass dm brings in R T ln(p_s/p_0) dm >= 0, and the valve loses
+R T ln(p_s/p) dm >= 0 of that. (This is the availability, or exergy, of a gas at the temperature of its surroundings:
+A. Bejan, Advanced Engineering Thermodynamics, chapter 3.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from worm3d.physics.actuators import Actuator, Numbers, Response, Symbol, Symbols
+from worm3d.values.parameters import documented, parameter
+
+
+@documented
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Pneumatic(Actuator, name="pneumatic"):
+    """Chambers that are filled with air through a valve: a contraction is commanded as a pressure.
+
+    The commanded gauge pressure is `gain` times the commanded contraction, within the limits of the supply; the springs
+    of the chambers stay at their rest lengths. Small contractions are as commanded, at rest and without load, where
+    gain = k/(2 |dV/dl|). States: pressure (absolute) and mass of the air of each chamber.
+
+    Raises
+    ------
+    ValueError
+        A value that is not finite or out of range, or a vacuum below the pressure of the room.
+    """
+
+    states: ClassVar[Mapping[str, str]] = {"pressure": "Pa", "air": "kg"}
+    drives_hinges: ClassVar[bool] = False
+
+    width: Numbers = parameter(0.04, meaning="width w of the air in a chamber", unit="m", gt=0, each="segment")
+    dead_volume: Numbers = parameter(
+        1e-5, meaning="volume V_d of the air between valve and chamber", unit="m^3", ge=0, each="segment"
+    )
+    gain: Numbers = parameter(
+        2e3, meaning="commanded gauge pressure over the commanded contraction", unit="Pa", gt=0, each="segment"
+    )
+    supply: Numbers = parameter(2e3, meaning="gauge pressure of the supply", unit="Pa", ge=0, each="segment")
+    vacuum: Numbers = parameter(0.0, meaning="gauge pressure of the vacuum, 0: none", unit="Pa", le=0, each="segment")
+    conductance: Numbers = parameter(
+        5e-6, meaning="mass flow C through the valve over its drop of pressure", unit="kg/(s Pa)", gt=0, each="segment"
+    )
+    room: float = parameter(101325.0, meaning="pressure p_0 of the room", unit="Pa", gt=0)
+    temperature: float = parameter(293.15, meaning="temperature T of the air", unit="K", gt=0)
+    gas_constant: float = parameter(287.05, meaning="specific gas constant R of the air", unit="J/(kg K)", gt=0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        lowest = float(np.min(self.vacuum))
+        if lowest <= -self.room:
+            raise ValueError(f"vacuum: got {lowest:g} Pa, must be above -{self.room:g} Pa, minus the room's pressure")
+
+    @classmethod
+    def respond(cls, s: Symbols) -> Response:
+        """Return (A3) to (A5)."""
+        import casadi as ca  # parameters are wanted without it
+
+        RT, volume, volume_n = s["gas_constant"] * s["temperature"], _volume(s, "length"), _volume(s, "length_n")
+        command = ca.fmin(ca.fmax(s["command"], s["vacuum"] / s["gain"]), s["supply"] / s["gain"])
+        target, valve = s["room"] + s["gain"] * command, s["span"] * s["conductance"]
+        filled = s["air_hat"] + valve * target
+        pressure = filled / (volume / RT + valve)
+        air = pressure * volume / RT
+        # The logarithm counts from the volume at the start: a constant of some kJ would hide what springs store.
+        grown = volume - volume_n
+        potential = -filled * RT * ca.log1p(grown / (volume_n + valve * RT)) + s["room"] * grown
+        flow = air - s["air_n"]
+        source_in = ca.if_else(target > s["room"], s["room"] + s["supply"], s["room"])
+        source_out = ca.if_else(target < s["room"], s["room"] + s["vacuum"], s["room"])
+        source = ca.if_else(flow > 0.0, source_in, source_out)
+        return Response(
+            command=command,
+            given=(pressure - s["room"]) / s["gain"],
+            force=s["force_command"],
+            spring=0.0,
+            potential=potential,
+            states={"pressure": pressure, "air": air},
+            work=RT * ca.log(source / s["room"]) * flow,
+            stored=_available(air, pressure, s) - _available(s["air_n"], s["pressure_n"], s),
+            lost=RT * ca.log(source / pressure) * flow,
+        )
+
+    @classmethod
+    def at_rest(cls, s: Symbols) -> Symbols:
+        """Return the commanded pressure, and the air in the chamber."""
+        pressure = s["room"] + s["gain"] * s["command"]
+        return {"pressure": pressure, "air": pressure * _volume(s, "length") / (s["gas_constant"] * s["temperature"])}
+
+
+def _volume(s: Symbols, length: str) -> Symbol:
+    """Return the volume of the air at a length, (A1) [m^3]."""
+    from worm3d.physics.elements import half_height
+
+    return s["width"] * s[length] * half_height(s["link"], s[length]) + s["dead_volume"]
+
+
+def _available(air: Symbol, pressure: Symbol, s: Symbols) -> Symbol:
+    """Return X of (A5) [J]."""
+    import casadi as ca
+
+    RT = s["gas_constant"] * s["temperature"]
+    return air * RT * (ca.log(pressure / s["room"]) - 1.0 + s["room"] / pressure)
