@@ -77,20 +77,13 @@ CASES: Mapping[str, Case] = {
 
 @dataclass(frozen=True)
 class Found:
-    """What a case came to.
-
-    Attributes
-    ----------
-    name : str
-    reference : ndarray, shape (starts, 3)
-        `METRICS` at the fine time step.
-    coarse : ndarray, shape (steps, starts, 3)
-        At each of `STEPS`.
-    """
+    """What a case came to: `METRICS` of each start at the fine time step, and at each of `STEPS`."""
 
     name: str
     reference: FloatArray
+    """Shape (starts, 3)."""
     coarse: FloatArray
+    """Shape (steps, starts, 3)."""
 
 
 def run(out: Path | None, *, force: bool, quiet: bool) -> int:

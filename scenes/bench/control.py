@@ -36,17 +36,7 @@ Value = float | None
 
 
 class Metric(NamedTuple):
-    """How a metric is written.
-
-    Attributes
-    ----------
-    column, says : str
-        Title of its column, and what it is.
-    unit, form : str
-        Format as after the colon in an f-string.
-    scale : float
-        Factor from its value in `summary.json`.
-    """
+    """How a metric is written: title of its column, what it is, unit, format, and factor from a summary's value."""
 
     column: str
     says: str
@@ -153,21 +143,13 @@ class Found:
 
 @dataclass(frozen=True)
 class Study:
-    """What all cases came to.
-
-    Attributes
-    ----------
-    found : tuple of Found
-    kept : int
-        Cases that were in the folder already.
-    outdated : int
-        Cases in the folder that were run again: their scene, a program or the identified map has changed since, or
-        their file cannot be read.
-    """
+    """What all cases came to."""
 
     found: tuple[Found, ...]
     kept: int
+    """Cases that were in the folder already."""
     outdated: int
+    """Cases that were run again: scene, programs or map have changed since, or their file cannot be read."""
 
 
 def study(plan: Plan, folder: Path, watch: Callable[[int], None] = lambda done: None) -> Study:
@@ -236,22 +218,15 @@ def sources() -> str:
 
 @dataclass(frozen=True)
 class Row:
-    """The worst over the seeds of one trial and controller.
-
-    Attributes
-    ----------
-    trial, controller : str
-    seeds, failed : int
-        Runs, and those that did not come to their end.
-    metrics : dict
-        Of each metric the value of the greatest magnitude; None where a seed has none.
-    """
+    """The worst over the seeds of one trial and controller; of each metric the value of greatest magnitude."""
 
     trial: str
     controller: str
     seeds: int
     failed: int
+    """Runs that did not come to their end."""
     metrics: dict[str, Value]
+    """None where a seed has no value."""
 
 
 def rows(found: Sequence[Found]) -> Iterator[Row]:

@@ -43,21 +43,12 @@ FREE = (
 
 
 class Verdict(NamedTuple):
-    """A bar, what was found, and whether it is kept.
-
-    Where a run lacks a metric (a speed that never settles) or did not reach its end, the bar is not kept.
-
-    Attributes
-    ----------
-    bar : Bar
-    found : float or None
-    word : str
-        `KEPT`, `BROKEN`, `ABSENT` (the MPC or its rival was not run) or `NO_BAR` (the trial has none).
-    """
+    """A bar, what was found, and whether it is kept: not where a run lacks the metric or did not reach its end."""
 
     bar: Bar
     found: Value
     word: str
+    """`KEPT`, `BROKEN`, `ABSENT` (the MPC or its rival was not run) or `NO_BAR` (the trial has none)."""
 
 
 def verdicts(rows: Sequence[Row]) -> Iterator[Verdict]:

@@ -26,31 +26,21 @@ from scenes.commands.terminal import each
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """How much is measured.
-
-    Attributes
-    ----------
-    segments, shares_of : tuple of int
-        Segments of the worms whose speed and shares are measured.
-    duration_s : float
-        Simulated [s].
-    repeats : int
-        Runs of which the fastest counts.
-    batch : int
-        Worms at once.
-    batch_s : tuple of float
-        Simulated by each of them [s]: the longer, the less the calls themselves count.
-    steps : int
-        Whose memory is measured.
-    """
+    """How much is measured."""
 
     segments: tuple[int, ...] = (3, 6, 12, 25, 50, 100, 200)
+    """Segments of the worms whose speed is measured."""
     shares_of: tuple[int, ...] = (6, 100)
+    """Segments of the worms of whose steps the parts are measured."""
     duration_s: float = 10.0
     repeats: int = 4
+    """Runs of which the fastest counts."""
     batch: int = 64
+    """Worms of a batch."""
     batch_s: tuple[float, ...] = (2.0, 5.0, 10.0)
+    """Simulated by each of them [s]: the longer, the less the calls themselves count."""
     steps: int = 100_000
+    """Steps of the run whose memory is measured."""
 
 
 FULL = Plan()

@@ -92,40 +92,27 @@ def us_per_step(result: Result) -> float:
 
 @dataclass(frozen=True)
 class Speed:
-    """Time of a step of the worm of N segments, with recording and ledger on.
-
-    Attributes
-    ----------
-    segments : int
-    duration_s, dt_s : float
-        [s].
-    us_per_step : float
-        Of the fastest run [µs].
-    slowest_over_fastest : float
-        Of the runs: far from 1 where something else kept the machine busy.
-    real_time_factor, real_time_factor_of_call : float
-        Simulated over computing time, of the steps alone and of the whole call of `simulate`.
-    newton_iterations, gradient_evaluations : float
-        Jacobians, and residuals with a Jacobian that is kept, a step.
-    fallbacks, halved_steps : int
-        In the whole run.
-    distance_m, distance_error : float
-        [m], relative to that at dt/20.
-    """
+    """Time of a step of the worm of N segments, with recording and ledger on, in the fastest of some runs."""
 
     segments: int
     duration_s: float
     dt_s: float
     us_per_step: float
     slowest_over_fastest: float
+    """Far from 1 where something else kept the machine busy."""
     real_time_factor: float
+    """Simulated over computing time, of the steps alone."""
     real_time_factor_of_call: float
+    """Simulated over computing time, of the whole call of `simulate`."""
     newton_iterations: float
+    """Jacobians a step."""
     gradient_evaluations: float
+    """Residuals with a Jacobian that is kept, a step."""
     fallbacks: int
     halved_steps: int
     distance_m: float
     distance_error: float
+    """Relative to the distance at dt/20."""
 
 
 def measure_speed(segments: int, duration: float, repeats: int) -> Speed:
@@ -176,33 +163,21 @@ def growth(speeds: Sequence[Speed]) -> Growth:
 
 @dataclass(frozen=True)
 class Throughput:
-    """A batch over the gait's period against as many single runs.
-
-    Attributes
-    ----------
-    runs, segments, threads : int
-    duration_s : float
-        Of each run [s].
-    single_s, batch_s : float
-        Wall time of single runs one after the other, and of the batch [s].
-    worm_steps_per_s : float
-        Of the batch.
-    gain, over_one_thread : float
-        Throughput over that of single runs, and over that of the batch on one thread.
-    equal : bool
-        Whether the distances are those of the single runs.
-    """
+    """A batch over the gait's period against as many single runs, all of `duration_s`."""
 
     runs: int
     segments: int
     threads: int
     duration_s: float
     single_s: float
+    """Wall time of the single runs, one after the other."""
     batch_s: float
     worm_steps_per_s: float
     gain: float
+    """Throughput over that of single runs."""
     over_one_thread: float
     equal: bool
+    """Whether the distances are those of the single runs."""
 
 
 def measure_throughput(
@@ -281,37 +256,23 @@ print(peak() - before)
 
 @dataclass(frozen=True)
 class Start:
-    """Time from the start of Python to the end of the first step, the import of the package included.
-
-    Attributes
-    ----------
-    segments : int
-    cold_s, warm_s : float
-        Without and with compiled code in the cache [s].
-    cold_says_so : bool
-        Whether the cold start tells on standard error what takes so long.
-    """
+    """Time from the start of Python to the end of the first step, without and with compiled code in the cache."""
 
     segments: int
     cold_s: float
     warm_s: float
     cold_says_so: bool
+    """Whether the cold start tells on standard error what takes so long."""
 
 
 @dataclass(frozen=True)
 class MemoryGrowth:
-    """Peak memory of a run with recording off.
-
-    Attributes
-    ----------
-    segments, steps : int
-    grown_kib : int or None
-        Peak after the run less the peak after 1000 steps [KiB]; None where the system does not tell.
-    """
+    """Peak memory of a run with recording off."""
 
     segments: int
     steps: int
     grown_kib: int | None
+    """Peak after the run less the peak after 1000 steps; None where the system does not tell."""
 
 
 def measure_start(warm_starts: int = 3) -> Start:

@@ -43,16 +43,7 @@ LOOP_S = 0.01
 
 @dataclass(frozen=True)
 class Shares:
-    """Parts of a step of the worm of N segments.
-
-    Attributes
-    ----------
-    segments : int
-    us_per_step : float
-        Measured [µs].
-    us : dict
-        By part [µs]; they and "other" add up to the step.
-    """
+    """Time of a step of the worm of N segments, and of its parts, which with "other" add up to it [µs]."""
 
     segments: int
     us_per_step: float
@@ -66,19 +57,13 @@ class Shares:
 
 @dataclass(frozen=True)
 class Counts:
-    """How often an average step does what.
-
-    Attributes
-    ----------
-    solves : float
-        Newton from the start, and again after contacts broke away.
-    jacobians, residuals : float
-        Evaluations with and without a new Jacobian.
-    """
+    """How often an average step does what."""
 
     solves: float
+    """Newton from the start, and again after contacts broke away."""
     jacobians: float
     residuals: float
+    """Evaluations without a new Jacobian."""
 
     @classmethod
     def of(cls, result: Result) -> Counts:

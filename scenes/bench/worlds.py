@@ -47,24 +47,15 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Visit:
-    """Cost of a step in a world.
-
-    Attributes
-    ----------
-    name : str
-    us_per_step : float
-        Of the fastest run [µs].
-    over_plane : float
-        Over that on the plane.
-    jacobians, residuals : float
-        Evaluations with and without a new Jacobian, a step.
-    """
+    """Cost of a step in a world, in the fastest run."""
 
     name: str
     us_per_step: float
     over_plane: float
     jacobians: float
+    """Evaluations with a new Jacobian, a step."""
     residuals: float
+    """Evaluations without one, a step."""
 
     @property
     def us_per_iteration(self) -> float:

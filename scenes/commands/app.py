@@ -250,9 +250,9 @@ def paper(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
 
     With the verdict on each of its claims, and the differences between its text and its program.
     """
-    from scenes.commands import paper as study
+    from scenes.commands.paper import report
 
-    raise typer.Exit(study.run(out, force, quiet))
+    raise typer.Exit(report.run(out, force, quiet))
 
 
 @app.command()

@@ -45,25 +45,17 @@ COLOURS = ("#1f6fb4", "#e08214", "#3a923a", "#8c2d83")
 
 @dataclass(frozen=True)
 class Side:
-    """A view of the body.
-
-    Attributes
-    ----------
-    title, along : str
-        What is seen, and what lies along the horizontal axis.
-    bodies : ndarray, shape (2, K, C, 2)
-        Corners of the polygons at the start and at the end [m].
-    shortening : ndarray, shape (K,)
-        Of each polygon at the end, from -1 to 1.
-    trail : ndarray, shape (T, 2)
-        Of the centre of mass [m].
-    """
+    """A view of the body."""
 
     title: str
     along: str
+    """What lies along the horizontal axis."""
     bodies: FloatArray
+    """Corners of the polygons at the start and at the end, shape (2, K, C, 2) [m]."""
     shortening: FloatArray
+    """Of each polygon at the end, from -1 to 1, shape (K,)."""
     trail: FloatArray
+    """Way of the centre of mass, shape (T, 2) [m]."""
 
 
 def of_run(record: Record, sides: Sequence[Side], curves: Mapping[str, FloatArray]) -> Image.Image:
@@ -192,21 +184,15 @@ class Canvas:
 
 @dataclass(frozen=True)
 class Panel:
-    """A rectangle of a canvas with axes of its own.
-
-    Attributes
-    ----------
-    canvas : Canvas
-    box : tuple of float
-        Left, top, right and bottom [pixels].
-    low, high : ndarray, shape (2,)
-        What is at the lower left and at the upper right corner.
-    """
+    """A rectangle of a canvas with axes of its own."""
 
     canvas: Canvas
     box: tuple[float, float, float, float]
+    """Left, top, right and bottom [pixels]."""
     low: FloatArray
+    """What is at the lower left corner, shape (2,)."""
     high: FloatArray
+    """What is at the upper right corner, shape (2,)."""
 
     def frame(self, title: str, xlabel: str = "") -> None:
         """Draw border, grid and numbers, the title above, and what lies along x below."""

@@ -27,14 +27,7 @@ class MissingVariableError(SceneError, KeyError):
 
 @dataclass(frozen=True)
 class Summary:
-    """Metrics of a run by name; one that is None, NaN or infinite becomes None and needs a reason.
-
-    Attributes
-    ----------
-    metrics : mapping of name to float, int, str, None, or a list of rows
-    reasons : mapping of name to str
-        Why a metric has no value.
-    """
+    """Metrics of a run by name; one that is None, NaN or infinite becomes None and needs a reason."""
 
     metrics: Mapping[str, Metric]
     reasons: Mapping[str, str] = field(default_factory=dict)
@@ -69,51 +62,30 @@ def _has_value(metric: Metric) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """A finished run; frozen, with read-only arrays.
-
-    Everything but `timing` is the same, bit for bit, when the scene is run again.
-
-    Attributes
-    ----------
-    name : str
-        Of the scene.
-    model : str
-        The scene's model.
-    scene : str
-        The resolved scene as TOML, every default written out.
-    status, sentence : str
-        How the run ended, in a word and in a sentence.
-    seed : int
-        Of everything random.
-    versions : mapping
-        Of the programs that made it.
-    summary : Summary
-        Metrics.
-    variables : tuple of Variable
-        Names are unique; a dimension has one length throughout.
-    timing : tuple of Variable
-        Wall-clock figures.
-    checkpoint : tuple of Variable
-        From which the run can go on, bit for bit.
-    run : str
-        Worm, world and end of the run, as `worm3d.load` takes them; empty for a planar one.
-    parts : tuple of Variable
-        Arrays of worm and world.
-    """
+    """A finished run; everything but `timing` is the same, bit for bit, when the scene is run again."""
 
     name: str
+    """Name of the scene."""
     model: str
     scene: str
+    """The resolved scene as TOML, every default written out."""
     status: str
     sentence: str
+    """How the run ended."""
     seed: int
     versions: Mapping[str, str]
+    """Of the programs that made it."""
     summary: Summary
     variables: tuple[Variable, ...]
+    """Their names are unique; a dimension has one length throughout."""
     timing: tuple[Variable, ...] = ()
+    """Wall-clock figures."""
     checkpoint: tuple[Variable, ...] = ()
+    """State from which the run can go on, bit for bit."""
     run: str = ""
+    """Worm, world and end of the run, as `worm3d.load` takes them; empty for a planar one."""
     parts: tuple[Variable, ...] = ()
+    """Arrays of worm and world."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "versions", MappingProxyType(dict(self.versions)))

@@ -19,10 +19,8 @@ from scenes.models.planar.merit import Travel, cost_of_transport
 
 SEGMENTS = (3, 4, 5, 6, 7)
 """Segment counts of Table II, at a period of 2 s."""
-
 PERIODS = (1.0, 2.0, 3.0, 4.0, 5.0)
 """Wave periods of Table III [s], with six segments."""
-
 Key = tuple[int, float]
 """Number of segments, wave period [s]."""
 
@@ -83,31 +81,22 @@ def published_rows(runs: Mapping[Key, published.Run]) -> list[Row]:
 
 @dataclass(frozen=True)
 class CorrectedRow:
-    """One run of the corrected worm.
-
-    Attributes
-    ----------
-    ground, law : str
-        "contact" or "clamped"; "anchored", "threshold" or, clamped, "threshold" on the joints.
-    work_contract_J, work_friction_J : float
-        Net work of the actuators, and energy lost to friction.
-    cost_of_transport : float or None
-        work_contract over weight and distance; None if the worm made no way forward.
-    cumulative_cot_J_per_m : float
-        Sum of |F.dq / dx| over the steps, (P11) and (P12), as the paper plots it.
-    speed_BL_per_wave : float
-        Speed averaged over a period, in body lengths per wave.
-    """
+    """One run of the corrected worm."""
 
     n: int
     T_wave_s: float
     ground: str
+    """"contact" or "clamped"."""
     law: str
+    """"anchored" or "threshold"."""
     distance_m: float
     work_contract_J: float
+    """Net work of the actuators."""
     work_friction_J: float
     cost_of_transport: float | None
+    """Net work over weight and distance; None if the worm made no way forward."""
     cumulative_cot_J_per_m: float
+    """Sum of |F.dq / dx| over the steps, (P11) and (P12), as the paper plots it."""
     speed_BL_per_wave: float | None
     newton_iterations_mean: float
     halved_steps: int
@@ -142,7 +131,7 @@ def wave(n: int, T: float, direction: gaits.Direction = "direct") -> Gait:
 
 def corrected_rows(runs: Mapping[GroundKey, linkage.Run]) -> list[CorrectedRow]:
     """Return what the runs have come to."""
-    return [_row(key, each) for key, each in runs.items()]
+    return [_row(key, result) for key, result in runs.items()]
 
 
 def _row(key: GroundKey, result: linkage.Run) -> CorrectedRow:
@@ -169,13 +158,7 @@ def _row(key: GroundKey, result: linkage.Run) -> CorrectedRow:
 
 @dataclass(frozen=True)
 class Overstatement:
-    """How much further the worm seems to go than with set-valued friction.
-
-    Attributes
-    ----------
-    threshold_percent, clamped_percent : float or None
-        Of the set-valued distance; None where that is not above zero.
-    """
+    """How much further the worm seems to go than with set-valued friction; None where that is not above zero."""
 
     T_wave_s: float
     set_valued_distance_m: float
