@@ -15,7 +15,9 @@ gait in a module of its own has to be imported in `control/gaits/__init__.py`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar, Literal, Protocol
 
 import numpy as np
@@ -101,37 +103,31 @@ class Gait(ABC):
 
     def bind(self, worm: Body) -> BoundGait:
         """Return the actuation of `worm`: time [s] -> `worm3d.Command`, clipped to the worm's stroke."""
-        return BoundGait(self, worm.segments, worm.stroke)
+        return BoundGait(partial(self._commands, worm=worm))
+
+    def _commands(self, times: FloatArray, worm: Body) -> Commands:
+        activations = self.activations(times, worm.segments)
+        chambers = activations[..., None] * np.array([1.0 + self.bias, 1.0 - self.bias])
+        hinge = self.hinge * np.maximum(0.0, activations[..., 1:])
+        return Commands(np.clip(self.amplitude * chambers, *worm.stroke), hinge, self.force * chambers)
 
 
 class BoundGait:
-    """A gait as the actuation of one worm.
+    """Gait as the actuation of one worm, time [s] -> `worm3d.Command`.
 
     Parameters
     ----------
-    gait : Gait
-    segments : int
-    stroke : tuple of float
-        Least and greatest contraction.
+    commands : callable
+        Times [s], shape (K,) -> `worm3d.Commands` at these.
     """
 
-    def __init__(self, gait: Gait, segments: int, stroke: tuple[float, float]) -> None:
-        self._gait, self._segments, self._stroke = gait, segments, stroke
+    def __init__(self, commands: Callable[[FloatArray], Commands]) -> None:
+        self.commands = commands
 
     def __call__(self, t: float) -> Command:
         """Return the command at time t [s]."""
-        contraction, hinge, force = self._applied(self._gait.activation(t, self._segments))
-        return Command(contraction, hinge, force)
-
-    def commands(self, times: FloatArray) -> Commands:
-        """Return the commands at K times [s] at once."""
-        return self._applied(self._gait.activations(times, self._segments))
-
-    def _applied(self, activation: FloatArray) -> Commands:
-        gait = self._gait
-        chambers = activation[..., None] * np.array([1.0 + gait.bias, 1.0 - gait.bias])
-        hinge = gait.hinge * np.maximum(0.0, activation[..., 1:])
-        return Commands(np.clip(gait.amplitude * chambers, *self._stroke), hinge, gait.force * chambers)
+        contraction, hinge, force = self.commands(np.array([t]))
+        return Command(contraction[0], hinge[0], force[0])
 
 
 @documented

@@ -48,11 +48,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Literal, get_args
 
 import numpy as np
 
-from control.gaits.patterns import Body, Direction
+from control.gaits.patterns import Body, BoundGait, Direction
 from worm3d import Command, Commands
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
@@ -183,34 +184,15 @@ class SteeredWave:
         """Period of the wave [s]."""
         return 1.0 / self.parameters.frequency
 
-    def bind(self, worm: Body) -> BoundWave:
+    def bind(self, worm: Body) -> BoundGait:
         """Return the actuation of `worm`: time [s] -> `worm3d.Command`."""
-        return BoundWave(self, worm)
+        return BoundGait(partial(self._commands, worm=worm))
 
-
-class BoundWave:
-    """Steered wave as the actuation of one worm.
-
-    Parameters
-    ----------
-    wave : SteeredWave
-    worm : Body
-    """
-
-    def __init__(self, wave: SteeredWave, worm: Body) -> None:
-        self._wave, self._worm = wave, worm
-
-    def __call__(self, t: float) -> Command:
-        """Return the command at time t [s]."""
-        given = self.commands(np.array([t]))
-        return Command(given.contraction[0], given.hinge[0])
-
-    def commands(self, times: FloatArray) -> Commands:
-        """Return the commands at K times [s] at once."""
-        wave, asked = self._wave, self._wave.parameters
-        swell = 1.0 - np.exp(-asked.frequency / wave.blend * times)
+    def _commands(self, times: FloatArray, worm: Body) -> Commands:
+        asked = self.parameters
+        swell = 1.0 - np.exp(-asked.frequency / self.blend * times)
         parameters = asked.row() * np.column_stack([swell, np.ones_like(swell), swell, swell])
-        return wave.schedule.commands(2.0 * np.pi * asked.frequency * times, parameters, self._worm)
+        return self.schedule.commands(2.0 * np.pi * asked.frequency * times, parameters, worm)
 
 
 class WaveGenerator:

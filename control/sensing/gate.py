@@ -19,7 +19,7 @@ import numpy as np
 from control.sensing.channels import QUANTITIES
 from control.sensing.sensors import Measurement, Sample
 from worm3d import Observation, Worm
-from worm3d.values.arrays import FloatArray
+from worm3d.values import arguments
 
 SPAN = 2.0
 """Age beyond which a sample is not used, unless the sensors are known to be slower [s]."""
@@ -128,8 +128,11 @@ class Gate:
 
     def _checked(self, name: str, value: Any) -> tuple[Any, Refusal | None]:
         """Return what is right of a sample, None if that is too little, and what is wrong with it."""
-        numbers = _numbers(value)
-        if numbers is None or numbers.shape != self._shapes.get(name):
+        try:
+            numbers = arguments.floats(name, value)
+        except ValueError:
+            return None, Refusal.SHAPE
+        if numbers.shape != self._shapes.get(name):
             return None, Refusal.SHAPE
         low, high = self._limits[name]
         flat = numbers.ravel()
@@ -141,14 +144,3 @@ class Gate:
             return numbers, None
         refusal = Refusal.OUT_OF_RANGE if finite.all() else Refusal.NOT_FINITE
         return np.where(right, numbers, np.nan) if QUANTITIES[name].is_enough(right) else None, refusal
-
-
-def _numbers(value: Any) -> FloatArray | None:
-    """Return a sample as an array of floats, if that is what it is."""
-    if isinstance(value, np.ndarray) and value.dtype == np.float64:
-        return value
-    try:
-        array = np.asarray(value)
-        return array.astype(float) if array.dtype.kind in "iuf" else None
-    except (TypeError, ValueError, OverflowError):
-        return None
