@@ -52,7 +52,7 @@ class Body:
     t, d, u : ndarray, shape (T, N, 3)
         Unit vectors along, to the left and up.
     centre : ndarray, shape (T, N, 2, 3)
-        Of the chambers [m].
+        Centres of the chambers [m].
     length, height : ndarray, shape (T, N, 2)
         l_c, and half the vertical diagonal h_c [m].
     """

@@ -1,4 +1,4 @@
-"""What cameras go by: which way the worm heads, where the floor is, and the place inside the pipe ahead of it."""
+"""Geometry for the cameras: the heading of the worm, the floor, and the place inside the pipe ahead of it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ AHEAD = 0.4
 """Distance of the camera inside a pipe from the head, in body lengths."""
 
 FRONT = (0.9, 0.3)
-"""Where there is no pipe it stands so far ahead of the head, and so far above it, in body lengths."""
+"""Distances of the camera ahead of the head and above it where there is no pipe, in body lengths."""
 
 
 def azimuths(frames: Frames) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What is shown: the worm at T instants, and what surrounds it, as plain arrays."""
+"""Frames of a picture: the worm at T instants and its surroundings, as plain arrays."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ARRAYS: dict[str, Shape] = {
     "horizon": ("T", "H", 3),
 }
 _SIDE = np.array([1.0, -1.0])
-"""+1 for left, -1 for right."""
+"""Sign of the left and of the right side."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,7 +43,7 @@ class Frames:
     joints : ndarray, shape (T, N+1, 3)
         [m].
     apexes : ndarray, shape (T, N, 6, 3)
-        In the order L-below, L-above, L-outward, R-below, R-above, R-outward [m].
+        Apexes in the order L-below, L-above, L-outward, R-below, R-above, R-outward [m].
     directors : ndarray, shape (T, N, 3)
         Unit directors d of the segments, normal to them, to the left.
     chamber_strain : ndarray, shape (T, N, 2)
@@ -55,7 +55,7 @@ class Frames:
     anchored : ndarray of bool, shape (T, N, K), optional
         Which of them stick.
     face_radius : ndarray, shape (2,), optional
-        Of the discs across the tail and the head on which the worm stands with its ends; it has none without [m].
+        Radii of the discs across tail and head on which the worm stands; without them it has none [m].
     com : ndarray, shape (T, 3), optional
         Centre of mass [m]; gives the speed.
     trail : ndarray, shape (T, 3), optional
@@ -67,7 +67,7 @@ class Frames:
     path : ndarray, shape (P, 3), optional
         Reference path, which is drawn [m].
     centreline : ndarray, shape (P, 3), optional
-        Of the pipe, on which the camera inside it stands [m].
+        Centre line of the pipe, on which the camera inside it stands [m].
     horizon : ndarray, shape (T, H, 3), optional
         Points the controller expects to pass [m].
     world : tuple of WorldMesh
@@ -203,7 +203,7 @@ class Frames:
 
     @property
     def way(self) -> FloatArray | None:
-        """Where the way of the centre of mass is drawn: `trail`, or else `com`, shape (T, 3) [m]."""
+        """Way of the centre of mass as it is drawn: `trail`, or else `com`, shape (T, 3) [m]."""
         return self.com if self.trail is None else self.trail
 
     @property
@@ -237,7 +237,7 @@ class Frames:
 
     @property
     def speed_window(self) -> tuple[FloatArray, FloatArray]:
-        """From when to when `speed` is a mean: half a `period` to either side, less near the ends, each (T,) [s]."""
+        """Begin and end of the time of which `speed` is a mean, half a `period` to either side, each (T,) [s]."""
         half = 0.5 * max(self.period or 0.0, 2.0 * float(np.diff(self.time).max(initial=0.0)))
         return np.maximum(self.time - half, self.time[0]), np.minimum(self.time + half, self.time[-1])
 

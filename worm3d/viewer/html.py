@@ -125,7 +125,7 @@ def show(frames: Frames, *, height: int = 520, skin: bool = True, play: bool = F
     Parameters
     ----------
     height : int
-        Of the cell [pixels].
+        Height of the cell [pixel].
     """
     return NotebookView(html(frames, skin=skin, play=play), height)
 

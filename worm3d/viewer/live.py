@@ -38,10 +38,10 @@ class LiveView:
     Parameters
     ----------
     world : sequence of WorldMesh
-        Sent once.
+        Surroundings of the worm, sent once.
     address : str, optional
-        Of the command socket of a meshcat server that runs already, e.g. "tcp://127.0.0.1:6000"; one is started, and
-        stopped by `close`, if left out.
+        Address of the command socket of a meshcat server that runs already, e.g. "tcp://127.0.0.1:6000"; if left out,
+        one is started, and stopped by `close`.
     strain_limit : float
         Strain at full colour.
     force_scale : float

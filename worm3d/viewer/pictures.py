@@ -26,14 +26,15 @@ from worm3d.viewer.skin import Skin
 from worm3d.viewer.world import GROUND, WorldMesh
 
 DPI = 100
+"""Resolution of a figure [pixel/inch]."""
 _LEFT, _RIGHT, _ABOVE, _BETWEEN, _BELOW = 80, 116, 30, 26, 50
-"""Margins around the two views [pixels]."""
+"""Margins around the two views [pixel]."""
 _BAR = 260
-"""Length of the colour bar at most [pixels]."""
+"""Largest length of the colour bar [pixel]."""
 _WIDE, _HIGH = 760, 760
-"""The most that the views take [pixels]."""
+"""Largest size of the views together [pixel]."""
 _TITLE = 560
-"""Width of the figure at least, so that the title finds room [pixels]."""
+"""Smallest width of the figure, so that the title finds room [pixel]."""
 DULLEST = 0.6
 """Brightness of what is seen from its edge, over that of what faces the viewer."""
 
@@ -205,7 +206,7 @@ class Stage:
 
     @property
     def artists(self) -> list[Artist]:
-        """What differs between frames, in the order it is drawn in."""
+        """Artists that differ between frames, in the order in which they are drawn."""
         return [self._title, *(artist for picture in self._pictures for artist in picture.artists)]
 
     @contextmanager

@@ -29,17 +29,18 @@ LAYERS = {
 """Names of the layers, as they stand in paths and as they are shown."""
 
 FULLNESS = 0.74
-"""Semi-axes of a chamber's ellipsoid over half the diagonals of its linkage; 0.71 touches the links."""
+"""Ratio of the semi-axes of a chamber's ellipsoid to half the diagonals of its linkage; 0.71 touches the links."""
 FACE_THICKNESS = 0.05
 """Thickness of the discs at the ends, over their radius, outwards beyond the face that touches."""
 ARROW = 0.2
 """Length of the arrow of `Scales.force` in body lengths, roughly: it is 1, 2 or 5 times a power of ten [m]."""
 TRAIL_SIDES = 6
+"""Corners of the trail's cross-section."""
 
 
 @dataclass(frozen=True)
 class Scales:
-    """What a colour and a length mean.
+    """Meaning of colours and lengths.
 
     Attributes
     ----------

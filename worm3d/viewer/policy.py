@@ -11,7 +11,7 @@ import re
 
 _NOTHING_ELSE = "default-src 'none'; base-uri 'none'; form-action 'none'"
 _STYLES = "style-src 'self' 'unsafe-inline'"
-"""meshcat writes those of its controls into the page."""
+"""Rule for styles: meshcat writes those of its controls into the page."""
 
 
 def of_page(page: str) -> str:

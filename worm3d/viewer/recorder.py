@@ -1,4 +1,4 @@
-"""What meshcat's viewer is told: pieces become its commands, as `meshcat.commands` writes them; a recorder keeps them.
+"""Commands for meshcat's viewer, made of pieces as `meshcat.commands` would; a recorder keeps them.
 
 Of meshcat 0.3.2 only the viewer for the browser is used. Its Python side imports a web server and IPython, makes random
 identities, and repeats the key times of an animation in lists of objects. Here identities follow from the paths, so
@@ -24,18 +24,18 @@ Content = dict[str, Any]
 """A part of a command, as it is packed."""
 
 _DISCRETE = 2300
-"""three.js: InterpolateDiscrete."""
+"""Value of InterpolateDiscrete in three.js."""
 _DOUBLE_SIDE, _VERTEX_COLOURS = 2, 2
-"""three.js: DoubleSide, VertexColors."""
+"""Values of DoubleSide and VertexColors in three.js."""
 _TOP, _BOTTOM = [0.93, 0.95, 0.97], [0.72, 0.76, 0.80]
 _ROOT = "/meshcat"
 _STANDING = np.eye(4).ravel().tolist()
-_KINDS = {"<f4": ("Float32Array", 0x17), "<u4": ("Uint32Array", 0x16)}
-"""Kinds of packed arrays: three.js' name, and the number by which meshcat's viewer knows them."""
+_ARRAY_TYPES = {"<f4": ("Float32Array", 0x17), "<u4": ("Uint32Array", 0x16)}
+"""Types of packed arrays: name in three.js, and the number by which meshcat's viewer knows them."""
 
 
 FONT = 22
-"""Of a caption, in pixels of a picture 256 wide; longer ones get a smaller one."""
+"""Size of a caption's letters, in pixels of a picture 256 wide; longer captions get smaller ones."""
 
 CAPTION_SIZE, CAPTION_AT = 0.6, (0.0, 0.68, -1.0)
 """Side of the square in whose middle a caption stands; its place before the camera, which sees from -0.77 to 0.77."""
@@ -44,7 +44,7 @@ _CAMERA = "/Cameras/default/rotated/<object>"
 
 
 class Window(Protocol):
-    """What commands are sent to."""
+    """Receiver of commands."""
 
     def send(self, command: Content) -> None:
         """Take one command."""
@@ -95,12 +95,12 @@ def _property(path: str, name: str, value: Any) -> Content:
 
 def _packed(vectors: NDArray[Any], kind: str = "<f4") -> Content:
     """Return vectors, shape (V, 3), as an attribute of a geometry."""
-    name, _ = _KINDS[kind]
+    name, _ = _ARRAY_TYPES[kind]
     return {"itemSize": vectors.shape[1], "type": name, "array": _binary(vectors, kind), "normalized": False}
 
 
 def _binary(values: NDArray[Any], kind: str = "<f4") -> Any:
-    return umsgpack.Ext(_KINDS[kind][1], np.ascontiguousarray(values, dtype=kind).tobytes())
+    return umsgpack.Ext(_ARRAY_TYPES[kind][1], np.ascontiguousarray(values, dtype=kind).tobytes())
 
 
 def _track(name: str, kind: str, time: FloatArray, values: FloatArray, stepped: bool = False) -> Content:
@@ -214,7 +214,7 @@ def animate(window: Window, pieces: list[Piece], time: FloatArray, play: bool) -
     Parameters
     ----------
     time : ndarray, shape (T,)
-        Of the frames, from 0 [s].
+        Instants of the frames, from 0 [s].
     """
     tracks = {_at(piece): _moves(piece, time) for piece in pieces}
     tracks |= {f"{_at(piece)}/<object>": _looks(piece, time) for piece in pieces}

@@ -29,7 +29,7 @@ NAMES = ("127.0.0.1", "localhost", "[::1]")
 
 
 class Local:
-    """What a handler does first: it refuses requests that do not call this machine by one of its names."""
+    """Mixin of handlers that refuses requests which do not call this machine by one of its names."""
 
     request: Any
     application: Any

@@ -42,7 +42,7 @@ class WorldMesh:
     colour : tuple of float
         Red, green, blue, each in [0, 1].
     opacity : float
-        In [0, 1]; 1 hides what is behind.
+        0 to 1; 1 hides what is behind.
 
     Raises
     ------
@@ -224,7 +224,7 @@ def isosurface(values: FloatArray, origin: FloatArray, spacing: float) -> Mesh:
     origin : ndarray, shape (3,)
         Place of `values[0, 0, 0]` [m].
     spacing : float
-        Of the grid [m].
+        Spacing of the grid [m].
     """
     cells, places = _crossed_cells(values)
     number = np.full(np.array(values.shape) - 1, -1)

@@ -1,4 +1,4 @@
-"""Where worms crawl: worlds given by signed distance, its gradient and curvature, and friction per place."""
+"""Worlds in which worms crawl: a signed distance with its gradient and Hessian, and the friction of each place."""
 
 from worm3d.worlds.base import WORLDS, World
 from worm3d.worlds.centreline import Bend, Centreline, Straight

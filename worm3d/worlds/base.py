@@ -1,9 +1,9 @@
-"""What the simulator, its metrics and its pictures ask of a world."""
+"""The base class of all worlds: what the simulator, the metrics and the pictures ask of one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import scipy
@@ -68,6 +68,12 @@ class World:
 
         return SampledWorld.of(f, bounds, spacing, grip)
 
+    clamped: ClassVar[bool] = False
+    """Whether it holds the joints' heights instead of touching the worm."""
+
+    flat: ClassVar[bool] = False
+    """Whether its surface is one plane, so that a worm that rises on its feet makes no way."""
+
     velocity_threshold: float = 0.0
     """eps of (P10) of a world that is `clamped` [m/s]."""
 
@@ -86,16 +92,6 @@ class World:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
         distance: FloatArray = looked_up(self.kernel(), points)[0]
         return distance
-
-    @property
-    def clamped(self) -> bool:
-        """Whether it holds the joints' heights instead of touching the worm."""
-        return False
-
-    @property
-    def flat(self) -> bool:
-        """Whether its surface is one plane, so that a worm that rises on its feet makes no way."""
-        return False
 
     @property
     def uneven(self) -> bool:
@@ -194,7 +190,7 @@ PIT = -1e3
 """Height of places beside a worm that have no ground [m]."""
 
 REACH = 1.6
-"""How far the body reaches sideways from its axis, in clearances: the outward apexes of the default worm."""
+"""Reach of the body sideways from its axis, in clearances: that of the outward apexes of the default worm."""
 
 SOLE = 0.8
 """Offset up to which the body is as deep as the clearance, in clearances; it rises to its axis at `REACH`."""

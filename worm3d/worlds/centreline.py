@@ -73,7 +73,7 @@ class Bend:
     angle : float
         By how much the pipe turns [rad].
     radius : float
-        Of the centre line [m].
+        Radius of the centre line [m].
     towards : str
         "left", "right", "up" or "down", as one sees it looking along the pipe.
     """

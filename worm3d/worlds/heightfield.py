@@ -20,13 +20,13 @@ from worm3d.worlds.base import World, chord
 from worm3d.worlds.kernels import WorldKernel, looked_up
 
 EDGE = 14
-"""Nodes added all around, as high as the edge: after so many the spline is level to single precision, and stays so."""
+"""Number of nodes added on each side, as high as the edge: the spline is level there to single precision."""
 
 BYTES_PER_HEIGHT = 64.0
-"""Tables of the heights, and what is needed while they are made."""
+"""Memory of the tables of a height, and of what is needed while they are made [byte]."""
 
 BAND = 4.0
-"""Cells above the surface up to which `Heightfield.distance` is that to the foot point."""
+"""Height above the surface up to which `Heightfield.distance` is that to the foot point, in cells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +39,9 @@ class Heightfield(World, ReadOnly):
     Attributes
     ----------
     heights : ndarray, shape (A, B)
-        At x = origin[0] + i spacing, y = origin[1] + j spacing; A, B at least 4 [m].
+        Heights at x = origin[0] + i spacing, y = origin[1] + j spacing; A, B at least 4 [m].
     spacing : float
-        Of the grid [m].
+        Spacing of the grid [m].
     origin : tuple of float
         x and y of the first height [m].
     grip : float or ndarray, shape (A, B)
@@ -142,12 +142,12 @@ class Heightfield(World, ReadOnly):
 
     @property
     def x(self) -> FloatArray:
-        """Of the heights, shape (A,) [m]."""
+        """Places of the heights along x, shape (A,) [m]."""
         return self.origin[0] + self.spacing * np.arange(float(self.heights.shape[0]))
 
     @property
     def y(self) -> FloatArray:
-        """Of the heights, shape (B,) [m]."""
+        """Places of the heights along y, shape (B,) [m]."""
         return self.origin[1] + self.spacing * np.arange(float(self.heights.shape[1]))
 
     @cached_property

@@ -29,19 +29,19 @@ Height = tuple[float, float, float, float, float, float]
 """h, h_u, h_v, h_uu, h_uv, h_vv."""
 
 CONTACT = 0.05
-"""Cells above all coefficients about a cell, and so above its surface, up to which a worm's contacts get the foot
-point; the parameter in a simulation."""
+"""Height above all coefficients about a cell, and so above its surface, up to which a worm's contacts get the foot
+point, in cells; the parameter in a simulation."""
 
 ITERATIONS = 20
-"""Of Newton's method for a foot point."""
+"""Largest number of Newton iterations for a foot point."""
 
 CLOSE = 1e-5
-"""Cells that the foot moves at the last iteration, which takes the surface from its Taylor series: the error of foot
-and normal is then about the square of that, the distance's its third power."""
+"""Way of the foot in the last iteration, which takes the surface from its Taylor series, in cells: the error of foot
+and normal is about its square, that of the distance its third power."""
 
 ROWS_IN, ROWS_OUT = 3 + 12, 11
-"""Point; addresses of coefficients, of the largest about each cell, and of grips (2 each), nodes along x and y, first x
-and y, spacing, `CONTACT`."""
+"""Rows of the inputs: point; addresses of coefficients, of the largest about each cell, and of grips (2 each), nodes
+along x and y, first x and y, spacing, `CONTACT`. Rows of the outputs."""
 
 _COEFFICIENTS, _TOPS, _GRIPS, _NODES, _FIRST, _SPACING, _CONTACT = 3, 5, 7, 9, 11, 13, 14
 

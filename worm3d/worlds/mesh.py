@@ -7,7 +7,7 @@ import struct
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -41,12 +41,12 @@ class Mesh(GridWorld):
     path : str or path
         An STL, OBJ, PLY or GLB file.
     units : {"m", "cm", "mm", "in", "ft"}
-        Of the file's coordinates. STL, OBJ and PLY files do not say theirs; GLB is in metres if it is left out.
+        Unit of the file's coordinates. STL, OBJ and PLY files do not say theirs; GLB is in metres if it is left out.
     solid : {"inside", "outside"}
         "inside": what the mesh encloses is solid, the worm crawls on it (or through a hole in it). "outside": what it
         encloses is free, as the air in a tunnel, and all around is solid.
     cell : float, optional
-        Of the grid [m]; that of a grid of a million nodes if left out.
+        Cell of the grid [m]; that of a grid of a million nodes if left out.
     up : {"z", "y"}
         The file's axis that points up; y becomes z by a quarter turn about x. glTF's convention is y.
     position : tuple of float
@@ -61,6 +61,8 @@ class Mesh(GridWorld):
     ValueError
         A value out of range.
     """
+
+    straight: ClassVar[bool] = False
 
     path: str | PathLike[str]
     units: Units | None = None
@@ -131,11 +133,6 @@ class Mesh(GridWorld):
     def side(self) -> float:
         """1 where the inside is solid, -1 where the outside is."""
         return 1.0 if self.solid == "inside" else -1.0
-
-    @property
-    def straight(self) -> bool:
-        """False: beyond its grid there is nothing of a mesh."""
-        return False
 
 
 def _packed(grid: Grid) -> bytes:

@@ -34,7 +34,7 @@ PIECES = 256
 """Largest number of parts of a triangle that wait to be taken."""
 
 FAR = 1e30
-"""Stands for the square of a distance that is not known yet."""
+"""Value that stands for the square of a distance that is not known yet."""
 
 
 def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:

@@ -18,21 +18,21 @@ from worm3d.values.arrays import FloatArray, IntArray
 Units = Literal["m", "cm", "mm", "in", "ft"]
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
-"""In each unit."""
+"""Length of each unit [m]."""
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb")
 
 LARGEST, SMALLEST = 1000.0, 0.01
-"""Longest side that a mesh may have [m]."""
+"""Range of the longest side of a mesh [m]."""
 
 LARGEST_FILE = 500_000_000
 """Largest mesh file [byte]: ten million triangles."""
 
 FLAT = 1e-9
-"""Volume below this fraction of the cube of the longest side: nothing is enclosed."""
+"""Volume below which nothing is enclosed, as a fraction of the cube of the longest side."""
 
 STL_HEADER, STL_TRIANGLE = 84, 50
-"""Bytes of a binary STL file."""
+"""Sizes in a binary STL file [byte]."""
 
 
 class MeshError(ValueError):

@@ -25,10 +25,10 @@ from worm3d.worlds.profile import Profile
 Kind = tuple[Bends, int, bool, bool]
 
 MOST_GIVEN = 8
-"""Pieces of the centre line that may be compared in a formula; of more the one that counts is looked up."""
+"""Largest number of pieces of a centre line that one formula compares; of more the nearest one is looked up."""
 
 CERTAIN = 1e-12
-"""A point this far from a plane lies on the same side of it however that is rounded, times the line's extent [m]."""
+"""Distance from a plane at which rounding cannot change the side, as a fraction of the line's extent and 1 m."""
 
 PLACES = 2_000_000
 """Number of pairs of place and piece whose distances are computed at once."""
@@ -55,7 +55,7 @@ class Pipe(World, ReadOnly):
     Attributes
     ----------
     centreline : Centreline or array_like, shape (P, 3)
-        Its centre line, or points for `Centreline.through` [m]. Beyond its ends it goes straight on.
+        Centre line, or points for `Centreline.through` [m]. Beyond its ends it goes straight on.
     radius : float or Profile
         Inner radius [m], less than that of any bend of the centre line.
     patches : tuple of Patch

@@ -21,10 +21,10 @@ from worm3d.worlds import kernels
 from worm3d.worlds.pipe_formula import BETWEEN, PIECE
 
 KEPT = PIECE + BETWEEN
-"""Numbers of a piece, as the formula takes them; rows of the inputs after the point, written here."""
+"""Number of rows of the inputs after the point that describe a piece, and are written here."""
 
 NONE = -1.0
-"""Stands for the number of the piece before a point has had one."""
+"""Number of the piece of a point that has not had one."""
 
 OWN = 9
 """Rows of the inputs after those of the formula: number of the piece that a point had last; addresses of the pieces,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -59,6 +59,8 @@ class Plane(World):
         Places with another friction; where they overlap, the last one counts.
     """
 
+    flat: ClassVar[bool] = True
+
     slope: float = 0.0
     heading: float = 0.0
     patches: tuple[Patch, ...] = ()
@@ -77,13 +79,8 @@ class Plane(World):
         return np.array([ascent, left, np.cross(ascent, left)])
 
     @property
-    def flat(self) -> bool:
-        """True."""
-        return True
-
-    @property
     def uneven(self) -> bool:
-        """False."""
+        """False: what is across the plane presses, what is along it does not."""
         return False
 
     def symbolic(self) -> Formula:
@@ -129,6 +126,9 @@ class ClampedGround(World, name="clamped"):
     the head, towards the tail and sideways, and none below the threshold. The corrector is solved with these forces.
     """
 
+    clamped: ClassVar[bool] = True
+    flat: ClassVar[bool] = True
+
     velocity_threshold: float = parameter(
         1e-6, meaning="speed below which there is no friction, eps of (P10)", unit="m/s", ge=0
     )
@@ -137,18 +137,8 @@ class ClampedGround(World, name="clamped"):
         check(self)
 
     @property
-    def clamped(self) -> bool:
-        """True."""
-        return True
-
-    @property
-    def flat(self) -> bool:
-        """True."""
-        return True
-
-    @property
     def uneven(self) -> bool:
-        """False."""
+        """False: the worm does not rest on contacts."""
         return False
 
     def kernel(self) -> WorldKernel:

@@ -16,13 +16,13 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 
 STRAIGHT = 1e-9
-"""Corners by less than this angle [rad] stay as they are."""
+"""Angle of a corner below which it stays as it is [rad]."""
 
 MOST_PLACES = 200
-"""Each is part of one formula, which takes two seconds to compile for so many, and longer with their square."""
+"""Largest number of places: their formula takes two seconds to compile, and longer with their square."""
 
 STEEPEST = np.deg2rad(80.0)
-"""Steepest ramp: a step of the radius is a short one."""
+"""Slope of the steepest ramp [rad]: a step of the radius is a short ramp."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class Profile(ReadOnly):
 
     @property
     def changes(self) -> list[tuple[float, float]]:
-        """From where to where the radius changes [m]."""
+        """Stretches on which the radius changes, (from, to) each [m]."""
         stretches, begin = [], None
         for (start, _), (end, _), _, after, _ in self._corners():
             begin = start if begin is None else begin

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import ClassVar
 
 import numpy as np
 import scipy
@@ -50,13 +51,13 @@ FEWEST_CELLS = 4
 """Smallest number of cells of a sampled distance along each axis."""
 
 EDGE = 14
-"""Nodes added all around a sampled distance while its spline is made: after so many its ends do not matter."""
+"""Number of nodes added on each side while the spline of a sampled distance is made, so that its ends do not matter."""
 
 AT_ONCE = 200_000
 """Largest number of points for which a distance is asked at once."""
 
 STEEPNESS = (0.8, 1.25)
-"""Length of the gradient of a distance next to its surface: least and greatest, but for a tenth of the places each."""
+"""Range of the gradient's length next to the surface, which a tenth of the places may be below, and a tenth above."""
 
 STEEPEST = 1.75
 """Greatest length of the gradient anywhere next to the surface; differences of a true distance stay below 3^(1/2)."""
@@ -72,7 +73,7 @@ class Grid(ReadOnly):
     Attributes
     ----------
     coefficients : ndarray of float32, shape (A, B, C)
-        Of the spline, in cells.
+        Coefficients of the spline, in cells.
     first : ndarray, shape (3,)
         Place of the first node [m].
     cell : float
@@ -90,6 +91,9 @@ class GridWorld(World, ReadOnly):
     grid: Grid
     grip: float
 
+    straight: ClassVar[bool] = True
+    """Whether the world goes on straight beyond its grid; else nothing is there."""
+
     @property
     def first(self) -> FloatArray:
         """Place of the grid's first node, shape (3,) [m]."""
@@ -99,11 +103,6 @@ class GridWorld(World, ReadOnly):
     def side(self) -> float:
         """1 where negative distances are solid, -1 where positive ones are."""
         return 1.0
-
-    @property
-    def straight(self) -> bool:
-        """Whether the world goes on straight beyond its grid; else nothing is there."""
-        return True
 
     def kernel(self, band: float = sampled_kernel.CONTACT) -> WorldKernel:
         """Return the compiled world, which reads the spline where a coefficient is less than so many cells."""

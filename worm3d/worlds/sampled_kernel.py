@@ -36,18 +36,19 @@ NARROW = 0.1
 """w of (WM1), in cells."""
 
 SIDE = 4
-"""Coefficients about a point along each axis."""
+"""Number of coefficients about a point along each axis."""
 
 CONTACT = 2.8
 """Distance in cells up to which the spline is read: the point is then a cell from the surface at least, as the node
 before it is at most sqrt(3) away."""
 
 TOGETHER = 16
-"""Points of which the splines are read together: a multiple of every vector, and few enough for the nearest cache."""
+"""Number of points whose splines are read together: a multiple of every vector, few enough for the nearest cache."""
 
 ROWS_IN, ROWS_OUT = 3 + 17, 11
-"""Point; addresses of coefficients, of working memory and of the spline's kernel (2 each), nodes along each axis, first
-node, cell, side of the solid, grip, `CONTACT`, and whether the world goes on straight beyond the grid."""
+"""Rows of the inputs: point; addresses of coefficients, of working memory and of the spline's kernel (2 each), nodes
+along each axis, first node, cell, side of the solid, grip, `CONTACT`, and whether the world goes on straight beyond the
+grid. Rows of the outputs."""
 
 _COEFFICIENTS, _WORK, _SPLINE, _NODES, _FIRST, _CELL, _SIDE, _GRIP, _CONTACT = 3, 5, 7, 9, 12, 15, 16, 17, 18
 _STRAIGHT = 19

@@ -1,4 +1,4 @@
-"""What worlds look like: the part of each that surrounds a worm, as meshes for pictures.
+"""Meshes of worlds for pictures: the part of each that surrounds a worm.
 
 A world without a function under `@scenery.register` is drawn from its signed distance.
 """
@@ -69,14 +69,14 @@ DEEPEST = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Where a worm has been.
+    """Places where a worm has been.
 
     Attributes
     ----------
     points : ndarray, shape (K, 3)
-        Its apexes and joints at all instants [m].
+        Apexes and joints at all instants [m].
     body_length : float
-        [m]
+        Length of the body [m].
     """
 
     points: FloatArray
@@ -85,13 +85,13 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class Scenery:
-    """What surrounds the worm.
+    """Surroundings of a worm.
 
     Attributes
     ----------
     meshes : tuple of WorldMesh
     centreline : ndarray, shape (P, 3), optional
-        Of a pipe: where the camera inside it moves [m].
+        Line in a pipe along which the camera inside it moves [m].
     """
 
     meshes: tuple[WorldMesh, ...] = ()

@@ -14,14 +14,13 @@ from worm3d.values import arguments, regular_file
 from worm3d.values.arrays import FloatArray
 
 STONES = 4.0
-"""Stones of rubble on the area of the square about one of them: they overlap, and little ground shows between."""
-
+"""Number of stones per area of the square about one: they overlap, and little ground shows between."""
 
 MOST_STONES = 100_000
 """Largest number of stones in rubble: a few seconds."""
 
 MOST_HEIGHTS = 4_000_000
-"""Nodes of terrain that is made or read: 32 MB for each of its tables."""
+"""Largest number of nodes of terrain: 32 MB for each of its tables."""
 
 LARGEST_FILE = 200_000_000
 """Largest image file [byte]."""

@@ -30,14 +30,14 @@ MOST_WORLDS = 100
 
 
 TOGETHER = 528
-"""Points that are handed over at once: a multiple of every vector, and no power of 2, by which rows would fall on the
-same lines of the cache. Points of a longer worm share what a world keeps of them, which takes time."""
+"""Number of points that are handed over at once: a multiple of every vector, and no power of 2, by which rows would
+fall on the same lines of the cache. Points of a longer worm share what a world keeps of them, which takes time."""
 
 ROWS_IN = 3 + 3
-"""Point; address (2) and number of the rows of `MEMBER`."""
+"""Rows of the inputs: point; address (2) and number of the rows of `MEMBER`."""
 
 MEMBER = 7
-"""Of each world: addresses of kernel, inputs and outputs (2 each), `TOGETHER` columns; and the number of its inputs."""
+"""Numbers of a world: addresses of kernel, inputs and outputs (2 each), `TOGETHER` columns; number of its inputs."""
 
 _MEMBERS, _COUNT = 3, 5
 _KERNEL, _INPUTS, _OUTPUTS, _ROWS = 0, 2, 4, 6
@@ -207,15 +207,15 @@ def slope_into_pipe(
     Parameters
     ----------
     slope : float
-        Of the plane through the origin [rad].
+        Slope of the plane through the origin [rad].
     mouth : float
         How far up the slope the pipe's bottom starts, from the origin [m].
     pieces : sequence of Straight and Bend
-        Of the pipe.
+        Pieces of the pipe.
     radius : float or Profile
-        [m]
+        Inner radius of the pipe [m].
     tilt : float
-        Of the pipe's first piece, less than the slope: it leads into the hill [rad].
+        Tilt of the pipe's first piece, less than the slope: it leads into the hill [rad].
     heading : float
         Azimuth of the slope's steepest ascent and of the pipe [rad].
 
