@@ -128,7 +128,7 @@ def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = T
 
         write_html(frames, path, skin=skin, title=title)
     elif ending == ".png":
-        from worm3d.viewer.pictures import write_png
+        from worm3d.viewer.figure import write_png
 
         write_png(frames, path, nearest(frames.time, at))
     elif ending == ".glb":

@@ -1,6 +1,6 @@
 """Pictures of the worm from plain arrays: a page for the browser, figures, movies, meshes. Knows no simulator.
 
-Heavy libraries are imported where they are used: take `pictures`, `movie`, `meshes`, `live` as modules.
+Heavy libraries are imported where they are used: take `figure`, `movie`, `meshes` and `live` as modules.
 """
 
 from worm3d.viewer.frames import Frames

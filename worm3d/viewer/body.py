@@ -21,21 +21,13 @@ _OPPOSITE = np.array([1.0, -1.0])
 
 @dataclass(frozen=True, eq=False)
 class Bars:
-    """Rigid bars: B of them at T instants.
-
-    Attributes
-    ----------
-    names : tuple of str
-    start, end : ndarray, shape (T, B, 3)
-        [m].
-    normal : ndarray, shape (T, B, 3)
-        Across the bar, carried along with its segment, so that a bar does not spin about itself between two frames.
-    """
+    """Rigid bars: B of them at T instants; arrays have the shape (T, B, 3)."""
 
     names: tuple[str, ...]
     start: FloatArray
     end: FloatArray
     normal: FloatArray
+    """Vectors across the bars, carried along with their segments, so that no bar spins between two frames."""
 
     @property
     def length(self) -> FloatArray:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from worm3d.values.arrays import FloatArray
+from worm3d.viewer.figure import Stage
 from worm3d.viewer.frames import Frames
-from worm3d.viewer.pictures import Stage
 
 Picture = NDArray[np.uint8]
 """Red, green, blue, shape (height, width, 3)."""

@@ -209,13 +209,7 @@ def stand(window: Window, axes: FloatArray, body_length: float) -> None:
 
 
 def animate(window: Window, pieces: list[Piece], time: FloatArray, play: bool) -> None:
-    """Send how all pieces move; they have to be placed before, or three.js does not find their shapes.
-
-    Parameters
-    ----------
-    time : ndarray, shape (T,)
-        Instants of the frames, from 0 [s].
-    """
+    """Send how all pieces move, at times (T,) from 0 [s]; they have to be placed before."""
     tracks = {_at(piece): _moves(piece, time) for piece in pieces}
     tracks |= {f"{_at(piece)}/<object>": _looks(piece, time) for piece in pieces}
     # One key a second, so that times are in seconds.

@@ -59,18 +59,9 @@ def _turned(
 
 
 def tube(points: FloatArray, radius: float | FloatArray, *, sides: int = 6, capped: bool = True) -> Mesh:
-    """Return a tube around a polyline.
+    """Return a tube around a polyline of at least two points (P, 3), of which neighbours may coincide [m].
 
-    Parameters
-    ----------
-    points : ndarray, shape (P, 3)
-        P >= 2 [m]; neighbours may coincide.
-    radius : float or ndarray, shape (P,)
-        [m].
-    sides : int
-        Corners of the cross-section.
-    capped : bool
-        Whether the ends are closed.
+    It has one radius, or one at each point, shape (P,) [m]; `sides` corners around it; and, if `capped`, closed ends.
     """
     tangents = _tangents(points)
     normals = _transported(tangents)

@@ -133,15 +133,7 @@ def _tiles(name: str, corners: FloatArray, colour: Colour, opacity: float) -> Wo
 def pipe(
     centreline: FloatArray, radius: float | FloatArray, *, sides: int = 32, colour: Colour = PIPE, opacity: float = 0.25
 ) -> WorldMesh:
-    """Return the wall of a pipe along a centre line.
-
-    Parameters
-    ----------
-    centreline : ndarray, shape (P, 3)
-        [m].
-    radius : float or ndarray, shape (P,)
-        [m].
-    """
+    """Return the wall of a pipe along a centre line (P, 3), with one radius or one at each point, (P,) [m]."""
     mesh = tube(np.asarray(centreline, dtype=float), radius, sides=sides, capped=False)
     return WorldMesh("pipe", mesh.vertices, mesh.faces, colour, opacity)
 
@@ -149,16 +141,9 @@ def pipe(
 def banded_pipe(
     centreline: FloatArray, radius: float | FloatArray, *, band: float, sides: int = 32, opacity: float = 0.3
 ) -> tuple[WorldMesh, WorldMesh]:
-    """Return the wall of a pipe in light and dark bands, so that one sees the worm move and the pipe bend.
+    """Return the wall of a `pipe` in light and dark bands [m], so that one sees the worm move and the pipe bend.
 
-    Parameters
-    ----------
-    centreline : ndarray, shape (P, 3)
-        [m]; its points should be closer together than the bands are wide.
-    radius : float or ndarray, shape (P,)
-        [m].
-    band : float
-        Width of a band [m].
+    The points of the centre line should be closer together than the bands are wide.
     """
     line = np.asarray(centreline, dtype=float)
     whole = pipe(line, radius, sides=sides, opacity=opacity)
@@ -169,15 +154,9 @@ def banded_pipe(
 
 
 def chequered(mesh: WorldMesh, tile: float, *, together: int = 1) -> tuple[WorldMesh, WorldMesh]:
-    """Return a mesh in light and dark squares, seen from above, as its faces allow.
+    """Return a mesh in light and dark squares with sides `tile` [m], seen from above, as its faces allow.
 
-    Parameters
-    ----------
-    mesh : WorldMesh
-    tile : float
-        Side of a square [m].
-    together : int
-        How many successive faces stay together: 2 where they are the halves of quadrilaterals.
+    So many successive faces stay `together`: 2 where they are the halves of quadrilaterals.
     """
     x, y, _ = mesh.vertices[mesh.faces].mean(axis=1).reshape(-1, together, 3).mean(axis=1).T
     dark = (np.floor(x / tile) + np.floor(y / tile)) % 2 == 1
@@ -194,15 +173,7 @@ def _split(mesh: WorldMesh, dark: NDArray[np.bool_], colour: Colour) -> tuple[Wo
 def heightfield(
     x: FloatArray, y: FloatArray, z: FloatArray, *, colour: Colour = GROUND, opacity: float = 1.0
 ) -> WorldMesh:
-    """Return the surface z(x, y) over a grid.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (A,), (B,)
-        [m].
-    z : ndarray, shape (A, B)
-        [m].
-    """
+    """Return the surface z(x, y), shape (A, B), over a grid of x (A,) and y (B,) [m]."""
     grid_x, grid_y = np.meshgrid(x, y, indexing="ij")
     if np.shape(z) != grid_x.shape:
         raise ValueError(f"heightfield: z: got shape {np.shape(z)}, must be {grid_x.shape}, as x and y are long")
@@ -217,14 +188,7 @@ def heightfield(
 def isosurface(values: FloatArray, origin: FloatArray, spacing: float) -> Mesh:
     """Return the surface on which a function is zero, seen from where it is positive; empty if there is none.
 
-    Parameters
-    ----------
-    values : ndarray, shape (A, B, C)
-        The function on a grid, each size at least 2.
-    origin : ndarray, shape (3,)
-        Place of `values[0, 0, 0]` [m].
-    spacing : float
-        Spacing of the grid [m].
+    The function is given on a grid, shape (A, B, C), each size at least 2; `origin` is the place of its first node.
     """
     cells, places = _crossed_cells(values)
     number = np.full(np.array(values.shape) - 1, -1)

@@ -221,21 +221,8 @@ class Pipe(World, ReadOnly):
     ) -> tuple[FloatArray, FloatArray]:
         """Return joints of a worm that follows the pipe, and its directors to the left.
 
-        It lies on the bottom, or on the centre line where it is on a stretch steeper than `STEEP`.
-
-        Parameters
-        ----------
-        along, clearance
-            As in `World.placed`.
-        position : ndarray, shape (2,)
-            How far along the centre line the tail is, and 0 [m].
-        azimuth : float
-            0: the head looks along the pipe; pi: back [rad].
-
-        Returns
-        -------
-        ndarray, shape (N+1, 3)
-        ndarray, shape (N, 3)
+        It lies on the bottom, or on the centre line where it is on a stretch steeper than `STEEP`. `position` is how
+        far along the centre line the tail is, and 0 [m]; `azimuth` 0 if the head looks along the pipe, pi if back.
 
         Raises
         ------
@@ -284,20 +271,7 @@ def _between(planes: FloatArray, margin: float) -> FloatArray:
 def _placed_in(
     line: Centreline, radius_at: Callable[[FloatArray], FloatArray], along: FloatArray, tail: float, clearance: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return joints (N+1, 3) and directors (N, 3) of a worm with its tail at a distance along the centre line.
-
-    Parameters
-    ----------
-    along : ndarray, shape (N+1,)
-        Distances of the joints from the tail, negative where the head looks back [m].
-    clearance : float
-        Distance of the joints from the wall [m]; on a steep stretch they have at least that.
-
-    Raises
-    ------
-    ValueError
-        The pipe is narrower than the clearance.
-    """
+    """Return joints (N+1, 3) and directors (N, 3); `along` is negative where the head looks back."""
     sample = tail + along
     narrow = float(np.min(radius_at(sample)))
     if clearance > narrow:

@@ -151,15 +151,9 @@ class _Tube(NamedTuple):
 def pipe(bent: Bends, bent_walls: Bends, stretches: int, at_start: bool, at_end: bool) -> ca.Function:
     """Return the rows of a world for a point and the parameters of a pipe.
 
-    Parameters
-    ----------
-    bent, bent_walls : tuple of bool
-        Which pieces of the centre line, and of the wall, are arcs; one straight wall is a constant radius. The first
-        and the last go on for ever.
-    stretches : int
-        With another friction.
-    at_start, at_end : bool
-        Whether there are walls across the ends.
+    `bent` and `bent_walls` say which pieces of the centre line, and of the wall, are arcs; one straight wall is a
+    constant radius. The first and the last go on for ever. `stretches` have another friction, and there may be walls
+    across the ends.
     """
     inputs, rows, _ = _world(bent, bent_walls, stretches, at_start, at_end)
     return ca.Function("pipe", list(inputs), [rows])

@@ -281,15 +281,9 @@ def _samples(
 
 
 def fit(coefficients: FloatArray, samples: Sequence[tuple[Shift, IntArray, FloatArray]]) -> None:
-    """Change the coefficients of a spline, so that it misses few samples by more than the tolerance (WM3).
+    """Change the coefficients of a spline (A, B, C) in place, so that it misses few samples by more than (WM3) allows.
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape (A, B, C)
-        Changed in place [cells].
-    samples : sequence
-        How far they lie behind their nodes along each axis; the nodes, shape (M, 3); and the distances, shape (M,)
-        [cells].
+    Samples are given by the shift from their nodes; the nodes, shape (M, 3); and the distances, shape (M,) [cells].
     """
     for _ in range(SWEEPS):
         missed = [_sweep(coefficients, shift, nodes, distance) for shift, nodes, distance in samples]

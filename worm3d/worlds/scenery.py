@@ -69,44 +69,27 @@ DEEPEST = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Places where a worm has been.
-
-    Attributes
-    ----------
-    points : ndarray, shape (K, 3)
-        Apexes and joints at all instants [m].
-    body_length : float
-        Length of the body [m].
-    """
+    """Places where a worm has been."""
 
     points: FloatArray
+    """Apexes and joints at all instants, shape (K, 3) [m]."""
+
     body_length: float
+    """Length of the body [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scenery:
-    """Surroundings of a worm.
-
-    Attributes
-    ----------
-    meshes : tuple of WorldMesh
-    centreline : ndarray, shape (P, 3), optional
-        Line in a pipe along which the camera inside it moves [m].
-    """
+    """Surroundings of a worm."""
 
     meshes: tuple[WorldMesh, ...] = ()
     centreline: FloatArray | None = None
+    """Line in a pipe along which the camera inside it moves, shape (P, 3) [m]."""
 
 
 @singledispatch
 def scenery(world: World | None, window: Window) -> Scenery:
-    """Return what a world looks like around the worm.
-
-    Parameters
-    ----------
-    world : World or None
-    window : Window
-    """
+    """Return what a world looks like around the worm."""
     if world is None:
         return Scenery()
     low, high = window.points.min(axis=0), window.points.max(axis=0)
@@ -299,15 +282,7 @@ def on_ground(world: World | None, places: FloatArray, body_length: float, above
     A place goes down by its distance again and again, which never leads beyond the surface nearest to it ("sphere
     tracing", Hart 1996, The Visual Computer 12, 527); one below the ground comes up.
 
-    Parameters
-    ----------
-    world : World or None
-    places : ndarray, shape (..., 3)
-        [m].
-    body_length : float
-        [m].
-    above : float
-        Height over the ground, so that lines are seen [m].
+    They lie `above` the ground [m], so that lines are seen.
     """
     result = np.array(places, dtype=float)
     if world is None:

@@ -62,7 +62,7 @@ def view(record: Record, path: Path, *, skin: bool = True) -> None:
 
 def side_and_top(record: Record) -> tuple[Figure, Axes]:
     """Draw the worm at the end of the run from the side and from above, with the trail of its centre of mass."""
-    from worm3d.viewer.pictures import figure
+    from worm3d.viewer.figure import figure
 
     drawn, (_, top) = figure(frames_of(record), -1)
     return drawn, top

@@ -12,8 +12,9 @@ from matplotlib.text import Text
 from numpy.testing import assert_allclose
 from PIL import Image
 
-from worm3d.viewer import Frames, colours, meshes, movie, pictures, pipe
-from worm3d.viewer.pictures import Projection
+from worm3d.viewer import Frames, colours, meshes, movie, pipe
+from worm3d.viewer import figure as drawing
+from worm3d.viewer.figure import Projection
 from worm3d.viewer.pieces import Scales
 from worm3d.viewer.skin import Skin
 
@@ -26,7 +27,7 @@ def reddish(picture: np.ndarray) -> int:
 
 
 def test_a_png_shows_the_worm_from_both_sides(short: Frames, tmp_path: Path) -> None:
-    figure, (side, top) = pictures.write_png(short, tmp_path / "worm.png", 10)
+    figure, (side, top) = drawing.write_png(short, tmp_path / "worm.png", 10)
     assert side.figure is top.figure is figure
     assert (side.get_ylabel(), top.get_xlabel(), top.get_ylabel()) == (
         "z [m]",
@@ -45,7 +46,7 @@ def test_a_png_shows_the_worm_from_both_sides(short: Frames, tmp_path: Path) -> 
 
 def test_a_worm_along_x_has_plain_axes(make_crawl: Callable[..., Frames]) -> None:
     worm = make_crawl(duration=1.0, turn=0.0)
-    _, (side, top) = pictures.figure(worm, 5)
+    _, (side, top) = drawing.figure(worm, 5)
     assert (top.get_xlabel(), top.get_ylabel()) == ("x [m]", "y [m]")
     assert_allclose(side.get_xlim(), top.get_xlim())
     low, high = side.get_xlim()
@@ -56,7 +57,7 @@ def test_the_title_of_a_narrow_figure_is_not_clipped(make_crawl: Callable[..., F
     upright = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     level = make_crawl(duration=10.0, turn=0.0)
     up = {name: getattr(level, name) @ upright for name in ("joints", "apexes", "directors", "com", "contact_force")}
-    figure, (side, _) = pictures.figure(replace(level, time=level.time + 1000.0, **up), 100)
+    figure, (side, _) = drawing.figure(replace(level, time=level.time + 1000.0, **up), 100)
     figure.canvas.draw()
     title = next(text for text in side.findobj(Text) if text.get_text().startswith("t = 1004.00 s"))
     assert "an arrow of" in title.get_text()
@@ -64,7 +65,7 @@ def test_the_title_of_a_narrow_figure_is_not_clipped(make_crawl: Callable[..., F
 
 
 def test_one_scale_in_both_views(short: Frames) -> None:
-    figure, both = pictures.figure(short)
+    figure, both = drawing.figure(short)
     figure.canvas.draw()
     scales = []
     for axes in both:
@@ -75,7 +76,7 @@ def test_one_scale_in_both_views(short: Frames) -> None:
 
 def test_a_long_way_is_followed(make_crawl: Callable[..., Frames]) -> None:
     worm = make_crawl(duration=80.0, fps=2.0, heading=2.0)
-    stage = pictures.Stage(worm)
+    stage = drawing.Stage(worm)
     axes = worm.axes
     for index in (0, 57, 160):
         stage.draw(index)
@@ -93,7 +94,7 @@ def test_polygons_face_who_sees_them_anticlockwise() -> None:
 
 def test_the_worm_is_drawn_with_what_faces_the_viewer(make_crawl: Callable[..., Frames]) -> None:
     frames = make_crawl(duration=2.0, turn=0.0, face_radius=[0.05, 0.04])
-    stage = pictures.Stage(frames)
+    stage = drawing.Stage(frames)
     corners, paint = Skin.of(frames, stage.scales.strain).panels(20)
     volume = np.einsum("pi,pi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) + np.einsum(
         "pi,pi->", corners[:, 0], np.cross(corners[:, 2], corners[:, 3])
@@ -128,11 +129,11 @@ def test_the_world_is_cut_where_the_worm_is() -> None:
 
 def test_a_frame_that_does_not_exist_is_named(short: Frames, tmp_path: Path) -> None:
     with pytest.raises(IndexError, match=r"frame: got 21, must be in \[0, 20\]"):
-        pictures.figure(short, 21)
+        drawing.figure(short, 21)
     with pytest.raises(IndexError, match=r"frame: got 21, must be in \[0, 20\]"):
         meshes.scene(short, 21)
     with pytest.raises(ValueError, match=r"picture file: got 'worm.jpeg', the ending must be .png"):
-        pictures.write_png(short, tmp_path / "worm.jpeg")
+        drawing.write_png(short, tmp_path / "worm.jpeg")
     with pytest.raises(ValueError, match=r"mesh file: got 'worm.obj', the ending must be .glb"):
         meshes.export_glb(short, 0, tmp_path / "worm.obj")
 
@@ -153,9 +154,9 @@ def test_a_gif_plays_in_real_time_and_the_worm_moves(short: Frames, tmp_path: Pa
 
 
 def test_a_movie_frame_is_what_the_figure_shows(short: Frames) -> None:
-    stage = pictures.Stage(short)
+    stage = drawing.Stage(short)
     *_, drawn = movie.pictures(stage, [0, 3, 12])
-    figure, _ = pictures.figure(short, 12)
+    figure, _ = drawing.figure(short, 12)
     figure.canvas.draw()
     wanted = np.asarray(figure.canvas.buffer_rgba())[..., :3]
     # Only what lies on top of axes' edges is drawn in another order.

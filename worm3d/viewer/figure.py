@@ -41,13 +41,7 @@ DULLEST = 0.6
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """A view along a straight line, without perspective.
-
-    Attributes
-    ----------
-    right, up, near : ndarray, shape (3,)
-        Unit vectors: to the right and upwards in the picture, and towards the viewer.
-    """
+    """A view without perspective: unit vectors (3,) to the right and upwards in the picture, and towards the viewer."""
 
     right: FloatArray
     up: FloatArray
@@ -65,24 +59,13 @@ class Projection:
     def facing(self, corners: FloatArray) -> FloatArray:
         """Return how much polygons face the viewer: the cosine of the angle to their normals, shape (K,).
 
-        Parameters
-        ----------
-        corners : ndarray, shape (K, corners, 3)
-            Anticlockwise, seen from where their normals point; nearly flat [m].
+        Their corners, shape (K, C, 3), are anticlockwise seen from where the normals point.
         """
         normal, _ = _unit(np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1))
         return np.asarray(normal @ self.near)
 
     def arrows(self, start: FloatArray, vector: FloatArray, wide: float) -> FloatArray:
-        """Return the outlines of arrows, shape (A, 7, 2) [m]; one that points at the viewer has none.
-
-        Parameters
-        ----------
-        start, vector : ndarray, shape (A, 3)
-            [m].
-        wide : float
-            Of the head [m].
-        """
+        """Return the outlines of arrows from places (A, 3), with heads so wide, shape (A, 7, 2) [m]."""
         a, v = self.points(start), self.points(vector)
         along, size = _unit(v)
         head = np.minimum(1.6 * wide, 0.5 * size)
@@ -123,17 +106,7 @@ class Stage:
     """Side and top view of a worm, ready to be drawn at any instant.
 
     The views show the whole run, or three bodies' lengths (one and a half across) that follow the worm; both have one
-    scale.
-
-    Parameters
-    ----------
-    frames : Frames
-
-    Attributes
-    ----------
-    figure : Figure
-    axes : tuple of Axes
-        Side and top.
+    scale. `axes` are those of the side and of the top.
     """
 
     def __init__(self, frames: Frames) -> None:
