@@ -40,7 +40,6 @@ def write_html(
     path: str | Path,
     *,
     skin: bool = True,
-    play: bool = False,
     title: str = "worm3d",
 ) -> None:
     """Write the run as one HTML file that needs nothing else; the same frames give the same bytes.
@@ -58,15 +57,13 @@ def write_html(
     skin : bool
         Whether a smooth skin covers the worm, which can be taken off to see chambers and links; or they are seen from
         the start, and there is no skin.
-    play : bool
-        Whether it plays when it is opened.
     title : str
         Shown on the page.
     """
-    Path(path).write_text(html(frames, skin=skin, play=play, title=title), encoding="utf-8", newline="\n")
+    Path(path).write_text(html(frames, skin=skin, title=title), encoding="utf-8", newline="\n")
 
 
-def html(frames: Frames, *, skin: bool = True, play: bool = False, title: str = "worm3d") -> str:
+def html(frames: Frames, *, skin: bool = True, title: str = "worm3d") -> str:
     """Return what `write_html` writes."""
     scales = Scales.of(frames)
     parts = [
@@ -82,7 +79,7 @@ def html(frames: Frames, *, skin: bool = True, play: bool = False, title: str = 
         title=escape(title),
         style=_resource("viewer.css"),
         meshcat=_meshcat_script(),
-        scene=json.dumps(_scene(frames, parts, scales, cover, play), separators=(",", ":"), allow_nan=False).replace(
+        scene=json.dumps(_scene(frames, parts, scales, cover), separators=(",", ":"), allow_nan=False).replace(
             "<", "\\u003c"
         ),
         commands="\n".join(base64.b64encode(message).decode("ascii") for message in commands(frames, parts)),
@@ -119,15 +116,15 @@ class NotebookView:
         )
 
 
-def show(frames: Frames, *, height: int = 520, skin: bool = True, play: bool = False) -> NotebookView:
-    """Return the run for the end of a notebook cell; `skin` and `play` as in `write_html`.
+def show(frames: Frames, *, height: int = 520, skin: bool = True) -> NotebookView:
+    """Return the run for the end of a notebook cell; `skin` as in `write_html`.
 
     Parameters
     ----------
     height : int
         Height of the cell [pixel].
     """
-    return NotebookView(html(frames, skin=skin, play=play), height)
+    return NotebookView(html(frames, skin=skin), height)
 
 
 def commands(frames: Frames, parts: list[Piece]) -> list[bytes]:
@@ -138,7 +135,7 @@ def commands(frames: Frames, parts: list[Piece]) -> list[bytes]:
     recorder.stage(window)
     for part in parts:
         recorder.place(window, part)
-    recorder.animate(window, parts, frames.time - frames.time[0], play=False)
+    recorder.animate(window, parts, frames.time - frames.time[0])
     return window.messages
 
 
@@ -159,7 +156,7 @@ def _meshcat_script() -> str:
     return recorder.script()
 
 
-def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None, play: bool) -> dict[str, Any]:
+def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None) -> dict[str, Any]:
     """Return what the page knows besides meshcat's commands."""
     eye, look = camera.inside(frames)
     low, high = frames.extent
@@ -186,7 +183,6 @@ def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None
         "skin": None if skin is None else _skin(skin),
         "trail": _trail(frames, parts),
         "legend": _legend(frames, scales),
-        "play": play,
     }
 
 

@@ -208,13 +208,15 @@ def stand(window: Window, axes: FloatArray, body_length: float) -> None:
     window.send(_property(_CAMERA, "position", [x, z, -y]))
 
 
-def animate(window: Window, pieces: list[Piece], time: FloatArray, play: bool) -> None:
+def animate(window: Window, pieces: list[Piece], time: FloatArray) -> None:
     """Send how all pieces move, at times (T,) from 0 [s]; they have to be placed before."""
     tracks = {_at(piece): _moves(piece, time) for piece in pieces}
     tracks |= {f"{_at(piece)}/<object>": _looks(piece, time) for piece in pieces}
     # One key a second, so that times are in seconds.
     clips = [{"path": path, "clip": {"fps": 1, "name": "default", "tracks": of}} for path, of in tracks.items() if of]
-    window.send({"type": "set_animation", "animations": clips, "options": {"play": play, "repetitions": 1}, "path": ""})
+    window.send(
+        {"type": "set_animation", "animations": clips, "options": {"play": False, "repetitions": 1}, "path": ""}
+    )
 
 
 def _moves(piece: Piece, time: FloatArray) -> list[Content]:

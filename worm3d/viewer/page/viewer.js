@@ -506,7 +506,7 @@
   centre_view();
   show(0);
   choose("follow");
-  play(scene.play);
+  play(false);
   obey(location.hash);
   window.addEventListener("hashchange", () => obey(location.hash));
   requestAnimationFrame(tick);
