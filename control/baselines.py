@@ -19,7 +19,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Self
 
 from control.estimation.estimate import Estimate
 from control.estimation.estimator import Estimator
@@ -47,6 +47,7 @@ class _Baseline(WaveController):
     """A controller that goes by the identified map alone."""
 
     source: Source
+    estimates: ClassVar[bool] = False
 
     def __init__(
         self,
@@ -75,7 +76,8 @@ class _Baseline(WaveController):
         sensors: Mapping[str, Channel] | None = None,
     ) -> Self:
         """Return the controller of a worm that was identified; see `WaveController.of`."""
-        return cls(worm, identified, reference, mechanism, control_period)
+        estimator = _estimator(worm, identified, mechanism, sensors or {}) if cls.estimates else None
+        return cls(worm, identified, reference, mechanism, control_period, estimator)
 
     def _wave(self, speed: float, turn_rate: float) -> GaitParameters:
         """Return the wave of a speed [m/s] and turn rate [rad/s]; below the slowest one the worm stands."""
@@ -152,13 +154,14 @@ class PiLineOfSight(_Baseline):
     Parameters
     ----------
     worm, identified, reference, mechanism, control_period
-        As of `OpenLoop`.
+        See `OpenLoop`.
     estimator : Estimates, optional
         `control.estimation.estimator.Estimator` if left out.
     gains : Gains, optional
     """
 
     source: Source = "pi_los"
+    estimates = True
 
     def __init__(
         self,
@@ -174,20 +177,6 @@ class PiLineOfSight(_Baseline):
         if estimator is None and mechanism in identified.maps:  # else what follows complains
             estimator = _estimator(worm, identified, mechanism, {})
         super().__init__(worm, identified, reference, mechanism, control_period, estimator)
-
-    @classmethod
-    def of(
-        cls,
-        worm: Worm,
-        reference: Reference,
-        identified: Identified,
-        mechanism: Mechanism = "hinge",
-        control_period: float = 0.2,
-        sensors: Mapping[str, Channel] | None = None,
-    ) -> Self:
-        """Return the controller of a worm that was identified; see `WaveController.of`."""
-        estimator = _estimator(worm, identified, mechanism, sensors or {})
-        return cls(worm, identified, reference, mechanism, control_period, estimator)
 
     def reset(self) -> None:
         """Begin anew."""

@@ -28,7 +28,7 @@ Deadline = Literal["iterations", "wall"]
 
 
 class Supervisor(WaveController):
-    """A controller for `worm3d.simulate` that plans.
+    """A controller for `worm3d.simulate` that plans; `failures` counts the decisions without an accepted plan.
 
     Parameters
     ----------
@@ -44,11 +44,6 @@ class Supervisor(WaveController):
     deadline : str
         "iterations": a plan may take as many as it is given, and runs repeat bit for bit; "wall": one that took longer
         than the control period is not accepted.
-
-    Attributes
-    ----------
-    As of `control.loop.WaveController`; `failures` are decisions for which there should have been an accepted plan, and
-    was none.
 
     Raises
     ------
