@@ -165,8 +165,8 @@ class Problem:
     state: FloatArray
     """Estimated state of the reduced model, shape (9,)."""
     preview: Preview
-    crab: FloatArray
-    """Value of `Wanted.crab` for each step [s/m], shape (H,)."""
+    slowest: float
+    """Speed below which the worm had better stand [m/s]; it bounds the crab angle of a slow worm."""
     before: FloatArray
     """Inputs in force, u_{-1}, shape (3,)."""
     preferred: float
@@ -197,7 +197,8 @@ class Problem:
     @cached_property
     def _wanted(self) -> FloatArray:
         ahead = self.preview
-        return np.column_stack([ahead.speed, ahead.point, ahead.heading, self.crab])
+        crab = ahead.follows / np.maximum(ahead.speed, self.slowest)
+        return np.column_stack([ahead.speed, ahead.point, ahead.heading, crab])
 
     @cached_property
     def _weights(self) -> FloatArray:

@@ -150,7 +150,7 @@ class GaitMPC:
             length=self._length,
             state=np.array(state, dtype=float),
             preview=preview,
-            crab=preview.follows / np.maximum(preview.speed, self.feed_forward.slowest),
+            slowest=self.feed_forward.slowest,
             before=self._scale.scaled(plain[:1] if self._last is None else self._last.at(t)),
             preferred=float(preferred),
         )
