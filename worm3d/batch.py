@@ -27,7 +27,7 @@ from worm3d.worm import Worm
 T = TypeVar("T")
 
 MOST_THREADS = 1024
-"""More than any computer has cores for."""
+"""Largest number of threads."""
 
 
 def simulate_batch(

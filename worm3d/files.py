@@ -47,7 +47,7 @@ STATE = {
 """Fields of a state that are numbers, and their units."""
 
 FIELD, MEMORY = "state_", "memory_"
-"""What a checkpoint puts before the name of a state's field, and of an array of its memory."""
+"""Prefixes of variables of a checkpoint: fields of the state, and arrays of its memory."""
 
 IN_TEXT = 16
 """Numbers that an array has at most to stand in the text; others are variables."""

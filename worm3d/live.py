@@ -31,20 +31,20 @@ if TYPE_CHECKING:
 
 
 AHEAD = 3.0
-"""The world is drawn so many body lengths around the start."""
+"""Distance around the start within which the world is drawn [body lengths]."""
 
 Horizon = Callable[[float, FloatArray], FloatArray | None]
 """Time [s] and centre of mass, shape (3,) [m] -> points that a controller expects to pass, (H, 3) [m], or None."""
 
 FPS = 25.0
-"""Pictures in a second of real time."""
+"""Pictures per second of real time."""
 
 FASTEST = 1e6
-"""Simulated over real time, beyond which only the last row at hand is shown."""
+"""Largest speed, simulated over real time, at which rows are shown in turn; beyond it only the latest is."""
 
 
 MOST_STEPS = 50
-"""Steps between two looks at a run that goes on as fast as it can, about."""
+"""Number of steps, about, between two pictures of a run that goes on as fast as it can."""
 
 
 class Live:

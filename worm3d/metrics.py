@@ -22,8 +22,9 @@ NOT_SETTLED = (
     "the worm was not brought to rest before the run: it touched nothing, moved, went on from an earlier run, or was "
     "to start as it was"
 )
+NO_STEP = "no step was finished"
 NO_WAY = 1e-9
-"""Distance that is rounding, as a fraction of the body length."""
+"""Distance that counts as rounding, as a fraction of the body length."""
 
 
 def forward(joints: FloatArray, world: World | None) -> FloatArray | None:
@@ -139,35 +140,28 @@ class Summary(dict[str, float | str | None]):
         return "\n".join(f"{name:<34}{shown:>12} {unit}".rstrip() for name, shown, unit in rows)
 
 
+Metric = tuple[float | str | None, str]
+"""A metric, and why it has no value if it is None."""
+
+
 def summary(result: Result) -> Summary:
     """Return the metrics of a run."""
-    energy, made, window = result.energy, result.distance, _window(result)
+    return Summary({name: value for name, (value, _) in _metrics(result).items()})
+
+
+def reasons(result: Result) -> dict[str, str]:
+    """Return why metrics of the summary have no value."""
+    return {name: why for name, (value, why) in _metrics(result).items() if value is None}
+
+
+def _metrics(result: Result) -> dict[str, Metric]:
+    energy, uses, made = result.energy, result.energy.uses, result.distance
     work, weight = float(energy.work_contract.sum()), result.worm.mass * float(np.linalg.norm(result.gravity))
-    cost, uses, dragged = _cost(work, weight, made, result), energy.uses, float(energy.drag_loss.sum())
-    path = speed = None
-    if result.period is not None and not _sparse(result):
-        path = path_length(_along_the_ground(result.com, result), result.time, result.period)
-    if window is not None:
-        mean = averaged(result.com, window)
-        ends = way(mean[[0, -1]], result.joints[0], result.world)
-        elapsed = float(result.time[-1] - result.time[window - 1])
-        speed = None if ends is None else float(ends[-1] - ends[0]) / elapsed
-    turned = np.rad2deg(result.heading[-1] - result.heading[0])
-    steps = len(result.newton_iterations)
-    simulated = float(result.time[-1] - result.time[0])
-    metrics: dict[str, float | str | None] = {
-        "status": result.status.name.lower(),
-        "duration_s": simulated,
-        "distance_m": _known(made),
-        "path_length_m": path,
-        "mean_speed_m_s": speed,
-        "heading_change_deg": _known(float(turned)),
-        "work_contract_J": work,
-        "work_friction_J": uses["friction"],
-        "cost_of_transport": cost,
-        "energy_balance_error": energy.balance_error,
-        "newton_iterations_mean": float(result.newton_iterations.mean()) if steps else None,
-        "real_time_factor": steps * result.dt / result.wall_s if steps and result.wall_s > 0.0 else None,
+    dragged, steps = float(energy.drag_loss.sum()), len(result.newton_iterations)
+    cost, no_cost = _cost(work, weight, made, result)
+    turned = float(np.rad2deg(result.heading[-1] - result.heading[0]))
+    factor = steps * result.dt / result.wall_s if steps and result.wall_s > 0.0 else None
+    known: dict[str, float | str] = {
         "work_contract_positive_J": float(energy.work_contract_positive.sum()),
         "work_contract_p11_J": float(energy.work_contract_p11.sum()),
         "work_friction_p13_J": float(energy.work_friction_p13.sum()),
@@ -176,43 +170,52 @@ def summary(result: Result) -> Summary:
         **{f"work_{name}_J": joules for name, joules in uses.items()},
         "work_damping_medium_J": dragged,
         "work_damping_material_J": uses["damping"] - dragged,
-        **{f"cost_of_transport_{name}": _share(cost, joules, weight * made) for name, joules in uses.items()},
-        "settling_m": result.settling,
     }
-    return Summary(metrics)
-
-
-def _cost(work: float, weight: float, way: float, result: Result) -> float | None:
-    if work < -_rounding(result) or weight == 0.0 or not way > NO_WAY * result.worm.length:
-        return None
-    return max(0.0, work) / (weight * way)
-
-
-def _share(cost: float | None, joules: float, per: float) -> float | None:
-    return None if cost is None else joules / per
-
-
-def _known(value: float) -> float | None:
-    return None if np.isnan(value) else value
-
-
-def reasons(result: Result) -> dict[str, str]:
-    """Return why figures of the summary have no value."""
-    figures, found = summary(result), {}
-    why = {
-        "distance_m": NO_HEADING,
-        "path_length_m": _no_mean(result),
-        "mean_speed_m_s": NO_HEADING if _window(result) is not None else _no_mean(result),
-        "heading_change_deg": "the body is vertical: it has no heading",
-        **{name: _no_cost(result) for name in figures if name.startswith("cost_of_transport")},
-        "newton_iterations_mean": "no step was finished",
-        "settling_m": NOT_SETTLED,
-        "real_time_factor": "no step was finished",
+    return {
+        "status": (result.status.name.lower(), ""),
+        "duration_s": (float(result.time[-1] - result.time[0]), ""),
+        "distance_m": (None if np.isnan(made) else made, NO_HEADING),
+        "path_length_m": _path_length(result),
+        "mean_speed_m_s": _mean_speed(result),
+        "heading_change_deg": (None if np.isnan(turned) else turned, "the body is vertical: it has no heading"),
+        "work_contract_J": (work, ""),
+        "work_friction_J": (uses["friction"], ""),
+        "cost_of_transport": (cost, no_cost),
+        "energy_balance_error": (energy.balance_error, ""),
+        "newton_iterations_mean": (float(result.newton_iterations.mean()) if steps else None, NO_STEP),
+        "real_time_factor": (factor, NO_STEP),
+        **{name: (value, "") for name, value in known.items()},
+        **{
+            f"cost_of_transport_{name}": (None if cost is None else joules / (weight * made), no_cost)
+            for name, joules in uses.items()
+        },
+        "settling_m": (result.settling, NOT_SETTLED),
     }
-    for name, value in figures.items():
-        if value is None:
-            found[name] = why[name]
-    return found
+
+
+def _path_length(result: Result) -> Metric:
+    if result.period is None or _sparse(result):
+        return None, _no_mean(result)
+    return path_length(_along_the_ground(result.com, result), result.time, result.period), ""
+
+
+def _mean_speed(result: Result) -> Metric:
+    window = _window(result)
+    if window is None:
+        return None, _no_mean(result)
+    ends = way(averaged(result.com, window)[[0, -1]], result.joints[0], result.world)
+    elapsed = float(result.time[-1] - result.time[window - 1])
+    return None if ends is None else float(ends[-1] - ends[0]) / elapsed, NO_HEADING
+
+
+def _cost(work: float, weight: float, way: float, result: Result) -> Metric:
+    if work < -_rounding(result):
+        return None, f"the net work of the contraction is negative ({work:.4g} J): the worm drove its actuators"
+    if way <= NO_WAY * result.worm.length:
+        return None, f"the worm made no way forward ({way:.4g} m)"
+    if weight == 0.0 or np.isnan(way):
+        return None, "the worm has no weight, or no heading at the start"
+    return max(0.0, work) / (weight * way), ""
 
 
 def _no_mean(result: Result) -> str:
@@ -229,12 +232,3 @@ def _rounding(result: Result) -> float:
     """Return the work that may be rounding alone [J]."""
     stored = float(np.sum(result.worm.k_spring)) * result.worm.l0  # the scale of the springs' energy
     return 1e-12 * float(np.abs(result.energy.work_contract).sum()) + 1e-15 * stored
-
-
-def _no_cost(result: Result) -> str:
-    work, way = float(result.energy.work_contract.sum()), result.distance
-    if work < -_rounding(result):
-        return f"the net work of the contraction is negative ({work:.4g} J): the worm drove its actuators"
-    if way <= NO_WAY * result.worm.length:
-        return f"the worm made no way forward ({way:.4g} m)"
-    return "the worm has no weight, or no heading at the start"

@@ -28,19 +28,19 @@ if TYPE_CHECKING:
 
 
 FPS = 25.0
-"""Frames a second of a page or movie, at most."""
+"""Largest number of frames per second of a page or movie."""
 
 MOST_SEGMENTS = 12_000
-"""Segments in all frames of a page together: one of a longer run, or of a longer worm, has fewer frames a second."""
+"""Largest number of segments in all frames of a page together: longer runs and worms get fewer frames per second."""
 
 PATH_ABOVE, TRAIL_ABOVE = 0.004, 0.008
-"""Heights over the ground of the path to keep to and of the way of the centre of mass, in body lengths."""
+"""Heights above the ground at which the path to follow and the trail of the centre of mass are drawn [body lengths]."""
 
 SERIES = (
     *("time", "joints", "points", "directors", "chamber_length", "com", "contact_force"),
     *("normal_load", "slip", "joint_load", "joint_slip"),
 )
-"""What pictures take of a result, at each instant."""
+"""Series of a result that pictures show."""
 
 ENDINGS = (".html", ".png", ".gif", ".mp4", ".glb")
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import xarray
 
 HEADLINES = ("distance_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J", "cost_of_transport")
-"""Figures of merit with which a result is printed."""
+"""Metrics with which a result is printed."""
 
 
 @documented
@@ -139,8 +139,8 @@ class Result(Recorded, Steps):
         write_csv([timed[name] for name in names], path)
 
     def __repr__(self) -> str:
-        worm, figures = self.worm, {**dict.fromkeys(HEADLINES), **self.summary()}
-        merits = (f"{name} {figures[name]:.4g}" for name in HEADLINES if isinstance(figures[name], float))
+        worm, summary = self.worm, self.summary()
+        merits = (f"{name} {summary[name]:.4g}" for name in HEADLINES if isinstance(summary[name], float))
         return listed(
             (
                 f"Result: {self.stop.sentence}",
@@ -148,7 +148,7 @@ class Result(Recorded, Steps):
                 f"segments, {worm.length:g} m, {worm.mass:g} kg on {brief(self.world)}",
                 f"  {', '.join(merits)}",
                 "  arrays: time, joints, com, heading, chamber_length, normal_load, slip, energy, and others",
-                "  summary() has all figures of merit, worm3d.draw(result, 'viewer.html') shows the run",
+                "  summary() has all metrics, worm3d.draw(result, 'viewer.html') shows the run",
             )
         )
 
@@ -156,8 +156,8 @@ class Result(Recorded, Steps):
         """Show the run in a notebook cell, and what it came to."""
         from worm3d.pictures import show
 
-        figures = (f"{name} = {figure:.6g}" for name, figure in self.summary().items() if isinstance(figure, float))
-        return f"<p>{self.stop.sentence}: {', '.join(figures)}</p>{show(self)._repr_html_()}"
+        merits = (f"{name} = {value:.6g}" for name, value in self.summary().items() if isinstance(value, float))
+        return f"<p>{self.stop.sentence}: {', '.join(merits)}</p>{show(self)._repr_html_()}"
 
     def summary(self) -> metrics.Summary:
         """Return the metrics of the run by name, printed as a table; None where one has no value (`reasons`)."""

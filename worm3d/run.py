@@ -143,7 +143,7 @@ class Run:
                 self.complaint = f"{type(error).__name__}: {error}"
                 _LOG.error("the observer failed", exc_info=error)
                 return Status.OBSERVER_FAILED
-            if goes_on is not None and not goes_on and self.done < self.steps:
+            if isinstance(goes_on, bool | np.bool_) and not goes_on and self.done < self.steps:
                 return Status.INTERRUPTED
         return Status.DONE
 

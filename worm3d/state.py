@@ -19,10 +19,10 @@ from worm3d.worlds.base import World
 from worm3d.worm import Worm
 
 LIFTS = 50
-"""A worm put on its world is lifted at most so often until it fits."""
+"""Largest number of times that a worm put on its world is lifted until it fits."""
 
 TOUCHES = 1e-12
-"""Depth of an apex in the world that is rounding, as a fraction of the body length."""
+"""Depth of an apex in the world that counts as rounding, as a fraction of the body length."""
 
 
 class StateError(ValueError):

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from worm3d.plant import Plant
 
 STATE = "actuator_"
-"""Before the names of the actuators' states."""
+"""Prefix of the names of the actuators' states."""
 
 PLAN, MOMENTA = 0, 1
 """Arrays of the block of records that are no series: the plan; momentum, angular momentum and centre of mass."""

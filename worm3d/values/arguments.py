@@ -16,10 +16,10 @@ from worm3d.values.arrays import FloatArray
 T = TypeVar("T")
 
 LARGEST = 1e12
-"""Nothing may be larger, in SI units, and what is above 0 not less than its inverse: squares and cubes stay numbers."""
+"""Largest size of a number in SI units; what has to be above 0 is at least its inverse, so that cubes stay finite."""
 
 LARGEST_WHOLE = 2**63 - 1
-"""What 64 bits hold."""
+"""Largest whole number of 64 bits."""
 
 _LONGEST = 80
 """Characters of a value in a sentence."""

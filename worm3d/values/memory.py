@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 MOST_MEMORY = 4e9
-"""A run, grid or table that needs more is refused [byte]."""
+"""Largest memory of a run, grid or table [byte]."""
 
 BYTES_PER_STEP = 250.0
-"""What a step takes beside the rows of the result."""
+"""Memory that a step takes beside the rows of the result [byte]."""
 
 
 def bytes_of_run(segments: int, steps: float, every: int) -> float:
