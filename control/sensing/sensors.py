@@ -155,34 +155,35 @@ class _Instrument:
         self._mirrored = sensors.mirrored
         self._random = np.random.default_rng([sensors.seed, crc32(name.encode())])
         self._bias: FloatArray | None = None
-        self._begin, self._next = 0.0, 0
+        self._begin, self._count = float("nan"), 0
         self._last = float("nan")
         self._on_the_way: deque[tuple[float, FloatArray]] = deque()
 
     def sample(self, seen: Observation) -> Sample:
         """Take a sample if one is due, and return the latest that has arrived since the last call."""
-        self._look(seen.time, true_value(self._name, seen))
+        if self._is_due(seen.time):
+            self._take(seen.time, true_value(self._name, seen))
         value = None
         while self._on_the_way and self._on_the_way[0][0] + self._channel.delay <= seen.time + ROUNDING:
             self._last, value = self._on_the_way.popleft()
         return Sample(_wrapped(value) if self._quantity.angle and value is not None else value, self._last)
 
-    def _look(self, t: float, value: FloatArray) -> None:
-        if self._bias is None:
-            self._begin, self._bias = t, self._channel.bias * self._random.standard_normal(value.shape)
-        if not self._due(t):
-            return
-        error = self._bias + self._channel.noise * self._random.standard_normal(value.shape)
-        if self._random.uniform() >= self._channel.dropout:
-            self._on_the_way.append((t, value + (self._quantity.mirrored(error) if self._mirrored else error)))
-
-    def _due(self, t: float) -> bool:
+    def _is_due(self, t: float) -> bool:
         """Return whether a sample is due; one that was missed is not made up for."""
         if np.isinf(self._channel.rate):
             return True
+        if np.isnan(self._begin):
+            self._begin = t
         count = int((t - self._begin + ROUNDING) * self._channel.rate)
-        due, self._next = count >= self._next, max(self._next, count + 1)
+        due, self._count = count >= self._count, max(self._count, count + 1)
         return due
+
+    def _take(self, t: float, value: FloatArray) -> None:
+        if self._bias is None:
+            self._bias = self._channel.bias * self._random.standard_normal(value.shape)
+        error = self._bias + self._channel.noise * self._random.standard_normal(value.shape)
+        if self._random.uniform() >= self._channel.dropout:
+            self._on_the_way.append((t, value + (self._quantity.mirrored(error) if self._mirrored else error)))
 
 
 def true_value(name: str, seen: Observation) -> FloatArray:

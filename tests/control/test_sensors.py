@@ -12,7 +12,7 @@ from control.gaits import TravellingWave
 from control.sensing.channels import QUANTITIES, Quantity
 from control.sensing.gate import Gate, Refusal
 from control.sensing.sensors import Channel, Measurement, Sensors
-from worm3d import Command, Observation, Plane, State, Worm, simulate
+from worm3d import Command, Observation, Plane, Pneumatic, State, Worm, simulate
 
 EXACT = Channel(noise=0.0)
 N = 6
@@ -252,6 +252,16 @@ def test_pressures_are_measured_where_actuators_have_them() -> None:
     with pytest.raises(ValueError, match="pressure: got a sensor of it, but this worm has no pressure of the chambers"):
         Sensors(pressure=EXACT)(dry)
     assert "pressure" not in Gate(Worm())(0.3, dry), "an exact measurement has what there is"
+
+
+def test_the_pressures_of_pneumatic_chambers_are_measured() -> None:
+    worm = Worm(actuator=Pneumatic())
+    listening = Listening(TravellingWave().bind(worm))
+    run = simulate(worm, Plane(), actuation=listening, sensor=Sensors(pressure=EXACT), duration=0.5)
+    measured = np.array([each.pressure for each in listening.heard])
+    assert_array_equal(measured, run.actuator_states["pressure"][:-1])
+    assert np.ptp(measured) > 100.0
+    assert QUANTITIES["pressure"].exists(worm)
 
 
 @pytest.mark.parametrize("roll", [0.0, 0.1])
