@@ -5,6 +5,7 @@ import importlib
 import pytest
 
 import control
+from control import sensing
 
 
 @pytest.mark.parametrize("former", sorted(control._MOVED))
@@ -13,3 +14,8 @@ def test_a_former_name_is_the_module_itself(former: str) -> None:
     assert module is importlib.import_module(control._MOVED[former])
     assert module.__spec__ is not None
     assert module.__spec__.name == module.__name__ == control._MOVED[former]
+
+
+def test_sensors_are_found_in_their_room_and_under_their_former_name() -> None:
+    assert sensing.Sensors is importlib.import_module("control.sensors").Sensors
+    assert sensing.Measurement is importlib.import_module("control.measurement").Measurement
