@@ -23,7 +23,7 @@ from control.identification.identified import (
     steady_motion,
     store,
 )
-from worm3d import Friction, Plane, Worm, simulate
+from worm3d import Friction, Plane, Pneumatic, Viscous, Worm, simulate
 
 DESIGN = Design()
 
@@ -117,9 +117,18 @@ def test_the_key_is_made_of_all_parameters() -> None:
         key(worm, Friction(lateral=0.3), schedule, DESIGN),
         key(worm, ground, Schedule(lead=0.3), DESIGN),
         key(worm, ground, schedule, Design(waves=9)),
+        key(worm, Friction(law=Viscous()), schedule, DESIGN),
+        key(Worm(actuator=Pneumatic()), ground, schedule, DESIGN),
+        key(Worm(actuator=Pneumatic(supply=3e3)), ground, schedule, DESIGN),
     }
-    assert len(keys) == 6
+    assert len(keys) == 9
     assert key(worm, ground, schedule, DESIGN) == key(Worm(k_yaw=np.full(5, 0.5)), ground, schedule, DESIGN)
+
+
+def test_a_parameter_that_has_its_default_does_not_enter_the_key() -> None:
+    """So that maps are found again where a worm has got parameters that it had not when it was identified."""
+    assert identified._unusual(Worm()) == identified._unusual(Friction()) == {}
+    assert identified._unusual(Worm(k_yaw=0.6)) == {"k_yaw": 0.6}
 
 
 def test_only_the_default_worm_is_shipped() -> None:

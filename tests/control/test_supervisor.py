@@ -1,4 +1,4 @@
-"""The supervisor and its ladder: what is asked for when plans fail, and what is written down."""
+"""The supervisor and its fallback: what is asked for when plans fail, and what is recorded."""
 
 from dataclasses import replace
 

@@ -11,18 +11,10 @@ from matplotlib.figure import Figure
 
 from control.gaits.steering import MECHANISMS
 from control.identification.identified import Identified
-from scenes.commands.identify.study import (
-    AMPLITUDE,
-    GOAL_DEG,
-    IN_STEP,
-    PERIOD,
-    STEERING,
-    YAW_FACTORS,
-    Curve,
-    Phases,
-)
+from scenes.commands.identify import study
+from scenes.commands.identify.study import Curve, Phases
 
-COLOURS = dict(zip((IN_STEP, *YAW_FACTORS), ("#9a9a9a", "#8cc0df", "#1f5a94", "#d9793a"), strict=True))
+COLOURS = dict(zip((study.IN_STEP, *study.YAW_FACTORS), ("#9a9a9a", "#8cc0df", "#1f5a94", "#d9793a"), strict=True))
 PANELS = (
     ("turn_deg", "turn to the left [° a wave]"),
     ("speed_bl_s", "speed [body lengths/s]"),
@@ -47,9 +39,8 @@ def draw(curves: Sequence[Curve], phases: Sequence[Phases], identified: Identifi
         _draw_phases(row[-1], [each for each in phases if each.mechanism == mechanism])
     handles, labels = grid[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=9)
-    figure.suptitle(
-        f"Steering at amplitude {AMPLITUDE:g}, {1.0 / PERIOD:g} Hz; to the right it is the mirror image", fontsize=12
-    )
+    wave = f"amplitude {study.AMPLITUDE:g}, {1.0 / study.PERIOD:g} Hz"
+    figure.suptitle(f"Steering at {wave}; to the right it is the mirror image", fontsize=12)
     return figure
 
 
@@ -74,7 +65,7 @@ def _draw_phases(axes: Axes, phases: Sequence[Phases]) -> None:
     axes.set_xlabel("bend ahead of the contraction by [°]")
     axes.set_ylabel("turn, drift a wave")
     mechanism = phases[0].mechanism
-    axes.set_title(f"{LABELS[mechanism]} {STEERING[mechanism]:g}; dotted: the schedule's phase", fontsize=9)
+    axes.set_title(f"{LABELS[mechanism]} {study.STEERING[mechanism]:g}; dotted: the schedule's phase", fontsize=9)
     low, high = axes.get_ylim()
     axes.set_ylim(low - 0.45 * (high - low), high)  # room for the legend
     axes.grid(True, alpha=0.25)
@@ -85,8 +76,8 @@ def _draw_fit(row: Sequence[Axes], identified: Identified, mechanism: str) -> No
     """Draw the map over the points it stands for, and what a schedule should reach."""
     found = identified.maps[mechanism]  # type: ignore[index]
     s = np.linspace(0.0, found.ranges.steering, 60)
-    row[0].axhline(GOAL_DEG, color="k", lw=0.8, ls=":", label=f"{GOAL_DEG:g}° a wave")
+    row[0].axhline(study.GOAL_DEG, color="k", lw=0.8, ls=":", label=f"{study.GOAL_DEG:g}° a wave")
     style: dict[str, Any] = {"color": "k", "lw": 1.0, "ls": "--", "label": "identified map"}
     row[0].plot([], [], "x", color="k", ms=5, label="tipped over: lies on its side")
-    row[0].plot(s, np.rad2deg(found.turn(AMPLITUDE, 1.0 / PERIOD, s)), **style)
-    row[1].plot(s, found.speed(AMPLITUDE, 1.0 / PERIOD, s), **style)
+    row[0].plot(s, np.rad2deg(found.turn(study.AMPLITUDE, 1.0 / study.PERIOD, s)), **style)
+    row[1].plot(s, found.speed(study.AMPLITUDE, 1.0 / study.PERIOD, s), **style)
