@@ -37,24 +37,17 @@ class Bars:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Chambers and segment frames of N segments at T instants.
-
-    Attributes
-    ----------
-    t, d, u : ndarray, shape (T, N, 3)
-        Unit vectors along, to the left and up.
-    centre : ndarray, shape (T, N, 2, 3)
-        Centres of the chambers [m].
-    length, height : ndarray, shape (T, N, 2)
-        l_c, and half the vertical diagonal h_c [m].
-    """
+    """Chambers and segment frames of N segments at T instants."""
 
     t: FloatArray
     d: FloatArray
     u: FloatArray
+    """Shape (T, N, 3): unit vectors along, to the left and up."""
     centre: FloatArray
+    """Shape (T, N, 2, 3): centres of the chambers [m]."""
     length: FloatArray
     height: FloatArray
+    """Shape (T, N, 2): l_c, and half the vertical diagonal h_c [m]."""
 
     @classmethod
     def of(cls, frames: Frames) -> Body:

@@ -36,43 +36,6 @@ _SIDE = np.array([1.0, -1.0])
 class Frames:
     """The worm at T instants; frozen, validated, with read-only arrays. N segments, joint 0 is the tail.
 
-    Attributes
-    ----------
-    time : ndarray, shape (T,)
-        Increasing [s].
-    joints : ndarray, shape (T, N+1, 3)
-        [m].
-    apexes : ndarray, shape (T, N, 6, 3)
-        Apexes in the order L-below, L-above, L-outward, R-below, R-above, R-outward [m].
-    directors : ndarray, shape (T, N, 3)
-        Unit directors d of the segments, normal to them, to the left.
-    chamber_strain : ndarray, shape (T, N, 2)
-        Left and right chamber: (length - rest length) / rest length, negative is shorter; it gives the colour.
-    faces : ndarray, shape (T, N, 2, 3), optional
-        Where the tail and the head end of each segment touch the world [m].
-    contact_force : ndarray, shape (T, N, K, 3), optional
-        Forces of the world on the K contact points of a segment, its 6 apexes and then its faces, if given [N].
-    anchored : ndarray of bool, shape (T, N, K), optional
-        Which of them stick.
-    face_radius : ndarray, shape (2,), optional
-        Radii of the discs across tail and head on which the worm stands; without them it has none [m].
-    com : ndarray, shape (T, 3), optional
-        Centre of mass [m]; gives the speed.
-    trail : ndarray, shape (T, 3), optional
-        Way of the centre of mass as it is drawn, e.g. on the ground; `com` itself if left out [m].
-    reference_speed : ndarray, shape (T,), optional
-        What a controller was to keep to, shown beside the speed [m/s].
-    period : float, optional
-        Commanded period [s]: the speed shown is an average over it, since a wave rocks the centre of mass.
-    path : ndarray, shape (P, 3), optional
-        Reference path, which is drawn [m].
-    centreline : ndarray, shape (P, 3), optional
-        Centre line of the pipe, on which the camera inside it stands [m].
-    horizon : ndarray, shape (T, H, 3), optional
-        Points the controller expects to pass [m].
-    world : tuple of WorldMesh
-        Plain tuples (name, vertices, faces, colour, opacity) are taken too.
-
     Raises
     ------
     ValueError
@@ -80,22 +43,40 @@ class Frames:
     """
 
     time: FloatArray
+    """Shape (T,): instants, increasing [s]."""
     joints: FloatArray
+    """Shape (T, N+1, 3): joints, that of the tail first [m]."""
     apexes: FloatArray
+    """Shape (T, N, 6, 3): apexes in the order L-below, L-above, L-outward, R-below, R-above, R-outward [m]."""
     directors: FloatArray
+    """Shape (T, N, 3): unit directors d of the segments, normal to them, to the left."""
     chamber_strain: FloatArray
+    """Shape (T, N, 2): length of the left and the right chamber over its rest length, less 1; it gives the colour."""
     faces: FloatArray | None = None
+    """Shape (T, N, 2, 3): contact points of the tail and the head end of each segment [m]."""
     contact_force: FloatArray | None = None
+    """Shape (T, N, K, 3): forces of the world on the K contact points of a segment, its 6 apexes and then its faces, if
+    given [N]."""
     anchored: NDArray[np.bool_] | None = None
+    """Shape (T, N, K): whether a contact point sticks."""
     face_radius: FloatArray | None = None
+    """Shape (2,): radii of the discs across tail and head on which the worm stands; without them it has none [m]."""
     com: FloatArray | None = None
+    """Shape (T, 3): centre of mass [m]; gives the speed."""
     trail: FloatArray | None = None
+    """Shape (T, 3): way of the centre of mass as it is drawn, e.g. on the ground; `com` itself if left out [m]."""
     reference_speed: FloatArray | None = None
+    """Shape (T,): speed that a controller was to keep to, shown beside the speed [m/s]."""
     period: float | None = None
+    """Commanded period [s]: the speed shown is an average over it, since a wave rocks the centre of mass."""
     path: FloatArray | None = None
+    """Shape (P, 3): reference path, which is drawn [m]."""
     centreline: FloatArray | None = None
+    """Shape (P, 3): centre line of the pipe, on which the camera inside it stands [m]."""
     horizon: FloatArray | None = None
+    """Shape (T, H, 3): points the controller expects to pass [m]."""
     world: tuple[WorldMesh, ...] = ()
+    """Surroundings; plain tuples (name, vertices, faces, colour, opacity) are taken too."""
 
     def __post_init__(self) -> None:
         sizes = {"K": 6 if self.faces is None else 8}

@@ -89,18 +89,12 @@ def html(frames: Frames, *, skin: bool = True, title: str = "worm3d") -> str:
 
 @dataclass(frozen=True)
 class NotebookView:
-    """Shows itself where it is the value of a notebook cell; the page lives in the notebook and needs no server.
-
-    Attributes
-    ----------
-    page : str
-        HTML of the page.
-    height : int
-        [pixels].
-    """
+    """Shows itself where it is the value of a notebook cell; the page lives in the notebook and needs no server."""
 
     page: str = field(repr=False)
+    """HTML of the page."""
     height: int = 520
+    """Height of the cell [pixel]."""
 
     def open(self) -> Path:
         """Open the page in a browser, and return the temporary file that holds it."""

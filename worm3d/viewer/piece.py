@@ -16,40 +16,27 @@ HIDDEN = 1e-6
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Piece:
-    """A mesh that moves as a whole, in one layer of the scene.
-
-    Attributes
-    ----------
-    path : str
-        "layer/name"; unique.
-    mesh : Mesh
-    colour : tuple of float
-    opacity : float
-    on_top : bool
-        Whether it is seen through everything else.
-    position : ndarray, shape (T, 3), optional
-        [m]; a piece without it stands still at the origin.
-    quaternion : ndarray, shape (T, 4), optional
-    scale : ndarray, shape (T, 3), optional
-    tint : ndarray, shape (T, 3), optional
-        Colour in every frame.
-    stepped : bool
-        Whether the scale changes at the frames, not between them.
-    paint : ndarray, shape (V, 3), optional
-        Colours of the vertices, in the place of `colour`.
-    """
+    """A mesh that moves as a whole, in one layer of the scene."""
 
     path: str
+    """Unique name, "layer/name"."""
     mesh: Mesh
     colour: Colour
     opacity: float = 1.0
     on_top: bool = False
+    """Whether it is seen through everything else."""
     position: FloatArray | None = None
+    """Shape (T, 3): place [m]; a piece without one stands still at the origin."""
     quaternion: FloatArray | None = None
+    """Shape (T, 4): turn, (x, y, z, w)."""
     scale: FloatArray | None = None
+    """Shape (T, 3): factors along its axes."""
     tint: FloatArray | None = None
+    """Shape (T, 3): colour in every frame."""
     stepped: bool = False
+    """Whether the scale changes at the frames, not between them."""
     paint: FloatArray | None = None
+    """Shape (V, 3): colours of the vertices, in the place of `colour`."""
 
     @property
     def layer(self) -> str:

@@ -40,18 +40,12 @@ TRAIL_SIDES = 6
 
 @dataclass(frozen=True)
 class Scales:
-    """Meaning of colours and lengths.
-
-    Attributes
-    ----------
-    strain : float
-        Strain at full colour.
-    force : float
-        Force [N] drawn as an arrow of `arrow_length`.
-    """
+    """Meaning of colours and lengths."""
 
     strain: float
+    """Strain at full colour."""
     force: float
+    """Force [N] drawn as an arrow of `arrow_length`."""
 
     @classmethod
     def of(cls, frames: Frames) -> Scales:

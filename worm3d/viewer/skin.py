@@ -64,21 +64,15 @@ LEFT = np.append(np.repeat([1.0, 0.0], SIDES // 2), 0.5)
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The skin at T instants, as sections and their colours; the first and the last of S sections are its ends.
-
-    Attributes
-    ----------
-    sections : ndarray, shape (T, S+2, 6, 3)
-        Their points, and those of one more beyond each end, which only give the spline its direction there [m].
-    tint : ndarray, shape (T, S+2, 2, 3)
-        Colours of the left and of the right.
-    end_faces : bool
-        Whether its ends are those on which the worm stands.
-    """
+    """The skin at T instants, as sections and their colours; the first and the last of S sections are its ends."""
 
     sections: FloatArray
+    """Shape (T, S+2, 6, 3): their points, and those of one more beyond each end, which only give the spline its
+    direction there [m]."""
     tint: FloatArray
+    """Shape (T, S+2, 2, 3): colours of the left and of the right."""
     end_faces: bool
+    """Whether its ends are those on which the worm stands."""
 
     @classmethod
     def of(cls, frames: Frames, strain_limit: float) -> Skin:

@@ -32,18 +32,6 @@ _EDGES = [(a, b) for a in range(8) for b in range(a, 8) if np.abs(_CORNERS[b] - 
 class WorldMesh:
     """A triangle mesh of something the worm crawls on or in; frozen, validated, with read-only arrays.
 
-    Attributes
-    ----------
-    name : str
-    vertices : ndarray, shape (V, 3)
-        [m].
-    faces : ndarray, shape (F, 3)
-        Rows of `vertices`.
-    colour : tuple of float
-        Red, green, blue, each in [0, 1].
-    opacity : float
-        0 to 1; 1 hides what is behind.
-
     Raises
     ------
     ValueError
@@ -52,9 +40,13 @@ class WorldMesh:
 
     name: str
     vertices: FloatArray
+    """Shape (V, 3): corners [m]."""
     faces: NDArray[np.int64]
+    """Shape (F, 3): rows of `vertices`."""
     colour: Colour = GROUND
+    """Red, green, blue, each in [0, 1]."""
     opacity: float = 1.0
+    """Opacity, 0 to 1; 1 hides what is behind."""
 
     def __post_init__(self) -> None:
         what = f"world mesh {self.name!r}"

@@ -60,21 +60,14 @@ HALF = 32
 
 @dataclass(frozen=True)
 class WorldKernel:
-    """A compiled world.
-
-    Attributes
-    ----------
-    address : int
-        Address of the C function (`worm3d.machine.codegen.emit`).
-    parameters : ndarray, shape (m,)
-        Rows of the inputs after the point's coordinates, the same for all points.
-    owner : object
-        Kept alive as long as the address is used.
-    """
+    """A compiled world."""
 
     address: int
+    """Address of the C function (`worm3d.machine.codegen.emit`)."""
     parameters: FloatArray
+    """Shape (m,): rows of the inputs after the point's coordinates, the same for all points."""
     owner: object
+    """Object that is kept alive as long as the address is used."""
 
 
 def compiled(function: ca.Function, parameters: FloatArray) -> WorldKernel:

@@ -68,21 +68,14 @@ Shift = tuple[float, ...]
 
 @dataclass(frozen=True, eq=False)
 class Grid(ReadOnly):
-    """A cubic spline of signed distances on a regular grid, negative inside.
-
-    Attributes
-    ----------
-    coefficients : ndarray of float32, shape (A, B, C)
-        Coefficients of the spline, in cells.
-    first : ndarray, shape (3,)
-        Place of the first node [m].
-    cell : float
-        Distance of nodes [m].
-    """
+    """A cubic spline of signed distances on a regular grid, negative inside."""
 
     coefficients: SingleArray
+    """Shape (A, B, C): coefficients of the spline, in cells."""
     first: FloatArray
+    """Shape (3,): place of the first node [m]."""
     cell: float
+    """Distance of nodes [m]."""
 
 
 class GridWorld(World, ReadOnly):
@@ -151,18 +144,12 @@ class GridWorld(World, ReadOnly):
 
 @dataclass(frozen=True, eq=False)
 class SampledWorld(GridWorld):
-    """The world of a Python function, sampled; made by `World.from_distance`.
-
-    Attributes
-    ----------
-    grid : Grid
-        Spline of its distances.
-    grip : float
-        Multiplier of the friction coefficients.
-    """
+    """The world of a Python function, sampled; made by `World.from_distance`."""
 
     grid: Grid
+    """Spline of its distances."""
     grip: float = 1.0
+    """Multiplier of the friction coefficients."""
 
     @classmethod
     def of(
