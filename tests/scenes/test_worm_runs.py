@@ -222,7 +222,7 @@ def test_a_run_that_cannot_begin_has_a_record_too(worm3d, tmp_path: Path) -> Non
 
 
 def test_a_model_with_a_view_gets_its_page(worm3d, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def view(record: Record, path: Path) -> None:
+    def view(record: Record, path: Path, *, skin: bool = True) -> None:
         path.write_text(f"<title>{record.title}</title>")
 
     model = replace(models.get("worm"), view=view)

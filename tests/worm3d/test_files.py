@@ -93,6 +93,26 @@ def test_a_mesh_is_in_the_file(tmp_path: Path) -> None:
     assert_array_equal(found.world.distance(places), result.world.distance(places))
 
 
+def test_states_of_actuators_are_seen_recorded_and_kept(tmp_path: Path) -> None:
+    seen: list[np.ndarray] = []
+    given = {"actuation": TravellingWave(), "dt": 0.01}
+    worm = Worm(actuator=worm3d.Pneumatic())
+    whole = worm3d.simulate(
+        worm, Plane(), duration=0.2, **given, every=1, observer=lambda t, v: seen.append(v.actuator_states["pressure"])
+    )
+    assert whole.actuator_states["pressure"].shape == (21, 6, 2)
+    assert_array_equal(seen, whole.actuator_states["pressure"])
+    assert np.ptp(seen) > 1.0
+    assert_array_equal(whole.to_xarray().actuator_pressure.sel(chamber=1), whole.actuator_states["pressure"][:, :, 1])
+    first = worm3d.simulate(worm, Plane(), duration=0.1, **given)
+    first.save(tmp_path / "run.nc")
+    found = worm3d.load(tmp_path / "run.nc")
+    assert_same(first, found)
+    rest = worm3d.simulate(found.worm, found.world, duration=0.1, state=found.state, **given)
+    assert_array_equal(rest.actuator_states["air"], whole.actuator_states["air"][10:])
+    assert_array_equal(rest.joints, whole.joints[10:])
+
+
 @dataclass(frozen=True)
 class Shelf(Plane):
     """A world of one's own."""
