@@ -16,7 +16,7 @@ Numbers = float | FloatArray
 """A number, or one for each segment or joint."""
 
 MOST_SEGMENTS = 1000
-"""Longer worms no longer come to rest on their world."""
+"""Largest number of segments: longer worms do not come to rest on their world."""
 
 
 @documented

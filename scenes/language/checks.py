@@ -1,4 +1,4 @@
-"""Checks across keys: what is wrong though each key on its own is right.
+"""Checks across keys, for mistakes in scenes each key of which is right on its own.
 
 A check declares the keys that it reads, so that it still runs when others are wrong, and stays silent when
 one of its own is.
@@ -18,7 +18,7 @@ from scenes.language.schema import Section, choices, default_text, field_at, onl
 from scenes.language.toml import KeyPath
 
 Found = str | Mapping[str, str] | None
-"""What a check finds: a text about its first key, texts by key of which one is told, or nothing."""
+"""Finding of a check: a text about its first key, texts by key of which one is told, or nothing."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 LONGEST = 1000
-"""Characters of a line of output; what is left out of a longer one stands between its two ends."""
+"""Largest number of characters of a line of output; a longer one loses its middle."""
 
 
 def printable(text: str) -> str:

@@ -27,7 +27,7 @@ LARGEST_FILE = 4_000_000
 
 
 class Model(Protocol):
-    """What the language has to know of a model."""
+    """Model as the language sees it."""
 
     @property
     def name(self) -> str:
@@ -35,7 +35,7 @@ class Model(Protocol):
 
     @property
     def title(self) -> str:
-        """What it is."""
+        """Noun phrase for people."""
 
     @property
     def schema(self) -> type[Section]:

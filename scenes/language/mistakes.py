@@ -13,7 +13,7 @@ from scenes.language.schema import FORMS, Section, choices, describe, field_at, 
 from scenes.language.toml import KeyPath, line_of, shown
 
 MOST_LINES = 100
-"""Mistakes that are explained; a file with more is no scene, or has one mistake many times."""
+"""Largest number of mistakes that are explained; a file with more is no scene, or repeats one mistake."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from scenes.language.mistakes import Mistake, dotted
 from scenes.language.toml import DEEPEST, KeyPath, require_shallow
 
 MOST = 1000
-"""Overrides of a scene; more belong into its file."""
+"""Largest number of overrides of a scene; more belong into its file."""
 
 
 def apply_overrides(

@@ -36,7 +36,7 @@ _TOKEN = re.compile(
 )
 
 SHOWN = 160
-"""Characters of a line that are shown about a mistake."""
+"""Number of characters of a line that are shown about a mistake."""
 
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
@@ -45,7 +45,7 @@ _KEYS = re.compile(r"""\((?:'[^']*'|"[^"]*")(?:, (?:'[^']*'|"[^"]*"))*,?\)""")
 
 
 DEEPEST = 20
-"""Sections, tables and lists within each other; no scene needs more than 5."""
+"""Largest depth of sections, tables and lists within each other; no scene needs more than 5."""
 
 
 def parse(text: str) -> dict[str, Any]:

@@ -8,22 +8,24 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scenes.models.base import Model
 
-_MODULES = {
-    "worm": "scenes.models.worm.model",
-    "worm_control": "scenes.models.control.model",
-    "worm_planar": "scenes.models.worm.planar",
-    "planar_published": "scenes.models.planar.published",
-    "planar_linkage": "scenes.models.planar.linkage",
-    "planar_study": "scenes.models.planar.study",
+_PLACES = {
+    "worm": ("scenes.models.worm.model", "MODEL"),
+    "worm_control": ("scenes.models.control.model", "MODEL"),
+    "worm_planar": ("scenes.models.worm.model", "PLANAR"),
+    "planar_published": ("scenes.models.planar.published", "MODEL"),
+    "planar_linkage": ("scenes.models.planar.linkage", "MODEL"),
+    "planar_study": ("scenes.models.planar.study", "MODEL"),
 }
+"""Module of each model, and its name there."""
 
 
 def names() -> tuple[str, ...]:
     """Return the names of all models."""
-    return tuple(_MODULES)
+    return tuple(_PLACES)
 
 
 def get(name: str) -> Model[Any]:
     """Return a model by its name; KeyError if there is none."""
-    model: Model[Any] = import_module(_MODULES[name]).MODEL
+    module, attribute = _PLACES[name]
+    model: Model[Any] = getattr(import_module(module), attribute)
     return model

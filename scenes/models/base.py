@@ -1,9 +1,11 @@
-"""What the command line has to know of a model: its schema, how to run it, how to draw its results."""
+"""Models as the command line sees them: schema, checks, run, pictures."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, Literal, Protocol, TypeVar
 
@@ -17,13 +19,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
     from PIL.Image import Image
 
+Draw = Callable[[Record], "tuple[Picture, Axes]"]
+"""Draws a picture of a record."""
+
 S = TypeVar("S", bound=Settings)
 
 MOVIE_S = 30.0
 """Longest part of a run that is animated [s]."""
 
 Observer = Callable[[int], bool]
-"""Called with the number of finished steps; returning False ends the run there."""
+"""Function of the number of finished steps; where it returns False, the run ends."""
 
 Status = Literal["done", "interrupted", "diverged", "incomplete"]
 """Incomplete: some cases of a study came to their end, others did not."""
@@ -61,7 +66,7 @@ class Watch:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a model hands back; complete up to the last finished step, however the run ended.
+    """Outcome of a run, complete up to the last finished step, however it ended.
 
     Attributes
     ----------
@@ -93,6 +98,16 @@ class Outcome:
     timing: tuple[Variable, ...] = ()
     run: str = ""
     parts: tuple[Variable, ...] = ()
+
+
+def pictures(module: str, **functions: str) -> dict[str, Draw]:
+    """Return the functions of a module that draw pictures, by file stem; it is imported when one is drawn."""
+
+    def draw(function: str, record: Record) -> tuple[Picture, Axes]:
+        drawn: tuple[Picture, Axes] = getattr(import_module(module), function)(record)
+        return drawn
+
+    return {stem: partial(draw, function) for stem, function in functions.items()}
 
 
 @dataclass(frozen=True)
@@ -137,7 +152,7 @@ class Model(Generic[S]):
     schema: type[S]
     checks: tuple[Check, ...]
     run: Callable[[S, Observer], Outcome]
-    figures: Mapping[str, Callable[[Record], tuple[Picture, Axes]]]
+    figures: Mapping[str, Draw]
     overview: Callable[[Record], Image]
     animate: Callable[[Record], Movie] | None
     advice: str

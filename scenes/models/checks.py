@@ -29,7 +29,7 @@ STEPS_PER_PERIOD = 10
 """Fewest time steps of a gait's period."""
 
 EQUAL = 1e-9
-"""Times that differ by no more than this, relatively, are equal: 0.7 / 0.07 is not quite 10."""
+"""Largest relative difference of times that count as equal: 0.7 / 0.07 is not quite 10."""
 
 
 def _step_fits_run(dt_s: float, duration_s: float) -> Found:

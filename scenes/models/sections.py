@@ -52,7 +52,7 @@ def gait_from(section: Any, dt: float, **given: Any) -> Gait:
 
 
 class Settings(Section):
-    """What every scene has, whatever its model; a model's schema adds sections."""
+    """Keys of every scene; the schema of a model adds sections."""
 
     model: str = setting(title="which simulation the scene is for")
     title: str = setting("", title="name of the scene for people")

@@ -1,4 +1,4 @@
-"""From the settings of a scene to its reference, its sensors and its controller."""
+"""Construction of reference, sensors and controller from the settings of a scene."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ PATHS: dict[str, Callable[[ControlScene], Path]] = {
     "way_points": _way_points,
     "pipe": _pipe,
 }
-"""What each `kind` of reference that is a path becomes."""
+"""Maker of the path of each kind of reference that is one."""
 
 
 def _begin(scene: ControlScene) -> tuple[tuple[float, float], float]:

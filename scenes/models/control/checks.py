@@ -1,4 +1,4 @@
-"""What is wrong with a scene of the controlled worm though each of its keys is right."""
+"""Checks across the keys of a scene of the controlled worm."""
 
 from __future__ import annotations
 

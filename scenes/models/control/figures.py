@@ -24,10 +24,10 @@ from worm3d.values.arrays import FloatArray
 COLOURS = dict(zip(SOURCES, ("C0", "C1", "C2", "C3", "C4", "C5"), strict=True))
 
 BOUND = 2.0
-"""Standard deviations of a bound that is drawn."""
+"""Width of a bound that is drawn [standard deviations]."""
 
 UNITS = ("m", "m", "deg", "m/s", "deg/s", "1", "deg/s", "m/s")
-"""Of the estimated state, as drawn."""
+"""Units of the estimated state, as drawn."""
 
 
 def tracking(record: Record) -> tuple[Figure, Axes]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +12,7 @@ from control.loop import WaveController
 from control.sensing.sensors import Measurement
 from control.tracking.metrics import measured
 from control.tracking.references import Reference
-from scenes.models.base import Model, Observer, Outcome, Watch
+from scenes.models.base import Model, Observer, Outcome, Watch, pictures
 from scenes.models.control import view as control_view
 from scenes.models.control.build import controller_of, reference_of, sensors_of
 from scenes.models.control.checks import CONTROL_CHECKS
@@ -24,19 +22,18 @@ from scenes.models.control.schema import ControlScene
 from scenes.models.worm import model as worm
 from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
-from scenes.records.record import Metric, Record
+from scenes.records.record import Metric
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    pass
 
 
 FIGURES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
-"""Stems of the pictures of a controlled run; each is drawn by the function of that name in `control_figures`."""
+"""Stems of the pictures of a controlled run, each the name of a function in `scenes.models.control.figures`."""
 
 OF_THE_WORM = ("body", "contraction", "loads_and_slip", "energy_ledger")
-"""Of those of `worm_figures`."""
+"""Pictures of the worm that a controlled run has too."""
 
 NO_MPC = "this controller plans nothing"
 
@@ -122,42 +119,30 @@ def _with_control(
     )
 
 
-def _draw(stem: str, record: Record) -> tuple[Figure, Axes]:
-    from scenes.models.control import figures as control_figures
-
-    made: Callable[[Record], tuple[Figure, Axes]] = getattr(control_figures, stem)
-    return made(record)
-
-
-def _model() -> Model[ControlScene]:
-    figures: Mapping[str, Callable[[Record], tuple[Figure, Axes]]] = {
-        **{stem: partial(_draw, stem) for stem in FIGURES},
+MODEL = Model(
+    name="worm_control",
+    title="the 3D worm with a controller, sensors and a reference",
+    schema=ControlScene,
+    checks=CONTROL_CHECKS,
+    run=run,
+    figures={
+        **pictures("scenes.models.control.figures", **{stem: stem for stem in FIGURES}),
         "side_and_top": worm_view.side_and_top,
-        **{stem: partial(worm.draw, stem) for stem in OF_THE_WORM},
-    }
-    return Model(
-        name="worm_control",
-        title="the 3D worm with a controller, sensors and a reference",
-        schema=ControlScene,
-        checks=CONTROL_CHECKS,
-        run=run,
-        figures=figures,
-        overview=worm_overview.draw,
-        animate=worm_view.RunMovie,
-        view=worm_view.view,
-        mesh=worm_view.mesh,
-        watch=watch,
-        advice="try a smaller run.dt_s or reference.speed_m_s, a lighter worm or larger worm.spring_N",
-        headlines=(
-            ("speed_bias_relative", "speed bias", ""),
-            ("speed_error_rms_relative", "speed error, rms", ""),
-            ("heading_error_rms_deg", "heading error, rms", "deg"),
-            ("cross_track_rms_bl", "beside the path, rms", "body lengths"),
-            ("settling_periods", "settling", "periods"),
-            ("mpc_failures", "failures of the MPC", ""),
-            ("measurements_refused", "measurements refused", ""),
-        ),
-    )
-
-
-MODEL = _model()
+        **pictures(worm.FIGURES, **{stem: stem for stem in OF_THE_WORM}),
+    },
+    overview=worm_overview.draw,
+    animate=worm_view.RunMovie,
+    view=worm_view.view,
+    mesh=worm_view.mesh,
+    watch=watch,
+    advice="try a smaller run.dt_s or reference.speed_m_s, a lighter worm or larger worm.spring_N",
+    headlines=(
+        ("speed_bias_relative", "speed bias", ""),
+        ("speed_error_rms_relative", "speed error, rms", ""),
+        ("heading_error_rms_deg", "heading error, rms", "deg"),
+        ("cross_track_rms_bl", "beside the path, rms", "body lengths"),
+        ("settling_periods", "settling", "periods"),
+        ("mpc_failures", "failures of the MPC", ""),
+        ("measurements_refused", "measurements refused", ""),
+    ),
+)

@@ -18,7 +18,7 @@ BEGUN = (LINE, CIRCLE, S_CURVE)
 
 
 class Controller(Section):
-    """What drives the worm."""
+    """Controller that drives the worm."""
 
     kind: Literal["mpc", "pi_los", "open_loop"] = setting(
         MPC,
@@ -56,14 +56,14 @@ class Sensor(PartSection, keys=_channel_keys()):
 
 
 class SpeedStep(Section):
-    """From when on which speed is asked for."""
+    """Step of the speed that is asked for."""
 
     at_s: float = quantity(unit="s", gt=0, title="when")
     speed_m_s: float = quantity(unit="m/s", ge=0, title="speed from then on")
 
 
 class HeadingStep(Section):
-    """From when on which heading is asked for."""
+    """Step of the heading that is asked for."""
 
     at_s: float = quantity(unit="s", gt=0, title="when")
     heading_deg: float = quantity(unit="deg", title="heading from then on")
@@ -77,7 +77,7 @@ class Point(Section):
 
 
 class Reference(Section):
-    """What the worm is asked to do: how fast to go, and where to."""
+    """Task of the worm: how fast to go, and where to."""
 
     kind: Literal["none", "heading", "line", "circle", "s_curve", "spline", "way_points", "pipe"] = setting(
         LINE, title="what to keep to: nothing, a heading, a path, or the centre line of the pipe", aka=("path", "type")

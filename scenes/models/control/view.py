@@ -1,4 +1,4 @@
-"""What pictures of a controlled run show besides the worm: where it was to go, and where its controller saw it go."""
+"""Path and predicted way of a controlled run, for its pictures."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ ABOVE = 0.004
 """Height of lines over the ground, so that they are seen [m]."""
 
 SPACING = 0.02
-"""Of the points of a path that is drawn [m]."""
+"""Spacing of the points of a path that is drawn [m]."""
 
 
 class Overlay(TypedDict, total=False):
-    """What is shown beside the worm; arguments of `worm3d.pictures.arrays`."""
+    """Lines beside the worm; arguments of `worm3d.pictures.arrays`."""
 
     reference: FloatArray
     horizon: FloatArray

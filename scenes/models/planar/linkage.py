@@ -9,18 +9,15 @@ import numpy as np
 
 from planar import linkage
 from planar.metrics import p12_cost_of_transport
-from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome
-from scenes.models.planar.linkage_checks import CHECKS
-from scenes.models.planar.linkage_scene import LinkageScene, LinkageSettings, simulate
-from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
+from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome, pictures
+from scenes.models.planar.linkage_scene import CHECKS, LinkageScene, LinkageSettings, simulate
+from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, common, no_cost_because, status_word
 from scenes.records import overview
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import Variable
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from PIL.Image import Image
 
 SHORTEST_STEP = 1e-6
@@ -86,16 +83,7 @@ def merits(scene: LinkageSettings, result: linkage.Run) -> dict[str, float | Non
     cumulative = cumulative_cost(ledger.work_contract_p11, result.com[:, 0])
     in_lengths = scene.gait.period_s / worm.length
     return {
-        "duration_s": float(result.time[-1]),
-        "distance_m": travel.distance,
-        "path_length_m": travel.path_length,
-        "mean_speed_m_s": travel.mean_speed,
-        "heading_change_deg": 0.0,  # a planar worm cannot turn
-        "work_contract_J": work,
-        "work_friction_J": ledger.uses["friction"],
-        "cost_of_transport": cost_of_transport(work, weight, travel.distance),
-        "energy_balance_error": ledger.balance_error,
-        "newton_iterations_mean": float(result.newton_iterations.mean()) if result.steps else None,
+        **common(result, travel, (work, ledger.uses["friction"]), weight, ledger.balance_error),
         "speed_BL_per_period": None if travel.mean_speed is None else travel.mean_speed * in_lengths,
         "work_contract_positive_J": float(np.maximum(0.0, ledger.work_contract).sum()),
         "work_contract_p11_J": float(ledger.work_contract_p11.sum()),
@@ -178,61 +166,6 @@ def _energies(result: linkage.Run) -> tuple[Variable, ...]:
     )
 
 
-def draw_com(record: Record) -> tuple[Figure, Axes]:
-    """Draw the centre of mass along the ground."""
-    from planar import figures
-
-    curves = {"centre of mass": record["com"][:, 0]}
-    return figures.centre_of_mass(record["time"], curves, title=f"{record.title}: centre of mass")
-
-
-def _draw_cost(record: Record) -> tuple[Figure, Axes]:
-    from planar import figures
-
-    curves = {
-        "contraction, (P12)": record["cumulative_cot_contract"],
-        "friction, (P14)": record["cumulative_cot_friction"],
-    }
-    title = f"{record.title}: cumulative cost of transport, sum of |work / dx|"
-    return figures.cumulative_cost(record["step_time"], curves, title=title, logarithmic=True)
-
-
-def _draw_energy(record: Record) -> tuple[Figure, Axes]:
-    from planar import figures
-
-    def summed(names: dict[str, str]) -> dict[str, FloatArray]:
-        return {name.replace("_", " "): np.cumsum(record[name]) for name in names if np.any(record[name])}
-
-    title = f"{record.title}: energy, summed over the steps"
-    return figures.energy_ledger(record["step_time"], summed(INCOMING), summed(STORED), summed(LOST), title=title)
-
-
-def _draw_loads(record: Record) -> tuple[Figure, Axes]:
-    from planar import figures
-
-    step_time = record["step_time"]
-    if "side" not in record.sizes:
-        panels = {
-            "normal load (P9) [N]": (step_time, record["joint_load"]),
-            "friction (P10) [N]": (step_time, record["joint_friction"]),
-        }
-        return figures.space_time(panels, "joint (0 = tail)", title=f"{record.title}: loads and friction of the joints")
-    dt = np.diff(step_time, prepend=0.0)[:, None]
-    panels = {
-        "normal load [N]": (record["time"], record["normal_load"].sum(axis=2)),
-        "slip [mm/s]": (step_time, 1e3 * record["slip"].sum(axis=2) / dt),
-    }
-    return figures.space_time(panels, "segment (0 = tail)", title=f"{record.title}: loads and slip of the apexes")
-
-
-def draw_contraction(record: Record) -> tuple[Figure, Axes]:
-    """Draw what each segment was told to do."""
-    from planar import figures
-
-    title = f"{record.title}: commanded contraction"
-    return figures.activation(record["time"], record["contraction"], title=title, quantity="contraction")
-
-
 def _overview(record: Record) -> Image:
     return overview.of_planar(record, ("joint", "top_apex", "bottom_apex"), record["contraction"][-1])
 
@@ -259,13 +192,14 @@ MODEL = Model(
     schema=LinkageScene,
     checks=CHECKS,
     run=run,
-    figures={
-        "centre_of_mass": draw_com,
-        "cumulative_cost_of_transport": _draw_cost,
-        "energy_ledger": _draw_energy,
-        "loads_and_slip": _draw_loads,
-        "contraction": draw_contraction,
-    },
+    figures=pictures(
+        "scenes.models.planar.figures",
+        centre_of_mass="centre_of_mass",
+        cumulative_cost_of_transport="cumulative_cost",
+        energy_ledger="energy_ledger",
+        loads_and_slip="loads_and_slip",
+        contraction="contraction",
+    ),
     overview=_overview,
     animate=animate,
     advice=ADVICE,

@@ -1,16 +1,21 @@
-"""Scene of the corrected planar worm, and what the model makes of it; every default is that of the model itself."""
+"""Scene of the corrected planar worm: its sections, its checks, and what the model makes of it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from inspect import signature
 from typing import Any, Literal
 
+import numpy as np
+
 from planar import linkage
-from planar.linkage.simulate import Gait
+from planar.linkage.simulate import Gait, bytes_per_step
+from scenes.language.checks import Check
 from scenes.language.parts import PartSection, keys_by_parameter, keys_of, part_of
 from scenes.language.schema import Section, quantity, setting
 from scenes.models.base import Observer
+from scenes.models.checks import RUN_CHECKS, gait_checks, in_keys, list_checks, memory_check
 from scenes.models.sections import BODY_BOUNDS, Settings, gait_from, gait_keys
 
 _RUN: dict[str, Any] = {name: given.default for name, given in signature(linkage.simulate).parameters.items()}
@@ -46,7 +51,7 @@ class LinkageGait(PartSection, keys=gait_keys("bias", "hinge", "force")):
 
 
 class LinkageSettings(Settings):
-    """What one run of the worm needs."""
+    """Sections of one run of the worm."""
 
     worm: Worm = Worm()
     friction: Friction = Friction()
@@ -96,3 +101,44 @@ def gait_of(scene: LinkageSettings) -> Gait:
     """Return the gait as the worm wants it: time [s] -> contraction of each segment, shape (N,)."""
     wave, segments = gait_from(scene.gait, scene.run.dt_s), scene.worm.segments
     return lambda t: wave.amplitude * wave.activation(t, segments)
+
+
+def _can_start(
+    mass_kg: float | None,
+    worm: Mapping[str, Any],
+    friction: Mapping[str, Any],
+    ground: Mapping[str, Any],
+    gait: Mapping[str, Any],
+) -> str | None:
+    """Tell what the model refuses: a worm that its weight would flatten, or one too small for its numbers."""
+    sections = {"worm": worm, "friction": friction, "ground": ground, "gait": gait}
+    scene = LinkageScene.model_validate({"model": "planar_linkage", **sections})
+    try:
+        with np.errstate(all="ignore"):
+            if _is_flattened(scene):
+                simulate(scene, lambda done: False)  # which says how far beyond the limit point it is
+    except (ValueError, ArithmeticError) as error:
+        return in_keys(str(error), KEYS)
+    return None
+
+
+def _is_flattened(scene: LinkageScene) -> bool:
+    worm, ground = worm_of(scene.worm), scene.ground
+    load = worm.apex_load(ground.gravity_m_s2 * math.cos(math.radians(ground.slope_deg)))
+    return ground.kind == "contact" and bool((load >= worm.flattening_weight()).any())
+
+
+RULES = (
+    *RUN_CHECKS,
+    *gait_checks(LinkageGait, Worm),
+    *list_checks(Worm, "worm"),
+    *list_checks(Friction, "friction"),
+)
+"""Checks that need no worm."""
+
+CHECKS = (
+    *RULES,
+    memory_check(bytes_per_step),
+    Check(("worm.mass_kg", "worm", "friction", "ground", "gait"), _can_start),
+)
+"""All checks: the model, too, refuses scenes, such as a worm that its weight would flatten."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from planar import linkage, published
 from planar import status as planar
 from planar.metrics import path_length
 from scenes.models.base import Status
@@ -50,6 +51,25 @@ class Travel:
         first, last = com[:window, 0].mean(), com[-window:, 0].mean()
         speed = float((last - first) / (time[-1] - time[window - 1]))
         return cls(distance, path, speed)
+
+
+def common(
+    run: published.Run | linkage.Run, travel: Travel, works: tuple[float, float], weight: float, balance_error: float
+) -> dict[str, float | None]:
+    """Return the metrics that every model has; works of contraction and of friction [J], weight [N]."""
+    work, friction = works
+    return {
+        "duration_s": float(run.time[-1]),
+        "distance_m": travel.distance,
+        "path_length_m": travel.path_length,
+        "mean_speed_m_s": travel.mean_speed,
+        "heading_change_deg": 0.0,  # a planar worm cannot turn
+        "work_contract_J": work,
+        "work_friction_J": friction,
+        "cost_of_transport": cost_of_transport(work, weight, travel.distance),
+        "energy_balance_error": balance_error,
+        "newton_iterations_mean": float(run.newton_iterations.mean()) if len(run.newton_iterations) else None,
+    }
 
 
 def cost_of_transport(work: float, weight: float, distance: float) -> float | None:

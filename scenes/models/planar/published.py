@@ -14,17 +14,15 @@ from planar.published import Parameters, bytes_per_step
 from scenes.language.checks import Check, Found
 from scenes.language.parts import PartSection, keys_of, part_of
 from scenes.language.schema import Sign, quantity, setting
-from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome
+from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome, pictures
 from scenes.models.checks import RUN_CHECKS, gait_checks, memory_check
-from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, cost_of_transport, no_cost_because, status_word
+from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, common, no_cost_because, status_word
 from scenes.models.sections import BODY_BOUNDS, WAVE, Settings, gait_from, gait_keys
 from scenes.records import overview
 from scenes.records.record import Record
 from worm3d.values.variable import Variable
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from PIL.Image import Image
 
 SPRINGS = ("length", "k_spring", "k_link", "mass", "connector_mass")
@@ -156,16 +154,7 @@ def _summary(scene: PublishedScene, result: published.Run) -> dict[str, float | 
     work = float(result.work_contract.sum())
     weight = scene.worm.mass_kg * scene.friction.gravity_m_s2
     return {
-        "duration_s": float(result.time[-1]),
-        "distance_m": travel.distance,
-        "path_length_m": travel.path_length,
-        "mean_speed_m_s": travel.mean_speed,
-        "heading_change_deg": 0.0,  # a planar worm cannot turn
-        "work_contract_J": work,
-        "work_friction_J": float(result.work_friction.sum()),
-        "cost_of_transport": cost_of_transport(work, weight, travel.distance),
-        "energy_balance_error": result.energy_balance_error,
-        "newton_iterations_mean": float(result.newton_iterations.mean()) if len(result.residual) else None,
+        **common(result, travel, (work, float(result.work_friction.sum())), weight, result.energy_balance_error),
         "reported_distance_m": result.reported_distance,
         "reported_work_J": result.work,
         "reported_total_cot_J_per_m": result.total_cot,
@@ -188,26 +177,6 @@ def _reasons(summary: dict[str, float | None]) -> dict[str, str]:
         "the integrator, whose numerical loss is negative here, and the snaps to the ground supply that energy",
     )
     return reasons
-
-
-def _draw_com(record: Record) -> tuple[Figure, Axes]:
-    from planar import figures
-
-    curves = {"all nodes": record["com"][:, 0], "as the program reports it": record["reported_com"]}
-    return figures.centre_of_mass(record["time"], curves, title=f"{record.title}: centre of mass")
-
-
-def _draw_cost(record: Record) -> tuple[Figure, Axes]:
-    from planar import figures
-
-    title = f"{record.title}: cumulative cost of transport"
-    return figures.cumulative_cost(record["step_time"], {"contraction": record["cumulative_cot"]}, title=title)
-
-
-def _draw_activation(record: Record) -> tuple[Figure, Axes]:
-    from planar import figures
-
-    return figures.activation(record["step_time"], record["activation"], title=f"{record.title}: activation")
 
 
 def _overview(record: Record) -> Image:
@@ -236,11 +205,12 @@ MODEL = Model(
     schema=PublishedScene,
     checks=CHECKS,
     run=run,
-    figures={
-        "centre_of_mass": _draw_com,
-        "cumulative_cost_of_transport": _draw_cost,
-        "activation": _draw_activation,
-    },
+    figures=pictures(
+        "scenes.models.planar.figures",
+        centre_of_mass="published_com",
+        cumulative_cost_of_transport="published_cost",
+        activation="published_activation",
+    ),
     overview=_overview,
     animate=_animate,
     advice="try a smaller run.dt_s, a smaller gait.force_N or a larger worm.mass_kg",

@@ -2,30 +2,101 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from planar import linkage
-from scenes.models.base import Model, Observer, Outcome, Status
-from scenes.models.checks import in_keys
+from planar.linkage.simulate import bytes_per_step
+from scenes.language.checks import Check, Found, cross_mistakes
+from scenes.language.mistakes import dotted, schema_mistakes
+from scenes.language.schema import Numbers, Section, field_at, is_number, quantity, setting
+from scenes.models.base import Model, Observer, Outcome, Status, pictures
+from scenes.models.checks import RUN_CHECKS, in_keys, too_much_memory
 from scenes.models.planar.linkage import ADVICE, animate, cumulative_cost, merits, reasons
 from scenes.models.planar.linkage import states as states_of
-from scenes.models.planar.linkage_scene import KEYS, simulate
+from scenes.models.planar.linkage_scene import KEYS, RULES, LinkageScene, LinkageSettings, simulate
 from scenes.models.planar.merit import status_word
-from scenes.models.planar.study_schema import CHECKS, StudyScene
 from scenes.records import overview
 from scenes.records.record import Cell, Record
-from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import Variable
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from PIL.Image import Image
+
+VARIABLE = ("worm", "friction", "ground", "gait")
+"""Sections whose numbers may be varied; all cases share the time steps."""
+
+
+class Study(Section):
+    """Number that is varied, and its values."""
+
+    vary: str = setting("worm.segments", title="the number that is varied, such as gait.period_s", aka=("key",))
+    values: Numbers = quantity((3, 4, 5, 6, 7), title="its value in each case, in place of the scene's own")
+
+
+class StudyScene(LinkageSettings):
+    """A whole scene."""
+
+    model: Literal["planar_study"] = setting(title="which simulation the scene is for")
+    study: Study = Study()
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps of all cases."""
+        return self.run.steps * len(self.study.values)
+
+    def case(self, value: float) -> LinkageScene:
+        """Return the scene of one case."""
+        sections = self.model_dump(include={"run", *VARIABLE}, exclude_none=True)
+        return LinkageScene.model_validate(case_data(sections, self.study.vary, value))
+
+
+def case_data(sections: Mapping[str, Any], vary: str, value: float) -> dict[str, Any]:
+    """Return the scene of one case as data."""
+    section, key = vary.split(".")
+    field = field_at(LinkageScene, (section, key))
+    assert field is not None
+    number = int(value) if field.annotation is int and float(value).is_integer() else value
+    return {"model": "planar_linkage", **sections, section: {**sections[section], key: number}}
+
+
+def _is_a_number(vary: str) -> str | None:
+    path = tuple(vary.split("."))
+    field = field_at(LinkageScene, path) if len(path) == 2 and path[0] in VARIABLE else None
+    if field is not None and is_number(field):
+        return None
+    return f"got '{vary}': must be a number of {', '.join(VARIABLE)}, such as worm.segments or gait.period_s"
+
+
+def _cases_are_right(values: tuple[float, ...], vary: str, *sections: Mapping[str, Any]) -> str | None:
+    data = dict(zip(("run", *VARIABLE), sections, strict=True))
+    return next((text for value in values for text in _case_mistakes(data, vary, value)), None)
+
+
+def _case_mistakes(sections: Mapping[str, Any], vary: str, value: float) -> Iterator[str]:
+    case = case_data(sections, vary, value)
+    found = schema_mistakes(LinkageScene, case)
+    for mistake in (*found, *cross_mistakes(RULES, LinkageScene, case, found)):
+        yield f"with {vary} = {value:g}: {dotted(mistake.path)}: {mistake.text}"
+
+
+def _fits_into_memory(dt_s: float, duration_s: float, values: tuple[float, ...], vary: str, segments: int) -> Found:
+    numbers = [int(value) for value in values] if vary == "worm.segments" else [segments] * len(values)
+    steps = duration_s / dt_s
+    needed = sum(steps * bytes_per_step(number) for number in numbers)
+    return too_much_memory(needed, steps * len(numbers), max(numbers))
+
+
+CHECKS = (
+    *RUN_CHECKS,
+    Check(("run.dt_s", "run.duration_s", "study.values", "study.vary", "worm.segments"), _fits_into_memory),
+    Check(("study.vary",), _is_a_number),
+    Check(("study.values", "study.vary", "run", *VARIABLE), _cases_are_right),
+)
 
 PER_CASE = "a study has one for each case: see 'cases'"
 
@@ -221,47 +292,9 @@ def _vary(record: Record) -> str:
     return str(record.summary["vary"])
 
 
-def _curves_by_case(record: Record, name: str) -> dict[str, FloatArray]:
-    labelled = zip(record["value"], record[name], strict=True)
-    return {f"{_vary(record)} = {value:g}": curve for value, curve in labelled if np.isfinite(curve).any()}
-
-
-def _draw_com(record: Record) -> tuple[Figure, Axes]:
-    from planar import figures
-
-    title = f"{record.title}: centre of mass by case"
-    return figures.centre_of_mass(record["time"], _curves_by_case(record, "com_x"), title=title)
-
-
-def _draw_cumulative_cost(record: Record) -> tuple[Figure, Axes]:
-    from planar import figures
-
-    title = f"{record.title}: cumulative cost of transport by case, sum of |work / dx|"
-    return figures.cumulative_cost(record["step_time"], _curves_by_case(record, "cumulative_cost"), title=title)
-
-
-def _draw_cost(record: Record) -> tuple[Figure, Axes]:
-    panels = {
-        "sum of |work / dx|, (P12) [J/m]": record["cumulative_cot"],
-        "work / (weight x distance)": record["cost_of_transport"],
-    }
-    return _panels(record, panels, "cost of transport")
-
-
-def _draw_distance(record: Record) -> tuple[Figure, Axes]:
-    panels = {"distance [m]": record["distance"], "speed [body lengths per period]": record["speed"]}
-    return _panels(record, panels, "distance and speed")
-
-
 def _overview(record: Record) -> Image:
     panels = {"distance [m]": record["distance"], "work / (weight x distance)": record["cost_of_transport"]}
     return overview.of_cases(record, _vary(record), panels)
-
-
-def _panels(record: Record, panels: dict[str, FloatArray], what: str) -> tuple[Figure, Axes]:
-    from planar import figures
-
-    return figures.by_case(record["value"], panels, _vary(record), title=f"{record.title}: {what} by case")
 
 
 COLUMNS = {
@@ -293,12 +326,13 @@ MODEL = Model(
     schema=StudyScene,
     checks=CHECKS,
     run=run,
-    figures={
-        "centre_of_mass_by_case": _draw_com,
-        "cumulative_cost_by_case": _draw_cumulative_cost,
-        "cost_of_transport_by_case": _draw_cost,
-        "distance_and_speed_by_case": _draw_distance,
-    },
+    figures=pictures(
+        "scenes.models.planar.figures",
+        centre_of_mass_by_case="study_com",
+        cumulative_cost_by_case="study_cumulative_cost",
+        cost_of_transport_by_case="study_cost",
+        distance_and_speed_by_case="study_distance",
+    ),
     overview=_overview,
     animate=animate,
     advice=ADVICE,

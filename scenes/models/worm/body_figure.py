@@ -22,22 +22,22 @@ if TYPE_CHECKING:
 
 
 INSTANTS = 5
-"""Bodies drawn one below the other."""
+"""Number of bodies drawn one below the other."""
 
 STEEP = 2.0
-"""A worm climbs steeply if it gets so many times as high as wide and long."""
+"""Least ratio of height to length and width of a worm that climbs steeply."""
 
 BAR = 2.5
-"""Length of a colour bar at most [inch]."""
+"""Largest length of a colour bar [inch]."""
 
 WALLED = ("pipe", "slope_into_pipe", "mesh")
 """Worlds of which a level section shows walls."""
 
 FINE = 250
-"""Places along each side at which a section is looked up."""
+"""Number of places along each side at which a section is looked up."""
 
 DEEP = -1e3
-"""Stands for minus infinity in a picture [m]."""
+"""Depth that stands for minus infinity in a picture [m]."""
 
 
 def body(record: Record) -> tuple[Figure, Axes]:

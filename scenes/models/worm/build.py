@@ -1,4 +1,4 @@
-"""From the settings of a scene to the 3D worm, its world, its gait and its run."""
+"""Construction of the 3D worm, its world, its gait and its run from the settings of a scene."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ STEPS_BETWEEN_LOOKS = 50
 """Steps between two looks at whether the user wants a run without a controller to end, about."""
 
 EDGE = 1e-6
-"""Of a time step: a push that begins or ends at a step does so by its number, not by rounding."""
+"""Fraction of a time step by which a push begins late, so that rounding does not decide which step feels it."""
 
 Force = Callable[[float], NDArray[np.float64]]
 

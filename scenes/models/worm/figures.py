@@ -25,13 +25,13 @@ __all__ = ["body", "centre_of_mass_and_heading", "contraction", "energy_ledger",
 
 
 ARROWS = 8
-"""Headings drawn along the path."""
+"""Number of headings drawn along the path."""
 
 ALWAYS = ("work_contract", "kinetic")
-"""Of the ledger, terms that are drawn even if they are zero all along."""
+"""Terms of the ledger that are drawn even if they are zero all along."""
 
 FAR = 1e3
-"""Stands for infinity in a picture [m]."""
+"""Distance that stands for infinity in a picture [m]."""
 
 
 def path(record: Record) -> tuple[Figure, Axes]:

@@ -1,26 +1,23 @@
-"""The model `worm`: the 3D worm, run from a scene and turned into a record."""
+"""The models `worm` and `worm_planar`: the 3D worm, run from a scene and turned into a record."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 import worm3d
 from scenes.language.checks import Check
 from scenes.language.errors import SceneError
-from scenes.models.base import Model, Observer, Outcome, Status, Watch
+from scenes.models.base import Model, Observer, Outcome, Status, Watch, pictures
 from scenes.models.checks import in_keys
 from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
 from scenes.models.worm.build import KEYS, Drive, simulate
-from scenes.models.worm.checks import WORM_CHECKS
+from scenes.models.worm.checks import PLANAR_CHECKS, WORM_CHECKS
 from scenes.models.worm.schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
 from scenes.records.record import Cell, Record
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    pass
 
 S = TypeVar("S", WormScene, PlanarWormScene)
 
@@ -29,8 +26,10 @@ ADVICE = (
     "worm.spring_N, worm.torsion_J or worm.kelvin_voigt_time_s"
 )
 
-FIGURES = ("path", "centre_of_mass_and_heading", "body", "contraction", "loads_and_slip", "energy_ledger")
-"""Stems of the pictures; each is drawn by the function of that name in `worm_figures`."""
+FIGURES = "scenes.models.worm.figures"
+
+STEMS = ("path", "centre_of_mass_and_heading", "body", "contraction", "loads_and_slip", "energy_ledger")
+"""Stems of the pictures; each is drawn by the function of that name in `FIGURES`."""
 
 OF_THE_CLOCK = ("status", "real_time_factor")
 """Figures of the plant's summary that a record keeps elsewhere."""
@@ -116,20 +115,8 @@ def _status(status: worm3d.Status) -> Status:
     return "done" if status is worm3d.Status.DONE else "interrupted"
 
 
-def draw(stem: str, record: Record) -> tuple[Figure, Axes]:
-    """Draw one of `FIGURES`."""
-    from scenes.models.worm import figures as worm_figures
-
-    made: Callable[[Record], tuple[Figure, Axes]] = getattr(worm_figures, stem)
-    return made(record)
-
-
 def model_of(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) -> Model[S]:
     """Return a model of the 3D plant."""
-    figures: Mapping[str, Callable[[Record], tuple[Figure, Axes]]] = {
-        "side_and_top": worm_view.side_and_top,
-        **{stem: partial(draw, stem) for stem in FIGURES},
-    }
     return Model(
         name=name,
         title=title,
@@ -137,7 +124,7 @@ def model_of(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) 
         checks=checks,
         run=run,
         resume=resume,
-        figures=figures,
+        figures={"side_and_top": worm_view.side_and_top, **pictures(FIGURES, **{stem: stem for stem in STEMS})},
         overview=worm_overview.draw,
         animate=worm_view.RunMovie,
         view=worm_view.view,
@@ -153,3 +140,4 @@ def model_of(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) 
 
 
 MODEL = model_of("worm", "the 3D worm in contact", WormScene, WORM_CHECKS)
+PLANAR = model_of("worm_planar", "the planar worm as a special case of the 3D one", PlanarWormScene, PLANAR_CHECKS)

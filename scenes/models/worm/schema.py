@@ -16,14 +16,14 @@ from worm3d.worm import Worm as PlantWorm
 
 
 class Actuator(PartSection, keys=keys_of(ACTUATORS, by="kind", title="what drives the chambers")):
-    """What drives the chambers: what they make of their commands."""
+    """Actuator of the chambers: their response to their commands."""
 
 
 _HINGE = {name: part for name, part in ACTUATORS.items() if part.drives_hinges}
 
 
 class HingeActuator(PartSection, keys=keys_of(_HINGE, by="kind", title="what drives the hinges")):
-    """What drives the hinges: what they make of their commands."""
+    """Actuator of the hinges: their response to their commands."""
 
 
 LAW = keys_of(LAWS, by="law", title="law of friction: what is made of the coefficients", aka=("kind", "type"))
@@ -49,15 +49,15 @@ class PlanarFriction(PartSection, keys=keys_of(PlantFriction, without=("lateral"
 
 
 class WormGait(PartSection, keys=gait_keys()):
-    """What the chambers and hinges are told: to shorten by amplitude x activation, and to turn."""
+    """Commands of the chambers, to shorten by amplitude x activation, and of the hinges."""
 
 
 class PlanarGait(PartSection, keys=gait_keys("bias", "hinge")):
-    """What the chambers are told: to shorten by amplitude x activation."""
+    """Commands of the chambers, to shorten by amplitude x activation."""
 
 
 class PlanarStart(Section):
-    """Where the straight worm starts from."""
+    """Start of the straight worm: its place."""
 
     position_m: Pair = quantity(
         (0.0, 0.0), unit="m", title="where the tail is, seen from above: x, y; in a pipe how far along it, and 0"
@@ -70,7 +70,7 @@ class PlanarStart(Section):
 
 
 class AimedStart(PlanarStart):
-    """Where the straight worm starts from, and where it looks."""
+    """Start of the straight worm: its place and heading."""
 
     azimuth_deg: float = quantity(
         0.0,
@@ -81,7 +81,7 @@ class AimedStart(PlanarStart):
 
 
 class Start(AimedStart):
-    """Where the straight worm starts from, where it looks, and whether it begins as the gait does."""
+    """Start of the straight worm: its place and heading, and whether it begins as the gait does."""
 
     contracted: bool = setting(
         False, title="whether its chambers are contracted as the gait asks at time 0: so it is wedged in a steep pipe"
@@ -110,7 +110,7 @@ class WormRun(Run):
 
 
 class Surroundings(Settings):
-    """What the scenes of both worms share."""
+    """Sections of the scenes of both worms."""
 
     run: WormRun = WormRun()
     world: World = World()
@@ -118,7 +118,7 @@ class Surroundings(Settings):
 
 
 class SpatialScene(Surroundings):
-    """What the scenes of the 3D worm share, whatever drives it."""
+    """Sections of the scenes of the 3D worm, whatever drives it."""
 
     worm: Worm = Worm()
     actuator: Actuator = Actuator()

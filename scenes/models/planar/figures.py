@@ -1,0 +1,118 @@
+"""Pictures of the planar models from their records; each function returns (figure, axes)."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from planar import figures
+from scenes.models.planar.linkage import INCOMING, LOST, STORED
+from scenes.records.record import Record
+from worm3d.values.arrays import FloatArray
+
+
+def centre_of_mass(record: Record) -> tuple[Figure, Axes]:
+    """Draw the centre of mass along the ground."""
+    curves = {"centre of mass": record["com"][:, 0]}
+    return figures.centre_of_mass(record["time"], curves, title=f"{record.title}: centre of mass")
+
+
+def cumulative_cost(record: Record) -> tuple[Figure, Axes]:
+    """Draw the cumulative cost of transport of contraction and friction."""
+    curves = {
+        "contraction, (P12)": record["cumulative_cot_contract"],
+        "friction, (P14)": record["cumulative_cot_friction"],
+    }
+    title = f"{record.title}: cumulative cost of transport, sum of |work / dx|"
+    return figures.cumulative_cost(record["step_time"], curves, title=title, logarithmic=True)
+
+
+def energy_ledger(record: Record) -> tuple[Figure, Axes]:
+    """Draw where the energy comes from and goes to, summed over the steps."""
+
+    def summed(names: dict[str, str]) -> dict[str, FloatArray]:
+        return {name.replace("_", " "): np.cumsum(record[name]) for name in names if np.any(record[name])}
+
+    title = f"{record.title}: energy, summed over the steps"
+    return figures.energy_ledger(record["step_time"], summed(INCOMING), summed(STORED), summed(LOST), title=title)
+
+
+def loads_and_slip(record: Record) -> tuple[Figure, Axes]:
+    """Draw loads and slip of the apexes, or loads and friction of the joints of a clamped worm."""
+    step_time = record["step_time"]
+    if "side" not in record.sizes:
+        panels = {
+            "normal load (P9) [N]": (step_time, record["joint_load"]),
+            "friction (P10) [N]": (step_time, record["joint_friction"]),
+        }
+        return figures.space_time(panels, "joint (0 = tail)", title=f"{record.title}: loads and friction of the joints")
+    dt = np.diff(step_time, prepend=0.0)[:, None]
+    panels = {
+        "normal load [N]": (record["time"], record["normal_load"].sum(axis=2)),
+        "slip [mm/s]": (step_time, 1e3 * record["slip"].sum(axis=2) / dt),
+    }
+    return figures.space_time(panels, "segment (0 = tail)", title=f"{record.title}: loads and slip of the apexes")
+
+
+def contraction(record: Record) -> tuple[Figure, Axes]:
+    """Draw what each segment was told to do."""
+    title = f"{record.title}: commanded contraction"
+    return figures.activation(record["time"], record["contraction"], title=title, quantity="contraction")
+
+
+def published_com(record: Record) -> tuple[Figure, Axes]:
+    """Draw the centre of mass along the ground, and the one that the program reports."""
+    curves = {"all nodes": record["com"][:, 0], "as the program reports it": record["reported_com"]}
+    return figures.centre_of_mass(record["time"], curves, title=f"{record.title}: centre of mass")
+
+
+def published_cost(record: Record) -> tuple[Figure, Axes]:
+    """Draw the cumulative cost of transport of contraction."""
+    title = f"{record.title}: cumulative cost of transport"
+    return figures.cumulative_cost(record["step_time"], {"contraction": record["cumulative_cot"]}, title=title)
+
+
+def published_activation(record: Record) -> tuple[Figure, Axes]:
+    """Draw the activation of the segments."""
+    return figures.activation(record["step_time"], record["activation"], title=f"{record.title}: activation")
+
+
+def _curves_by_case(record: Record, name: str) -> dict[str, FloatArray]:
+    labelled = zip(record["value"], record[name], strict=True)
+    return {f"{record.summary['vary']} = {value:g}": curve for value, curve in labelled if np.isfinite(curve).any()}
+
+
+def study_com(record: Record) -> tuple[Figure, Axes]:
+    """Draw the centre of mass of each case."""
+    title = f"{record.title}: centre of mass by case"
+    return figures.centre_of_mass(record["time"], _curves_by_case(record, "com_x"), title=title)
+
+
+def study_cumulative_cost(record: Record) -> tuple[Figure, Axes]:
+    """Draw the cumulative cost of transport of each case."""
+    title = f"{record.title}: cumulative cost of transport by case, sum of |work / dx|"
+    return figures.cumulative_cost(record["step_time"], _curves_by_case(record, "cumulative_cost"), title=title)
+
+
+def study_cost(record: Record) -> tuple[Figure, Axes]:
+    """Draw two costs of transport over the number that is varied."""
+    panels = {
+        "sum of |work / dx|, (P12) [J/m]": record["cumulative_cot"],
+        "work / (weight x distance)": record["cost_of_transport"],
+    }
+    return _panels(record, panels, "cost of transport")
+
+
+def study_distance(record: Record) -> tuple[Figure, Axes]:
+    """Draw distance and speed over the number that is varied."""
+    panels = {"distance [m]": record["distance"], "speed [body lengths per period]": record["speed"]}
+    return _panels(record, panels, "distance and speed")
+
+
+def _panels(record: Record, panels: dict[str, FloatArray], what: str) -> tuple[Figure, Axes]:
+    return figures.by_case(record["value"], panels, _vary(record), title=f"{record.title}: {what} by case")
+
+
+def _vary(record: Record) -> str:
+    return str(record.summary["vary"])
