@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from planar import linkage, published
 from planar import status as planar
 from planar.metrics import path_length
 from scenes.models.base import Status
 from worm3d.values.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from planar import linkage, published
 
 SHORT_RUN = "the run is shorter than one period of the gait, over which the centre of mass is averaged"
 
