@@ -115,6 +115,7 @@ class Stage:
         self._skin = Skin.of(frames, self.scales.strain)
         self._panels = 0, *self._skin.panels(0)
         self._speed = frames.speed
+        self._window = np.subtract(*frames.speed_window[::-1])
         ahead, left, up = frames.axes
         low, high = frames.extent
         size = frames.body_length
@@ -196,8 +197,7 @@ class Stage:
     def _text(self, index: int) -> str:
         text = f"t = {self.frames.time[index]:.2f} s"
         if self._speed is not None:
-            speed, period = f"speed {self._speed[index]:.3g} m/s", self.frames.period
-            text += f"   mean {speed} over {period:g} s" if period else f"   {speed}"
+            text += f"   mean speed {self._speed[index]:.3g} m/s over {self._window[index]:.3g} s"
         if self.frames.contact_force is not None:
             text += f"   an arrow of {arrow_length(self.frames.body_length):.3g} m is {self.scales.force:.3g} N"
         return text
