@@ -32,13 +32,13 @@ from worm3d.worlds.plane import Plane
 from worm3d.worm import Worm
 
 FLAT = 0.02
-"""A chamber lower than this fraction of its rest height is flattened."""
+"""Height of a chamber that counts as flattened, as a fraction of its rest height."""
 
 DEEPEST = 0.1
-"""A joint deeper in the world than this fraction of the segment length is sunk (0 where joints do not touch it)."""
+"""Depth in the world at which a joint counts as sunk, as a fraction of the segment length."""
 
 ROUNDING = 2e-15
-"""Least tolerance of Newton: a step of this fraction of the body length is rounding."""
+"""Smallest tolerance of Newton, as a fraction of the body length: shorter steps are rounding."""
 
 ROLL_DAMPING = 1e-7
 """Damping of roll where all mass is on the axis, over the largest stiffnesses [J] of the worm [s].
@@ -48,19 +48,9 @@ singular but for rounding. A tenth and ten times as much do as well.
 """
 
 MASSLESS = 1e-3
-"""A segment with less than this fraction of its mass off the axis has some of that damping, with none all of it."""
+"""Share of a segment's mass off the axis below which it has some of that damping (without any, all of it)."""
 
-HISTORIES = (
-    "joints",
-    "joint_velocity",
-    "points",
-    "point_velocity",
-    "lengths",
-    "hinges",
-    "joint_angles",
-    "actuator",
-    "hinge_states",
-)
+HISTORIES = [name for name, row in arrays.ARRAYS.items() if row.history]
 """Arrays that hold two instants, first the present one."""
 
 
@@ -249,13 +239,11 @@ class Plant:
 
     def _fill_actuators(self) -> None:
         worm, n = self.worm, self.n
-        layouts = actuator.chambers(type(worm.actuator)), actuator.hinges(type(worm.hinge_actuator))
-        of_chambers, of_hinges = worm.actuator.values(worm, hinge=False), worm.hinge_actuator.values(worm, hinge=True)
-        for layout, name, values, count in zip(
-            layouts, ("actuated", "hinged"), (of_chambers, of_hinges), (n, n - 1), strict=True
-        ):
-            for parameter, value in values.items():
-                layout.of(actuator.PREFIX + parameter, self.arrays[name])[:, :count] = value
+        chambers, hinges = actuator.chambers(type(worm.actuator)), actuator.hinges(type(worm.hinge_actuator))
+        for name, value in worm.actuator.values(worm, hinge=False).items():
+            chambers.of(actuator.PREFIX + name, self.arrays["actuated"])[:, :n] = value
+        for name, value in worm.hinge_actuator.values(worm, hinge=True).items():
+            hinges.of(actuator.PREFIX + name, self.arrays["hinged"])[:, : n - 1] = value
         self.hasten(1.0)
 
     def hasten(self, times: float) -> None:
@@ -333,10 +321,8 @@ class Plant:
         self._run("joint_angles", a["joint_in"], a["joint_out"][:4], n - 1)
         a["points"][:] = np.tile(a["point_in"][:3], (2, 1))
         a["point_velocity"][:] = np.tile(self._point_row("first").reshape(3, -1), (2, 1))
-        a["lengths"][:], a["hinges"][:] = (
-            np.tile(a["rest"][:2], (2, 1)),
-            np.tile(a["segment_ledger"][terms : terms + 2], (2, 1)),
-        )
+        a["lengths"][:] = np.tile(a["rest"][:2], (2, 1))
+        a["hinges"][:] = np.tile(a["segment_ledger"][terms : terms + 2], (2, 1))
         a["joint_angles"][:] = np.tile(a["joint_out"][:4], (2, 1))
         a["asked"][:] = 0.0
         a["asked"][0, : 2 * n] = state.contraction.ravel()

@@ -1,4 +1,4 @@
-"""Many steps at once, compiled: actuators, steps, records."""
+"""Many steps at once, compiled: the commands of the actuators, the steps, and their records."""
 
 from __future__ import annotations
 
@@ -105,11 +105,8 @@ def actuate(core: Core, command: FloatArray, dt: float) -> None:
             rows[_GIVEN_N + side, i], rows[_FORCE_N + side, i] = given[k], given[2 * n + k]
     for i in range(n - 1):
         k = 4 * n + i + 1
-        joints[_HINGE_COMMAND, i], joints[_HINGE_COMMAND_N, i], joints[_HINGE_GIVEN_N, i] = (
-            command[k],
-            asked[k],
-            given[k],
-        )
+        joints[_HINGE_COMMAND, i], joints[_HINGE_COMMAND_N, i] = command[k], asked[k]
+        joints[_HINGE_GIVEN_N, i] = given[k]
     fill(fields(block, a.SEGMENT_IN, _DT, 1), dt)
     fill(fields(block, a.JOINT_IN, _JOINT_DT, 1), dt)
     copy(fields(block, a.SEGMENT_IN, _LENGTH_N, 2), fields(block, a.LENGTHS, 0, 2))

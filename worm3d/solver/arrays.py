@@ -11,7 +11,7 @@ past.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -36,13 +36,13 @@ WORLD_ROWS = 11
 class KernelRow(NamedTuple):
     """A compiled function."""
 
-    make: Callable[..., ca.Function | None] | None
+    make: Callable[..., ca.Function | None] | None = None
     """Returns what is compiled, or None; without it: the world's kernel, or an entry (`worm3d.solver.entry`)."""
-    padded: bool
+    padded: bool = False
     """Whether it is evaluated in all lanes: those without a point or joint have neither mass nor stiffness."""
-    of: Literal["", "law", "chamber", "hinge"]
+    of: Literal["", "law", "chamber", "hinge"] = ""
     """What class `make` is given: of the law of friction, or of the actuators of chambers or hinges."""
-    exact: bool
+    exact: bool = False
     """Whether it is computed as written, to the last bit."""
 
 
@@ -50,16 +50,9 @@ KERNELS: dict[str, KernelRow] = {}
 """Compiled functions by name, in the order of `Core.kernels`."""
 
 
-def _kernel(
-    name: str,
-    make: Callable[..., ca.Function | None] | None = None,
-    *,
-    padded: bool = False,
-    of: Literal["", "law", "chamber", "hinge"] = "",
-    exact: bool = False,
-) -> int:
+def _kernel(name: str, make: Callable[..., ca.Function | None] | None = None, **more: Any) -> int:
     """Declare a compiled function and return its index."""
-    KERNELS[name] = KernelRow(make, padded, of, exact)
+    KERNELS[name] = KernelRow(make, **more)
     return len(KERNELS) - 1
 
 
@@ -169,10 +162,12 @@ class ArrayRow(NamedTuple):
 
     rows: Extent
     columns: Extent
-    inside: tuple[str, str | int] | None
+    inside: tuple[str, str | int] | None = None
     """Array above it whose memory it shares, and the row there with which it begins."""
-    remembered: bool | tuple[str, ...]
+    remembered: bool | tuple[str, ...] = False
     """Whether the next step depends on it, or on which of its rows."""
+    history: bool = False
+    """Whether it holds two instants, first the present one; it is then remembered, too."""
 
     def shape(self, sizes: Sizes) -> tuple[int, int]:
         """Return the shape in a core of these sizes."""
@@ -193,16 +188,9 @@ ARRAYS: dict[str, ArrayRow] = {}
 """Arrays of a core by name, in the order of its block."""
 
 
-def _array(
-    name: str,
-    rows: Extent,
-    columns: Extent,
-    *,
-    inside: tuple[str, str | int] | None = None,
-    remembered: bool | tuple[str, ...] = False,
-) -> int:
+def _array(name: str, rows: Extent, columns: Extent, **more: Any) -> int:
     """Declare an array and return its index."""
-    ARRAYS[name] = ArrayRow(rows, columns, inside, remembered)
+    ARRAYS[name] = ArrayRow(rows, columns, **more)
     return len(ARRAYS) - 1
 
 
@@ -292,11 +280,11 @@ CONTACT_FORCE = _array("contact_force", 3, "points", inside=("after_out", "force
 ASKED = _array("asked", 1, "commands", remembered=True)
 GIVEN = _array("given", 1, "commands", remembered=True)  # by them, after lag and limits
 # rows 3 k + axis at t_n (k = 0) and t_{n-1} (k = 1) [m]; likewise the following
-JOINTS = _array("joints", 6, "node_lanes", inside=("node_in", "past"), remembered=True)
-JOINT_VELOCITY = _array("joint_velocity", 6, "node_lanes", inside=("node_in", "velocity"), remembered=True)
-POINTS_PAST = _array("points", 6, "points", inside=("point_in", "past"), remembered=True)
-POINT_VELOCITY = _array("point_velocity", 6, "points", inside=("point_in", "velocity"), remembered=True)
-LENGTHS = _array("lengths", 4, "lanes", remembered=True)  # of the chambers [m]
+JOINTS = _array("joints", 6, "node_lanes", inside=("node_in", "past"), history=True)
+JOINT_VELOCITY = _array("joint_velocity", 6, "node_lanes", inside=("node_in", "velocity"), history=True)
+POINTS_PAST = _array("points", 6, "points", inside=("point_in", "past"), history=True)
+POINT_VELOCITY = _array("point_velocity", 6, "points", inside=("point_in", "velocity"), history=True)
+LENGTHS = _array("lengths", 4, "lanes", history=True)  # of the chambers [m]
 # inputs of the segments' kernels, with those of their actuators behind them
 ACTUATED = _array("actuated", "chamber_rows", "lanes", inside=("segment_in", 0))
 ACTUATOR_PAST = _array(
@@ -304,18 +292,18 @@ ACTUATOR_PAST = _array(
     "chamber_past",
     "lanes",
     inside=("segment_in", segment.LAYOUT.rows + actuator.SIDES * len(COMMANDS)),
-    remembered=True,
+    history=True,
 )
 STARTED_ACTUATORS = _array("actuator_start", actuator.START_ROWS, "lanes")  # what they are known to do in the step
 ACTUATOR_OUT = _array("actuator_out", "chamber_out", "lanes")  # terms of the ledger, what is given, states
 HINGED = _array("hinged", "hinge_rows", "joint_lanes", inside=("joint_in", 0))  # joints and their actuators
 HINGE_PAST = _array(
-    "hinge_states", "hinge_past", "joint_lanes", inside=("joint_in", joint.LAYOUT.rows + len(COMMANDS)), remembered=True
+    "hinge_states", "hinge_past", "joint_lanes", inside=("joint_in", joint.LAYOUT.rows + len(COMMANDS)), history=True
 )
 HINGE_OUT = _array("hinge_out", "hinge_out", "joint_lanes")  # command, what is given, states
-HINGES = _array("hinges", 4, "lanes", remembered=True)  # angles of the apex hinges [rad]
+HINGES = _array("hinges", 4, "lanes", history=True)  # angles of the apex hinges [rad]
 # c.d, c.u, twist, sum of the bends
-JOINT_ANGLES_PAST = _array("joint_angles", 8, "joint_lanes", inside=("joint_in", "angles_n"), remembered=True)
+JOINT_ANGLES_PAST = _array("joint_angles", 8, "joint_lanes", inside=("joint_in", "angles_n"), history=True)
 TERMS_ = _array("terms", 1, len(TERMS))  # energy ledger since the last record [J]
 SLID = _array("slid", POINTS, "lanes")  # slip since the last record [m]
 
@@ -372,7 +360,7 @@ class CoreMemory:
         """Return views of all that the next step depends on, by name."""
         views = {}
         for name, row in ARRAYS.items():
-            if row.remembered is True and self.arrays[name].size > 0:
+            if (row.remembered is True or row.history) and self.arrays[name].size > 0:
                 views[name] = self.arrays[name]
             elif isinstance(row.remembered, tuple) and isinstance(row.rows, Layout):
                 views |= {each: row.rows.of(each, self.arrays[name]) for each in row.remembered}
