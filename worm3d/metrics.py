@@ -122,22 +122,24 @@ ROUNDING = {"deg": 1e-9, "m": 1e-12, "m/s": 1e-12}
 """Magnitude below which a metric is rounding and written as 0, by its unit."""
 
 
-def written(value: float, unit: str) -> str:
+def written(value: float, unit: str, digits: int = 6) -> str:
     """Return a metric as text, without its unit."""
-    return f"{0.0 if abs(value) < ROUNDING.get(unit, 0.0) else value:.6g}"
+    return f"{0.0 if abs(value) < ROUNDING.get(unit, 0.0) else value:.{digits}g}"
 
 
 class Summary(dict[str, float | str | None]):
     """Metrics by name; printed as a table with units."""
 
     def __repr__(self) -> str:
-        rows = []
-        for name, value in self.items():
-            ending = next((ending for ending in UNITS if name.endswith(ending)), "")
-            unit = UNITS.get(ending, "")
-            shown = "-" if value is None else value if isinstance(value, str) else written(value, unit)
-            rows.append((name.removesuffix(ending).replace("_", " "), shown, unit))
+        rows = (self.row(name) for name in self)
         return "\n".join(f"{name:<34}{shown:>12} {unit}".rstrip() for name, shown, unit in rows)
+
+    def row(self, name: str, digits: int = 6) -> tuple[str, str, str]:
+        """Return a metric as name, value and unit to print."""
+        value, ending = self[name], next((ending for ending in UNITS if name.endswith(ending)), "")
+        unit = UNITS.get(ending, "")
+        shown = "-" if value is None else value if isinstance(value, str) else written(value, unit, digits)
+        return name.removesuffix(ending).replace("_", " "), shown, unit
 
 
 Metric = tuple[float | str | None, str]

@@ -21,7 +21,7 @@ from worm3d.worlds import World
 if TYPE_CHECKING:
     import xarray
 
-HEADLINES = ("distance_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J", "cost_of_transport")
+HEADLINES = ("distance_m", "mean_speed_m_s", "heading_change_deg", "cost_of_transport")
 """Metrics with which a result is printed."""
 
 
@@ -140,7 +140,7 @@ class Result(Recorded, Steps):
 
     def __repr__(self) -> str:
         worm, summary = self.worm, self.summary()
-        merits = (f"{name} {summary[name]:.4g}" for name in HEADLINES if isinstance(summary[name], float))
+        merits = (" ".join(summary.row(name, digits=4)).rstrip() for name in HEADLINES if summary[name] is not None)
         return listed(
             (
                 f"Result: {self.stop.sentence}",

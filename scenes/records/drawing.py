@@ -23,6 +23,8 @@ def model_of(record: Record) -> Model[Any]:
     SceneError
         This version of the program does not know it.
     """
+    if not record.scene:
+        raise SceneError(f"{record.name}: saved by Python, not by a scene: worm3d.load reads it, worm3d.draw draws it")
     if record.model not in models.names():
         known = ", ".join(models.names())
         raise SceneError(f"{record.name}: made by the model '{record.model}', this worm3d knows only {known}")

@@ -38,7 +38,7 @@ def test_a_result_says_how_it_ended_and_what_matters() -> None:
     text = repr(RUN)
     assert text.splitlines()[0] == "Result: the run reached its end"
     assert "301 rows of 300 steps of 0.01 s; 6 segments, 1 m, 0.1 kg on Plane(" in text
-    assert f"distance_m {RUN.distance:.4g}" in text
+    assert f"distance {RUN.distance:.4g} m, mean speed " in text
 
 
 def test_short_arrays_are_printed_whole_and_long_ones_by_their_range() -> None:
