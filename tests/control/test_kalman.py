@@ -109,7 +109,7 @@ def expected_com(mean: np.ndarray) -> np.ndarray:
 
 
 def textbook(P: np.ndarray, H: np.ndarray, e: np.ndarray, deviation: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return state and covariance after a sample, the latter by another formula than (K4), and nis."""
+    """Return state and covariance after a sample, the latter by another formula than (KF4), and nis."""
     information = np.linalg.inv(P) + H.T @ H / deviation**2
     after = np.linalg.inv(information)
     S = H @ P @ H.T + deviation**2 * np.eye(len(e))
