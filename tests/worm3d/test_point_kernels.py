@@ -240,3 +240,17 @@ def test_start_of_a_step_is_that_of_the_equations() -> None:
     for name, value in expected.items():
         assert_allclose(found[name], value, rtol=1e-13, atol=1e-16, err_msg=name)
     assert_allclose(difference(v, speed, v["velocity"]), 0.0, rtol=0, atol=1e-9)  # no acceleration
+
+
+def test_an_anchor_on_its_yield_surface_stays_but_for_more_than_rounding() -> None:
+    """(C4): beyond the surface by half of the tolerance of 1e-9 it does not slip, by twice as much it does."""
+    v = some_point(coupled=True, inside=False, seed=13) | {"regime": np.full((1, COUNT), point.FREE)}
+    v["distance"] = -np.abs(v["distance"]) - 0.01
+    direction = np.random.default_rng(14).standard_normal((2, COUNT))
+    mu = np.array([np.where(direction[0] > 0.0, *v["mu"][:2]), v["mu"][2]])
+    surface = direction * v["cap"] * v["r"] / np.hypot(*(mu * direction))
+    for excess, slips in ((0.5e-9, False), (2e-9, True)):
+        s = v["centre"] + surface * (1.0 + excess)
+        v["anchor"] = v["x"] - s[0] * v["tangent"][:3] - s[1] * v["tangent"][3:]
+        slipped = run("point_after", point.LAYOUT, v)[point.AFTER.first("slipped")]
+        assert ((slipped > 0.0) == slips).all()
