@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scenes.language.checks import cross_mistakes, kind_checks
 from scenes.language.mistakes import dotted, schema_mistakes
 from scenes.language.parts import PartSection, keys_by_parameter, keys_of, part_of
-from scenes.language.schema import Section, choices, describe, only_for, quantity
+from scenes.language.schema import Section, choices, describe, meaning, only_for, quantity, words_of
 from worm3d.values.parameters import check, parameter
 
 
@@ -19,6 +19,7 @@ class Spring:
     stiffness: float = parameter(2.0, meaning="force over strain", unit="N", gt=0, key="spring_N")
     angle: float = parameter(math.pi / 6, meaning="angle at rest", unit="rad", ge=-math.pi, le=math.pi, aka=("turn",))
     weights: float = parameter(1.0, meaning="share of each segment", ge=0, each="segment")
+    side: Literal["left", "right"] = parameter("left", meaning="side")
 
     def __post_init__(self) -> None:
         check(self)
@@ -29,6 +30,7 @@ class Piston:
     pressure: float = parameter(1e4, meaning="pressure of the supply", unit="Pa", ge=0)
     angle: float = parameter(0.0, meaning="angle at rest", unit="rad")
     valve: Literal["open", "shut"] = parameter("open", meaning="state of the valve")
+    side: Literal["left", "right", "both"] = parameter("both", meaning="side")
     rate: float = parameter(math.inf, meaning="steps a second", unit="1/s", gt=0, infinite=True, left_out="no limit")
 
     def __post_init__(self) -> None:
@@ -55,10 +57,10 @@ class Scene(Section):
 
 
 def test_keys_are_names_with_their_units() -> None:
-    keys = ["kind", "spring_N", "angle_deg", "weights", "pressure_Pa", "valve", "rate_per_s", "gain"]
+    keys = ["kind", "spring_N", "angle_deg", "weights", "side", "pressure_Pa", "valve", "rate_per_s", "gain"]
     assert list(Drive.model_fields) == keys
-    assert keys_by_parameter(Piston)["rate"] == "rate_per_s"
-    assert [key for key in Two.model_fields if key.startswith("b_")] == ["b_spring_N", "b_angle_deg"]
+    assert keys_by_parameter(Piston, Drive)["rate"] == "rate_per_s"
+    assert [key for key in Two.model_fields if key.startswith("b_")] == ["b_spring_N", "b_angle_deg", "b_side"]
 
 
 def test_a_section_says_what_the_fields_say() -> None:
@@ -71,6 +73,9 @@ def test_a_section_says_what_the_fields_say() -> None:
     assert choices(fields["kind"]) == ("spring", "piston")
     assert only_for(fields["spring_N"]) == ("spring",)
     assert only_for(fields["angle_deg"]) == ()
+    assert choices(fields["side"]) == ("left", "right", "both")
+    assert words_of(fields["side"], "spring") == ("left", "right")
+    assert meaning(fields["valve"]) == "piston only: state of the valve"
 
 
 def test_a_section_becomes_its_part() -> None:
@@ -79,7 +84,21 @@ def test_a_section_becomes_its_part() -> None:
     assert_allclose(spring.weights, [1.0, 2.0])
     piston = part_of(DRIVES["piston"], Drive(kind="piston", valve="shut"), stiffness=1.0)  # which it does not have
     assert (piston.valve, piston.rate, piston.pressure) == ("shut", math.inf, 3e4)
-    assert part_of(Spring, Two(b_spring_N=5.0), prefix="b_", weights=4.0).stiffness == 5.0
+    assert part_of(Spring, Two(b_spring_N=5.0), prefix="b_").stiffness == 5.0
+
+
+def test_some_parameters_in_other_units_and_ranges() -> None:
+    keys = keys_of(Spring, these=("stiffness", "weights"), units={"weights": "rad/s"}, bounds={"stiffness": {"ge": 1}})
+    assert list(keys) == ["spring_N", "weights_deg_s"]
+    assert describe(keys["spring_N"][1]) == " [N], 1 <= … (default 2.0)"
+
+    class Turned(PartSection, keys=keys):
+        """A spring."""
+
+    spring = part_of(Spring, Turned(weights_deg_s=180.0, spring_N=3.0), units={"weights": "rad/s"})
+    assert_allclose((spring.weights, spring.stiffness), (math.pi, 3.0))
+    both = part_of(Spring, Turned(spring_N=4.0), Two())
+    assert (both.stiffness, both.angle) == (4.0, Spring().angle)
 
 
 @pytest.mark.parametrize(
@@ -88,6 +107,7 @@ def test_a_section_becomes_its_part() -> None:
         ({"spring_N": 0.0}, "drive.spring_N: got 0.0: input should be greater than 0 [N], 0 < … (default 2.0)"),
         ({"stiffness": 1.0}, "drive.stiffness: unknown key; did you mean 'spring_N'?"),
         ({"turn": 1.0}, "drive.turn: unknown key; did you mean 'angle_deg'?"),
+        ({"side": "both"}, "drive.side: got 'both': not for drive.kind = 'spring'; allowed here: 'left', 'right'"),
         (
             {"weights": [1.0, -1.0]},
             "drive.weights[1]: got -1.0: input should be greater than or equal to 0, 0 <= …, one for all or a list "
