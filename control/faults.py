@@ -129,20 +129,7 @@ class Wave:
 
 
 class Watch:
-    """The watch over one worm.
-
-    Parameters
-    ----------
-    worm : Worm
-    reference : Reference
-    feed_forward : FeedForward
-        What the worm can do.
-
-    Attributes
-    ----------
-    faults : list of Fault
-        Faults found so far.
-    """
+    """The watch over one worm; `faults` holds what it found so far."""
 
     def __init__(self, worm: Worm, reference: Reference, feed_forward: FeedForward) -> None:
         self._segments, self._length = worm.segments, worm.length

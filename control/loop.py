@@ -148,13 +148,7 @@ class WaveController(ABC):
         return sum(decision.seconds > self.control_period for decision in self.decisions)
 
     def step(self, t: float, measurement: Measurement) -> Command:
-        """Return the command from time t [s] on.
-
-        Raises
-        ------
-        TypeError
-            The measurement is no `Measurement`.
-        """
+        """Return the command from time t [s] on; TypeError where the measurement is no `Measurement`."""
         began = perf_counter()
         elapsed, self._time = 0.0 if self._time is None else t - self._time, t
         seen = self.gate(t, measurement)

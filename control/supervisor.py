@@ -32,15 +32,10 @@ class Supervisor(WaveController):
 
     Parameters
     ----------
-    worm : Worm
-    reference : Reference
+    worm, reference, schedule, control_period, estimator
+        See `control.loop.WaveController`.
     model : ReducedModel
-    estimator : Estimates
     mpc : Planner
-    schedule : Schedule, optional
-        Schedule for which the worm was identified.
-    control_period : float
-        Time between decisions [s].
     deadline : str
         "iterations": a plan may take as many as it is given, and runs repeat bit for bit; "wall": one that took longer
         than the control period is not accepted.

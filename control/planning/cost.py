@@ -132,12 +132,7 @@ def misses_of(model: ReducedModel) -> ca.Function:
 
 
 class Scale:
-    """Inputs scaled to [-1, 1] over the ranges of a map.
-
-    Parameters
-    ----------
-    ranges : Ranges
-    """
+    """Inputs scaled to [-1, 1] over the ranges of a map."""
 
     def __init__(self, ranges: Ranges) -> None:
         bounds = np.array([ranges.amplitude, ranges.frequency, (-ranges.steering, ranges.steering)])

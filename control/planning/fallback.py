@@ -114,17 +114,7 @@ class Fallback:
         self._heading_is_known = KnownHeading()
 
     def choose(self, t: float, estimate: Estimate, in_force: GaitParameters, waves: float) -> Choice:
-        """Return what to ask for from time t [s] on.
-
-        Parameters
-        ----------
-        t : float
-        estimate : Estimate
-        in_force : GaitParameters
-            Parameters asked for until now.
-        waves : float
-            Waves since the beginning.
-        """
+        """Return what to ask for from time t [s] on, so many waves after the beginning; `in_force` was until now."""
         if self._speed(t) < self.planner.feed_forward.slowest:
             return Choice("stop", rest(in_force), STANDS)
         if not self._heading_is_known(estimate, waves):

@@ -28,12 +28,6 @@ REPEATS = 3
 class FeedForward:
     """The inverse of the identified map of one mechanism.
 
-    Parameters
-    ----------
-    found : SteeringMap
-    length : float
-        Length of the body [m].
-
     Attributes
     ----------
     frequency : float

@@ -60,14 +60,7 @@ class Solution:
 
 
 class GaussNewton:
-    """The method for problems of n unknowns.
-
-    Parameters
-    ----------
-    n : int
-    iterations : int
-        Largest number of iterations.
-    """
+    """The method for problems of n unknowns, with a largest number of iterations."""
 
     def __init__(self, n: int, iterations: int) -> None:
         self.n, self.iterations = n, iterations

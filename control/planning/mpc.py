@@ -43,7 +43,7 @@ class GaitMPC:
     ----------
     worm : Worm
     identified : Identified
-        Map of the worm, from which `model` was made.
+        Maps of the worm, from which `model` was made.
     model : ReducedModel
     tolerances : Tolerances, optional
     step : float

@@ -143,15 +143,7 @@ def measured(motion: Motion, reference: Reference, length: float) -> tuple[dict[
 
 
 def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dict[str, float | None], dict[str, str]]:
-    """Return the metrics, and why some have no value.
-
-    Parameters
-    ----------
-    tracked : Tracking
-    reference : Reference
-    length : float
-        Length of the body [m].
-    """
+    """Return the metrics of a worm of some length [m], and why some have no value."""
     taken = tracked.counted
     metrics: dict[str, float | None] = dict.fromkeys(METRICS)
     if not taken.any():
@@ -180,11 +172,7 @@ def _of_speed(tracked: Tracking, taken: Bools) -> tuple[float | None, float | No
 def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | None, str]:
     """Return the commanded periods after which the speed is within 10 % for good, of the worst step, and why none is.
 
-    Parameters
-    ----------
-    tracked : Tracking
-    reference : Reference
-        Its speed has steps if it is a `control.tracking.references.Steps`.
+    The reference speed has steps if it is a `control.tracking.references.Steps`.
     """
     steps = _step_times(reference)
     if not steps:

@@ -271,12 +271,7 @@ def offset(path: Path, xy: ArrayLike, s: ArrayLike) -> FloatArray:
 def track(path: Path, xy: FloatArray, near: float | None = None) -> FloatArray:
     """Return the projections of places that follow each other, (K, 2) [m], each near the one before, shape (K,) [m].
 
-    Parameters
-    ----------
-    path : Path
-    xy : ndarray, shape (K, 2)
-    near : float, optional
-        Arc length near which the first is looked for; anywhere if left out [m].
+    The first one is looked for near the arc length `near` [m], or anywhere.
     """
     found: list[float] = []
     for place in xy:
