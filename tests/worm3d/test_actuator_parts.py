@@ -127,6 +127,24 @@ def test_each_segment_may_have_its_own_lag() -> None:
     assert_allclose(run.hinge[1:], STILL.hinge * (1.0 - np.exp(-t / [0.05, 0.2])), atol=1e-14)
 
 
+class _Curious(Actuator):
+    """It asks for what no actuator knows."""
+
+    @classmethod
+    def respond(cls, s: Mapping[str, Any]) -> Response:
+        return Response(command=s["command"], given=s["voltage"])
+
+
+class _Forgetful(Actuator):
+    """It has a state, and does not say what becomes of it."""
+
+    states: ClassVar[Mapping[str, str]] = {"charge": "C"}
+
+    @classmethod
+    def respond(cls, s: Mapping[str, Any]) -> Response:
+        return Response(command=s["command"], given=s["command"])
+
+
 class _Late(Actuator):
     """Its contraction would depend on the unknown length."""
 
@@ -149,6 +167,12 @@ class _Taken(Actuator):
         (lambda: FirstOrder(lag=-1.0), r"lag: got -1.0, must be"),
         (lambda: Worm(hinge_actuator=Spring()), r"hinge_actuator: got Spring, which acts on chambers alone"),
         (lambda: floating(body(actuator=_Late())), r"actuator: its spring must not depend on the length"),
+        (lambda: floating(body(actuator=_Curious())), r"_Curious.respond: 'voltage' is not known; known are command, "),
+        (
+            lambda: floating(body(actuator=_Forgetful())),
+            r"_Forgetful.respond: got \[\], must be a Response with",
+        ),
+        (lambda: floating(body(actuator=Actuator())), r"Actuator.respond: it has none, must be defined; known are"),
         (_Taken, r"_Taken: the names dt are taken; rename the parameter"),
     ],
 )

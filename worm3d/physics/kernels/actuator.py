@@ -71,19 +71,42 @@ def _of_chamber(kind: Kind, side: int) -> Callable[[ca.SX], Response]:
     layout = chambers(kind)
     s, known = layout.symbols, _known(kind, layout, side)
     known |= {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k")}}
-    return lambda length: kind.respond({**known, "length": length})
+    return lambda length: _respond(kind, {**known, "length": length})
 
 
 def _of_hinge(kind: Kind) -> Response:
-    known = _known(kind, hinges(kind), 0)
-    known |= {name: ca.SX(0.0) for name in COMMANDS if name.startswith("force")}
-    try:
-        response = kind.respond(known)
-    except KeyError as missing:
-        raise ValueError(f"hinge_actuator: {kind.__name__} acts on chambers alone: it needs {missing}") from missing
+    """Return what the actuator of a hinge does, all of which is known at the start of the step."""
+    known = _known(kind, hinges(kind), 0) | {name: ca.SX(0.0) for name in COMMANDS if name.startswith("force")}
+    response = _respond(kind, known)
+    if _has_energy(response):
+        raise ValueError(f"hinge_actuator: {kind.__name__} has a potential or energy, which only chambers may have")
     made = response._replace(force=ca.vertcat(*response.states.values()))
     _require_known("hinge_actuator", made, hinges(kind).symbols["span"])
     return response
+
+
+def _respond(kind: Kind, known: dict[str, ca.SX]) -> Response:
+    """Return what `Actuator.respond` says.
+
+    Raises
+    ------
+    ValueError
+        It asks for what is not known, or its answer is none, or without one of its states.
+    """
+    try:
+        response = kind.respond(known)
+    except (KeyError, NotImplementedError) as error:
+        what = f"{error} is not known" if isinstance(error, KeyError) else "it has none, must be defined"
+        raise ValueError(f"{kind.__name__}.respond: {what}; known are {', '.join(known)}") from error
+    if not isinstance(response, Response) or set(response.states) != set(kind.states):
+        got = sorted(response.states) if isinstance(response, Response) else type(response).__name__
+        raise ValueError(f"{kind.__name__}.respond: got {got}, must be a Response with the states {list(kind.states)}")
+    return response
+
+
+def _has_energy(response: Response) -> bool:
+    parts = (response.potential, response.work, response.stored, response.lost)
+    return not all(ca.SX(part).is_zero() for part in parts)
 
 
 def start(kind: Kind = FirstOrder) -> ca.Function:
@@ -149,13 +172,11 @@ LEDGER_ROWS = 8
 """Rows of `end` before what is given and the states: the terms, filled up to a vector."""
 
 
-def has_end(kind: Kind) -> bool:
+def _has_end(kind: Kind) -> bool:
     """Return whether anything but the rest length and the force happens in a step: states, or a potential."""
     length = ca.SX.sym("length")
     response = _of_chamber(kind, 0)(length)
-    parts = (response.potential, response.work, response.stored, response.lost)
-    beside = any(not ca.SX(part).is_zero() for part in parts)
-    return bool(kind.states) or beside or bool(ca.depends_on(ca.SX(response.given), length))
+    return bool(kind.states) or _has_energy(response) or bool(ca.depends_on(ca.SX(response.given), length))
 
 
 def end(kind: Kind = FirstOrder) -> ca.Function | None:
@@ -163,7 +184,7 @@ def end(kind: Kind = FirstOrder) -> ca.Function | None:
 
     The residual of the step meets the actuator as dPsi/dl times the first-order change of the length.
     """
-    if not has_end(kind):
+    if not _has_end(kind):
         return None
     terms, given, states = ca.SX.zeros(len(LEDGER_TERMS)), [], []
     for side in range(SIDES):
@@ -182,8 +203,6 @@ def end(kind: Kind = FirstOrder) -> ca.Function | None:
 def hinge_start(kind: Kind = FirstOrder) -> ca.Function:
     """Return the command within the limits, the angle given, and the states of a hinge at the end of a step."""
     response = _of_hinge(kind)
-    if not all(ca.SX(part).is_zero() for part in (response.potential, response.work, response.stored, response.lost)):
-        raise ValueError(f"hinge_actuator: {kind.__name__} has a potential or energy, which only chambers may have")
     outputs = {"command": response.command, "given": response.given}
     return hinges(kind).function("hinge_start", outputs | {name: response.states[name] for name in kind.states})
 
