@@ -83,17 +83,4 @@ class View:
 
     def observation(self) -> Observation:
         """Return what sensors see."""
-        return Observation(
-            time=float(self.time),
-            chamber_strain=self.chamber_strain,
-            com=self.com,
-            com_velocity=self.com_velocity,
-            heading=float(self.heading),
-            joints=self.joints,
-            joint_velocity=self.joint_velocity,
-            apexes=self.apexes,
-            apex_velocity=self._current.apex_velocity(),
-            contraction=self.contraction,
-            normal_load=self.normal_load,
-            actuator_states=self.actuator_states,
-        )
+        return self._current.observation()
