@@ -93,21 +93,21 @@ def _property(path: str, name: str, value: Any) -> Content:
     return {"type": "set_property", "path": path, "property": name, "value": value}
 
 
-def _packed(vectors: NDArray[Any], kind: str = "<f4") -> Content:
+def _packed(vectors: NDArray[Any], form: str = "<f4") -> Content:
     """Return vectors, shape (V, 3), as an attribute of a geometry."""
-    name, _ = _ARRAY_TYPES[kind]
-    return {"itemSize": vectors.shape[1], "type": name, "array": _binary(vectors, kind), "normalized": False}
+    name, _ = _ARRAY_TYPES[form]
+    return {"itemSize": vectors.shape[1], "type": name, "array": _binary(vectors, form), "normalized": False}
 
 
-def _binary(values: NDArray[Any], kind: str = "<f4") -> Any:
-    return umsgpack.Ext(_ARRAY_TYPES[kind][1], np.ascontiguousarray(values, dtype=kind).tobytes())
+def _binary(values: NDArray[Any], form: str = "<f4") -> Any:
+    return umsgpack.Ext(_ARRAY_TYPES[form][1], np.ascontiguousarray(values, dtype=form).tobytes())
 
 
-def _track(name: str, kind: str, time: FloatArray, values: FloatArray, stepped: bool = False) -> Content:
+def _track(name: str, form: str, time: FloatArray, values: FloatArray, stepped: bool = False) -> Content:
     """Return a track; one whose values never change keeps its first key only."""
     if (values == values[0]).all():
         time, values = time[:1], values[:1]
-    track = {"name": name, "type": kind, "times": _binary(time), "values": _binary(values)}
+    track = {"name": name, "type": form, "times": _binary(time), "values": _binary(values)}
     return {**track, "interpolation": _DISCRETE} if stepped else track
 
 

@@ -167,7 +167,7 @@ def repeat(out: FloatArray, k: int) -> None:
 
 @inner
 def write(out: FloatArray, k: int, jet: Jet, length: float, side: float, per_length: float, grip: float) -> None:
-    """Write a world's rows of lane k, each kind times the factor given."""
+    """Write a world's rows of lane k, lengths, components and curvatures times the factors given."""
     out[0, k] = length * jet[0]
     out[1, k], out[2, k], out[3, k] = side * jet[1], side * jet[2], side * jet[3]
     out[4, k], out[5, k], out[6, k] = per_length * jet[4], per_length * jet[5], per_length * jet[6]

@@ -22,7 +22,8 @@ from worm3d.worlds.pipe_formula import Bends, piece, pipe, place
 from worm3d.worlds.plane import Patch, patches_of
 from worm3d.worlds.profile import Profile
 
-Kind = tuple[Bends, int, bool, bool]
+Form = tuple[Bends, int, bool, bool]
+"""Pieces of the wall that are arcs, number of patches, and whether there are walls at the start and the end."""
 
 MOST_GIVEN = 8
 """Largest number of pieces of a centre line that one formula compares; of more the nearest one is looked up."""
@@ -146,16 +147,16 @@ class Pipe(World, ReadOnly):
         line = self._pieces()
         if len(line) > MOST_GIVEN:
             return None
-        kind, parameters = self._wall()
-        return pipe(_bent(line[:, 10]), *kind), np.concatenate([line.ravel(), parameters])
+        form, parameters = self._wall()
+        return pipe(_bent(line[:, 10]), *form), np.concatenate([line.ravel(), parameters])
 
-    def _wall(self) -> tuple[Kind, FloatArray]:
-        """Return what kind of wall it is, as `pipe` has it, and the parameters of `pipe` after the centre line's."""
+    def _wall(self) -> tuple[Form, FloatArray]:
+        """Return the form of the wall, as `pipe` has it, and the parameters of `pipe` after the centre line's."""
         wall = self.profile.pieces()[:1] if self.profile.constant else self.profile.pieces()
         largest = np.finfo(float).max  # stands for infinity
         grips = [[*np.clip(patch.along, -largest, largest), patch.grip] for patch in self.patches]
-        kind = _bent(wall[:, 4]), len(grips), bool(self.start_wall), bool(self.end_wall)
-        return kind, np.concatenate([wall.ravel(), [0.0, self.centreline.total], np.ravel(grips)])
+        form = _bent(wall[:, 4]), len(grips), bool(self.start_wall), bool(self.end_wall)
+        return form, np.concatenate([wall.ravel(), [0.0, self.centreline.total], np.ravel(grips)])
 
     def _pieces(self) -> FloatArray:
         """Return the chain of the centre line with its straight ends, shape (K, 11)."""
@@ -184,8 +185,8 @@ class Pipe(World, ReadOnly):
 
     def _looked_up(self) -> WorldKernel:
         """Return the world of which a table is looked up in."""
-        kind, parameters = self._wall()
-        one, line, reach = kernels.kernel(piece(*kind)), self._pieces(), self.centreline.reach
+        form, parameters = self._wall()
+        one, line, reach = kernels.kernel(piece(*form)), self._pieces(), self.centreline.reach
         planes = np.column_stack([line[:, 3:6], np.sum(line[:, :3] * line[:, 3:6], axis=1)])
         pieces = np.column_stack([line, _between(planes, CERTAIN * (1.0 + float(np.abs(line[:, :3]).max())))])
         places = (pieces.ctypes.data, planes.ctypes.data, one.address)

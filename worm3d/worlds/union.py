@@ -60,7 +60,7 @@ class Union(World, ReadOnly):
     Raises
     ------
     ValueError
-        No world, or one of another kind.
+        No world, or one without a distance.
     """
 
     worlds: tuple[World, ...]
