@@ -31,7 +31,7 @@ KNOWN = (*COMMANDS, "dt", "span", "length", "length_n", "l0", "link", "k")
 """Names of what `Actuator.respond` finds beside parameters and states."""
 
 Symbol = Any
-"""Of casadi.SX, or a number."""
+"""A scalar expression, casadi.SX, or a number."""
 Symbols = Mapping[str, Any]
 
 

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d import series
 from worm3d.energy import TERMS
 from worm3d.machine import vectors
 from worm3d.machine.banded import WIDTH, B
@@ -309,9 +310,8 @@ SLID = _array("slid", POINTS, "lanes")  # slip since the last record [m]
 
 HANDLE = 5
 """Numbers in the handle of a core: n and the addresses of memory, table, kernels and counters."""
-COUNTERS = 4
-"""Evaluations with a new Jacobian, whole or in part, further ones of the residual, rounds of contacts that broke away,
-and falls back to descent."""
+COUNTERS = len(series.COUNTERS)
+"""Number of counters of a step."""
 
 
 class Core(NamedTuple):
@@ -319,9 +319,9 @@ class Core(NamedTuple):
 
     n: int
     kernels: int
-    """Address of the addresses of `KERNELS`."""
+    """Address of the table of the addresses of `KERNELS`."""
     block: Block
-    """Of `ARRAYS`."""
+    """Memory of `ARRAYS`."""
     counters: int
     handle: int
 

@@ -24,7 +24,7 @@ LINE = 8
 
 
 class Block(NamedTuple):
-    """Where a block of arrays stands, for compiled code."""
+    """Addresses of a block of arrays, for compiled code."""
 
     memory: int
     """Address of its numbers."""
@@ -73,7 +73,7 @@ class Memory:
 
     @property
     def block(self) -> Block:
-        """For compiled code, as long as this object lives."""
+        """The block for compiled code, valid as long as this object lives."""
         return Block(self._numbers.ctypes.data, self.table.ctypes.data)
 
     def take(self, other: Memory) -> None:

@@ -59,7 +59,7 @@ _BESIDE = joint.COORDINATES - vectors.WIDTH
 """Row of the second vector of a joint's coordinates: the two overlap."""
 
 STRIKE = 2.0
-"""A point that comes to the world faster than gravity makes it in so many time steps strikes it.
+"""Speed of approach from which on a point strikes the world, over what gravity gives it in a time step.
 
 Slower landings are those of a crawling worm, whose springs and dampers press it down with more than its momentum.
 """

@@ -20,13 +20,13 @@ from worm3d.values.parameters import parameters_of
 Kind = type[Actuator]
 
 PREFIX = "actuator_"
-"""Before the names of the inputs, which could be those of a segment's otherwise."""
+"""Prefix of the inputs' names, which keeps them apart from those of a segment."""
 
 HASTE = "haste"
-"""Input: how many times as fast time goes by for the actuators; 1 but while a worm comes to rest."""
+"""Name of the factor by which time goes by faster for the actuators; 1 except while a worm comes to rest."""
 
 SIDES, ONE = 2, 1
-"""Actuators of a segment (its chambers, left and right) and of a joint (its hinge)."""
+"""Numbers of actuators of a segment (its chambers, left and right) and of a joint (its hinge)."""
 
 
 @once
@@ -125,7 +125,7 @@ def start(kind: Kind = FirstOrder) -> ca.Function:
 
 
 START_ROWS = 4 * SIDES
-"""Outputs of `start`."""
+"""Number of outputs of `start`."""
 
 
 def _require_known(name: str, response: Response, unknown: ca.SX) -> None:
@@ -169,7 +169,7 @@ def hessian(kind: Kind = FirstOrder) -> ca.Function:
 
 LEDGER_TERMS = ("work_contract", "actuator", "actuator_loss", "numerical_loss", "work_contract_p11")
 LEDGER_ROWS = 8
-"""Rows of `end` before what is given and the states: the terms, filled up to a vector."""
+"""Number of rows of `end` for the terms, filled up to a vector; what is given and the states follow."""
 
 
 def _has_end(kind: Kind) -> bool:
@@ -208,4 +208,4 @@ def hinge_start(kind: Kind = FirstOrder) -> ca.Function:
 
 
 HINGE_ROWS = 2
-"""Outputs of `hinge_start` before the states."""
+"""Number of outputs of `hinge_start` before the states."""

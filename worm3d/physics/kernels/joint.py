@@ -16,7 +16,7 @@ from worm3d.physics.kernels.layout import Layout
 
 COORDINATES = 13
 ROW = 16
-"""Of the Hessian, with zeros at its end: two vectors."""
+"""Length of a row of the Hessian, with zeros at its end: two vectors."""
 
 LAYOUT = Layout(
     {
@@ -86,7 +86,7 @@ def start() -> ca.Function:
 
 
 _KNOWN = (("angles_n", "hinge"), ("angles_m", "hinge"), ("angles_n", "hinge_n"))
-"""Where `start` takes the strains."""
+"""Angles and hinge at which `start` takes the strains."""
 
 
 @cache

@@ -208,7 +208,7 @@ def hessian(layout: Layout = LAYOUT, actuated: Energy | None = None) -> ca.Funct
 
 LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss", "work_contract_p11")
 LEDGER_ROWS = 8
-"""Before the motion of the points: a row of the point array."""
+"""Number of rows of the ledger before the motion of the points: a row of the point array."""
 
 
 def ledger() -> ca.Function:
