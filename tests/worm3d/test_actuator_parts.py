@@ -179,3 +179,30 @@ class _Taken(Actuator):
 def test_what_is_wrong_is_said(make: Any, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         make()
+
+
+def test_what_sensors_see_is_what_is_recorded() -> None:
+    seen: list[worm3d.Observation] = []
+
+    def look(t: float, view: worm3d.View) -> None:
+        seen.append(view.observation())
+
+    worm = body(actuator=Swinging(rate=8.0), hinge_actuator=Swinging(rate=4.0))
+    gait = TravellingWave(amplitude=0.3, bias=0.3, hinge=0.5, direction="direct")
+    run = worm3d.simulate(worm, Plane(), actuation=gait, duration=0.3, observer=look, every=1)
+    arrays = (
+        "com",
+        "com_velocity",
+        "joints",
+        "joint_velocity",
+        "apexes",
+        "chamber_strain",
+        "contraction",
+        "normal_load",
+    )
+    for name in arrays:
+        assert_array_equal([getattr(each, name) for each in seen], getattr(run, name), err_msg=name)
+    assert set(run.actuator_states) == {"speed", "hinge_speed"}
+    for name, values in run.actuator_states.items():
+        assert_array_equal([each.actuator_states[name] for each in seen], values, err_msg=name)
+        assert np.ptp(values) > 0.1
