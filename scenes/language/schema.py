@@ -25,11 +25,7 @@ def _form(value: Any) -> str:
 Each = Annotated[
     Annotated[N, Tag(FORMS[0])] | Annotated[tuple[N, ...], Strict(False), Tag(FORMS[1])], Discriminator(_form)
 ]
-"""A number for all, or a list with one for each; `Each[Positive]` checks the range of every one."""
-
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-Cross = Annotated[float, Field(gt=-1, lt=1)]
+"""A number for all, or a list with one for each; an annotated number checks the range of every one."""
 
 
 def _is_int(value: Any) -> Any:

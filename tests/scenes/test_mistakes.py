@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import pytest
+from pydantic import Field
 
 from scenes.language.mistakes import Mistake, report, schema_mistakes
-from scenes.language.schema import Each, Numbers, Positive, Section, quantity, setting
+from scenes.language.schema import Each, Numbers, Section, quantity, setting
 from scenes.language.toml import key_lines
 
 
@@ -17,7 +18,7 @@ class Wave(Section):
     count: int = quantity(3, ge=1, lt=10, title="number of waves")
     kind: Literal["sine", "square"] = setting("sine", title="shape")
     on: bool = setting(True, title="whether it runs")
-    stiffness_N: Each[Positive] = quantity(13.0, unit="N", each="segment", title="stiffness")
+    stiffness_N: Each[Annotated[float, Field(gt=0)]] = quantity(13.0, unit="N", each="segment", title="stiffness")
     height_m: float | None = quantity(unit="m", gt=0, left_out="half the length", title="height")
     values: Numbers = quantity((1, 2), title="values")
 
