@@ -156,8 +156,16 @@ class _Places:
             id(problem.world),
             problem.weight.tobytes(),
             problem.held_mask.tobytes(),
-            pickle.dumps((problem.worm, *parts)),
+            _content((problem.worm, *parts)),
         )
+
+
+def _content(parts: tuple[object, ...]) -> Hashable:
+    """Return what equal parts have in common; with a class that was made in a function nothing equals them."""
+    try:
+        return pickle.dumps(parts)
+    except (AttributeError, TypeError, pickle.PicklingError):
+        return object()
 
 
 def _count(each: Mapping[str, object]) -> int:

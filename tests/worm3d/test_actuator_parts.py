@@ -88,6 +88,15 @@ def test_a_batch_is_as_single_runs() -> None:
     assert_array_equal(batch[1].joints, floating(body(), 0.2).joints)
 
 
+def test_a_batch_takes_a_class_that_was_made_in_a_function() -> None:
+    class Own(Swinging):
+        pass
+
+    worm = body(actuator=Own())
+    batch = worm3d.simulate_batch([worm, worm], None, actuation=lambda t: STILL, duration=0.1, gravity=(0, 0, 0))
+    assert_array_equal(batch[1].joints, floating(body(actuator=Swinging()), 0.1).joints)
+
+
 def test_a_potential_is_a_spring_beside_the_chambers_own() -> None:
     """A stiffness that doubles the chamber's own halves what a pull of its ends does; its energy is in the ledger."""
     worm = Worm(segments=1, length=0.2)
