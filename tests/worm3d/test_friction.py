@@ -514,3 +514,16 @@ def test_a_face_that_rolls_does_not_slip() -> None:
     assert moved > 5e-3
     np.testing.assert_allclose(moved, 0.05 * turned, rtol=1e-2)
     assert run.joint_slip[:, [0, -1]].sum() < 0.01 * moved
+
+
+@pytest.mark.parametrize("steps", [4.5, 7.6])
+def test_what_slides_comes_to_rest_by_kinetic_friction_alone(steps: float) -> None:
+    """No step of a worm that slides to rest takes more than mu_k N, though static friction would stop it sooner."""
+    worm, mu, dt = Worm(**STIFF), 0.2, 1e-3
+    ground = Friction(mu, mu, mu, static_ratio=2.0)
+    start = worm3d.simulate(worm, Plane(), ground, duration=0.1).state
+    start = start.with_changes(joint_velocity=np.tile([steps * mu * G * dt, 0.0, 0.0], (7, 1)), time=0.0)
+    run = worm3d.simulate(worm, Plane(), ground, state=start, duration=0.02, dt=dt, integrator="implicit_euler")
+    braking = -np.diff(run.momentum[:, 0]) / dt
+    assert (braking <= mu * loads(run)[1:] * (1.0 + 1e-6)).all()
+    assert abs(run.momentum[-1, 0]) < 1e-3 * run.momentum[0, 0]
