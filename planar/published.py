@@ -34,8 +34,8 @@ from planar.published_parameters import Parameters
 from planar.published_run import Run
 from planar.status import Status, Stop
 from worm3d.values import arguments
+from worm3d.values.arguments import require_room
 from worm3d.values.arrays import FloatArray
-from worm3d.values.memory import require_room
 
 __all__ = ["Activation", "Observer", "Parameters", "Run", "simulate", "travelling_wave"]
 

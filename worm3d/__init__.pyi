@@ -1,12 +1,9 @@
+from worm3d.actuation import Command as Command
+from worm3d.actuation import Commands as Commands
 from worm3d.actuators import ACTUATORS as ACTUATORS
 from worm3d.batch import simulate_batch as simulate_batch
-from worm3d.command import Command as Command
-from worm3d.command import Commands as Commands
-from worm3d.constraints import Held as Held
 from worm3d.energy import Energy as Energy
-from worm3d.files import load as load
 from worm3d.live import Live as Live
-from worm3d.observation import Observation as Observation
 from worm3d.physics.actuators import Actuator as Actuator
 from worm3d.physics.actuators import FirstOrder as FirstOrder
 from worm3d.physics.actuators import Response as Response
@@ -17,8 +14,10 @@ from worm3d.physics.friction_laws import Viscous as Viscous
 from worm3d.physics.pneumatic import Pneumatic as Pneumatic
 from worm3d.pictures import draw as draw
 from worm3d.pictures import show as show
+from worm3d.problem import Held as Held
 from worm3d.problem import Problem as Problem
 from worm3d.result import Result as Result
+from worm3d.result import load as load
 from worm3d.simulate import simulate as simulate
 from worm3d.start import LimitPointError as LimitPointError
 from worm3d.start import flattening_weight as flattening_weight
@@ -26,6 +25,7 @@ from worm3d.state import State as State
 from worm3d.state import StateError as StateError
 from worm3d.status import Status as Status
 from worm3d.status import Stop as Stop
+from worm3d.view import Observation as Observation
 from worm3d.view import View as View
 from worm3d.worlds import *  # noqa: F403
 from worm3d.worm import Worm as Worm

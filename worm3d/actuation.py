@@ -1,16 +1,75 @@
-"""What drives a worm: gaits, plain functions of time, and controllers, all as one thing that gives commands."""
+"""What drives a worm: commands, and gaits, plain functions of time and controllers as one thing that gives them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from worm3d.command import Command, Commands
-from worm3d.observation import Observation
+from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.read_only import ReadOnly
+from worm3d.view import Observation
 from worm3d.worm import Worm
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Command(ReadOnly):
+    """Command to a worm of N segments; frozen, with read-only arrays.
+
+    Raises
+    ------
+    ValueError
+        An array of the wrong shape, a value that is not finite, or a contraction of 1 or more.
+    """
+
+    contraction: FloatArray
+    """Shortening fraction of each chamber [left, right], shape (N, 2); negative ones lengthen.
+
+    The commanded rest length is l0 (1 - contraction).
+    """
+    hinge: FloatArray
+    """Hinge angle of joints 1 to N-1, shape (N-1,) [rad]; positive yaws the headward segment to the left."""
+    force: FloatArray
+    """Extra force of each chamber [left, right] along it, shape (N, 2) [N]; positive contracts."""
+
+    def __init__(self, contraction: ArrayLike, hinge: ArrayLike = 0.0, force: ArrayLike = 0.0) -> None:
+        c = arguments.floats("contraction", contraction)
+        if (c >= 1.0).any():
+            raise ValueError(f"contraction: got {c.max()}, must be below 1: a chamber cannot shorten to nothing")
+        if c.ndim != 2 or c.shape[0] < 1 or c.shape[1] != 2:
+            raise ValueError(
+                f"contraction: got shape {c.shape}, must be (N, 2): a row per segment, columns left and right"
+            )
+        parts = {"contraction": (c, c.shape), "hinge": (hinge, (len(c) - 1,)), "force": (force, c.shape)}
+        for name, (value, shape) in parts.items():
+            object.__setattr__(self, name, arguments.array(name, value, shape, fill=True))
+
+    @property
+    def segments(self) -> int:
+        """Number of segments N."""
+        return len(self.contraction)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Command):
+            return NotImplemented
+        return all(np.array_equal(value, vars(other)[name]) for name, value in vars(self).items())
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+class Commands(NamedTuple):
+    """Commands at K instants, not checked yet; what `Command` holds, each with K in front."""
+
+    contraction: FloatArray
+    """Shape (K, N, 2)."""
+    hinge: FloatArray
+    """Shape (K, N - 1) [rad]."""
+    force: FloatArray
+    """Shape (K, N, 2) [N]."""
 
 
 @runtime_checkable

@@ -11,10 +11,9 @@ from typing import Any, Generic, TypeVar
 from numpy.typing import ArrayLike
 
 from worm3d.actuation import Actuation
-from worm3d.constraints import Held
 from worm3d.physics.friction import Friction
 from worm3d.plant import ROUNDING
-from worm3d.problem import Force, Integrator, Problem
+from worm3d.problem import Force, Held, Integrator, Problem
 from worm3d.result import Result
 from worm3d.run import Run
 from worm3d.start import LimitPointError, Placed, place, settle

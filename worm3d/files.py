@@ -13,13 +13,12 @@ from dataclasses import fields, is_dataclass
 from importlib.metadata import version
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.energy import Energy
-from worm3d.result import Result
 from worm3d.series import Recorded, Steps, series_of, states_of
 from worm3d.state import State
 from worm3d.status import Status, Stop
@@ -27,6 +26,9 @@ from worm3d.values import arguments, netcdf
 from worm3d.values.netcdf import Content, FileError
 from worm3d.values.variable import Variable
 from worm3d.worm import Worm
+
+if TYPE_CHECKING:
+    from worm3d.result import Result
 
 RESULT = "result.nc"
 """Name of the file in a folder that `worm3d run` wrote."""
@@ -51,8 +53,6 @@ FIELD, MEMORY = "state_", "memory_"
 
 IN_TEXT = 16
 """Numbers that an array has at most to stand in the text; others are variables."""
-
-_MISSING = object()
 
 
 def save(result: Result, path: str | PathLike[str]) -> None:
@@ -82,29 +82,8 @@ def save(result: Result, path: str | PathLike[str]) -> None:
     netcdf.write_whole(Path(path), netcdf.packed(netcdf.signed(content)))
 
 
-def load(path: str | PathLike[str], *, worm: Worm | None = None, world: Any = _MISSING) -> Result:
-    """Return the result that `Result.save` or `worm3d run` wrote.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file, or a folder with a `result.nc`.
-    worm, world : Worm, World, optional
-        Those of the run, where the file could not hold them: classes of one's own.
-
-    Returns
-    -------
-    Result
-        With the same numbers. A run from its state goes on bit for bit, if the file has the whole state (that of a
-        closed loop has its pose and velocities: what the controller knew is not in it).
-
-    Raises
-    ------
-    FileNotFoundError, OSError
-        No such file, or it cannot be read.
-    ValueError
-        It is no result, is damaged, was made by a version that did not store the worm, or lacks the worm or world.
-    """
+def read(path: str | PathLike[str], worm: Worm | None, world: Any) -> dict[str, Any]:
+    """Return the fields of the result that a file holds; parameters and errors of `worm3d.load`."""
     arguments.instance("path", path, str | PathLike, "the path of a file")
     file = Path(path) / RESULT if Path(path).is_dir() else Path(path)
     content, name = netcdf.load(file), str(file)
@@ -115,14 +94,14 @@ def load(path: str | PathLike[str], *, worm: Worm | None = None, world: Any = _M
             "run it again"
         )
     try:
-        return _result(content, worm, world)
+        return _fields(content, worm, world)
     except (KeyError, TypeError, AttributeError) as error:
         raise FileError(f"{name}: made by another version of worm3d: {type(error).__name__}: {error}") from error
     except ValueError as error:
         raise FileError(f"{name}: {error}") from error
 
 
-def _result(content: Content, worm: Worm | None, world: Any) -> Result:
+def _fields(content: Content, worm: Worm | None, world: Any) -> dict[str, Any]:
     run = json.loads(content.attributes["run"])
     arrays = [variable.values for variable in content.groups.get(RUN, ())]
     values = {variable.name: variable.values for variable in content.groups[netcdf.ROOT]}
@@ -131,10 +110,11 @@ def _result(content: Content, worm: Worm | None, world: Any) -> Result:
     names = [name for name, series in (series_of(Recorded) | series_of(Steps)).items() if not series.derived]
     given: dict[str, Any] = {name: values[name] for name in names}
     settling = float(given.pop("settling"))
-    return Result(
-        **{**given, "halved_steps": int(given["halved_steps"])},
+    return dict(
+        given,
+        halved_steps=int(given["halved_steps"]),
         worm=found,
-        world=restored("world", run["world"], arrays) if world is _MISSING else world,
+        world=restored("world", run["world"], arrays) if world is ... else world,
         gravity=restored("gravity", run["gravity"], arrays),
         dt=run["dt"],
         period=run["period"],

@@ -44,7 +44,10 @@ FASTEST = 1e6
 
 
 MOST_STEPS = 50
-"""Number of steps, about, between two pictures of a run that goes on as fast as it can."""
+"""Number of steps, about, between two pictures of a run that goes on as fast as it can.
+
+A controlled run is slower, and shows every row.
+"""
 
 
 class Live:
@@ -105,7 +108,8 @@ class Live:
                 self.close()
 
         rows = min(self.speed, FASTEST) / (FPS * run.dt * run.every)  # between two pictures
-        return Observer(look, run.every * round(min(max(rows, 1.0), MOST_STEPS / run.every + 1.0)))
+        most = 1.0 if run.driver.controller is not None else MOST_STEPS / run.every + 1.0
+        return Observer(look, run.every * round(min(max(rows, 1.0), most)))
 
     def _begin(self, run: Run) -> None:
         self.close()

@@ -1,4 +1,4 @@
-"""Metrics of a run, as NOTATION.md defines them."""
+"""Metrics of a run, as NOTATION.md defines them; its worm's heading, way and roll."""
 
 from __future__ import annotations
 
@@ -25,6 +25,16 @@ NOT_SETTLED = (
 NO_STEP = "no step was finished"
 NO_WAY = 1e-9
 """Distance that counts as rounding, as a fraction of the body length."""
+
+ON_ITS_SIDE = float(np.deg2rad(35.0))
+"""Roll from which a worm lies on its side [rad]; lying there the default worm has 45 degrees. Crawling it has at most 5
+on the level and on slopes, 20 in the bend of a pipe, and for moments 18 on rubble and 30 in a tunnel."""
+
+LASTING = 0.5
+"""Time for which it has to, so that it does not merely rock [s]."""
+
+GROUND = 0.5
+"""Least cosine between a normal and up for which what is below is a ground: a pipe's wall beside the worm is none."""
 
 
 def forward(joints: FloatArray, world: World | None) -> FloatArray | None:
@@ -112,6 +122,47 @@ def _window(result: Result) -> int | None:
         return None
     window = round(result.period / float(result.time[1] - result.time[0]))
     return window if 1 <= window < len(result.time) else None
+
+
+def roll(result: Result, rows: slice = slice(None)) -> FloatArray:
+    """Return by how much a worm is rolled to its left, the median of its segments, at rows of a result, (T,) [rad].
+
+    NaN where it touches nothing, and where what it touches is no ground: a wall, or without gravity.
+    """
+    joints, directors = result.joints[rows], result.directors[rows]
+    rolls, weight = np.full(len(joints), np.nan), float(np.linalg.norm(result.gravity))
+    if result.world is None or weight == 0.0:
+        return rolls
+    middle = (joints[:, 1:] + joints[:, :-1]) / 2.0
+    normal = _normals(result.world, middle, result.worm.length)
+    load = result.normal_load[rows].sum(axis=(1, 2)) + result.joint_load[rows].sum(axis=1)
+    seen = (load > 0.0) & (normal @ (-result.gravity / weight) > GROUND).all(axis=1)
+    sine = (directors[seen] * normal[seen]).sum(axis=-1)
+    rolls[seen] = -np.median(np.arcsin(np.clip(sine, -1.0, 1.0)), axis=1)
+    return rolls
+
+
+def on_its_side(result: Result) -> float | None:
+    """Return the first time from which a worm lies on its side for half a second [s]; None if it never does."""
+    if len(result.time) < 2:
+        return None
+    apart = float(result.time[1] - result.time[0])
+    rows = slice(None, None, max(1, int(LASTING / (5.0 * apart))))
+    time, lies = result.time[rows], np.abs(np.nan_to_num(roll(result, rows))) > ON_ITS_SIDE
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], lies.astype(int), [0]])))
+    for begin, end in edges.reshape(-1, 2):
+        if time[end - 1] - time[begin] >= LASTING * (1.0 - 1e-9):
+            return float(time[begin])
+    return None
+
+
+def _normals(world: World, places: FloatArray, length: float) -> FloatArray:
+    """Return unit normals of the world at places (..., 3); zeros where there is none."""
+    gradient = world.normal(places, length)
+    size = np.linalg.norm(gradient, axis=-1, keepdims=True)
+    known = np.isfinite(size) & (size > 0.5)
+    normals: FloatArray = np.where(known, gradient / np.where(known, size, 1.0), 0.0)
+    return normals
 
 
 UNITS = {"_m_s": "m/s", "_deg": "deg", "_m": "m", "_s": "s", "_J": "J"}

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from worm3d.result import Result
+from worm3d.series import Recorded
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.viewer import Frames
@@ -24,6 +24,7 @@ from worm3d.worlds.scenery import Window, on_ground, scenery
 from worm3d.worm import Worm
 
 if TYPE_CHECKING:
+    from worm3d.result import Result
     from worm3d.viewer.html import NotebookView
 
 
@@ -87,7 +88,7 @@ def draw(
     FileNotFoundError
         No such folder, or no ffmpeg for an MP4.
     """
-    arguments.instance("result", result, Result, "a worm3d.Result")
+    arguments.instance("result", result, Recorded, "a worm3d.Result")
     arguments.instance("path", path, str | PathLike, "the path of a file")
     path = Path(path)
     require_ending(path)

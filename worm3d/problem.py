@@ -5,20 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from worm3d.actuation import Actuation, Sensor
-from worm3d.constraints import Held, held_mask
 from worm3d.physics.friction import Friction
 from worm3d.physics.friction_laws import Coulomb
 from worm3d.plant import ROUNDING
 from worm3d.state import State
 from worm3d.values import arguments
+from worm3d.values.arguments import bytes_of_run, require_room
 from worm3d.values.arrays import BoolArray, FloatArray
-from worm3d.values.memory import bytes_of_run, require_room
 from worm3d.worlds import World
 from worm3d.worm import Worm
 
@@ -35,6 +34,64 @@ SHORTEST_STEP = 1e-6
 
 FARTHEST = 1e10
 """Largest distance of a state from time 0, in time steps: beyond it rounding makes the steps unequal."""
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Coordinates that stay as they are at the start."""
+
+    joints: ArrayLike = False
+    """Whether x, y, z of each joint are held, of bool, shape (N+1, 3) or broadcastable to it."""
+    roll: ArrayLike = False
+    """Whether the director of each segment is carried along without turning about it, shape (N,) or one for all."""
+    bend: ArrayLike = False
+    """Whether the chamber bend of each segment is held, shape (N,) or one for all."""
+
+    def mask(self, segments: int) -> BoolArray:
+        """Return which of the 5 (N+1) coordinates are held; the last block has no roll and bend.
+
+        Raises
+        ------
+        ValueError
+            An array that is not of bool, or of the wrong shape.
+        """
+        mask = np.ones((segments + 1, 5), dtype=bool)
+        parts = (("joints", mask[:, :3]), ("roll", mask[:-1, 3]), ("bend", mask[:-1, 4]))
+        for name, part in parts:
+            value = _as_given(name, getattr(self, name))
+            if value.dtype != bool:
+                raise ValueError(
+                    f"held.{name}: got {value.dtype} values, must be True or False for each, not the numbers of those "
+                    "that are held"
+                )
+            try:
+                part[:] = value
+            except ValueError:
+                raise ValueError(
+                    f"held.{name}: got shape {value.shape}, must be {part.shape} (or one for all)"
+                ) from None
+        return mask.ravel()
+
+
+def _as_given(name: str, value: ArrayLike) -> NDArray[Any]:
+    try:
+        return np.array(value)
+    except Exception as error:  # lists of unequal length
+        raise ValueError(f"held.{name}: got {type(value).__name__}, must be True or False for each") from error
+
+
+def held_mask(held: Held | ArrayLike | None, segments: int, *, flat: bool, clamped: bool) -> BoolArray:
+    """Return which of the 5 (N+1) coordinates are held by the user or the model.
+
+    A worm that is `flat` stays in its plane: y, roll and bend; `clamped` holds the joints' z (`worm3d.ClampedGround`).
+    """
+    given = held if isinstance(held, Held) else Held() if held is None else Held(joints=held)
+    mask = given.mask(segments).reshape(segments + 1, 5)
+    if flat:
+        mask[:, [1, 3, 4]] = True
+    if clamped:
+        mask[:, 2] = True
+    return mask.ravel()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

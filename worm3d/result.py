@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from worm3d import metrics, roll
+from worm3d import metrics
 from worm3d.energy import Energy
 from worm3d.series import Recorded, Steps, documented, variables_of
 from worm3d.state import State
@@ -17,6 +17,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import brief, listed
 from worm3d.values.variable import AXES, Variable, write_csv
 from worm3d.worlds import World
+from worm3d.worm import Worm
 
 if TYPE_CHECKING:
     import xarray
@@ -28,33 +29,19 @@ HEADLINES = ("distance_m", "mean_speed_m_s", "heading_change_deg", "cost_of_tran
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Result(Recorded, Steps):
-    """A run; T recorded instants, S finished steps, N segments; complete up to the last finished step.
-
-    Attributes
-    ----------
-    worm, world
-        What was simulated.
-    gravity : ndarray, shape (3,)
-        [m/s^2]
-    dt : float
-        Time step [s].
-    period : float or None
-        Of the gait, over which speeds are averaged [s].
-    energy : Energy
-    state : State
-        At the end, with memory: a run from it goes on bit for bit.
-    stop : Stop
-    wall_s : float
-        Wall time of the steps [s].
-    """
+    """A run; T recorded instants, S finished steps, N segments; complete up to the last finished step."""
 
     world: World | None
     gravity: FloatArray
+    """Gravity, shape (3,) [m/s^2]."""
     period: float | None
+    """Period of the gait, over which speeds are averaged [s]."""
     energy: Energy
     state: State = field(repr=False)
+    """State at the end, with memory: a run from it goes on bit for bit."""
     stop: Stop
     wall_s: float
+    """Wall time of the steps [s]."""
 
     @property
     def status(self) -> Status:
@@ -68,8 +55,8 @@ class Result(Recorded, Steps):
 
     @cached_property
     def on_its_side(self) -> float | None:
-        """When the worm began to lie on its side [s]; None if it did not, or there is no ground (`worm3d.roll`)."""
-        return roll.on_its_side(self)
+        """When the worm began to lie on its side [s]; None if it did not, or there is no ground (`metrics.roll`)."""
+        return metrics.on_its_side(self)
 
     @property
     def distance(self) -> float:
@@ -92,9 +79,9 @@ class Result(Recorded, Steps):
         OSError
             The file cannot be written.
         """
-        from worm3d.files import save
+        from worm3d import files  # imports the libraries of files
 
-        save(self, path)
+        files.save(self, path)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return all variables as an xarray Dataset, with units as attributes.
@@ -166,3 +153,31 @@ class Result(Recorded, Steps):
     def reasons(self) -> dict[str, str]:
         """Return why metrics of the summary have no value."""
         return metrics.reasons(self)
+
+
+def load(path: str | PathLike[str], *, worm: Worm | None = None, world: Any = ...) -> Result:
+    """Return the result that `Result.save` or `worm3d run` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, or a folder with a `result.nc`.
+    worm, world : Worm, World, optional
+        Those of the run, where the file could not hold them: classes of one's own.
+
+    Returns
+    -------
+    Result
+        With the same numbers. A run from its state goes on bit for bit, if the file has the whole state (that of a
+        closed loop has its pose and velocities: what the controller knew is not in it).
+
+    Raises
+    ------
+    FileNotFoundError, OSError
+        No such file, or it cannot be read.
+    ValueError
+        It is no result, is damaged, was made by a version that did not store the worm, or lacks the worm or world.
+    """
+    from worm3d import files
+
+    return Result(**files.read(path, worm, world))

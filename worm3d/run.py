@@ -13,7 +13,6 @@ import numpy as np
 
 from worm3d.actuation import Driver
 from worm3d.energy import Energy
-from worm3d.observation import Observation
 from worm3d.plant import HISTORIES
 from worm3d.problem import Problem
 from worm3d.result import Result
@@ -27,7 +26,7 @@ from worm3d.state import State
 from worm3d.status import Status, Stop
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
-from worm3d.view import View
+from worm3d.view import Observation, View
 
 HALVINGS = 6
 """Largest number of times that a step that does not converge is halved."""

@@ -59,33 +59,22 @@ Source = Rows | Entries
 
 @dataclass(frozen=True)
 class Series:
-    """A recorded quantity.
-
-    Attributes
-    ----------
-    dims : tuple of str
-        Dimensions, of `SIZES`; first "time" or "step", none for a single number.
-    unit : str
-        SI, "1" for a pure number.
-    meaning : str
-        What it is, in a few words.
-    source : Rows, Entries or None
-        Where the recorder finds it; None where Python computes it.
-    clamped : Rows, Entries or None
-        Where it stands instead for a worm on the clamped ground.
-    order : int
-        Its place among the variables of a file.
-    derived : bool
-        Whether it follows from others.
-    """
+    """A recorded quantity."""
 
     dims: tuple[str, ...]
+    """Dimensions, of `SIZES`; first "time" or "step", none for a single number."""
     unit: str
+    """SI unit, "1" for a pure number."""
     meaning: str
+    """What it is, in a few words."""
     source: Source | None = None
+    """Where the recorder finds it; None where Python computes it."""
     clamped: Source | None = None
+    """Where it stands instead for a worm on the clamped ground."""
     order: int = 0
+    """Position among the variables of a file."""
     derived: bool = False
+    """Whether it follows from others."""
 
     def shape(self, segments: int) -> tuple[int, ...]:
         """Return its shape at one instant."""

@@ -33,29 +33,6 @@ class StateError(ValueError):
 class State(ReadOnly):
     """Pose and motion of a worm of N segments; frozen, with read-only arrays.
 
-    Attributes
-    ----------
-    joints : ndarray, shape (N+1, 3)
-        Joints, tail first [m].
-    directors : ndarray, shape (N, 3)
-        Unit vectors to the left of each segment, normal to it.
-    bend : ndarray, shape (N,)
-        Chamber bend th of each segment: its left chamber is b th shorter than the segment [rad].
-    joint_velocity : ndarray, shape (N+1, 3)
-        [m/s]
-    roll_rate, bend_rate : ndarray, shape (N,)
-        [rad/s]
-    contraction : ndarray, shape (N, 2)
-        What the actuators give now: shortening fraction of each chamber's rest length [left, right]. A worm may start
-        contracted, wedged in a pipe.
-    time : float
-        [s]
-    laid : bool
-        Whether `straight` has laid the pose on a world: a run then settles it there, though rough ground leaves a gap.
-    memory : mapping of str to ndarray
-        What the integrator, the contacts and the actuators remember; empty in a state made by hand. With it, a run
-        goes on bit for bit as if it had never been stopped.
-
     Raises
     ------
     ValueError
@@ -63,15 +40,31 @@ class State(ReadOnly):
     """
 
     joints: FloatArray
+    """Joints, tail first, shape (N+1, 3) [m]."""
     directors: FloatArray
+    """Unit vector to the left of each segment, normal to it, shape (N, 3)."""
     bend: FloatArray
+    """Chamber bend th of each segment: its left chamber is b th shorter than the segment, shape (N,) [rad]."""
     joint_velocity: FloatArray
+    """Velocity of the joints, shape (N+1, 3) [m/s]."""
     roll_rate: FloatArray
+    """Rate of roll of each segment, shape (N,) [rad/s]."""
     bend_rate: FloatArray
+    """Rate of bend of each segment, shape (N,) [rad/s]."""
     contraction: FloatArray
+    """Shortening fraction of each chamber [left, right] that the actuators give now, shape (N, 2).
+
+    A worm may start contracted, wedged in a pipe.
+    """
     time: float
+    """Time [s]."""
     laid: bool
+    """Whether `straight` laid the pose on a world: a run then settles it there, though rough ground leaves a gap."""
     memory: Mapping[str, NDArray[Any]] = field(repr=False)
+    """Arrays that integrator, contacts and actuators remember, by name; empty in a state made by hand.
+
+    With them, a run goes on bit for bit as if it had never been stopped.
+    """
 
     def __init__(
         self,

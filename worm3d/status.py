@@ -24,7 +24,6 @@ class Status(Enum):
         "the actuation (or the external force) failed, or did not return a Command for as many segments as "
         "the worm has (finite forces of shape (N+1, 3)); the steps before are kept"
     )
-
     OBSERVER_FAILED = "the observer raised an error; the steps so far are kept"
 
     @property
@@ -35,31 +34,19 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Stop:
-    """Where and how a run ended.
-
-    Attributes
-    ----------
-    status : Status
-    step : int
-        Last step that was tried (the number of finished steps if the run is done).
-    time : float
-        Time at the end of that step [s].
-    residual : float
-        Norm of the residual of the last Newton iterate [N].
-    segment : int
-        Segment with the largest residual, or that was folded, flattened or sunk; joint j belongs to segment j. 0 is the
-        tail's.
-    reason : str
-        What was wrong with a command, a force or the observer; which joint or chamber was bent or pressed too far, and
-        what to do.
-    """
+    """Where and how a run ended."""
 
     status: Status
     step: int
+    """Last step that was tried (the number of finished steps if the run is done)."""
     time: float
+    """Time at the end of that step [s]."""
     residual: float = 0.0
+    """Norm of the residual of the last Newton iterate [N]."""
     segment: int = 0
+    """Segment with the largest residual, or that was folded, flattened or sunk; joint j belongs to segment j."""
     reason: str = ""
+    """What was wrong with a command, a force or the observer, or which part was bent or pressed too far; what to do."""
 
     @property
     def sentence(self) -> str:

@@ -1,11 +1,13 @@
-"""What an observer sees of a run while it goes on."""
+"""What is seen of a run while it goes on: an `Observation` by sensors, a `View` by observers."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from worm3d.observation import Observation
+import numpy as np
+
 from worm3d.series import Recorded, series_of
 from worm3d.state import State
 from worm3d.status import Status
@@ -16,6 +18,52 @@ if TYPE_CHECKING:
     from worm3d.result import Result
     from worm3d.run import Run
 
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """True state of a worm of N segments, as far as robots can hope to measure it: what sensors are given."""
+
+    time: float
+    """Time [s]."""
+    chamber_strain: FloatArray
+    """Strain l_c/l0 - 1 of each chamber [left, right], shape (N, 2)."""
+    com: FloatArray
+    """Centre of mass, shape (3,) [m]."""
+    com_velocity: FloatArray
+    """Velocity of the centre of mass, shape (3,) [m/s]."""
+    heading: float
+    """Azimuth of the tail-to-head chord in (-pi, pi] [rad]."""
+    joints: FloatArray
+    """Joints, shape (N+1, 3) [m]."""
+    joint_velocity: FloatArray
+    """Velocity of the joints, shape (N+1, 3) [m/s]."""
+    apexes: FloatArray
+    """Apexes in the order of NOTATION.md, shape (N, 6, 3) [m]."""
+    apex_velocity: FloatArray
+    """Velocity of the apexes, shape (N, 6, 3) [m/s]."""
+    contraction: FloatArray
+    """Contraction that the actuators have reached, shape (N, 2)."""
+    normal_load: FloatArray
+    """Normal load of each apex, shape (N, 6) [N]."""
+    actuator_states: Mapping[str, FloatArray] = field(default_factory=dict)
+    """States of the actuators by name, such as a pressure; those of chambers of shape (N, 2), of hinges (N-1,)."""
+
+    @property
+    def angular_velocity(self) -> FloatArray:
+        """Angular velocity w of each segment in its own axes t forward, d left and u up, shape (N, 3) [rad/s].
+
+        From t' = w x t and u' = w x u follow w.t = -u'.d, w.d = -t'.u, w.u = t'.d; the axes are those of the edge
+        between the joints, of the outward apexes from right to left, and of the apexes from below to above.
+        """
+        edge, edge_rate = np.diff(self.joints, axis=0), np.diff(self.joint_velocity, axis=0)
+        rise, rise_rate = (p[:, 1] - p[:, 0] + p[:, 4] - p[:, 3] for p in (self.apexes, self.apex_velocity))
+        across = self.apexes[:, 2] - self.apexes[:, 5]
+        length, width, height = (np.sqrt((each**2).sum(axis=1)) for each in (edge, across, rise))
+        d, u = across / width[:, None], rise / height[:, None]
+        forward, left, up = (rise_rate * d).sum(axis=1), (edge_rate * u).sum(axis=1), (edge_rate * d).sum(axis=1)
+        return np.column_stack([-forward / height, -left / length, up / length])
+
+
 SEEN = (*series_of(Recorded), "apexes", "end_load", "chamber_strain")
 """Attributes of `Recorded` that a view has, of one instant."""
 
@@ -25,13 +73,7 @@ class View:
 
     Each recorded series of `worm3d.Result` is an attribute, without its first dimension: `view.joints` has the shape
     (N+1, 3), `view.com` (3,), `view.heading` (). Slip counts since the last row of the result before this instant.
-
-    Attributes
-    ----------
-    step, steps : int
-        Finished steps, and steps of the whole run.
-    worm, world
-        What is simulated.
+    `step` and `steps` are the finished steps and those of the whole run, `worm` and `world` what is simulated.
     """
 
     def __init__(self, run: Run) -> None:

@@ -24,8 +24,8 @@ from planar.linkage.step import ClampedStepper, ContactStepper, State, Step, Ste
 from planar.linkage.worm import Linkage
 from planar.status import Status, Stop
 from worm3d.values import arguments
+from worm3d.values.arguments import require_room
 from worm3d.values.arrays import FloatArray
-from worm3d.values.memory import require_room
 
 Gait = Callable[[float], FloatArray]
 """Time [s] -> contraction of each segment, shape (N,): the commanded rest length is l0 (1 - contraction)."""

@@ -17,7 +17,7 @@ from scenes.language.parts import key_of
 from scenes.language.schema import Section, each_of
 from scenes.language.toml import shown
 from scenes.models.sections import gait_from
-from worm3d.values.memory import MOST_MEMORY
+from worm3d.values.arguments import MOST_MEMORY
 from worm3d.values.parameters import parameters_of
 
 AMPLITUDE = "gait.amplitude"

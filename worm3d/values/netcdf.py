@@ -31,7 +31,7 @@ from typing import Any, BinaryIO
 import h5netcdf
 import numpy as np
 
-from worm3d.values.memory import MOST_MEMORY
+from worm3d.values.arguments import MOST_MEMORY
 from worm3d.values.variable import Variable
 
 FORMAT = "worm3d result 2"
@@ -64,18 +64,12 @@ class FileError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """What a file says.
-
-    Attributes
-    ----------
-    attributes : mapping of str
-        Texts and whole numbers.
-    groups : mapping of str to tuple of Variable
-        Variables of each group, `ROOT` for those outside of any.
-    """
+    """What a file says."""
 
     attributes: Mapping[str, Any]
+    """Texts and whole numbers by name."""
     groups: Mapping[str, tuple[Variable, ...]]
+    """Variables of each group, `ROOT` for those outside of any."""
 
     @property
     def digest(self) -> str:

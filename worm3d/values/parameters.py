@@ -36,44 +36,30 @@ WIDTH = 110
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """What is known of a parameter.
-
-    Attributes
-    ----------
-    meaning : str
-        What it is, a noun phrase.
-    unit : str
-        SI, radians; empty for a pure number.
-    bounds : mapping
-        The range: of gt, ge, lt, le those that it has.
-    each : str
-        "segment" or "joint": a number for all, or an array with one for each; empty: one number.
-    infinite : bool
-        Whether it may be infinite.
-    allowed : str
-        The range in words, where an error is to say it in others than its own.
-    key : str
-        Its name in a scene, if that is not its own name and unit.
-    aka : tuple of str
-        Further names that people try in a scene.
-    left_out : str
-        What holds where it has no finite default.
-    name, default, hint
-        Of the field; the hint is its type.
-    """
+    """What is known of a parameter."""
 
     meaning: str
+    """What it is, a noun phrase."""
     unit: str = ""
+    """Unit, SI and radians; empty for a pure number."""
     bounds: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    """Range: of gt, ge, lt, le those that it has."""
     each: Literal["", "segment", "joint"] = ""
+    """What an array has one number for, unless one holds for all; empty: one number."""
     infinite: bool = False
+    """Whether it may be infinite."""
     allowed: str = ""
+    """Range in words, where an error is to say it in others than its own."""
     key: str = ""
+    """Name in a scene, if that is not its own name and unit."""
     aka: tuple[str, ...] = ()
+    """Further names that people try in a scene."""
     left_out: str = ""
+    """What holds where it has no finite default."""
     name: str = ""
     default: Any = None
     hint: Any = None
+    """Type of the field."""
 
     @property
     def optional(self) -> bool:
@@ -130,32 +116,12 @@ def parameter(
     ge: float | None = None,
     lt: float | None = None,
     le: float | None = None,
-    each: Literal["", "segment", "joint"] = "",
-    infinite: bool = False,
-    allowed: str = "",
-    key: str = "",
-    aka: tuple[str, ...] = (),
-    left_out: str = "",
+    **others: Any,
 ) -> Any:
     """Return a dataclass field; arguments as the attributes of `Parameter`, without a default it must be given."""
     bounds = {name: bound for name, bound in (("gt", gt), ("ge", ge), ("lt", lt), ("le", le)) if bound is not None}
-    known = Parameter(
-        meaning=meaning,
-        unit=unit,
-        bounds=bounds,
-        each=each,
-        infinite=infinite,
-        allowed=allowed,
-        key=key,
-        aka=aka,
-        left_out=left_out,
-    )
+    known = Parameter(meaning=meaning, unit=unit, bounds=bounds, **others)
     return dataclasses.field(default=default, metadata={PARAMETER: known})
-
-
-def parameters_of(part: type) -> Mapping[str, Parameter]:
-    """Return the parameters of a dataclass (the class) by name; fields that are declared otherwise are left out."""
-    return _parameters(part)
 
 
 def _read(part: Any) -> Mapping[str, Parameter]:
@@ -174,7 +140,8 @@ def _read(part: Any) -> Mapping[str, Parameter]:
     )
 
 
-_parameters: Callable[[type], Mapping[str, Parameter]] = cache(_read)
+parameters_of: Callable[[type], Mapping[str, Parameter]] = cache(_read)
+"""Return the parameters of a dataclass (the class) by name; fields that are declared otherwise are left out."""
 
 
 def check(instance: Any, *, largest: float = arguments.LARGEST, **sizes: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from os import PathLike
 from typing import Any
 
@@ -16,26 +16,17 @@ AXES = "xyz"
 
 @dataclass(frozen=True, init=False, eq=False)
 class Variable:
-    """A named array.
-
-    Attributes
-    ----------
-    name : str
-    dims : tuple of str
-        Name of each dimension, () for a single number.
-    values : ndarray
-        Numbers, read-only.
-    units : str
-        "1" for a pure number.
-    long_name : str
-        What it is, in a few words.
-    """
+    """A named array, read-only."""
 
     name: str
     dims: tuple[str, ...]
+    """Name of each dimension, () for a single number."""
     values: NDArray[Any]
+    """Numbers, read-only."""
     units: str
+    """Unit, "1" for a pure number."""
     long_name: str
+    """What it is, in a few words."""
 
     def __init__(self, name: str, dims: tuple[str, ...], values: ArrayLike, units: str, long_name: str) -> None:
         array = np.array(values)
@@ -44,9 +35,9 @@ class Variable:
         if array.ndim != len(dims):
             raise ValueError(f"{name}: got shape {array.shape}, must have one axis for each of {dims}")
         array.setflags(write=False)
-        fields = {"name": name, "dims": dims, "values": array, "units": units, "long_name": long_name}
-        for key, item in fields.items():
-            object.__setattr__(self, key, item)
+        given = (name, dims, array, units, long_name)
+        for each, item in zip(fields(self), given, strict=True):
+            object.__setattr__(self, each.name, item)
 
     @property
     def sizes(self) -> dict[str, int]:

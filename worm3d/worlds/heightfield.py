@@ -12,8 +12,8 @@ import scipy
 from numpy.typing import ArrayLike
 
 from worm3d.values import arguments
+from worm3d.values.arguments import require_room
 from worm3d.values.arrays import FloatArray
-from worm3d.values.memory import require_room
 from worm3d.values.read_only import ReadOnly
 from worm3d.worlds import heightfield_kernel, kernels, terrain
 from worm3d.worlds.base import World, chord

@@ -29,7 +29,7 @@ from scenes.models.worm.schema import (
 )
 from worm3d import start
 from worm3d.state import StateError
-from worm3d.values.memory import bytes_of_run
+from worm3d.values.arguments import bytes_of_run
 
 STARTS_WITH = ("worm", "world", "start", "run")
 """Sections that decide whether a planar worm can start."""
