@@ -21,12 +21,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from planar.linkage.ground import Ground
 from worm3d.machine.compiled import kept
 from worm3d.values.arrays import FloatArray
 
 BAND = 5
+"""Half bandwidth of the Hessian: a joint concerns itself and two on each side."""
 ROWS = 3 * BAND + 1
-
+"""Rows of the Hessian's band, with room for the fill-in of pivoting."""
 
 LAW, OPEN, STICK, SLIDE = 0, 1, 2, 4
 """Regimes of a contact (`planar.linkage.regimes`); stuck and sliding ones are towards the head, plus 1 towards the
@@ -47,18 +49,6 @@ class Body(NamedTuple):
     apex_mass: FloatArray
     drag: FloatArray
     kelvin_voigt_time: float
-
-
-class Contact(NamedTuple):
-    """The ground's constants (`planar.linkage.ground`); stiffness 0 means no ground."""
-
-    stiffness: float
-    damping: float
-    mu_forward: FloatArray
-    mu_backward: FloatArray
-    least: float
-    yield_gauge: float
-    gauge_damping: float
 
 
 class Now(NamedTuple):
@@ -125,9 +115,9 @@ def friction_gauge(
 
 
 @kept
-def apex_gauge(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[float, float, float]:
+def apex_gauge(i: int, j: int, x: float, ground: Ground, now: Now) -> tuple[float, float, float]:
     """Return y, mu and b of (G2) for apex j of segment i at x; mu is that of its regime."""
-    forward, backward = contact.mu_forward[i], contact.mu_backward[i]
+    forward, backward = ground.mu_forward[i], ground.mu_backward[i]
     if now.regime[i, j] >= STICK:
         forward = backward = forward if now.regime[i, j] % 2 == 0 else backward
     gauge: tuple[float, float, float] = friction_gauge(
@@ -136,16 +126,16 @@ def apex_gauge(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[fl
         now.dt,
         forward,
         backward,
-        contact.least,
-        contact.yield_gauge,
-        contact.gauge_damping,
+        ground.least,
+        ground.yield_gauge,
+        ground.gauge_damping,
     )
     return gauge
 
 
 @kept
 def evaluate(
-    q: FloatArray, body: Body, contact: Contact, now: Now, coupled: bool, grad: FloatArray, band: FloatArray
+    q: FloatArray, body: Body, ground: Ground, now: Now, coupled: bool, grad: FloatArray, band: FloatArray
 ) -> float:
     """Return the potential of a step (infinite where a rhombus cannot reach), and fill gradient and Hessian.
 
@@ -175,7 +165,7 @@ def evaluate(
     for i in range(len(body.a)):
         phi += _segment(i, q, length[i], tangent[i], body, now, grad, band)
         for j in range(2):
-            phi += _apex(i, j, q, length[i], body, contact, now, coupled, grad, band)
+            phi += _apex(i, j, q, length[i], body, ground, now, coupled, grad, band)
     for j in range(1, len(body.a)):
         phi += _torsion(j, length, tangent, body, now, grad, band)
     return phi
@@ -239,7 +229,7 @@ def _apex(
     q: FloatArray,
     length: float,
     body: Body,
-    contact: Contact,
+    ground: Ground,
     now: Now,
     coupled: bool,
     grad: FloatArray,
@@ -253,7 +243,7 @@ def _apex(
     w2 = (a * a / (s * s * s) - w1 * w1) / w
     x = 0.5 * (q[base] + q[base + 2]) - side * w * ez
     z = 0.5 * (q[base + 1] + q[base + 3]) + side * w * ex
-    phi, fx, fz, kxx, kxz, kzz = _point(i, j, x, z, body, contact, now, coupled)
+    phi, fx, fz, kxx, kxz, kzz = _point(i, j, x, z, body, ground, now, coupled)
 
     # Rows of dX/d(p_i, p_{i+1}) = (1/2 -+ D), D = d(wRe)/de = w R + 2 w' (Re) e^T, Re = (-ez, ex)
     dxx, dxz = -2.0 * side * w1 * ez * ex, -side * (w + 2.0 * w1 * ez * ez)
@@ -279,7 +269,7 @@ def _apex(
 
 @kept
 def _point(
-    i: int, j: int, x: float, z: float, body: Body, contact: Contact, now: Now, coupled: bool
+    i: int, j: int, x: float, z: float, body: Body, ground: Ground, now: Now, coupled: bool
 ) -> tuple[float, float, float, float, float, float]:
     """Return potential, gradient (x, z) and Hessian (xx, xz, zz) of what acts on one apex at (x, z)."""
     mass, dt = body.apex_mass[i, j], now.dt
@@ -288,19 +278,19 @@ def _point(
     push_x, push_z = mass * now.gravity[0] + now.push[i, j], mass * now.gravity[1]
     phi = 0.5 * kxx * (ax * ax + az * az) - push_x * x - push_z * z
     fx, fz, kxz = kxx * ax - push_x, kzz * az - push_z, 0.0
-    if contact.stiffness == 0.0:
+    if ground.stiffness == 0.0:
         return phi, fx, fz, kxx, kxz, kzz
-    load = normal_load(-z, now.depth_n[i, j], dt, contact.stiffness, contact.damping)
-    stiff, regime = contact.stiffness + contact.damping / dt, now.regime[i, j]
+    load = normal_load(-z, now.depth_n[i, j], dt, ground.stiffness, ground.damping)
+    stiff, regime = ground.stiffness + ground.damping / dt, now.regime[i, j]
     if regime != LAW:
-        load = 0.0 if regime == OPEN else -stiff * z - contact.damping / dt * now.depth_n[i, j]
+        load = 0.0 if regime == OPEN else -stiff * z - ground.damping / dt * now.depth_n[i, j]
     if load > 0.0 or regime >= STICK:
         phi += 0.5 * load * load / stiff
         fz -= load
         kzz += stiff
     pressed = load if coupled else now.load[i, j]
     if pressed > 0.0 or (coupled and regime >= STICK):
-        potential, slope, curve = _friction(i, j, x, contact, now)
+        potential, slope, curve = _friction(i, j, x, ground, now)
         phi += pressed * potential
         fx += pressed * slope
         kxx += pressed * curve
@@ -310,10 +300,10 @@ def _point(
 
 
 @kept
-def _friction(i: int, j: int, x: float, contact: Contact, now: Now) -> tuple[float, float, float]:
+def _friction(i: int, j: int, x: float, ground: Ground, now: Now) -> tuple[float, float, float]:
     """(G2) per unit of normal load: potential h, dh/dx and d2h/dx2."""
     d = now.direction[i]
-    y, mu, b = apex_gauge(i, j, x, contact, now)
+    y, mu, b = apex_gauge(i, j, x, ground, now)
     cap, regime = now.cap[i, j], now.regime[i, j]
     if regime >= SLIDE:
         towards = 1.0 if regime == SLIDE else -1.0

@@ -30,6 +30,7 @@ What has broken away in a step does not stick again in it, so that this ends.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -109,32 +110,31 @@ class Friction(ReadOnly):
         return forward, backward
 
 
-@dataclass(frozen=True, eq=False)
-class Ground:
-    """Constants of the contact law for one worm on one ground.
-
-    Attributes
-    ----------
-    stiffness, damping : float
-        k [N/m] and c [N s/m] of (G1).
-    mu_forward, mu_backward : ndarray, shape (N,)
-    static_ratio : float
-    least : float
-        mu_0 of (G2).
-    yield_gauge : float
-        rho_b of (G2) [m].
-    gauge_damping : float
-        D of (G2) [s/m].
-    """
+class Ground(NamedTuple):
+    """Constants of the contact law for one worm on one ground."""
 
     stiffness: float
+    """k of (G1) [N/m]; 0 means no ground."""
     damping: float
+    """c of (G1) [N s/m]."""
     mu_forward: FloatArray
+    """Kinetic coefficient against motion of each segment towards the head, shape (N,)."""
     mu_backward: FloatArray
-    static_ratio: float
+    """Kinetic coefficient against motion of each segment towards the tail, shape (N,)."""
     least: float
+    """mu_0 of (G2)."""
     yield_gauge: float
+    """rho_b of (G2) [m]."""
     gauge_damping: float
+    """D of (G2) [s/m]."""
+    static_ratio: float = 1.0
+    """Static over kinetic coefficient."""
+
+    @classmethod
+    def none(cls, segments: int) -> Ground:
+        """Return the constants of a worm that touches nothing."""
+        frictionless = np.zeros(segments)
+        return cls(0.0, 0.0, frictionless, frictionless, 1.0, 1.0, 0.0)
 
     @classmethod
     def of(cls, worm: Linkage, friction: Friction, gravity: float) -> Ground:
@@ -155,9 +155,9 @@ class Ground:
             damping=2.0 * float(np.sqrt(stiffness * share)),
             mu_forward=forward,
             mu_backward=backward,
-            static_ratio=friction.static_ratio,
             least=mu,
             yield_gauge=yield_gauge,
             # The mass held is N/g: critical is D mu^2 = 2 sqrt((mu^2/rho_b) (1/g)) per unit of N.
             gauge_damping=TANGENTIAL_DAMPING_RATIO * 2.0 / (mu * float(np.sqrt(yield_gauge * g))),
+            static_ratio=float(friction.static_ratio),
         )

@@ -15,7 +15,8 @@ import scipy
 from numpy.typing import NDArray
 
 from planar.linkage import regimes
-from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Contact, Now, apex_gauge, evaluate
+from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Now, apex_gauge, evaluate
+from planar.linkage.ground import Ground
 from planar.linkage.shape import apexes
 from worm3d.machine.compiled import kept
 from worm3d.values.arrays import FloatArray
@@ -42,30 +43,22 @@ STAGNATION = 1e-10
 
 @dataclass(frozen=True)
 class Solution:
-    """Outcome of Newton's method.
-
-    Attributes
-    ----------
-    q : ndarray, shape (2 (N+1),)
-        Last iterate [m].
-    gradient : ndarray, shape (2 (N+1),)
-        Residual there, zero on held coordinates [N].
-    converged : bool
-    iterations : int
-        Evaluations of the Jacobian.
-    """
+    """Outcome of Newton's method."""
 
     q: FloatArray
+    """Last iterate, shape (2 (N+1),) [m]."""
     gradient: FloatArray
+    """Residual there, zero on held coordinates, shape (2 (N+1),) [N]."""
     converged: bool
     iterations: int
+    """Evaluations of the Jacobian."""
 
 
 class Newton:
     """Solver for the steps of one worm; holds the work arrays."""
 
-    def __init__(self, body: Body, contact: Contact, length: float, held: NDArray[np.bool_]) -> None:
-        self.body, self.contact, self.length = body, contact, length
+    def __init__(self, body: Body, ground: Ground, length: float, held: NDArray[np.bool_]) -> None:
+        self.body, self.ground, self.length = body, ground, length
         self.held = np.flatnonzero(held)
         self.gradient = np.zeros(len(held))
         self.band = np.zeros((ROWS, len(held)))
@@ -82,7 +75,7 @@ class Newton:
                 iterations += used
                 if converged:
                     return Solution(polished, self.gradient.copy(), True, iterations)
-            load = loads(q, self.body, self.contact, now)
+            load = loads(q, self.body, self.ground, now)
             now.load[:] += relaxation * (load - now.load)
         for start in (q, guess):
             polished, used, converged = self._by_regimes(start, now)
@@ -95,11 +88,11 @@ class Newton:
     def residual(self, q: FloatArray, now: Now) -> FloatArray:
         """Return the residual with the forces of held coordinates left in, shape (2 (N+1),) [N]."""
         gradient = np.empty_like(q)
-        evaluate(q, self.body, self.contact, now, True, gradient, NO_BAND)
+        evaluate(q, self.body, self.ground, now, True, gradient, NO_BAND)
         return gradient
 
     def _evaluate(self, q: FloatArray, now: Now, coupled: bool) -> float:
-        phi = evaluate(q, self.body, self.contact, now, coupled, self.gradient, self.band)
+        phi = evaluate(q, self.body, self.ground, now, coupled, self.gradient, self.band)
         if len(self.held):
             _hold(self.band, self._is_held)
             self.gradient[self.held] = 0.0
@@ -128,12 +121,12 @@ class Newton:
         to find that place.
         """
         slope, scratch, noise = float(self.gradient @ direction), np.empty_like(q), 1e-14 * abs(phi)
-        kinks = _resting_points(q, direction, self.body, self.contact, now)
+        kinks = _resting_points(q, direction, self.body, self.ground, now)
         low, high, step = 0.0, 1.0, 1.0
         best: FloatArray | None = None
         for _ in range(MAX_SEARCH):
             trial = q + step * direction
-            value = evaluate(trial, self.body, self.contact, now, False, scratch, NO_BAND)
+            value = evaluate(trial, self.body, self.ground, now, False, scratch, NO_BAND)
             rise = float(scratch @ direction) if np.isfinite(value) else np.inf
             lower = value <= phi + 1e-4 * step * slope + noise
             if lower:
@@ -147,14 +140,14 @@ class Newton:
 
     def _by_regimes(self, q: FloatArray, now: Now) -> tuple[FloatArray, int, bool]:
         """Polish with given regimes, first those of the law at q, until they are those of the law at the solution."""
-        regime, iterations = regimes.of_law(q, self.body.a, self.contact, now), 0
+        regime, iterations = regimes.of_law(q, self.body.a, self.ground, now), 0
         for turn in range(MAX_REGIMES):
             taken = now._replace(regime=regime)
             q, used, converged = self._polish(q, taken, MAX_SMOOTH)
             iterations += used
             if not converged:
                 break
-            regime = regimes.after(q, self.body.a, self.contact, taken, turn)
+            regime = regimes.after(q, self.body.a, self.ground, taken, turn)
             if (regime == taken.regime).all():
                 return q, iterations, True
         return q, iterations, False
@@ -177,9 +170,9 @@ class Newton:
         return q, most, False
 
 
-def loads(q: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:
+def loads(q: FloatArray, body: Body, ground: Ground, now: Now) -> FloatArray:
     """Return the normal loads (G1) at q, shape (N, 2) [N]."""
-    k, c, dt = contact.stiffness, contact.damping, now.dt
+    k, c, dt = ground.stiffness, ground.damping, now.dt
     if k == 0.0:
         return np.zeros_like(now.load)
     stiff = k + c / dt
@@ -189,7 +182,7 @@ def loads(q: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:
 
 
 @kept
-def _resting_points(q: FloatArray, direction: FloatArray, body: Body, contact: Contact, now: Now) -> FloatArray:
+def _resting_points(q: FloatArray, direction: FloatArray, body: Body, ground: Ground, now: Now) -> FloatArray:
     """Return the sorted step lengths in (0, 1) at which contacts come to rest, to first order.
 
     Those that stick do where they come from the softer one of their directions to the stiffer one: they go just beyond,
@@ -199,7 +192,7 @@ def _resting_points(q: FloatArray, direction: FloatArray, body: Body, contact: C
     steps = np.empty(2 * n)
     for i in range(n):
         for j in range(2):
-            if now.load[i, j] <= 0.0 or contact.stiffness == 0.0:
+            if now.load[i, j] <= 0.0 or ground.stiffness == 0.0:
                 continue
             y, stuck, soft, margin = np.empty(2), False, False, 0.0
             for end in range(2):
@@ -209,10 +202,10 @@ def _resting_points(q: FloatArray, direction: FloatArray, body: Body, contact: C
                 square = (bx - ax) ** 2 + (bz - az) ** 2
                 w = np.sqrt(max(body.a[i] ** 2 / square - 0.25, 0.0))
                 x = 0.5 * (ax + bx) - (2.0 * j - 1.0) * w * (bz - az)
-                y[end], mu, b = apex_gauge(i, j, x, contact, now)
+                y[end], mu, b = apex_gauge(i, j, x, ground, now)
                 if end == 0:
                     stuck = abs(y[0]) <= now.cap[i, j] * b
-                    soft = mu < max(contact.mu_forward[i], contact.mu_backward[i])
+                    soft = mu < max(ground.mu_forward[i], ground.mu_backward[i])
                     margin = np.sign(y[0]) * BEYOND * max(abs(y[0]), b) if stuck else 0.0
             if stuck:
                 y[1] = y[0] + (y[1] - y[0]) / NEAR

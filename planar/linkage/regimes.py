@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from planar.linkage.element import OPEN, SLIDE, STICK, Contact, Now
+from planar.linkage.element import OPEN, SLIDE, STICK, Now
+from planar.linkage.ground import Ground
 from planar.linkage.shape import apexes
 from worm3d.values.arrays import FloatArray
 
@@ -24,19 +25,19 @@ ROUNDING = 1e-9
 """Fraction of the yield displacement, or of the contact's mean load, by which the law may be missed."""
 
 
-def of_law(q: FloatArray, a: FloatArray, contact: Contact, now: Now) -> Regimes:
+def of_law(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> Regimes:
     """Return the regimes at q by the law itself, shape (N, 2); `a` is the length of the links."""
-    load, y, limit = _state(q, a, contact, now)
+    _, y, limit = gauge(q, a, ground, now)
     slides = np.abs(y) > limit
-    return np.where(load > 0.0, np.where(slides, SLIDE, STICK) + (y <= 0.0), OPEN)
+    return np.where(_load(q, a, ground, now) > 0.0, np.where(slides, SLIDE, STICK) + (y <= 0.0), OPEN)
 
 
-def after(q: FloatArray, a: FloatArray, contact: Contact, now: Now, turn: int) -> Regimes:
+def after(q: FloatArray, a: FloatArray, ground: Ground, now: Now, turn: int) -> Regimes:
     """Return the regimes that follow those in `now`, with which q solves the step; the same where it obeys the law.
 
     What slides comes to rest before it turns round, and turns round before it slides the other way.
     """
-    load, y, limit = _state(q, a, contact, now)
+    (_, y, limit), load = gauge(q, a, ground, now), _load(q, a, ground, now)
     old, scale = now.regime, max(float(np.abs(load).mean()), 1e-300)
     tail = old % 2
     along = np.where(tail == 1, -y, y) / limit
@@ -47,7 +48,7 @@ def after(q: FloatArray, a: FloatArray, contact: Contact, now: Now, turn: int) -
     )
     new = np.select(
         [old == OPEN, load < 0.0, old >= SLIDE, along < 0.0],
-        [of_law(q, a, contact, now), OPEN, STICK + tail, STICK + 1 - tail],
+        [of_law(q, a, ground, now), OPEN, STICK + tail, STICK + 1 - tail],
         SLIDE + tail,
     )
     denied = wrong > ROUNDING
@@ -56,12 +57,18 @@ def after(q: FloatArray, a: FloatArray, contact: Contact, now: Now, turn: int) -
     return np.where(denied, new, old)
 
 
-def _state(q: FloatArray, a: FloatArray, contact: Contact, now: Now) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the load, negative where a contact is apart, y of (G2) and cap b, each of shape (N, 2)."""
-    at = apexes(q.reshape(-1, 2), a)
-    stiff = contact.stiffness + contact.damping / now.dt
-    load = -stiff * at[..., 1] - contact.damping / now.dt * now.depth_n
-    r = 1.0 / (1.0 / contact.yield_gauge + contact.gauge_damping / now.dt)
-    y = now.direction[:, None] * (at[..., 0] - now.anchor) - contact.gauge_damping / now.dt * r * now.slide_n
-    mu = np.where(y > 0.0, contact.mu_forward[:, None], contact.mu_backward[:, None])
-    return load, y, now.cap * r / np.maximum(mu, contact.least)
+def gauge(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return s*, y = s - s* and cap b of (G2) at q by the law, each of shape (N, 2) [m]."""
+    x = apexes(q.reshape(-1, 2), a)[..., 0]
+    r = 1.0 / (1.0 / ground.yield_gauge + ground.gauge_damping / now.dt)
+    centre = ground.gauge_damping / now.dt * r * now.slide_n
+    y = now.direction[:, None] * (x - now.anchor) - centre
+    mu = np.where(y > 0.0, ground.mu_forward[:, None], ground.mu_backward[:, None])
+    return centre, y, now.cap * r / np.maximum(mu, ground.least)
+
+
+def _load(q: FloatArray, a: FloatArray, ground: Ground, now: Now) -> FloatArray:
+    """Return the linear load, negative where a contact is apart, shape (N, 2) [N]."""
+    z = apexes(q.reshape(-1, 2), a)[..., 1]
+    load: FloatArray = -(ground.stiffness + ground.damping / now.dt) * z - ground.damping / now.dt * now.depth_n
+    return load

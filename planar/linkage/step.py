@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planar.linkage.element import LAW, Body, Contact, Now
+from planar.linkage.element import LAW, Body, Now
 from planar.linkage.ground import TIE, YIELD_TOLERANCE, Ground
 from planar.linkage.newton import Newton, Solution, loads
+from planar.linkage.regimes import gauge
 from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
 from planar.linkage.worm import Linkage
 from worm3d.values.arrays import FloatArray
@@ -18,32 +20,24 @@ from worm3d.values.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Everything that a step starts from.
-
-    Attributes
-    ----------
-    joints, joint_velocity : ndarray, shape (N+1, 2)
-        [m], [m/s].
-    apex_velocity : ndarray, shape (N, 2, 2)
-        Of the apexes [bottom, top] [m/s].
-    l_cmd : ndarray, shape (N,)
-        Commanded rest lengths [m].
-    anchor, slide : ndarray, shape (N, 2)
-        x of each apex's anchor, and its displacement from it towards the head [m].
-    stuck : ndarray of bool, shape (N, 2)
-        Whether the static coefficient holds.
-    load : ndarray, shape (N, 2)
-        Normal load of each apex [N].
-    """
+    """Everything that a step starts from."""
 
     joints: FloatArray
+    """Shape (N+1, 2) [m]."""
     joint_velocity: FloatArray
+    """Shape (N+1, 2) [m/s]."""
     apex_velocity: FloatArray
+    """Velocity of the apexes [bottom, top], shape (N, 2, 2) [m/s]."""
     l_cmd: FloatArray
+    """Commanded rest lengths, shape (N,) [m]."""
     anchor: FloatArray
+    """x of each apex's anchor, shape (N, 2) [m]."""
     slide: FloatArray
+    """Displacement of each apex from its anchor towards the head, shape (N, 2) [m]."""
     stuck: NDArray[np.bool_]
+    """Whether the static coefficient holds, shape (N, 2)."""
     load: FloatArray
+    """Normal load of each apex, shape (N, 2) [N]."""
 
     @classmethod
     def at_rest(cls, joints: FloatArray, worm: Linkage) -> State:
@@ -64,45 +58,25 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One finished step (or part of one, where a step was halved).
-
-    Attributes
-    ----------
-    dt : float
-        [s]
-    start, end : State
-    solution : Solution
-    slip : ndarray, shape (N, 2)
-        Signed motion of the anchors towards the head [m].
-    cap : ndarray, shape (N, 2)
-        Static over kinetic coefficient where stuck, else 1.
-    joint_force : ndarray, shape (N+1, 2)
-        External force on the joints [N].
-    joint_friction : ndarray, shape (N+1,)
-        Friction along x on the joints, (P10), of the clamped worm [N].
-    apex_friction : ndarray, shape (N, 2)
-        Friction along x on the apexes, (P10), of the threshold law [N].
-    joint_load : ndarray, shape (N+1,)
-        Normal loads (P9) of the clamped worm [N].
-    """
+    """One finished step (or part of one, where a step was halved)."""
 
     dt: float
+    """Time step [s]."""
     start: State
     end: State
     solution: Solution
     slip: FloatArray
+    """Signed motion of the anchors towards the head, shape (N, 2) [m]."""
     cap: FloatArray
+    """Static over kinetic coefficient where stuck, else 1, shape (N, 2)."""
     joint_force: FloatArray
+    """External force on the joints, shape (N+1, 2) [N]."""
     joint_friction: FloatArray
+    """Friction (P10) along x on the joints of the clamped worm, shape (N+1,) [N]."""
     apex_friction: FloatArray
+    """Friction (P10) along x on the apexes of the threshold law, shape (N, 2) [N]."""
     joint_load: FloatArray
-
-
-class Stepper(Protocol):
-    """Advances a state by one step; the step's solution says whether it converged."""
-
-    def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
-        """Return the step to the commanded lengths `l_cmd` under the joint forces `force`."""
+    """Normal loads (P9) of the clamped worm, shape (N+1,) [N]."""
 
 
 def body_of(worm: Linkage) -> Body:
@@ -125,29 +99,17 @@ def body_of(worm: Linkage) -> Body:
     )
 
 
-def contact_of(ground: Ground | None, segments: int) -> Contact:
-    """Return the ground's constants as the kernel wants them; no contact without a ground."""
-    if ground is None:
-        nothing = np.zeros(segments)
-        return Contact(0.0, 0.0, nothing, nothing, 1.0, 1.0, 0.0)
-    return Contact(
-        ground.stiffness,
-        ground.damping,
-        ground.mu_forward,
-        ground.mu_backward,
-        ground.least,
-        ground.yield_gauge,
-        ground.gauge_damping,
-    )
+class Stepper(ABC):
+    """Advances a state by a step of implicit Euler, (P4), on one kind of ground."""
 
-
-class _ImplicitEuler:
-    """What both kinds of ground share: (P4) and the packing of a step."""
-
-    def __init__(self, worm: Linkage, gravity: FloatArray, contact: Contact, held: NDArray[np.bool_]) -> None:
-        self.worm, self.gravity, self.contact = worm, gravity, contact
+    def __init__(self, worm: Linkage, gravity: FloatArray, ground: Ground, held: NDArray[np.bool_]) -> None:
+        self.worm, self.gravity, self.ground = worm, gravity, ground
         self.body = body_of(worm)
-        self.newton = Newton(self.body, contact, worm.length, held.ravel())
+        self.newton = Newton(self.body, ground, worm.length, held.ravel())
+
+    @abstractmethod
+    def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
+        """Return the step to the commanded lengths `l_cmd` under the joint forces `force`, converged or not."""
 
     def _now(self, state: State, l_cmd: FloatArray, force: FloatArray, cap: FloatArray, dt: float) -> Now:
         positions = apexes(state.joints, self.body.a)
@@ -173,41 +135,52 @@ class _ImplicitEuler:
             regime=np.full(state.load.shape, LAW),
         )
 
-    def _moved(self, state: State, q: FloatArray, l_cmd: FloatArray, dt: float) -> State:
+    def _moved(self, state: State, q: FloatArray, now: Now) -> State:
         joints = q.reshape(-1, 2)
         before, after = apexes(state.joints, self.body.a), apexes(joints, self.body.a)
         return replace(
             state,
             joints=joints,
-            joint_velocity=(joints - state.joints) / dt,
-            apex_velocity=(after - before) / dt,
-            l_cmd=l_cmd,
+            joint_velocity=(joints - state.joints) / now.dt,
+            apex_velocity=(after - before) / now.dt,
+            l_cmd=now.l_cmd,
         )
 
+    def _corrected(self, predicted: Solution, pushed: Now) -> Solution:
+        """Solve with the friction that a prediction gave; the solution counts the work of both."""
+        corrected = self.newton.solve(predicted.q, pushed)
+        return replace(
+            corrected,
+            iterations=predicted.iterations + corrected.iterations,
+            converged=predicted.converged and corrected.converged,
+        )
 
-class ContactStepper(_ImplicitEuler):
+    def _finished(self, state: State, end: State, solution: Solution, now: Now, **own: FloatArray) -> Step:
+        """Return a step with its own slip, friction and loads; those that it does not name are zero."""
+        apex, joint = np.zeros_like(state.load), np.zeros(len(state.joints))
+        given: dict[str, Any] = {"slip": apex, "apex_friction": apex, "joint_friction": joint, "joint_load": joint}
+        return Step(now.dt, state, end, solution, cap=now.cap, joint_force=now.force, **{**given, **own})
+
+
+class ContactStepper(Stepper):
     """Apexes touch the ground; friction is set-valued with anchors (`planar.linkage.ground`)."""
-
-    def __init__(self, worm: Linkage, gravity: FloatArray, ground: Ground, held: NDArray[np.bool_]) -> None:
-        super().__init__(worm, gravity, contact_of(ground, worm.segments), held)
-        self.ground = ground
 
     def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
         """Solve with the static limit where stuck; contacts that reach it become kinetic, and again (G4)."""
         stuck, guess, iterations = state.stuck.copy(), state.joints.ravel(), 0
         while True:
-            cap = np.where(stuck, self.ground.static_ratio, 1.0)
-            now = self._now(state, l_cmd, force, cap, dt)
+            now = self._now(state, l_cmd, force, np.where(stuck, self.ground.static_ratio, 1.0), dt)
             solution = self.newton.solve(guess, now)
             iterations += solution.iterations
-            load = loads(solution.q, self.body, self.contact, now)
-            breaks = stuck & self._reaches_limit(solution.q, now, load)
+            load = loads(solution.q, self.body, self.ground, now)
+            _, y, limit = gauge(solution.q, self.body.a, self.ground, now)
+            breaks = stuck & (load > 0.0) & (np.abs(y) > limit * (1.0 - TIE))
             if not solution.converged or self.ground.static_ratio == 1.0 or not breaks.any():
                 break
             stuck, guess = stuck & ~breaks, solution.q
         slip, slide = self._return_map(solution.q, now, load)
         touching = load > 0.0
-        moved = self._moved(state, solution.q, l_cmd, dt)
+        moved = self._moved(state, solution.q, now)
         x = apexes(moved.joints, self.body.a)[..., 0]
         end = replace(
             moved,
@@ -216,122 +189,65 @@ class ContactStepper(_ImplicitEuler):
             slide=np.where(touching, slide, 0.0),
             stuck=~touching | (slip == 0.0),
         )
-        return Step(
-            dt=dt,
-            start=state,
-            end=end,
-            solution=replace(solution, iterations=iterations),
-            slip=slip,
-            cap=cap,
-            joint_force=force,
-            joint_friction=np.zeros(len(state.joints)),
-            apex_friction=np.zeros_like(load),
-            joint_load=np.zeros(len(state.joints)),
-        )
-
-    def _gauge(self, q: FloatArray, now: Now) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return s*, y = s - s* and cap b of (G2), each of shape (N, 2) [m]."""
-        g, d = self.ground, now.direction[:, None]
-        x = apexes(q.reshape(-1, 2), self.body.a)[..., 0]
-        r = 1.0 / (1.0 / g.yield_gauge + g.gauge_damping / now.dt)
-        centre = g.gauge_damping / now.dt * r * now.slide_n
-        y = d * (x - now.anchor) - centre
-        mu = np.where(y > 0.0, g.mu_forward[:, None], g.mu_backward[:, None])
-        return centre, y, now.cap * r / np.maximum(mu, g.least)
-
-    def _reaches_limit(self, q: FloatArray, now: Now, load: FloatArray) -> NDArray[np.bool_]:
-        """(G4): return which contacts have the greatest friction that they can have, shape (N, 2)."""
-        _, y, limit = self._gauge(q, now)
-        reaches: NDArray[np.bool_] = (load > 0.0) & (np.abs(y) > limit * (1.0 - TIE))
-        return reaches
+        return self._finished(state, end, replace(solution, iterations=iterations), now, slip=slip)
 
     def _return_map(self, q: FloatArray, now: Now, load: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(G3): return the anchors' signed motion and what is left of the displacement from them."""
-        centre, y, limit = self._gauge(q, now)
+        centre, y, limit = gauge(q, self.body.a, self.ground, now)
         yields = (load > 0.0) & (np.abs(y) > limit * (1.0 + YIELD_TOLERANCE))
         left = centre + np.where(yields, np.sign(y) * limit, y)
         return np.where(yields, centre + y - left, 0.0), left
 
 
-class ClampedStepper(_ImplicitEuler):
+class ClampedStepper(Stepper):
     """The paper's ground: the joints' z are held, (P9) loads from a predictor, (P10) friction in the corrector."""
 
     def __init__(self, worm: Linkage, gravity: FloatArray, mu: tuple[FloatArray, FloatArray], threshold: float) -> None:
         held = np.zeros((worm.segments + 1, 2), dtype=bool)
         held[:, 1] = True
-        super().__init__(worm, gravity, contact_of(None, worm.segments), held)
+        super().__init__(worm, gravity, Ground.none(worm.segments), held)
         self.mu = _at_joints(mu[0]), _at_joints(mu[1])
         self.threshold = threshold
 
     def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
         """Predict without friction, read the loads, and correct with friction."""
-        cap = np.ones_like(state.load)
-        now = self._now(state, l_cmd, force, cap, dt)
+        now = self._now(state, l_cmd, force, np.ones_like(state.load), dt)
         predicted = self.newton.solve(state.joints.ravel(), now)
         load = np.abs(self.newton.residual(predicted.q, now)[1::2])  # (P9)
         to_head = 1.0 if state.joints[-1, 0] >= state.joints[0, 0] else -1.0
         velocity = to_head * (predicted.q[::2] - state.joints[:, 0]) / dt
         friction = to_head * p10_friction(load, velocity, self.mu, self.threshold)
         pushed = now._replace(force=force + np.column_stack([friction, np.zeros_like(friction)]))
-        corrected = self.newton.solve(predicted.q, pushed)
-        return Step(
-            dt=dt,
-            start=state,
-            end=self._moved(state, corrected.q, l_cmd, dt),
-            solution=replace(
-                corrected,
-                iterations=predicted.iterations + corrected.iterations,
-                converged=predicted.converged and corrected.converged,
-            ),
-            slip=np.zeros_like(state.load),
-            cap=cap,
-            joint_force=force,
-            joint_friction=friction,
-            apex_friction=np.zeros_like(state.load),
-            joint_load=load,
-        )
+        solution = self._corrected(predicted, pushed)
+        end = self._moved(state, solution.q, now)
+        return self._finished(state, end, solution, now, joint_friction=friction, joint_load=load)
 
 
-class ThresholdStepper(_ImplicitEuler):
+class ThresholdStepper(Stepper):
     """Apexes touch the ground, but friction is the paper's (P10): predictor's loads and directions, a threshold."""
 
     def __init__(
         self, worm: Linkage, gravity: FloatArray, ground: Ground, held: NDArray[np.bool_], threshold: float
     ) -> None:
-        contact = contact_of(ground, worm.segments)
         nothing = np.zeros(worm.segments)
-        super().__init__(worm, gravity, contact._replace(mu_forward=nothing, mu_backward=nothing), held)
+        super().__init__(worm, gravity, ground._replace(mu_forward=nothing, mu_backward=nothing), held)
         self.mu = ground.mu_forward[:, None], ground.mu_backward[:, None]
         self.threshold = threshold
 
     def step(self, state: State, l_cmd: FloatArray, force: FloatArray, dt: float) -> Step:
         """Predict without friction, read loads and directions, and correct with friction."""
-        cap = np.ones_like(state.load)
-        now = self._now(state, l_cmd, force, cap, dt)
+        now = self._now(state, l_cmd, force, np.ones_like(state.load), dt)
         predicted = self.newton.solve(state.joints.ravel(), now)
         before, after = (apexes(q.reshape(-1, 2), self.body.a)[..., 0] for q in (state.joints, predicted.q))
         velocity = now.direction[:, None] * (after - before) / dt
-        load = loads(predicted.q, self.body, self.contact, now)
+        load = loads(predicted.q, self.body, self.ground, now)
         friction = now.direction[:, None] * p10_friction(load, velocity, self.mu, self.threshold)
-        corrected = self.newton.solve(predicted.q, now._replace(push=friction))
-        end = self._moved(state, corrected.q, l_cmd, dt)
-        slid = apexes(end.joints, self.body.a)[..., 0] - before
-        return Step(
-            dt=dt,
-            start=state,
-            end=replace(end, load=loads(corrected.q, self.body, self.contact, now)),
-            solution=replace(
-                corrected,
-                iterations=predicted.iterations + corrected.iterations,
-                converged=predicted.converged and corrected.converged,
-            ),
-            slip=np.where(friction != 0.0, now.direction[:, None] * slid, 0.0),
-            cap=cap,
-            joint_force=force,
-            joint_friction=np.zeros(len(state.joints)),
-            apex_friction=friction,
-            joint_load=np.zeros(len(state.joints)),
-        )
+        solution = self._corrected(predicted, now._replace(push=friction))
+        moved = self._moved(state, solution.q, now)
+        end = replace(moved, load=loads(solution.q, self.body, self.ground, now))
+        slid = now.direction[:, None] * (apexes(end.joints, self.body.a)[..., 0] - before)
+        slip = np.where(friction != 0.0, slid, 0.0)
+        return self._finished(state, end, solution, now, slip=slip, apex_friction=friction)
 
 
 def _at_joints(per_segment: FloatArray) -> FloatArray:

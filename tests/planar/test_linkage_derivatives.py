@@ -5,17 +5,17 @@ import pytest
 from numpy.testing import assert_allclose
 
 from planar.linkage import Friction, Linkage, regimes
-from planar.linkage.element import BAND, LAW, NO_BAND, OPEN, ROWS, SLIDE, STICK, Body, Contact, Now, evaluate
+from planar.linkage.element import BAND, LAW, NO_BAND, OPEN, ROWS, SLIDE, STICK, Body, Now, evaluate
 from planar.linkage.ground import Ground
 from planar.linkage.shape import apexes, cross_products, diagonals, hinge_angles
-from planar.linkage.step import body_of, contact_of
+from planar.linkage.step import body_of
 
 N, SIZE = 4, 10
 
 
-def contact_of_scale(worm: Linkage, stiffness: float) -> Contact:
+def ground_of_scale(worm: Linkage, stiffness: float) -> Ground:
     """Return a ground soft enough for finite differences, every branch of the friction within reach."""
-    ground = contact_of(Ground.of(worm, Friction(0.3, 0.5), 9.81), N)
+    ground = Ground.of(worm, Friction(0.3, 0.5), 9.81)
     return ground._replace(stiffness=stiffness, damping=5.0, yield_gauge=0.01, gauge_damping=2.0)
 
 
@@ -59,14 +59,14 @@ def dense(band: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("coupled", [False, True])
 def test_against_central_differences(uneven_worm: Linkage, coupled: bool) -> None:
     q, now = some_step(uneven_worm)
-    body, contact = body_of(uneven_worm), contact_of_scale(uneven_worm, 1000.0)
+    body, ground = body_of(uneven_worm), ground_of_scale(uneven_worm, 1000.0)
     gradient, band = np.zeros(SIZE), np.zeros((ROWS, SIZE))
-    evaluate(q, body, contact, now, coupled, gradient, band)
+    evaluate(q, body, ground, now, coupled, gradient, band)
     matrix, step = dense(band), 1e-7
     for i, e in enumerate(step * np.eye(SIZE)):
         above, below = np.zeros(SIZE), np.zeros(SIZE)
-        rise = evaluate(q + e, body, contact, now, coupled, above, NO_BAND)
-        rise -= evaluate(q - e, body, contact, now, coupled, below, NO_BAND)
+        rise = evaluate(q + e, body, ground, now, coupled, above, NO_BAND)
+        rise -= evaluate(q - e, body, ground, now, coupled, below, NO_BAND)
         if not coupled:
             assert_allclose(gradient[i], rise / (2 * step), rtol=1e-6, atol=1e-6)
         assert_allclose(matrix[:, i], (above - below) / (2 * step), rtol=1e-6, atol=1e-4)
@@ -78,26 +78,26 @@ def test_given_regimes_against_central_differences(uneven_worm: Linkage) -> None
     """Where each contact has any regime, right or wrong; with that of the law the residual is the law's."""
     q, now = some_step(uneven_worm)
     q[1::2] -= 0.03  # all bottoms touch
-    body, contact = body_of(uneven_worm), contact_of_scale(uneven_worm, 1000.0)
+    body, ground = body_of(uneven_worm), ground_of_scale(uneven_worm, 1000.0)
     law, given, band, step = np.zeros(SIZE), np.zeros(SIZE), np.zeros((ROWS, SIZE)), 1e-7
-    evaluate(q, body, contact, now, True, law, NO_BAND)
-    own = now._replace(regime=regimes.of_law(q, body.a, contact, now))
+    evaluate(q, body, ground, now, True, law, NO_BAND)
+    own = now._replace(regime=regimes.of_law(q, body.a, ground, now))
     assert len(set(own.regime.ravel())) > 3
-    evaluate(q, body, contact, own, True, given, NO_BAND)
+    evaluate(q, body, ground, own, True, given, NO_BAND)
     assert_allclose(given, law, rtol=1e-12, atol=1e-12)
     other = now._replace(regime=np.array([[OPEN, STICK], [STICK + 1, SLIDE], [SLIDE + 1, OPEN], [STICK, SLIDE]]))
-    evaluate(q, body, contact, other, True, given, band)
+    evaluate(q, body, ground, other, True, given, band)
     matrix = dense(band)
     for i, e in enumerate(step * np.eye(SIZE)):
         above, below = np.zeros(SIZE), np.zeros(SIZE)
-        evaluate(q + e, body, contact, other, True, above, NO_BAND)
-        evaluate(q - e, body, contact, other, True, below, NO_BAND)
+        evaluate(q + e, body, ground, other, True, above, NO_BAND)
+        evaluate(q - e, body, ground, other, True, below, NO_BAND)
         assert_allclose(matrix[:, i], (above - below) / (2 * step), rtol=1e-6, atol=1e-4)
 
 
 def potential(worm: Linkage, q: np.ndarray, now: Now, **changes: object) -> float:
     body: Body = body_of(worm)._replace(joint_mass=np.zeros(N + 1), apex_mass=np.zeros((N, 2)), drag=np.zeros(N + 1))
-    no_contact = contact_of(None, N)
+    no_contact = Ground.none(N)
     return evaluate(q, body, no_contact, now._replace(**changes), False, np.zeros(SIZE), NO_BAND)
 
 

@@ -6,7 +6,8 @@ from numpy.testing import assert_allclose
 
 from planar import linkage
 from planar.linkage import Friction, Linkage
-from planar.linkage.element import Contact, friction_gauge
+from planar.linkage.element import friction_gauge
+from planar.linkage.ground import Ground
 from planar.status import Status
 
 G = 9.80665
@@ -263,14 +264,14 @@ def crawl(mu_forward: float, mu_backward: float, cycles: int, steps: int) -> tup
     """
     n, T = 7, 30.0
     dt, mu = T / steps, np.array([mu_forward, mu_backward])
-    contact = Contact(0.0, 0.0, np.full(n, mu[0]), np.full(n, mu[1]), mu.min(), 1e-8, 1e-4)
+    ground = Ground(0.0, 0.0, np.full(n, mu[0]), np.full(n, mu[1]), mu.min(), 1e-8, 1e-4)
     i = np.arange(6)
 
     def shape(t: float) -> np.ndarray:
         return np.concatenate([[0.0], np.cumsum(1 + 0.3 * np.sin(2 * np.pi * (i / 6 - t / T)))])
 
     def gauge(s: float, s_n: float) -> tuple[float, float, float]:
-        return friction_gauge(s, s_n, dt, mu[0], mu[1], contact.least, contact.yield_gauge, contact.gauge_damping)
+        return friction_gauge(s, s_n, dt, mu[0], mu[1], ground.least, ground.yield_gauge, ground.gauge_damping)
 
     def force(s: float, s_n: float) -> float:
         y, coefficient, b = gauge(s, s_n)

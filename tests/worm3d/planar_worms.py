@@ -163,7 +163,7 @@ def solves(it: Case, oracle: linkage.Run, step: int, q: np.ndarray, slipped: np.
     command, force = worm.l0 * (1.0 - it.gait(step * it.dt)), np.zeros((worm.segments + 1, 2))
     static = start.stuck & (slipped == 0.0)
     now = stepper._now(start, command, force, np.where(static, it.friction[2], 1.0), it.dt)
-    load = loads(q.ravel(), stepper.body, stepper.contact, now)
+    load = loads(q.ravel(), stepper.body, stepper.ground, now)
     slip, _ = stepper._return_map(q.ravel(), now, load)
     moved = now.direction[:, None] * (apexes(q, worm.link_length)[..., 0] - now.anchor)  # friction is against it
     balanced = np.abs(stepper.newton.residual(q.ravel(), now)).max() < 1e-5 * worm.total_mass * GRAVITY
