@@ -13,10 +13,7 @@ from worm3d.values.arrays import FloatArray
 
 
 def centre_of_mass(
-    time: FloatArray,
-    curves: Mapping[str, FloatArray],
-    title: str = "Centre of mass",
-    axes: Axes | None = None,
+    time: FloatArray, curves: Mapping[str, FloatArray], title: str = "Centre of mass", axes: Axes | None = None
 ) -> tuple[Figure, Axes]:
     """Draw the displacement of the centre of mass along x over time.
 
@@ -29,11 +26,8 @@ def centre_of_mass(
     axes : Axes, optional
         Where to draw; a new figure if left out.
     """
-    figure, axes = _prepared(axes, title, "displacement of the centre of mass [m]")
-    for label, com in curves.items():
-        axes.plot(time, com - com[0], label=label)
-    _legend(axes, len(curves))
-    return figure, axes
+    moved = {label: com - com[0] for label, com in curves.items()}
+    return _over_time(time, moved, title, "displacement of the centre of mass [m]", axes)
 
 
 def cumulative_cost(
@@ -43,25 +37,13 @@ def cumulative_cost(
     axes: Axes | None = None,
     logarithmic: bool = False,
 ) -> tuple[Figure, Axes]:
-    """Draw the cumulative cost of transport over time.
+    """Draw the cumulative cost of transport, shape (S,) [J/m], at the end of each step; see `centre_of_mass`.
 
-    Parameters
-    ----------
-    time : ndarray, shape (S,)
-        End of each step [s].
-    curves : mapping of label to ndarray, shape (S,)
-        Cumulative cost of transport [J/m].
-    axes : Axes, optional
-        Where to draw; a new figure if left out.
-    logarithmic : bool
-        Whether the curves are decades apart.
+    The axis is `logarithmic` where the curves are decades apart.
     """
-    figure, axes = _prepared(axes, title, "cumulative cost of transport [J/m]")
-    for label, cost in curves.items():
-        axes.plot(time, cost, label=label)
+    figure, axes = _over_time(time, curves, title, "cumulative cost of transport [J/m]", axes)
     if logarithmic:
         axes.set_yscale("log", nonpositive="mask")
-    _legend(axes, len(curves))
     return figure, axes
 
 
@@ -104,7 +86,6 @@ def energy_ledger(
     stored: Mapping[str, FloatArray],
     lost: Mapping[str, FloatArray],
     title: str = "Energy",
-    axes: Axes | None = None,
 ) -> tuple[Figure, Axes]:
     """Draw where the energy comes from and goes to over time: what comes in is what is stored and lost.
 
@@ -114,10 +95,8 @@ def energy_ledger(
         End of each step [s].
     incoming, stored, lost : mapping of label to ndarray, shape (S,)
         Energy summed over the steps so far [J].
-    axes : Axes, optional
-        Where to draw; a new figure if left out.
     """
-    figure, axes = _prepared(axes, title, "energy [J]")
+    figure, axes = _prepared(None, title, "energy [J]")
     for style, what, curves in (("-", "in", incoming), ("--", "stored", stored), (":", "lost", lost)):
         for label, energy in curves.items():
             axes.plot(time, energy, style, label=f"{what}: {label} ({energy[-1]:.3g} J)")
@@ -209,6 +188,17 @@ def case_panel(axes: Axes, parameter: FloatArray, values: FloatArray, xlabel: st
     axes.grid(alpha=0.3)
 
 
+def _over_time(
+    time: FloatArray, curves: Mapping[str, FloatArray], title: str, ylabel: str, axes: Axes | None
+) -> tuple[Figure, Axes]:
+    figure, axes = _prepared(axes, title, ylabel)
+    for label, values in curves.items():
+        axes.plot(time, values, label=label)
+    if len(curves) > 1:
+        axes.legend(fontsize=8)
+    return figure, axes
+
+
 def _prepared(axes: Axes | None, title: str, ylabel: str) -> tuple[Figure, Axes]:
     if axes is None:
         axes = Figure(figsize=(6.4, 4.0), layout="constrained", dpi=120).subplots()
@@ -217,8 +207,3 @@ def _prepared(axes: Axes | None, title: str, ylabel: str) -> tuple[Figure, Axes]
     axes.set_title(title, fontsize=10)
     axes.grid(alpha=0.3)
     return cast(Figure, axes.figure), axes
-
-
-def _legend(axes: Axes, curves: int) -> None:
-    if curves > 1:
-        axes.legend(fontsize=8)

@@ -29,9 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgbsv
 
-from planar.net import BAND, Net
-from planar.published_parameters import Parameters
 from planar.published_run import Run
+from planar.published_worm import BAND, Net, Parameters
 from planar.status import Status, Stop
 from worm3d.values import arguments
 from worm3d.values.arguments import require_room
@@ -131,18 +130,11 @@ class _Worm:
     """State of the program between steps, and one step of it."""
 
     def __init__(self, n: int, activation: Activation, parameters: Parameters, dt: float) -> None:
-        self.net = Net(
-            n,
-            length=parameters.length,
-            k_spring=parameters.k_spring,
-            k_link=parameters.k_link,
-            mass=parameters.mass,
-            connector_mass=parameters.connector_mass,
-        )
+        self.net = Net(n, parameters)
         self.parameters = parameters
         self.activation = activation
         self.dt = dt
-        self.ground = parameters.ground_height(self.net)
+        self.ground = self.net.ground_height(parameters.ground_clearance)
         self.q = self.net.rest.ravel().copy()
         self.u = np.zeros_like(self.q)
         self.contact = np.zeros(len(self.net.rest), dtype=bool)

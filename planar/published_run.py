@@ -9,55 +9,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planar.metrics import p11_work, p12_cost_of_transport
-from planar.net import Net
-from planar.published_parameters import Parameters
+from planar.published_worm import Net, Parameters
 from planar.status import Status, Stop
 from worm3d.values.arrays import FloatArray
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run of the program; S finished steps, T = S + 1 instants, n segments.
-
-    Attributes
-    ----------
-    n : int
-        Number of segments.
-    dt : float
-        Time step [s].
-    parameters : Parameters
-        The program's constants.
-    time : ndarray, shape (T,)
-        [s].
-    q : ndarray, shape (T, 3n+1, 2)
-        Node positions x, y [m]; main node i is node 3 i, then its segment's top and bottom connector.
-    start : ndarray, shape (S, 3n+1, 2)
-        Positions from which each step was solved: q before it, with touching nodes snapped to the ground [m].
-    contraction_force, friction_force : ndarray, shape (S, 3n+1, 2)
-        [N].
-    activation : ndarray, shape (S, n)
-        Of each segment at the end of each step.
-    newton_iterations : ndarray, shape (S,)
-        Of predictor and corrector together.
-    residual : ndarray, shape (S,)
-        Norm of the free residual of the last iterate tested [N].
-    stop : Stop
-        How the run ended.
-    net : Net
-        The worm's nodes, springs and masses.
-    """
+    """A run of the program; S finished steps, T = S + 1 instants, n segments."""
 
     n: int
+    """Number of segments."""
     dt: float
+    """Time step [s]."""
     parameters: Parameters
     time: FloatArray
+    """Instants, shape (T,) [s]."""
     q: FloatArray
+    """Node positions x, y, shape (T, 3n+1, 2) [m]; main node i is node 3 i, then its segment's top and bottom."""
     start: FloatArray
+    """Positions from which each step was solved: q before it, with touching nodes snapped to the ground, shape
+    (S, 3n+1, 2) [m]."""
     contraction_force: FloatArray
+    """Shape (S, 3n+1, 2) [N]."""
     friction_force: FloatArray
+    """Shape (S, 3n+1, 2) [N]."""
     activation: FloatArray
+    """Activation of each segment at the end of each step, shape (S, n)."""
     newton_iterations: NDArray[np.int64]
+    """Iterations of predictor and corrector together, shape (S,)."""
     residual: FloatArray
+    """Norm of the free residual of the last iterate tested, shape (S,) [N]."""
     stop: Stop
     net: Net = field(repr=False)
 
@@ -87,7 +69,7 @@ class Run:
     @property
     def ground(self) -> float:
         """Height of the ground [m]."""
-        return self.parameters.ground_height(self.net)
+        return self.net.ground_height(self.parameters.ground_clearance)
 
     @property
     def inverted_steps(self) -> int:

@@ -31,26 +31,17 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Stop:
-    """The place, time and manner of the end of a run.
-
-    Attributes
-    ----------
-    status : Status
-    step : int
-        Last step that was tried (the number of finished steps if the run is done).
-    time : float
-        Time at the end of that step [s].
-    residual : float
-        Norm of the free residual of the last Newton iterate tested [N].
-    segment : int
-        Segment with the largest residual, 0 at the tail.
-    """
+    """The place, time and manner of the end of a run."""
 
     status: Status
     step: int
+    """Last step that was tried (the number of finished steps if the run is done)."""
     time: float
+    """Time at the end of that step [s]."""
     residual: float
+    """Norm of the free residual of the last Newton iterate tested [N]."""
     segment: int
+    """Segment with the largest residual, 0 at the tail."""
 
     @property
     def sentence(self) -> str:

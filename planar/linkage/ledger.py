@@ -56,7 +56,7 @@ class _Side:
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
+class _Parts:
     """All steps of a run, stacked along the first axis of length P."""
 
     dt: FloatArray
@@ -70,17 +70,12 @@ class Parts:
     gradient: FloatArray
 
     @classmethod
-    def of(cls, steps: Sequence[Step], worm: Linkage) -> Parts:
-        """Stack steps (at least one)."""
+    def of(cls, steps: Sequence[Step]) -> _Parts:
+        own = ("dt", "slip", "joint_force", "joint_friction", "apex_friction", "cap")
         return cls(
-            dt=np.array([s.dt for s in steps]),
+            **{name: np.array([getattr(s, name) for s in steps]) for name in own},
             start=_Side.of([s.start for s in steps]),
             end=_Side.of([s.end for s in steps]),
-            slip=np.array([s.slip for s in steps]),
-            joint_force=np.array([s.joint_force for s in steps]),
-            joint_friction=np.array([s.joint_friction for s in steps]),
-            apex_friction=np.array([s.apex_friction for s in steps]),
-            cap=np.array([s.cap for s in steps]),
             gradient=np.array([s.solution.gradient for s in steps]),
         )
 
@@ -153,15 +148,17 @@ class Ledger:
         return cls(**{f.name: np.zeros(0) for f in fields(cls)})
 
     @classmethod
-    def of(cls, p: Parts, worm: Linkage, ground: Ground | None, gravity: FloatArray, *, anchored: bool) -> Ledger:
-        """Compute the ledger of all parts at once; `anchored` says whether friction has anchors."""
-        return cls(**_Terms(p, worm, ground, gravity, anchored).all())
+    def of(
+        cls, parts: Sequence[Step], worm: Linkage, ground: Ground | None, gravity: FloatArray, *, anchored: bool
+    ) -> Ledger:
+        """Compute the ledger of all parts (at least one) at once; `anchored` says whether friction has anchors."""
+        return cls(**_Terms(_Parts.of(parts), worm, ground, gravity, anchored).all())
 
 
 class _Terms:
     """Helper that holds the kinematics of all parts."""
 
-    def __init__(self, p: Parts, worm: Linkage, ground: Ground | None, gravity: FloatArray, anchored: bool) -> None:
+    def __init__(self, p: _Parts, worm: Linkage, ground: Ground | None, gravity: FloatArray, anchored: bool) -> None:
         self.p, self.worm, self.ground, self.gravity, self.anchored = p, worm, ground, gravity, anchored
         a = worm.link_length
         self.dq = p.end.joints - p.start.joints
@@ -198,12 +195,11 @@ class _Terms:
         elastic = self._elastic()
         potential, weight_loss, carried = self._weight()
         contact = self._contact()
-        drag = np.asarray(self.worm.drag / self.worm.segments) * _ends_half(self.worm.segments)
         external = np.einsum("pjd,pjd->p", self.p.joint_force, self.dq)
         threshold = np.einsum("pj,pj->p", self.p.joint_friction, self.dq[..., 0])
         threshold += np.einsum("pns,pns->p", self.p.apex_friction, self.dx[..., 0])
         curvature = np.einsum("pns,pns->p", self.p.apex_friction, self.dx[..., 0] - self.jdq[..., 0])
-        medium = np.einsum("j,pjd->p", drag, self.dq**2) / self.p.dt
+        medium = np.einsum("j,pjd->p", self.worm.joint_drag, self.dq**2) / self.p.dt
         return {
             "work_contract": elastic["work"],
             "work_external": external,
@@ -372,9 +368,3 @@ def _weighted(mass: FloatArray, values: FloatArray) -> FloatArray:
     """Sum mass-weighted values over all points; shape (P,)."""
     weighted: FloatArray = (mass * values).reshape(len(values), -1).sum(axis=1)
     return weighted
-
-
-def _ends_half(segments: int) -> FloatArray:
-    share = np.ones(segments + 1)
-    share[[0, -1]] = 0.5
-    return share

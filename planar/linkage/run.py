@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planar.linkage.ground import Ground
-from planar.linkage.ledger import Ledger, Parts
+from planar.linkage.ledger import Ledger
 from planar.linkage.shape import apexes, diagonals
 from planar.linkage.step import State, Step
 from planar.linkage.worm import Linkage
@@ -20,34 +20,21 @@ from worm3d.values.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A run; S finished steps, T = S + 1 instants, N segments.
-
-    Attributes
-    ----------
-    worm : Linkage
-    ground : Ground or None
-        Constants of the contact law; None for the clamped worm.
-    law : str
-        "anchored", "threshold" or "clamped".
-    gravity : ndarray, shape (2,)
-        In the axes of the ground [m/s^2].
-    dt : float
-        [s]
-    first : State
-        At t = 0.
-    steps : list of list of Step
-        Each finished step, in parts where it was halved.
-    stop : Stop
-        How the run ended.
-    """
+    """A run; S finished steps, T = S + 1 instants, N segments."""
 
     worm: Linkage
     ground: Ground | None
+    """Constants of the contact law; None for the clamped worm."""
     law: str
+    """Friction: "anchored", "threshold" or "clamped"."""
     gravity: FloatArray
+    """Gravity in the axes of the ground, shape (2,) [m/s^2]."""
     dt: float
+    """Time step [s]."""
     first: State
+    """State at t = 0."""
     steps: list[list[Step]] = field(repr=False)
+    """Finished steps, each in parts where it was halved."""
     stop: Stop
 
     @property
@@ -139,9 +126,7 @@ class Run:
         if not flat:
             return Ledger.empty()
         owner = np.repeat(np.arange(len(self.steps)), [len(parts) for parts in self.steps])
-        ledger = Ledger.of(
-            Parts.of(flat, self.worm), self.worm, self.ground, self.gravity, anchored=self.law == "anchored"
-        )
+        ledger = Ledger.of(flat, self.worm, self.ground, self.gravity, anchored=self.law == "anchored")
         return ledger.summed(owner, len(self.steps))
 
     @property

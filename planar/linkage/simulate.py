@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -34,13 +36,13 @@ Force = Callable[[float], FloatArray]
 """Time [s] -> force on each joint, shape (N+1, 2) [N]."""
 
 
+HALVINGS = 6
+"""Times that a step that does not converge is halved at most."""
+
+
 def bytes_per_step(segments: int) -> float:
     """Return the memory that a step takes until the run is a record, as measured [byte]."""
     return 2000.0 + 1200.0 * segments
-
-
-HALVINGS = 6
-"""A step that does not converge is halved at most so often."""
 
 
 def simulate(
@@ -146,42 +148,36 @@ def simulate(
         if weight[1] != 0.0 and (touches(worm, joints) if settle is None else settle):
             state, status = settled(worm, weight, fixed, joints)
     law = "clamped" if ground == "clamped" else friction_law
-    simulation = _Simulation(worm, stepper, gait, push, dt, weight, constants, law)
+    run = partial(Run, worm, constants, law, weight, dt, state)
     if status is not Status.DONE:
-        return simulation.collect(state, [], Stop(status, 0, 0.0, 0.0, 0))
-    return simulation.run(state, max(1, round(duration / dt)), observer)
+        return run([], Stop(status, 0, 0.0, 0.0, 0))
+    given = shape_checked(gait, (n,)), shape_checked(push, (n + 1, 2))
+    simulation = _Simulation(worm, stepper, *given, on_ground=constants is not None)
+    return run(*simulation.steps(state, dt, max(1, round(duration / dt)), observer))
 
 
+@dataclass(frozen=True, eq=False)
 class _Simulation:
-    def __init__(
-        self,
-        worm: Linkage,
-        stepper: Stepper,
-        gait: Gait,
-        force: Force,
-        dt: float,
-        weight: FloatArray,
-        ground: Ground | None,
-        law: str,
-    ) -> None:
-        self.worm, self.stepper, self.dt = worm, stepper, dt
-        self.weight, self.ground, self.law = weight, ground, law
-        self.gait = shape_checked(gait, (worm.segments,))
-        self.force = shape_checked(force, (worm.segments + 1, 2))
+    worm: Linkage
+    stepper: Stepper
+    gait: Callable[[float], FloatArray | None]
+    force: Callable[[float], FloatArray | None]
+    on_ground: bool
 
-    def run(self, state: State, steps: int, observer: Callable[[int], bool] | None) -> Run:
-        """Return the run from a state."""
-        first = state
+    def steps(
+        self, state: State, dt: float, steps: int, observer: Callable[[int], bool] | None
+    ) -> tuple[list[list[Step]], Stop]:
+        """Return the finished steps from a state, each in its parts, and how they ended."""
         done: list[list[Step]] = []
         for k in range(1, steps + 1):
-            parts, status = self._advance(state, (k - 1) * self.dt, self.dt, HALVINGS)
+            parts, status = self._advance(state, (k - 1) * dt, dt, HALVINGS)
             if status is not Status.DONE:
-                return self.collect(first, done, _stop(status, k, self.dt, parts))
+                return done, _stop(status, k, dt, parts)
             done.append(parts)
             state = parts[-1].end
             if observer is not None and not observer(k) and k < steps:
-                return self.collect(first, done, _stop(Status.INTERRUPTED, k, self.dt, parts))
-        return self.collect(first, done, _stop(Status.DONE, steps, self.dt, done[-1]))
+                return done, _stop(Status.INTERRUPTED, k, dt, parts)
+        return done, _stop(Status.DONE, steps, dt, done[-1])
 
     def _advance(self, state: State, t: float, dt: float, halvings: int) -> tuple[list[Step], Status]:
         """Return the step from t to t + dt, in halves if it must be, and how it went."""
@@ -201,20 +197,7 @@ class _Simulation:
         return first + second, status
 
     def _guard(self, step: Step) -> Status:
-        return shape_status(self.worm, step.end.joints, on_ground=self.ground is not None)
-
-    def collect(self, first: State, done: list[list[Step]], stop: Stop) -> Run:
-        """Return the run as far as it got."""
-        return Run(
-            worm=self.worm,
-            ground=self.ground,
-            law=self.law,
-            gravity=self.weight,
-            dt=self.dt,
-            first=first,
-            steps=done,
-            stop=stop,
-        )
+        return shape_status(self.worm, step.end.joints, self.on_ground)
 
 
 def _stop(status: Status, k: int, dt: float, parts: list[Step]) -> Stop:

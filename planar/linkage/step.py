@@ -82,8 +82,6 @@ class Step:
 def body_of(worm: Linkage) -> Body:
     """Return the worm's constants as the kernel wants them."""
     n, a = worm.segments, worm.link_length
-    share = np.full(n + 1, worm.drag / n)
-    share[[0, -1]] /= 2.0
     return Body(
         k_spring=np.asarray(worm.k_spring),
         l0=worm.l0,
@@ -94,7 +92,7 @@ def body_of(worm: Linkage) -> Body:
         angle0=hinge_angles(np.full(n, worm.l0), a),
         joint_mass=worm.joint_mass,
         apex_mass=worm.apex_mass,
-        drag=share,
+        drag=worm.joint_drag,
         kelvin_voigt_time=worm.kelvin_voigt_time,
     )
 

@@ -119,6 +119,13 @@ class Linkage(ReadOnly):
         return mass
 
     @property
+    def joint_drag(self) -> FloatArray:
+        """Viscous drag (P8) on each joint, shape (N+1,) [N s/m]."""
+        drag = np.full(self.segments + 1, self.drag / self.segments)
+        drag[[0, -1]] /= 2.0
+        return drag
+
+    @property
     def apex_mass(self) -> FloatArray:
         """Mass of each apex [bottom, top], shape (N, 2) [kg]."""
         return np.full((self.segments, 2), self.apex_mass_fraction * self.total_mass / (2 * self.segments))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planar import linkage
-from planar.net import BAND, Net
+from planar.published_worm import BAND, Net
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from planar import linkage
 from planar.linkage import Friction, Linkage
 from planar.linkage.newton import Newton
 from planar.linkage.shape import apexes, cross_products, hinge_angles
-from planar.net import Net
+from planar.published_worm import Net, Parameters
 from planar.status import Status
 
 
@@ -226,7 +226,7 @@ def test_falls_along_the_discrete_parabola(uneven_worm: Linkage) -> None:
 
 def spring_net(worm: Linkage, joints: np.ndarray, k_link: float, dt: float, steps: int, dense) -> np.ndarray:
     """Integrate the worm as nodes and springs (3N+1 of them), by implicit Euler; return its joints at the end."""
-    net = Net(worm.segments, length=worm.length, k_spring=13.0, k_link=k_link, mass=1.0, connector_mass=0.5)
+    net = Net(worm.segments, Parameters(length=worm.length, k_link=k_link, mass=1.0, connector_mass=0.5))
     points = apexes(joints, worm.link_length)
     x = net.rest.copy()
     x[net.main], x[net.bottom], x[net.top] = joints, points[:, 0], points[:, 1]

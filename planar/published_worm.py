@@ -1,16 +1,81 @@
-"""The nodes and springs of the paper's worm: a rhombus of five springs per segment.
+"""The worm of the published program: its constants, and a rhombus of five springs per segment.
 
 E = k l0/2 (1 - l/l0)^2                                                         (P7)
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Literal
+
 import numpy as np
 
 from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
 
 BAND = 7
 """Half bandwidth of the Hessian in the flat coordinates (x0, y0, x1, y1, ...)."""
+
+LARGEST = 1e100
+"""Largest size of a parameter, and the inverse of the smallest: the program takes masses of any size for points."""
+
+
+@documented
+@dataclass(frozen=True)
+class Parameters:
+    """Constants of the author's program; the defaults give the paper's results.
+
+    Raises
+    ------
+    ValueError
+        A value that is not finite, or out of its range.
+    """
+
+    length: float = parameter(1.0, meaning="length at rest", unit="m", gt=0)
+    k_spring: float = parameter(13.0, meaning="stiffness k of a segment's spring, (P7)", unit="N", gt=0, key="spring_N")
+    k_link: float = parameter(1e4, meaning="stiffness k of each link of a rhombus, (P7)", unit="N", gt=0, key="link_N")
+    mass: float = parameter(1e-8, meaning="mass of the whole worm", unit="kg", gt=0)
+    connector_mass: float = parameter(1e-11, meaning="part of the mass that the connectors share", unit="kg", gt=0)
+    gravity: float = parameter(9.8, meaning="g, only in the normal load N_i = m_i g", unit="m/s^2", ge=0)
+    mu_forward: float = parameter(
+        0.03, meaning="coefficient of (P10) for motion towards the head, +x", ge=0, key="forward"
+    )
+    mu_backward: float = parameter(
+        0.20, meaning="coefficient of (P10) for motion towards the tail, -x", ge=0, key="backward"
+    )
+    velocity_threshold: float = parameter(1e-6, meaning="eps of (P10): no friction below this speed", unit="m/s", ge=0)
+    normal_load: Literal["weight", "residual"] = parameter(
+        "weight",
+        meaning="N_i of (P10): weight, m_i g (the program), or residual, |r_y,i| (P9, the text)",
+    )
+    contraction_force: float = parameter(
+        10.0, meaning="force on a connector at activation 1", unit="N", key="force_N", aka=("amplitude_N",)
+    )
+    wavelength: float = parameter(
+        1.0, meaning="length of the travelling wave", unit="m", gt=0, aka=("lambda_m", "wave_length_m")
+    )
+    ground_clearance: float = parameter(
+        0.02, meaning="height of the lowest connector at rest above the ground", unit="m", ge=0, key="clearance_m"
+    )
+    snap: bool = parameter(
+        True,
+        meaning="whether nodes whose contact changed are set on the ground in the start configuration of the corrector",
+    )
+    elastic_sign: float = parameter(-1.0, meaning="sign of the elastic force: -1 as the program, 1 as in mechanics")
+    rectified: bool = parameter(True, meaning="whether the default wave is max(0, sin) (the program) or sin (the text)")
+    tolerance: float = parameter(
+        1e-6, meaning="norm of the residual to reach; Newton stops after the update that follows", unit="N", gt=0
+    )
+    max_iterations: int = parameter(100, meaning="iterations after which the step is kept, converged or not", ge=1)
+
+    def __post_init__(self) -> None:
+        check(self, largest=LARGEST)
+        if not 0 < self.connector_mass < self.mass:
+            raise ValueError(
+                f"connector_mass: got {self.connector_mass!r} kg, must lie between 0 and mass ({self.mass!r} kg)"
+            )
+        if self.elastic_sign not in (-1.0, 1.0):
+            raise ValueError(f"elastic_sign: got {self.elastic_sign!r}, must be -1 (the program) or +1 (mechanics)")
 
 
 class Net:
@@ -30,10 +95,8 @@ class Net:
         [kg].
     """
 
-    def __init__(
-        self, n: int, *, length: float, k_spring: float, k_link: float, mass: float, connector_mass: float
-    ) -> None:
-        dL = length / n
+    def __init__(self, n: int, p: Parameters) -> None:
+        dL = p.length / n
         y0 = np.sqrt(3.0) / 4.0 * dL
         self.main = 3 * np.arange(n + 1)
         self.top = 3 * np.arange(n) + 1
@@ -46,12 +109,12 @@ class Net:
         tail, head = self.main[:-1], self.main[1:]
         self.a = np.concatenate([tail, tail, self.top, tail, self.bottom])
         self.b = np.concatenate([head, self.top, head, self.bottom, head])
-        self.k = np.repeat([k_spring, k_link], [n, 4 * n])
+        self.k = np.repeat([p.k_spring, p.k_link], [n, 4 * n])
         self.l0 = np.linalg.norm(self.rest[self.b] - self.rest[self.a], axis=1)
 
         self.mass = np.empty(3 * n + 1)
-        self.mass[self.main] = (mass - connector_mass) / (n + 1)
-        self.mass[self.top] = self.mass[self.bottom] = connector_mass / (2 * n)
+        self.mass[self.main] = (p.mass - p.connector_mass) / (n + 1)
+        self.mass[self.top] = self.mass[self.bottom] = p.connector_mass / (2 * n)
         for array in (self.main, self.top, self.bottom, self.rest, self.a, self.b, self.k, self.l0, self.mass):
             array.setflags(write=False)
 
@@ -59,6 +122,10 @@ class Net:
         ends = np.column_stack([2 * self.a, 2 * self.a + 1, 2 * self.b, 2 * self.b + 1])
         self._scatter_gradient = ends.ravel()
         self._scatter_band = ((BAND + ends[:, :, None] - ends[:, None, :]) * size + ends[:, None, :]).ravel()
+
+    def ground_height(self, clearance: float) -> float:
+        """Return the height of a ground `clearance` below the lowest node at rest [m]."""
+        return float(self.rest[:, 1].min()) - clearance
 
     def p7_energy(self, x: FloatArray) -> FloatArray:
         """Return the elastic energy (P7) [J] of positions of shape (..., 3n+1, 2)."""
