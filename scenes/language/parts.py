@@ -119,7 +119,7 @@ def part_of(part: type[T], *sections: Any, prefix: str = "", units: Mapping[str,
     prefix, units
         As of `keys_of`.
     given
-        Fields that are not in the section; those that the dataclass does not have are passed over.
+        Fields that are not taken from the section; those that the dataclass does not have are passed over.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def part_of(part: type[T], *sections: Any, prefix: str = "", units: Mapping[str,
         if value is not None:
             values[name] = math.radians(value) if known.unit.startswith("rad") else value
     own: Any = part
-    return part(**values, **{field.name: given[field.name] for field in fields(own) if field.name in given})
+    return part(**values | {field.name: given[field.name] for field in fields(own) if field.name in given})
 
 
 def key_of(known: Parameter) -> str:

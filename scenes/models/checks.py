@@ -123,9 +123,12 @@ RUN_CHECKS = (
 )
 
 
-def gait_checks(gait: type[Section], worm: type[Section]) -> tuple[Check, ...]:
-    """Return the checks that the section [gait] describes a gait, and that the body of a section [worm] can follow."""
-    told = tuple(f"gait.{name}" for name in gait.model_fields)
+def gait_checks(gait: type[Section], worm: type[Section], without: tuple[str, ...] = ()) -> tuple[Check, ...]:
+    """Return the checks that the section [gait] describes a gait, and that the body of a section [worm] can follow.
+
+    `without` are keys of the section that are not the gait's.
+    """
+    told = tuple(f"gait.{name}" for name in gait.model_fields if name not in without)
     body = (AMPLITUDE, *(("worm.stroke",) if "stroke" in worm.model_fields else ()), *BODY)
     has_links = "half_height_m" in worm.model_fields
     return (

@@ -86,7 +86,7 @@ def _connectors_lighter_than_worm(connector_mass_kg: float, mass_kg: float) -> F
 
 CHECKS = (
     *RUN_CHECKS,
-    *gait_checks(PublishedGait, Worm),
+    *gait_checks(PublishedGait, Worm, without=("force_N",)),
     memory_check(bytes_per_step),
     Check(("worm.connector_mass_kg", "worm.mass_kg"), _connectors_lighter_than_worm),
 )
@@ -125,7 +125,8 @@ def parameters_of(scene: PublishedScene) -> Parameters:
 
 def gait_of(scene: PublishedScene) -> Gait:
     """Return the gait, of which the program takes the activation."""
-    return gait_from(scene.gait, scene.run.dt_s, wavelength=scene.gait.wavelength_m / scene.worm.length_m)
+    wavelength = scene.gait.wavelength_m / scene.worm.length_m
+    return gait_from(scene.gait, scene.run.dt_s, wavelength=wavelength, force=0.0)  # force_N is the program's
 
 
 def _variables(scene: PublishedScene, result: published.Run) -> tuple[Variable, ...]:
