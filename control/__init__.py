@@ -18,7 +18,7 @@ _MOVED = {
     "control.metrics": "control.tracking.metrics",
     "control.mpc": "control.planning.mpc",
     "control.paths": "control.tracking.paths",
-    "control.pipe_gait": "control.gaits.crawlers",
+    "control.pipe_gait": "control.gaits.patterns",
     "control.references": "control.tracking.references",
     "control.sensors": "control.sensing.sensors",
     "control.steering": "control.gaits.steering",

@@ -26,10 +26,8 @@ from control.estimation.estimator import Estimator
 from control.estimation.reduced import ReducedModel
 from control.gaits.steering import GaitParameters, Mechanism
 from control.identification.identified import Identified
-from control.loop import Estimates, WaveController
-from control.planning.fallback import KnownHeading
+from control.loop import Choice, Estimates, KnownHeading, Source, WaveController
 from control.planning.feed_forward import FeedForward
-from control.planning.plan import Choice, Source
 from control.sensing.channels import Channel
 from control.tracking.paths import offset
 from control.tracking.references import Reference, turn_of_path, turn_rate

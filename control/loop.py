@@ -10,25 +10,77 @@ from __future__ import annotations
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import inf, nan
 from time import perf_counter
-from typing import ClassVar, Protocol, Self
+from typing import ClassVar, Literal, NamedTuple, Protocol, Self, get_args
 
-from control.estimation.estimate import Estimate
+from control.estimation.estimate import HEADING, Estimate
 from control.faults import Fault, Watch
 from control.gaits.steering import GaitParameters, Mechanism, Schedule, WaveGenerator
 from control.identification.identified import Identified
-from control.planning.fallback import LOST, MOST_HELD, complaint_of, rest
 from control.planning.feed_forward import FeedForward
-from control.planning.plan import Choice, Decision
+from control.planning.mpc import Plan
 from control.sensing.channels import Channel
 from control.sensing.gate import SPAN, Gate
 from control.sensing.sensors import Measurement
 from control.tracking.references import Reference
 from worm3d import Command, Worm
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
+
+Source = Literal["mpc", "shifted plan", "gait", "stop", "pi_los", "open_loop"]
+SOURCES: tuple[Source, ...] = get_args(Source)
+
+MOST_HELD = 5
+"""Largest number of times in a row that parameters are kept for want of anything better."""
+KNOWN = 0.08
+"""Standard deviation below which the heading counts as known [rad]: whoever steers by a worse one leaves its path."""
+LONGEST_START = 3.0
+"""Waves after which the worm is steered whatever is known of its heading."""
+LONGEST_COMPLAINT = 200
+"""Number of characters of an exception's text that are kept."""
+LOST = "nothing is known to go by"
 
 _LOG = logging.getLogger(__name__)
+
+
+class Choice(NamedTuple):
+    """Gait parameters that a controller chose, and why."""
+
+    source: Source
+    parameters: GaitParameters
+    status: str
+    """Sentence of the plan, or why there is none."""
+    plan: Plan | None = None
+    """Plan of this instant, whether it was accepted or not."""
+    failed: bool = False
+    """Whether something better should have been available, such as an accepted plan."""
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """Record of a choice of the gait parameters and of what the controller knew."""
+
+    time: float
+    """Time from which on the parameters are in force [s]."""
+    source: Source
+    """Where they come from: an accepted plan ("mpc"), the plan before ("shifted plan"), the feed-forward or the last
+    parameters ("gait"), rest ("stop"), or a baseline ("pi_los", "open_loop")."""
+    parameters: GaitParameters
+    estimate: Estimate | None
+    """Estimate of that time; None for a controller without estimator."""
+    status: str = ""
+    """Sentence of the solver, or why it was not asked or not followed; empty where nothing is solved."""
+    failed: bool = False
+    """Whether something better should have been available."""
+    iterations: int = 0
+    cost: float = nan
+    """Cost of the plan; NaN where nothing is minimised."""
+    seconds: float = 0.0
+    """Wall time of the decision, estimator included [s]."""
+    horizon: FloatArray | None = None
+    """Predicted way of the centre of mass [m], shape (H + 1, 2)."""
 
 
 class Estimates(Protocol):
@@ -203,3 +255,25 @@ class WaveController(ABC):
     @abstractmethod
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
         """Return the parameters from time t [s] on, and their source."""
+
+
+class KnownHeading:
+    """Whether a heading has been known, or sought for long enough, so that a controller steers by it from then on."""
+
+    def __init__(self) -> None:
+        self._known = False
+
+    def __call__(self, estimate: Estimate, waves: float) -> bool:
+        """Return it for an estimate after so many waves."""
+        self._known = self._known or bool(estimate.deviations[HEADING] < KNOWN) or waves >= LONGEST_START
+        return self._known
+
+
+def complaint_of(error: Exception) -> str:
+    """Return an exception as a line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST_COMPLAINT]
+
+
+def rest(in_force: GaitParameters) -> GaitParameters:
+    """Return the parameters of a worm at rest."""
+    return GaitParameters(0.0, in_force.frequency)

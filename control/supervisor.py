@@ -1,30 +1,79 @@
 """The supervisor: model predictive control with all that is needed for commands to follow, whatever becomes of plans.
 
-It is the loop of `control.loop`, with the choice of the wave's parameters by `control.planning.fallback`.
+The wave that it asks for is the first of these that is available:
+
+1. an accepted plan ("mpc"): finite, within the identified ranges, no worse than the plan before and the plain wave,
+   and in time;
+2. the last accepted plan as it goes on ("shifted plan"), at most five times in a row;
+3. the plain wave, the feed-forward of the identified map ("gait"), and nothing else until the heading is known: it
+   turns as the path does, or goes straight;
+4. the parameters in force ("gait"), at most five times in a row;
+5. rest ("stop"), as also where the reference asks for (almost) no speed.
+
+After three failures in a row the search forgets its last plan. The reference's clock never stops. An exception, whoever
+raises it and of whatever type, is a failure of what was asked for, and the next best follows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Literal, get_args
+import logging
+from collections.abc import Callable, Mapping
+from math import isfinite, nan
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 
 from control.estimation.estimate import Estimate
 from control.estimation.estimator import Estimator
-from control.estimation.reduced import ReducedModel
-from control.gaits.steering import Mechanism, Schedule
+from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel
+from control.gaits.steering import GaitParameters, Mechanism, Schedule
 from control.identification.identified import Identified
-from control.loop import Estimates, WaveController
-from control.planning.fallback import Fallback, Planner
-from control.planning.mpc import GaitMPC
-from control.planning.plan import Choice
+from control.identification.surrogate import Ranges
+from control.loop import LOST, MOST_HELD, Choice, Estimates, KnownHeading, WaveController, complaint_of, rest
+from control.planning.feed_forward import FeedForward
+from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.sensing.channels import Channel
-from control.tracking.references import Reference
+from control.tracking.references import Reference, turn_of_path
 from worm3d import Worm
 from worm3d.values import arguments
 
 Deadline = Literal["iterations", "wall"]
+
+MOST_SHIFTED = 5
+"""Largest number of times in a row that a plan is used without a new one."""
+FORGET = 3
+"""Number of failures in a row after which the search begins anew."""
+ROUNDING = 1e-6
+"""Distance by which a plan may be outside the identified ranges, as a share of them."""
+
+UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
+STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
+LATE = "the plan came too late"
+NO_PLAN = "what was planned is no plan"
+NOT_NUMBERS = "the plan is of another shape, or not finite"
+OUTSIDE = "the plan is outside the ranges in which the worm was identified"
+
+_LOG = logging.getLogger(__name__)
+
+
+class Planner(Protocol):
+    """A planner, such as `control.planning.mpc.GaitMPC`."""
+
+    @property
+    def feed_forward(self) -> FeedForward:
+        """The inverse of the identified map."""
+
+    def reset(self) -> None:
+        """Begin anew."""
+
+    def forget(self) -> None:
+        """Drop the last plan."""
+
+    def plan(self, t: float, estimate: Estimate, reference: Reference) -> Plan:
+        """Return the plan from time t [s] on."""
+
+    def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
+        """Return the plain wave."""
 
 
 class Supervisor(WaveController):
@@ -88,3 +137,116 @@ class Supervisor(WaveController):
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
         assert estimate is not None
         return self._fallback.choose(t, estimate, self._target, self.generator.waves)
+
+
+class Fallback:
+    """The choice of the gait's parameters, with the memory that it needs.
+
+    Parameters
+    ----------
+    model : ReducedModel
+    planner : Planner
+    reference : Reference
+    longest : float
+        Time that a plan may take [s]; infinite where runs are to repeat bit for bit.
+    """
+
+    def __init__(self, model: ReducedModel, planner: Planner, reference: Reference, longest: float = np.inf) -> None:
+        self._model, self.planner, self._reference, self._longest = model, planner, reference, longest
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.planner.reset()
+        self._accepted: Plan | None = None
+        self._failures = self._held = 0
+        self._heading_is_known = KnownHeading()
+
+    def choose(self, t: float, estimate: Estimate, in_force: GaitParameters, waves: float) -> Choice:
+        """Return what to ask for from time t [s] on, so many waves after the beginning; `in_force` was until now."""
+        if self._speed(t) < self.planner.feed_forward.slowest:
+            return Choice("stop", rest(in_force), STANDS)
+        if not self._heading_is_known(estimate, waves):
+            blind = self._blind(t, estimate)
+            if blind is not None:
+                return Choice("gait", blind, UNKNOWN)
+        plan, complaint = self._plan(t, estimate)
+        if plan is None or complaint:
+            return self._without(t, estimate, in_force, complaint, plan)
+        assert plan.parameters is not None
+        self._accepted, self._failures, self._held = plan, 0, 0
+        return Choice("mpc", plan.parameters, plan.status.value, plan)
+
+    def _blind(self, t: float, estimate: Estimate) -> GaitParameters | None:
+        """Return the wave that turns as the path does, if there is one."""
+        speed, turn = self._speed(t), _tried(lambda: turn_of_path(self._reference, t, estimate.position))[0]
+        return self._parameters(_tried(self.planner.feed_forward, speed, 0.0 if turn is None else turn)[0])
+
+    def _speed(self, t: float) -> float:
+        """Return the speed that is asked for [m/s]; NaN if there is none."""
+        speed, _ = _tried(lambda: float(self._reference.speed(t)))
+        return nan if speed is None else speed
+
+    def _plan(self, t: float, estimate: Estimate) -> tuple[Plan | None, str]:
+        """Return a plan, if one is made, and why it is not accepted."""
+        plan, complaint = _tried(self.planner.plan, t, estimate, self._reference)
+        if not complaint:
+            complaint = " ".join(filter(None, _tried(_fault, plan, self.planner.feed_forward.ranges)))
+        if complaint:
+            _LOG.warning("no plan at %.3f s: %s", t, complaint)
+            return None, complaint
+        if not plan.status.ok:
+            return plan, plan.status.value
+        return plan, LATE if plan.seconds > self._longest else ""
+
+    def _without(
+        self, t: float, estimate: Estimate, in_force: GaitParameters, complaint: str, plan: Plan | None
+    ) -> Choice:
+        """Return the next best where no plan was accepted."""
+        self._failures += 1
+        if self._failures % FORGET == 0:
+            _tried(self.planner.forget)
+        if self._accepted is not None and self._failures <= MOST_SHIFTED:
+            shifted = self._model.parameters(ReducedInput(*self._accepted.at(t)))
+            return Choice("shifted plan", shifted, complaint, plan, failed=True)
+        slip = float(estimate.state.slip)
+        plain = self._parameters(_tried(self.planner.plain, t, slip if isfinite(slip) else 0.0, self._reference)[0])
+        if plain is not None:
+            return Choice("gait", plain, complaint, plan, failed=True)
+        self._held += 1
+        if self._held <= MOST_HELD:
+            return Choice("gait", in_force, complaint, plan, failed=True)
+        return Choice("stop", rest(in_force), LOST, plan, failed=True)
+
+    def _parameters(self, wave: ReducedInput | None) -> GaitParameters | None:
+        """Return the parameters of a wave; None without one, or if it is not finite."""
+        known = wave is not None and all(isfinite(part) for part in wave)
+        return _tried(self._model.parameters, wave)[0] if known else None
+
+
+def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:
+    """Return what a function returns and an empty text, or None and why it raised an exception."""
+    try:
+        return act(*given), ""
+    except Exception as error:
+        return None, complaint_of(error)
+
+
+def _fault(plan: Any, ranges: Ranges) -> str:
+    """Return what is wrong with what should be a plan; nothing if it is one that says itself that it cannot be used."""
+    if not isinstance(plan, Plan) or not isinstance(plan.status, PlanStatus):
+        return NO_PLAN
+    if np.array([plan.cost, plan.seconds, plan.iterations]).dtype.kind not in "fi":
+        return NOT_NUMBERS
+    if not plan.status.ok:
+        return ""
+    if not isinstance(plan.parameters, GaitParameters):
+        return NO_PLAN
+    inputs, horizon = np.asarray(plan.inputs, dtype=float), np.asarray(plan.horizon, dtype=float)
+    if inputs.ndim != 2 or inputs.shape[1] != INPUTS or not len(inputs) or horizon.shape != (len(inputs) + 1, 2):
+        return NOT_NUMBERS
+    if not (np.isfinite(inputs).all() and np.isfinite(horizon).all() and plan.step > 0.0 and plan.seconds >= 0.0):
+        return NOT_NUMBERS
+    first = plan.parameters
+    waves = np.vstack([inputs, [first.amplitude, first.frequency, max(first.bias, first.hinge, key=abs)]])
+    return OUTSIDE if np.abs(ranges.scaled(*waves.T)).max() > 1.0 + ROUNDING else ""

@@ -1,15 +1,16 @@
 """Gaits: open-loop patterns of contraction, and the waves that controllers drive."""
 
-from control.gaits.crawlers import Breathing, TwoAnchor
 from control.gaits.patterns import (
     GAITS,
     Body,
     BoundGait,
+    Breathing,
     ContractionEngine_segmentdriven,
     Direction,
     Gait,
     Pulse,
     TravellingWave,
+    TwoAnchor,
     WaveDirection,
 )
 

@@ -7,25 +7,77 @@ waves, the plan before and the plain wave of the feed-forward, and is never wors
 
 from __future__ import annotations
 
-from math import isfinite
+from dataclasses import dataclass
+from enum import Enum
+from math import isfinite, nan
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from control.estimation.estimate import Estimate
 from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel, ReducedState
+from control.gaits.steering import GaitParameters
 from control.identification.identified import Identified
-from control.planning.cost import Problem, Scale, Tolerances, misses_of
+from control.planning.cost import Prediction, Problem, Scale, Tolerances, misses_of
 from control.planning.feed_forward import FeedForward
 from control.planning.gauss_newton import GaussNewton, Outcome, Solution, half_square
-from control.planning.plan import Plan, PlanStatus
-from control.planning.prediction import Prediction
 from control.tracking.references import Preview, Reference, look_ahead, turn_rate
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
 LEAST_SHARE = 0.5
 """Least share of the gait's speed that the plain wave counts on, however large the estimated slip is."""
+
+
+class PlanStatus(Enum):
+    """Outcome of the search for a plan; the value is the sentence to print."""
+
+    OPTIMAL = "the best wave was found"
+    BETTER = "out of iterations, but better than the plan before and the plain wave"
+    NOT_BETTER = "no better than the plan before and the plain wave"
+    NOT_FINITE = "the estimate or the reference is not finite"
+    NOT_SOLVED = "the quadratic programme was not solved"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the plan can be used."""
+        return self in (PlanStatus.OPTIMAL, PlanStatus.BETTER)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Inputs over a horizon of H steps; a plan that could not be made has NaN for its numbers."""
+
+    time: float
+    """Start of the horizon [s]."""
+    step: float
+    """Time over which an input is constant [s]."""
+    inputs: FloatArray
+    """Amplitude, frequency [Hz] and steering, shape (H, 3)."""
+    horizon: FloatArray
+    """Predicted way of the centre of mass [m], shape (H + 1, 2)."""
+    status: PlanStatus
+    seconds: float
+    """Time that the planning took [s]."""
+    parameters: GaitParameters | None = None
+    """Gait parameters of the first input; None where there is no plan."""
+    iterations: int = 0
+    """Number of quadratic programmes solved."""
+    cost: float = nan
+    """Cost of the plan, (O2)."""
+    plain_cost: float = nan
+    """Cost of the better of the two starts of the search: the plan before, shifted, and the plain wave."""
+    certificate: float = nan
+    """Distance from a minimum, `control.planning.gauss_newton.Solution.certificate`."""
+
+    def at(self, t: ArrayLike) -> FloatArray:
+        """Return the inputs at times of shape (...) [s], shape (..., 3); beyond an end those of the step there."""
+        # A time that equals the start of a step but for rounding lies within that step.
+        k = np.floor((np.asarray(t, dtype=float) - self.time) / self.step + 1e-9).astype(int)
+        planned: FloatArray = self.inputs[np.clip(k, 0, len(self.inputs) - 1)]
+        return planned
+
 
 STATUS = {
     Outcome.CONVERGED: PlanStatus.OPTIMAL,

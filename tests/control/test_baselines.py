@@ -13,7 +13,7 @@ from control.estimation.estimator import Estimate
 from control.estimation.reduced import STATES, ReducedState
 from control.gaits.steering import GaitParameters
 from control.identification import identified as kept
-from control.planning.fallback import MOST_HELD
+from control.loop import MOST_HELD
 from control.sensing.sensors import Measurement
 from control.tracking.paths import Circle, Line, SCurve
 from control.tracking.references import Constant, Reference, Sine, Steps

@@ -13,8 +13,7 @@ from control.baselines import PiLineOfSight
 from control.estimation.estimator import Estimate, Estimator
 from control.estimation.reduced import ReducedModel
 from control.identification.identified import Identified, load
-from control.planning.mpc import GaitMPC
-from control.planning.plan import Plan, PlanStatus
+from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.sensing.sensors import Sensors
 from control.supervisor import Supervisor
 from control.tracking.metrics import Motion, summary, tracking

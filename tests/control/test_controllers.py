@@ -7,8 +7,7 @@ import pytest
 
 from control.controllers import CONTROLLERS, controller
 from control.identification.identified import load
-from control.loop import WaveController
-from control.planning.plan import SOURCES
+from control.loop import SOURCES, WaveController
 from control.sensing.channels import Channel
 from control.sensing.sensors import Measurement
 from control.tracking.paths import Line

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import worm3d
-from control.gaits.crawlers import TwoAnchor
+from control.gaits.patterns import TwoAnchor
 from worm3d import Centreline, Friction, Pipe, Result, State, Status, Straight, Worm
 
 STIFF = Worm(k_spring=100.0)

@@ -11,8 +11,7 @@ from control.estimation.estimator import Estimate
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
 from control.identification.identified import Identified, load
 from control.planning.cost import Problem, Tolerances
-from control.planning.mpc import GaitMPC
-from control.planning.plan import Plan, PlanStatus
+from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.tracking.paths import Circle, Line, SCurve, offset, track
 from control.tracking.references import Constant, Reference, Steps
 from worm3d import Worm

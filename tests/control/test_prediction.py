@@ -5,8 +5,7 @@ from numpy.testing import assert_allclose
 
 from control.estimation.reduced import ReducedModel, ReducedState
 from control.identification.identified import load
-from control.planning.cost import misses_of
-from control.planning.prediction import Prediction
+from control.planning.cost import Prediction, misses_of
 from worm3d import Worm
 
 STEPS = 5

@@ -10,12 +10,11 @@ from control.estimation.estimator import Estimate
 from control.estimation.reduced import STATES, ReducedInput, ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters
 from control.identification.identified import Identified, load
-from control.planning.fallback import FORGET, LATE, LONGEST_START, LOST, MOST_HELD, MOST_SHIFTED, STANDS, UNKNOWN
+from control.loop import LONGEST_START, LOST, MOST_HELD
 from control.planning.feed_forward import FeedForward
-from control.planning.mpc import GaitMPC
-from control.planning.plan import Plan, PlanStatus
+from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.sensing.sensors import Measurement
-from control.supervisor import Supervisor
+from control.supervisor import FORGET, LATE, MOST_SHIFTED, STANDS, UNKNOWN, Supervisor
 from control.tracking.paths import Circle, Line
 from control.tracking.references import Constant, Reference, Steps, turn_rate
 from worm3d import Worm

@@ -16,7 +16,7 @@ import worm3d as plant
 from control.baselines import OpenLoop, PiLineOfSight
 from control.estimation.estimator import Estimator
 from control.identification import identified as kept
-from control.planning.plan import SOURCES
+from control.loop import SOURCES
 from control.sensing.sensors import Measurement, Sensors
 from control.supervisor import Supervisor
 from control.tracking.paths import Circle, Line, PlanView, SCurve, SplinePath, WayPoints

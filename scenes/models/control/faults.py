@@ -7,11 +7,11 @@ from itertools import groupby
 from operator import itemgetter
 
 import worm3d
-from control.loop import WaveController
-from control.planning.fallback import MOST_SHIFTED
-from control.planning.plan import Decision, PlanStatus
+from control.loop import Decision, WaveController
+from control.planning.mpc import PlanStatus
 from control.sensing.channels import QUANTITIES
 from control.sensing.gate import Gate
+from control.supervisor import MOST_SHIFTED
 from scenes.records.record import Cell
 
 Row = dict[str, Cell]

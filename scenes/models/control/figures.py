@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from control.estimation.reduced import ReducedState
-from control.planning.plan import SOURCES
+from control.loop import SOURCES
 from control.tracking.metrics import SETTLED, Tracking
 from scenes.models.control.build import reference_of
 from scenes.models.control.record import tracked

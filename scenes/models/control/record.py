@@ -9,7 +9,7 @@ import numpy as np
 
 import worm3d
 from control.estimation.reduced import STATES, ReducedState
-from control.planning.plan import SOURCES, Decision
+from control.loop import SOURCES, Decision
 from control.tracking.metrics import Motion, Tracking, tracking
 from control.tracking.references import Reference
 from scenes.records.record import Record

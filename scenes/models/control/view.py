@@ -14,7 +14,7 @@ from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from control.planning.plan import Decision
+    from control.loop import Decision
     from control.tracking.paths import Path
     from worm3d.live import Horizon
 
