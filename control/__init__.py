@@ -9,7 +9,6 @@ from types import ModuleType
 
 DISTRIBUTION = "worm3d"
 """Tells this package from python-control's, which has the same import name."""
-
 _MOVED = {
     "control.estimator": "control.estimation.estimator",
     "control.generator": "control.gaits.steering",

@@ -36,7 +36,6 @@ from worm3d.values.parameters import check, documented, parameter
 
 REACHED = 0.01
 """Largest share of a speed by which the map's wave may miss it for the speed to count as reachable."""
-
 MAX_TRIM = 0.5
 """Bound of the integral in (B1), as a share of the reference speed."""
 

@@ -73,7 +73,6 @@ MOMENTS = 9
 """Number of instants of a wave at which the speed that is asked for is looked up."""
 REMEMBERED = 40
 """Number of waves that are kept."""
-
 SIDES = ("left", "right")
 _LOG = logging.getLogger(__name__)
 

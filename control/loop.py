@@ -41,7 +41,6 @@ LONGEST_START = 3.0
 LONGEST_COMPLAINT = 200
 """Number of characters of an exception's text that are kept."""
 LOST = "nothing is known to go by"
-
 _LOG = logging.getLogger(__name__)
 
 

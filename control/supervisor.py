@@ -45,14 +45,12 @@ FORGET = 3
 """Number of failures in a row after which the search begins anew."""
 ROUNDING = 1e-6
 """Distance by which a plan may be outside the identified ranges, as a share of them."""
-
 UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
 STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
 LATE = "the plan came too late"
 NO_PLAN = "what was planned is no plan"
 NOT_NUMBERS = "the plan is of another shape, or not finite"
 OUTSIDE = "the plan is outside the ranges in which the worm was identified"
-
 _LOG = logging.getLogger(__name__)
 
 

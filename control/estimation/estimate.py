@@ -29,36 +29,28 @@ from worm3d.values.arrays import FloatArray
 
 HEADING = ReducedState._fields.index("heading")
 """Index of the heading in the state."""
-
 HOPELESS = 12.0
 """Logarithm of the likelihood ratio to the best belief at which another is dropped, a hundred thousand."""
-
 NARROW = 0.25
 """Standard deviation of the heading of all beliefs below which they become one [rad]."""
-
 PROBABILITY = 0.95
 """Probability of the interval in (KF7)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """Normal distribution of the state.
-
-    Attributes
-    ----------
-    mean : ndarray, shape (n,)
-    covariance : ndarray, shape (n, n)
-    log_weight : float
-        Logarithm of its weight, up to a constant that all beliefs share.
-    refused, turned : int
-        Number of samples in a row, of the centre of mass and of the heading, that were refused as impossible.
-    """
+    """Normal distribution of the state of n numbers."""
 
     mean: FloatArray
+    """Mean, shape (n,)."""
     covariance: FloatArray
+    """Covariance, shape (n, n)."""
     log_weight: float = 0.0
+    """Logarithm of its weight, up to a constant that all beliefs share."""
     refused: int = 0
+    """Number of samples of the centre of mass in a row that were refused as impossible."""
     turned: int = 0
+    """Number of samples of the heading in a row that were refused as impossible."""
 
 
 def weights(beliefs: Sequence[Belief]) -> FloatArray:
@@ -89,50 +81,35 @@ def merged(beliefs: Sequence[Belief]) -> Belief:
 def pruned(beliefs: Sequence[Belief]) -> list[Belief]:
     """Return the beliefs that are likely enough, as one when they nearly agree."""
     best = max(belief.log_weight for belief in beliefs)
-    left = [
-        replace(belief, log_weight=belief.log_weight - best)
-        for belief in beliefs
-        if belief.log_weight > best - HOPELESS
-    ]
+    likely = [belief for belief in beliefs if belief.log_weight > best - HOPELESS]
+    left = [replace(belief, log_weight=belief.log_weight - best) for belief in likely]
     whole = merged(left)
     return [whole] if whole.covariance[HEADING, HEADING] < NARROW**2 else left
 
 
 def wrapped(angle: FloatArray) -> FloatArray:
     """Return angles in [-pi, pi)."""
-    turned: FloatArray = np.mod(angle + np.pi, 2.0 * np.pi) - np.pi
-    return turned
+    return np.mod(angle + np.pi, 2.0 * np.pi) - np.pi
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """State of the reduced model at an instant; motion is averaged over a wave.
-
-    Attributes
-    ----------
-    time : float
-        Instant [s].
-    state : ReducedState
-        Mean, in numbers.
-    covariance : ndarray, shape (9, 9)
-        Covariance of the state, in the order of its fields.
-    nis : float or None
-        Normalised innovation squared, of 2 degrees of freedom, of the last sample of the centre of mass; None before
-        the first.
-    slope : ndarray, shape (2,)
-        Gradient of the ground where the worm is, its climb per metre in x and in y.
-    slope_covariance : ndarray, shape (2, 2)
-    refused : int
-        Number of samples so far that were refused as impossible.
-    """
+    """State of the reduced model at an instant; motion is averaged over a wave."""
 
     time: float
+    """Instant [s]."""
     state: ReducedState
+    """Mean, in numbers."""
     covariance: FloatArray
+    """Covariance of the state, in the order of its fields, shape (9, 9)."""
     nis: float | None
+    """Normalised innovation squared, of 2 degrees of freedom, of the last sample of the centre of mass; None before."""
     slope: FloatArray = field(default_factory=lambda: np.zeros(2))
+    """Gradient of the ground where the worm is, its climb per metre in x and in y, shape (2,)."""
     slope_covariance: FloatArray = field(default_factory=lambda: np.zeros((2, 2)))
+    """Covariance of the slope, shape (2, 2)."""
     refused: int = 0
+    """Number of samples so far that were refused as impossible."""
 
     @property
     def position(self) -> FloatArray:
@@ -157,8 +134,7 @@ class Estimate:
     @property
     def deviations(self) -> FloatArray:
         """Standard deviations of the state, shape (9,)."""
-        deviations: FloatArray = np.sqrt(np.diagonal(self.covariance))
-        return deviations
+        return np.sqrt(np.diagonal(self.covariance))
 
 
 @dataclass(frozen=True)

@@ -40,25 +40,18 @@ __all__ = ["Estimate", "Estimator"]
 
 PAUSE = 0.2
 """Time without samples after which the filter goes on without one [s]."""
-
 SIDES = 12
 """Number of headings from which a filter starts where none is told."""
-
 ANYWHERE = 10.0
 """Standard deviation of the position before the first sample [m]."""
-
 RIPPLE = 0.002
 """Least standard deviation of a sample of the centre of mass, its rocking beside the measured wave included [m]."""
-
 ROCKED = 0.016
 """Standard deviation by which a wave rocks the chord's azimuth about the heading [rad]."""
-
 NOISIEST = 0.2
 """Largest noise of the centre of mass that is believed [body lengths]."""
-
 BEGIN = {"speed": 0.02, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01}
 """Standard deviations at the start, of a worm at rest that obeys its map [m/s], [rad/s], [1], [rad/s]."""
-
 BEGIN_ROCKING = 0.05
 """Standard deviation of the entries of C at the start [m]."""
 
@@ -88,7 +81,7 @@ class _Fused:
 
 
 class Estimator:
-    """Extended Kalman filter that makes an estimate of each measurement.
+    """Extended Kalman filter that makes an estimate of each measurement; `noise` is that of the centre of mass.
 
     Parameters
     ----------
@@ -106,11 +99,6 @@ class Estimator:
         How far samples of the height are trusted.
     span : float
         Age beyond which a sample is not used [s].
-
-    Attributes
-    ----------
-    noise : Noise
-        Noise of the samples of the centre of mass.
 
     Raises
     ------
@@ -198,7 +186,6 @@ class Estimator:
         return self._settled + [(each.sample.time, each.nis) for each in self._past if each.nis is not None]
 
     def _take_strain(self, strain: FloatArray, instant: float) -> None:
-        """Take in the strains of an instant [s]."""
         self._wave.take(strain, self._history.phase(instant))
         self._heights.append((instant, self._standing.height(strain)))
         while self._heights[0][0] < instant - self.span:
@@ -212,7 +199,6 @@ class Estimator:
         return float(np.interp(t, times, heights))
 
     def _arrived(self, measurement: Measurement) -> list[_Sample]:
-        """Return the samples of a measurement, in the order of their instants."""
         samples = []
         if measurement.com is not None:
             instant = measurement.com_time

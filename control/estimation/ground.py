@@ -30,16 +30,12 @@ from worm3d.values.parameters import check, documented, parameter
 
 SHARPNESS = 0.1
 """Ratio of delta to the mean rest half-height."""
-
 UNKNOWN = 10.0
 """Standard deviation of the height before the first sample [m]."""
-
 STRIDE = 0.05
 """Way over which samples are gathered [m]."""
-
 MOST = 200
 """Largest number of samples that are gathered, since a worm at rest has no stride."""
-
 BY_CHANCE = 4.0
 """Number of standard errors beyond which the scatter of samples is taken for unknown noise."""
 
@@ -60,23 +56,16 @@ class GroundTrust:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """Belief about the ground under the worm.
-
-    Attributes
-    ----------
-    place : ndarray, shape (2,), or None
-        Place of the last stride [m]; None before the first.
-    mean : ndarray, shape (3,)
-        Height there [m], and slope in x and y.
-    covariance : ndarray, shape (3, 3)
-    gathered : ndarray, shape (n, 3)
-        Places and heights of the samples since [m].
-    """
+    """Belief about the ground under the worm."""
 
     place: FloatArray | None
+    """Place of the last stride [m], shape (2,); None before the first."""
     mean: FloatArray
+    """Height there [m], and slope in x and y, shape (3,)."""
     covariance: FloatArray
+    """Covariance of the mean, shape (3, 3)."""
     gathered: FloatArray
+    """Places and heights of the samples since [m], shape (n, 3)."""
 
     @classmethod
     def unknown(cls, trust: GroundTrust) -> Ground:
@@ -118,12 +107,7 @@ def _noise(heights: FloatArray, trust: GroundTrust) -> float:
 
 
 class Standing:
-    """Height of a worm's axis above the ground, by its strains.
-
-    Parameters
-    ----------
-    worm : Worm
-    """
+    """Height of a worm's axis above the ground, by its strains."""
 
     def __init__(self, worm: Worm) -> None:
         self._length, self._link = worm.l0, worm.link_length[:, None]

@@ -53,29 +53,21 @@ from worm3d.values.parameters import check, documented, parameter
 ROCKING = slice(STATES, STATES + 4)
 SIZE = STATES + 4
 DRIFT = ReducedState._fields.index("drift")
-
 IMPOSSIBLE = 25.0
 """NIS beyond which a sample of the centre of mass is refused; of two normal numbers, one pair in 270 000 has more."""
-
 IMPOSSIBLE_HEADING = 21.0
 """NIS beyond which a sample of the heading is refused."""
-
 PATIENCE = 3
 """Number of refused samples in a row after which the belief is taken to be wrong, and the worm to have been moved."""
-
 MOVED = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
 """Standard deviations that are added where the worm was moved [rad], [m/s], [rad/s]."""
-
 NOISE_WINDOW = 100
 """Number of samples from which their noise is estimated, five seconds of the default sensors. With half of them the
 estimate is off by 20 % of the noise, with twice as many it takes twice as long to follow."""
-
 NOISE_LEAST = 8
 """Number of samples below which their noise is not estimated."""
-
 NOISE_CHANCE = 4.0
 """Number of standard errors of the variance that are put down to chance."""
-
 NOISE_ERROR = 1.6
 """Standard error of the variance by (KF8), times the square root of the number of samples, over the variance."""
 
@@ -124,13 +116,7 @@ class Corrected(NamedTuple):
 
 
 class Kalman:
-    """Filter of one reduced model, compiled.
-
-    Parameters
-    ----------
-    model : ReducedModel
-    uncertainty : Uncertainty
-    """
+    """Filter of one reduced model, compiled."""
 
     def __init__(self, model: ReducedModel, uncertainty: Uncertainty) -> None:
         self._longest, self._deviation = model.longest_step, uncertainty.com
@@ -261,9 +247,7 @@ def _correction(X: ca.SX, P: ca.SX, sample: ca.SX, expected: ca.SX, deviations: 
 def _widened(belief: Belief, com: FloatArray) -> FloatArray:
     """Return the covariance of a worm that was moved to about the place of a sample."""
     widened = belief.covariance.copy()
-    off = float(np.hypot(*(com - belief.mean[:2])))
-    for index in (0, 1):
-        widened[index, index] += off**2
+    widened[[0, 1], [0, 1]] += float(np.hypot(*(com - belief.mean[:2]))) ** 2
     for name, deviation in MOVED.items():
         index = ReducedState._fields.index(name)
         widened[index, index] += deviation**2
@@ -271,19 +255,9 @@ def _widened(belief: Belief, com: FloatArray) -> FloatArray:
 
 
 class Noise:
-    """Standard deviation of the noise of samples of the centre of mass, by (KF8), never below what it is told.
+    """Noise of samples of the centre of mass, by (KF8); `deviation` is the present estimate of its standard deviation.
 
-    Parameters
-    ----------
-    told : float
-        Standard deviation of a sample [m].
-    most : float
-        Largest estimate [m].
-
-    Attributes
-    ----------
-    deviation : float
-        Present estimate [m].
+    The estimate lies between what it is `told` and the `most` that is believed [m].
     """
 
     def __init__(self, told: float, most: float) -> None:
@@ -291,7 +265,7 @@ class Noise:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew, with what was told."""
+        """Begin anew."""
         self.deviation = self.told
         self._last: FloatArray | None = None
         self._found: deque[tuple[float, float]] = deque(maxlen=NOISE_WINDOW)

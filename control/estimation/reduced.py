@@ -78,28 +78,19 @@ INPUTS = len(ReducedInput._fields)
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel:
-    """Functions of a worm's reduced model, each with named inputs and outputs.
-
-    Attributes
-    ----------
-    mechanism : str
-        Mechanism that steers, "hinge" or "bias".
-    dynamics : casadi.Function
-        (state (9,), input (3,)) -> rate (9,): (R1).
-    output : casadi.Function
-        (state, input) -> velocity (2,) of the centre of mass [m/s] and turn rate [rad/s] (3,).
-    shape : casadi.Function
-        (chamber_length (N, 2) [m], hinge (N-1,) [rad]) -> joints (N+1, 2) [m] with the centre of mass at the origin and
-        the tail-to-head chord along x: (R2).
-    longest_step : float
-        Longest time that one step of Runge and Kutta may span [s].
-    """
+    """Functions of a worm's reduced model, each with named inputs and outputs."""
 
     mechanism: Mechanism
+    """Mechanism that steers, "hinge" or "bias"."""
     dynamics: ca.Function
+    """(state (9,), input (3,)) -> rate (9,): (R1)."""
     output: ca.Function
+    """(state, input) -> velocity of the centre of mass [m/s] and turn rate [rad/s], (3,)."""
     shape: ca.Function
+    """(chamber_length (N, 2) [m], hinge (N-1,) [rad]) -> joints (N+1, 2) [m] with the centre of mass at the origin and
+    the tail-to-head chord along x: (R2)."""
     longest_step: float
+    """Longest time that one step of Runge and Kutta may span [s]."""
 
     @classmethod
     def of(cls, worm: Worm, identified: Identified, mechanism: Mechanism = "hinge") -> ReducedModel:

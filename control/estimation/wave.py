@@ -26,19 +26,12 @@ from worm3d.values.arrays import FloatArray
 
 SMOOTHING = 0.25
 """Number of waves over which a is smoothed; the shorter waves, of which two pass in a wave, nearly vanish."""
-
 UNKNOWNS = 3
 """Number of unknowns of (W1) in one sample, and of the segments that it needs."""
 
 
 class InputHistory:
-    """History of commands, for delayed measurements: inputs of the reduced model, and phases.
-
-    Parameters
-    ----------
-    span : float
-        Time for which they are kept [s].
-    """
+    """History of commands over a time span [s], for delayed measurements: inputs of the reduced model, and phases."""
 
     def __init__(self, span: float) -> None:
         self._span = span
@@ -85,14 +78,7 @@ class InputHistory:
 
 
 class MeasuredWave:
-    """Wave of one body, as its strains show it.
-
-    Parameters
-    ----------
-    segments : int
-    schedule : Schedule
-        Wavelength and direction of the wave.
-    """
+    """Wave of one body, as its strains show it."""
 
     def __init__(self, segments: int, schedule: Schedule) -> None:
         x = 2.0 * np.pi * (np.arange(segments) + 0.5) / segments / schedule.wavelength

@@ -52,7 +52,6 @@ Pulse = Literal["gaussian", "square", "dirac"]
 
 GAUSSIAN_WIDTH = 0.15
 """Standard deviation of the gaussian pulse as a fraction of the contraction's duration."""
-
 PARTS = 6
 REAR, BODY, FRONT = (3, 5), (1, 4), (0, 2)
 """Part of the period in which each group lets go (extends), and in which it contracts again."""
@@ -315,14 +314,12 @@ class TwoAnchor(Gait, name="two_anchor"):
     def _group(self, part: FloatArray, release: int, anchor: int) -> FloatArray:
         """Return the activation of a group, 1 until it lets go and from when it has contracted again, shape (K,)."""
         extended = _change(part - release) - _change(part - anchor)
-        activation: FloatArray = 1.0 - (1.0 - self.extension) * extended
-        return activation
+        return 1.0 - (1.0 - self.extension) * extended
 
 
 def _change(part: FloatArray) -> FloatArray:
     """Return 0 before 0, 1 after 1, and half a cosine wave between."""
-    change: FloatArray = (1.0 - np.cos(np.pi * np.clip(part, 0.0, 1.0))) / 2.0
-    return change
+    return (1.0 - np.cos(np.pi * np.clip(part, 0.0, 1.0))) / 2.0
 
 
 @documented

@@ -1,39 +1,32 @@
 """Steering of a crawling worm: the wave that turns it, as a gait and at run time, when a controller drives it.
 
-What was found on the default worm (level ground, default friction, contraction amplitude 0.3):
+What was found on the default worm (level ground, default friction, amplitude 0.3 unless said otherwise):
 
-**Why a plain bias or hinge does not steer.** `TravellingWave(bias=...)` contracts the left chambers more in the same
-phase as the crawl. That does four things at once. (1) On average the body bends to the left, and a bent body crawls
-along an arc to the left. (2) The left feet make the longer strokes, like the faster side of a tank, which turns the
-worm to the right. (3) A chamber that is shorter is also taller, so that the stronger side lifts its segments and rolls
-the worm over the feet of the other side. (4) The centre of mass of a bent body lies beside the few feet that carry it:
-where that is more than the half-width b = 0.03 m of the stance, the worm tips and goes on lying on its side, rolled by
-45 degrees. At small bias (2) and (3) win, at large bias (1): -9, 0, 15, 50 degrees a wave at bias 0.1, 0.2, 0.35, 0.5
-(period 2 s). A static bend works by (1) alone but tips the worm (at wavelength 1 from 0.1 rad a joint on), and hinges
-in phase with the contraction tip it at 0.3 rad.
+**A plain bias or hinge does not steer.** `TravellingWave(bias=...)`, which contracts the left chambers more, in phase
+with the crawl, (1) bends the body to the left on average, so that it crawls an arc to the left; (2) gives the left
+feet the longer strokes, which turns it to the right like a tank; (3) makes the left chambers taller, which rolls the
+worm over its right feet; (4) moves the centre of mass off the feet that carry it: beyond the half-width b = 0.03 m of
+the stance the worm tips and goes on lying on its side. At small bias (2) and (3) win, at large bias (1): -9, 0, 15, 50
+degrees a wave at 0.1, 0.2, 0.35, 0.5 (period 2 s). A static bend does (1) alone, but tips the worm from 0.1 rad a joint
+on (wavelength 1); hinges in phase with the contraction tip it at 0.3 rad.
 
-**What steers.** To turn on the spot the head has to step to one side and the tail to the other, each while its feet
-are in the air. A foot steps sideways by the bending of the body between it and the feet that stand. If bending and
-contraction have the same wavelength, every segment bends in the same phase of its step and all feet step to the same
-side: at wavelengths of 0.7 and hinges of 0.08 rad the worm shuffles sideways by up to 0.024 m a wave and does not turn
-(0.7 degrees at most, whatever the phase). So the phase between the two waves has to drift from head to tail. A bending
-wave of the same frequency, without mean and twice as long as the contraction wave, turns the worm by 13 degrees at the
-same hinges, keeps its centre of mass over its feet (roll below 2 degrees) and adds some speed. The wave stands on two
-groups of feet for three quarters of the time at a contraction wavelength of 0.7 (two fifths at 1), which leaves room
-before the worm tips. The same bending wave turns it whether hinges or unequal chambers make it.
+**A longer bending wave does.** To turn on the spot the head steps to one side and the tail to the other, each while its
+feet are in the air, by bending between these and the feet that stand. If bending and contraction have the same
+wavelength, all feet step to the same side: at a wavelength of 0.7 and hinges of 0.08 rad the worm shuffles by up to
+0.024 m a wave and turns by 0.7 degrees at most, whatever the phase. A bending wave twice as long as the contraction, of
+the same frequency and without mean, turns it by 13 degrees with the same hinges, keeps it upright (roll below 2
+degrees) and adds some speed, whether hinges or unequal chambers make it. At a contraction wavelength of 0.7 the worm
+stands on two groups of feet for three quarters of the time (two fifths at 1), which leaves room before it tips.
 
-**Its phase.** Turn and sideways motion both go with the cosine of the phase, a quarter of a wave apart: there is a
-phase of pure turning (and one of pure shuffling). It grows with the frequency f because the bend lags behind its
-command (soft chambers, friction, inertia); a constant time, `lead`, holds it from 0.5 to 1.25 Hz to some 10 degrees at
-amplitude 0.3, at 94 % or more of the greatest turn. Over these frequencies and amplitudes of 0.15 to 0.4 the turn a
-wave is odd, monotone and nearly linear (but for a soft start below hinges of 0.02 rad, where the feet still stick) up
-to hinges of 0.12 rad or a bias of 0.06: 16 degrees a wave at amplitude 0.3, 0.8 Hz and hinges of 0.1 rad, 13 at a bias
-of 0.06.
+**Phase.** Turn and shuffle both go with the cosine of the phase, a quarter of a wave apart, so that there is a phase of
+pure turning. It grows with the frequency f, since the bend lags its command; a constant time, `lead`, holds it to some
+10 degrees from 0.5 to 1.25 Hz, at 94 % or more of the greatest turn. For these frequencies and amplitudes of 0.15 to
+0.4 the turn is odd, monotone and nearly linear up to hinges of 0.12 rad or a bias of 0.06, but for a soft start below
+hinges of 0.02 rad, where feet still stick: 16 degrees a wave at 0.8 Hz and hinges of 0.1 rad, 13 at a bias of 0.06.
 
-**Staying upright.** Neither a straight wave nor rest nor the opposite steering brings a worm back that lies on its
-side: a controller has to stay within those limits. Within them it may change its mind: amplitude, frequency and
-steering drawn anew every 0.75 s for a minute, at amplitudes of 0.15 to 0.4, roll the worm by less than 3 degrees. On a
-cross slope of 3 degrees hinges of -0.12 rad, held for ten waves, do tip it.
+**Staying upright.** No wave brings back a worm that lies on its side: controllers stay within these limits. Amplitudes
+of 0.15 to 0.4, frequency and steering drawn anew every 0.75 s for a minute roll it by less than 3 degrees. On a cross
+slope of 3 degrees hinges of -0.12 rad, held for ten waves, do tip it.
 
 With the wave's phase psi (a wave is 2 pi), x = (i + 1/2)/N, k = 2 pi / wavelength, k_s = 2 pi / steering_wavelength and
 the sign - for a direct, + for a retrograde wave:
@@ -63,7 +56,6 @@ Mechanism = Literal["hinge", "bias"]
 MECHANISMS: tuple[Mechanism, ...] = get_args(Mechanism)
 
 LEFT_RIGHT = np.array([1.0, -1.0])
-
 BLEND = 0.25
 """Number of waves in which a parameter covers 63 % of a change, unless said otherwise."""
 
@@ -72,15 +64,7 @@ BLEND = 0.25
 class GaitParameters:
     """Parameters of a wave, which a controller decides from wave to wave.
 
-    Attributes
-    ----------
-    amplitude : float
-        Greatest contraction of a chamber A, at least 0.
-    frequency : float
-        Frequency f [Hz], above 0.
-    bias, hinge : float
-        Steering by unequal chambers, a fraction of A, and by hinges [rad]; with the phases of a schedule that was found
-        to steer, positive turns to the left.
+    Positive bias and hinge turn to the left, with the phases of a schedule that was found to steer.
 
     Raises
     ------
@@ -89,9 +73,13 @@ class GaitParameters:
     """
 
     amplitude: float
+    """Greatest contraction of a chamber A, at least 0."""
     frequency: float
+    """Frequency f [Hz], above 0."""
     bias: float = 0.0
+    """Steering by unequal chambers, a fraction of A."""
     hinge: float = 0.0
+    """Steering by hinges [rad]."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -154,25 +142,17 @@ class Schedule:
     def _wave(self, phase: FloatArray, wavelength: float, body: Body) -> FloatArray:
         x = (np.arange(body.segments) + 0.5) / body.segments
         sign = 1.0 if self.direction == "retrograde" else -1.0
-        wave: FloatArray = np.sin(2.0 * np.pi * x / wavelength + sign * phase)
-        return wave
+        return np.sin(2.0 * np.pi * x / wavelength + sign * phase)
 
 
 @dataclass(frozen=True)
 class SteeredWave:
-    """Wave of constant parameters, as a gait; it swells from nothing like that of a `WaveGenerator`.
-
-    Attributes
-    ----------
-    parameters : GaitParameters
-    schedule : Schedule
-    blend : float
-        Number of waves in which the wave swells to 63 %.
-    """
+    """Wave of constant parameters, as a gait; it swells from nothing like that of a `WaveGenerator`."""
 
     parameters: GaitParameters
     schedule: Schedule = Schedule()
     blend: float = BLEND
+    """Number of waves in which the wave swells to 63 %."""
 
     def __post_init__(self) -> None:
         arguments.instance("parameters", self.parameters, GaitParameters, "a control.gaits.steering.GaitParameters")
@@ -198,27 +178,15 @@ class SteeredWave:
 class WaveGenerator:
     """Wave at run time, whose parameters a controller may change at any time without jumps of the command.
 
-    Its phase accumulates, psi' = 2 pi f, and every parameter p approaches its target at the rate
-    (target - p) f / blend. A wave begins at amplitude 0.
+    Its `phase` psi [rad] accumulates, psi' = 2 pi f, and each of its `parameters` p (None before the first step)
+    approaches its target at the rate (target - p) f / blend. A wave begins at amplitude 0.
 
     Parameters
     ----------
     schedule : Schedule
     body : Body
     blend : float
-        Number of waves in which a parameter covers 63 % of a change.
-
-    Attributes
-    ----------
-    phase : float
-        Phase psi [rad].
-    parameters : GaitParameters or None
-        Parameters in force; None before the first step.
-
-    Raises
-    ------
-    ValueError
-        `blend` is out of range.
+        Number of waves in which a parameter covers 63 % of a change, above 0.
     """
 
     def __init__(self, schedule: Schedule, body: Body, blend: float = BLEND) -> None:

@@ -21,16 +21,12 @@ from worm3d.values.parameters import check, documented, parameter
 
 MAX_COORDINATE = 1e7
 """Largest magnitude of a coordinate that can be right, more than any grid on earth has [m]."""
-
 MAX_ANGULAR_RATE = 100.0
 """Largest angular rate that can be right, three times the full range of usual gyroscopes of 2000 deg/s [rad/s]."""
-
 MAX_LOAD = 1e5
 """Largest contact load per mass of the worm that can be right, ten thousand times its weight on earth [N/kg]."""
-
 MAX_PRESSURE = 1e9
 """Largest pressure that can be right, ten times that of strong hydraulics [Pa]."""
-
 MAX_HEADING = 1e4
 """Largest magnitude of a heading that can be right; sensors may count whole turns [rad]."""
 
@@ -127,7 +123,6 @@ CONTACT_LOAD = Channel(noise=0.005)
 """Quality of force sensors in the feet: 5 mN, a sixteenth of what a foot of the default worm bears."""
 PRESSURE = Channel(noise=5.0, bias=50.0)
 """Quality of a MEMS barometer: 5 Pa, and a constant error of 50 Pa."""
-
 QUANTITIES = {
     "strain": Quantity(  # l_c/l0 - 1, [left, right]
         "strain of the chambers",

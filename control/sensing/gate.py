@@ -23,10 +23,8 @@ from worm3d.values import arguments
 
 SPAN = 2.0
 """Age beyond which a sample is not used, unless the sensors are known to be slower [s]."""
-
 AHEAD = 1e-6
 """Time by which a stamp may be ahead of the clock for rounding [s]."""
-
 KEPT = 1000
 """Number of instants of a channel that are kept before old ones are dropped."""
 

@@ -202,5 +202,4 @@ def true_value(name: str, seen: Observation) -> FloatArray:
 
 def _wrapped(angle: FloatArray) -> FloatArray:
     """Return angles in (-pi, pi]."""
-    wrapped: FloatArray = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
-    return wrapped
+    return np.pi - np.mod(np.pi - angle, 2.0 * np.pi)

@@ -58,8 +58,7 @@ class Curve(ABC):
         """Return the points at arc lengths of shape (...) [m], shape (..., 2) [m]."""
         inside, beyond, _ = self._inside(s)
         r, d, _ = self._at(inside)
-        point: FloatArray = r + beyond[..., None] * _unit(d)
-        return point
+        return r + beyond[..., None] * _unit(d)
 
     def heading(self, s: ArrayLike) -> FloatArray:
         """Return the azimuths of the tangents at arc lengths of shape (...), continuous along the curve [rad]."""
@@ -77,8 +76,7 @@ class Curve(ABC):
         inside, beyond, _ = self._inside(s)
         _, d, dd = self._at(inside)
         kappa = (d[..., 0] * dd[..., 1] - d[..., 1] * dd[..., 0]) / np.linalg.norm(d, axis=-1) ** 3
-        inner: FloatArray = np.where(beyond == 0.0, kappa, 0.0)
-        return inner
+        return np.where(beyond == 0.0, kappa, 0.0)
 
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
         """Return the arc lengths of the nearest points, shape (...) [m].

@@ -32,14 +32,12 @@ ROUNDING = 1e-6
 """Difference up to which two times count as the same [s]."""
 SETTLED = 0.10
 """Share of the reference speed within which a speed has settled."""
-
 SPEED_METRICS = ("speed_bias_relative", "speed_error_rms_relative")
 SETTLED_METRICS = ("speed_bias_settled_relative", "speed_error_rms_settled_relative")
 HEADING_METRICS = ("heading_error_mean_deg", "heading_error_rms_deg")
 PATH_METRICS = ("cross_track_rms_bl", "cross_track_max_bl")
 METRICS = (*SPEED_METRICS, *SETTLED_METRICS, *HEADING_METRICS, *PATH_METRICS, "settling_periods")
 """Names of the metrics that `summary` returns."""
-
 TOO_SHORT = f"the run is shorter than the {DROPPED:g} periods that are left out and one more"
 UNSETTLED = f"no window lies beyond the {DROPPED:g} periods after each step of the reference speed"
 REASONS = {
@@ -92,8 +90,7 @@ class Tracking:
     @property
     def heading_error(self) -> FloatArray:
         """Heading less the wanted one, within half a turn, shape (K,) [rad]."""
-        error: FloatArray = np.mod(self.heading - self.wanted_heading + np.pi, 2.0 * np.pi) - np.pi
-        return error
+        return np.mod(self.heading - self.wanted_heading + np.pi, 2.0 * np.pi) - np.pi
 
 
 def tracking(motion: Motion, reference: Reference) -> Tracking:

@@ -85,8 +85,7 @@ class Line:
 
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
         """Return the arc lengths; see `Path`."""
-        along: FloatArray = np.asarray((np.asarray(xy, dtype=float) - self.start) @ _direction(self.azimuth))
-        return along
+        return np.asarray((np.asarray(xy, dtype=float) - self.start) @ _direction(self.azimuth))
 
 
 @dataclass(frozen=True)
