@@ -73,7 +73,7 @@ def simulate_batch(
         Lists of different lengths, or an argument that `simulate` refuses: before any run begins.
     """
     arguments.whole("threads", threads, le=MOST_THREADS)
-    each = {
+    each: dict[str, Any] = {
         "worm": worm,
         "world": world,
         "ground": ground,
@@ -82,7 +82,9 @@ def simulate_batch(
         "state": state,
     }
     count = _count(each)
-    given = {name: _spread(value, count) for name, value in each.items()}
+    given: dict[str, Any] = {
+        name: value if isinstance(value, list | tuple) else [value] * count for name, value in each.items()
+    }
 
     shared: dict[str, Any] = {
         "duration": duration,
@@ -168,7 +170,6 @@ def _content(parts: tuple[object, ...]) -> Hashable:
 
 
 def _count(each: Mapping[str, object]) -> int:
-    """Return the number of runs."""
     sizes = {name: len(value) for name, value in each.items() if isinstance(value, list | tuple)}
     if not sizes:
         raise ValueError(
@@ -178,7 +179,3 @@ def _count(each: Mapping[str, object]) -> int:
         got = ", ".join(f"{size} of {name}" for name, size in sizes.items())
         raise ValueError(f"simulate_batch: got {got}, lists must have one for each run")
     return next(iter(sizes.values()))
-
-
-def _spread(value: object, count: int) -> Sequence[Any]:
-    return value if isinstance(value, list | tuple) else [value] * count

@@ -141,14 +141,12 @@ def described(result: Result) -> tuple[str, tuple[Variable, ...]]:
         "stop": {**stop, "status": result.status.name},
     }
     variables = (
-        Variable(f"array_{k}", _sizes(array, f"array_{k}"), array, "SI", "of the worm or its world")
+        Variable(
+            f"array_{k}", tuple(f"array_{k}_{n}" for n in range(array.ndim)), array, "SI", "of the worm or its world"
+        )
         for k, array in enumerate(arrays)
     )
     return json.dumps(said), tuple(variables)
-
-
-def _sizes(array: NDArray[Any], name: str) -> tuple[str, ...]:
-    return tuple(f"{name}_{axis}" for axis in range(np.ndim(array)))
 
 
 def checkpoint_of(state: State) -> tuple[Variable, ...]:

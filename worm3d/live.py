@@ -21,7 +21,6 @@ from worm3d.status import Status
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.view import View
-from worm3d.viewer import Frames
 from worm3d.viewer.live import LiveView
 from worm3d.viewer.pieces import rounded_up
 from worm3d.worlds.scenery import Window, scenery
@@ -141,14 +140,11 @@ class Live:
                 time.sleep(wait)
             elif -wait > 2.0 / FPS and k < len(frames) - 1:
                 continue  # the picture is late: it leaves out what it cannot show
-            self._show_frame(frames, k, caption(result, float(frames.time[k])))
+            assert frames.com is not None
+            ahead = None if self.horizon is None else self.horizon(float(frames.time[k]), frames.com[k])
+            shown = replace(frames.take([k]), horizon=None if ahead is None else ahead[None])
+            self._view.show(shown, caption(result, float(frames.time[k])))
         self._rows = rows.stop
-
-    def _show_frame(self, frames: Frames, k: int, words: str) -> None:
-        assert self._view is not None
-        assert frames.com is not None
-        ahead = None if self.horizon is None else self.horizon(float(frames.time[k]), frames.com[k])
-        self._view.show(replace(frames.take([k]), horizon=None if ahead is None else ahead[None]), words)
 
     def close(self) -> None:
         """Close the view and stop its server; may be called twice."""

@@ -82,11 +82,11 @@ def path_length(com: FloatArray, time: FloatArray, period: float) -> float:
     Parameters
     ----------
     com : ndarray, shape (T, D)
-        [m]
+        Centre of mass [m].
     time : ndarray, shape (T,)
         Ascending [s].
     period : float
-        [s]
+        Time to average over [s].
     """
     if len(time) < 2:
         return 0.0
@@ -108,13 +108,12 @@ def _integrals(values: FloatArray, time: FloatArray, t: FloatArray) -> FloatArra
     return area
 
 
-def _along_the_ground(com: FloatArray, result: Result) -> FloatArray:
+def _along_the_ground(result: Result) -> FloatArray:
     """Return the centre of mass without its height over a plane: a worm that rises on its feet makes no way."""
     if result.world is None or not result.world.flat:
-        return com
+        return result.com
     normal = result.world.normal(result.joints[0].mean(axis=0), result.worm.length)
-    level: FloatArray = com - (com @ normal)[:, None] * normal
-    return level
+    return result.com - (result.com @ normal)[:, None] * normal
 
 
 def _window(result: Result) -> int | None:
@@ -197,17 +196,8 @@ Metric = tuple[float | str | None, str]
 """A metric, and why it has no value if it is None."""
 
 
-def summary(result: Result) -> Summary:
-    """Return the metrics of a run."""
-    return Summary({name: value for name, (value, _) in _metrics(result).items()})
-
-
-def reasons(result: Result) -> dict[str, str]:
-    """Return why metrics of the summary have no value."""
-    return {name: why for name, (value, why) in _metrics(result).items() if value is None}
-
-
-def _metrics(result: Result) -> dict[str, Metric]:
+def metrics_of(result: Result) -> dict[str, Metric]:
+    """Return the metrics of a run by name."""
     energy, uses, made = result.energy, result.energy.uses, result.distance
     work, weight = float(energy.work_contract.sum()), result.worm.mass * float(np.linalg.norm(result.gravity))
     dragged, steps = float(energy.drag_loss.sum()), len(result.newton_iterations)
@@ -249,7 +239,7 @@ def _metrics(result: Result) -> dict[str, Metric]:
 def _path_length(result: Result) -> Metric:
     if result.period is None or _sparse(result):
         return None, _no_mean(result)
-    return path_length(_along_the_ground(result.com, result), result.time, result.period), ""
+    return path_length(_along_the_ground(result), result.time, result.period), ""
 
 
 def _mean_speed(result: Result) -> Metric:

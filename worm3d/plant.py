@@ -180,16 +180,13 @@ class Plant:
         self.arrays["longest"][0] = 2.0 * np.sqrt(worm.link_length**2 - (FLAT * np.asarray(worm.half_height)) ** 2)
         self.arrays["stuck"][:] = 1.0
 
-    def _segment_row(self, name: str) -> FloatArray:
-        """Return rows of the segment array, for the segments alone: (size, N)."""
+    def _segment_row(self, name: str) -> FloatArray:  # (size, N)
         return segment.LAYOUT.of(name, self.arrays["segment_in"])[:, : self.n]
 
-    def _joint_row(self, name: str) -> FloatArray:
-        """Return rows of the joint array: (size, N-1)."""
+    def _joint_row(self, name: str) -> FloatArray:  # (size, N-1)
         return joint.LAYOUT.of(name, self.arrays["joint_in"])[:, : self.n - 1]
 
-    def _point_row(self, name: str) -> FloatArray:
-        """Return rows of the point array: (size, 8, S)."""
+    def _point_row(self, name: str) -> FloatArray:  # (size, 8, lanes)
         rows = point.LAYOUT.of(name, self.arrays["point_in"])
         return rows.reshape(len(rows), POINTS, -1)
 

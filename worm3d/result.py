@@ -148,11 +148,11 @@ class Result(Recorded, Steps):
 
     def summary(self) -> metrics.Summary:
         """Return the metrics of the run by name, printed as a table; None where one has no value (`reasons`)."""
-        return metrics.summary(self)
+        return metrics.Summary({name: value for name, (value, _) in metrics.metrics_of(self).items()})
 
     def reasons(self) -> dict[str, str]:
         """Return why metrics of the summary have no value."""
-        return metrics.reasons(self)
+        return {name: why for name, (value, why) in metrics.metrics_of(self).items() if value is None}
 
 
 def load(path: str | PathLike[str], *, worm: Worm | None = None, world: Any = ...) -> Result:

@@ -49,14 +49,7 @@ class Observer(NamedTuple):
 
 
 class Run:
-    """A run in progress.
-
-    Parameters
-    ----------
-    problem : Problem
-    placing : callable
-        Returns the worm in its initial state, as `worm3d.start.place`.
-    """
+    """A run in progress; `placing` returns the worm in its initial state, as `worm3d.start.place`."""
 
     def __init__(self, problem: Problem, placing: Callable[[Problem], Placed] = place) -> None:
         plant, start, self.begun, self.settling = placing(problem)
@@ -77,8 +70,8 @@ class Run:
             self.offset = 0.0  # a resumed run has the very times of one that went on
         self.remembers = bool(start.memory) and bool(start.memory.get("remembers", np.zeros(1))[0] == self.dt)
         try:
-            if not start.memory:
-                self._ask_at_start()
+            if not start.memory and self.driver.controller is None:
+                ask(self.core, self.driver.at(self.time(0)))  # from this command the actuators' ramp begins
             self._forces(self.time(0))  # wrong shapes show before the first step
         except Exception as error:
             if _is_ours(error):
@@ -94,11 +87,6 @@ class Run:
         """Return the times after `first` steps and every so many more, as `time` does [s]."""
         steps = np.array(self.first + first + every * np.arange(count), dtype=float)
         return steps * self.dt + self.offset
-
-    def _ask_at_start(self) -> None:
-        """Take the command at the start as that from which the actuators' ramp begins."""
-        if self.driver.controller is None:
-            ask(self.core, self.driver.at(self.time(0)))
 
     def _forces(self, t: float) -> FloatArray:
         if self.external_force is None:
@@ -171,13 +159,9 @@ class Run:
         return np.array(commands).reshape(-1, 5 * self.n), forces[: len(commands)]
 
     def _command(self, t: float) -> FloatArray:
-        """Return the command for a step that ends at t."""
-        if self.driver.controller is not None:
-            return self.driver.decide(self.observation())
-        return self.driver.at(t)
+        return self.driver.at(t) if self.driver.controller is None else self.driver.decide(self.observation())
 
     def _advance(self, commands: FloatArray, forces: list[FloatArray]) -> Status:
-        """Take a step for each command."""
         table = np.array(forces) if self.external_force is not None else np.zeros((0, 3, self.n + 1))
         taken = 0
         while taken < len(commands):
@@ -305,6 +289,7 @@ class Run:
         series = self.records.fields(slice(rows))
         energy = Energy.of(series.pop("energy"))
         counters: dict[str, Any] = dict(zip(COUNTERS, self.counters[: self.done].T, strict=True))
+        tried = self.done + 1 if status.diverged else self.done
         return Result(
             worm=plant.worm,
             world=plant.world,
@@ -318,13 +303,9 @@ class Run:
             halved_steps=self.halved,
             settling=self.settling,
             state=self.state(),
-            stop=self._stop(status),
+            stop=Stop(status, tried, self.time(tried), self.residual, self.segment, self.complaint),
             wall_s=self.wall,
         )
-
-    def _stop(self, status: Status) -> Stop:
-        tried = self.done if not status.diverged else self.done + 1
-        return Stop(status, tried, self.time(tried), self.residual, self.segment, self.complaint)
 
 
 def _is_ours(error: Exception) -> bool:

@@ -31,7 +31,7 @@ _declared = count()
 
 @dataclass(frozen=True)
 class Rows:
-    """Where a series stands in the solver: component by component in the rows of an array, from one row on."""
+    """Position of a series in the solver: component by component in the rows of an array, from one row on."""
 
     array: str
     row: str | int = 0
@@ -45,7 +45,7 @@ class Points(Rows):
 
 @dataclass(frozen=True)
 class Entries:
-    """Where a series stands in the solver: as consecutive entries of an array, or every `step`-th."""
+    """Position of a series in the solver: consecutive entries of an array, or every `step`-th."""
 
     array: str
     first: int = 0
@@ -68,9 +68,9 @@ class Series:
     meaning: str
     """What it is, in a few words."""
     source: Source | None = None
-    """Where the recorder finds it; None where Python computes it."""
+    """Position in the solver, where the recorder finds it; None where Python computes it."""
     clamped: Source | None = None
-    """Where it stands instead for a worm on the clamped ground."""
+    """Position for a worm on the clamped ground instead."""
     order: int = 0
     """Position among the variables of a file."""
     derived: bool = False

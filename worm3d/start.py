@@ -28,8 +28,6 @@ Settling = Callable[[Problem, State], tuple[State, Status]]
 
 
 class _Method(NamedTuple):
-    """A way to bring a worm to rest."""
-
     mu: float
     """Coefficient of friction."""
     dt: float

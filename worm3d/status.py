@@ -34,7 +34,7 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Stop:
-    """Where and how a run ended."""
+    """End of a run: how, when and where."""
 
     status: Status
     step: int

@@ -7,7 +7,7 @@ none, and neither is an array of one. Raised is ValueError, whatever is wrong.
 from __future__ import annotations
 
 import operator
-from typing import Any, TypeVar
+from typing import Any, TypedDict, TypeVar, Unpack
 
 import numpy as np
 
@@ -31,18 +31,24 @@ BYTES_PER_STEP = 250.0
 """Memory that a step takes beside the rows of the result [byte]."""
 
 
+class Bounds(TypedDict, total=False):
+    """Range of a number; bounds that are left out do not apply."""
+
+    gt: float
+    ge: float
+    lt: float
+    le: float
+
+
 def number(
     name: str,
     value: Any,
     unit: str = "",
     *,
-    gt: float | None = None,
-    ge: float | None = None,
-    lt: float | None = None,
-    le: float | None = None,
     infinite: bool = False,
     largest: float = LARGEST,
     allowed: str = "",
+    **bounds: Unpack[Bounds],
 ) -> float:
     """Return a real number within a range, finite unless `infinite`; `allowed` says the range in other words.
 
@@ -50,9 +56,9 @@ def number(
     """
     found = _real(value)
     got = f"{shown(value)}{f' {unit}' if unit else ''}"
-    if found is None or not _within(found, gt, ge, lt, le) or not (np.isfinite(found) or (infinite and found > 0.0)):
-        raise ValueError(f"{name}: got {got}, must be {allowed or range_text(gt, ge, lt, le, infinite)}")
-    if not (np.isinf(found) or _of_a_likely_size(found, gt, largest)):
+    if found is None or not _within(found, bounds) or not (np.isfinite(found) or (infinite and found > 0.0)):
+        raise ValueError(f"{name}: got {got}, must be {allowed or range_text(infinite, **bounds)}")
+    if not (np.isinf(found) or _of_a_likely_size(found, bounds, largest)):
         raise ValueError(f"{name}: got {got}, must be of a size {_likely(largest)}")
     return found
 
@@ -103,54 +109,36 @@ def array(
     *,
     least: int = 1,
     fill: bool = False,
-    gt: float | None = None,
-    ge: float | None = None,
-    lt: float | None = None,
-    le: float | None = None,
+    **bounds: Unpack[Bounds],
 ) -> FloatArray:
-    """Return an array of finite numbers, one's own and read-only.
+    """Return an array of finite numbers within a range, one's own and read-only; with `fill` a number fills it.
 
-    Parameters
-    ----------
-    shape : tuple
-        Sizes; a letter stands for any size of at least `least`.
-    fill : bool
-        Whether a number fills it.
-    gt, ge, lt, le : float, optional
-        The range of each.
+    A letter among the sizes in `shape` stands for any size of at least `least`.
     """
     found = floats(name, value)
     if found.ndim == 0 and fill:
         found = np.full([int(size) for size in shape], float(found))
     if not _fits(found.shape, shape, least):
-        raise ValueError(f"{name}: got shape {found.shape}, must be {_shape(shape, least)}{_or_a_number(fill)}")
+        or_a_number = " (or a number)" if fill else ""
+        raise ValueError(f"{name}: got shape {found.shape}, must be {_shape(shape, least)}{or_a_number}")
     with np.errstate(invalid="ignore"):
-        right = np.isfinite(found) & _within(found, gt, ge, lt, le)
+        right = np.isfinite(found) & _within(found, bounds)
     if not right.all():
-        raise ValueError(f"{name}: got {float(found[~right][0])!r}, every value must be {range_text(gt, ge, lt, le)}")
-    likely = _of_a_likely_size(found, gt)
+        raise ValueError(f"{name}: got {float(found[~right][0])!r}, every value must be {range_text(**bounds)}")
+    likely = _of_a_likely_size(found, bounds)
     if not likely.all():
         raise ValueError(f"{name}: got {float(found[~likely][0])!r}, every value must be of a size {_likely(LARGEST)}")
     found.setflags(write=False)
     return found
 
 
-def one_or_each(
-    name: str,
-    value: Any,
-    what: str,
-    *,
-    gt: float | None = None,
-    ge: float | None = None,
-    lt: float | None = None,
-    le: float | None = None,
-) -> FloatArray:
+def one_or_each(name: str, value: Any, what: str, **bounds: Unpack[Bounds]) -> FloatArray:
     """Return a number, shape (), or one `what`, shape (N,), as a read-only array of one's own; N is checked later."""
     found = floats(name, value)
     with np.errstate(invalid="ignore"):
-        right = np.isfinite(found) & _within(found, gt, ge, lt, le)
+        right = np.isfinite(found) & _within(found, bounds)
     if found.ndim > 1 or found.size == 0 or not right.all():
-        raise ValueError(f"{name}: got {shown(value)}, must be {range_text(gt, ge, lt, le)}, a number or one {what}")
+        raise ValueError(f"{name}: got {shown(value)}, must be {range_text(**bounds)}, a number or one {what}")
     found.setflags(write=False)
     return found
 
@@ -203,33 +191,26 @@ def _real(value: Any) -> float | None:
         return None
 
 
-def _within(value: Any, gt: float | None, ge: float | None, lt: float | None, le: float | None) -> Any:
+def _within(value: Any, bounds: Bounds) -> Any:
     inside = value == value  # and not NaN
-    for bound, holds in ((gt, operator.gt), (ge, operator.ge), (lt, operator.lt), (le, operator.le)):
-        if bound is not None:
-            inside = inside & holds(value, bound)
+    for relation, bound in bounds.items():
+        inside = inside & getattr(operator, relation)(value, bound)
     return inside
 
 
-def _of_a_likely_size(value: Any, gt: float | None, largest: float = LARGEST) -> Any:
+def _of_a_likely_size(value: Any, bounds: Bounds, largest: float = LARGEST) -> Any:
     size = np.abs(value)
-    return (size <= largest) & (size >= (1.0 / largest if gt == 0.0 else 0.0))
+    return (size <= largest) & (size >= (1.0 / largest if bounds.get("gt") == 0.0 else 0.0))
 
 
 def _likely(largest: float) -> str:
     return f"between {1.0 / largest:g} and {largest:g}"
 
 
-def range_text(
-    gt: float | None = None,
-    ge: float | None = None,
-    lt: float | None = None,
-    le: float | None = None,
-    infinite: bool = False,
-) -> str:
+def range_text(infinite: bool = False, **bounds: Unpack[Bounds]) -> str:
     """Return a range in words: "finite and above 0", "finite and in [0, 1)"."""
-    finite = "" if infinite else "finite"
-    low, high = ge if gt is None else gt, le if lt is None else lt
+    finite, gt, lt = "" if infinite else "finite", bounds.get("gt"), bounds.get("lt")
+    low, high = bounds.get("ge", gt), bounds.get("le", lt)
     if low is not None and high is not None:
         within = f"in {'[' if gt is None else '('}{low:g}, {high:g}{']' if lt is None else ')'}"
     elif low is not None:
@@ -252,10 +233,6 @@ def _shape(shape: tuple[int | str, ...], least: int) -> str:
     free = [str(size) for size in shape if isinstance(size, str)]
     many = f" with {' and '.join(free)} of at least {least}" if free else ""
     return f"({sizes}{',' if len(shape) == 1 else ''}){many}"
-
-
-def _or_a_number(fill: bool) -> str:
-    return " (or a number)" if fill else ""
 
 
 def _type_of(value: Any) -> str:

@@ -40,7 +40,7 @@ FORMAT = "worm3d result 2"
 SAID = ("name", "model", "scene", "status", "sentence", "seed", "versions", "summary", "run")
 """Attributes that the attribute `digest` is of, as far as a file has them."""
 IN_JSON = ("versions", "summary", "run")
-"""Those of them that are JSON."""
+"""Attributes among them that are JSON."""
 ROOT, TIMING = "", "timing"
 """Groups that every file has."""
 GROUPS = (ROOT, TIMING, "checkpoint")

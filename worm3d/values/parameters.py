@@ -77,14 +77,9 @@ class Parameter:
         return get_origin(self.hint) is tuple
 
     def checked(self, value: Any, size: int | None = None, largest: float = arguments.LARGEST) -> Any:
-        """Return a value in the type that the rest relies on.
+        """Return a value in the type that the rest relies on: a number of at most `largest`, or an array.
 
-        Parameters
-        ----------
-        size : int, optional
-            Numbers of an array; None where its class does not know.
-        largest : float
-            Largest size of a number.
+        The array has `size` numbers; None where its class does not know how many.
 
         Raises
         ------
@@ -112,14 +107,13 @@ def parameter(
     *,
     meaning: str,
     unit: str = "",
-    gt: float | None = None,
-    ge: float | None = None,
-    lt: float | None = None,
-    le: float | None = None,
     **others: Any,
 ) -> Any:
-    """Return a dataclass field; arguments as the attributes of `Parameter`, without a default it must be given."""
-    bounds = {name: bound for name, bound in (("gt", gt), ("ge", ge), ("lt", lt), ("le", le)) if bound is not None}
+    """Return a dataclass field; arguments are bounds (gt, ge, lt, le) and the attributes of `Parameter`.
+
+    Without a default it must be given.
+    """
+    bounds: dict[str, Any] = {name: others.pop(name) for name in ("gt", "ge", "lt", "le") if name in others}
     known = Parameter(meaning=meaning, unit=unit, bounds=bounds, **others)
     return dataclasses.field(default=default, metadata={PARAMETER: known})
 
@@ -147,12 +141,7 @@ parameters_of: Callable[[type], Mapping[str, Parameter]] = cache(_read)
 def check(instance: Any, *, largest: float = arguments.LARGEST, **sizes: int) -> None:
     """Check the parameters of a (frozen) instance and store them in the types that the rest relies on.
 
-    Parameters
-    ----------
-    largest : float
-        Largest size of a number.
-    sizes : int
-        Numbers of an array, by what the parameter has one for: `segment=6, joint=5`.
+    Numbers are at most `largest`; `segment=6, joint=5` are the sizes of arrays with one for each of these.
     """
     for name, known in parameters_of(type(instance)).items():
         value = known.checked(getattr(instance, name), sizes.get(known.each), largest)
@@ -171,7 +160,9 @@ def documented(part: type[T]) -> type[T]:
 def _described(known: Parameter) -> str:
     """Return a parameter as two or more lines of a docstring: name, type, unit and default, then meaning and range."""
     default = f", default {known.left_out or known.default}" if known.left_out or known.default is not None else ""
-    unit, span = f" [{known.unit}]" if known.unit else "", known.allowed or _range(known)
+    unit, span = f" [{known.unit}]" if known.unit else "", known.allowed
+    if known.bounds and not span:
+        span = arguments.range_text(infinite=True, **known.bounds)
     text = f"{known.meaning[:1].upper()}{known.meaning[1:]}{f'; {span}' if span else ''}."
     body = fill(text, WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8)
     return f"    {known.name} : {_type_text(known)}{unit}{default}\n{body}\n"
@@ -183,10 +174,6 @@ def _type_text(known: Parameter) -> str:
     if known.choices:
         return " or ".join(map(repr, known.choices))
     return "tuple of float" if known.is_pair else "float" if known.optional else str(known.hint.__name__)
-
-
-def _range(known: Parameter) -> str:
-    return arguments.range_text(**known.bounds, infinite=True) if known.bounds else ""
 
 
 def in_degrees(known: Parameter) -> Parameter:

@@ -137,7 +137,8 @@ class Heightfield(World, ReadOnly):
                 arguments.whole(name, value, ge=0)
             else:
                 signed = name in ("azimuth", "amplitude", "height")
-                arguments.number(name, value, gt=None if signed else 0.0)
+                bounds: arguments.Bounds = {} if signed else {"gt": 0.0}
+                arguments.number(name, value, **bounds)
         return cls(maker(x, y, **numbers), spacing, **{"origin": (0.0, float(y[0])), **more})
 
     @property
