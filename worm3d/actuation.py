@@ -103,20 +103,14 @@ class BadCommandError(ValueError):
 
 
 class Driver:
-    """Commands of an actuation, as rows for the compiled steps.
+    """Commands of an actuation, as rows for the compiled steps; without one the worm is left alone.
 
-    Parameters
-    ----------
-    actuation : Actuation or None
-        None: the worm is left alone.
-    worm : Worm
-    sensor : Sensor or None
-        For controllers; None: they see the observation itself.
+    A controller gets what `sensor` makes of an observation, or the observation itself.
 
     Raises
     ------
     ValueError
-        If it is none of these things, or has a sensor without being a controller.
+        No actuation, or a sensor for one that is no controller.
     """
 
     def __init__(self, actuation: Actuation | None, worm: Worm, sensor: Sensor | None) -> None:

@@ -235,7 +235,6 @@ def restored(name: str, said: Any, arrays: list[NDArray[Any]]) -> Any:
 
 
 def _class_of(name: str) -> Any:
-    """Return the dataclass that `_name_of` has named."""
     module, _, qualname = name.rpartition(":")
     if module and not module.startswith("worm3d."):
         raise ValueError(f"has a part of the class {name}, which is none of worm3d")

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from worm3d import pictures
+from worm3d.pictures import FPS
 from worm3d.run import Observer, Run
 from worm3d.status import Status
 from worm3d.values import arguments
@@ -35,12 +36,8 @@ AHEAD = 3.0
 Horizon = Callable[[float, FloatArray], FloatArray | None]
 """Time [s] and centre of mass, shape (3,) [m] -> points that a controller expects to pass, (H, 3) [m], or None."""
 
-FPS = 25.0
-"""Pictures per second of real time."""
-
 FASTEST = 1e6
 """Largest speed, simulated over real time, at which rows are shown in turn; beyond it only the latest is."""
-
 
 MOST_STEPS = 50
 """Number of steps, about, between two pictures of a run that goes on as fast as it can.
@@ -63,7 +60,7 @@ class Live:
     began : callable, optional
         Called with the address, once there is something to see; it is printed if left out.
     address : str, optional
-        Of a meshcat server that runs already, e.g. "tcp://127.0.0.1:6000"; one is started if left out.
+        Address of a meshcat server that runs already, e.g. "tcp://127.0.0.1:6000"; one is started if left out.
     horizon : callable, optional
         Called with the time [s] and the centre of mass, shape (3,) [m], of each picture; returns the points that a
         controller expects to pass, shape (H, 3) [m], which are shown, or None.

@@ -37,25 +37,21 @@ GROUND = 0.5
 """Least cosine between a normal and up for which what is below is a ground: a pipe's wall beside the worm is none."""
 
 
-def forward(joints: FloatArray, world: World | None) -> FloatArray | None:
-    """Return the unit vector of the heading of joints (N+1, 3) in the world's tangent plane; None if vertical."""
-    azimuth = heading(joints[None])[0]
-    if np.isnan(azimuth):
-        return None
-    level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    return level / float(np.linalg.norm(level)) if world is None else world.forward(joints, level)
-
-
 def way(com: FloatArray, joints: FloatArray, world: World | None) -> FloatArray | None:
     """Return how far forward each centre of mass (T, 3) is, shape (T,) [m]; None for a vertical body.
 
-    Along the heading of the joints (N+1, 3); along the centre line in a pipe, counted towards the head.
+    Forward is the heading of the joints (N+1, 3) in the world's tangent plane; in a pipe it is along the centre line,
+    counted towards the head.
     """
     course = None if world is None else world.course(com, joints)
     if course is not None:
         return course
-    along = forward(joints, world)
-    return None if along is None else com @ along
+    azimuth = heading(joints[None])[0]
+    if np.isnan(azimuth):
+        return None
+    level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    forward: FloatArray = level / np.linalg.norm(level) if world is None else world.forward(joints, level)
+    return com @ forward
 
 
 def distance(com: FloatArray, joints: FloatArray, world: World | None) -> float:

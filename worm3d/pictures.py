@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 FPS = 25.0
-"""Largest number of frames per second of a page or movie."""
+"""Largest number of frames per second of a page, a movie or (of real time) the live view."""
 
 MOST_SEGMENTS = 12_000
 """Largest number of segments in all frames of a page together: longer runs and worms get fewer frames per second."""
@@ -79,7 +79,7 @@ def draw(
     horizon : array_like, shape (T, H, 3), optional
         Points that a controller expected to pass, at the instants of the result [m].
     title : str
-        Of a page.
+        Title of a page.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def show(
     fps, skin, reference, horizon
         As in `draw`.
     height : int
-        Of the cell [pixels].
+        Height of the cell [pixels].
     """
     from worm3d.viewer import html
 
@@ -191,20 +191,16 @@ def arrays(
     horizon: ArrayLike | None = None,
     reference_speed: ArrayLike | None = None,
 ) -> Frames:
-    """Return arrays of a run, stored or not, as plain arrays for pictures.
+    """Return arrays of a run, stored or not, as plain arrays for pictures; other parameters are those of `draw`.
 
     Parameters
     ----------
     series : mapping
         The arrays named in `SERIES`, as in `Result`.
-    worm : Worm
-    world : World or None
     period : float or None
-        Over which the speed shown is averaged [s].
-    fps, at, reference, horizon
-        As in `frames_of`.
+        Time over which the speed shown is averaged [s].
     reference_speed : array_like, shape (T,), optional
-        That a controller was to keep to, at the instants of the run [m/s].
+        Speed that a controller was to keep to, at the instants of the run [m/s].
     """
     rows = rows_shown(series["time"], worm.segments, fps, at)
     of = {name: series[name][rows] for name in SERIES}

@@ -38,7 +38,7 @@ DEEPEST = 0.1
 """Depth in the world at which a joint counts as sunk, as a fraction of the segment length."""
 
 ROUNDING = 2e-15
-"""Smallest tolerance of Newton, as a fraction of the body length: shorter steps are rounding."""
+"""Smallest tolerance of Newton, as a fraction of the body length; shorter steps are rounding."""
 
 ROLL_DAMPING = 1e-7
 """Damping of roll where all mass is on the axis, over the largest stiffnesses [J] of the worm [s].
@@ -95,17 +95,8 @@ def _roll_damping(worm: Worm) -> FloatArray:
 class Plant:
     """The arrays of one worm on one world, and what fills and reads them.
 
-    Parameters
-    ----------
-    worm : Worm
-    world : World or None
-        None: nothing to touch.
-    friction : Friction
-    gravity : ndarray, shape (3,)
-        [m/s^2]
-    held : ndarray of bool, shape (5 (N+1),)
-    scale : ndarray, shape (3,), optional
-        Gravity to which the contact's stiffness is scaled; `gravity` if left out [m/s^2].
+    Of its 5 (N+1) coordinates those marked in `held` stay fixed. The contact's stiffness is scaled to `scale`, shape
+    (3,) [m/s^2], or to `gravity` if that is left out.
     """
 
     def __init__(

@@ -61,7 +61,7 @@ def simulate(
     integrator : str
         "bdf2" (second order) or "implicit_euler" (the paper's).
     gravity : array_like, shape (3,)
-        [m/s^2]
+        Gravity [m/s^2].
     external_force : callable, optional
         Time [s] -> forces on the joints, shape (N+1, 3) [N].
     state : State, optional

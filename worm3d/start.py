@@ -74,14 +74,7 @@ angle, and so to 1e-14 of the weight, which is level there."""
 
 NO_RECORDS = Block(0, 0)
 
-GUARDED = (
-    Status.DONE,
-    Status.NO_CONVERGENCE,
-    Status.NOT_FINITE,
-    Status.FLATTENED,
-    Status.FOLDED,
-    Status.SUNK,
-)
+GUARDED = (Status.DONE, Status.NO_CONVERGENCE, Status.NOT_FINITE, Status.FLATTENED, Status.FOLDED, Status.SUNK)
 """Status of each way in which a step ends (`worm3d.solver.guard`)."""
 
 
@@ -93,13 +86,8 @@ def flattening_weight(worm: Worm, contraction: float = 0.0) -> FloatArray:
     """Return the weight that flattens each segment (limit point), shape (N,) [N].
 
     A segment whose joints, at height h above its lower apexes, carry the vertical load w is in equilibrium where
-    dE/dl = w dh/dl (E of both chambers). The greatest w with a solution is the limit point: any more and the chamber
-    collapses.
-
-    Parameters
-    ----------
-    contraction : float
-        Common contraction of all chambers.
+    dE/dl = w dh/dl (E of both chambers, which have all this `contraction`). The greatest w with a solution is the
+    limit point: any more and the chamber collapses.
     """
     shapes = zip(np.asarray(worm.k_spring), np.asarray(worm.k_apex), worm.link_length, strict=True)
     return np.array([_limit_point(k, k_apex, a, worm.l0, contraction) for k, k_apex, a in shapes])
@@ -224,7 +212,6 @@ def _settled(problem: Problem, start: State, method: _Method) -> tuple[State, St
 
 
 def _step(plant: Plant, command: FloatArray, dt: float) -> int:
-    """Take an unrecorded step of implicit Euler, and return how it ended."""
     no_counters, no_force = np.zeros((0, COUNTERS), dtype=np.int64), np.zeros((0, 3, plant.n + 1))
     _, end = advance(plant.core, NO_RECORDS, no_counters, command[None], no_force, 0, 0, dt, False, False)
     return end
@@ -264,11 +251,11 @@ class Placed(NamedTuple):
 
     plant: Plant
     state: State
-    """From which it starts."""
+    """State from which it starts."""
     status: Status
-    """DONE, or why it cannot start."""
+    """Status DONE, or why it cannot start."""
     settling: float | None
-    """How far the joints have moved while it was brought to rest [m]; None where it was not."""
+    """Largest motion of a joint while it was brought to rest [m]; None where it was not."""
 
 
 def touches(plant: Plant, start: State) -> bool:

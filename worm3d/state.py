@@ -96,7 +96,10 @@ class State(ReadOnly):
         self._check_directors()
         object.__setattr__(self, "time", arguments.number("time", time, "s"))
         object.__setattr__(self, "laid", arguments.flag("laid", laid))
-        object.__setattr__(self, "memory", read_only(_memory(memory)))
+        if not isinstance(memory, Mapping | None):
+            raise ValueError(f"memory: got {type(memory).__name__}, must be that of another state, or None")
+        copies = {name: np.array(value) for name, value in (memory or {}).items()}  # `Plant.remember` looks at each
+        object.__setattr__(self, "memory", read_only(copies))
 
     def _set(self, name: str, value: ArrayLike, shape: tuple[int, ...]) -> None:
         object.__setattr__(self, name, arguments.array(name, value, shape, fill=True))
@@ -145,7 +148,7 @@ class State(ReadOnly):
         azimuth : float
             Heading, from x towards y; in a pipe 0 (along it) or pi (back) [rad].
         contraction : float or array_like, shape (N, 2)
-            Of the chambers, as far as the world lets them: the pose is that of the worm at rest, and settling
+            Contraction of the chambers, as far as the world allows: the pose is that of the worm at rest, and settling
             contracts it.
 
         Raises
@@ -178,13 +181,6 @@ class State(ReadOnly):
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         laid = self.laid and not {"joints", "directors", "bend"} & changes.keys()
         return State(**{**given, "memory": None, "laid": laid, **changes})
-
-
-def _memory(given: Mapping[str, NDArray[Any]] | None) -> Mapping[str, NDArray[Any]]:
-    """Return a state's memory, arrays by name, as a copy."""
-    if not isinstance(given, Mapping | None):
-        raise ValueError(f"memory: got {type(given).__name__}, must be that of another state, or None")
-    return {name: np.array(value) for name, value in (given or {}).items()}  # `Plant.remember` looks at each
 
 
 def _laid(

@@ -135,7 +135,7 @@ def _read(part: Any) -> Mapping[str, Parameter]:
 
 
 parameters_of: Callable[[type], Mapping[str, Parameter]] = cache(_read)
-"""Return the parameters of a dataclass (the class) by name; fields that are declared otherwise are left out."""
+"""Parameters of a dataclass (the class) by name; fields that are declared otherwise are left out."""
 
 
 def check(instance: Any, *, largest: float = arguments.LARGEST, **sizes: int) -> None:
