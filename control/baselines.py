@@ -28,7 +28,7 @@ from control.gaits.steering import GaitParameters, Mechanism
 from control.identification.identified import Identified
 from control.loop import Choice, Estimates, KnownHeading, Source, WaveController
 from control.planning.feed_forward import FeedForward
-from control.sensing.channels import Channel
+from control.sensing.sensors import Channel
 from control.tracking.paths import offset
 from control.tracking.references import Reference, turn_of_path, turn_rate
 from worm3d import Worm
@@ -41,7 +41,24 @@ MAX_TRIM = 0.5
 
 
 class _Baseline(WaveController):
-    """A controller that goes by the identified map alone."""
+    """A controller that goes by the identified map alone.
+
+    Parameters
+    ----------
+    worm : Worm
+    identified : Identified
+    reference : Reference
+    mechanism : str
+        What steers: "hinge" or "bias".
+    control_period : float
+        Time between two decisions [s].
+    estimator : Estimates, optional
+
+    Raises
+    ------
+    ValueError
+        A period that is not above 0, or a mechanism that was not identified.
+    """
 
     source: Source
     estimates: ClassVar[bool] = False
@@ -87,28 +104,11 @@ class _Baseline(WaveController):
         return Choice(self.source, self._parameters(t, estimate), "")
 
     @abstractmethod
-    def _parameters(self, t: float, estimate: Estimate | None) -> GaitParameters:
-        """Return the parameters from time t [s] on."""
+    def _parameters(self, t: float, estimate: Estimate | None) -> GaitParameters: ...
 
 
 class OpenLoop(_Baseline):
-    """Feed-forward alone: it looks at nothing, so that whatever the map does not know goes uncorrected.
-
-    Parameters
-    ----------
-    worm : Worm
-    identified : Identified
-    reference : Reference
-    mechanism : str
-        What steers: "hinge" or "bias".
-    control_period : float
-        Time between two decisions [s].
-
-    Raises
-    ------
-    ValueError
-        A period that is not above 0, or a mechanism that was not identified.
-    """
+    """Feed-forward alone: it looks at nothing, so that whatever the map does not know goes uncorrected."""
 
     source: Source = "open_loop"
 
@@ -146,16 +146,7 @@ class Gains:
 
 
 class PiLineOfSight(_Baseline):
-    """PI on amplitude and frequency, line-of-sight steering: (B1) to (B3).
-
-    Parameters
-    ----------
-    worm, identified, reference, mechanism, control_period
-        See `OpenLoop`.
-    estimator : Estimates, optional
-        `control.estimation.estimator.Estimator` if left out.
-    gains : Gains, optional
-    """
+    """PI on amplitude and frequency, line-of-sight steering: (B1) to (B3), by default with `Estimator` and `Gains`."""
 
     source: Source = "pi_los"
     estimates = True

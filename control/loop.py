@@ -21,9 +21,8 @@ from control.gaits.steering import GaitParameters, Mechanism, Schedule, WaveGene
 from control.identification.identified import Identified
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import Plan
-from control.sensing.channels import Channel
 from control.sensing.gate import SPAN, Gate
-from control.sensing.sensors import Measurement
+from control.sensing.sensors import Channel, Measurement
 from control.tracking.references import Reference
 from worm3d import Command, Worm
 from worm3d.values import arguments
@@ -100,10 +99,7 @@ class WaveController(ABC):
 
     Parameters
     ----------
-    worm : Worm
-    reference : Reference
-    schedule : Schedule
-        Schedule of the wave.
+    worm, reference, schedule
     feed_forward : FeedForward
         What the worm can do, and the frequency that suits it.
     control_period : float
@@ -113,13 +109,9 @@ class WaveController(ABC):
 
     Attributes
     ----------
-    plans : bool
-        Whether it plans, so that plans can fail.
     generator : WaveGenerator
     gate : Gate
-        Holds the counts of the measurements that it refused.
     watch : Watch
-        Holds the faults that it found.
     decisions : list of Decision
         `seconds` of each is the time of all steps since the decision before, estimates and commands included.
     failures : int
@@ -132,6 +124,7 @@ class WaveController(ABC):
     """
 
     plans: ClassVar[bool] = False
+    """Whether it plans, so that plans can fail."""
 
     def __init__(
         self,
@@ -163,11 +156,7 @@ class WaveController(ABC):
     ) -> Self:
         """Return the controller of a worm that was identified, with the defaults of all its parts.
 
-        Parameters
-        ----------
-        worm, reference, identified, mechanism, control_period
-        sensors : mapping of str to Channel, optional
-            How good the sensors are, `control.sensing.sensors.Sensors.channels`; the default ones if left out.
+        `sensors` says how good they are, `control.sensing.sensors.Sensors.channels`; the default ones if left out.
         """
 
     def reset(self) -> None:

@@ -32,7 +32,7 @@ from control.identification.surrogate import Ranges
 from control.loop import LOST, MOST_HELD, Choice, Estimates, KnownHeading, WaveController, complaint_of, rest
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
-from control.sensing.channels import Channel
+from control.sensing.sensors import Channel
 from control.tracking.references import Reference, turn_of_path
 from worm3d import Worm
 from worm3d.values import arguments
@@ -79,10 +79,8 @@ class Supervisor(WaveController):
 
     Parameters
     ----------
-    worm, reference, schedule, control_period, estimator
+    worm, reference, model, estimator, mpc, schedule, control_period
         See `control.loop.WaveController`.
-    model : ReducedModel
-    mpc : Planner
     deadline : str
         "iterations": a plan may take as many as it is given, and runs repeat bit for bit; "wall": one that took longer
         than the control period is not accepted.
@@ -138,18 +136,9 @@ class Supervisor(WaveController):
 
 
 class Fallback:
-    """The choice of the gait's parameters, with the memory that it needs.
+    """The choice of the gait's parameters, with the memory that it needs; a plan may take `longest` [s]."""
 
-    Parameters
-    ----------
-    model : ReducedModel
-    planner : Planner
-    reference : Reference
-    longest : float
-        Time that a plan may take [s]; infinite where runs are to repeat bit for bit.
-    """
-
-    def __init__(self, model: ReducedModel, planner: Planner, reference: Reference, longest: float = np.inf) -> None:
+    def __init__(self, model: ReducedModel, planner: Planner, reference: Reference, longest: float) -> None:
         self._model, self.planner, self._reference, self._longest = model, planner, reference, longest
         self.reset()
 

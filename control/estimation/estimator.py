@@ -28,10 +28,9 @@ from control.estimation.kalman import IMPOSSIBLE, ROCKING, SIZE, Corrected, Kalm
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
 from control.estimation.wave import InputHistory, MeasuredWave
 from control.gaits.steering import GaitParameters, Schedule
-from control.sensing.channels import COM, Channel
-from control.sensing.channels import HEADING as HEADING_SENSOR
 from control.sensing.gate import AHEAD, SPAN
-from control.sensing.sensors import Measurement
+from control.sensing.sensors import COM, Channel, Measurement
+from control.sensing.sensors import HEADING as HEADING_SENSOR
 from worm3d import Worm
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray

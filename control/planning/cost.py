@@ -153,7 +153,7 @@ class Scale:
 
 
 class Prediction:
-    """The states, (O3), and the misses of a horizon.
+    """The states, (O3), and the misses of a horizon of at least two steps.
 
     Parameters
     ----------
@@ -163,7 +163,6 @@ class Prediction:
     step : float
         Time between two states [s].
     steps : int
-        Number of steps, at least 2.
     """
 
     def __init__(self, model: ReducedModel, misses: ca.Function, step: float, steps: int) -> None:

@@ -26,18 +26,14 @@ REPEATS = 3
 
 
 class FeedForward:
-    """The inverse of the identified map of one mechanism.
+    """The inverse of the identified map of one mechanism, which holds in the `ranges` in which it was identified.
 
     Attributes
     ----------
     frequency : float
         The preferred one [Hz].
-    slowest : float
-        Speed below which the worm had better stand: half of the least one that is identified [m/s].
-    fastest : float
-        Greatest speed of the identified map, straight ahead [m/s].
-    ranges : Ranges
-        Ranges in which the map was identified.
+    slowest, fastest : float
+        Half of the least speed of the map [m/s], below which the worm had better stand, and its greatest one.
     """
 
     def __init__(self, found: SteeringMap, length: float) -> None:

@@ -89,7 +89,7 @@ STATUS = {
 
 
 class GaitMPC:
-    """The controller of the gait's parameters.
+    """The planner of the gait's parameters.
 
     Parameters
     ----------
@@ -105,12 +105,6 @@ class GaitMPC:
     iterations : int
         Largest number in each plan. The search goes on in the next plan; more of them make no difference that could be
         seen.
-
-    Attributes
-    ----------
-    progress : float
-        Arc length on the path at the last plan [m].
-    feed_forward : FeedForward
 
     Raises
     ------
@@ -157,10 +151,9 @@ class GaitMPC:
         began = perf_counter()
         preview = self._preview(t, estimate, reference)
         if preview is None:
-            steps = self._prediction.steps
-            inputs, horizon = np.full((steps, INPUTS), np.nan), np.full((steps + 1, 2), np.nan)
-            spent = perf_counter() - began
-            return Plan(t, self._prediction.step, inputs, horizon, PlanStatus.NOT_FINITE, spent)
+            step, steps = self._prediction.step, self._prediction.steps
+            inputs, horizon = np.full((steps, INPUTS), nan), np.full((steps + 1, 2), nan)
+            return Plan(t, step, inputs, horizon, PlanStatus.NOT_FINITE, perf_counter() - began)
         waves = self._candidates(t, estimate, reference)
         problem = self._problem(t, estimate.state, preview, waves[-1])
         found, plain_cost = self._searched(problem, waves)

@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from control.sensing.channels import QUANTITIES
-from control.sensing.sensors import Measurement, Sample
+from control.sensing.sensors import QUANTITIES, Measurement, Sample
 from worm3d import Observation, Worm
 from worm3d.values import arguments
 
@@ -43,20 +42,10 @@ class Refusal(Enum):
 
 
 class Gate:
-    """Gate for the measurements of one worm.
+    """Gate for the measurements of one worm, which refuses samples older than `span` [s].
 
-    Parameters
-    ----------
-    worm : Worm
-    span : float
-        Age beyond which a sample is not used [s].
-
-    Attributes
-    ----------
-    refused : Counter of (str, Refusal)
-        Number of samples that were refused, in whole or in part, by channel and reason.
-    first : dict of (str, Refusal) to float
-        Time of the first of them [s].
+    By channel and reason `refused` counts the samples that were refused, in whole or in part, and `first` has the time
+    of the first of them [s].
     """
 
     def __init__(self, worm: Worm, span: float = SPAN) -> None:
@@ -74,13 +63,7 @@ class Gate:
         self._latest = dict.fromkeys(QUANTITIES, -np.inf)
 
     def __call__(self, t: float, measurement: Measurement | Observation) -> Measurement:
-        """Return what can be used at time t [s] of a measurement, or of an observation, which is exact.
-
-        Raises
-        ------
-        TypeError
-            It is neither.
-        """
+        """Return what can be used at time t [s] of a measurement, or of an observation; TypeError for other things."""
         if isinstance(measurement, Observation):
             measurement = Measurement.exact(measurement, self._shapes)
         if not isinstance(measurement, Measurement):

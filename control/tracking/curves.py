@@ -31,15 +31,10 @@ GAUSS = np.polynomial.legendre.leggauss(5)
 
 
 class Curve(ABC):
-    """A curve by arc length; subclasses give r(u), u from 0 to the last knot.
-
-    Attributes
-    ----------
-    closed : bool
-        Whether it ends where it begins, without a kink.
-    """
+    """A curve by arc length; subclasses give r(u), u from 0 to the last knot."""
 
     closed: bool = False
+    """Whether it ends where it begins, without a kink."""
 
     @abstractmethod
     def derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -79,14 +74,9 @@ class Curve(ABC):
         return np.where(beyond == 0.0, kappa, 0.0)
 
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
-        """Return the arc lengths of the nearest points, shape (...) [m].
+        """Return the arc lengths of the points nearest to places (..., 2) [m], shape (...) [m].
 
-        Parameters
-        ----------
-        xy : array_like, shape (..., 2)
-            [m]
-        near : float, optional
-            Only points within an eighth of the curve's length of this arc length are looked at; all if left out.
+        Only points within an eighth of the curve's length of the arc length `near` are looked at; all if left out.
         """
         places = np.asarray(xy, dtype=float)
         flat = [self._nearest(place, near) for place in places.reshape(-1, 2)]
@@ -177,7 +167,6 @@ class Curve(ABC):
 
     @cached_property
     def _places(self) -> FloatArray:
-        """Points of the curve at the nodes."""
         return self.derivatives(self._nodes[0])[0]
 
     def _derivatives(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -238,13 +238,6 @@ class PlanView(ReadOnly, Curve):
 class WayPoints(PlanView):
     """Straight pieces from waypoint to waypoint, the corners rounded by arcs of one radius.
 
-    Attributes
-    ----------
-    points : ndarray, shape (P, 2)
-        At least two, each apart from the next [m]; the path passes beside inner ones.
-    radius : float
-        Radius of the arcs [m].
-
     Raises
     ------
     ValueError
@@ -252,7 +245,9 @@ class WayPoints(PlanView):
     """
 
     points: FloatArray
+    """At least two points, each apart from the next [m], shape (P, 2); the path passes beside inner ones."""
     radius: float
+    """Radius of the arcs [m]."""
 
     def __init__(self, points: ArrayLike, radius: float = 1.0) -> None:
         object.__setattr__(self, "points", _points(points, 2))
@@ -268,14 +263,8 @@ def offset(path: Path, xy: ArrayLike, s: ArrayLike) -> FloatArray:
 
 
 def track(path: Path, xy: FloatArray, near: float | None = None) -> FloatArray:
-    """Return the projections of places that follow each other, (K, 2) [m], each near the one before, shape (K,) [m].
-
-    The first one is looked for near the arc length `near` [m], or anywhere.
-    """
-    found: list[float] = []
-    for place in xy:
-        near = float(path.project(place, near))
-        found.append(near)
+    """Return the projections of places that follow each other, (K, 2) [m], each near the one before, shape (K,) [m]."""
+    found = [near := float(path.project(place, near)) for place in xy]
     return np.array(found)
 
 

@@ -128,22 +128,10 @@ class Preview:
 def look_ahead(
     reference: Reference, begin: float, step: float, steps: int, place: FloatArray, azimuth: float, near: float | None
 ) -> Preview:
-    """Return what is asked for at the ends of the steps of a horizon.
+    """Return what is asked for at the ends of the steps of a horizon that begins at a time [s].
 
-    The point of the path advances at the reference speed from where the worm is, whatever the worm does.
-
-    Parameters
-    ----------
-    reference : Reference
-    begin, step : float
-        Begin of the horizon and length of its steps [s].
-    steps : int
-    place : ndarray, shape (2,)
-        Place of the worm [m].
-    azimuth : float
-        Heading of the worm [rad].
-    near : float or None
-        Progress before, near which the new one is looked for [m].
+    The point of the path advances at the reference speed from where the worm is, whatever the worm does. The worm is at
+    a place (2,) [m] with an azimuth [rad]; its progress is looked for near the one before [m].
     """
     ends = begin + step * np.arange(1, steps + 1)
     speed = np.asarray(reference.speed(ends), dtype=float)

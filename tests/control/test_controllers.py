@@ -8,8 +8,7 @@ import pytest
 from control.controllers import CONTROLLERS, controller
 from control.identification.identified import load
 from control.loop import SOURCES, WaveController
-from control.sensing.channels import Channel
-from control.sensing.sensors import Measurement
+from control.sensing.sensors import Channel, Measurement
 from control.tracking.paths import Line
 from control.tracking.references import Constant, Reference
 from scenes.models.control.schema import Controller

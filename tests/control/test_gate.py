@@ -5,9 +5,8 @@ import pytest
 from fuzzing import replaced
 from numpy.testing import assert_array_equal
 
-from control.sensing.channels import QUANTITIES
 from control.sensing.gate import KEPT, SPAN, Gate, Refusal
-from control.sensing.sensors import Measurement
+from control.sensing.sensors import QUANTITIES, Measurement
 from worm3d import Command, Observation, Plane, Worm, simulate
 
 WORM = Worm()

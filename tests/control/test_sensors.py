@@ -9,9 +9,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from control.gaits import TravellingWave
-from control.sensing.channels import QUANTITIES, Quantity
 from control.sensing.gate import Gate, Refusal
-from control.sensing.sensors import Channel, Measurement, Sensors
+from control.sensing.sensors import QUANTITIES, Channel, Measurement, Quantity, Sensors
 from worm3d import Command, Observation, Plane, Pneumatic, State, Worm, simulate
 
 EXACT = Channel(noise=0.0)

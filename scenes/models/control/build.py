@@ -13,8 +13,7 @@ from control.controllers import controller
 from control.identification import identified as kept
 from control.identification.identified import Identified
 from control.loop import WaveController
-from control.sensing.channels import QUANTITIES, Channel
-from control.sensing.sensors import Sensors
+from control.sensing.sensors import QUANTITIES, Channel, Sensors
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Profile, Reference, Sine, Steps
 from scenes.language.errors import SceneError

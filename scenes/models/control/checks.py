@@ -7,7 +7,7 @@ from functools import partial
 from itertools import pairwise
 from typing import Any
 
-from control.sensing.channels import QUANTITIES
+from control.sensing.sensors import QUANTITIES
 from scenes.language.checks import Check, Found, kind_checks
 from scenes.models.control.build import NOT_IDENTIFIED, identified_of, path_of
 from scenes.models.control.schema import Controller, ControlScene, Reference

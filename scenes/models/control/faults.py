@@ -9,8 +9,8 @@ from operator import itemgetter
 import worm3d
 from control.loop import Decision, WaveController
 from control.planning.mpc import PlanStatus
-from control.sensing.channels import QUANTITIES
 from control.sensing.gate import Gate
+from control.sensing.sensors import QUANTITIES
 from control.supervisor import MOST_SHIFTED
 from scenes.records.record import Cell
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Literal
 
-from control.sensing.channels import QUANTITIES, Channel
+from control.sensing.sensors import QUANTITIES, Channel
 from scenes.language.parts import Keys, PartSection, keys_of
 from scenes.language.schema import Pair, Section, Tables, quantity, setting, tables
 from scenes.models.worm.schema import SpatialScene
