@@ -59,7 +59,6 @@ def save(result: Result, path: str | PathLike[str]) -> None:
     """Write a result; see `Result.save`."""
     arguments.instance("path", path, str | PathLike, "the path of a file")
     text, arrays = described(result)
-    summary = {"status": "done", **result.summary()}
     content = Content(
         {
             "name": "result",
@@ -69,7 +68,7 @@ def save(result: Result, path: str | PathLike[str]) -> None:
             "sentence": result.stop.sentence,
             "seed": 0,
             "versions": json.dumps({"worm3d": version("worm3d")}),
-            "summary": json.dumps({**summary, "reasons": result.reasons()}),
+            "summary": json.dumps({"status": "done", **result.summary(), "reasons": result.reasons()}),
             "run": text,
         },
         {

@@ -139,7 +139,8 @@ def write(frames: Frames, path: Path, *, at: float | None = None, skin: bool = T
     else:
         from worm3d.viewer.movie import write_movie
 
-        write_movie(frames, path, fps=rate_of(frames.time))
+        fps = 1.0 / float(np.median(np.diff(frames.time))) if len(frames) > 1 else FPS
+        write_movie(frames, path, fps=fps)
 
 
 def require_ending(path: Path) -> None:
@@ -240,11 +241,6 @@ def rows_shown(time: FloatArray, segments: int, fps: float | None, at: float | N
     if fps is None:
         fps = min(FPS, MOST_SEGMENTS / segments / float(time[-1] - time[0]))
     return sorted({*instants(time, fps), nearest(time, at)})
-
-
-def rate_of(time: FloatArray) -> float:
-    """Return how many frames a second there are [1/s]."""
-    return 1.0 / float(np.median(np.diff(time))) if len(time) > 1 else FPS
 
 
 def anchored(series: Mapping[str, FloatArray]) -> NDArray[np.bool_]:

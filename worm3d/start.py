@@ -271,13 +271,7 @@ def touches(plant: Plant, start: State) -> bool:
 
 
 def place(problem: Problem, settling: Settling = settle) -> Placed:
-    """Return the worm before its first step.
-
-    Raises
-    ------
-    LimitPointError, StateError
-        As `worm3d.simulate`.
-    """
+    """Return the worm before its first step; errors are those of `worm3d.simulate`."""
     worm, world, gravity = problem.worm, problem.world, problem.weight
     start = State.straight(worm, world) if problem.state is None else problem.state
     require_shape(worm, start)
