@@ -161,8 +161,7 @@ def variables_of(holder: Any, *first: str) -> Iterator[Variable]:
 
 def documented(holder: type[T]) -> type[T]:
     """Write the series of a class into its docstring, at the end."""
-    head = (holder.__doc__ or "").rstrip()
-    lines = [head] if "    Attributes\n" in head else [head, "", "    Attributes", "    ----------"]
+    lines = [(holder.__doc__ or "").rstrip(), "", "    Attributes", "    ----------"]
     for name, series in series_of(holder).items():
         kind = f"ndarray, shape {series.shape_text}" if series.dims else "number"
         unit = f" [{series.unit}]" if series.unit != "1" else ""

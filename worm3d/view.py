@@ -65,7 +65,7 @@ class Observation:
 
 
 SEEN = (*series_of(Recorded), "apexes", "end_load", "chamber_strain")
-"""Attributes of `Recorded` that a view has, of one instant."""
+"""Names of attributes of `Recorded` that a view has, of one instant."""
 
 
 class View:
