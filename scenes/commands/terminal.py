@@ -44,7 +44,7 @@ DOUBTS = {
 @contextmanager
 def progress(title: str, total: int, *, quiet: bool, what: str = "step") -> Iterator[Callable[[int], None]]:
     """Give a function to call with the number of finished steps, or whatever; all goes to standard error."""
-    if quiet or not _bars():
+    if quiet or not sys.stderr.isatty():
         if not quiet:
             typer.echo(f"{title}: {counted(total, what)}", err=True)
         yield lambda done: None
@@ -75,29 +75,19 @@ def counted(number: int, what: str) -> str:
 
 def busy(what: str, *, quiet: bool) -> AbstractContextManager[object]:
     """Say on a terminal what takes a while; nothing elsewhere."""
-    if quiet or not _bars():
+    if quiet or not sys.stderr.isatty():
         return nullcontext()
     from rich.console import Console
 
     return Console(stderr=True).status(what)
 
 
-def _bars() -> bool:
-    """Return whether bars can be drawn on standard error."""
-    return sys.stderr.isatty()
-
-
 class Interruption:
-    """While entered, the first SIGINT or SIGTERM only sets `requested`; after it the old behaviour is back.
-
-    Attributes
-    ----------
-    requested : bool
-        Whether the user wants the run to stop.
-    """
+    """While entered, the first SIGINT or SIGTERM only sets `requested`; after it the old behaviour is back."""
 
     def __init__(self) -> None:
         self.requested = False
+        """Whether the user wants the run to stop."""
         self._previous: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Interruption:
@@ -181,11 +171,8 @@ def timing(record: Record) -> dict[str, float]:
 def _sentence(record: Record) -> str:
     how, faults = record.status if failed(record) else record.sentence, record.summary.faults
     how += f", with {counted(len(faults), 'fault')}" if faults else ""
-    return f"{how} ({record.summary['duration_s']:g} s simulated, {_speed(record)})"
-
-
-def _speed(record: Record) -> str:
-    return f"{timing(record)['real_time_factor']:.3g} times real time"
+    speed = f"{timing(record)['real_time_factor']:.3g} times real time"
+    return f"{how} ({record.summary['duration_s']:g} s simulated, {speed})"
 
 
 def _metric(record: Record, key: str, unit: str) -> str:

@@ -23,19 +23,13 @@ Found = str | Mapping[str, str] | None
 
 @dataclass(frozen=True)
 class Check:
-    """One rule that ties keys together.
-
-    Attributes
-    ----------
-    needs : tuple of str
-        Dotted keys, or sections, that it reads; the first is the one to complain about.
-    test : callable
-        Called with their values in that order; returns what is wrong, or None. Where it returns texts by key,
-        that of the first key is told that the user wrote, in an override or else in the file.
-    """
+    """One rule that ties keys together."""
 
     needs: tuple[str, ...]
+    """Dotted keys, or sections, that it reads; the first is the one to complain about."""
     test: Callable[..., Found]
+    """Called with their values in that order; returns what is wrong, or None. Where it returns texts by key, that
+    of the first key is told that the user wrote, in an override or else in the file."""
 
 
 def cross_mistakes(

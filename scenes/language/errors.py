@@ -13,20 +13,14 @@ def printable(text: str) -> str:
 
 
 class SceneError(Exception):
-    """A mistake that the user can mend: a bad scene, a bad argument, a file that is not a result.
-
-    Attributes
-    ----------
-    lines : tuple of str
-        What to print, a sentence each; `printable`, whatever of a file's content is in them.
-    exit_code : int
-        What the command line ends with.
-    """
+    """A mistake that the user can mend: a bad scene, a bad argument, a file that is not a result."""
 
     exit_code = 2
+    """Exit code of the command line."""
 
     def __init__(self, *lines: str) -> None:
         self.lines = tuple(map(printable, lines))
+        """Sentences to print, `printable` whatever of a file's content is in them."""
         super().__init__("\n".join(self.lines))
 
 

@@ -18,24 +18,16 @@ MOST_LINES = 100
 
 @dataclass(frozen=True)
 class Mistake:
-    """One thing that is wrong.
-
-    Attributes
-    ----------
-    path : tuple
-        Key or section that is wrong.
-    text : str
-        What was found, what is allowed.
-    suspects : tuple of paths
-        Further keys that may be to blame: where to point if `path` is not written down.
-    spoils : tuple, optional
-        Key whose value cannot be trusted: `path` itself, or the key that a misspelt one was meant to be.
-    """
+    """One thing that is wrong."""
 
     path: KeyPath
+    """Key or section that is wrong."""
     text: str
+    """What was found, what is allowed."""
     suspects: tuple[KeyPath, ...] = ()
+    """Further keys that may be to blame: where to point if `path` is not written down."""
     spoils: KeyPath = ()
+    """Key whose value cannot be trusted: `path` itself, or the key that a misspelt one was meant to be."""
 
     @property
     def untrusted(self) -> KeyPath:

@@ -109,6 +109,12 @@ def keys_of(
     return keys
 
 
+def meanings(registry: Mapping[str, type]) -> str:
+    """Return what the parts of a registry are: by name, the first sentences of their docstrings."""
+    heads = ((name, (part.__doc__ or "").split(".")[0]) for name, part in registry.items())
+    return "; ".join(f"{name}: {head[:1].lower()}{head[1:]}" for name, head in heads)
+
+
 def part_of(part: type[T], *sections: Any, prefix: str = "", units: Mapping[str, str] = NOTHING, **given: Any) -> T:
     """Return the part that a section describes, or several sections together.
 

@@ -50,54 +50,36 @@ class View(Protocol):
 
 @dataclass(frozen=True)
 class Watch:
-    """How a run is watched while it goes on.
-
-    Attributes
-    ----------
-    speed : float
-        Simulated over real time.
-    began : callable
-        Called with the address to visit, once there is something to see.
-    """
+    """How a run is watched while it goes on."""
 
     speed: float
+    """Simulated over real time [1]."""
     began: Callable[[str], None]
+    """Called with the address to visit, once there is something to see."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a run, complete up to the last finished step, however it ended.
-
-    Attributes
-    ----------
-    status, sentence : str
-        How the run ended, in a word and in a sentence (with step, time and place if it diverged).
-    variables : tuple of Variable
-        Per-step solver statistics have the dimension "step".
-    summary : mapping
-        The figures of `summary.json`; None, NaN and infinity need a reason.
-    reasons : mapping
-        Why a figure of the summary has no value.
-    wall_s : float
-        Wall time of the simulation alone [s].
-    checkpoint : tuple of Variable
-        From which the run can go on; empty if this model cannot.
-    timing : tuple of Variable
-        Further wall-clock figures; single numbers stand in `summary.json`.
-    run, parts : str, tuple of Variable
-        As in `Record`.
-    """
+    """Outcome of a run, complete up to the last finished step, however it ended."""
 
     status: Status
     sentence: str
+    """How the run ended, in a word and in a sentence (with step, time and place if it diverged)."""
     variables: tuple[Variable, ...]
+    """Variables of the record; solver statistics of each step have the dimension "step"."""
     summary: Mapping[str, Metric]
+    """The figures of `summary.json`; None, NaN and infinity need a reason."""
     reasons: Mapping[str, str]
+    """Why a figure of the summary has no value."""
     wall_s: float
+    """Wall time of the simulation alone [s]."""
     checkpoint: tuple[Variable, ...] = ()
+    """State from which the run can go on; empty if this model cannot."""
     timing: tuple[Variable, ...] = ()
+    """Further wall-clock figures; single numbers stand in `summary.json`."""
     run: str = ""
     parts: tuple[Variable, ...] = ()
+    """Worm, world and end of the run, and their arrays, as in `Record`."""
 
 
 def pictures(module: str, **functions: str) -> dict[str, Draw]:
@@ -112,53 +94,35 @@ def pictures(module: str, **functions: str) -> dict[str, Draw]:
 
 @dataclass(frozen=True)
 class Model(Generic[S]):
-    """A model that scenes can choose.
-
-    Attributes
-    ----------
-    name, title : str
-        Value of a scene's `model`, and what it is.
-    schema : type
-        The whole scene.
-    checks : tuple of Check
-        Across keys.
-    run : callable
-        Simulates a scene, calling the observer after each step.
-    figures : mapping
-        File stem -> function drawing it from a record.
-    overview : callable
-        Draws the one figure that every run writes (`scenes.records.overview`).
-    animate : callable or None
-        Returns the movie of a record.
-    advice : str
-        What to try when a run diverges.
-    headlines : tuple of (key, label, unit)
-        Figures of the summary, beyond those of every model, that end a run's report.
-    table : callable, optional
-        Lines that end a run's report instead of figures: the cases of a study.
-    resume : callable, optional
-        Goes on from a record's checkpoint to the end of the scene; its outcome is that of the whole run.
-    view : callable, optional
-        Writes the page that shows a record in a browser, given its path; with `skin=True`, one with a smooth skin. A
-        run then writes no animation, which would show less and take longer.
-    mesh : callable, optional
-        Returns the mesh of a record at an instant [s] (None: the end), as a GLB file.
-    watch : callable, optional
-        Runs a scene in a live view.
-    """
+    """A model that scenes can choose."""
 
     name: str
     title: str
+    """Noun phrase for people; `name` is the value of a scene's `model`."""
     schema: type[S]
+    """Schema of the whole scene."""
     checks: tuple[Check, ...]
+    """Checks across keys."""
     run: Callable[[S, Observer], Outcome]
+    """Simulates a scene, calling the observer after each step."""
     figures: Mapping[str, Draw]
+    """File stem -> function drawing it from a record."""
     overview: Callable[[Record], Image]
+    """Draws the one figure that every run writes (`scenes.records.overview`)."""
     animate: Callable[[Record], Movie] | None
+    """Returns the movie of a record."""
     advice: str
+    """What to try when a run diverges."""
     headlines: tuple[tuple[str, str, str], ...] = field(default=())
+    """Figures of the summary, beyond those of every model, that end a run's report."""
     table: Callable[[Record], list[str]] | None = None
+    """Lines that end a run's report instead of figures: the cases of a study."""
     resume: Callable[[S, Record, Observer], Outcome] | None = None
+    """Goes on from a record's checkpoint to the end of the scene; its outcome is that of the whole run."""
     view: View | None = None
+    """Writes the page that shows a record in a browser, given its path; with `skin=True`, one with a smooth skin. A
+    run then writes no animation, which would show less and take longer."""
     mesh: Callable[[Record, float | None], bytes] | None = None
+    """Returns the mesh of a record at an instant [s] (None: the end), as a GLB file."""
     watch: Callable[[S, Observer, Watch], Outcome] | None = None
+    """Runs a scene in a live view."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from control.gaits import GAITS, Gait
-from scenes.language.parts import Keys, keys_of, part_of
+from scenes.language.parts import Keys, keys_of, meanings, part_of
 from scenes.language.schema import Section, quantity, setting
 
 LARGEST_SEED = 2**63 - 1
@@ -38,8 +38,7 @@ def gait_keys(*without: str, **defaults: Any) -> Keys:
     return keys_of(
         GAITS,
         by="kind",
-        title="pattern of contraction: a travelling wave or one segment after the other (the paper's two schemes), or, "
-        "in pipes, two anchors in turn",
+        title=f"pattern of contraction; {meanings(GAITS)}",
         without=("impulse", *without),
         defaults=defaults,
         bounds={"amplitude": {"ge": 0, "lt": 1}, "hinge": {"gt": -180, "lt": 180}},

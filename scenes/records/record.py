@@ -97,6 +97,10 @@ class Record:
         """Return the values of a variable."""
         return self.variable(name).values
 
+    def __contains__(self, name: str) -> bool:
+        """Return whether there is a variable of this name."""
+        return any(variable.name == name for variable in self.variables)
+
     def variable(self, name: str) -> Variable:
         """Return a variable; a KeyError with a sentence names those that there are."""
         for variable in self.variables:

@@ -11,23 +11,15 @@ Cells = tuple[str, ...]
 
 
 class Column(NamedTuple):
-    """How an attribute of a row is written.
-
-    Attributes
-    ----------
-    attribute : str
-    form : str
-        Format, as after the colon in an f-string.
-    scale : float
-        Factor of the value.
-    none : str
-        What stands for None and NaN.
-    """
+    """How an attribute of a row is written."""
 
     attribute: str
     form: str = ""
+    """Format, as after the colon in an f-string."""
     scale: float = 1.0
+    """Factor of the value."""
     none: str = ""
+    """What stands for None and NaN."""
 
     def cell(self, row: object) -> str:
         """Return the attribute of a row as text."""

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import worm3d
+from scenes.bench.limits import LIMITS, passes, pipe_of
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene, parse_scene
-from scenes.models.worlds.limits import LIMITS, passes, pipe_of
 from scenes.models.worm.build import simulate
 
 

@@ -59,7 +59,7 @@ def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
     for row, colour in ((0, "0.75"), (-1, "0.35")):
         axes.plot(*joints[row].T, "o-", color=colour, ms=2, lw=1.5)
         axes.plot(*joints[row, -1], "o", color=colour, ms=6)
-    if _has(record, "estimate"):
+    if "estimate" in record:
         axes.plot(*record["estimate"][:, :2].T, color="C3", lw=0.9, label="estimate")
     if seen is not None:
         axes.plot(*seen.place.T, color="C0", lw=1.6, label="its mean over a period")
@@ -88,7 +88,7 @@ def _speed(axes: Axes, record: Record, seen: Tracking | None) -> None:
     wanted = np.asarray(reference_of(_scene(record)).speed(time), dtype=float)
     axes.fill_between(time, (1 - SETTLED) * wanted, (1 + SETTLED) * wanted, color="0.85", lw=0, label="10 % of it")
     axes.plot(time, wanted, color="0.4", lw=1.2, label="asked for")
-    if _has(record, "estimate"):
+    if "estimate" in record:
         state, bound = record["estimate"], BOUND * record["estimate_deviation"]
         kept, k = 1.0 - state[:, _index("slip")], _index("speed")
         _band(axes, record["decision_time"], kept * state[:, k], kept * bound[:, k])
@@ -98,7 +98,7 @@ def _speed(axes: Axes, record: Record, seen: Tracking | None) -> None:
 
 
 def _heading(axes: Axes, record: Record, seen: Tracking | None) -> None:
-    if _has(record, "estimate"):
+    if "estimate" in record:
         bound = BOUND * record["estimate_deviation"][:, _index("heading")]
         turn = _unwrapped_to(record["estimate"][:, _index("heading")], record)
         _band(axes, record["decision_time"], np.rad2deg(turn), np.rad2deg(bound))
@@ -138,7 +138,7 @@ def estimates(record: Record) -> tuple[Figure, Axes]:
     """Draw the errors of the estimated pose, the other estimates, all with bounds, and the normalised innovations."""
     figure = Figure(figsize=(9.0, 7.0), layout="constrained", dpi=120)
     grid = figure.subplots(3, 3, sharex=True)
-    if not _has(record, "estimate"):
+    if "estimate" not in record:
         grid[0, 0].set_title(f"{record.title}: this controller estimates nothing", fontsize=9)
         return figure, grid[0, 0]
     time, state, bound = record["decision_time"], record["estimate"], BOUND * record["estimate_deviation"]
@@ -186,10 +186,6 @@ def _scene(record: Record) -> ControlScene:
 
 def _tracked(record: Record) -> Tracking | None:
     return tracked(record, reference_of(_scene(record)))
-
-
-def _has(record: Record, name: str) -> bool:
-    return any(variable.name == name for variable in record.variables)
 
 
 def _index(name: str) -> int:

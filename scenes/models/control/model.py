@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,10 +24,6 @@ from scenes.models.worm import view as worm_view
 from scenes.records.record import Metric
 from worm3d.values.arrays import FloatArray
 
-if TYPE_CHECKING:
-    pass
-
-
 FIGURES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
 """Stems of the pictures of a controlled run, each the name of a function in `scenes.models.control.figures`."""
 
@@ -39,21 +34,12 @@ NO_MPC = "this controller plans nothing"
 
 
 class Phased:
-    """A controller of which the commanded phase is kept, step by step.
-
-    Parameters
-    ----------
-    controller : WaveController
-
-    Attributes
-    ----------
-    waves : list of float
-        At the begin of each step.
-    """
+    """A controller of which the commanded phase is kept, step by step."""
 
     def __init__(self, controller: WaveController) -> None:
         self.controller = controller
         self.waves: list[float] = []
+        """Commanded phase at the begin of each step [waves]."""
 
     @property
     def period(self) -> float:

@@ -5,27 +5,26 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Literal
 
+from control.controllers import CONTROLLERS
 from control.sensing.sensors import QUANTITIES, Channel
 from scenes.language.parts import Keys, PartSection, keys_of
 from scenes.language.schema import Pair, Section, Tables, quantity, setting, tables
 from scenes.models.worm.schema import SpatialScene
-
-MPC, PI_LOS, OPEN_LOOP = "mpc", "pi_los", "open_loop"
 
 HEADING, LINE, CIRCLE, S_CURVE, SPLINE, WAY_POINTS = "heading", "line", "circle", "s_curve", "spline", "way_points"
 BEGUN = (LINE, CIRCLE, S_CURVE)
 """Kinds of paths that have a start and a direction there; others are where their points are."""
 
 
-class Controller(Section):
+def _which_controller() -> Keys:
+    """Return the key that names one of `CONTROLLERS`; the first is the default."""
+    title = "; ".join(f"{name}: {listed.title}" for name, listed in CONTROLLERS.items())
+    return {"kind": (Literal[tuple(CONTROLLERS)], setting(next(iter(CONTROLLERS)), title=title, aka=("type",)))}
+
+
+class Controller(PartSection, keys=_which_controller()):
     """Controller that drives the worm."""
 
-    kind: Literal["mpc", "pi_los", "open_loop"] = setting(
-        MPC,
-        title="mpc: model predictive control of the gait's parameters; pi_los: PI control of the speed and "
-        "line-of-sight steering; open_loop: the wave that the identified map says, without looking",
-        aka=("type",),
-    )
     mechanism: Literal["hinge", "bias"] = setting("hinge", title="what steers: hinges, or unequal chambers")
     period_s: float = quantity(0.2, unit="s", gt=0, title="time between two decisions", aka=("control_period_s",))
     map: Literal["own", "default"] = setting(

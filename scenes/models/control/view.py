@@ -42,7 +42,7 @@ def overlay(record: Record, scene: ControlScene, rows: NDArray[np.bool_] | slice
     path = path_of(scene)
     if path is not None:
         lines["reference"] = _raised(drawn(path, record["com"][:, :2]), record, scene)
-    if any(variable.name == "horizon" for variable in record.variables):
+    if "horizon" in record:
         lines["horizon"] = _raised(_horizons(record)[rows], record, scene)
     return lines
 

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from planar import figures
 from scenes.models.planar.linkage import INCOMING, LOST, STORED
+from scenes.models.planar.merit import varied
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
@@ -80,7 +81,7 @@ def published_activation(record: Record) -> tuple[Figure, Axes]:
 
 def _curves_by_case(record: Record, name: str) -> dict[str, FloatArray]:
     labelled = zip(record["value"], record[name], strict=True)
-    return {f"{record.summary['vary']} = {value:g}": curve for value, curve in labelled if np.isfinite(curve).any()}
+    return {f"{varied(record)} = {value:g}": curve for value, curve in labelled if np.isfinite(curve).any()}
 
 
 def study_com(record: Record) -> tuple[Figure, Axes]:
@@ -111,8 +112,4 @@ def study_distance(record: Record) -> tuple[Figure, Axes]:
 
 
 def _panels(record: Record, panels: dict[str, FloatArray], what: str) -> tuple[Figure, Axes]:
-    return figures.by_case(record["value"], panels, _vary(record), title=f"{record.title}: {what} by case")
-
-
-def _vary(record: Record) -> str:
-    return str(record.summary["vary"])
+    return figures.by_case(record["value"], panels, varied(record), title=f"{record.title}: {what} by case")

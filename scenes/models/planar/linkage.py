@@ -182,7 +182,7 @@ def animate(record: Record) -> Movie:
         top=record["top_apex"][shown],
         bottom=record["bottom_apex"][shown],
         activation=contraction / (np.abs(contraction).max() or 1.0),
-        ground=float(record["ground"]) if any(v.name == "ground" for v in record.variables) else None,
+        ground=float(record["ground"]) if "ground" in record else None,
     )
 
 

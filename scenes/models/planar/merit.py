@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from planar import status as planar
 from planar.metrics import path_length
 from scenes.models.base import Status
+from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -25,22 +26,21 @@ def status_word(status: planar.Status) -> Status:
     return "done" if status is planar.Status.DONE else "interrupted"
 
 
+def varied(record: Record) -> str:
+    """Return the key of the number that varies from case to case of a study."""
+    return str(record.summary["vary"])
+
+
 @dataclass(frozen=True)
 class Travel:
-    """How far and how fast the centre of mass went.
-
-    Attributes
-    ----------
-    distance : float
-        Along x [m].
-    path_length, mean_speed : float or None
-        Along x, of the centre of mass averaged over one period, which removes its rocking [m], [m/s]; no path without
-        a step, no speed if the run is shorter than a period.
-    """
+    """How far and how fast the centre of mass went."""
 
     distance: float
+    """Displacement along x [m]."""
     path_length: float | None
     mean_speed: float | None
+    """Path [m] and speed [m/s] along x, of the centre of mass averaged over a period, which removes its rocking; None
+    without a step, and the speed if the run is shorter than a period."""
 
     @classmethod
     def of(cls, com: FloatArray, time: FloatArray, period: float) -> Travel:

@@ -19,7 +19,7 @@ from scenes.models.checks import RUN_CHECKS, in_keys, too_much_memory
 from scenes.models.planar.linkage import ADVICE, animate, cumulative_cost, merits, reasons
 from scenes.models.planar.linkage import states as states_of
 from scenes.models.planar.linkage_scene import KEYS, RULES, LinkageScene, LinkageSettings, simulate
-from scenes.models.planar.merit import status_word
+from scenes.models.planar.merit import status_word, varied
 from scenes.records import overview
 from scenes.records.record import Cell, Record
 from worm3d.values.variable import Variable
@@ -118,27 +118,18 @@ MERITS = {
 
 @dataclass(frozen=True)
 class Case:
-    """One case of a study.
-
-    Attributes
-    ----------
-    value : float
-        Of the number that is varied.
-    run : Run or None
-        None if the case was refused or not run.
-    figures : dict
-        Of `MERITS`; all None unless the case came to its end.
-    why : dict
-        Why a figure has no value.
-    sentence : str
-        How the case ended.
-    """
+    """One case of a study."""
 
     value: float
+    """Value of the number that is varied."""
     run: linkage.Run | None
+    """Run of the case; None if it was refused or not run."""
     figures: dict[str, float | None]
+    """Figures of `MERITS`; all None unless the case came to its end."""
     why: dict[str, str]
+    """Why a figure has no value."""
     sentence: str
+    """How the case ended."""
 
     @property
     def done(self) -> bool:
@@ -288,13 +279,9 @@ def _shown(scene: StudyScene, cases: Sequence[Case]) -> tuple[Variable, ...]:
     return (Variable("shown_case", (), number, "1", "case whose states are stored"), *shown, *ground)
 
 
-def _vary(record: Record) -> str:
-    return str(record.summary["vary"])
-
-
 def _overview(record: Record) -> Image:
     panels = {"distance [m]": record["distance"], "work / (weight x distance)": record["cost_of_transport"]}
-    return overview.of_cases(record, _vary(record), panels)
+    return overview.of_cases(record, varied(record), panels)
 
 
 COLUMNS = {
@@ -307,7 +294,7 @@ COLUMNS = {
 
 def _table(record: Record) -> list[str]:
     """Return the cases, a line each, and why a figure has no value."""
-    vary, rows = _vary(record), record.summary["cases"]
+    vary, rows = varied(record), record.summary["cases"]
     assert isinstance(rows, list)
     lines = ["  ".join((vary, *COLUMNS))]
     for row in rows:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import make_dataclass
 from typing import Literal
 
-from scenes.language.parts import PartSection, key_of, keys_of
+from scenes.language.parts import PartSection, key_of, keys_of, meanings
 from scenes.language.schema import Pair, Points, Section, Tables, quantity, setting, tables
 from worm3d.values.parameters import parameters_of
 from worm3d.worlds import WORLDS
@@ -31,17 +31,11 @@ def _kinds() -> dict[str, type]:
     return {**dict.fromkeys(WRITTEN, bare), **WORLDS, NONE: bare}
 
 
-def _named() -> str:
-    """Return what the kinds are that are found by name: the first sentences of their docstrings."""
-    heads = ((name, (world.__doc__ or "").split(".")[0]) for name, world in WORLDS.items())
-    return "; ".join(f"{name}: {head[:1].lower()}{head[1:]}" for name, head in heads)
-
-
 NAMED = keys_of(
     _kinds(),
     by="kind",
     title="plane, the inside of a pipe, a slope that leads into one, a heightfield or a mesh: the worm touches it; "
-    f"{_named()}; none: nothing there",
+    f"{meanings(WORLDS)}; none: nothing there",
 )
 """Keys of the kinds of world that are found by name, and which one it is."""
 

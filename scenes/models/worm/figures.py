@@ -105,10 +105,9 @@ def loads_and_slip(record: Record) -> tuple[Figure, Axes]:
 
 def energy_ledger(record: Record) -> tuple[Figure, Axes]:
     """Draw where the energy comes from and goes to."""
-    known = {variable.name for variable in record.variables}
 
     def summed(names: tuple[str, ...]) -> dict[str, FloatArray]:
-        given = {name: record[name] for name in names if name in known}
+        given = {name: record[name] for name in names if name in record}
         return {n.replace("_", " "): np.cumsum(each) for n, each in given.items() if n in ALWAYS or np.any(each)}
 
     title = f"{record.title}: energy, summed over the run"

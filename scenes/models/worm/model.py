@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import worm3d
 from scenes.language.checks import Check
@@ -15,9 +15,6 @@ from scenes.models.worm.build import KEYS, Drive, simulate
 from scenes.models.worm.checks import PLANAR_CHECKS, WORM_CHECKS
 from scenes.models.worm.schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
 from scenes.records.record import Cell, Record
-
-if TYPE_CHECKING:
-    pass
 
 S = TypeVar("S", WormScene, PlanarWormScene)
 
