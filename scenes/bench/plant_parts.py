@@ -15,7 +15,7 @@ import numpy as np
 
 from scenes.bench.plant_measures import DT, crawl, us_per_step
 from worm3d import Friction, Result
-from worm3d.machine.banded_lu import lu_factor, lu_solve
+from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import njit
 from worm3d.plant import Plant
 from worm3d.problem import held_mask

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from bands import banded
 
-from worm3d.machine.banded import WIDTH, B
-from worm3d.machine.banded_lu import BLOCK, lu_factor, lu_solve
+from worm3d.machine.banded import BLOCK, WIDTH, B, lu_factor, lu_solve
 
 SIZES = [*range(1, 15), 33, 35, 100, 205]
 GROUP = 13

@@ -19,7 +19,6 @@ from worm3d.machine.codegen import (
     compile_kernel,
     emit,
     evaluate,
-    evaluate_some,
     native,
     program,
     this_host,
@@ -301,7 +300,7 @@ def test_compiled_code_calls_a_kernel_by_its_address(backend: kernels.Backend) -
 
 @numba.njit
 def _some(address: int, inputs: np.ndarray, outputs: np.ndarray, first: int, count: int) -> None:
-    evaluate_some(address, inputs, outputs, first, count)
+    evaluate(address, inputs, outputs, count, first)
 
 
 @pytest.mark.parametrize("backend", ["llvm", "casadi"])

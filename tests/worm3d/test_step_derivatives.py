@@ -6,7 +6,7 @@ from bands import dense
 from numpy.testing import assert_allclose
 
 from worm3d import Friction, Plane, Worm
-from worm3d.machine.banded_lu import lu_factor, lu_solve
+from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import njit
 from worm3d.physics.kernels import point
 from worm3d.plant import Plant

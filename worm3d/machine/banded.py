@@ -1,14 +1,31 @@
-"""Banded linear systems in compiled code: root-free Cholesky; LU for unsymmetric ones is in `worm3d.machine.banded_lu`.
+"""Banded linear systems in compiled code: root-free Cholesky, and LU factors block by block without pivoting.
 
 A matrix of size n with half bandwidth B stands by rows: entry (i, j) at [i, B + j - i], in an array (n + B, WIDTH)
 whose other entries are zero: with columns to spare and B rows below the end every inner loop has the same length, so
 that it is a few vector instructions. The cost is linear in n.
+
+LU is for the unsymmetric matrices of Newton's steps. Coordinates come in blocks of five; what couples them are groups
+of 13 that begin with a block, and entries outside of all these must be zero. So a block concerns itself and 8
+coordinates behind it. With A as the blocks before have left it,
+
+    [A11 A12]   A11 (5, 5)   H = A11^-1 A12
+    [A21 A22]   A22 (8, 8)   G = A21 A11^-1   A22 - A21 H is left to the next block
+
+Rows of 8 numbers stay in registers. In a solution, too, little waits for the block before: forwards the 8 numbers
+behind a block lose G y, y being its own; backwards these become A11^-1 y - H x with the 8 numbers x behind it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from llvmlite import ir
+
 from worm3d.machine.compiled import njit
 from worm3d.machine.vectors import subtract_16
+from worm3d.machine.writer import DOUBLE, LANES, Writer, on_addresses, utils
 from worm3d.values.arrays import FloatArray
 
 B = 12
@@ -17,6 +34,15 @@ WIDTH = 40
 """Columns: 2 B + 1, some that vector instructions read beyond, and up to a multiple of 8."""
 SMALLEST_PIVOT = 1e-14
 """Least pivot of a positive definite matrix, as a fraction of the diagonal entry."""
+BLOCK = 5
+"""Coordinates of a block."""
+_SHARED = LANES - BLOCK
+"""Coordinates that a block shares with the second block behind it."""
+_ROOM = BLOCK * WIDTH
+"""Numbers of a block in the array of the factors."""
+_INVERSE, _H, _G, _CORNER, _Y = (LANES * k for k in (0, 5, 10, 15, 23))
+"""First number of each part of a block's factors: 5 rows of A11^-1 with the first columns of H, 5 rows of H, 5 columns
+of G, the first 8 rows and columns of A, and the block's right-hand side."""
 
 
 @njit
@@ -53,3 +79,190 @@ def cholesky_solve(band: FloatArray, x: FloatArray) -> bool:
             total -= band[j, B + m] * x[j + m]
         x[j] = total / band[j, B]
     return True
+
+
+def _of_matrix(row: int, column: int) -> int:
+    """Return where an entry stands, counted from one on the diagonal."""
+    return row * (WIDTH - 1) + column
+
+
+def _inverse(w: Writer, pivot: Any, diagonal: Any) -> Any:
+    """Return 1/pivot, zero where the pivot has vanished."""
+    least = w.builder.fmul(w.size(diagonal), ir.Constant(DOUBLE, SMALLEST_PIVOT))
+    one, zero = (ir.Constant(DOUBLE, value) for value in (1.0, 0.0))
+    return w.select(w.compare("ole", w.size(pivot), least), zero, w.div(one, pivot))  # a NaN has not vanished
+
+
+def _eliminated(w: Writer, factors: Any, band: Any, between: Callable[[int], None]) -> tuple[list[Any], list[Any]]:
+    """Return the rows of A11^-1, with the first columns of H, and of H, by Gauss-Jordan elimination.
+
+    What `between` writes after each pivot is done while that waits for the next one.
+    """
+    near = [w.load(factors, _CORNER + LANES * r) for r in range(BLOCK)]
+    far = [w.load(band, _of_matrix(r, LANES)) for r in range(BLOCK)]
+    pivot = w.lane(near[0], 0)
+    for k in range(BLOCK):
+        inverse = _inverse(w, pivot, w.number(band, _of_matrix(k, k)))
+        if k + 1 < BLOCK:  # ahead of the rows, for the next inverse takes longest
+            product = w.mul(w.lane(near[k + 1], k), w.lane(near[k], k + 1))
+            pivot = w.less(w.lane(near[k + 1], k + 1), product, inverse)
+        own = [w.mul(w.spread_number(inverse), row) for row in (w.exchanged(near[k], w.splat(1.0), k), far[k])]
+        for r in range(BLOCK):
+            if r != k:
+                factor = w.spread(near[r], k)
+                near[r] = w.less(w.exchanged(near[r], w.splat(0.0), k), factor, own[0])
+                far[r] = w.less(far[r], factor, own[1])
+        near[k], far[k] = own
+        between(k)
+    return near, [w.lanes(x, y, list(range(BLOCK, BLOCK + LANES))) for x, y in zip(near, far, strict=True)]
+
+
+def _below(w: Writer, factors: Any, band: Any, r: int) -> list[Any]:
+    """Return the numbers of a row of A21; the first three rows are in the corner."""
+    if r < _SHARED:
+        return [w.spread_number(w.number(factors, _CORNER + LANES * (BLOCK + r) + j)) for j in range(BLOCK)]
+    return [w.spread_number(w.number(band, _of_matrix(BLOCK + r, j))) for j in range(BLOCK)]
+
+
+def _behind(w: Writer, factors: Any, band: Any, r: int) -> Any:
+    """Return a row of A22; of the first three rows three numbers are in the corner."""
+    row = w.load(band, _of_matrix(BLOCK + r, BLOCK))
+    if r >= _SHARED:
+        return row
+    return w.lanes(w.load(factors, _CORNER + LANES * (BLOCK + r)), row, [5, 6, 7, 11, 12, 13, 14, 15])
+
+
+def _write_corner(w: Writer, factors: Any, band: Any, h: list[Any]) -> None:
+    """Put down what is left to the next block."""
+    for r in range(LANES):
+        row = w.less_sum(_behind(w, factors, band, r), _below(w, factors, band, r), h)
+        w.store(row, factors, _ROOM + _CORNER + LANES * r)
+
+
+@on_addresses()
+def _begin(w: Writer, factors: Any, band: Any) -> None:
+    """Put down the corner of a block as it is in the matrix."""
+    for r in range(LANES):
+        w.store(w.load(band, _of_matrix(r, 0)), factors, _CORNER + LANES * r)
+
+
+@on_addresses()
+def _again(w: Writer, factors: Any, band: Any) -> None:
+    """Put down what is left to the next block by one whose factors are there."""
+    _write_corner(w, factors, band, [w.load(factors, _H + LANES * r) for r in range(BLOCK)])
+
+
+@on_addresses()
+def _eliminate(w: Writer, factors: Any, band: Any, before: Any, band_before: Any) -> None:
+    """Put down A11^-1 and H of a block, its corner for the next one, and meanwhile G of the block before."""
+    places = [(before, _CORNER + LANES * (BLOCK + r)) for r in range(_SHARED)]
+    places += [(band_before, _of_matrix(BLOCK + r, 0)) for r in range(_SHARED, LANES)]
+    below = w.transposed([w.load(*place) for place in places])[:BLOCK]
+
+    def between(k: int) -> None:
+        inverse = [w.spread_number(w.number(before, _INVERSE + LANES * r + k)) for r in range(BLOCK)]
+        w.store(w.sum(inverse, below), before, _G + LANES * k)
+
+    near, h = _eliminated(w, factors, band, between)
+    _write_corner(w, factors, band, h)
+    for r in range(BLOCK):
+        w.store(near[r], factors, _INVERSE + LANES * r)
+        w.store(h[r], factors, _H + LANES * r)
+
+
+@on_addresses()
+def _forwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
+    """Put down y of each block of a right-hand side."""
+    place = utils.alloca_once_value(w.builder, w.load_some(x, n))
+    with _blocks(w.builder, n) as block:
+        here, y = w.shifted(factors, block, _ROOM), w.builder.load(place)
+        done = w.builder.mul(w.builder.add(block, w.count(1)), w.count(BLOCK))
+        w.store(y, here, _Y)
+        ahead = w.load_some(w.shifted(x, done), w.builder.sub(n, done))
+        ahead = w.lanes(y, ahead, [5, 6, 7, 11, 12, 13, 14, 15])
+        g = [w.load(here, _G + LANES * j) for j in range(BLOCK)]
+        w.builder.store(w.less_sum(ahead, [w.spread(y, j) for j in range(BLOCK)], g), place)
+
+
+@on_addresses()
+def _backwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
+    """Put down the solution, from the last block to the first."""
+    place = utils.alloca_once_value(w.builder, w.splat(0.0))
+    with _blocks(w.builder, n, backwards=True) as block:
+        here, done = w.shifted(factors, block, _ROOM), w.builder.mul(block, w.count(BLOCK))
+        y = w.lanes(w.load(here, _Y), w.splat(0.0), [0, 1, 2, 3, 4, 13, 14, 15])
+        behind = w.builder.load(place)
+        own = [w.mul(w.load(here, _INVERSE + LANES * r), y) for r in range(BLOCK)]
+        found = _totals(w, [w.less(own[r], w.load(here, _H + LANES * r), behind) for r in range(BLOCK)], behind)
+        w.builder.store(found, place)
+        w.store_some(found, w.shifted(x, done), w.builder.sub(n, done))
+
+
+_ODD = [0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]
+_HALVES = [0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15]
+_QUARTERS = [0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]
+"""Lanes of two vectors that are added to each other, to sum them up."""
+
+
+def _totals(w: Writer, rows: list[Any], rest: Any) -> Any:
+    """Return the sums of the lanes of five vectors, and the first three lanes of another one."""
+    a, b, c = (_folded(w, x, y, _ODD) for x, y in ((rows[0], rows[1]), (rows[2], rows[3]), (rows[4], rows[4])))
+    low = w.lanes(c, w.lanes(rest, w.splat(0.0), [8, 0, 8, 8, 1, 2, 8, 8]), [0, 9, 2, 11, 12, 13, 14, 15])
+    c = w.add(low, w.lanes(c, w.splat(0.0), [4, 8, 6, 8, 8, 8, 8, 8]))
+    return _folded(w, _folded(w, a, b, _HALVES), c, _QUARTERS)
+
+
+def _folded(w: Writer, x: Any, y: Any, parts: tuple[list[int], list[int]]) -> Any:
+    """Return the sum of two choices of lanes."""
+    return w.add(*(w.lanes(x, y, part) for part in parts))
+
+
+@contextmanager
+def _blocks(builder: Any, n: Any, *, backwards: bool = False) -> Iterator[Any]:
+    """Write a loop over the blocks of n coordinates."""
+    count = builder.sdiv(builder.add(n, ir.Constant(n.type, BLOCK - 1)), ir.Constant(n.type, BLOCK))
+    with utils.for_range(builder, count) as loop:
+        last = builder.sub(count, ir.Constant(n.type, 1))
+        yield builder.sub(last, loop.index) if backwards else loop.index
+
+
+@njit
+def lu_factor(band: FloatArray, factors: FloatArray, start: int) -> None:
+    """Factorise A by elimination without pivoting.
+
+    The matrices of a step are close to positive definite ones; what is lost where they are not, Newton's next residual
+    shows. A coordinate with neither mass nor stiffness left, such as the roll of a body without apex masses, stays.
+
+    Parameters
+    ----------
+    band : ndarray, shape (n + B, WIDTH)
+    factors : ndarray, shape (n + B, WIDTH)
+        Overwritten by the factors, in an order of their own.
+    start : int
+        The first coordinate of a block: those of the blocks before it are there already; A is as it was then, but for
+        rows and columns from here on.
+    """
+    blocks, first = (len(band) - B + BLOCK - 1) // BLOCK, start // BLOCK
+    to, source = factors.ctypes.data, band.ctypes.data + 8 * B
+    room, rows = 8 * _ROOM, 8 * BLOCK * WIDTH
+    known = max(0, first - 2)  # with no more than its last rows right, which alone count for the block after it
+    _begin(to + known * room, source + known * rows)
+    for k in range(known, first):
+        _again(to + k * room, source + k * rows)
+    for k in range(first, blocks):
+        before = max(k - 1, first)  # G of the first one is made twice: no other block is to be touched
+        _eliminate(to + k * room, source + k * rows, to + before * room, source + before * rows)
+
+
+@njit
+def lu_solve(factors: FloatArray, x: FloatArray) -> None:
+    """Solve A x = b in place with the factors of `lu_factor`; x holds b.
+
+    Parameters
+    ----------
+    factors : ndarray, shape (n + B, WIDTH)
+        Working memory too.
+    x : ndarray, shape (n,)
+    """
+    _forwards(factors.ctypes.data, x.ctypes.data, len(x))
+    _backwards(factors.ctypes.data, x.ctypes.data, len(x))

@@ -13,7 +13,6 @@ import numpy as np
 from worm3d.machine import vectors
 from worm3d.machine.banded import B
 from worm3d.machine.codegen import evaluate as run
-from worm3d.machine.codegen import evaluate_some as run_some
 from worm3d.machine.compiled import inner, njit
 from worm3d.machine.vectors import add_congruent
 from worm3d.physics.kernels import joint, point, segment
@@ -228,7 +227,7 @@ def _exchange(core: Core) -> None:
     for first in range(0, len(changed), vectors.WIDTH):
         if vectors.greatest(address(core.block, a.CHANGED, 0) + 8 * first, vectors.WIDTH) == 0.0:
             continue
-        run_some(kernel(core, a.POINT_STIFFNESS), point_in, matrix(core.block, a.POINT_ANEW), first, vectors.WIDTH)
+        run(kernel(core, a.POINT_STIFFNESS), point_in, matrix(core.block, a.POINT_ANEW), vectors.WIDTH, first)
         if known[first % lanes // vectors.WIDTH] == 0.0:
             _differentiate(core, first % lanes)
         for k in range(first, first + vectors.WIDTH):
@@ -240,7 +239,7 @@ def _exchange(core: Core) -> None:
 def _differentiate(core: Core, first: int) -> None:
     """Compute the derivatives of the points of a vector of segments."""
     segment_in, count = matrix(core.block, a.SEGMENT_IN), min(vectors.WIDTH, core.n - first)
-    run_some(kernel(core, a.SEGMENT_JACOBIAN), segment_in, matrix(core.block, a.POINTS_JACOBIAN), first, count)
+    run(kernel(core, a.SEGMENT_JACOBIAN), segment_in, matrix(core.block, a.POINTS_JACOBIAN), count, first)
     _transpose(core, a.POINTS_JACOBIAN, 0, a.JACOBIANS, first)
     vector(core.block, a.KNOWN)[first // vectors.WIDTH] = 1.0
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from worm3d.machine import vectors
-from worm3d.machine.banded_lu import lu_factor, lu_solve
+from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import point
 from worm3d.solver import arrays as a

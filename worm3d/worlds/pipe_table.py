@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 
-from worm3d.machine.codegen import evaluate, evaluate_some
+from worm3d.machine.codegen import evaluate
 from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
 from worm3d.machine.compiled import inner
 from worm3d.machine.vectors import integers_at
@@ -157,7 +157,7 @@ def pipe(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int, 
     for first in range(0, count, kernels.LANES):
         end = min(first + kernels.LANES, count)
         if _choose(p, signs, own, first, end):
-            evaluate_some(formula, given, out, first, end - first)
+            evaluate(formula, given, out, end - first, first)
         for lane in range(first, end):
             out[_GRIP, lane] = abs(out[_GRIP, lane])
     return FINE

@@ -15,7 +15,7 @@ results equal CasADi's virtual machine up to rounding and NaN goes where it goes
 a NaN beside a number, there as here.
 """
 
-from worm3d.machine.codegen.call import evaluate, evaluate_some
+from worm3d.machine.codegen.call import evaluate
 from worm3d.machine.codegen.kernel import Backend, FallbackWarning, Kernel, Origin, compile_kernel
 from worm3d.machine.codegen.native import Host, this_host
 from worm3d.machine.codegen.program import UnsupportedError
@@ -29,6 +29,5 @@ __all__ = [
     "UnsupportedError",
     "compile_kernel",
     "evaluate",
-    "evaluate_some",
     "this_host",
 ]

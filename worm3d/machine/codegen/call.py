@@ -47,23 +47,12 @@ _invoke: Any = intrinsic(_type_invoke)
 
 
 @kept
-def evaluate(address: int, inputs: npt.NDArray[np.float64], outputs: npt.NDArray[np.float64], count: int) -> None:
+def evaluate(
+    address: int, inputs: npt.NDArray[np.float64], outputs: npt.NDArray[np.float64], count: int, first: int = 0
+) -> None:
     """Evaluate `count` instances of the kernel at `address`, in compiled code; arrays as for `Kernel.__call__`.
 
-    Raises
-    ------
-    ValueError
-        If the shapes are not the kernel's.
-    """
-    if _invoke(address, inputs, outputs, 0, count) != 0:
-        raise ValueError("kernel: the arrays have not the kernel's rows or not enough lanes (see Kernel.allocate)")
-
-
-@kept
-def evaluate_some(
-    address: int, inputs: npt.NDArray[np.float64], outputs: npt.NDArray[np.float64], first: int, count: int
-) -> None:
-    """Evaluate `count` instances from lane `first` on, a multiple of the kernel's width; otherwise as `evaluate`.
+    The instances begin at lane `first`, a multiple of the kernel's width.
 
     Raises
     ------

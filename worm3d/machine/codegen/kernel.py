@@ -15,20 +15,20 @@ import casadi
 import numpy as np
 
 from worm3d.machine import cache
-from worm3d.machine.codegen import casadi_vm as machine
-from worm3d.machine.codegen import native, program
+from worm3d.machine.codegen import casadi_vm, native, program
 from worm3d.machine.codegen.emit import FINE
 from worm3d.values.arrays import FloatArray
 
 FOLDER = "kernels"
 """Folder of kernels in the cache."""
+
 Backend = Literal["llvm", "casadi"]
 ALIGNMENT = 64
 """Size of a cache line, and of the widest vector [byte]."""
 SECONDS_PER_INSTRUCTION = 5e-5
 """Time to compile an instruction, measured with functions of 8,000 to 34,000 of them [s]."""
 PATIENCE = 1.0
-"""Expected compile time above which it is announced [s]."""
+"""Longest expected compile time that is not announced [s]."""
 
 
 class FallbackWarning(RuntimeWarning):
@@ -152,7 +152,7 @@ def compile_kernel(
     """
     if backend not in ("llvm", "casadi"):
         raise ValueError(f"backend is {backend!r}, must be 'llvm' or 'casadi'")
-    program.check_kind(function)
+    program.require_sx(function)
     if backend == "casadi":
         return _virtual(function)
     try:
@@ -201,8 +201,8 @@ def _native(
 
 def _announce(function: casadi.Function, notify: Callable[[str], None]) -> None:
     count = function.n_instructions()
-    if count * SECONDS_PER_INSTRUCTION > PATIENCE:
-        seconds = count * SECONDS_PER_INSTRUCTION
+    seconds = count * SECONDS_PER_INSTRUCTION
+    if seconds > PATIENCE:
         notify(f"Compiling {function.name()!r} ({count} instructions): about {seconds:.0f} s, this once.")
 
 
@@ -211,13 +211,13 @@ def _to_standard_error(message: str) -> None:
 
 
 def _virtual(function: casadi.Function) -> Kernel:
-    address, owner = machine.evaluator(function)
+    address, owner = casadi_vm.evaluator(function)
     _VIRTUAL.append(owner)
     return _kernel(function, 1, "casadi", Origin.VIRTUAL_MACHINE, address)
 
 
 def _kernel(function: casadi.Function, width: int, backend: Backend, origin: Origin, address: int) -> Kernel:
-    call = machine.SIGNATURE(address)
+    call = casadi_vm.SIGNATURE(address)
     return Kernel(function.name(), function.nnz_in(), function.nnz_out(), width, backend, origin, address, call)
 
 

@@ -39,7 +39,7 @@ class Program(NamedTuple):
 NAMES = {getattr(casadi, key): key[3:].lower() for key in dir(casadi) if key.startswith("OP_")}
 
 
-def check_kind(function: casadi.Function) -> None:
+def require_sx(function: casadi.Function) -> None:
     """Raise UnsupportedError unless `function` is an SX function without free variables."""
     if not function.is_a("SXFunction"):
         raise UnsupportedError(
@@ -53,14 +53,7 @@ def check_kind(function: casadi.Function) -> None:
 
 
 def read(function: casadi.Function) -> Program:
-    """Return the instructions of an SX function.
-
-    Raises
-    ------
-    UnsupportedError
-        If it is no SX function or has free variables.
-    """
-    check_kind(function)
+    """Return the instructions of a function that `require_sx` accepts."""
     first_in = _offsets([function.nnz_in(i) for i in range(function.n_in())])
     first_out = _offsets([function.nnz_out(i) for i in range(function.n_out())])
     listed = tuple(_instruction(function, k, first_in, first_out) for k in range(function.n_instructions()))
