@@ -107,7 +107,7 @@ def energy_ledger(
 def space_time(
     panels: Mapping[str, tuple[FloatArray, FloatArray]], ylabel: str, title: str = "Space and time"
 ) -> tuple[Figure, Axes]:
-    """Draw what happens where and when, as colours over time and place along the worm; one panel for each quantity.
+    """Draw quantities as colours over time and place, a panel for each; return the last axes.
 
     Parameters
     ----------
@@ -116,11 +116,6 @@ def space_time(
         99.5th percentile, so that a short impact does not hide the rest.
     ylabel : str
         What the places are.
-
-    Returns
-    -------
-    figure, axes
-        The axes are those of the last panel.
     """
     figure = Figure(figsize=(6.4, 2.6 * len(panels)), layout="constrained", dpi=120)
     rows = np.ravel(figure.subplots(len(panels), 1, sharex=True))
@@ -148,7 +143,7 @@ def space_time(
 def by_case(
     parameter: FloatArray, panels: Mapping[str, FloatArray], xlabel: str, title: str = "Cases"
 ) -> tuple[Figure, Axes]:
-    """Draw figures of merit over the parameter that was varied; one panel for each figure.
+    """Draw figures of merit over the parameter that was varied, a panel for each; return the first axes.
 
     Parameters
     ----------
@@ -158,11 +153,6 @@ def by_case(
         Name of the figure with its unit, and its values; where one is not finite, the panel says "none".
     xlabel : str
         What was varied.
-
-    Returns
-    -------
-    figure, axes
-        The axes are those of the first panel.
     """
     figure = Figure(figsize=(1.0 + 3.9 * len(panels), 3.6), layout="constrained", dpi=120)
     columns = np.ravel(figure.subplots(1, len(panels)))

@@ -23,7 +23,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +36,6 @@ from worm3d.values.arguments import require_room
 from worm3d.values.arrays import FloatArray
 
 __all__ = ["Activation", "Observer", "Parameters", "Run", "simulate", "travelling_wave"]
-
-Number = TypeVar("Number", np.float64, np.int64)
 
 Activation = Callable[[float], FloatArray]
 """Time [s] -> activation of each segment, ndarray of shape (n,); 1 means the full `contraction_force`."""
@@ -295,27 +292,18 @@ def _stop(worm: _Worm, status: Status, step: int, residual: FloatArray) -> Stop:
 
 def _collect(n: int, dt: float, worm: _Worm, done: list[_Step], stop: Stop) -> Run:
     shape = (-1, *worm.net.rest.shape)
-
-    def stack(rows: list[FloatArray]) -> FloatArray:
-        return _frozen(np.array(rows, dtype=float).reshape(shape))
-
     return Run(
         n=n,
         dt=dt,
         parameters=worm.parameters,
-        time=_frozen(np.arange(len(done) + 1, dtype=float) * dt),
-        q=stack([worm.net.rest.ravel(), *(s.q for s in done)]),
-        start=stack([s.start for s in done]),
-        contraction_force=stack([s.contract for s in done]),
-        friction_force=stack([s.friction for s in done]),
-        activation=_frozen(np.array([s.activation for s in done]).reshape(-1, n)),
-        newton_iterations=_frozen(np.array([s.iterations for s in done], dtype=np.int64)),
-        residual=_frozen(np.array([s.solution.norm for s in done])),
+        time=np.arange(len(done) + 1, dtype=float) * dt,
+        q=np.array([worm.net.rest.ravel(), *(s.q for s in done)]).reshape(shape),
+        start=np.array([s.start for s in done]).reshape(shape),
+        contraction_force=np.array([s.contract for s in done]).reshape(shape),
+        friction_force=np.array([s.friction for s in done]).reshape(shape),
+        activation=np.array([s.activation for s in done]).reshape(-1, n),
+        newton_iterations=np.array([s.iterations for s in done], dtype=np.int64),
+        residual=np.array([s.solution.norm for s in done]),
         stop=stop,
         net=worm.net,
     )
-
-
-def _frozen(array: NDArray[Number]) -> NDArray[Number]:
-    array.setflags(write=False)
-    return array

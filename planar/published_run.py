@@ -12,10 +12,11 @@ from planar.metrics import p11_work, p12_cost_of_transport
 from planar.published_worm import Net, Parameters
 from planar.status import Status, Stop
 from worm3d.values.arrays import FloatArray
+from worm3d.values.read_only import ReadOnly
 
 
 @dataclass(frozen=True)
-class Run:
+class Run(ReadOnly):
     """A run of the program; S finished steps, T = S + 1 instants, n segments."""
 
     n: int

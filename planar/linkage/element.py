@@ -98,20 +98,13 @@ def normal_load(depth: float, depth_n: float, dt: float, k: float, c: float) -> 
 
 @kept
 def friction_gauge(
-    s: float,
-    s_n: float,
-    dt: float,
-    forward: float,
-    backward: float,
-    least: float,
-    yield_gauge: float,
-    gauge_damping: float,
+    s: float, s_n: float, dt: float, forward: float, backward: float, ground: Ground
 ) -> tuple[float, float, float]:
     """Return y = s - s*, its coefficient mu and b of (G2)."""
-    r = 1.0 / (1.0 / yield_gauge + gauge_damping / dt)
-    y = s - gauge_damping / dt * r * s_n
+    r = 1.0 / (1.0 / ground.yield_gauge + ground.gauge_damping / dt)
+    y = s - ground.gauge_damping / dt * r * s_n
     mu = forward if y > 0.0 else backward
-    return y, mu, r / max(mu, least)
+    return y, mu, r / max(mu, ground.least)
 
 
 @kept
@@ -120,16 +113,8 @@ def apex_gauge(i: int, j: int, x: float, ground: Ground, now: Now) -> tuple[floa
     forward, backward = ground.mu_forward[i], ground.mu_backward[i]
     if now.regime[i, j] >= STICK:
         forward = backward = forward if now.regime[i, j] % 2 == 0 else backward
-    gauge: tuple[float, float, float] = friction_gauge(
-        now.direction[i] * (x - now.anchor[i, j]),
-        now.slide_n[i, j],
-        now.dt,
-        forward,
-        backward,
-        ground.least,
-        ground.yield_gauge,
-        ground.gauge_damping,
-    )
+    s = now.direction[i] * (x - now.anchor[i, j])
+    gauge: tuple[float, float, float] = friction_gauge(s, now.slide_n[i, j], now.dt, forward, backward, ground)
     return gauge
 
 

@@ -156,8 +156,6 @@ class Ledger:
 
 
 class _Terms:
-    """Helper that holds the kinematics of all parts."""
-
     def __init__(self, p: _Parts, worm: Linkage, ground: Ground | None, gravity: FloatArray, anchored: bool) -> None:
         self.p, self.worm, self.ground, self.gravity, self.anchored = p, worm, ground, gravity, anchored
         a = worm.link_length
@@ -365,6 +363,5 @@ def _per(dt: FloatArray, like: FloatArray) -> FloatArray:
 
 
 def _weighted(mass: FloatArray, values: FloatArray) -> FloatArray:
-    """Sum mass-weighted values over all points; shape (P,)."""
     weighted: FloatArray = (mass * values).reshape(len(values), -1).sum(axis=1)
     return weighted

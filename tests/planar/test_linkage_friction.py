@@ -271,7 +271,7 @@ def crawl(mu_forward: float, mu_backward: float, cycles: int, steps: int) -> tup
         return np.concatenate([[0.0], np.cumsum(1 + 0.3 * np.sin(2 * np.pi * (i / 6 - t / T)))])
 
     def gauge(s: float, s_n: float) -> tuple[float, float, float]:
-        return friction_gauge(s, s_n, dt, mu[0], mu[1], ground.least, ground.yield_gauge, ground.gauge_damping)
+        return friction_gauge(s, s_n, dt, mu[0], mu[1], ground)
 
     def force(s: float, s_n: float) -> float:
         y, coefficient, b = gauge(s, s_n)

@@ -133,7 +133,7 @@ def _behind(w: Writer, factors: Any, band: Any, r: int) -> Any:
 
 
 def _write_corner(w: Writer, factors: Any, band: Any, h: list[Any]) -> None:
-    """Put down what is left to the next block."""
+    """Write what is left to the next block."""
     for r in range(LANES):
         row = w.less_sum(_behind(w, factors, band, r), _below(w, factors, band, r), h)
         w.store(row, factors, _ROOM + _CORNER + LANES * r)
@@ -141,20 +141,20 @@ def _write_corner(w: Writer, factors: Any, band: Any, h: list[Any]) -> None:
 
 @on_addresses()
 def _begin(w: Writer, factors: Any, band: Any) -> None:
-    """Put down the corner of a block as it is in the matrix."""
+    """Write the corner of a block as it is in the matrix."""
     for r in range(LANES):
         w.store(w.load(band, _of_matrix(r, 0)), factors, _CORNER + LANES * r)
 
 
 @on_addresses()
 def _again(w: Writer, factors: Any, band: Any) -> None:
-    """Put down what is left to the next block by one whose factors are there."""
+    """Write what is left to the next block by one whose factors are there."""
     _write_corner(w, factors, band, [w.load(factors, _H + LANES * r) for r in range(BLOCK)])
 
 
 @on_addresses()
 def _eliminate(w: Writer, factors: Any, band: Any, before: Any, band_before: Any) -> None:
-    """Put down A11^-1 and H of a block, its corner for the next one, and meanwhile G of the block before."""
+    """Write A11^-1 and H of a block, its corner for the next one, and meanwhile G of the block before."""
     places = [(before, _CORNER + LANES * (BLOCK + r)) for r in range(_SHARED)]
     places += [(band_before, _of_matrix(BLOCK + r, 0)) for r in range(_SHARED, LANES)]
     below = w.transposed([w.load(*place) for place in places])[:BLOCK]
@@ -172,7 +172,7 @@ def _eliminate(w: Writer, factors: Any, band: Any, before: Any, band_before: Any
 
 @on_addresses()
 def _forwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
-    """Put down y of each block of a right-hand side."""
+    """Write y of each block of a right-hand side."""
     place = utils.alloca_once_value(w.builder, w.load_some(x, n))
     with _blocks(w.builder, n) as block:
         here, y = w.shifted(factors, block, _ROOM), w.builder.load(place)
@@ -186,7 +186,7 @@ def _forwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
 
 @on_addresses()
 def _backwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
-    """Put down the solution, from the last block to the first."""
+    """Write the solution, from the last block to the first."""
     place = utils.alloca_once_value(w.builder, w.splat(0.0))
     with _blocks(w.builder, n, backwards=True) as block:
         here, done = w.shifted(factors, block, _ROOM), w.builder.mul(block, w.count(BLOCK))
@@ -213,13 +213,11 @@ def _totals(w: Writer, rows: list[Any], rest: Any) -> Any:
 
 
 def _folded(w: Writer, x: Any, y: Any, parts: tuple[list[int], list[int]]) -> Any:
-    """Return the sum of two choices of lanes."""
     return w.add(*(w.lanes(x, y, part) for part in parts))
 
 
 @contextmanager
 def _blocks(builder: Any, n: Any, *, backwards: bool = False) -> Iterator[Any]:
-    """Write a loop over the blocks of n coordinates."""
     count = builder.sdiv(builder.add(n, ir.Constant(n.type, BLOCK - 1)), ir.Constant(n.type, BLOCK))
     with utils.for_range(builder, count) as loop:
         last = builder.sub(count, ir.Constant(n.type, 1))

@@ -5,10 +5,9 @@ Any change makes them other functions (`worm3d.machine.cache.functions`). Where 
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -57,8 +56,11 @@ def cfunc(
     """
     # numba.cfunc, which compiles at once, lets nobody choose the cache.
     compiled = keep(CFunc(function, _typed(signature), locals={}, options={}), _version_of(function), missed)
-    with _configured("OPT", optimisation):
+    before, numba.config.OPT = numba.config.OPT, optimisation  # type: ignore[attr-defined]
+    try:
         compiled.compile()
+    finally:
+        numba.config.OPT = before  # type: ignore[attr-defined]
     return compiled
 
 
@@ -72,17 +74,6 @@ def announce() -> None:
     else:
         sys.stderr.write(f"worm3d: compiling, for about half a minute, every time: {why}\n")
     sys.stderr.flush()
-
-
-@contextlib.contextmanager
-def _configured(name: str, value: object) -> Iterator[None]:
-    """Set one of Numba's options for a while."""
-    before = getattr(numba.config, name)
-    setattr(numba.config, name, value)
-    try:
-        yield
-    finally:
-        setattr(numba.config, name, before)
 
 
 def _version_of(function: Callable[..., Any]) -> Callable[[], str]:

@@ -201,7 +201,7 @@ class Writer:
         return self.builder.load(self.pointer(self.shifted(address, shift), self.vector), align=BYTES)
 
     def store(self, value: Any, address: Any, shift: int = 0) -> None:
-        """Put a vector down."""
+        """Write a vector."""
         self.builder.store(value, self.pointer(self.shifted(address, shift), self.vector), align=BYTES)
 
     def number(self, address: Any, shift: int) -> Any:
@@ -214,12 +214,11 @@ class Writer:
         return self._masked("load", self.vector, args)
 
     def store_some(self, value: Any, address: Any, count: Any) -> None:
-        """Put the first doubles down, at most so many."""
+        """Write the first doubles, at most so many."""
         args = [value, self.pointer(address, self.vector), ir.Constant(INDEX, BYTES), self._first(count)]
         self._masked("store", ir.VoidType(), args)
 
     def _first(self, count: Any) -> Any:
-        """Return the mask of so many lanes."""
         order = ir.Constant(ir.VectorType(INT, self.width), list(range(self.width)))
         return self.builder.icmp_signed("<", order, self.spread_number(count))
 

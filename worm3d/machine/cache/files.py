@@ -137,7 +137,6 @@ def _make(folder: Path) -> None:
 
 
 def _content(place: _Place, name: str) -> bytes:
-    """Return a file's bytes, read once."""
     with os.fdopen(place.open(name, _READ), "rb") as file:
         status = os.fstat(file.fileno())
         if not stat.S_ISREG(status.st_mode) or status.st_size > LARGEST:
@@ -198,7 +197,7 @@ def _reason(error: Exception) -> str:
 
 
 def _tell(sentence: str, about: str = "") -> None:
-    """Say a sentence on stderr, once in a process, or once `about` the same."""
+    """Say a sentence on stderr, once in a process."""
     about = about or sentence
     if about not in _told:
         _told.add(about)

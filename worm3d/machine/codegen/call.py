@@ -16,8 +16,7 @@ from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 from worm3d.machine.compiled import kept
-
-INT = ir.IntType(64)
+from worm3d.machine.writer import INT
 
 
 def _type_invoke(_context: Any, address: Any, inputs: Any, outputs: Any, first: Any, count: Any) -> Any:

@@ -186,7 +186,6 @@ def _slot(w: Writer, program: Program, instruction: Instruction, slots: dict[int
 
 
 def _row(w: Writer, side: str, row: int) -> Any:
-    """Return the pointer to a row of the inputs or outputs."""
     pointer, stride = w.builder.function.args[{"in": 0, "out": 2}[side] :][:2]
     return _gep(w, pointer, w.once("mul", stride, w.count(row)))
 

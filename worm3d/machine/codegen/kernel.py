@@ -68,13 +68,7 @@ class Kernel:
         return -(-count // self.width) * self.width
 
     def allocate(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """Return zero inputs and outputs for `count` instances, aligned to cache lines.
-
-        Returns
-        -------
-        ndarray, shape (rows_in, lanes(count))
-        ndarray, shape (rows_out, lanes(count))
-        """
+        """Return zero inputs, shape (rows_in, lanes(count)), and outputs, (rows_out, ...), aligned to cache lines."""
         return _aligned(self.rows_in, self.lanes(count)), _aligned(self.rows_out, self.lanes(count))
 
     def __call__(self, inputs: FloatArray, outputs: FloatArray, count: int) -> None:
@@ -185,7 +179,6 @@ def _native(
     notify: Callable[[str], None] | None,
     options: tuple[bool, bool],
 ) -> tuple[int, Origin, int]:
-    """Return address, origin and width of the native kernel."""
     key = native.cache_key(function, host, *options)
     with _LOCK:
         if key in _LOADED:

@@ -125,7 +125,6 @@ def define_all(unit: Any, width: int, fused: bool) -> None:
 
 
 def _begun(function: Any, width: int) -> Writer:
-    """Begin the body of a function of this module."""
     function.linkage = "internal"
     for attribute in PURE:
         set.add(function.attributes, attribute)  # llvmlite knows not all of LLVM's
