@@ -14,16 +14,12 @@ from worm3d.values.arrays import FloatArray
 
 
 def p11_work(force: FloatArray, displacement: FloatArray) -> FloatArray:
-    """Return the work of a force over each step, (P11) and (P13) [J].
+    """Return the work of a force over each step, (P11) and (P13), shape (S,) [J].
 
     Parameters
     ----------
     force, displacement : ndarray, shape (S, K, 2)
         Force on each node [N] and the displacement of that node over the step [m].
-
-    Returns
-    -------
-    ndarray, shape (S,)
     """
     work: FloatArray = np.einsum("skd,skd->s", force, displacement)
     return work

@@ -45,7 +45,7 @@ Observer = Callable[[int], bool]
 
 
 MOST_SEGMENTS = 10_000
-"""A step solves a band matrix of six times as many rows."""
+"""Greatest number of segments; a step solves a band matrix of six times as many rows."""
 
 
 def bytes_per_step(segments: int) -> float:

@@ -23,13 +23,7 @@ LARGEST = 1e100
 @documented
 @dataclass(frozen=True)
 class Parameters:
-    """Constants of the author's program; the defaults give the paper's results.
-
-    Raises
-    ------
-    ValueError
-        A value that is not finite, or out of its range.
-    """
+    """Constants of the author's program; the defaults give the paper's results."""
 
     length: float = parameter(1.0, meaning="length at rest", unit="m", gt=0)
     k_spring: float = parameter(13.0, meaning="stiffness k of a segment's spring, (P7)", unit="N", gt=0, key="spring_N")

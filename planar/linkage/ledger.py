@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from planar.linkage.step import State, Step
 
 STRIKE = 2.0
-"""An apex that comes to the ground faster than gravity makes it in so many time steps strikes it."""
+"""Smallest speed of an apex that counts as a strike, as a multiple of what gravity adds in a time step."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,24 +21,27 @@ from planar.linkage.shape import apexes
 from worm3d.machine.compiled import kept
 from worm3d.values.arrays import FloatArray
 
-MAX_DESCENT = 60
-MAX_SEARCH = 40
+MAX_DESCENT, MAX_SEARCH = 60, 40
+"""Greatest number of steps of a descent, and of trials of a line search."""
 MAX_POLISH, MAX_SMOOTH = 12, 40
+"""Greatest number of Newton steps of a polish, by the law and with given regimes."""
 MAX_REGIMES = 60
 """Rounds in which contacts change their regimes before the search ends."""
 RELAXATIONS = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25) + (0.1,) * 17
 """Fraction by which the loads are updated after each pass that did not converge."""
 SLOPE_LEFT = 0.9
-"""A line search ends where the slope has fallen to this fraction."""
+"""Fraction of the slope that may be left where a line search ends."""
 DESCENT_TOLERANCE = 1e-9
 """Largest coordinate step that ends the descent, as a fraction of the body length."""
 POLISH_TOLERANCE = 1e-12
 """Largest coordinate step that ends the polish, as a fraction of the body length."""
-NEAR, BEYOND = 1e-4, 1e-5
-"""Part of a step from which the way of a stuck contact is known to first order, and part of the displacement, or of the
-one at which it yields, by which it is led beyond 0."""
+NEAR = 1e-4
+"""Fraction of a step from which the way of a stuck contact is extrapolated."""
+BEYOND = 1e-5
+"""Margin by which a stuck contact is led beyond rest, as a fraction of its displacement or of the one at which it
+yields."""
 STAGNATION = 1e-10
-"""A step below this fraction of the body length that no longer shrinks is rounding, and ends the polish."""
+"""Largest step that ends the polish where it no longer shrinks, as a fraction of the body length."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +62,9 @@ class Newton:
 
     def __init__(self, body: Body, ground: Ground, length: float, held: NDArray[np.bool_]) -> None:
         self.body, self.ground, self.length = body, ground, length
-        self.held = np.flatnonzero(held)
+        self.held = held
         self.gradient = np.zeros(len(held))
         self.band = np.zeros((ROWS, len(held)))
-        self._is_held = held
 
     def solve(self, q: FloatArray, now: Now) -> Solution:
         """Return the state that solves the step, from the guess q; `now.load` is updated on the way."""
@@ -93,8 +95,8 @@ class Newton:
 
     def _evaluate(self, q: FloatArray, now: Now, coupled: bool) -> float:
         phi = evaluate(q, self.body, self.ground, now, coupled, self.gradient, self.band)
-        if len(self.held):
-            _hold(self.band, self._is_held)
+        if self.held.any():
+            _hold(self.band, self.held)
             self.gradient[self.held] = 0.0
         return phi
 

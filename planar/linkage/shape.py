@@ -18,15 +18,7 @@ def diagonals(joints: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def apexes(joints: FloatArray, a: FloatArray) -> FloatArray:
-    """Return the apexes [bottom, top] of each segment, shape (..., N, 2, 2) [m]: midpoint -+ h n.
-
-    Parameters
-    ----------
-    joints : ndarray, shape (..., N+1, 2)
-        [m].
-    a : ndarray, shape (N,)
-        Link lengths [m].
-    """
+    """Return the apexes [bottom, top] (..., N, 2, 2) [m] of joints (..., N+1, 2) and links a (N,): midpoint -+ h n."""
     tail, head = joints[..., :-1, :], joints[..., 1:, :]
     e = head - tail
     w = np.sqrt(a**2 / (e[..., 0] ** 2 + e[..., 1] ** 2) - 0.25)  # h/l, as in (K1)

@@ -17,18 +17,19 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
 FLAT = 0.02
-"""A rhombus lower than this fraction of its rest height is flattened."""
+"""Height below which a rhombus counts as flattened, as a fraction of its rest height."""
 
 SETTLING_TIME = 1.0
 """Pseudo time step of settling [s]."""
 
 MAX_SETTLING = 200
+"""Greatest number of steps of settling."""
 
 OVERLAP = 10.0 * RESTING_PENETRATION
-"""A start with an apex deeper in the ground than this fraction of the segment length is refused."""
+"""Greatest penetration of an apex at the start, as a fraction of the segment length."""
 
 TOUCHING = 1e-6
-"""An apex closer to the ground than this fraction of the body length touches it."""
+"""Greatest distance of an apex that counts as touching the ground, as a fraction of the body length."""
 
 
 class LimitPointError(ValueError):

@@ -24,28 +24,18 @@ class UntrustedError(Exception):
 
 
 def require_own(status: os.stat_result, place: object) -> None:
-    """Check that a file or folder belongs to this user or to root, and that nobody else may write to it.
-
-    Raises
-    ------
-    UntrustedError
-    """
+    """Raise UntrustedError unless a file or folder belongs to this user or to root, and nobody else may write to it."""
     _require_owner(status, place)
     if HAS_OWNERS and status.st_mode & OTHERS_WRITE:
         raise UntrustedError(f"others may write to {place} (mode {stat.S_IMODE(status.st_mode):03o})")
 
 
 def require_safe_way(folder: Path, links: int = 0) -> None:
-    """Check that nobody else can put something in the place of a folder, or of one above it, as far as they exist.
+    """Raise UntrustedError if others can put something in the place of a folder, or of one above it.
 
-    A folder with the sticky bit, as /tmp, is safe; so is one that its owner's private group may write to, which is
-    what some systems begin a home with, unless it is the one just above.
-
-    Raises
-    ------
-    UntrustedError
-    OSError
-        The way cannot be followed.
+    Those that do not exist are safe; OSError says that the way cannot be followed. A folder with the sticky bit, as
+    /tmp, is safe; so is one that its owner's private group may write to, which is what some systems begin a home with,
+    unless it is the one just above.
     """
     if not HAS_OWNERS:
         return

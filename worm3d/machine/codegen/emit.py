@@ -118,13 +118,7 @@ SUPPORTED = {"input", "output", "const", *NUMBERS, *MASKS, *LIBRARY}
 
 
 def module(program: Program, width: int, fused: bool, flags: tuple[str, ...] = FLAGS, padded: bool = False) -> str:
-    """Return the module's text for vectors of `width` doubles, with or without fused multiply-add.
-
-    Raises
-    ------
-    UnsupportedError
-        If an operation has no rule here.
-    """
+    """Return the module's text for vectors of `width` doubles; UnsupportedError for an operation without a rule."""
     unit = ir.Module()
     block = _block_function(unit, program, width, flags, padded)
     define_all(unit, width, fused)

@@ -99,16 +99,7 @@ def sincos(w: Writer, x: Any) -> tuple[Any, Any]:
 
 
 def define_all(unit: Any, width: int, fused: bool) -> None:
-    """Write the functions `lanes_<name>` that a module calls.
-
-    Parameters
-    ----------
-    unit : llvmlite.ir.Module
-    width : int
-        Lanes of a vector.
-    fused : bool
-        Whether the processor has fused multiply-add; otherwise each lane calls the C library.
-    """
+    """Write the functions `lanes_<name>` that a module calls; not `fused`, each lane calls the C library."""
     for function in [each for each in unit.functions if each.name.startswith(PREFIX)]:
         name = function.name.removeprefix(PREFIX)
         w = _begun(function, width)

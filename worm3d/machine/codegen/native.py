@@ -63,14 +63,8 @@ def compile_program(program: Program, host: Host, padded: bool = False, exact: b
     """Return the object code of a program.
 
     The text has no repeated subexpression already (`Writer`), and one long block leaves little to the optimiser: beyond
-    the combining of neighbouring instructions its pipelines gain 2 to 5 % for half as much compile time again.
-
-    Raises
-    ------
-    UnsupportedError
-        If the program contains an operation without native form.
-    RuntimeError
-        If LLVM fails.
+    the combining of neighbouring instructions its pipelines gain 2 to 5 % for half as much compile time again. Raises
+    UnsupportedError for an operation without native form, RuntimeError where LLVM fails.
     """
     machine = _machine(host)
     unit = llvm.parse_assembly(module(program, host.width, host.fused and not exact, () if exact else FLAGS, padded))
