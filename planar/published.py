@@ -53,10 +53,6 @@ def bytes_per_step(segments: int) -> float:
     return 1000.0 + 12.0 * (3 * segments + 1) * 2 * 8
 
 
-class _BadCommandError(Exception):
-    """The gait returned something that is not an activation."""
-
-
 @dataclass(frozen=True)
 class _Solution:
     q: FloatArray
@@ -171,11 +167,11 @@ class _Worm:
     def _solve(self, start: FloatArray, force: FloatArray) -> _Solution:
         return _p2_newton(self.net, self.parameters, start, self.u, force, self.held(), self.dt)
 
-    def step(self, t: float) -> _Step:
-        """Advance to time t by predictor and corrector."""
+    def step(self, t: float) -> _Step | None:
+        """Advance to time t by predictor and corrector; None where the gait returns something else."""
         activation = np.array(self.activation(t), dtype=float)
         if activation.shape != self.net.top.shape or not np.isfinite(activation).all():
-            raise _BadCommandError
+            return None
         start, contract, friction = self.q, self._contraction_force(activation), self._p10_friction_force()
         solution = self._solve(start, contract + friction)
         iterations = solution.iterations
@@ -269,10 +265,10 @@ def _advance(worm: _Worm, steps: int, observer: Observer | None) -> tuple[list[_
         try:
             with np.errstate(all="ignore"):  # what overflows here is caught by the test of finiteness
                 step = worm.step(k * worm.dt)
-        except _BadCommandError:
-            return done, _stop(worm, Status.BAD_COMMAND, k, residual)
         except np.linalg.LinAlgError:
             return done, _stop(worm, Status.SINGULAR, k, residual)
+        if step is None:
+            return done, _stop(worm, Status.BAD_COMMAND, k, residual)
         if not (np.isfinite(step.q).all() and np.isfinite(step.solution.norm)):
             return done, _stop(worm, Status.NOT_FINITE, k, step.solution.residual)
         done.append(step)

@@ -21,8 +21,8 @@ Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the fi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields, is_dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,51 +33,18 @@ from planar.linkage.worm import Linkage
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from planar.linkage.step import State, Step
+    from planar.linkage.step import Step
 
 STRIKE = 2.0
 """Smallest speed of an apex that counts as a strike, as a multiple of what gravity adds in a time step."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Side:
-    """One end of every part: states stacked along the first axis."""
-
-    joints: FloatArray
-    joint_velocity: FloatArray
-    apex_velocity: FloatArray
-    l_cmd: FloatArray
-    slide: FloatArray
-    load: FloatArray
-
-    @classmethod
-    def of(cls, states: Sequence[State]) -> _Side:
-        return cls(**{f.name: np.array([getattr(state, f.name) for state in states]) for f in fields(cls)})
-
-
-@dataclass(frozen=True, eq=False)
-class _Parts:
-    """All steps of a run, stacked along the first axis of length P."""
-
-    dt: FloatArray
-    start: _Side
-    end: _Side
-    slip: FloatArray
-    joint_force: FloatArray
-    joint_friction: FloatArray
-    apex_friction: FloatArray
-    cap: FloatArray
-    gradient: FloatArray
-
-    @classmethod
-    def of(cls, steps: Sequence[Step]) -> _Parts:
-        own = ("dt", "slip", "joint_force", "joint_friction", "apex_friction", "cap")
-        return cls(
-            **{name: np.array([getattr(s, name) for s in steps]) for name in own},
-            start=_Side.of([s.start for s in steps]),
-            end=_Side.of([s.end for s in steps]),
-            gradient=np.array([s.solution.gradient for s in steps]),
-        )
+def _stacked(parts: Sequence[Any]) -> Any:
+    """Return arrays along a new first axis, of length P; of dataclasses one whose fields are such arrays."""
+    if not is_dataclass(parts[0]):
+        return np.array(parts)
+    kind: Any = type(parts[0])
+    return kind(**{f.name: _stacked([getattr(part, f.name) for part in parts]) for f in fields(kind)})
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,11 +119,11 @@ class Ledger:
         cls, parts: Sequence[Step], worm: Linkage, ground: Ground | None, gravity: FloatArray, *, anchored: bool
     ) -> Ledger:
         """Compute the ledger of all parts (at least one) at once; `anchored` says whether friction has anchors."""
-        return cls(**_Terms(_Parts.of(parts), worm, ground, gravity, anchored).all())
+        return cls(**_Terms(_stacked(parts), worm, ground, gravity, anchored).all())
 
 
 class _Terms:
-    def __init__(self, p: _Parts, worm: Linkage, ground: Ground | None, gravity: FloatArray, anchored: bool) -> None:
+    def __init__(self, p: Any, worm: Linkage, ground: Ground | None, gravity: FloatArray, anchored: bool) -> None:
         self.p, self.worm, self.ground, self.gravity, self.anchored = p, worm, ground, gravity, anchored
         a = worm.link_length
         self.dq = p.end.joints - p.start.joints
@@ -185,7 +152,8 @@ class _Terms:
         """Return 1 for each part in which an apex strikes the ground: as in `worm3d.solver.ledger`, else 0."""
         fast = STRIKE * float(np.linalg.norm(self.gravity)) * _per(self.p.dt, self.p.end.load)
         strikes = (self.p.end.load > 0.0) & (-self.p.start.apex_velocity[..., 1] > fast)
-        return strikes.any(axis=(1, 2)).astype(float)
+        struck: FloatArray = strikes.any(axis=(1, 2)).astype(float)
+        return struck
 
     def all(self) -> dict[str, FloatArray]:
         """Return every term of the ledger."""

@@ -14,7 +14,6 @@ from planar.linkage.ground import Friction, Ground
 from planar.linkage.run import Run
 from planar.linkage.start import (
     require_equilibrium,
-    require_numbers,
     require_shape,
     settled,
     shape_checked,
@@ -117,7 +116,11 @@ def simulate(
     if observer is not None:
         arguments.function("observer", observer, "a function of the number of finished steps")
     n, friction = worm.segments, Friction() if friction is None else friction
-    require_numbers(duration, dt, gravity, slope, velocity_threshold)
+    arguments.number("duration", duration, "s", gt=0.0)
+    arguments.number("dt", dt, "s", gt=0.0)
+    arguments.number("gravity", gravity, ge=0.0)
+    arguments.number("velocity_threshold", velocity_threshold, ge=0.0)
+    arguments.number("slope", slope, "rad", gt=-np.pi / 2, lt=np.pi / 2)
     arguments.choice("ground", ground, ("contact", "clamped"))
     arguments.choice("friction_law", friction_law, ("anchored", "threshold"))
     require_shape("gait", gait(0.0), (n,), "one value per segment")

@@ -36,15 +36,6 @@ class LimitPointError(ValueError):
     """The worm's weight would flatten its rhombi: there is no equilibrium to start from."""
 
 
-def require_numbers(duration: float, dt: float, gravity: float, slope: float, threshold: float) -> None:
-    """Raise ValueError where a number is out of range."""
-    for name, value in (("duration", duration), ("dt", dt)):
-        arguments.number(name, value, "s", gt=0.0)
-    for name, value in (("gravity", gravity), ("velocity_threshold", threshold)):
-        arguments.number(name, value, ge=0.0)
-    arguments.number("slope", slope, "rad", gt=-np.pi / 2, lt=np.pi / 2)
-
-
 def require_shape(name: str, got: object, shape: tuple[int, ...], meaning: str) -> None:
     """Raise ValueError where an array, or what a callable returns, has another shape."""
     found = np.asarray(got, dtype=object).shape if name == "held" else arguments.floats(name, got).shape
