@@ -162,7 +162,7 @@ class PiLineOfSight(_Baseline):
         gains: Gains | None = None,
     ) -> None:
         self.gains = gains or Gains()
-        if estimator is None and mechanism in identified.maps:  # else what follows complains
+        if estimator is None:
             estimator = _estimator(worm, identified, mechanism, {})
         super().__init__(worm, identified, reference, mechanism, control_period, estimator)
 
@@ -188,7 +188,6 @@ class PiLineOfSight(_Baseline):
         return asked
 
     def _reaches(self, speed: float) -> bool:
-        """Return whether there is a wave of a speed [m/s]."""
         made = self.worm.length * float(self.found.speed(*self.feed_forward(speed, 0.0)))
         return abs(made - speed) <= REACHED * abs(speed)
 

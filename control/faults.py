@@ -165,7 +165,6 @@ class Watch:
         self._told, self._parameters = (phase, command.contraction), parameters
 
     def _end_wave(self, wave: Wave) -> None:
-        """Report the faults that show in a wave and those before it, and that have not been reported yet."""
         self._waves.append(wave)
         self._places.clear()
         del self._waves[:-REMEMBERED]

@@ -207,7 +207,6 @@ class WaveController(ABC):
         return None if self.estimator is None else self.estimator.estimate(t)
 
     def _decide(self, t: float, estimate: Estimate | None, began: float) -> None:
-        """Choose the wave's parameters and record the decision; a new control period begins."""
         choice = self._chosen(t, estimate)
         self._target, self._due = choice.parameters, t + self.control_period
         self.failures += choice.failed

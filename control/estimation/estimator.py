@@ -7,11 +7,10 @@ are taken again. The noise of these samples is what the sensors are told to have
 A heading that is not told at the start is sought from all sides at once, by a filter for each; they agree, or die out,
 within a wave or so of crawling.
 
-Why not the no-slip motion of the feet, or the mean over a wave? On the default worm the motion of feet that do not
-slip, as the strains give it, explains a third to a half of how the speed changes within a wave, and a fifth of the
-turn rate at best: its feet slide all the time. The mean of the centre of mass over a wave is half a wave old. And the
-rocking (4 mm rms) taken for noise is no white noise: errors were twice what the covariance said (at 100 samples a
-second).
+Other ways were worse. The motion of feet that do not slip, as the strains give it, explains a third to a half of how
+the speed changes within a wave, and a fifth of the turn rate at best: on the default worm feet slide all the time. The
+mean over a wave is half a wave old. The rocking (4 mm rms) is no white noise: taken for noise, errors were twice what
+the covariance said (at 100 samples a second).
 """
 
 from __future__ import annotations
@@ -139,23 +138,15 @@ class Estimator:
         self._heights: deque[tuple[float, float]] = deque()
 
     def update(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> Estimate:
-        """Take a measurement, and return the estimate of this instant.
-
-        Parameters
-        ----------
-        t : float
-            Now, later than at the last call [s].
-        measurement : Measurement
-        parameters : GaitParameters
-            Parameters asked for since the last call.
-        phase : float
-            Commanded phase [rad].
-        """
+        """Take a measurement at time t [s], and return the estimate of this instant; see `take`."""
         self.take(t, measurement, parameters, phase)
         return self.estimate(t)
 
     def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
-        """Take a measurement; the parameters are those of `update`."""
+        """Take a measurement at time t [s], later than at the last call.
+
+        The parameters were asked for since then; the phase is the commanded one [rad].
+        """
         steering = getattr(parameters, self._mechanism)
         self._history.add(t, np.array([parameters.amplitude, parameters.frequency, steering]), phase)
         if not self._past:
@@ -252,7 +243,6 @@ class Estimator:
         return [belief for belief, _ in found], all(refused for _, refused in found)
 
     def _predicted(self, last: _Fused, t: float) -> list[Belief]:
-        """Return the beliefs predicted for a later instant [s]."""
         beliefs = last.beliefs
         for given, seconds in self._history.between(last.sample.time, t):
             beliefs = [self._filter.predicted(belief, given, last.ground.slope, seconds) for belief in beliefs]

@@ -99,7 +99,6 @@ class Ground:
 
 
 def _noise(heights: FloatArray, trust: GroundTrust) -> float:
-    """Return the variance of the noise of the heights of a stride [m^2]."""
     told = trust.height**2
     expected = told + trust.standing**2
     found = float(heights.var(ddof=1)) if len(heights) > 1 else expected

@@ -19,10 +19,9 @@ Jacobians F and H of prediction and sample, noise Q dt and R, innovation e, S = 
 
 (Bar-Shalom, Li, Kirubarajan: Estimation with Applications to Tracking and Navigation, 5.4 and 10.3.)
 
-Observability. Position, speed and course (the direction in which the centre of mass moves) follow from the samples of
-the centre of mass within a wave. The heading follows from course and drift: a constant drift that no known slope
-explains looks like a heading, and is taken for one, since the filter expects drift to pass with tau. A worm at rest
-has no course, so that its heading stays as uncertain as it was, and more so. Slip shows where the worm crawls only.
+Observability. Position, speed and course (the direction of motion) follow from the samples of the centre of mass within
+a wave, the heading from course and drift: a constant drift that no known slope explains looks like a heading, and is
+taken for one, since the filter expects drift to pass with tau. At rest, neither heading nor slip shows.
 
 Noise of the samples. The innovations e_k of a filter that knows its model are uncorrelated, so that, with what it is
 unsure of, H P H^T, and the noise R of a sample,
@@ -135,17 +134,10 @@ class Kalman:
     def with_com(
         self, belief: Belief, com: FloatArray, wave: FloatArray, gated: bool, deviation: float | None = None
     ) -> Corrected:
-        """Return the belief after a sample of the centre of mass, (KF4).
+        """Return the belief after a sample of the centre of mass (2,) [m], (KF4), which is refused only if gated.
 
-        Parameters
-        ----------
-        belief : Belief
-        com, wave : ndarray, shape (2,)
-            Sample [m], and the measured wave (W2) at its instant.
-        gated : bool
-            Whether it may be refused as impossible.
-        deviation : float, optional
-            Standard deviation of its noise [m]; `Uncertainty.com` if left out.
+        `wave` (2,) is the measured one, (W2), at its instant, and `deviation` the standard deviation of its noise [m],
+        by default `Uncertainty.com`.
         """
         sigma = self._deviation if deviation is None else deviation
         mean, covariance, nis, log_det, e, spread = self._com(belief.mean, belief.covariance, com, wave, sigma)

@@ -207,7 +207,6 @@ def _azimuths(lengths: ca.SX, hinge: ca.SX, offset: float) -> list[ca.SX]:
 
 
 def _masses(worm: Worm, joints: list[ca.SX], edges: list[ca.SX], lengths: ca.SX) -> Iterator[tuple[float, ca.SX]]:
-    """Yield every mass [kg] and its place."""
     yield from zip(worm.joint_mass.tolist(), joints, strict=True)
     ahead, left = ca.SX([1, 0, 0]), ca.SX([0, 1, 0])
     for i, edge in enumerate(edges):

@@ -135,13 +135,7 @@ class Gait(ABC):
 
 
 class BoundGait:
-    """Gait as the actuation of one worm, time [s] -> `worm3d.Command`.
-
-    Parameters
-    ----------
-    commands : callable
-        Times [s], shape (K,) -> `worm3d.Commands` at these.
-    """
+    """Gait as the actuation of one worm, time [s] -> `worm3d.Command`; `commands` takes times (K,)."""
 
     def __init__(self, commands: Callable[[FloatArray], Commands]) -> None:
         self.commands = commands

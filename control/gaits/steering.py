@@ -122,14 +122,9 @@ class Schedule:
         check(self)
 
     def commands(self, phase: FloatArray, parameters: FloatArray, body: Body) -> Commands:
-        """Return the commands at K phases psi [rad], (S1) and (S2).
+        """Return the commands at K phases psi (K,) [rad], (S1) and (S2).
 
-        Parameters
-        ----------
-        phase : ndarray, shape (K,)
-        parameters : ndarray, shape (K, 4)
-            Amplitude, frequency [Hz], bias and hinge [rad] at each of them.
-        body : Body
+        The parameters (K, 4) are amplitude, frequency [Hz], bias and hinge [rad] at each of them.
         """
         amplitude, frequency, bias, hinge = parameters.T[:, :, None]
         ahead = phase[:, None] + 2.0 * np.pi * self.lead * frequency
@@ -219,14 +214,7 @@ class WaveGenerator:
 
 
 class PlannedWave:
-    """Wave whose parameters follow a plan, as a controller without measurements.
-
-    Parameters
-    ----------
-    plan : callable
-        Time [s] -> target of the parameters, a `GaitParameters`.
-    generator : WaveGenerator
-    """
+    """Wave whose parameters follow a plan, time [s] -> `GaitParameters`, as a controller without measurements."""
 
     def __init__(self, plan: Callable[[float], GaitParameters], generator: WaveGenerator) -> None:
         self._plan, self._generator = plan, generator

@@ -191,20 +191,10 @@ class Identified:
 
 
 def steady_motion(com: FloatArray, heading: FloatArray, rows: int, skipped: int, length: float) -> Motion:
-    """Return the mean motion a wave, (I2), of a run of constant parameters.
+    """Return the mean motion a wave, (I2), of a body of some length [m] in a run of constant parameters.
 
-    Parameters
-    ----------
-    com : ndarray, shape (T, 2 or 3)
-        Centre of mass [m].
-    heading : ndarray, shape (T,)
-        Unwrapped heading [rad].
-    rows : int
-        Rows of a wave; the first row is the start.
-    skipped : int
-        Waves at the beginning that are left out.
-    length : float
-        Length of the body [m].
+    The centre of mass (T, 2 or 3) [m] and the unwrapped heading (T,) [rad] have `rows` rows a wave, after one of the
+    start; the first `skipped` waves are left out.
 
     Raises
     ------
@@ -225,16 +215,9 @@ def steady_motion(com: FloatArray, heading: FloatArray, rows: int, skipped: int,
 
 
 def lag(rates: Sequence[float] | FloatArray, before: int, settled: int = 3) -> float:
-    """Return how many waves a rate lags behind a step, (I3).
+    """Return how many waves a rate, given in each wave, lags behind a step after some waves, (I3).
 
-    Parameters
-    ----------
-    rates : array_like, shape (K,)
-        Rate in each wave.
-    before : int
-        Waves before the step; the mean of the last `settled` of them is the rate at the beginning.
-    settled : int
-        Waves at the end that give the rate at the end.
+    The rates at the beginning and at the end are means over the last `settled` waves before the step, and of the run.
 
     Raises
     ------

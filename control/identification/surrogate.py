@@ -121,14 +121,7 @@ def exponents(parity: Parity) -> tuple[tuple[int, int, int], ...]:
 def fit(ranges: Ranges, parity: Parity, where: ArrayLike, values: ArrayLike) -> Polynomial:
     """Return the polynomial that is nearest to samples, by least squares.
 
-    Parameters
-    ----------
-    ranges : Ranges
-    parity : str
-        "even" or "odd" in the steering.
-    where : array_like, shape (M, 3)
-        Amplitude, frequency [Hz] and steering of each sample.
-    values : array_like, shape (M,)
+    They are values (M,) at amplitudes, frequencies [Hz] and steerings (M, 3).
 
     Raises
     ------
@@ -136,8 +129,7 @@ def fit(ranges: Ranges, parity: Parity, where: ArrayLike, values: ArrayLike) -> 
         The samples do not determine the coefficients.
     """
     a, g, s = ranges.scaled(*np.asarray(where, dtype=float).T)
-    terms = exponents(parity)
-    of_steering = _of_steering(parity, s)
+    terms, of_steering = exponents(parity), _of_steering(parity, s)
     columns = np.column_stack([a**i * g**j * of_steering[k] for i, j, k in terms])
     coefficients, _, rank, _ = np.linalg.lstsq(columns, np.asarray(values, dtype=float), rcond=None)
     if rank < len(terms):

@@ -48,10 +48,9 @@ MAX_CRAB = 0.3
 class Tolerances:
     """Misses that weigh the same, (O2).
 
-    Offset, heading and steering rate were tuned on the default worm with the sensors' default noise, by runs of a
-    minute on line, circle and S-curve with the seeds 10 and 11: seven triples of offset (0.01 to 0.02), heading (0.05
-    to 0.1) and steering rate (0.25 to 1), as many as `control.baselines.Gains` had. The mean rms offset of the three
-    goes from 0.0017 (chosen) to 0.0021 body lengths.
+    Offset (0.01 to 0.02), heading (0.05 to 0.1) and steering rate (0.25 to 1) were tuned on the default worm with the
+    sensors' default noise: seven triples in runs of a minute on line, circle and S-curve with the seeds 10 and 11, as
+    many as `control.baselines.Gains` had; mean rms offsets are 0.0017 (chosen) to 0.0021 body lengths.
 
     An offset dies away as exp(-s/L) over the way s, L = a_e/a_h body lengths, once the worm has turned (two seconds),
     if the horizon reaches 2 L or further and L is 0.2 or more: at 0.14 it is a tenth shorter.
@@ -210,7 +209,6 @@ class Prediction:
 
 
 def _slopes(value: ca.SX, state: ca.SX, given: ca.SX, more: list[ca.SX]) -> ca.Function:
-    """Return the function that gives the derivatives of a value to state and input."""
     slopes = [ca.densify(ca.jacobian(value, to)) for to in (state, given)]
     return ca.Function("slopes", [state, given, *more], ca.cse(slopes))
 

@@ -201,7 +201,6 @@ class GaitMPC:
         )
 
     def _searched(self, problem: Problem, waves: list[FloatArray]) -> tuple[Solution, float]:
-        """Return what the search found, and the cost of the better wave to begin with."""
         starts = [self._scale.scaled(wave) for wave in waves]
         costs = [half_square(problem.residuals(start)) for start in starts]
         best, bound = int(np.argmin(costs)), np.ones(starts[0].size)

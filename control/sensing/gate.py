@@ -76,7 +76,6 @@ class Gate:
         return measurement.changed(**changed) if changed else measurement
 
     def _passed(self, name: str, t: float, sample: Sample) -> Sample:
-        """Return a sample, or what is right of it."""
         if sample.value is None:
             return sample
         value, refusal = None, self._mistimed(name, t, sample.time)
@@ -90,7 +89,6 @@ class Gate:
         return sample if value is sample.value else Sample(value, sample.time)
 
     def _mistimed(self, name: str, t: float, instant: Any) -> Refusal | None:
-        """Return what is wrong with the instant of a sample."""
         if not (isinstance(instant, int | float | np.integer | np.floating) and -np.inf < instant < np.inf):
             return Refusal.NO_TIME
         if instant > t + AHEAD:

@@ -180,7 +180,6 @@ class Curve(ABC):
 
     @cached_property
     def _guess(self) -> scipy.interpolate.CubicHermiteSpline:
-        """Approximate parameter as a function of the arc length."""
         u, s = self._nodes
         return scipy.interpolate.CubicHermiteSpline(s, u, 1.0 / np.linalg.norm(self.derivatives(u)[1], axis=1))
 

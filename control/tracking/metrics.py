@@ -102,7 +102,7 @@ def tracking(motion: Motion, reference: Reference) -> Tracking:
         Less than one commanded period.
     """
     window = _Window(motion)
-    velocity = (window.at_end(motion.com) - window.at_begin(motion.com)) / (window.time - window.began)[:, None]
+    velocity = (motion.com[window.rows] - window.at_begin(motion.com)) / (window.time - window.began)[:, None]
     place, heading = window.mean(motion.com), window.mean(motion.heading)
     wanted_heading, along, cross_track = _course(motion, reference, window, place, heading)
     return Tracking(
@@ -188,7 +188,6 @@ def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | N
 
 
 def _step_times(reference: Reference) -> Sequence[float]:
-    """Return when the reference speed jumps [s]."""
     return reference.speed.times if isinstance(reference.speed, Steps) else ()
 
 
@@ -208,13 +207,9 @@ class _Window:
         rows = motion.waves - motion.waves[0] >= 1.0
         if not rows.any():
             raise ValueError("tracking: the run is shorter than one commanded period")
-        self._all, self._rows = motion.time, rows
+        self._all, self.rows = motion.time, rows
         self.time, self.waves = motion.time[rows], motion.waves[rows] - motion.waves[0]
         self.began = np.interp(self.waves - 1.0, motion.waves - motion.waves[0], motion.time)
-
-    def at_end(self, values: FloatArray) -> FloatArray:
-        ends: FloatArray = values[self._rows]
-        return ends
 
     def at_begin(self, values: FloatArray) -> FloatArray:
         columns = [np.interp(self.began, self._all, column) for column in np.atleast_2d(values.T)]
@@ -223,14 +218,13 @@ class _Window:
     def mean(self, values: FloatArray) -> FloatArray:
         """Return (V1); the integral is that of the polygon through the values."""
         steps = np.diff(self._all).reshape(-1, *(1,) * (values.ndim - 1))
-        total = np.concatenate(
-            [np.zeros((1, *values.shape[1:])), np.cumsum(steps * (values[1:] + values[:-1]) / 2, axis=0)]
-        )
+        integral = np.cumsum(steps * (values[1:] + values[:-1]) / 2, axis=0)
+        total = np.concatenate([np.zeros((1, *values.shape[1:])), integral])
         k = np.clip(np.searchsorted(self._all, self.began, side="right") - 1, 0, len(self._all) - 2)
         share = (self.began - self._all[k]).reshape(-1, *(1,) * (values.ndim - 1))
         part = share * (values[k] + self.at_begin(values)) / 2
         length = (self.time - self.began).reshape(share.shape)
-        mean: FloatArray = (self.at_end(total) - total[k] - part) / length
+        mean: FloatArray = (total[self.rows] - total[k] - part) / length
         return mean
 
 

@@ -137,7 +137,6 @@ class Circle:
 
     @property
     def _inwards(self) -> FloatArray:
-        """Unit vector from the start to the centre."""
         return _sign(self.towards) * _left(self.azimuth)
 
 
