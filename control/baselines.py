@@ -130,10 +130,9 @@ class Gains:
     """Gains of (B1) to (B3).
 
     Tuned on the default worm at 0.08 m/s with the sensors' default noise, by runs of a minute: seven pairs of reach
-    (0.1 to 0.2) and K_h (0.8 to 1.8) on line, circle and S-curve with the seeds 10 and 11, the mean rms offset of which
-    goes from 0.0023 (chosen) to 0.0029 body lengths (and 13 pairs up to a reach of 0.6 before that, with an older map);
-    then four pairs of K_p (0.3, 0.6) and K_i (0.15, 0.3) for the least error of the speed in steps, in a sine and in a
-    pipe.
+    (0.1 to 0.2) and K_h (0.8 to 1.8) on line, circle and S-curve with the seeds 10 and 11, with mean rms offsets of
+    0.0023 (chosen) to 0.0029 body lengths; then four pairs of K_p (0.3, 0.6) and K_i (0.15, 0.3) for the least error of
+    the speed in steps, in a sine and in a pipe.
     """
 
     speed: float = parameter(0.6, ge=0, meaning="K_p, gain of the speed")

@@ -79,8 +79,10 @@ class Supervisor(WaveController):
 
     Parameters
     ----------
-    worm, reference, model, estimator, mpc, schedule, control_period
+    worm, reference, estimator, schedule, control_period
         See `control.loop.WaveController`.
+    model : ReducedModel
+    mpc : Planner
     deadline : str
         "iterations": a plan may take as many as it is given, and runs repeat bit for bit; "wall": one that took longer
         than the control period is not accepted.
@@ -105,7 +107,8 @@ class Supervisor(WaveController):
         deadline: Deadline = "iterations",
     ) -> None:
         arguments.choice("deadline", deadline, get_args(Deadline))
-        self._fallback = Fallback(model, mpc, reference, control_period if deadline == "wall" else np.inf)
+        self._model, self.planner = model, mpc
+        self._longest = control_period if deadline == "wall" else np.inf
         super().__init__(worm, reference, schedule or Schedule(), mpc.feed_forward, control_period, estimator)
 
     @classmethod
@@ -128,55 +131,39 @@ class Supervisor(WaveController):
     def reset(self) -> None:
         """Begin anew."""
         super().reset()
-        self._fallback.reset()
+        self.planner.reset()
+        self._accepted: Plan | None = None
+        self._failures = self._kept = 0
+        self._heading_is_known = KnownHeading()
 
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
         assert estimate is not None
-        return self._fallback.choose(t, estimate, self._target, self.generator.waves)
-
-
-class Fallback:
-    """The choice of the gait's parameters, with the memory that it needs; a plan may take `longest` [s]."""
-
-    def __init__(self, model: ReducedModel, planner: Planner, reference: Reference, longest: float) -> None:
-        self._model, self.planner, self._reference, self._longest = model, planner, reference, longest
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin anew."""
-        self.planner.reset()
-        self._accepted: Plan | None = None
-        self._failures = self._held = 0
-        self._heading_is_known = KnownHeading()
-
-    def choose(self, t: float, estimate: Estimate, in_force: GaitParameters, waves: float) -> Choice:
-        """Return what to ask for from time t [s] on, so many waves after the beginning; `in_force` was until now."""
         if self._speed(t) < self.planner.feed_forward.slowest:
-            return Choice("stop", rest(in_force), STANDS)
-        if not self._heading_is_known(estimate, waves):
+            return Choice("stop", rest(self._target), STANDS)
+        if not self._heading_is_known(estimate, self.generator.waves):
             blind = self._blind(t, estimate)
             if blind is not None:
                 return Choice("gait", blind, UNKNOWN)
         plan, complaint = self._plan(t, estimate)
         if plan is None or complaint:
-            return self._without(t, estimate, in_force, complaint, plan)
+            return self._without(t, estimate, complaint, plan)
         assert plan.parameters is not None
-        self._accepted, self._failures, self._held = plan, 0, 0
+        self._accepted, self._failures, self._kept = plan, 0, 0
         return Choice("mpc", plan.parameters, plan.status.value, plan)
 
     def _blind(self, t: float, estimate: Estimate) -> GaitParameters | None:
         """Return the wave that turns as the path does, if there is one."""
-        speed, turn = self._speed(t), _tried(lambda: turn_of_path(self._reference, t, estimate.position))[0]
+        speed, turn = self._speed(t), _tried(lambda: turn_of_path(self.reference, t, estimate.position))[0]
         return self._parameters(_tried(self.planner.feed_forward, speed, 0.0 if turn is None else turn)[0])
 
     def _speed(self, t: float) -> float:
         """Return the speed that is asked for [m/s]; NaN if there is none."""
-        speed, _ = _tried(lambda: float(self._reference.speed(t)))
+        speed, _ = _tried(lambda: float(self.reference.speed(t)))
         return nan if speed is None else speed
 
     def _plan(self, t: float, estimate: Estimate) -> tuple[Plan | None, str]:
         """Return a plan, if one is made, and why it is not accepted."""
-        plan, complaint = _tried(self.planner.plan, t, estimate, self._reference)
+        plan, complaint = _tried(self.planner.plan, t, estimate, self.reference)
         if not complaint:
             complaint = " ".join(filter(None, _tried(_fault, plan, self.planner.feed_forward.ranges)))
         if complaint:
@@ -186,9 +173,7 @@ class Fallback:
             return plan, plan.status.value
         return plan, LATE if plan.seconds > self._longest else ""
 
-    def _without(
-        self, t: float, estimate: Estimate, in_force: GaitParameters, complaint: str, plan: Plan | None
-    ) -> Choice:
+    def _without(self, t: float, estimate: Estimate, complaint: str, plan: Plan | None) -> Choice:
         """Return the next best where no plan was accepted."""
         self._failures += 1
         if self._failures % FORGET == 0:
@@ -197,13 +182,13 @@ class Fallback:
             shifted = self._model.parameters(ReducedInput(*self._accepted.at(t)))
             return Choice("shifted plan", shifted, complaint, plan, failed=True)
         slip = float(estimate.state.slip)
-        plain = self._parameters(_tried(self.planner.plain, t, slip if isfinite(slip) else 0.0, self._reference)[0])
+        plain = self._parameters(_tried(self.planner.plain, t, slip if isfinite(slip) else 0.0, self.reference)[0])
         if plain is not None:
             return Choice("gait", plain, complaint, plan, failed=True)
-        self._held += 1
-        if self._held <= MOST_HELD:
-            return Choice("gait", in_force, complaint, plan, failed=True)
-        return Choice("stop", rest(in_force), LOST, plan, failed=True)
+        self._kept += 1
+        if self._kept <= MOST_HELD:
+            return Choice("gait", self._target, complaint, plan, failed=True)
+        return Choice("stop", rest(self._target), LOST, plan, failed=True)
 
     def _parameters(self, wave: ReducedInput | None) -> GaitParameters | None:
         """Return the parameters of a wave; None without one, or if it is not finite."""

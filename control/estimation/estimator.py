@@ -1,11 +1,10 @@
 """Estimator of a worm's place, heading, and motion, also of what its gait does not explain of that.
 
-It is an extended Kalman filter (`control.estimation.kalman`) on the reduced model (R1), fed with samples of the centre
-of mass at the instants at which they were taken: a late one takes the filter back to its instant, and those after it
-are taken again. The noise of these samples is what the sensors are told to have, or more if the innovations show more
-(KF8). The strains give the wave that rocks the centre of mass (`control.estimation.wave`).
-A heading that is not told at the start is sought from all sides at once, by a filter for each; they agree, or die out,
-within a wave or so of crawling.
+It is an extended Kalman filter (`control.estimation.kalman`) on the reduced model (R1). A sample of the centre of mass
+that comes late takes the filter back to its instant, and those after it are taken again. Their noise is what sensors
+are told to have, or more if the innovations show more (KF8). The strains give the wave that rocks the centre of mass
+(`control.estimation.wave`). A heading that is not told at the start is sought from all sides at once, by a filter for
+each; they agree, or die out, within a wave or so of crawling.
 
 Other ways were worse. The motion of feet that do not slip, as the strains give it, explains a third to a half of how
 the speed changes within a wave, and a fifth of the turn rate at best: on the default worm feet slide all the time. The
@@ -212,7 +211,8 @@ class Estimator:
         """Return a sample and the beliefs after it; the noise is learnt from new samples."""
         beliefs, ground, nis, refused = self._predicted(last, sample.time), last.ground, None, last.refused
         if sample.com is not None and sample.wave is not None:
-            corrected = self._with_com(beliefs, sample, gated=last.placed)
+            given = sample.com[:2], sample.wave
+            corrected = self._with_com(beliefs, given, sample.deviation, gated=last.placed)
             best = max(corrected, key=lambda each: each.belief.log_weight)
             beliefs, nis, refused = [each.belief for each in corrected], best.nis, refused + best.refused
             height = sample.com[2] - sample.standing
@@ -225,16 +225,15 @@ class Estimator:
             refused += unlikely
         return _Fused(sample, pruned(beliefs), ground, nis, last.placed or sample.com is not None, refused)
 
-    def _with_com(self, beliefs: list[Belief], sample: _Sample, gated: bool) -> list[Corrected]:
-        """Return the beliefs after a sample of the centre of mass; a gated one may be refused as impossible."""
-        assert sample.com is not None
-        assert sample.wave is not None
-        given = sample.com[:2], sample.wave
-        corrected = [self._filter.with_com(each, *given, False, sample.deviation) for each in beliefs]
+    def _with_com(
+        self, beliefs: list[Belief], given: tuple[FloatArray, FloatArray], deviation: float, gated: bool
+    ) -> list[Corrected]:
+        """Return the beliefs after a sample of the centre of mass and its wave; a gated one may be refused."""
+        corrected = [self._filter.with_com(each, *given, False, deviation) for each in beliefs]
         # Beliefs for which it is impossible lose their weight; the sample is refused if all of them would.
         if not gated or min(each.nis for each in corrected) <= IMPOSSIBLE:
             return corrected
-        return [self._filter.with_com(each, *given, True, sample.deviation) for each in beliefs]
+        return [self._filter.with_com(each, *given, True, deviation) for each in beliefs]
 
     def _with_heading(self, beliefs: list[Belief], heading: float) -> tuple[list[Belief], bool]:
         """Return the beliefs after a sample of the heading [rad], and whether all refused it."""

@@ -8,12 +8,12 @@ lags n_v in waves and T_w in seconds, f the frequency, L the body length:
     h'  = w + yaw_bias                          u  = L f c(A, f, s) + drift
                                                 s' = (s_asked - s) f / blend
 
-s is the steering in force, which `control.gaits.steering.WaveGenerator` leads to the steering asked for. Weak steering
-turns a worm out of proportion (`control.identification.surrogate`), so that it matters whether a change is smoothed
-before or after the map. (By what the default worm did on paths, (R1) misses the turn rate by 0.005 rad/s; one lag of
-0.95 s after a map that is odd powers of the steering does by 0.008.) Below the least amplitude that was identified d, c
-and omega fade in proportion to it: without contraction a worm rests. slip, yaw_bias and drift are what the map does not
-know (a slope, another ground); they are constant in the model, and estimated.
+s is the steering in force, which `control.gaits.steering.WaveGenerator` leads to the steering asked for: before the
+map, since weak steering turns a worm out of proportion (`control.identification.surrogate`). On paths of the default
+worm (R1) misses the turn rate by 0.005 rad/s; one lag of 0.95 s after a map in odd powers of the steering, by 0.008.
+Below the least amplitude that was identified d, c and omega fade in proportion to it: without contraction a worm rests.
+slip, yaw_bias and drift are what the map does not know (a slope, another ground); they are constant in the model, and
+estimated.
 
 x, y is the centre of mass and h the heading, both without the rocking of a wave. That is a matter of the body's shape,
 which the strains give: with the inverse of (E2) and no strain in yaw (E5),

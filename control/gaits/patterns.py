@@ -10,13 +10,11 @@ A gait is an activation A_i(t) in [-1, 1] of each segment i = 0 (tail) ... N-1 (
 gaits are of crawlers that make no wave.
 
 `TwoAnchor`, for pipes: two anchors press the wall in turn, and a body between them extends and shortens. A contracted
-segment is wide and presses the wall all round; an extended one is thin and slides. One period has six parts of equal
-length:
+segment is wide and presses the wall all round; an extended one is thin and slides. A period has six equal parts, in
+each of which an anchor holds; the worm begins with all segments contracted:
 
     0  front lets go   1  body extends, front moves on   2  front anchors
     3  rear lets go    4  body shortens, rear moves up   5  rear anchors
-
-At least one anchor holds at any time, and the worm begins with all segments contracted.
 
 `Breathing`, for a single actuator: all segments contract and lengthen again in unison. It crawls where friction is
 directional. A slow, uniform contraction moves the rear forward and the front backward, against the coefficients f and
@@ -323,11 +321,7 @@ class Breathing(Gait, name="breathing"):
 
     period: float = parameter(2.0, meaning="duration of a contraction and the lengthening after it", unit="s", gt=0)
     contracting: float = parameter(0.5, meaning="share of the period in which the body contracts", gt=0, lt=1)
-
-    @property
-    def lengthens(self) -> bool:
-        """Whether the activation falls below 0 at some time."""
-        return False
+    lengthens = False
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of each segment at K times [s], shape (K, segments), in [0, 1]."""

@@ -103,7 +103,7 @@ def test_all_chambers_without_pressure() -> None:
 @pytest.mark.parametrize("share", [1.3, 2.5])
 def test_a_speed_beyond_the_map_is_reported_within_three_waves(share: float) -> None:
     assert FOUND is not None
-    reach = Supervisor.of(WORM, Reference(Constant(0.08), path=LINE), FOUND)._fallback.planner.feed_forward.fastest
+    reach = Supervisor.of(WORM, Reference(Constant(0.08), path=LINE), FOUND).planner.feed_forward.fastest
     reference = Reference(Steps(0.06, (5.0,), (share * reach,)), path=LINE)
     _, broken, found = run(reference, 11.0)
     assert 0.0 < broken.waves_from(5.0, found["unreachable speed"].time) < 3.0
