@@ -109,9 +109,6 @@ class WaveController(ABC):
 
     Attributes
     ----------
-    generator : WaveGenerator
-    gate : Gate
-    watch : Watch
     decisions : list of Decision
         `seconds` of each is the time of all steps since the decision before, estimates and commands included.
     failures : int

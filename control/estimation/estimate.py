@@ -153,13 +153,7 @@ class Consistency:
 
 
 def consistency(nis: Sequence[float], degrees: int = 2) -> Consistency:
-    """Return (KF7) of normalised innovations squared, such as `Estimator.innovations`, of so many degrees of freedom.
-
-    Raises
-    ------
-    ValueError
-        There are none.
-    """
+    """Return (KF7) of at least one normalised innovation squared of `degrees` degrees; see `Estimator.innovations`."""
     if not len(nis):
         raise ValueError("consistency: got no innovations, must be at least one; did samples of the sensors arrive?")
     tail, n = (1.0 - PROBABILITY) / 2.0, len(nis)

@@ -85,15 +85,12 @@ class Estimator:
     worm : Worm
     model : ReducedModel
     schedule : Schedule, optional
-        Schedule of the wave; the default if left out.
     heading : float, optional
         Heading at the start [rad]; None: not known.
     heading_deviation : float
         Standard deviation of that [rad].
     uncertainty : Uncertainty, optional
-        How far sensors and model are trusted.
     ground : GroundTrust, optional
-        How far samples of the height are trusted.
     span : float
         Age beyond which a sample is not used [s].
 

@@ -94,13 +94,7 @@ class ReducedModel:
 
     @classmethod
     def of(cls, worm: Worm, identified: Identified, mechanism: Mechanism = "hinge") -> ReducedModel:
-        """Return the model of an identified worm.
-
-        Raises
-        ------
-        ValueError
-            The worm was not identified with this mechanism.
-        """
+        """Return the model of a worm; ValueError if it was not identified with this mechanism."""
         if mechanism not in identified.maps:
             known = ", ".join(map(repr, identified.maps))
             raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")
@@ -120,13 +114,7 @@ class ReducedModel:
         )
 
     def step(self, dt: float) -> ca.Function:
-        """Return (state, input) -> next state after `dt` seconds at constant input, by Runge and Kutta's fourth order.
-
-        Raises
-        ------
-        ValueError
-            The step is not above 0.
-        """
+        """Return (state, input) -> next state after `dt` > 0 [s] of constant input, by Runge-Kutta's fourth order."""
         if not dt > 0.0:
             raise ValueError(f"dt: got {dt!r} s, must be above 0")
         parts = int(np.ceil(dt / self.longest_step))
@@ -173,10 +161,7 @@ def _rate(s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, 
 def body_shape(worm: Worm) -> ca.Function:
     """Return the body's shape from its chamber lengths and hinges, (R2); see `ReducedModel.shape`.
 
-    Raises
-    ------
-    ValueError
-        The chambers lie on the centre line: their lengths do not tell the bend.
+    Raises ValueError if the chambers lie on the centre line: their lengths do not tell the bend.
     """
     if worm.chamber_offset == 0.0:
         raise ValueError("chamber_offset: got 0, must be above 0 for chamber lengths to tell how the body bends")

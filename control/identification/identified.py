@@ -219,10 +219,7 @@ def lag(rates: Sequence[float] | FloatArray, before: int, settled: int = 3) -> f
 
     The rates at the beginning and at the end are means over the last `settled` waves before the step, and of the run.
 
-    Raises
-    ------
-    ValueError
-        The step changes the rate by less than a millionth: it has no response.
+    Raises ValueError if the step changes the rate by less than a millionth: it has no response.
     """
     y = np.asarray(rates, dtype=float)
     begin, end = y[before - settled : before].mean(), y[-settled:].mean()
@@ -232,13 +229,7 @@ def lag(rates: Sequence[float] | FloatArray, before: int, settled: int = 3) -> f
 
 
 def fit_map(mechanism: Mechanism, ranges: Ranges, samples: Sequence[Sample], checks: Sequence[Sample]) -> SteeringMap:
-    """Return the map of one mechanism, fitted to samples and compared with other ones.
-
-    Raises
-    ------
-    ValueError
-        The samples do not determine the map.
-    """
+    """Return the map of one mechanism, fitted to samples and compared with others; ValueError if they are too few."""
     where, seen = _table(mechanism, samples)
     other, there = _table(mechanism, checks)
     found = {name: surrogate.fit(ranges, parity, where, seen[name]) for name, parity in QUANTITIES.items()}

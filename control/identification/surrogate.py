@@ -38,13 +38,7 @@ POWERS: dict[Parity, tuple[int, ...]] = {"even": (0, 2, 4), "odd": (STICKING, 1,
 
 @dataclass(frozen=True)
 class Ranges:
-    """Ranges in which a surrogate holds.
-
-    Raises
-    ------
-    ValueError
-        An empty range.
-    """
+    """Ranges in which a surrogate holds; none may be empty."""
 
     amplitude: tuple[float, float]
     """Least and greatest amplitude."""
@@ -72,13 +66,7 @@ class Ranges:
 
 @dataclass(frozen=True)
 class Polynomial:
-    """One quantity over amplitude, frequency and steering, (I1).
-
-    Raises
-    ------
-    ValueError
-        Another number of coefficients.
-    """
+    """One quantity over amplitude, frequency and steering, (I1)."""
 
     ranges: Ranges
     parity: Parity

@@ -94,13 +94,7 @@ class Tracking:
 
 
 def tracking(motion: Motion, reference: Reference) -> Tracking:
-    """Return how a worm kept to its reference.
-
-    Raises
-    ------
-    ValueError
-        Less than one commanded period.
-    """
+    """Return how a worm kept to its reference; ValueError for less than one commanded period."""
     window = _Window(motion)
     velocity = (motion.com[window.rows] - window.at_begin(motion.com)) / (window.time - window.began)[:, None]
     place, heading = window.mean(motion.com), window.mean(motion.heading)

@@ -82,13 +82,7 @@ class Sine:
 
 @dataclass(frozen=True)
 class Reference:
-    """What the worm is to do.
-
-    Raises
-    ------
-    ValueError
-        Both a heading and a path, or something that is neither.
-    """
+    """What the worm is to do: a speed, and at most one of heading and path."""
 
     speed: Profile
     """Time [s] -> speed forward, along the path if there is one [m/s]; takes arrays."""
