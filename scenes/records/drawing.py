@@ -179,14 +179,11 @@ def save_movie(movie: Movie, path: Path, fps: int = 20) -> None:
             movie.save(unfinished, fps=fps)
             unfinished.replace(part)
         except FileNotFoundError as error:
-            raise _explained(error) from error
+            if error.errno is not None:  # a missing folder
+                raise
+            raise MissingPartError(str(error)) from error
         finally:
             unfinished.unlink(missing_ok=True)
-
-
-def _explained(error: FileNotFoundError) -> Exception:
-    """Return the missing program as our error; a missing folder (with an errno) stays a disc error."""
-    return error if error.errno is not None else MissingPartError(str(error))
 
 
 def _require_steps(record: Record) -> None:

@@ -90,7 +90,6 @@ class Record:
     def __post_init__(self) -> None:
         object.__setattr__(self, "versions", MappingProxyType(dict(self.versions)))
         for group in (self.variables, self.timing, self.checkpoint):
-            _require_unique([variable.name for variable in group])
             _require_consistent(group)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
@@ -122,13 +121,11 @@ class Record:
         return {dim: size for variable in self.variables for dim, size in variable.sizes.items()}
 
 
-def _require_unique(names: list[str]) -> None:
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise ValueError(f"variables: {', '.join(twice)} given more than once, names must be unique")
-
-
 def _require_consistent(variables: tuple[Variable, ...]) -> None:
+    """Refuse variables of the same name, or with different lengths of one dimension."""
+    names = [variable.name for variable in variables]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ValueError(f"variables: {', '.join(twice)} given more than once, names must be unique")
     sizes: dict[str, int] = {}
     for variable in variables:
         for dim, size in variable.sizes.items():

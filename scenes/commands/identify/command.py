@@ -47,15 +47,7 @@ def load(name: str, overrides: Sequence[str]) -> Scene:
 def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
     """Identify the worm of a scene on level ground with the scene's friction, and return the exit code.
 
-    Parameters
-    ----------
-    scene : Scene
-    out : Path, optional
-        Folder to write to; `runs/identify-<scene>-<time>` if left out.
-    force : bool
-        Whether to write into a folder that has something in it.
-    quiet : bool
-        Whether to print nothing.
+    Without a folder to write to it is `runs/identify-<scene>-<time>`; other options as of the command.
 
     Raises
     ------

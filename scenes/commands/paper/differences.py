@@ -44,12 +44,9 @@ class _Entry:
 
 
 def differences(program_run: Run) -> list[Difference]:
-    """Return the differences with their effects; makes about ten further runs of the program.
+    """Return the differences with their effects on the published run of six segments at T_wave = 2 s.
 
-    Parameters
-    ----------
-    program_run : Run
-        The published run of six segments at T_wave = 2 s.
+    Makes about ten further runs of the program.
     """
     return [Difference(e.what, e.text, e.program, e.effect(program_run)) for e in _ENTRIES]
 

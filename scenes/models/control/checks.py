@@ -12,11 +12,7 @@ from scenes.language.checks import Check, Found, kind_checks
 from scenes.models.control.build import NOT_IDENTIFIED, identified_of, path_of
 from scenes.models.control.schema import Controller, ControlScene, Reference
 from scenes.models.worm.build import worm_of
-from scenes.models.worm.checks import ACTUATORS, SPATIAL_CHECKS, SPATIAL_STARTS_WITH, refusal
-
-
-def _can_start(mass_kg: float, *sections: Mapping[str, Any]) -> Found:
-    return refusal(_scene(SPATIAL_STARTS_WITH, sections))
+from scenes.models.worm.checks import ACTUATORS, SPATIAL_CHECKS, start_check
 
 
 def _is_identified(*sections: Mapping[str, Any]) -> Found:
@@ -99,6 +95,6 @@ CONTROL_CHECKS = (
         for name, each in QUANTITIES.items()
         if not each.standard
     ),
-    Check(("worm.mass_kg", *SPATIAL_STARTS_WITH), _can_start),
+    start_check("worm_control", ControlScene),
     Check(("worm", "friction", "controller", *ACTUATORS), _is_identified),
 )

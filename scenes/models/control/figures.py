@@ -100,7 +100,8 @@ def _speed(axes: Axes, record: Record, seen: Tracking | None) -> None:
 def _heading(axes: Axes, record: Record, seen: Tracking | None) -> None:
     if "estimate" in record:
         bound = BOUND * record["estimate_deviation"][:, _index("heading")]
-        turn = _unwrapped_to(record["estimate"][:, _index("heading")], record)
+        true = np.interp(record["decision_time"], record["time"], record["heading"])
+        turn = _same_turn(record["estimate"][:, _index("heading")], true)
         _band(axes, record["decision_time"], np.rad2deg(turn), np.rad2deg(bound))
     if seen is not None:
         axes.plot(seen.time, np.rad2deg(seen.heading), color="C0", label="worm, mean over a period")
@@ -201,16 +202,13 @@ def _true(record: Record, seen: Tracking | None, time: FloatArray, k: int, estim
     )
     values = seen.heading if k == _index("heading") else seen.place[:, k]
     at = np.interp(time, middle, values, left=np.nan, right=np.nan)
-    turns = np.round((estimated - at) / (2.0 * np.pi)) if k == _index("heading") else 0.0
-    true: FloatArray = at + 2.0 * np.pi * turns
-    return true
+    return _same_turn(at, estimated) if k == _index("heading") else at
 
 
-def _unwrapped_to(heading: FloatArray, record: Record) -> FloatArray:
-    """Return estimated headings on the turn of the true ones."""
-    at = np.interp(record["decision_time"], record["time"], record["heading"])
-    unwrapped: FloatArray = heading - 2.0 * np.pi * np.round((heading - at) / (2.0 * np.pi))
-    return unwrapped
+def _same_turn(angle: FloatArray, other: FloatArray) -> FloatArray:
+    """Return angles [rad] on the turn of others."""
+    moved: FloatArray = angle - 2.0 * np.pi * np.round((angle - other) / (2.0 * np.pi))
+    return moved
 
 
 def _band(axes: Axes, time: FloatArray, values: FloatArray, bound: FloatArray) -> None:

@@ -10,7 +10,6 @@ import worm3d
 from control.loop import WaveController
 from control.sensing.sensors import Measurement
 from control.tracking.metrics import measured
-from control.tracking.references import Reference
 from scenes.models.base import Model, Observer, Outcome, Watch, pictures
 from scenes.models.control import view as control_view
 from scenes.models.control.build import controller_of, reference_of, sensors_of
@@ -80,21 +79,15 @@ def watch(scene: ControlScene, observer: Observer, how: Watch) -> Outcome:
 def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.Live | None = None) -> Outcome:
     result = worm.simulated(scene, observer, live=live, drive=(driver, sensors_of(scene)))
     waves = driver.at_rows(len(result.time), scene.run.record_every)
-    return _with_control(worm.outcome(result), result, driver.controller, waves, reference_of(scene))
-
-
-def _with_control(
-    plain: Outcome, result: worm3d.Result, controller: WaveController, waves: FloatArray, reference: Reference
-) -> Outcome:
-    """Return the outcome of a run with what its controller did and how well that kept to the reference."""
-    figures, reasons = measured(motion_of(result, waves), reference, result.worm.length)
-    failures = controller.failures if controller.plans else None
-    merits: dict[str, Metric] = {**plain.summary, **figures, "mpc_failures": failures}
-    merits |= {
+    plain, controller, decisions = worm.outcome(result), driver.controller, driver.controller.decisions
+    figures, reasons = measured(motion_of(result, waves), reference_of(scene), result.worm.length)
+    merits: dict[str, Metric] = {
+        **plain.summary,
+        **figures,
+        "mpc_failures": controller.failures if controller.plans else None,
         "measurements_refused": refused(controller),
         "faults": in_turn([*of_plant(result), *of_controller(controller)]),
     }
-    decisions = controller.decisions
     return replace(
         plain,
         variables=(*plain.variables, *variables_of(decisions, waves)),

@@ -11,7 +11,7 @@ from planar import linkage
 from planar.metrics import p12_cost_of_transport
 from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome, pictures
 from scenes.models.planar.linkage_scene import CHECKS, LinkageScene, LinkageSettings, simulate
-from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, common, no_cost_because, status_word
+from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, common, movie, no_cost_because, status_word
 from scenes.records import overview
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
@@ -166,24 +166,19 @@ def _energies(result: linkage.Run) -> tuple[Variable, ...]:
     )
 
 
+POINTS = ("joint", "top_apex", "bottom_apex")
+"""Variables of joints and apexes, as overview and movie draw them."""
+
+
 def _overview(record: Record) -> Image:
-    return overview.of_planar(record, ("joint", "top_apex", "bottom_apex"), record["contraction"][-1])
+    return overview.of_planar(record, POINTS, record["contraction"][-1])
 
 
 def animate(record: Record) -> Movie:
     """Return the movie of a record that holds the states of a worm."""
-    from planar import animation
-
-    shown = record["time"] <= MOVIE_S
-    contraction = record["contraction"][shown]
-    return animation.Movie(
-        record["time"][shown],
-        main=record["joint"][shown],
-        top=record["top_apex"][shown],
-        bottom=record["bottom_apex"][shown],
-        activation=contraction / (np.abs(contraction).max() or 1.0),
-        ground=float(record["ground"]) if "ground" in record else None,
-    )
+    contraction = record["contraction"]
+    most = np.abs(contraction[record["time"] <= MOVIE_S]).max() or 1.0
+    return movie(record, POINTS, contraction / most)
 
 
 MODEL = Model(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from planar import status as planar
 from planar.metrics import path_length
-from scenes.models.base import Status
+from scenes.models.base import MOVIE_S, Movie, Status
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
@@ -73,6 +73,16 @@ def common(
         "energy_balance_error": balance_error,
         "newton_iterations_mean": float(run.newton_iterations.mean()) if len(run.newton_iterations) else None,
     }
+
+
+def movie(record: Record, names: tuple[str, str, str], activation: FloatArray) -> Movie:
+    """Return the movie of a record; names of joints, top and bottom apexes; activation of shape (T, N)."""
+    from planar import animation
+
+    shown = record["time"] <= MOVIE_S
+    main, top, bottom = (record[name][shown] for name in names)
+    ground = float(record["ground"]) if "ground" in record else None
+    return animation.Movie(record["time"][shown], main, top, bottom, activation[shown], ground)
 
 
 def cost_of_transport(work: float, weight: float, distance: float) -> float | None:

@@ -14,9 +14,9 @@ from planar.published import Parameters, bytes_per_step
 from scenes.language.checks import Check, Found
 from scenes.language.parts import PartSection, keys_of, part_of
 from scenes.language.schema import Sign, quantity, setting
-from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome, pictures
+from scenes.models.base import Model, Movie, Observer, Outcome, pictures
 from scenes.models.checks import RUN_CHECKS, gait_checks, memory_check
-from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, common, no_cost_because, status_word
+from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, common, movie, no_cost_because, status_word
 from scenes.models.sections import BODY_BOUNDS, WAVE, Settings, gait_from, gait_keys
 from scenes.records import overview
 from scenes.records.record import Record
@@ -180,24 +180,18 @@ def _reasons(summary: dict[str, float | None]) -> dict[str, str]:
     return reasons
 
 
+NODES = ("main_node", "top_node", "bottom_node")
+"""Variables of the nodes, as overview and movie draw them."""
+
+
 def _overview(record: Record) -> Image:
-    return overview.of_planar(record, ("main_node", "top_node", "bottom_node"), record["activation"][-1])
+    return overview.of_planar(record, NODES, record["activation"][-1])
 
 
 def _animate(record: Record) -> Movie:
-    from planar import animation
-
-    shown = record["time"] <= MOVIE_S
     steps = np.searchsorted(record["step_time"], record["time"][1:])
     activation = record["activation"]
-    return animation.Movie(
-        record["time"][shown],
-        main=record["main_node"][shown],
-        top=record["top_node"][shown],
-        bottom=record["bottom_node"][shown],
-        activation=np.vstack([activation[:1], activation[steps]])[shown],
-        ground=float(record["ground"]),
-    )
+    return movie(record, NODES, np.vstack([activation[:1], activation[steps]]))
 
 
 MODEL = Model(

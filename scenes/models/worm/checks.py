@@ -16,13 +16,13 @@ from scenes.models.worlds.schema import World
 from scenes.models.worm.build import KEYS, gravity_of, start_of, worm_of
 from scenes.models.worm.schema import (
     Actuator,
-    AnyWormScene,
     Friction,
     HingeActuator,
     PlanarFriction,
     PlanarGait,
     PlanarWorm,
     PlanarWormScene,
+    Surroundings,
     Worm,
     WormGait,
     WormScene,
@@ -38,17 +38,16 @@ SPATIAL_STARTS_WITH = (*STARTS_WITH, *ACTUATORS)
 """Sections that decide whether a 3D worm can start."""
 
 
-def _worm_can_start(mass_kg: float, *sections: Mapping[str, Any]) -> Found:
-    data = dict(zip(SPATIAL_STARTS_WITH, sections, strict=True))
-    return refusal(WormScene.model_validate({"model": "worm", **data}))
+def start_check(model: str, schema: type[Surroundings], names: tuple[str, ...] = SPATIAL_STARTS_WITH) -> Check:
+    """Return the check that the worm of a scene of a model can start, which the sections `names` decide."""
+
+    def can_start(mass_kg: float | None, *sections: Mapping[str, Any]) -> Found:
+        return _refusal(schema.model_validate({"model": model, **dict(zip(names, sections, strict=True))}))
+
+    return Check(("worm.mass_kg", *names), can_start)
 
 
-def _planar_worm_can_start(mass_kg: float | None, *sections: Mapping[str, Any]) -> Found:
-    data = dict(zip(STARTS_WITH, sections, strict=True))
-    return refusal(PlanarWormScene.model_validate({"model": "worm_planar", **data}))
-
-
-def refusal(scene: AnyWormScene) -> Found:
+def _refusal(scene: Any) -> Found:
     """Tell what the plant refuses before its first step, such as a worm that its weight would flatten."""
     try:
         with np.errstate(all="ignore"):
@@ -126,7 +125,7 @@ SPATIAL_CHECKS = (
 WORM_CHECKS = (
     *SPATIAL_CHECKS,
     *gait_checks(WormGait, Worm),
-    Check(("worm.mass_kg", *SPATIAL_STARTS_WITH), _worm_can_start),
+    start_check("worm", WormScene),
 )
 
 PLANAR_CHECKS = (
@@ -135,5 +134,5 @@ PLANAR_CHECKS = (
     *list_checks(PlanarFriction, "friction"),
     *kind_checks(PlanarFriction, "friction", "law"),
     *gait_checks(PlanarGait, PlanarWorm),
-    Check(("worm.mass_kg", *STARTS_WITH), _planar_worm_can_start),
+    start_check("worm_planar", PlanarWormScene, STARTS_WITH),
 )

@@ -47,13 +47,9 @@ def draw(record: Record) -> Image:
 
 def in_its_frame(record: Record, places: FloatArray, *, back: bool = False) -> FloatArray:
     """Return places, shape (..., 3), along the initial heading, to its left, and up, or such places as x, y, z [m]."""
-    azimuth = -initial_azimuth(record) if back else initial_azimuth(record)
+    azimuth = float(record["heading"][0])
+    azimuth = 0.0 if math.isnan(azimuth) else azimuth  # a vertical body has none
+    azimuth = -azimuth if back else azimuth
     c, s = math.cos(azimuth), math.sin(azimuth)
     turned: FloatArray = places @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     return turned
-
-
-def initial_azimuth(record: Record) -> float:
-    """Return the heading at the start; 0 for a vertical body."""
-    azimuth = float(record["heading"][0])
-    return 0.0 if math.isnan(azimuth) else azimuth
