@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from worm3d.energy import Energy
 from worm3d.series import Recorded, Steps, series_of, states_of
-from worm3d.state import State
+from worm3d.state import GREATEST_CONTRACTION, State
 from worm3d.status import Status, Stop
 from worm3d.values import arguments, netcdf
 from worm3d.values.netcdf import Content, FileError
@@ -172,6 +172,7 @@ def _state(checkpoint: tuple[Variable, ...], series: Mapping[str, NDArray[Any]],
     if checkpoint:
         return state_of(checkpoint, laid)
     last = {name: series[name][-1] for name in ("joints", "directors", "bend", "joint_velocity", "contraction")}
+    last["contraction"] = np.minimum(last["contraction"], GREATEST_CONTRACTION)
     return State(**last, time=float(series["time"][-1]))
 
 

@@ -25,7 +25,7 @@ from worm3d.solver.evaluate import evaluate_entry
 from worm3d.solver.faces import turn_faces
 from worm3d.solver.newton import solve_entry
 from worm3d.solver.step import step_entry
-from worm3d.state import State, StateError
+from worm3d.state import GREATEST_CONTRACTION, State, StateError
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World, WorldKernel
 from worm3d.worlds.plane import Plane
@@ -319,11 +319,14 @@ class Plant:
         self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = commanded
         self._joint_row("hinge")[:] = self._joint_row("hinge_n")[:] = 0.0
         a["hinge_states"][:] = 0.0
-        if a["actuator"].size > 0:
+        if actuator.rest(type(self.worm.actuator)) is not None:
             command = actuator.chambers(type(self.worm.actuator)).of(actuator.PREFIX + "command", a["actuated"])
             command[:, :n] = state.contraction.T
             states = a["actuator"][: len(a["actuator"]) // 2]
-            self._run("actuator_rest", a["actuated"], states, n)
+            rest = np.zeros((actuator.SIDES + len(states), states.shape[1]))
+            self._run("actuator_rest", a["actuated"], rest, n)
+            self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = rest[: actuator.SIDES, :n]
+            states[:] = rest[actuator.SIDES :]
             a["actuator"][len(states) :] = states
         self._point_row("anchor")[:] = self._point_row("x")
         self._point_row("load_n")[:] = self._point_row("pull")[:] = 0.0
@@ -364,7 +367,7 @@ class Plant:
             joint_velocity=self.arrays["joint_velocity"][:3, : n + 1].T,
             roll_rate=rates[:, 3],
             bend_rate=rates[:, 4],
-            contraction=self.arrays["given"][0, : 2 * n].reshape(n, 2),
+            contraction=np.minimum(self.arrays["given"][0, : 2 * n].reshape(n, 2), GREATEST_CONTRACTION),
             time=time,
             memory=self.memory() | more,
         )

@@ -18,6 +18,9 @@ from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.worlds.base import World
 from worm3d.worm import Worm
 
+GREATEST_CONTRACTION = 1.0 - 2.0**-53
+"""Greatest contraction of a state: the greatest number below 1, so that rest lengths stay above 0."""
+
 LIFTS = 50
 """Largest number of times that a worm put on its world is lifted until it fits."""
 
@@ -54,7 +57,8 @@ class State(ReadOnly):
     contraction: FloatArray
     """Shortening fraction of each chamber [left, right] that the actuators give now, shape (N, 2).
 
-    A worm may start contracted, wedged in a pipe.
+    A worm may start contracted, wedged in a pipe. What is given without shortening, as a pressure, may be greater than
+    1; it is `GREATEST_CONTRACTION` here, and whole in the memory.
     """
     time: float
     """Time [s]."""

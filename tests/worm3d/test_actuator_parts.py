@@ -163,6 +163,26 @@ class _Late(Actuator):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class _Broad(Actuator):
+    @classmethod
+    def respond(cls, s: Mapping[str, Any]) -> Response:
+        return Response(command=s["command"], given=ca.vertcat(s["command"], s["command"]))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Restless(Actuator):
+    states: ClassVar[Mapping[str, str]] = {"speed": "1/s"}
+
+    @classmethod
+    def respond(cls, s: Mapping[str, Any]) -> Response:
+        return Response(command=s["command"], given=s["command"], states={"speed": s["speed_hat"]})
+
+    @classmethod
+    def at_rest(cls, s: Mapping[str, Any]) -> Mapping[str, Any]:
+        return {}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Taken(Actuator):
     dt: float = parameter(0.1, meaning="a name that `respond` finds already")
 
@@ -182,6 +202,8 @@ class _Taken(Actuator):
             r"_Forgetful.respond: got \[\], must be a Response with",
         ),
         (lambda: floating(body(actuator=Actuator())), r"Actuator.respond: it has none, must be defined; known are"),
+        (lambda: floating(body(actuator=_Broad())), r"_Broad.respond: got an array for given, must be a scalar"),
+        (lambda: floating(body(actuator=_Restless())), r"_Restless.at_rest: got \[\], must be the states \['speed'\]"),
         (_Taken, r"_Taken: the names dt are taken; rename the parameter"),
     ],
 )

@@ -194,3 +194,27 @@ def test_a_scene_names_it(tmp_path: Path) -> None:
 def test_what_is_wrong_is_said(make: Any, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         make()
+
+
+def test_a_worm_that_starts_contracted_gets_no_work_for_nothing() -> None:
+    """Its springs rest at their own lengths from the start: a constant command brings in what the valve lets in."""
+    worm = Worm(segments=2, length=0.4, actuator=Pneumatic())
+    start = worm3d.State.straight(worm, contraction=0.3)
+    run = simulate(worm, None, actuation=lambda t: Command(np.full((2, 2), 0.3)), duration=0.1, dt=0.001, state=start)
+    assert run.energy.work_contract.min() > -1e-15
+    assert run.energy.balance_error < 1e-13
+    assert np.abs(run.energy.elastic[1]) < 1e-4
+
+
+def test_a_pressure_beyond_that_of_a_contraction_of_one_is_kept(tmp_path: Path) -> None:
+    """Near the length with the most volume air moves a chamber little: its pressure may be of any size."""
+    worm = Worm(segments=1, length=0.15, mass=0.02, actuator=Pneumatic(gain=500.0, supply=800.0, conductance=1e-6))
+    chosen: Any = {"actuation": lambda t: Command([[0.99, 0.99]]), "dt": 0.002}
+    # A chamber that is stretched has less room for its air.
+    pressed: Any = {"external_force": lambda t: np.array([[-3.0, 0, 0], [3.0, 0, 0]]) * (t > 0.2), "gravity": (0, 0, 0)}
+    whole = simulate(worm, None, duration=0.4, **chosen, **pressed)
+    begun = simulate(worm, None, duration=0.21, **chosen, **pressed)
+    begun.save(tmp_path / "a.nc")
+    rest = simulate(worm, None, duration=0.19, state=worm3d.load(tmp_path / "a.nc").state, **chosen, **pressed)
+    assert begun.contraction[-1].max() > 1.0
+    assert_array_equal(rest.joints, whole.joints[105:])

@@ -101,6 +101,9 @@ def _respond(kind: Kind, known: dict[str, ca.SX]) -> Response:
     if not isinstance(response, Response) or set(response.states) != set(kind.states):
         got = sorted(response.states) if isinstance(response, Response) else type(response).__name__
         raise ValueError(f"{kind.__name__}.respond: got {got}, must be a Response with the states {list(kind.states)}")
+    parts = {**response._asdict(), **response.states, "states": 0.0}
+    if wrong := [name for name, part in parts.items() if part is not None and ca.SX(part).shape != (1, 1)]:
+        raise ValueError(f"{kind.__name__}.respond: got an array for {wrong[0]}, must be a scalar")
     return response
 
 
@@ -138,16 +141,35 @@ def _require_known(name: str, response: Response, unknown: ca.SX) -> None:
             )
 
 
+@once
 def rest(kind: Kind = FirstOrder) -> ca.Function | None:
-    """Return the states of chambers that rest at their lengths, at q, under the commands; None without states."""
-    if not kind.states:
-        return None
-    layout, states = chambers(kind), []
-    lengths = segment.lengths()
+    """Return the rest lengths (2) and states (2 each) of chambers at rest, at q, under the commands.
+
+    None where the rest lengths are those of the contraction given and there are no states.
+    """
+    layout, lengths, springs, states = chambers(kind), segment.lengths(), [], []
     for side in range(SIDES):
         known = _known(kind, layout, side) | {name: layout.symbols[name] for name in ("l0", "link", "k")}
-        states.append(kind.at_rest({**known, "length": lengths[side], "length_n": lengths[side]}))
-    return layout.function("actuator_rest", {name: [of[name] for of in states] for name in kind.states})
+        known |= {"length": lengths[side], "length_n": lengths[side]}
+        # What rests has long had its command; the time step is not known yet, and does not matter.
+        spring = _respond(kind, {**known, **_constant(known), "dt": ca.SX(1.0), "span": ca.SX(1.0)}).spring
+        if spring is None and not kind.states:
+            return None
+        springs.append(known["l0"] * (1.0 - (known["command"] if spring is None else spring)))
+        at_rest = kind.at_rest(known)
+        if sorted(at_rest) != sorted(kind.states):
+            raise ValueError(
+                f"{kind.__name__}.at_rest: got {sorted(at_rest)}, must be the states {sorted(kind.states)}"
+            )
+        states.append(at_rest)
+    outputs = {"commanded": springs} | {name: [of[name] for of in states] for name in kind.states}
+    return layout.function("actuator_rest", outputs)
+
+
+def _constant(known: dict[str, ca.SX]) -> dict[str, ca.SX]:
+    """Return the past of the commands, and what was given, where they have always been what they are."""
+    force = known["force_command"]
+    return {"command_n": known["command"], "given_n": known["command"], "force_command_n": force, "force_n": force}
 
 
 @once
