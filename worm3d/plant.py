@@ -223,7 +223,7 @@ class Plant:
         self._point_row("law")[:, :, : self.n] = law
         self._point_row("weight")[:] = self.arrays["point_mass"] * self.gravity[:, None, None]
         self._point_row("tangent")[[0, 4]] = 1.0
-        self._point_row("dt")[:] = self._point_row("cap")[:] = 1.0
+        self._point_row("dt")[:] = self._point_row("limit_ratio")[:] = 1.0
 
     def _fill_actuators(self) -> None:
         worm, n = self.worm, self.n
@@ -333,20 +333,20 @@ class Plant:
         a["stuck"][:], a["stored"][:], a["joint_load"][:] = 1.0, 0.0, 0.0
         a["last"][:], a["curve"][:] = 0.0, 0.0
 
-    def stop(self) -> None:
-        """Bring the worm to rest where it is, keeping its loads, with the anchors where it touches."""
+    def reset_at_pose(self) -> None:
+        """Set the present pose anew, at rest: anchors move to the points, histories begin anew, loads are kept."""
         load = self.loads().copy()
         self.set_pose(self.state(0.0).with_changes(joint_velocity=0.0))
         self.loads()[:] = load
 
-    def bear(self, load: FloatArray) -> None:
-        """Take over the normal loads of a worm at rest, shape (8, N) [N]; friction begins at none."""
+    def set_loads(self, load: FloatArray) -> None:
+        """Set the normal loads of a worm at rest, shape (8, N) [N], and the contact forces to these loads alone."""
         self.loads()[:] = load
         force = self.arrays["contact_force"].reshape(3, POINTS, -1)
         force[:, :, : self.n] = load * self._point_row("normal")[:, :, : self.n]
 
-    def halt(self) -> None:
-        """Take all motion from the worm where it is: its loads and anchors stay, nothing is in the ledger."""
+    def zero_velocities(self) -> None:
+        """Set velocities and ledger to zero, and the past to the present; pose, loads and anchors stay."""
         for name in HISTORIES:
             rows = self.arrays[name]
             rows[len(rows) // 2 :] = rows[: len(rows) // 2]

@@ -204,10 +204,10 @@ def _settled(problem: Problem, start: State, method: _Method) -> tuple[State, St
             return start, Status.UNSETTLED if GUARDED[end] is Status.NO_CONVERGENCE else GUARDED[end]
         moved = np.abs(plant.arrays["joints"][:3] - before).max()
         if method.mu == 0.0:  # anchors are needed where friction holds
-            plant.stop()
+            plant.reset_at_pose()
         if moved < REST_TOLERANCE * worm.length:
             break
-    plant.stop()
+    plant.reset_at_pose()
     return plant.state(start.time), Status.DONE if moved < REST_TOLERANCE_LOOSE * worm.length else Status.UNSETTLED
 
 
@@ -235,7 +235,7 @@ def hold(plant: Plant) -> bool:
     if not holds:
         plant.remember(before)
     plant.hasten(1.0)
-    plant.halt()
+    plant.zero_velocities()
     return holds
 
 
@@ -303,7 +303,7 @@ def _come_to_rest(plant: Plant, problem: Problem, start: State, settling: Settli
     rested, status = settling(problem, start)
     if status is Status.DONE:
         plant.set_pose(rested)
-        plant.bear(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
+        plant.set_loads(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
         if plant.world is not None and plant.world.uneven:
             hold(plant)
     return status

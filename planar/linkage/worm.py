@@ -145,7 +145,7 @@ class Linkage(ReadOnly):
 
         A segment that carries the vertical load w on its apexes (joints at height h, top apex at 2 h) is in
         equilibrium where dE/dl = w l/(4 h), since dh/dl = -l/(4 h). The greatest w with a solution in
-        l < l < 2 a is the limit point: any more and the rhombus collapses. `contraction` is that of all segments.
+        l_cmd < l < 2 a is the limit point: any more and the rhombus collapses. `contraction` is that of all segments.
         """
         shapes = zip(np.asarray(self.k_spring), np.asarray(self.k_apex), self.link_length, strict=True)
         return np.array([self._limit_point(*shape, contraction) for shape in shapes])

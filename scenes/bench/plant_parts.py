@@ -157,7 +157,7 @@ def ready(core: Core, dt: float) -> None:
     """Begin a step by BDF2, go as far as Newton's first direction, and keep the ledger of that."""
     place_start(core)
     begin(core, dt, True)
-    regimes.last(core)
+    regimes.set_regimes_from_last_step(core)
     _newton_step(core, WHOLE, False)
     ledger.prepare(core)
     ledger.add(core, vector(core.block, a.TERMS_))
@@ -194,15 +194,15 @@ def linear_loop(core: Core, first: int, times: int) -> None:
 def ahead_loop(core: Core, times: int) -> None:
     """Ask what contacts do next, in an iteration; the error is so large that nothing changes."""
     for _ in range(times):
-        regimes.look_ahead(core, vector(core.block, a.DIRECTION), 1e9)
-        regimes.change(core, regimes.lands(core))
+        regimes.predict_yielding(core, vector(core.block, a.DIRECTION), 1e9)
+        regimes.change_regimes(core, regimes.lands(core))
 
 
 @njit
 def expect_loop(core: Core, times: int) -> None:
     """Take contacts for what is expected of them before the first iteration, and note what they have done."""
     for _ in range(times):
-        regimes.last(core)
+        regimes.set_regimes_from_last_step(core)
         fronts.expect(core)
         fronts.note(core)
 

@@ -16,6 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
+from worm3d.viewer import colours
 
 Colour = tuple[int, int, int] | str
 
@@ -36,7 +37,10 @@ BODY_HIGH, CURVES_HIGH, CASES_HIGH = 190, 150, 220
 MOST_LENGTHS = 4.0
 """A body that went further than so many of its own lengths is shown where it ended."""
 
-SHORTER, REST, LONGER, START = (199, 31, 41), (245, 204, 176), (36, 92, 199), "#a8a8a8"
+SHORTER, REST, LONGER = (
+    tuple(round(255 * part) for part in each) for each in (colours.SHORTER, colours.REST, colours.LONGER)
+)
+START = "#a8a8a8"
 INVALID = "white"
 """Where a run diverged to what is no number."""
 

@@ -11,7 +11,7 @@ from worm3d.physics.friction_laws import Coulomb, FrictionLaw
 from worm3d.physics.kernels import actuator, joint, node, point, segment
 from worm3d.physics.kernels.layout import Layout
 from worm3d.plant import kernels
-from worm3d.solver.regimes import PULL, SWING
+from worm3d.solver.regimes import PREDICTED_FRICTION, SWING
 
 COUNT = 40
 """Random states of each kernel."""
@@ -196,7 +196,7 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
         "hold": uniform(0.5, 2.0),
         "yield_gauge": uniform(0.002, 0.006),
         "gauge_damping": uniform(1.0, 4.0),
-        "cap": uniform(1.0, 1.3),
+        "limit_ratio": uniform(1.0, 1.3),
         "load": uniform(0.0, 2.0),
         "pull": uniform(-0.3, 0.3, 2),
         "foreseen": uniform(0.5, 2.0),
@@ -264,7 +264,10 @@ def difference(v: Values, new: np.ndarray, old: np.ndarray) -> np.ndarray:
 def with_pull_of_the_law(values: Values, law: type[FrictionLaw] = Coulomb) -> Values:
     """Return the values with friction (C3) and load of the place itself: what is foreseen for a step of nothing."""
     own = run("point_yielding", point.LAYOUT, values | AT_REST, law)
-    return values | {"pull": own[PULL : PULL + 2], "foreseen": own[PULL + 2 : SWING]}
+    return values | {
+        "pull": own[PREDICTED_FRICTION : PREDICTED_FRICTION + 2],
+        "foreseen": own[PREDICTED_FRICTION + 2 : SWING],
+    }
 
 
 def some_actuated(layout: Layout, values: Values) -> tuple[Layout, Values]:

@@ -17,7 +17,7 @@ from worm3d import Coulomb, Friction, FrictionLaw, Plane, State, Status, Viscous
 from worm3d.physics.friction_laws import LAWS, law_of
 from worm3d.physics.kernels import point
 from worm3d.solver.evaluate import LOAD, PHI, STIFFNESS
-from worm3d.solver.regimes import EXCESS, PULL, Y
+from worm3d.solver.regimes import EXCESS, PREDICTED_FRICTION, Y
 from worm3d.values.parameters import parameter
 
 
@@ -205,18 +205,18 @@ def test_force_and_derivative_of_a_law(law: type[FrictionLaw], coupled: bool, in
 def test_the_force_is_that_of_the_equations(law: type[FrictionLaw]) -> None:
     """(C3) with C(N) and 1 + Psi', written out; Newton's own friction stays on its ellipse."""
     v = some_point(coupled=True, inside=False, seed=22) | {"regime": np.full((1, COUNT), point.FREE)}
-    p, dt, cap, r = v["law"], v["dt"][0], v["cap"][0], v["r"][0]
+    p, dt, c_0, r = v["law"], v["dt"][0], v["limit_ratio"][0], v["r"][0]
     out, look = (run(name, point.LAYOUT, v | AT_REST, law) for name in ("point_force", "point_yielding"))
     y, N = look[Y : Y + 2], out[LOAD]
     mu = np.array([np.where(y[0] > 0.0, *v["mu"][:2]), v["mu"][2]])
     rho = np.hypot(*(mu * y))
-    slip = np.maximum(0.0, rho - cap * r)
+    slip = np.maximum(0.0, rho - c_0 * r)
     w = slip / dt
     strength, capacity = {
-        Coulomb: (cap, N),
-        Viscous: (cap + p[0] * w, N),
-        Sticky: (cap, N + p[0] * N / np.hypot(N, p[1])),
-        Thinning: (cap + p[0] * w / (p[1] + w), N + p[2] * N / np.hypot(N, p[2])),
+        Coulomb: (c_0, N),
+        Viscous: (c_0 + p[0] * w, N),
+        Sticky: (c_0, N + p[0] * N / np.hypot(N, p[1])),
+        Thinning: (c_0 + p[0] * w / (p[1] + w), N + p[2] * N / np.hypot(N, p[2])),
     }[law]
     size = np.where(slip > 0.0, strength, rho / r)
     along = v["tangent"].reshape(2, 3, COUNT)
@@ -224,13 +224,13 @@ def test_the_force_is_that_of_the_equations(law: type[FrictionLaw]) -> None:
     force = np.einsum("idk,dk->ik", along, out[:3] - without[:3])
     assert_allclose(force, v["hold"] * capacity * size * mu**2 * y / rho, rtol=1e-9, atol=1e-12)
     foreseen = run("point_yielding", point.LAYOUT, v, law)
-    ahead = foreseen[PULL : PULL + 2]
+    ahead = foreseen[PREDICTED_FRICTION : PREDICTED_FRICTION + 2]
     side = np.array([np.where(ahead[0] > 0.0, *v["mu"][:2]), v["mu"][2]])
     reached = foreseen[Y : Y + 2]
     rate = np.maximum(
-        0.0, np.hypot(*(np.array([np.where(reached[0] > 0.0, *v["mu"][:2]), v["mu"][2]]) * reached)) - cap * r
+        0.0, np.hypot(*(np.array([np.where(reached[0] > 0.0, *v["mu"][:2]), v["mu"][2]]) * reached)) - c_0 * r
     )
-    most = {Viscous: cap + p[0] * rate / dt, Thinning: cap + p[0] * rate / dt / (p[1] + rate / dt)}.get(law, cap)
+    most = {Viscous: c_0 + p[0] * rate / dt, Thinning: c_0 + p[0] * rate / dt / (p[1] + rate / dt)}.get(law, c_0)
     assert (np.hypot(*(ahead / side)) <= most * (1.0 + 1e-9)).all()
 
 

@@ -24,7 +24,7 @@ def noted(core: Core) -> None:
 
 @njit
 def expected(core: Core) -> None:
-    regimes.last(core)
+    regimes.set_regimes_from_last_step(core)
     fronts.expect(core)
 
 

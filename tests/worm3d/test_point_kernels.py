@@ -20,7 +20,7 @@ from numpy.testing import assert_allclose
 from worm3d.physics.kernels import point
 from worm3d.physics.kernels import regime as regime_kernels
 from worm3d.solver.evaluate import LOAD, PHI, STIFFNESS
-from worm3d.solver.regimes import EXCESS, NEXT, PULL, STALE, SWING, TOUCHING, Y
+from worm3d.solver.regimes import EXCESS, NEXT, PREDICTED_FRICTION, STALE, SWING, TOUCHING, Y
 
 
 @pytest.mark.parametrize("inside", [False, True])
@@ -93,8 +93,10 @@ def test_regimes_change_where_the_law_denies_them(error: float) -> None:
         v = some_point(coupled=True, inside=False, seed=9) | more
         v["distance"] = np.random.default_rng(3).uniform(-0.02, 0.01, (1, COUNT))
         out, now = run("point_yielding", point.LAYOUT, v), run("point_yielding", point.LAYOUT, v | AT_REST)
-        f = out[PULL : PULL + 2] / np.array([np.where(out[PULL] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
-        inside = np.sum(f**2, axis=0) < regime_kernels.STICK_SHARE * v["cap"][0] ** 2
+        f = out[PREDICTED_FRICTION : PREDICTED_FRICTION + 2] / np.array(
+            [np.where(out[PREDICTED_FRICTION] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]]
+        )
+        inside = np.sum(f**2, axis=0) < regime_kernels.STICK_SHARE * v["limit_ratio"][0] ** 2
         mu_n, mu = (np.where(way[Y] > 0.0, v["mu"][0], v["mu"][1]) for way in (now, out))
         back = mu_n**2 * now[Y] * out[Y] + v["mu"][2] ** 2 * now[Y + 1] * out[Y + 1] <= 0.0
         for k in range(COUNT):
@@ -131,13 +133,19 @@ def test_a_contact_is_expected_to_go_on_as_in_its_last_steps() -> None:
         rho, share = np.hypot(*(mu * y)), np.hypot(*(trend / mu_of_trend))
         touching = -v["distance"][0] - v["carried"][0] - np.sum(v["normal"] * v["first"], axis=0)
         for k in range(COUNT):
-            cap, known, pull, load, expected = v["cap"][0, k], v["load_m"][0, k] > 0.0, v["pull"][:, k], None, regime
-            against = cap * mu[:, k] ** 2 * y[:, k] / max(rho[k], cap * v["r"][0, k])
+            c_0, known, pull, load, expected = (
+                v["limit_ratio"][0, k],
+                v["load_m"][0, k] > 0.0,
+                v["pull"][:, k],
+                None,
+                regime,
+            )
+            against = c_0 * mu[:, k] ** 2 * y[:, k] / max(rho[k], c_0 * v["r"][0, k])
             if regime == point.OPEN and touching[k] > 0.0:
                 expected, pull, load = point.SLIDING, against, v["stiff"][0, k] * v["error"][0, k]
-            elif regime >= point.STICKING and known and share[k] > cap:
-                expected, pull = point.SLIDING, trend[:, k] * cap / share[k]
-            elif regime == point.SLIDING and rho[k] > cap * v["r"][0, k] and y[:, k] @ pull < 0.0:
+            elif regime >= point.STICKING and known and share[k] > c_0:
+                expected, pull = point.SLIDING, trend[:, k] * c_0 / share[k]
+            elif regime == point.SLIDING and rho[k] > c_0 * v["r"][0, k] and y[:, k] @ pull < 0.0:
                 pull = against
             if regime != point.OPEN and known and 2.0 * v["load_n"][0, k] < v["load_m"][0, k]:
                 expected = point.OPEN
@@ -149,25 +157,27 @@ def test_a_contact_is_expected_to_go_on_as_in_its_last_steps() -> None:
 
 
 def test_newtons_own_friction_is_that_of_its_linear_equation() -> None:
-    """(C5) against (C3): m f = cap M^2 y, made linear in f and y, holds for f' and y + dy; f' is inside the set."""
+    """(C5) against (C3): m f = c_0 M^2 y, made linear in f and y, holds for f' and y + dy; f' is inside the set."""
     v = some_point(coupled=True, inside=False, seed=8) | {"regime": np.full((1, COUNT), point.SLIDING)}
     out, now = run("point_yielding", point.LAYOUT, v), run("point_yielding", point.LAYOUT, v | AT_REST)
-    y, dy, f, cap = now[Y : Y + 2], out[Y : Y + 2] - now[Y : Y + 2], v["pull"], v["cap"][0]
+    y, dy, f, c_0 = now[Y : Y + 2], out[Y : Y + 2] - now[Y : Y + 2], v["pull"], v["limit_ratio"][0]
     mu = np.array([np.where(y[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
-    limit = cap / (1.0 / v["yield_gauge"][0] + v["gauge_damping"][0] / v["dt"][0])
+    limit = c_0 / (1.0 / v["yield_gauge"][0] + v["gauge_damping"][0] / v["dt"][0])
 
     def m(at: np.ndarray) -> np.ndarray:
         return np.maximum(limit, np.hypot(*(mu * at)))
 
     h = 1e-6
     slope = (m(y + h * dy) - m(y - h * dy)) / (2.0 * h)  # of m along dy
-    expected = (cap * mu**2 * (y + dy) - f * slope) / m(y)
+    expected = (c_0 * mu**2 * (y + dy) - f * slope) / m(y)
     of = np.array([np.where(expected[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
     size = np.hypot(*(expected / of))
     sliding = m(y) > limit
     assert 5 < sliding.sum() < COUNT - 5
-    assert 5 < (size > cap).sum() < COUNT - 5
-    assert_allclose(out[PULL : PULL + 2], expected * np.minimum(1.0, cap / size), rtol=1e-7, atol=1e-9)
+    assert 5 < (size > c_0).sum() < COUNT - 5
+    assert_allclose(
+        out[PREDICTED_FRICTION : PREDICTED_FRICTION + 2], expected * np.minimum(1.0, c_0 / size), rtol=1e-7, atol=1e-9
+    )
     assert_allclose(out[SWING], np.sum((mu * dy) ** 2, axis=0) / m(y) ** 2, rtol=1e-12)
     force = run("point_force", point.LAYOUT, with_pull_of_the_law(v))[:3]
     without = run("point_force", point.LAYOUT, v | {"hold": np.zeros((1, COUNT))})[:3]
@@ -189,14 +199,14 @@ def test_point_force_is_that_of_the_equations() -> None:
     mu = np.array([np.where(y[0] > 0.0, v["mu"][0], v["mu"][1]), v["mu"][2]])
     elastic = per_rho * s + per_rate * (s - v["slide_n"])  # spring and damper in the gauge
     gauge = np.sqrt(np.sum((mu * elastic) ** 2, axis=0))
-    share = np.minimum(1.0, v["cap"][0] / gauge)
+    share = np.minimum(1.0, v["limit_ratio"][0] / gauge)
     force = v["hold"][0] * load * share * mu**2 * elastic
     expected = v["inertia"] * (v["x"] - v["x_hat"]) - v["weight"] - load * n + force[0] * along + force[1] * left
     out = run("point_force", point.LAYOUT, v)
     assert_allclose(out[LOAD], load, rtol=1e-12)
     assert_allclose(out[:3], expected, rtol=0, atol=1e-12)
     friction = np.sqrt(np.sum((force / (mu * np.where(load > 0, v["hold"][0] * load, 1.0))) ** 2, axis=0))
-    assert (friction <= v["cap"][0] * (1 + 1e-12)).all(), "inside the set"
+    assert (friction <= v["limit_ratio"][0] * (1 + 1e-12)).all(), "inside the set"
     assert ((share < 1.0) & (load > 0.0)).sum() > 3
 
 
@@ -248,7 +258,7 @@ def test_an_anchor_on_its_yield_surface_stays_but_for_more_than_rounding() -> No
     v["distance"] = -np.abs(v["distance"]) - 0.01
     direction = np.random.default_rng(14).standard_normal((2, COUNT))
     mu = np.array([np.where(direction[0] > 0.0, *v["mu"][:2]), v["mu"][2]])
-    surface = direction * v["cap"] * v["r"] / np.hypot(*(mu * direction))
+    surface = direction * v["limit_ratio"] * v["r"] / np.hypot(*(mu * direction))
     for excess, slips in ((0.5e-9, False), (2e-9, True)):
         s = v["centre"] + surface * (1.0 + excess)
         v["anchor"] = v["x"] - s[0] * v["tangent"][:3] - s[1] * v["tangent"][3:]

@@ -121,15 +121,15 @@ def test_friction_of_hard_contacts_is_inside_the_ellipse_and_on_it_far_out() -> 
         v |= {"anchor": v["x"] - reach * (v["x"] - v["anchor"])}
         y = run("point_yielding", point.LAYOUT, v | AT_REST)[Y : Y + 2]
         mu, H = (np.array([np.where(y[0] > 0.0, v[name][0], v[name][1]), v[name][2]]) for name in ("mu", "hardness"))
-        rho, eta, cap, r = np.hypot(*(mu * y)), np.hypot(*(H * mu * y)), v["cap"][0], v["r"][0]
+        rho, eta, c_0, r = np.hypot(*(mu * y)), np.hypot(*(H * mu * y)), v["limit_ratio"][0], v["r"][0]
         f = friction_of(v)
-        slides = eta > cap * r
-        P = r + H * np.where(slides, rho * (1.0 / cap - r / eta), 0.0)
+        slides = eta > c_0 * r
+        P = r + H * np.where(slides, rho * (1.0 / c_0 - r / eta), 0.0)
         assert_allclose(f, mu**2 * H * y / P, rtol=1e-6, atol=1e-9)
-        share = np.hypot(*(f / mu)) / cap
+        share = np.hypot(*(f / mu)) / c_0
         assert (share < 1.0 + 1e-5).all()
         assert (share[slides] > 0.5).sum() > 20
-    coulomb = cap * mu**2 * y / rho
+    coulomb = c_0 * mu**2 * y / rho
     assert_allclose(f[:, slides], coulomb[:, slides], rtol=1e-2, atol=1e-6)
 
 
@@ -143,10 +143,10 @@ def test_a_contact_without_friction_along_the_segment_holds_sideways() -> None:
     hardness = np.tile([[1e12], [1.0], [1.0]], COUNT)
     v |= {"mu": mu, "hardness": hardness, "slide_n": np.zeros((2, COUNT)), "centre": np.zeros((2, COUNT))}
     multiple = np.linspace(0.0, 50.0, COUNT)
-    sideways = multiple * v["r"][0] * v["cap"][0] / 0.2
+    sideways = multiple * v["r"][0] * v["limit_ratio"][0] / 0.2
     v["anchor"] = v["x"] - 5.0 * v["tangent"][:3] - sideways * v["tangent"][3:]
     along, across = friction_of(v | {"regime": np.full((1, COUNT), point.FREE)})
-    limit = 0.2 * v["cap"][0]
+    limit = 0.2 * v["limit_ratio"][0]
     assert np.abs(along).max() < 1e-9
     assert (across <= limit * np.minimum(1.0, multiple) + 1e-3).all()
     assert (across >= limit * multiple / (1.0 + multiple) - 1e-3).all()

@@ -16,7 +16,7 @@ from worm3d.solver.arrays import BLOCK, Core
 from worm3d.solver.evaluate import LOAD, LOCAL, NONE, WHOLE, evaluate
 from worm3d.solver.newton import _newton_step
 from worm3d.solver.records import Records
-from worm3d.solver.regimes import EXCESS, look
+from worm3d.solver.regimes import EXCESS, evaluate_yielding
 from worm3d.state import State
 
 DT = 0.01
@@ -91,7 +91,7 @@ def test_whole_step_against_central_differences(coupled: bool) -> None:
     evaluate(plant.core, arrays.X, coupled, WHOLE)
     matrix, residual = dense(plant.arrays["band"][:size]), gradient.copy()
     loads, out = plant.arrays["point_out"][LOAD], plant.arrays["yielding_out"]
-    look(plant.core)
+    evaluate_yielding(plant.core)
     sliding = (out[EXCESS] > 0.0) & (loads > 0.0)
     assert sliding.sum() >= 3
     assert (loads > 0.0).sum() - sliding.sum() >= 3

@@ -12,6 +12,7 @@ from control.gaits import Gait, TravellingWave
 from planar.linkage import ground as planar_ground
 from worm3d import Command, Friction, Plane, Result, State, Status, Worm, simulate
 from worm3d.physics import contact
+from worm3d.physics.friction_laws import Coulomb
 
 WAVE = TravellingWave()
 TURN = TravellingWave(amplitude=0.3, bias=0.3, hinge=0.5)
@@ -185,11 +186,11 @@ def test_swapped_friction_and_reversed_wave_mirror_the_path_fore_and_aft() -> No
 @pytest.mark.parametrize(("share", "breaks"), [(1.0 - 5e-10, True), (1.0 - 2e-9, False), (1.0, True)])
 @pytest.mark.parametrize("way", [(1.0, 0.0), (-1.0, 0.0), (0.6, -0.8)], ids=["forward", "backward", "across"])
 def test_a_contact_breaks_away_from_1e_9_below_its_limit_on(way: tuple[float, ...], share: float, breaks: bool) -> None:
-    """(C6): the limit is eta = cap r. The planar model, (G4), has the same margin."""
-    mu, cap, r = np.array([0.05, 0.2, 0.3]), 1.3, 2e-6
+    """(C6): the limit is eta = c_0 r. The planar model, (G4), has the same margin."""
+    mu, c_0, r = np.array([0.05, 0.2, 0.3]), 1.3, 2e-6
     of = contact.Coefficients(contact.Directions(*map(ca.SX, mu)), contact.Directions(*map(ca.SX, (1.0, 1.0, 1.0))))
-    law = contact.Law(ca.SX(r), ca.SX(cap), ca.SX.zeros(2))
+    law = contact.Step(ca.SX(r), ca.SX(c_0), ca.SX.zeros(2), ca.SX(0.01), Coulomb, {})
     along = np.array(way) * [mu[0] if way[0] > 0.0 else mu[1], mu[2]]
-    y = np.array(way) / np.linalg.norm(along) * cap * r * share
-    assert (float(contact.reach(ca.SX(y), of, law)) > 0.0) == breaks
+    y = np.array(way) / np.linalg.norm(along) * c_0 * r * share
+    assert (float(contact.static_excess(ca.SX(y), of, law)) > 0.0) == breaks
     assert planar_ground.TIE == contact.TIE

@@ -9,6 +9,9 @@ depends on the unknown length of the chamber at the end of the step stands in a 
 so that states are eliminated where they are defined, implicitly in the step. An actuator with a state p' = f(p, length)
 solves p_{n+1} = p_n + dt f(p_{n+1}, length) for p_{n+1}(length) and integrates its force in the length; the step stays
 the minimum of one potential. `Pneumatic` is an example to start from.
+
+An actuator is found by its name once its module has been imported: a class in a module of its own has to be imported
+once, as `worm3d/actuators.py` does with `Pneumatic`.
 """
 
 from __future__ import annotations

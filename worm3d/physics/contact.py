@@ -16,36 +16,24 @@ The hardness H is 1 but where mu is so small that a contact would have to move f
 Friction (C3), set-valued with anchors: s is the displacement from the anchor and y = s - s*; per unit of the
 capacity, which is the normal load in Coulomb's law,
 
-    f_i = mu_i e_i y_i/P_i,   P_i = r + H_i lambda,   lambda = rho max(0, 1/cap - r/eta)
+    f_i = mu_i e_i y_i/P_i,   P_i = r + H_i lambda,   lambda = rho max(0, 1/c_0 - r/eta)
     1/r = 1/rho_b + D/dt,   s* = (D/dt) r s_n
 
-It is linear while eta <= cap r. Far beyond, f = cap M^2 y/rho with M = diag(mu_x, mu_l): Coulomb's law with the
-greatest dissipation on an ellipse. f never leaves that ellipse: f_i/(cap mu_i) is a harmonic mean of e_i y_i/eta and
+It is linear while eta <= c_0 r. Far beyond, f = c_0 M^2 y/rho with M = diag(mu_x, mu_l): Coulomb's law with the
+greatest dissipation on an ellipse. f never leaves that ellipse: f_i/(c_0 mu_i) is a harmonic mean of e_i y_i/eta and
 mu_i y_i/rho, which make unit vectors. Where H = 1 it is the gradient of Huber's potential
 
-    h = cap^2 lambda + r/2 sum_i (mu_i y_i/P_i)^2
+    h = c_0^2 lambda + r/2 sum_i (mu_i y_i/P_i)^2
 
 and where it is not, there is none across the axes: descent (`worm3d.solver.descent`) takes H = 1 everywhere. The limit
 mu_x -> 0 is regular: no force along x, an anchor that follows, and lateral friction that goes on to hold.
 
-Other laws (`worm3d.physics.friction_laws`) have a capacity C(N) in place of N, and rho (1/c - 1/cap) beside lambda of
-Coulomb's law, with the strength c = cap + Psi'(cap lambda/dt) in place of cap where a contact slides.
-
 rho_b, the breakaway displacement times e, is one number, so that all contacts yield together whatever their load; D
-puts a damper beside the anchor's spring, both capped together. cap is 1, and static_ratio while a contact is stuck.
+puts a damper beside the anchor's spring. c_0 (`Step.limit_ratio`), which bounds the force of both together, is the
+limit of friction over capacity: 1, or static_ratio while a contact is stuck.
 
-Breakaway (C6): the step is solved with cap = static_ratio for all contacts that stuck at its start. All of these that
-yield there, or are as good as about to,
-
-    eta > cap r (1 - 1e-9),
-
-break away together: they get cap = 1, and the step is solved again from its start; and so on until none yields. What
-has broken away in a step does not stick again in it, so that this ends; it may in the next one, if its anchor has not
-moved. What yields has its greatest force whatever rounding does, so that contacts with equal forces share their fate;
-neither their order nor the way to the solution matters.
-
-Return (C4): after the step the anchor moves until y is back on the surface eta = cap r: what is left of s is
-s* + y min(1, cap r/eta), and the anchor moves by the rest.
+Return (C4): after the step the anchor moves until y is back on the surface eta = c_0 r: what is left of s is
+s* + y min(1, c_0 r/eta), and the anchor moves by the rest.
 
 Newton (C5): f obeys P f = M E y with E = diag(e_x, e_l). Where little slides, the direction of y turns about within a
 step, and f, made linear, says little of what comes. Newton therefore takes f for an unknown of its own that obeys the
@@ -55,6 +43,19 @@ equation made linear; it leads to the same root and is as fast near to it:
 
 f' is scaled back on to the yield surface (Chan, Golub, Mulet 1999, SIAM J. Sci. Comput. 20, 1964; Hintermueller,
 Stadler 2006, SIAM J. Sci. Comput. 28, 1: the same functional, the total variation of a picture).
+
+Breakaway (C6): the step is solved with c_0 = static_ratio for all contacts that stuck at its start. All of these that
+yield there, or are as good as about to,
+
+    eta > c_0 r (1 - 1e-9),
+
+break away together: they get c_0 = 1, and the step is solved again from its start; and so on until none yields. What
+has broken away in a step does not stick again in it, so that this ends; it may in the next one, if its anchor has not
+moved. What yields has its greatest force whatever rounding does, so that contacts with equal forces share their fate;
+neither their order nor the way to the solution matters.
+
+Other laws (`worm3d.physics.friction_laws`) have a capacity C(N) in place of N (C7), and rho (1/c - 1/c_0) beside lambda
+of Coulomb's law, with the strength c = c_0 + Psi'(c_0 lambda/dt) in place of c_0 where a contact slides (C8).
 """
 
 from __future__ import annotations
@@ -95,12 +96,13 @@ class Step(NamedTuple):
     """Constants of (C3) in a step, and the law of friction."""
 
     r: ca.SX
-    """[m]"""
-    cap: ca.SX
+    """Compliance of anchor spring and damper: gauge of y per unit of friction over capacity [m]."""
+    limit_ratio: ca.SX
+    """Limit of friction over capacity, c_0: 1, or static_ratio while the contact is stuck."""
     centre: ca.SX
     """s*, shape (2,) [m]."""
     dt: ca.SX
-    """[s]"""
+    """Time step [s]."""
     law: type[FrictionLaw]
     parameters: Symbols
 
@@ -117,7 +119,7 @@ class Step(NamedTuple):
         hardening, slope = ca.gradient(excess, w), ca.gradient(ca.gradient(excess, w), w)
         rate = slip / self.dt
         beyond, slope, excess = (ca.substitute(each, w, rate) for each in (hardening, slope, excess))
-        return self.cap + beyond, slope / self.dt, excess * self.dt
+        return self.limit_ratio + beyond, slope / self.dt, excess * self.dt
 
 
 class Friction(NamedTuple):
@@ -154,20 +156,20 @@ def friction(y: ca.SX, of: Coefficients, step: Step, sticks: ca.SX | float = 0.0
     """Return (C3) with (C8); without a limit where `sticks` is not zero."""
     mu, hardness = of.mu.of(y), of.hardness.of(y)
     rho, eta = (ca.sqrt(square) for square in squares(y, of))
-    slides = ca.logic_and(eta > step.cap * step.r, ca.logic_not(sticks))
+    slides = ca.logic_and(eta > step.limit_ratio * step.r, ca.logic_not(sticks))
     per_eta = 1.0 / ca.if_else(slides, eta, 1.0)
-    beyond = 1.0 / step.cap - step.r * per_eta
-    coulomb = ca.if_else(slides, rho * beyond, 0.0)  # lambda of Coulomb's law: rho(slip) = cap lambda
-    strength, hardening, excess = step.strength(step.cap * coulomb)
-    gain = 1.0 / strength - 1.0 / step.cap
+    beyond = 1.0 / step.limit_ratio - step.r * per_eta
+    coulomb = ca.if_else(slides, rho * beyond, 0.0)  # lambda of Coulomb's law: rho(slip) = c_0 lambda
+    strength, hardening, excess = step.strength(step.limit_ratio * coulomb)
+    gain = 1.0 / strength - 1.0 / step.limit_ratio
     multiplier = coulomb + ca.if_else(slides, rho * gain, 0.0)
     per_P, e = 1.0 / (step.r + hardness * multiplier), hardness * mu
     slope = mu**2 * y * beyond / rho + e**2 * y * (step.r * rho * per_eta**3)
-    slope = slope * (1.0 - rho * step.cap * hardening / strength**2) + mu**2 * y * gain / rho
+    slope = slope * (1.0 - rho * step.limit_ratio * hardening / strength**2) + mu**2 * y * gain / rho
     slope = ca.if_else(slides, slope, 0.0)
     f = mu * e * y * per_P
-    elastic = 0.5 * step.r * ca.dot(f, y * per_P) * (step.cap / strength) ** 2
-    potential = step.cap**2 * coulomb + elastic + excess
+    elastic = 0.5 * step.r * ca.dot(f, y * per_P) * (step.limit_ratio / strength) ** 2
+    potential = step.limit_ratio**2 * coulomb + elastic + excess
     return Friction(mu, e, hardness, per_P, multiplier, slope, f, strength, potential)
 
 
@@ -176,7 +178,7 @@ def stiffness(at: Friction, force: ca.SX) -> ca.SX:
     return ca.diag(at.mu * at.e * at.per_P) - (at.hardness * at.per_P * force) @ at.slope.T
 
 
-def pulled(y: ca.SX, dy: ca.SX, force: ca.SX, at: Friction) -> tuple[ca.SX, ca.SX]:
+def predicted_friction(y: ca.SX, dy: ca.SX, force: ca.SX, at: Friction) -> tuple[ca.SX, ca.SX]:
     """Return f' (2) of (C5) for f and a step dy, and the square of the part of P by which y changes.
 
     f' is not scaled back yet.
@@ -185,22 +187,22 @@ def pulled(y: ca.SX, dy: ca.SX, force: ca.SX, at: Friction) -> tuple[ca.SX, ca.S
     return ahead * at.per_P, ca.sumsqr(at.e * dy * at.per_P) / at.strength**2
 
 
-def share(force: ca.SX, of: Coefficients, strength: ca.SX) -> ca.SX:
-    """Return the square of the share that a force per unit of capacity has of the ellipse of a strength."""
+def utilisation_squared(force: ca.SX, of: Coefficients, strength: ca.SX) -> ca.SX:
+    """Return the square of a force per unit of capacity over the limit that a strength sets in its direction."""
     return ca.sumsqr(force / of.mu.of(force)) / strength**2
 
 
 def left_after_return(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
     """Return what (C4) leaves of y, shape (2,) [m]."""
     _, square = squares(y, of)
-    limit = step.cap * step.r
+    limit = step.limit_ratio * step.r
     yields = square > (limit * (1.0 + YIELD_TOLERANCE)) ** 2
     return ca.if_else(yields, limit / ca.sqrt(square), 1.0) * y
 
 
-def reach(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
-    """Return by how much eta(y) is beyond where a stuck contact breaks away, (C6) [m]."""
-    return ca.sqrt(squares(y, of)[1]) - step.cap * step.r * (1.0 - TIE)
+def static_excess(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
+    """Return the excess of eta(y) over the static limit, (C6) [m]."""
+    return ca.sqrt(squares(y, of)[1]) - step.limit_ratio * step.r * (1.0 - TIE)
 
 
 def anchor_energy(s: ca.SX, of: Coefficients, yield_gauge: ca.SX) -> ca.SX:

@@ -19,7 +19,7 @@ RESTING_PENETRATION = 1e-5
 """Penetration under the mean load, as a fraction of the segment length."""
 
 BREAKAWAY = 1e-5
-"""Displacement at which the contact with the smallest coefficient yields, as a fraction of the segment length."""
+"""Breakaway displacement of the contact with the smallest coefficient, as a fraction of the segment length."""
 
 GREATEST = 1e6
 """Largest coefficient that is accepted."""
@@ -42,9 +42,9 @@ TINY = 1e-30
 TANGENTIAL_DAMPING_RATIO = 40.0
 """Damping ratio of the contact with the smallest coefficient and the mass that it holds; larger ones are damped more.
 
-The damper shares the cap with the spring, so its only effects are micrometres and milliseconds: too little (1) and a
-suddenly applied load overshoots and breaks loose early; the more, the sooner the contact carries its full load, as a
-rigid one does at once. The distance that a worm crawls does not depend on it.
+The limit of friction applies to damper and spring together, so its only effects are micrometres and milliseconds: too
+little (1) and a suddenly applied load overshoots and breaks loose early; the more, the sooner the contact carries its
+full load, as a rigid one does at once. The distance that a worm crawls does not depend on it.
 """
 
 

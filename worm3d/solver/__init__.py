@@ -4,7 +4,7 @@ advance    many steps at once: commands, steps, records
 step       one step: implicit Euler or BDF2, and what the next one remembers
 newton     Newton's method with the loads of the iterate; falls back to
 descent    minimisation for given loads
-regimes    open, sliding, sticking: what contacts are taken for, changes, breakaway
+regimes    open, sliding, sticking: how each contact is treated, changes of that, breakaway
 fronts     prediction of regimes, friction and loads, from which a step begins
 evaluate   potential, residual and Jacobian at a trial state
 faces      which place of the rim of an end face touches the world

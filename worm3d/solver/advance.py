@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.machine.codegen import evaluate as run
+from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.physics.kernels import actuator, joint, segment
 from worm3d.solver import arrays as a
@@ -111,8 +111,8 @@ def actuate(core: Core, command: FloatArray, dt: float) -> None:
     fill(fields(block, a.JOINT_IN, _JOINT_DT, 1), dt)
     copy(fields(block, a.SEGMENT_IN, _LENGTH_N, 2), fields(block, a.LENGTHS, 0, 2))
     chambers, hinges = matrix(block, a.STARTED_ACTUATORS), matrix(block, a.HINGE_OUT)
-    run(kernel(core, a.ACTUATOR_START), rows, chambers, n)
-    run(kernel(core, a.HINGE_START), joints, hinges, n - 1)
+    evaluate_kernel(kernel(core, a.ACTUATOR_START), rows, chambers, n)
+    evaluate_kernel(kernel(core, a.HINGE_START), joints, hinges, n - 1)
     for i in range(n):
         for side in range(2):
             k = 2 * i + side

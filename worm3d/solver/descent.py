@@ -169,7 +169,7 @@ def _slides(core: Core, which: int) -> bool:
     """Run the kernel that says which contacts slide at x."""
     if not evaluate(core, which, False, NONE) < np.inf:
         return False
-    regimes.look(core)
+    regimes.evaluate_yielding(core)
     return True
 
 

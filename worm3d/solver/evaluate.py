@@ -12,7 +12,7 @@ import numpy as np
 
 from worm3d.machine import vectors
 from worm3d.machine.banded import B
-from worm3d.machine.codegen import evaluate as run
+from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.machine.vectors import add_congruent
 from worm3d.physics.kernels import joint, point, segment
@@ -48,7 +48,7 @@ def place(core: Core, x: FloatArray) -> bool:
     for r in range(_OWN):
         for i in range(core.n):
             segment_in[_Q + r, i] = x[BLOCK * i + r]
-    run(kernel(core, a.SEGMENT_SHAPE), segment_in, rest, core.n)
+    evaluate_kernel(kernel(core, a.SEGMENT_SHAPE), segment_in, rest, core.n)
     for i in range(core.n):
         link, turned = segment_in[_LINK, i], 0.0
         for d in range(3):
@@ -61,7 +61,7 @@ def place(core: Core, x: FloatArray) -> bool:
             return False
     world_in = matrix(core.block, a.WORLD_IN)
     copy(rows(core.block, a.WORLD_IN, 0, 3), rows(core.block, a.POINT_IN, 0, 3))
-    run(kernel(core, a.WORLD), world_in, matrix(core.block, a.WORLD_OUT), world_in.shape[1])
+    evaluate_kernel(kernel(core, a.WORLD), world_in, matrix(core.block, a.WORLD_OUT), world_in.shape[1])
     return True
 
 
@@ -99,18 +99,18 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
     point_in, point_out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
     fill(rows(core.block, a.POINT_IN, _COUPLED, 1), 1.0 if coupled else 0.0)
     if hessian in (NONE, LOCAL):
-        run(kernel(core, a.POINT_FORCE), point_in, point_out[:_FORCES], point_in.shape[1])
+        evaluate_kernel(kernel(core, a.POINT_FORCE), point_in, point_out[:_FORCES], point_in.shape[1])
     else:
-        run(kernel(core, a.POINT_STIFFNESS), point_in, point_out, point_in.shape[1])
+        evaluate_kernel(kernel(core, a.POINT_STIFFNESS), point_in, point_out, point_in.shape[1])
     joint_in, joint_out = matrix(core.block, a.JOINT_IN), matrix(core.block, a.JOINT_OUT)
     for r in range(_BOTH):
         for i in range(n - 1):
             joint_in[_JOINT_Q + r, i] = x[BLOCK * i + r]
     if hessian == WHOLE:
-        run(kernel(core, a.JOINT_HESSIAN), joint_in, joint_out, n - 1)
+        evaluate_kernel(kernel(core, a.JOINT_HESSIAN), joint_in, joint_out, n - 1)
         _fill_joint_band(core)
     else:
-        run(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + _BOTH], n - 1)
+        evaluate_kernel(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + _BOTH], n - 1)
     _segments(core, hessian)
     phi = _joints(core, x) + _add_gradients(core)
     lanes = point_in.shape[1] // POINTS
@@ -125,9 +125,9 @@ def _segments(core: Core, hessian: int) -> None:
     """Run the segments' kernel, and fill the band as far as that is asked for."""
     segment_in, segment_out = matrix(core.block, a.ACTUATED), matrix(core.block, a.SEGMENT_OUT)
     if hessian in (NONE, LOCAL):
-        run(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], core.n)
+        evaluate_kernel(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], core.n)
     else:
-        run(kernel(core, a.SEGMENT_HESSIAN), segment_in, segment_out, core.n)
+        evaluate_kernel(kernel(core, a.SEGMENT_HESSIAN), segment_in, segment_out, core.n)
         _fill_band(core)
     if hessian == LOCAL:
         _exchange(core)
@@ -227,7 +227,9 @@ def _exchange(core: Core) -> None:
     for first in range(0, len(changed), vectors.WIDTH):
         if vectors.greatest(address(core.block, a.CHANGED, 0) + 8 * first, vectors.WIDTH) == 0.0:
             continue
-        run(kernel(core, a.POINT_STIFFNESS), point_in, matrix(core.block, a.POINT_ANEW), vectors.WIDTH, first)
+        evaluate_kernel(
+            kernel(core, a.POINT_STIFFNESS), point_in, matrix(core.block, a.POINT_ANEW), vectors.WIDTH, first
+        )
         if known[first % lanes // vectors.WIDTH] == 0.0:
             _differentiate(core, first % lanes)
         for k in range(first, first + vectors.WIDTH):
@@ -239,7 +241,7 @@ def _exchange(core: Core) -> None:
 def _differentiate(core: Core, first: int) -> None:
     """Compute the derivatives of the points of a vector of segments."""
     segment_in, count = matrix(core.block, a.SEGMENT_IN), min(vectors.WIDTH, core.n - first)
-    run(kernel(core, a.SEGMENT_JACOBIAN), segment_in, matrix(core.block, a.POINTS_JACOBIAN), count, first)
+    evaluate_kernel(kernel(core, a.SEGMENT_JACOBIAN), segment_in, matrix(core.block, a.POINTS_JACOBIAN), count, first)
     _transpose(core, a.POINTS_JACOBIAN, 0, a.JACOBIANS, first)
     vector(core.block, a.KNOWN)[first // vectors.WIDTH] = 1.0
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from worm3d.machine import vectors
-from worm3d.machine.codegen import evaluate as run
+from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.physics.kernels import point, segment
 from worm3d.solver import arrays as a
@@ -45,11 +45,11 @@ def _turn(core: Core, first: int) -> None:
             normal, place = address(block, a.POINT_IN, _POINT_NORMAL + d), address(block, a.POINT_IN, d)
             vectors.move(address(block, a.SEGMENT_IN, _NORMAL + 3 * face + d) + 8 * first, normal + 8 * k, count)
             vectors.move(address(block, a.FIRST, 2 * d + face) + 8 * first, place + 8 * k, count)
-    run(kernel(core, a.SEGMENT_RIMS), segments, matrix(block, a.SEGMENT_OUT)[:4], count, first)
+    evaluate_kernel(kernel(core, a.SEGMENT_RIMS), segments, matrix(block, a.SEGMENT_OUT)[:4], count, first)
     for r in range(4):
         here = address(block, a.SEGMENT_OUT, r) + 8 * first
         vectors.move(address(block, a.SEGMENT_IN, _RIM + r) + 8 * first, here, count)
-    run(kernel(core, a.SEGMENT_SHAPE), segments, matrix(block, a.REST), count, first)
+    evaluate_kernel(kernel(core, a.SEGMENT_SHAPE), segments, matrix(block, a.REST), count, first)
     for face in range(2):
         for i in range(first, first + count):
             if segments[_RADIUS + face, i] > 0.0:

@@ -7,7 +7,7 @@ many steps later. All others go on as in their last two steps. A wrong guess cos
 
 from __future__ import annotations
 
-from worm3d.machine.codegen import evaluate as run
+from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import point
 from worm3d.solver import arrays as a
@@ -49,7 +49,7 @@ def expect(core: Core) -> None:
     else:
         combine(first, 1.0, now, -1.0, before)
     fill(rows(core.block, a.POINT_IN, _ERROR, 1), regimes.PRESSED * vector(core.block, a.NUMBERS_)[a.L0])
-    run(kernel(core, a.POINT_EXPECTED), p, out[:4], p.shape[1])
+    evaluate_kernel(kernel(core, a.POINT_EXPECTED), p, out[:4], p.shape[1])
     eta = matrix(core.block, a.FRONTS)[ETA]
     for k in range(p.shape[1]):
         if eta[k] > 0.0:  # what is awaited is trusted

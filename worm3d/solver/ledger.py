@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from worm3d.energy import TERMS
 from worm3d.machine import vectors
-from worm3d.machine.codegen import evaluate as run
+from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import actuator, joint, node, point, segment
 from worm3d.solver import arrays as a
@@ -103,16 +103,16 @@ def prepare(core: Core) -> None:
         for r in (0, _BESIDE):
             to = address(block, a.JOINT_IN, _JOINT_DQ + r) + 8 * i
             vectors.transpose(to, joint_lanes, moved + 8 * (BLOCK * i + r), BLOCK)
-    run(kernel(core, a.SEGMENT_LEDGER), matrix(block, a.SEGMENT_IN), matrix(block, a.SEGMENT_LEDGER_), n)
+    evaluate_kernel(kernel(core, a.SEGMENT_LEDGER), matrix(block, a.SEGMENT_IN), matrix(block, a.SEGMENT_LEDGER_), n)
     point_in, nodes = matrix(block, a.POINT_IN), matrix(block, a.NODE_IN)
     for row, source, count in ((_F, 0, 3), (_LOAD_N, LOAD, 1)):
         here = address(block, a.POINT_OUT, source)
         vectors.move(address(block, a.POINT_IN, row), here, count * point_in.shape[1])
-    run(kernel(core, a.POINT_AFTER), point_in, matrix(block, a.AFTER_OUT), point_in.shape[1])
+    evaluate_kernel(kernel(core, a.POINT_AFTER), point_in, matrix(block, a.AFTER_OUT), point_in.shape[1])
     for j in range(n + 1):
         for d in range(3):
             nodes[d, j] = x[BLOCK * j + d]
-    run(kernel(core, a.NODE_AFTER), nodes, matrix(block, a.NODE_OUT), n + 1)
+    evaluate_kernel(kernel(core, a.NODE_AFTER), nodes, matrix(block, a.NODE_OUT), n + 1)
 
 
 @inner
@@ -123,10 +123,12 @@ def add(core: Core, terms: FloatArray) -> None:
     """
     n, worked, dragged = core.n, terms[WORK_CONTRACT], terms[DRAG]
     joint_out = matrix(core.block, a.JOINT_OUT)[: len(_OF_JOINT) + 4]
-    run(kernel(core, a.JOINT_LEDGER), matrix(core.block, a.JOINT_IN), joint_out, n - 1)
+    evaluate_kernel(kernel(core, a.JOINT_LEDGER), matrix(core.block, a.JOINT_IN), joint_out, n - 1)
     _collect(core, a.SEGMENT_LEDGER_, n, _OF_SEGMENT, terms)
     if kernel(core, a.ACTUATOR_END) != 0:
-        run(kernel(core, a.ACTUATOR_END), matrix(core.block, a.ACTUATED), matrix(core.block, a.ACTUATOR_OUT), n)
+        evaluate_kernel(
+            kernel(core, a.ACTUATOR_END), matrix(core.block, a.ACTUATED), matrix(core.block, a.ACTUATOR_OUT), n
+        )
         _collect(core, a.ACTUATOR_OUT, n, _OF_ACTUATOR, terms)
     _collect(core, a.JOINT_OUT, n - 1, _OF_JOINT, terms)
     _collect(core, a.NODE_OUT, n + 1, _OF_NODE, terms)

@@ -81,9 +81,9 @@ def solve_entry(handle: int, _value: float, again: int, _b: int) -> float:
 def _solve(core: Core, again: bool) -> bool:
     regime = rows(core.block, a.POINT_IN, _REGIME, 1)
     if again:
-        regimes.own(core)
+        regimes.set_regimes_from_law(core)
     else:
-        regimes.last(core)
+        regimes.set_regimes_from_last_step(core)
     guessed = total(vector(core.block, a.LAST)) != 0.0
     if guessed and not again:
         fronts.expect(core)
@@ -92,7 +92,7 @@ def _solve(core: Core, again: bool) -> bool:
     found = _follow(core)
     if not found and guessed and not again:  # other contacts may hold there than at the start of the step
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
-        regimes.last(core)
+        regimes.set_regimes_from_last_step(core)
         fill(breaks, SLIDE_AT_ONCE)
         found = _follow(core)
     fill(regime, point.FREE)
@@ -106,7 +106,7 @@ def _solve(core: Core, again: bool) -> bool:
         if descend(core):
             copy(best, x)
             evaluate(core, a.X, True, NONE)
-            regimes.own(core)
+            regimes.set_regimes_from_law(core)
             found = _follow(core)
             fill(regime, point.FREE)
             if found:
@@ -126,9 +126,10 @@ def _follow(core: Core) -> bool:
     has foreseen: those of the iterate are far off where contacts are stiff, for a step along the curved way on which
     they hold presses them by its square (Magisano, Leonetti, Garcea 2017, Comput. Methods Appl. Mech. Eng. 313, 986).
 
-    Every contact keeps its regime until the step, to first order, leads where the law denies it by more than the step's
-    own error: contacts stick within nanometres, and by the law alone the iterates would jump to and fro over that.
-    There is no potential to descend: it gives up where regimes go on changing or it does not come closer.
+    Every contact keeps its regime until the step, to first order, leads where it is inconsistent with the friction law
+    by more than the step's own error: contacts stick within nanometres, and by the law alone the iterates would jump to
+    and fro over that. There is no potential to descend: it gives up where regimes go on changing or it does not come
+    closer.
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     length, tolerance = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.TOLERANCE]
@@ -175,9 +176,9 @@ def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
     """Return what becomes of the contacts in a step of this size, and whether an open one lands in it."""
     l0 = vector(core.block, a.NUMBERS_)[a.L0]
     error = doubt * CURVATURE * size * size / l0
-    regimes.look_ahead(core, vector(core.block, a.DIRECTION), error)
+    regimes.predict_yielding(core, vector(core.block, a.DIRECTION), error)
     lands = regimes.lands(core)
-    changed, turned = regimes.change(core, lands)
+    changed, turned = regimes.change_regimes(core, step_rejected=lands)
     if changed:
         return CHANGED, lands
     if not turned and not lands and regimes.break_away(core, EARLY_RELEASE_MARGIN):

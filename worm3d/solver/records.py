@@ -16,7 +16,7 @@ from numba import carray  # type: ignore[attr-defined]  # not listed in its __al
 
 from worm3d.energy import TERMS
 from worm3d.machine import vectors
-from worm3d.machine.codegen import evaluate as run
+from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.machine.vectors import doubles_at
 from worm3d.series import Entries, Points, Recorded, Rows, Series, series_of, states_of
@@ -187,9 +187,9 @@ def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
     fill(momentum, 0.0)
     fill(com, 0.0)
     out = matrix(core.block, a.MOMENTA_OUT)
-    run(kernel(core, a.POINT_MOMENTA), points, out, points.shape[1])
+    evaluate_kernel(kernel(core, a.POINT_MOMENTA), points, out, points.shape[1])
     _add_sums(core, points.shape[1], momentum, com)
-    run(kernel(core, a.NODE_MOMENTA), nodes, out, core.n + 1)
+    evaluate_kernel(kernel(core, a.NODE_MOMENTA), nodes, out, core.n + 1)
     _add_sums(core, core.n + 1, momentum, com)
     for d in range(3):
         com[d] /= vector(core.block, a.NUMBERS_)[a.MASS]

@@ -1,8 +1,11 @@
-"""Regimes of the contacts (open, sliding, sticking), which Newton's method keeps until the law denies them."""
+"""Regimes of the contacts (open, sliding, sticking), kept by Newton's method until inconsistent with the friction law.
+
+The rows "pull" of the points hold the predicted friction f of (C5); they keep that name since stored states have it.
+"""
 
 from __future__ import annotations
 
-from worm3d.machine.codegen import evaluate as run
+from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.physics.kernels import point, segment
 from worm3d.solver import arrays as a
@@ -11,69 +14,69 @@ from worm3d.solver.block import copy, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
 from worm3d.values.arrays import FloatArray
 
-_LOAD_N, _REGIME, _STIFFNESS, _CAP = point.LAYOUT.firsts("load_n", "regime", "stiffness", "cap")
-_DQ, _FIRST, _PULL = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull")
+_LOAD_N, _REGIME, _STIFFNESS, _LIMIT_RATIO = point.LAYOUT.firsts("load_n", "regime", "stiffness", "limit_ratio")
+_DQ, _FIRST, _FRICTION = segment.LAYOUT.first("dq"), *point.LAYOUT.firsts("first", "pull")
 _FORESEEN, _ERROR = point.LAYOUT.firsts("foreseen", "error")
-Y, EXCESS, TOUCHING, PULL, SWING, NEXT, STALE, REACH, RECENT = 0, 2, 3, 4, 7, 8, 9, 10, 11
+Y, EXCESS, TOUCHING, PREDICTED_FRICTION, SWING, NEXT, STALE, STATIC_EXCESS, RECENT = 0, 2, 3, 4, 7, 8, 9, 10, 11
 """Rows of "yielding_out"."""
 
 SHALLOW = 1e-5
 """Penetration of a landing contact, as a fraction of the segment length, up to which a step is taken."""
 
 PRESSED = 1e-3
-"""Penetration, as a fraction of the segment length, that gives a landing contact its load until a step foresees it."""
+"""Penetration, as a fraction of the segment length, that sets the load of a landing contact in its first iteration."""
 
 
 @inner
-def last(core: Core) -> None:
-    """Take every contact for what it was in the last step."""
+def set_regimes_from_last_step(core: Core) -> None:
+    """Set regime, friction and load of every contact to those at the end of the last step."""
     p, stuck = matrix(core.block, a.POINT_IN), vector(core.block, a.STUCK)
-    copy(rows(core.block, a.POINT_IN, _PULL, 2), vector(core.block, a.PULL_N))
+    copy(rows(core.block, a.POINT_IN, _FRICTION, 2), vector(core.block, a.PULL_N))
     copy(p[_FORESEEN], p[_LOAD_N])
     for k in range(p.shape[1]):
         touched = p[_LOAD_N, k] > 0.0
-        resting = sticking(p[_PULL, k])
+        resting = sticking(p[_FRICTION, k])
         p[_REGIME, k] = (resting if stuck[k] > 0.0 else point.SLIDING) if touched else point.OPEN
 
 
 @inner
-def own(core: Core) -> None:
-    """Take every contact for what the law says at the last evaluation."""
-    look(core)
+def set_regimes_from_law(core: Core) -> None:
+    """Set the regime of every contact to what the friction law gives at the last evaluation."""
+    evaluate_yielding(core)
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     copy(p[_REGIME], out[NEXT])
-    pull(core)
+    _take_predicted_friction(core)
 
 
 @inner
-def pull(core: Core) -> None:
-    """Take over the friction that the last look foresees."""
-    copy(rows(core.block, a.POINT_IN, _PULL, 3), rows(core.block, a.YIELDING_OUT, PULL, 3))
+def _take_predicted_friction(core: Core) -> None:
+    """Copy predicted friction and load from "yielding_out" to the points."""
+    copy(rows(core.block, a.POINT_IN, _FRICTION, 3), rows(core.block, a.YIELDING_OUT, PREDICTED_FRICTION, 3))
 
 
 @njit
-def look(core: Core) -> None:
-    """Fill "yielding_out" for the place of the last evaluation."""
+def evaluate_yielding(core: Core) -> None:
+    """Fill "yielding_out" for the x of the last evaluation."""
     fill(rows(core.block, a.POINT_IN, _FIRST, 3), 0.0)
     p = matrix(core.block, a.POINT_IN)
-    run(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
+    evaluate_kernel(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
 
 
 @inner
-def look_ahead(core: Core, step: FloatArray, error: float) -> None:
-    """Fill "yielding_out" for x less a step, to first order; `error` is what that may be off by [m]."""
+def predict_yielding(core: Core, step: FloatArray, error: float) -> None:
+    """Fill "yielding_out" for x less a step, to first order; `error` bounds the error of that prediction [m]."""
     p, segments = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN)
     for r in range(segment.COORDINATES):
         for i in range(core.n):
             segments[_DQ + r, i] = -step[BLOCK * i + r]
     fill(rows(core.block, a.POINT_IN, _ERROR, 1), error)
-    run(kernel(core, a.SEGMENT_MOTION), segments, matrix(core.block, a.FIRST), core.n)
-    run(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
+    evaluate_kernel(kernel(core, a.SEGMENT_MOTION), segments, matrix(core.block, a.FIRST), core.n)
+    evaluate_kernel(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
 
 
 @inner
 def lands(core: Core) -> bool:
-    """Return whether the step, which knows nothing of an open contact, would drive it deep into the world."""
+    """Return whether the step would drive an open contact, which it treats as absent, deep into the world."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     deep = SHALLOW * vector(core.block, a.NUMBERS_)[a.L0]
     for k in range(p.shape[1]):
@@ -83,26 +86,33 @@ def lands(core: Core) -> bool:
 
 
 @inner
-def change(core: Core, lands: bool) -> tuple[bool, bool]:
-    """Change the regimes that the law denies; return whether one has changed, and whether a contact has turned.
+def change_regimes(core: Core, step_rejected: bool) -> tuple[bool, bool]:
+    """Change the regimes that are inconsistent with the friction law.
 
     Parameters
     ----------
-    lands : bool
-        Whether the step will not be taken: stuck contacts then stay as they are.
+    step_rejected : bool
+        Whether the step will not be taken: stuck contacts then change to open or not at all.
+
+    Returns
+    -------
+    changed : bool
+        Whether a contact has another regime.
+    turned : bool
+        Whether a contact that goes on sliding does so in another direction, or a stuck one changed its side.
     """
     p, out, changed, turned = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT), False, False
     concerned = vector(core.block, a.CHANGED)
-    if not lands:
-        pull(core)
+    if not step_rejected:
+        _take_predicted_friction(core)
     for k in range(p.shape[1]):
         if out[STALE, k] == 0.0:
             continue
         old, new = p[_REGIME, k], out[NEXT, k]
-        if lands and old >= point.STICKING and new != point.OPEN:
+        if step_rejected and old >= point.STICKING and new != point.OPEN:
             continue
         if old == point.OPEN:
-            p[_PULL, k], p[_PULL + 1, k] = out[PULL, k], out[PULL + 1, k]
+            p[_FRICTION, k], p[_FRICTION + 1, k] = out[PREDICTED_FRICTION, k], out[PREDICTED_FRICTION + 1, k]
             p[_FORESEEN, k] = PRESSED * p[_STIFFNESS, k] * vector(core.block, a.NUMBERS_)[a.L0]
         p[_REGIME, k], concerned[k] = new, 1.0
         if old == new or (old >= point.STICKING and new >= point.STICKING):
@@ -120,7 +130,7 @@ def sticking(y: float) -> float:
 
 @inner
 def break_away(core: Core, margin: float) -> bool:
-    """Let all stuck contacts at their static limit slide with the kinetic one (C6); return whether there was one.
+    """Give all stuck contacts at their static limit the kinetic limit (C6); return whether there was one.
 
     Parameters
     ----------
@@ -130,17 +140,17 @@ def break_away(core: Core, margin: float) -> bool:
     """
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     stuck, concerned = vector(core.block, a.STUCK), vector(core.block, a.CHANGED)
-    reach, recent, breaks = out[REACH], out[RECENT], False
+    excess, recent, breaks = out[STATIC_EXCESS], out[RECENT], False
     for k in range(p.shape[1]):
-        if p[_CAP, k] > 1.0 and p[_REGIME, k] != point.OPEN:
-            if margin > 0.0 and abs(reach[k]) <= margin * recent[k]:
+        if p[_LIMIT_RATIO, k] > 1.0 and p[_REGIME, k] != point.OPEN:
+            if margin > 0.0 and abs(excess[k]) <= margin * recent[k]:
                 return False
-            breaks = breaks or reach[k] > 0.0
+            breaks = breaks or excess[k] > 0.0
     if not breaks:
         return False
     for k in range(p.shape[1]):
-        if p[_CAP, k] > 1.0 and p[_REGIME, k] != point.OPEN and reach[k] > 0.0:
-            for row in (_PULL, _PULL + 1):
-                p[row, k] /= p[_CAP, k]
-            stuck[k], p[_CAP, k], concerned[k] = 0.0, 1.0, 1.0
+        if p[_LIMIT_RATIO, k] > 1.0 and p[_REGIME, k] != point.OPEN and excess[k] > 0.0:
+            for row in (_FRICTION, _FRICTION + 1):
+                p[row, k] /= p[_LIMIT_RATIO, k]
+            stuck[k], p[_LIMIT_RATIO, k], concerned[k] = 0.0, 1.0, 1.0
     return True

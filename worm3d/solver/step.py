@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from worm3d.machine import vectors
-from worm3d.machine.codegen import evaluate as run
+from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import actuator, inertia, joint, node, point, segment
 from worm3d.solver import arrays as a
@@ -26,7 +26,7 @@ _L_HAT, _A_HAT, _L_N, _A_N = segment.LAYOUT.firsts("length_hat", "angle_hat", "l
 _JOINT_T, _JOINT_D, _J_SPAN, _J_DT = joint.LAYOUT.firsts("t_ref", "d_ref", "span", "dt")
 _HINGE, _HINGE_N, _WEIGHTS = joint.LAYOUT.firsts("hinge", "hinge_n", "weights")
 _P_SPAN, _P_DT, _DEEP, _OF_SEGMENT = point.LAYOUT.firsts("span", "dt", "deep", "segment_tangent")
-_ANCHOR, _CAP, _PULL = point.LAYOUT.firsts("anchor", "cap", "pull")
+_ANCHOR, _LIMIT_RATIO, _FRICTION = point.LAYOUT.firsts("anchor", "limit_ratio", "pull")
 _SLIPPED, _NEW_VELOCITY, _NEW_ANCHOR, _NEW_STORED = point.AFTER.firsts("slipped", "velocity", "anchor", "stored")
 _N_SPAN, _N_DT = node.LAYOUT.firsts("span", "dt")
 _OF_LEDGER, _OF_JOINTS_LEDGER, _OF_NODES_LEDGER = (len(each.LEDGER_TERMS) for each in (segment, joint, node))
@@ -112,7 +112,10 @@ def _strikes(core: Core, dt: float) -> bool:
 
 @inner
 def begin(core: Core, dt: float, bdf2: bool) -> float:
-    """Fill everything else that is known at the start of a step; return beta dt, dt where a point strikes."""
+    """Fill everything else that is known at the start of a step.
+
+    Return span = beta dt, the effective step [s]: 2/3 dt in BDF2, dt in implicit Euler and where a point strikes.
+    """
     span = dt * 2.0 / 3.0 if bdf2 else dt
     _begin_points(core, dt, span)
     if bdf2 and _strikes(core, dt):
@@ -120,7 +123,7 @@ def begin(core: Core, dt: float, bdf2: bool) -> float:
         _begin_points(core, dt, span)
     _begin_joints(core, dt, span)
     _begin_strains(core, dt, span)
-    copy(vector(core.block, a.PULL_N), rows(core.block, a.POINT_IN, _PULL, 2))
+    copy(vector(core.block, a.PULL_N), rows(core.block, a.POINT_IN, _FRICTION, 2))
     x = vector(core.block, a.X)
     combine(x, 1.0, x, 1.0, vector(core.block, a.LAST))
     if fronts.goes_on(core):
@@ -133,7 +136,7 @@ def _begin_joints(core: Core, dt: float, span: float) -> None:
     nodes = matrix(core.block, a.NODE_IN)
     fill(nodes[_N_DT], dt)
     fill(nodes[_N_SPAN], span)
-    run(kernel(core, a.NODE_START), nodes, matrix(core.block, a.NODE_PRESETS), core.n + 1)
+    evaluate_kernel(kernel(core, a.NODE_START), nodes, matrix(core.block, a.NODE_PRESETS), core.n + 1)
 
 
 @inner
@@ -151,7 +154,7 @@ def _begin_strains(core: Core, dt: float, span: float) -> None:
             for d in range(3):
                 here = address(block, a.SEGMENT_IN, source + d) + 8 * k
                 vectors.move(address(block, a.JOINT_IN, to + 3 * k + d), here, core.n - 1)
-    run(kernel(core, a.JOINT_START), matrix(block, a.JOINT_IN), matrix(block, a.JOINT_PRESETS), core.n - 1)
+    evaluate_kernel(kernel(core, a.JOINT_START), matrix(block, a.JOINT_IN), matrix(block, a.JOINT_PRESETS), core.n - 1)
 
 
 @inner
@@ -164,16 +167,16 @@ def _begin_points(core: Core, dt: float, span: float) -> None:
         here, to = address(core.block, a.REST, TANGENT + row), address(core.block, a.POINT_IN, _OF_SEGMENT + row)
         for i in range(0, lanes, vectors.WIDTH):
             vectors.repeat_8(to + 8 * i, lanes, here + 8 * i)
-    run(kernel(core, a.POINT_START), p, matrix(core.block, a.STARTED), p.shape[1])
+    evaluate_kernel(kernel(core, a.POINT_START), p, matrix(core.block, a.STARTED), p.shape[1])
 
 
 @inner
 def _solve_contact(core: Core) -> bool:
     """Solve with the static limit where contacts are stuck until they break away."""
-    cap, stuck = rows(core.block, a.POINT_IN, _CAP, 1), vector(core.block, a.STUCK)
-    ratio = vector(core.block, a.NUMBERS_)[a.STATIC_RATIO]
-    for k in range(len(cap)):
-        cap[k] = ratio if stuck[k] > 0.0 else 1.0
+    limit_ratio, stuck = rows(core.block, a.POINT_IN, _LIMIT_RATIO, 1), vector(core.block, a.STUCK)
+    static_ratio = vector(core.block, a.NUMBERS_)[a.STATIC_RATIO]
+    for k in range(len(limit_ratio)):
+        limit_ratio[k] = static_ratio if stuck[k] > 0.0 else 1.0
     return solve(core, False)
 
 

@@ -45,13 +45,13 @@ LAYOUT = Layout(
         "hardness": 3,  # H of (C2), likewise
         "yield_gauge": 1,  # rho_b [m]
         "gauge_damping": 1,  # D [s/m]
-        "cap": 1,
-        "pull": 2,  # f of (C5), friction per unit of capacity, along and to the left
+        "limit_ratio": 1,  # limit of friction over capacity: 1, or static_ratio while stuck
+        "pull": 2,  # predicted friction f of (C5), per unit of capacity; stored states hold it under this name
         "foreseen": 1,  # normal load, as the last step of Newton foresaw it
         "regime": 1,  # FREE, or what the contact is taken for, whatever X says
         "error": 1,  # of what is foreseen [m]
-        "breaks": 1,  # square of the share of the yield limit beyond which what sticks slides, whatever the error
-        "pull_m": 2,  # pull and load a step before the last
+        "breaks": 1,  # square of eta over the yield limit, beyond which what sticks slides, whatever the error
+        "pull_m": 2,  # predicted friction and load a step before the last
         "load_m": 1,
         "coupled": 1,  # 1: friction takes the normal load of X itself
         "load_n": 1,  # at the end of the last step: for `after`, of this one
@@ -101,7 +101,7 @@ def contact_of(law: Law) -> Contact:
     s = LAYOUT.symbols
     touching = contact.pressing(s["distance"], s["carried"])
     pressed = penetration(touching)
-    step = contact.Step(s["r"], s["cap"], s["centre"], s["dt"], law, law.symbols(s["law"]))
+    step = contact.Step(s["r"], s["limit_ratio"], s["centre"], s["dt"], law, law.symbols(s["law"]))
     slide = in_tangents(s["x"] - s["anchor"])
     of = contact.Coefficients(*(contact.Directions(*ca.vertsplit(s[name])) for name in ("mu", "hardness")))
     return Contact(pressed, touching, s["stiff"] * pressed, of, step, slide, slide - step.centre)

@@ -38,42 +38,44 @@ SIDE_TOLERANCE = 1e-7
 def yielding(law: Law = Coulomb) -> ca.Function:
     """Return what a contact does at X + `first`, to first order: rows "y" to "recent", 12 in all.
 
-    y, pull : s - s* (2) [m], and f' (2) of (C5).
+    y, predicted_friction : s - s* (2) [m], and f' (2) of (C5).
     excess : eta less its yield limit, over the largest coefficient [m].
     touching : penetration -g - d*, negative where nothing touches [m].
     foreseen : normal load [N].
     swing : square of the relative change of y.
-    regime : the one that follows, another where the law denies the present one by more than `error`.
+    regime : the one that follows, another where the present one contradicts the friction law by more than `error`.
     stale : whether K of before is out of date.
-    reach, recent : (C6), and the last change of eta, the error included [m].
+    static_excess, recent : excess of eta over the static limit, (C6), and its last change, the error included [m].
     """
     s, c = LAYOUT.symbols, contact_of(law)
     now, dy = c.y, in_tangents(s["first"])
     y, opens = now + dy, s["regime"] == OPEN
     bound = ca.logic_or(s["regime"] >= STICKING, opens)
     at = contact.friction(now, sided(c.of), c.step, bound)
-    pull, swing = contact.pulled(now, dy, s["pull"], at)
+    predicted, swing = contact.predicted_friction(now, dy, s["pull"], at)
     ahead = contact.friction(y, sided(c.of), c.step, bound).strength
-    share = contact.share(pull, sided(c.of), ahead)
+    used = contact.utilisation_squared(predicted, sided(c.of), ahead)
     eta = ca.sqrt(contact.squares(y, c.of)[1])
     largest = ca.mmax(s["mu"] * s["hardness"])
-    excess = (eta - c.step.cap * c.step.r * (1.0 + contact.YIELD_TOLERANCE)) / largest
+    excess = (eta - c.step.limit_ratio * c.step.r * (1.0 + contact.YIELD_TOLERANCE)) / largest
     touching = c.touching - ca.dot(s["normal"], s["first"])
     backs = ca.dot(_elastic(now, c.of) ** 2 * now, y) <= 0.0
-    held = STICK_SHARE * ca.if_else(at.multiplier > 0.0, contact.share(at.f, sided(c.of), at.strength), 1.0)
+    held = STICK_SHARE * ca.if_else(
+        at.multiplier > 0.0, contact.utilisation_squared(at.f, sided(c.of), at.strength), 1.0
+    )
     recent = ca.norm_2(_elastic(y, c.of) * dy) + largest * s["error"]
-    regime = _next(c, y, eta, excess, touching, share < held, backs)
+    regime = _next(c, y, eta, excess, touching, used < held, backs)
     swings = ca.logic_and(s["regime"] == SLIDING, swing > MAX_SWING)
     rows = {
         "y": y,
         "excess": excess,
         "touching": touching,
-        "pull": pull / ca.sqrt(ca.fmax(share, 1.0)),
+        "predicted_friction": predicted / ca.sqrt(ca.fmax(used, 1.0)),
         "foreseen": s["stiff"] * penetration(touching),
         "swing": swing,
         "regime": regime,
         "stale": ca.logic_or(regime != s["regime"], swings),
-        "reach": contact.reach(y, c.of, c.step),
+        "static_excess": contact.static_excess(y, c.of, c.step),
         "recent": recent,
     }
     return LAYOUT.function("point_yielding", rows)
@@ -85,12 +87,12 @@ def _elastic(y: ca.SX, of: contact.Coefficients) -> ca.SX:
 
 
 def _next(c: Contact, y: ca.SX, eta: ca.SX, excess: ca.SX, touching: ca.SX, held: ca.SX, backs: ca.SX) -> ca.SX:
-    """Return the regime that follows where the law denies one by more than the error."""
+    """Return the regime that follows: another where one contradicts the friction law by more than the error."""
     s = LAYOUT.symbols
     error, regime = s["error"], s["regime"]
     sticking = ca.if_else(y[0] >= 0.0, STICKING, STICKING_BACK)
     side = ca.if_else(regime == STICKING_BACK, y[0], -y[0])  # how far it is on the other side
-    limit = c.step.cap * c.step.r
+    limit = c.step.limit_ratio * c.step.r
     counts = ca.fabs(_elastic(y, c.of)[0] * y[0]) > SIDE_TOLERANCE * limit
     turned = ca.logic_and(ca.logic_and(side > error, counts), c.of.mu.forward != c.of.mu.backward)
     far = eta**2 > s["breaks"] * limit**2
@@ -114,15 +116,15 @@ def expected(law: Law = Coulomb) -> ca.Function:
     y = c.y + in_tangents(s["first"])
     at = contact.friction(y, c.of, c.step)
     trend = 2.0 * s["pull"] - s["pull_m"]
-    share = contact.share(trend, c.of, c.step.cap)
+    used = contact.utilisation_squared(trend, c.of, c.step.limit_ratio)
     known, stuck = s["load_m"] > 0.0, s["regime"] >= STICKING
     lands = ca.logic_and(s["regime"] == OPEN, c.touching - ca.dot(s["normal"], s["first"]) > 0.0)
     lands = ca.logic_and(lands, s["stiffness"] > 0.0)
     lifts = ca.logic_and(known, 2.0 * s["load_n"] < s["load_m"])
-    breaks = ca.logic_and(stuck, ca.logic_and(known, share > 1.0))
+    breaks = ca.logic_and(stuck, ca.logic_and(known, used > 1.0))
     turns = ca.logic_and(s["regime"] == SLIDING, ca.logic_and(at.multiplier > 0.0, ca.dot(y, s["pull"]) < 0.0))
     regime = ca.if_else(ca.logic_or(breaks, lands), SLIDING, s["regime"])
     regime = ca.if_else(ca.logic_and(s["regime"] >= SLIDING, lifts), OPEN, regime)
-    pull = ca.if_else(breaks, trend / ca.sqrt(share), ca.if_else(ca.logic_or(turns, lands), at.f, s["pull"]))
+    predicted = ca.if_else(breaks, trend / ca.sqrt(used), ca.if_else(ca.logic_or(turns, lands), at.f, s["pull"]))
     load = ca.if_else(lands, s["stiff"] * s["error"], s["load_n"])
-    return LAYOUT.function("point_expected", {"pull": pull, "foreseen": load, "regime": regime})
+    return LAYOUT.function("point_expected", {"predicted_friction": predicted, "foreseen": load, "regime": regime})
