@@ -30,18 +30,8 @@ def run_scene(
 ) -> int:
     """Run a scene, or the rest of it, write everything that was computed, and return the exit code.
 
-    Parameters
-    ----------
-    scene : Scene
-        From `load_scene`.
-    out : Path, optional
-        Folder to write to; `runs/<scene>-<time>` if left out.
-    force : bool
-        Whether to replace the results in a folder that has some.
-    quiet : bool
-        Whether to print only what went wrong.
-    earlier : Record, optional
-        A first part of this run, to go on from (`lengthened`).
+    Without a folder to write to it is `runs/<scene>-<time>`; `earlier` is a first part of this run, to go on from
+    (`lengthened`); other options as of the command.
 
     Raises
     ------
@@ -53,14 +43,7 @@ def run_scene(
 
 
 def lengthened(earlier: Record, more: float | None = None) -> Scene:
-    """Return the scene of a run that goes on.
-
-    Parameters
-    ----------
-    earlier : Record
-        The first part, which ended as planned or was interrupted.
-    more : float, optional
-        Time to add [s]; if left out, to the planned end.
+    """Return the scene of a run that goes on after its first part, for `more` seconds or to its planned end.
 
     Raises
     ------
