@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike
 
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.documented import with_fields
 from worm3d.values.read_only import ReadOnly
 from worm3d.view import Observation
 from worm3d.worm import Worm
 
 
+@with_fields
 @dataclass(frozen=True, init=False, eq=False)
 class Command(ReadOnly):
     """Command to a worm of N segments; frozen, with read-only arrays.

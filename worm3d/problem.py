@@ -18,6 +18,7 @@ from worm3d.state import State
 from worm3d.values import arguments
 from worm3d.values.arguments import bytes_of_run, require_room
 from worm3d.values.arrays import BoolArray, FloatArray
+from worm3d.values.documented import with_fields
 from worm3d.worlds import World
 from worm3d.worm import Worm
 
@@ -36,6 +37,7 @@ FARTHEST = 1e10
 """Largest distance of a state from time 0, in time steps: beyond it rounding makes the steps unequal."""
 
 
+@with_fields
 @dataclass(frozen=True, eq=False)
 class Held:
     """Coordinates that stay as they are at the start."""

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.physics import elements
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.documented import with_fields
 from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.worlds.base import World
 from worm3d.worm import Worm
@@ -32,6 +33,7 @@ class StateError(ValueError):
     """A run cannot start from this state: it does not fit the worm, or lies inside the world."""
 
 
+@with_fields
 @dataclass(frozen=True, eq=False, kw_only=True)
 class State(ReadOnly):
     """Pose and motion of a worm of N segments; frozen, with read-only arrays.

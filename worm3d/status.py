@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from worm3d.values.documented import with_fields
+
 
 class Status(Enum):
     """Outcome of a run; the value is a sentence for the user."""
@@ -32,11 +34,13 @@ class Status(Enum):
         return self not in (Status.DONE, Status.INTERRUPTED, Status.OBSERVER_FAILED)
 
 
+@with_fields
 @dataclass(frozen=True)
 class Stop:
     """End of a run: how, when and where."""
 
     status: Status
+    """How the run ended."""
     step: int
     """Last step that was tried (the number of finished steps if the run is done)."""
     time: float

@@ -12,6 +12,7 @@ from worm3d.series import Recorded, series_of
 from worm3d.state import State
 from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
+from worm3d.values.documented import with_fields
 from worm3d.values.read_only import read_only
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from worm3d.run import Run
 
 
+@with_fields
 @dataclass(frozen=True, eq=False)
 class Observation:
     """True state of a worm of N segments, as far as robots can hope to measure it: what sensors are given."""
