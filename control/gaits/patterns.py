@@ -99,9 +99,10 @@ class Gait(ABC):
     name: ClassVar[str] = ""
 
     def __init_subclass__(cls, name: str = "") -> None:
-        if name in GAITS:
+        known = GAITS.get(name)
+        if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
             raise ValueError(f"name: got {name!r}, must be another than those of the gaits that there are")
-        if name:
+        if name:  # a class that is defined again, as in a notebook, takes the place of the former one
             cls.name, GAITS[name] = name, cls
 
     def __post_init__(self) -> None:

@@ -222,3 +222,17 @@ def test_breathing_crawls_as_far_as_its_closed_form_says(forward: float, backwar
     # Its neutral places, three quarters from an end, are those of feet, so that six segments move as a continuum does.
     expected = contraction * worm.length * (backward - forward) / (backward + forward)
     assert x[1] - x[0] == pytest.approx(expected, abs=0.01 * contraction * worm.length)
+
+
+def test_a_gait_that_is_defined_again_takes_the_place_of_the_former_one() -> None:
+    def define(qualname: str) -> type:
+        return type("Mine", (Gait,), {"__qualname__": qualname, "__module__": __name__}, name="defined_again")
+
+    try:
+        define("Mine")
+        again = define("Mine")
+        assert GAITS["defined_again"] is again
+        with pytest.raises(ValueError, match="name: got 'defined_again', must be another than those of the gaits"):
+            define("Other")
+    finally:
+        GAITS.pop("defined_again", None)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from scenes import models
 from scenes.commands.runner import simulate
 from scenes.language.errors import DiscError, MissingPartError, SceneError
 from scenes.models.loading import load_scene
+from scenes.models.worm.view import scene_of
 from scenes.records import drawing
 from scenes.records.record import Record
 
@@ -81,3 +83,12 @@ def test_other_endings(record: Record, tmp_path: Path, name: str) -> None:
 def test_a_missing_folder_is_a_disc_error(record: Record, tmp_path: Path) -> None:
     with pytest.raises(DiscError, match=r"^cannot write .*a\.gif: no such file or directory$"):
         drawing.animate(record, MODEL, tmp_path / "none" / "a.gif")
+
+
+def test_a_run_with_parts_that_are_not_known_here_says_so(record: Record) -> None:
+    other = replace(record, model="worm", scene='model = "worm"\n[gait]\nkind = "inch"\n')
+    with pytest.raises(SceneError) as error:
+        scene_of(other)
+    first, second = error.value.lines
+    assert first.endswith("made with parts that are not known here; modules of one's own are to be imported before")
+    assert second.startswith("line 3: gait.kind: got 'inch'")

@@ -195,7 +195,10 @@ class _Taken(Actuator):
         (lambda: Worm(hinge_actuator=FirstOrder(lag=np.ones(6))), r"hinge_actuator.lag: got 6 values, .* or 5 of them"),
         (lambda: FirstOrder(lag=-1.0), r"lag: got -1.0, must be"),
         (lambda: Worm(hinge_actuator=Spring()), r"hinge_actuator: got Spring, which acts on chambers alone"),
-        (lambda: floating(body(actuator=_Late())), r"actuator: its spring must not depend on the length"),
+        (
+            lambda: floating(body(actuator=_Late())),
+            r"actuator: its given, which is its spring too, must not depend on length, span or ..._hat: use dt",
+        ),
         (lambda: floating(body(actuator=_Curious())), r"_Curious.respond: 'voltage' is not known; known are command, "),
         (
             lambda: floating(body(actuator=_Forgetful())),

@@ -61,6 +61,11 @@ def assert_same(one: Any, other: Any, name: str = "result") -> None:
         assert one == other, name
 
 
+def test_a_missing_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"no such folder: '.*none'$"):
+        crawl(worm3d.Plane()).save(tmp_path / "none" / "run.nc")
+
+
 @pytest.mark.parametrize("name", WORLDS)
 def test_a_file_gives_back_the_result(name: str, tmp_path: Path) -> None:
     result = crawl(WORLDS[name])

@@ -77,3 +77,9 @@ def test_bad_values_are_refused() -> None:
         Groove(wall=2.0)
     with pytest.raises(ValueError, match=r"bottom: got 0\.0 m"):
         Groove(bottom=0.0)
+
+
+def test_no_other_world_takes_its_name() -> None:
+    with pytest.raises(ValueError, match=r"name: got 'groove', must be another than those of the worlds"):
+        type("Ditch", (worm3d.World,), {}, name="groove")
+    assert worm3d.WORLDS["groove"] is Groove

@@ -15,6 +15,7 @@ it first and hands it on as worm3d writes it: `python -m worm3d.values.netcdf FI
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import io
 import json
@@ -236,8 +237,10 @@ def write_whole(path: Path, data: bytes) -> None:
     Raises
     ------
     OSError
-        The disc refused.
+        There is no such folder, or the disc refused.
     """
+    if not path.parent.is_dir():  # before the name of a part comes up
+        raise FileNotFoundError(errno.ENOENT, "no such folder", str(path.parent))
     part = path.with_name(f".{path.name}-{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
         part.write_bytes(data)

@@ -35,7 +35,10 @@ class World:
 
     def __init_subclass__(cls, name: str = "") -> None:
         super().__init_subclass__()
-        if name:
+        known = WORLDS.get(name)
+        if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise ValueError(f"name: got {name!r}, must be another than those of the worlds that there are")
+        if name:  # a class that is defined again, as in a notebook, takes the place of the former one
             WORLDS[name] = cls
 
     @staticmethod

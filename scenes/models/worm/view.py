@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenes import models
+from scenes.language.errors import SceneError
+from scenes.language.mistakes import report, schema_mistakes
+from scenes.language.toml import key_lines
 from scenes.models.base import MOVIE_S
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import worm_of
@@ -23,8 +26,20 @@ if TYPE_CHECKING:
 
 
 def scene_of(record: Record) -> AnyWormScene:
-    """Return the scene that a record was made from."""
-    scene: AnyWormScene = models.get(record.model).schema.model_validate(tomllib.loads(record.scene))
+    """Return the scene that a record was made from.
+
+    Raises
+    ------
+    SceneError
+        It has what is not known here, such as a part whose module has not been imported.
+    """
+    schema, written = models.get(record.model).schema, tomllib.loads(record.scene)
+    if mistakes := schema_mistakes(schema, written):
+        reason = (
+            f"{record.name}: made with parts that are not known here; modules of one's own are to be imported before"
+        )
+        raise SceneError(reason, *report(mistakes, key_lines(record.scene), []))
+    scene: AnyWormScene = schema.model_validate(written)
     return scene
 
 

@@ -136,8 +136,10 @@ def _require_known(name: str, response: Response, unknown: ca.SX) -> None:
     spring = response.given if response.spring is None else response.spring
     for part, value in (("command", response.command), ("spring", spring), ("force", response.force)):
         if ca.depends_on(ca.SX(value), unknown):
+            what = "given, which is its spring too," if part == "spring" and response.spring is None else part
             raise ValueError(
-                f"{name}: its {part} must not depend on the length or the integrator: write it as a potential"
+                f"{name}: its {what} must not depend on length, span or ..._hat: use dt and the values at the start of "
+                "the step, or write a force as a potential"
             )
 
 
