@@ -10,7 +10,7 @@ from typing import Any
 from control.sensing.sensors import QUANTITIES
 from scenes.language.checks import Check, Found, kind_checks
 from scenes.models.control.build import NOT_IDENTIFIED, identified_of, path_of
-from scenes.models.control.schema import Controller, ControlScene, Reference
+from scenes.models.control.schema import Controller, ControlScene, Reference, Sensor
 from scenes.models.worm.build import worm_of
 from scenes.models.worm.checks import ACTUATORS, SPATIAL_CHECKS, start_check
 
@@ -80,6 +80,16 @@ def _decides_no_more_than_once_a_step(period_s: float, dt_s: float) -> Found:
     }
 
 
+def _has_a_sensor(value: Any, asked: bool, *, name: str, default: Any) -> Found:
+    """Tell of the quality of a sensor that is not asked for; at its default it says nothing, as in resolved scenes."""
+    return (
+        None if asked or value == default else f"there is no such sensor: set sensor.{name} = true, or leave this out"
+    )
+
+
+OPTIONAL = [name for name, each in QUANTITIES.items() if not each.standard]
+"""Channels of sensors that a robot need not have."""
+
 STEPS = ("reference.speed_steps", "reference.heading_steps")
 CONTROL_CHECKS = (
     *SPATIAL_CHECKS,
@@ -90,10 +100,12 @@ CONTROL_CHECKS = (
     Check(("reference.speed_steps", "reference.speed_sine_m_s"), _steps_or_a_sine),
     Check(("reference.speed_sine_m_s", "reference.speed_m_s"), _never_backwards),
     Check(("reference", "world", "worm", "start", "run"), _there_is_such_a_path),
+    *(Check((f"sensor.{name}", "worm", *ACTUATORS), partial(_worm_has_it, name=name)) for name in OPTIONAL),
     *(
-        Check((f"sensor.{name}", "worm", *ACTUATORS), partial(_worm_has_it, name=name))
-        for name, each in QUANTITIES.items()
-        if not each.standard
+        Check((f"sensor.{key}", f"sensor.{name}"), partial(_has_a_sensor, name=name, default=field.default))
+        for name in OPTIONAL
+        for key, field in Sensor.model_fields.items()
+        if key.startswith(f"{name}_")
     ),
     start_check("worm_control", ControlScene),
     Check(("worm", "friction", "controller", *ACTUATORS), _is_identified),
