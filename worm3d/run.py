@@ -130,7 +130,7 @@ class Run:
                 self.complaint = f"{type(error).__name__}: {error}"
                 _LOG.error("the observer failed", exc_info=error)
                 return Status.OBSERVER_FAILED
-            if isinstance(goes_on, bool | np.bool_) and not goes_on and self.done < self.steps:
+            if getattr(goes_on, "dtype", type(goes_on)) == bool and not np.any(goes_on) and self.done < self.steps:
                 return Status.INTERRUPTED
         return Status.DONE
 

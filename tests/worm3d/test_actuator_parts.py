@@ -202,10 +202,10 @@ class _Taken(Actuator):
         (lambda: floating(body(actuator=_Curious())), r"_Curious.respond: 'voltage' is not known; known are command, "),
         (
             lambda: floating(body(actuator=_Forgetful())),
-            r"_Forgetful.respond: got \[\], must be a Response with",
+            r"_Forgetful.respond: got \[\], must be the states \['charge'\]",
         ),
         (lambda: floating(body(actuator=Actuator())), r"Actuator.respond: it has none, must be defined; known are"),
-        (lambda: floating(body(actuator=_Broad())), r"_Broad.respond: got an array for given, must be a scalar"),
+        (lambda: floating(body(actuator=_Broad())), r"_Broad.respond, given: got an array of shape \(2, 1\), must be"),
         (lambda: floating(body(actuator=_Restless())), r"_Restless.at_rest: got \[\], must be the states \['speed'\]"),
         (_Taken, r"_Taken: the names dt are taken; rename the parameter"),
     ],
@@ -213,6 +213,38 @@ class _Taken(Actuator):
 def test_what_is_wrong_is_said(make: Any, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         make()
+
+
+@pytest.mark.parametrize(
+    ("respond", "sentence"),
+    [
+        (lambda s: None, r"respond: got NoneType, must be a Response with the states \[\]"),
+        (lambda: None, r"respond: got TypeError: .*; must be a scalar expression"),
+        (lambda s: Response(s["command"], None), r"respond, given: got NoneType, must be a scalar expression"),
+        (lambda s: Response(s["command"], "0.3"), r"respond, given: got str, must be"),
+        (lambda s: Response(s["command"]), r"respond: got TypeError: .*'given'; must be"),
+        (lambda s: Response(s["command"], s["command"], states=None), r"respond: got NoneType, must be the states"),
+        (
+            lambda s: Response(s["command"], s["command"] if s["command"] > 0 else 0.0),
+            r"respond: got a decision of Python on an expression, .*; must be .* ca.if_else, ca.fmin and ca.fmax",
+        ),
+        (lambda s: Response(s["command"], max(s["command"], 0.0)), r"respond: got a decision of Python"),
+        (
+            lambda s: Response(s["command"], ca.if_else(s["command"] > 0, None, 0.0)),
+            r"respond: got NotImplementedError: Wrong number or type of arguments .*'if_else'.; must be",
+        ),
+    ],
+)
+def test_an_answer_that_is_no_expression_is_said(respond: Any, sentence: str) -> None:
+    own = type("Own", (Actuator,), {"respond": staticmethod(respond)})
+    with pytest.raises(ValueError, match="Own." + sentence):
+        floating(body(actuator=own()))
+
+
+def test_states_at_rest_that_are_none_are_said() -> None:
+    own = type("Own", (Swinging,), {"at_rest": staticmethod(lambda s: None)})
+    with pytest.raises(ValueError, match=r"Own.at_rest: got NoneType, must be the states \['speed'\]"):
+        floating(body(actuator=own()))
 
 
 def test_what_sensors_see_is_what_is_recorded() -> None:

@@ -83,3 +83,11 @@ def test_what_is_rounding_is_no_result() -> None:
     assert "record more of them" in sparse.reasons()["mean_speed_m_s"]
     short = simulate(Worm(), Plane(), actuation=GAIT, duration=0.5)
     assert "shorter than one period" in short.reasons()["mean_speed_m_s"]
+
+
+@pytest.mark.parametrize(("answer", "ends"), [(False, True), (np.False_, True), (np.array(False), True), (0, False)])
+def test_an_observer_that_returns_false_ends_the_run(answer: Any, ends: bool) -> None:
+    """Also as numpy has it; what is no truth value, such as None or 0, does not."""
+    result = simulate(Worm(), None, duration=0.05, observer=lambda t, view: answer if t > 0.015 else None, every=1)
+    assert result.status is (Status.INTERRUPTED if ends else Status.DONE)
+    assert len(result.time) == (3 if ends else 6)

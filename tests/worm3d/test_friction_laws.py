@@ -344,6 +344,45 @@ def test_bad_laws_are_refused(make: Any, message: str) -> None:
         make()
 
 
+@pytest.mark.parametrize(
+    ("name", "function", "message"),
+    [
+        ("capacity", lambda N, p: N * (1 - N), r"the slope of capacity at 0.501 N is -0.00237, must be at least 0"),
+        ("excess", lambda w, p: -(w**2), r"the second derivative of excess at 1e-06 m/s is -2, must be at least 0"),
+        ("excess", lambda w, p: w**3 / (1 - 1e3 * w), r"the excess or a derivative of it at 0.001 m/s is inf, must be"),
+        ("excess", lambda w, p: w**3 / (1 - 777 * w), r"the second derivative of excess at 0.00\d* m/s is -"),
+        (
+            "excess",
+            lambda w, p: ca.exp(100 * w) - 1 - 100 * w,
+            r"the excess or a derivative of it at .* is inf, must be",
+        ),
+        ("capacity", lambda N, p: None, "got NoneType, must be a scalar expression; take ca.if_else"),
+        ("capacity", lambda N: N, "got TypeError: .*; must be a scalar expression"),
+        ("capacity", lambda N, p: ca.vertcat(N, N), r"got an array of shape \(2, 1\), must be a scalar"),
+        ("excess", lambda w, p: w**2 if w > 1 else 0.0, "got a decision of Python on an expression, .* ca.if_else"),
+        ("excess", lambda w, p: w * p["speed"], "got KeyError: 'speed'; must be"),
+    ],
+)
+def test_functions_that_are_no_law_are_refused(name: str, function: Any, message: str) -> None:
+    own = type("Own", (FrictionLaw,), {name: staticmethod(function)})
+    with pytest.raises(ValueError, match=f"Own.{name}: {message}"):
+        own()
+
+
+@pytest.mark.parametrize(
+    ("name", "function"),
+    [
+        ("capacity", lambda N, p: 3.0 * ca.tanh(N / 3.0)),  # level beyond: its slope is 0 but for rounding
+        ("capacity", lambda N, p: N + 0.02 * (1.0 - ca.exp(-N / 0.01))),
+        ("excess", lambda w, p: w**1.5),
+        ("excess", lambda w, p: ca.fmax(w - 0.1, 0.0) ** 2),
+        ("excess", lambda w, p: 0.0),
+    ],
+)
+def test_functions_that_are_a_law_are_taken(name: str, function: Any) -> None:
+    type("Own", (FrictionLaw,), {name: staticmethod(function)})()
+
+
 def test_the_start_of_a_run_settles_whatever_the_law() -> None:
     """On uneven ground a worm comes to rest by the friction of its run."""
     heights = 0.02 * np.sin(np.arange(60))[:, None] * np.ones((60, 20))

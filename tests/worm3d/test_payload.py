@@ -42,3 +42,9 @@ def test_loads_at_rest_carry_it_where_it_is(payload: float) -> None:
 def test_it_is_less_than_the_mass() -> None:
     with pytest.raises(ValueError, match=r"payload: got 0\.1 kg, must be below mass \(0\.1 kg\)"):
         Worm(payload=0.1)
+
+
+def test_a_planar_worm_has_it_too() -> None:
+    bare, loaded = Worm.planar(mass=0.1), Worm.planar(mass=0.1, payload=0.02)
+    assert_allclose(loaded.joint_mass[-1], 0.8 * bare.joint_mass[-1] + 0.02, rtol=1e-14)
+    assert_allclose(loaded.joint_mass.sum() + loaded.apex_mass.sum(), 0.1, rtol=1e-14)

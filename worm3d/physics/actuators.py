@@ -104,6 +104,10 @@ class Actuator(ReadOnly):
     def respond(cls, s: Symbols) -> Response:
         """Return what the actuator does in a time step.
 
+        Everything is a scalar expression of CasADi, whose values are not known yet: choose with `ca.if_else`, limit
+        with `ca.fmin` and `ca.fmax`. Python's `if`, `min` and `max` on them are errors; numpy's functions may work, but
+        warn (`np.clip` prints a FutureWarning).
+
         Parameters
         ----------
         s : mapping of str to SX

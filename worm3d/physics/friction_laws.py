@@ -13,12 +13,13 @@ that sticks holds up to static_ratio mu C(N). `worm3d/physics/README.md` derives
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 
+from worm3d.physics.expressions import answer, scalar
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter, parameters_of
@@ -40,6 +41,12 @@ MAX_PARAMETERS = 4
 
 ROUNDING = 1e-12
 """Size up to which a value counts as 0 where a law is checked."""
+
+FALLING = 1e-9
+"""Share of the largest derivative so far down to which a negative one counts as rounding."""
+
+LOADS, RATES = np.geomspace(1e-6, 1e3, 91), np.geomspace(1e-6, 1e2, 81)
+"""Normal loads [N] and rates [m/s] at which a law is checked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +86,14 @@ class FrictionLaw(ReadOnly):
 
         x, rows = ca.SX.sym("x"), ca.SX.sym("p", MAX_PARAMETERS)
         p = self.symbols(rows)
-        functions = self.capacity(x, p), self.excess(x, p)
-        values = ca.Function("law", [x, rows], [*functions, *(ca.gradient(each, x) for each in functions)])
-        for column in self.rows().T:
+        capacity_of, excess_of = (
+            scalar(f"{type(self).__name__}.{name}", answer(type(self), name, x, p)) for name in ("capacity", "excess")
+        )
+        slope_of, rise_of = ca.gradient(capacity_of, x), ca.gradient(excess_of, x)
+        values = ca.Function("law", [x, rows], [capacity_of, excess_of, slope_of, rise_of])
+        grown = ca.Function("grown", [x, rows], [capacity_of, slope_of])
+        curved = ca.Function("curved", [x, rows], [excess_of, rise_of, ca.gradient(rise_of, x)])
+        for column in np.unique(self.rows(), axis=1).T:
             capacity, excess, slope, rise = (float(each) for each in values(0.0, column))
             for what, value in (("capacity at 0", capacity), ("excess at 0", excess), ("slope of excess at 0", rise)):
                 if not abs(value) <= ROUNDING:
@@ -89,6 +101,23 @@ class FrictionLaw(ReadOnly):
             if not 0.0 <= slope < np.inf:
                 raise ValueError(
                     f"{type(self).__name__}: the slope of capacity at 0 is {slope:g}, must be finite and at least 0"
+                )
+            self._check_growth("capacity", "slope", grown(LOADS[None], column), LOADS, "N")
+            self._check_growth("excess", "second derivative", curved(RATES[None], column), RATES, "m/s")
+
+    def _check_growth(self, name: str, derivative: str, values: Sequence[ca.DM], at: FloatArray, unit: str) -> None:
+        """Raise ValueError where a function or its derivatives are not finite, or the last of them is negative."""
+        found = np.array([each.full()[0] for each in values])
+        least = -FALLING * np.maximum.accumulate(np.abs(found[-1]))
+        for what, wrong, must in (
+            (f"{name} or a derivative of it", ~np.isfinite(found).all(axis=0), "finite"),
+            (f"{derivative} of {name}", found[-1] < least, "at least 0"),
+        ):
+            if wrong.any():
+                k = int(np.argmax(wrong))
+                got = found[-1, k] if must != "finite" else found[~np.isfinite(found[:, k]), k][0]
+                raise ValueError(
+                    f"{type(self).__name__}.{name}: the {what} at {at[k]:.3g} {unit} is {got:.3g}, must be {must}"
                 )
 
     def __eq__(self, other: object) -> bool:

@@ -47,6 +47,9 @@ class World:
     ) -> SampledWorld:
         """Return the world of a signed distance given as a Python function, which is sampled once on a grid.
 
+        It counts as uneven whatever its shape: a worm comes to rest on it with friction, and on a plane that is made so
+        it starts up to some millimetres away from where it starts on `Plane`.
+
         Parameters
         ----------
         f : callable

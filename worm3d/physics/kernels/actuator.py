@@ -7,12 +7,13 @@ states and the energy, for actuators that have any.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
 
 from worm3d.physics.actuators import Actuator, FirstOrder, Response
+from worm3d.physics.expressions import answer, scalar
 from worm3d.physics.kernels import COMMANDS, inertia, joint, losses, segment
 from worm3d.physics.kernels.layout import Layout, once
 from worm3d.values.parameters import parameters_of
@@ -94,17 +95,38 @@ def _respond(kind: Kind, known: dict[str, ca.SX]) -> Response:
         It asks for what is not known, or its answer is none, or without one of its states.
     """
     try:
-        response = kind.respond(known)
-    except (KeyError, NotImplementedError) as error:
-        what = f"{error} is not known" if isinstance(error, KeyError) else "it has none, must be defined"
+        response = answer(kind, "respond", known)
+    except ValueError as error:
+        cause = error.__cause__
+        if isinstance(cause, KeyError):
+            what = f"{cause} is not known"
+        elif isinstance(cause, NotImplementedError) and not cause.args:
+            what = "it has none, must be defined"
+        else:
+            raise
         raise ValueError(f"{kind.__name__}.respond: {what}; known are {', '.join(known)}") from error
-    if not isinstance(response, Response) or set(response.states) != set(kind.states):
-        got = sorted(response.states) if isinstance(response, Response) else type(response).__name__
-        raise ValueError(f"{kind.__name__}.respond: got {got}, must be a Response with the states {list(kind.states)}")
-    parts = {**response._asdict(), **response.states, "states": 0.0}
-    if wrong := [name for name, part in parts.items() if part is not None and ca.SX(part).shape != (1, 1)]:
-        raise ValueError(f"{kind.__name__}.respond: got an array for {wrong[0]}, must be a scalar")
-    return response
+    if not isinstance(response, Response):
+        wrong = type(response).__name__
+        raise ValueError(
+            f"{kind.__name__}.respond: got {wrong}, must be a Response with the states {list(kind.states)}"
+        )
+    states = _states(kind, "respond", response.states)
+    parts = {name: part for name, part in response._asdict().items() if name not in ("spring", "states")}
+    if response.spring is not None:
+        parts["spring"] = response.spring
+    for name, part in parts.items():
+        scalar(f"{kind.__name__}.respond, {name}", part)
+    return response._replace(states=states)
+
+
+def _states(kind: Kind, method: str, given: Any) -> Mapping[str, Any]:
+    """Return the states that a method of an actuator returns, each a scalar expression."""
+    if not isinstance(given, Mapping) or set(given) != set(kind.states):
+        got = sorted(given) if isinstance(given, Mapping) else type(given).__name__
+        raise ValueError(f"{kind.__name__}.{method}: got {got}, must be the states {list(kind.states)}")
+    for name, part in given.items():
+        scalar(f"{kind.__name__}.{method}, {name}", part)
+    return given
 
 
 def _has_energy(response: Response) -> bool:
@@ -158,12 +180,7 @@ def rest(kind: Kind = FirstOrder) -> ca.Function | None:
         if spring is None and not kind.states:
             return None
         springs.append(known["l0"] * (1.0 - (known["command"] if spring is None else spring)))
-        at_rest = kind.at_rest(known)
-        if sorted(at_rest) != sorted(kind.states):
-            raise ValueError(
-                f"{kind.__name__}.at_rest: got {sorted(at_rest)}, must be the states {sorted(kind.states)}"
-            )
-        states.append(at_rest)
+        states.append(_states(kind, "at_rest", answer(kind, "at_rest", known)))
     outputs = {"commanded": springs} | {name: [of[name] for of in states] for name in kind.states}
     return layout.function("actuator_rest", outputs)
 
