@@ -130,7 +130,9 @@ class Run:
                 self.complaint = f"{type(error).__name__}: {error}"
                 _LOG.error("the observer failed", exc_info=error)
                 return Status.OBSERVER_FAILED
-            if getattr(goes_on, "dtype", type(goes_on)) == bool and not np.any(goes_on) and self.done < self.steps:
+            if isinstance(goes_on, np.ndarray):
+                goes_on = goes_on[()]  # an array without axes is the value in it
+            if isinstance(goes_on, bool | np.bool_) and not goes_on and self.done < self.steps:
                 return Status.INTERRUPTED
         return Status.DONE
 
