@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,8 +13,10 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.documented import with_fields
 from worm3d.values.read_only import ReadOnly
-from worm3d.view import Observation
 from worm3d.worm import Worm
+
+if TYPE_CHECKING:
+    from worm3d.view import Observation
 
 
 @with_fields
@@ -96,7 +98,7 @@ class Controller(Protocol):
 Actuation = Gait | Controller | Callable[[float], Command]
 """Whatever `simulate` takes as actuation."""
 
-Sensor = Callable[[Observation], Any]
+Sensor = Callable[["Observation"], Any]
 """Makes a measurement of an observation."""
 
 

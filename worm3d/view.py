@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from worm3d.series import Recorded, series_of
-from worm3d.state import State
 from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
 from worm3d.values.documented import with_fields
@@ -18,6 +17,7 @@ from worm3d.values.read_only import read_only
 if TYPE_CHECKING:
     from worm3d.result import Result
     from worm3d.run import Run
+    from worm3d.state import State
 
 
 @with_fields
