@@ -146,6 +146,8 @@ def gather(core: Core, records: Block, row: int) -> None:
         to += 8 * width * row
         if j == POINTS and k == 3:
             _places(core, source, to)
+        elif step_i == 1 and j * k == 1:
+            vectors.move(to, source, i)
         else:
             _gather(source, to, i, j, k, step_i, step_j, step_k)
 
