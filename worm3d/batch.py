@@ -16,9 +16,8 @@ from worm3d.plant import ROUNDING
 from worm3d.problem import Force, Held, Integrator, Problem
 from worm3d.result import Result
 from worm3d.run import Run
-from worm3d.start import LimitPointError, Placed, place, settle
+from worm3d.start import LimitPointError, Placed, Rested, place, settle
 from worm3d.state import State, StateError
-from worm3d.status import Status
 from worm3d.values import arguments
 from worm3d.worlds import World
 from worm3d.worm import Worm
@@ -139,7 +138,7 @@ class _Places:
     """Puts worms on their worlds: equal ones are copies of one, and come to rest together whatever their friction."""
 
     def __init__(self) -> None:
-        self._placed, self._rested = _Once[Placed](), _Once[tuple[State, Status]]()
+        self._placed, self._rested = _Once[Placed](), _Once[Rested]()
 
     def place(self, problem: Problem) -> Placed:
         """Return what `worm3d.start.place` returns."""
@@ -149,7 +148,7 @@ class _Places:
         own.worm, own.friction = problem.worm, problem.friction
         return placed._replace(plant=own)
 
-    def _settle(self, problem: Problem, start: State) -> tuple[State, Status]:
+    def _settle(self, problem: Problem, start: State) -> Rested:
         return self._rested(self._key(problem, start), lambda: settle(problem, start))
 
     def _key(self, problem: Problem, *parts: object) -> Hashable:

@@ -23,9 +23,11 @@ from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
 from worm3d.solver.entry import SIGNATURE
 from worm3d.solver.evaluate import evaluate_entry
 from worm3d.solver.faces import turn_faces
+from worm3d.solver.guard import SIDES, refused
 from worm3d.solver.newton import solve_entry
 from worm3d.solver.step import step_entry
 from worm3d.state import GREATEST_CONTRACTION, State, StateError
+from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World, WorldKernel
 from worm3d.worlds.plane import Plane
@@ -239,6 +241,31 @@ class Plant:
         kinds = type(self.worm.actuator), type(self.worm.hinge_actuator)
         for layout, name in ((actuator.chambers(kinds[0]), "actuated"), (actuator.hinges(kinds[1]), "hinged")):
             layout.of(actuator.PREFIX + actuator.HASTE, self.arrays[name])[:] = times
+
+    def refused(self, status: Status) -> tuple[int, str]:
+        """Return the segment in which a step ended that was refused, and why, in words."""
+        return self._not_finite() if status is Status.NOT_FINITE else refused(self.arrays, self.n, status)
+
+    def _not_finite(self) -> tuple[int, str]:
+        """Return where and in what an actuator's answer is not finite."""
+        worm, n, a = self.worm, self.n, self.arrays
+        started = a["actuator_start"][:, :n].reshape(-1, actuator.SIDES, n)
+        known = list(zip(("command", "spring", "force", "given"), started, strict=True))
+        if "actuator_end" in self._kernels:
+            energy, rows = np.split(a["actuator_out"][:, :n], [actuator.LEDGER_ROWS])
+            names = ("given", *type(worm.actuator).states)
+            known += zip(names, rows.reshape(-1, actuator.SIDES, n), strict=True)
+            known.append(("energy", energy.sum(axis=0)[None]))
+        for name, values in known:
+            for side, i in np.argwhere(~np.isfinite(values)):
+                where = f"segment {i}" if name == "energy" else f"the {SIDES[side]} chamber of segment {i}"
+                return int(i), f"actuator: {type(worm.actuator).__name__} gives no finite {name} for {where}"
+        hinges = a["hinge_out"][:, : n - 1]
+        for name, row in zip(("command", "given", *type(worm.hinge_actuator).states), hinges, strict=True):
+            for (i,) in np.argwhere(~np.isfinite(row)):
+                what = f"{type(worm.hinge_actuator).__name__} gives no finite {name} for joint {i + 1}"
+                return int(i) + 1, f"hinge_actuator: {what}"
+        return 0, ""
 
     def memory(self) -> dict[str, FloatArray]:
         """Return copies of all that the next step depends on, by name."""

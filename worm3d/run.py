@@ -19,7 +19,7 @@ from worm3d.result import Result
 from worm3d.series import COUNTERS, Recorded, heading
 from worm3d.solver.advance import advance, ask, worst_residual
 from worm3d.solver.arrays import POINTS, TOLERANCE
-from worm3d.solver.guard import NO_CONVERGENCE, OK, refused
+from worm3d.solver.guard import NO_CONVERGENCE, OK
 from worm3d.solver.records import Records, gather, mass_centre, record
 from worm3d.start import GUARDED, Placed, place
 from worm3d.state import State
@@ -52,7 +52,7 @@ class Run:
     """A run in progress; `placing` returns the worm in its initial state, as `worm3d.start.place`."""
 
     def __init__(self, problem: Problem, placing: Callable[[Problem], Placed] = place) -> None:
-        plant, start, self.begun, self.settling = placing(problem)
+        plant, start, self.begun, self.settling, reason = placing(problem)
         plant.arrays["numbers"][0, TOLERANCE] = problem.tolerance
         self.driver = Driver(problem.actuation, problem.worm, problem.sensor)
         self.plant, self.external_force, self.period = plant, problem.external_force, problem.period
@@ -63,7 +63,7 @@ class Run:
         self._now = Records(plant, 1)
         self.counters = np.zeros((self.steps, len(COUNTERS)), dtype=np.int64)
         self.done, self.halved, self.last_share, self.wall = 0, 0, 1.0, 0.0
-        self.complaint, self.residual, self.segment = "", 0.0, 0
+        self.complaint, self.residual, self.segment = reason, 0.0, 0
         self.first = round(start.time / self.dt)
         self.offset = start.time - self.first * self.dt
         if abs(self.offset) < 1e-9 * self.dt:
@@ -239,7 +239,7 @@ class Run:
         """Return how a step ended, and remember where if the solver's guard has refused it."""
         status = GUARDED[end]
         if status is not Status.DONE:
-            self.segment, self.complaint = refused(self.plant.arrays, self.n, status)
+            self.segment, self.complaint = self.plant.refused(status)
         return status
 
     def observation(self) -> Observation:

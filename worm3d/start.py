@@ -23,7 +23,18 @@ from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World
 from worm3d.worm import Worm
 
-Settling = Callable[[Problem, State], tuple[State, Status]]
+
+class Rested(NamedTuple):
+    """A worm that was brought to rest, or what it was before."""
+
+    state: State
+    status: Status
+    """Status DONE, or why it does not come to rest."""
+    reason: str = ""
+    """Which part was at fault, and what to do."""
+
+
+Settling = Callable[[Problem, State], Rested]
 """Function with the parameters and results of `settle`."""
 
 
@@ -174,7 +185,7 @@ def require_clear(plant: Plant, overlap: float) -> None:
         raise StateError(f"state: segment {segment} lies {depth.max():.3g} m inside the world; lift or move the worm")
 
 
-def settle(problem: Problem, start: State) -> tuple[State, Status]:
+def settle(problem: Problem, start: State) -> Rested:
     """Return the worm at rest under the part of gravity that presses it to the world, and DONE or why it does not rest.
 
     Steps of implicit Euler with a second each and no friction, stopped after each; where the world is `uneven`, short
@@ -182,13 +193,13 @@ def settle(problem: Problem, start: State) -> tuple[State, Status]:
     worm touches).
     """
     for method in STICKING if problem.world is not None and problem.world.uneven else (SLIDING,):
-        rested, status = _settled(problem, start, method)
-        if status is Status.DONE:
+        rested = _settled(problem, start, method)
+        if rested.status is Status.DONE:
             break
-    return rested, status
+    return rested
 
 
-def _settled(problem: Problem, start: State, method: _Method) -> tuple[State, Status]:
+def _settled(problem: Problem, start: State, method: _Method) -> Rested:
     worm, world = problem.worm, problem.world
     assert world is not None
     friction = Friction(method.mu, method.mu, method.mu, 1.0)
@@ -201,14 +212,17 @@ def _settled(problem: Problem, start: State, method: _Method) -> tuple[State, St
         before = plant.arrays["joints"][:3].copy()
         end = _step(plant, command, method.dt)
         if end != OK:
-            return start, Status.UNSETTLED if GUARDED[end] is Status.NO_CONVERGENCE else GUARDED[end]
+            status = GUARDED[end]
+            unsettled = status is Status.NO_CONVERGENCE
+            return Rested(start, Status.UNSETTLED if unsettled else status, plant.refused(status)[1])
         moved = np.abs(plant.arrays["joints"][:3] - before).max()
         if method.mu == 0.0:  # anchors are needed where friction holds
             plant.reset_at_pose()
         if moved < REST_TOLERANCE * worm.length:
             break
     plant.reset_at_pose()
-    return plant.state(start.time), Status.DONE if moved < REST_TOLERANCE_LOOSE * worm.length else Status.UNSETTLED
+    rests = moved < REST_TOLERANCE_LOOSE * worm.length
+    return Rested(plant.state(start.time), Status.DONE if rests else Status.UNSETTLED)
 
 
 def _step(plant: Plant, command: FloatArray, dt: float) -> int:
@@ -256,6 +270,8 @@ class Placed(NamedTuple):
     """Status DONE, or why it cannot start."""
     settling: float | None
     """Largest motion of a joint while it was brought to rest [m]; None where it was not."""
+    reason: str = ""
+    """Which part was at fault where it cannot start, and what to do."""
 
 
 def touches(plant: Plant, start: State) -> bool:
@@ -285,9 +301,9 @@ def place(problem: Problem, settling: Settling = settle) -> Placed:
     if start.memory:
         plant.remember(start.memory)
     elif _is_settled(plant, start, problem.settle_first):
-        status = _come_to_rest(plant, problem, start, settling)
+        status, reason = _come_to_rest(plant, problem, start, settling)
         moved = float(np.linalg.norm(plant.arrays["joints"][:3, : plant.n + 1].T - start.joints, axis=1).max())
-        return Placed(plant, start, status, moved if status is Status.DONE else None)
+        return Placed(plant, start, status, moved if status is Status.DONE else None, reason)
     return Placed(plant, start, Status.DONE, None)
 
 
@@ -298,12 +314,12 @@ def _is_settled(plant: Plant, start: State, settle_first: bool | None) -> bool:
     return touches(plant, start) if settle_first is None else settle_first
 
 
-def _come_to_rest(plant: Plant, problem: Problem, start: State, settling: Settling) -> Status:
+def _come_to_rest(plant: Plant, problem: Problem, start: State, settling: Settling) -> tuple[Status, str]:
     """Bring the worm to rest from its initial state; return DONE, or why it does not come to rest."""
-    rested, status = settling(problem, start)
+    rested, status, reason = settling(problem, start)
     if status is Status.DONE:
         plant.set_pose(rested)
         plant.set_loads(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
         if plant.world is not None and plant.world.uneven:
             hold(plant)
-    return status
+    return status, reason

@@ -272,3 +272,63 @@ def test_what_sensors_see_is_what_is_recorded() -> None:
     for name, values in run.actuator_states.items():
         assert_array_equal([each.actuator_states[name] for each in seen], values, err_msg=name)
         assert np.ptp(values) > 0.1
+
+
+def _failing(part: str, late: bool = True) -> type[Actuator]:
+    """Return an actuator whose command, given contraction, state or energy is not a number from a command of 0.3 on."""
+
+    def respond(s: Mapping[str, Any]) -> Response:
+        wrong = ca.if_else(s["command"] > 0.3, np.nan, 0.0) if late else np.nan
+        sound = Response(s["command"], s["command"], states={"charge": s["command"]})
+        if part == "charge":
+            return sound._replace(states={"charge": wrong})
+        name = "stored" if part == "energy" else part
+        return sound._replace(
+            **{name: getattr(sound, name) + wrong, "spring": s["command"]}
+            if part == "given"
+            else {name: getattr(sound, name) + wrong}
+        )
+
+    return type("Failing", (Actuator,), {"respond": staticmethod(respond), "states": {"charge": "C"}})
+
+
+@pytest.mark.parametrize("part", ["command", "given", "force", "charge", "energy"])
+def test_what_becomes_not_a_number_ends_the_run_at_that_step(part: str) -> None:
+    def rise(t: float) -> Command:
+        return Command([[0.0, 0.0], [0.0, 10.0 * t], [0.0, 0.0]])
+
+    run = worm3d.simulate(
+        body(actuator=_failing(part)()), None, actuation=rise, duration=0.1, dt=0.01, gravity=(0, 0, 0)
+    )
+    assert run.status is worm3d.Status.NOT_FINITE
+    assert (run.stop.step, run.stop.segment, len(run.time)) == (4, 1, 4)
+    where = "segment 1" if part == "energy" else "the right chamber of segment 1"
+    assert run.stop.reason == f"actuator: Failing gives no finite {part} for {where}"
+    for values in (
+        run.joints,
+        run.contraction,
+        run.actuator_states["charge"],
+        run.energy.actuator,
+        run.energy.work_contract,
+    ):
+        assert np.isfinite(values).all()
+
+
+def test_a_hinge_that_becomes_not_a_number_ends_the_run() -> None:
+    def rise(t: float) -> Command:
+        return Command(np.zeros((3, 2)), hinge=[0.0, 10.0 * t])
+
+    run = worm3d.simulate(
+        body(hinge_actuator=_failing("charge")()), None, actuation=rise, duration=0.1, dt=0.01, gravity=(0, 0, 0)
+    )
+    assert (run.status, run.stop.step, len(run.time)) == (worm3d.Status.NOT_FINITE, 4, 4)
+    assert run.stop.reason == "hinge_actuator: Failing gives no finite charge for joint 2"
+
+
+def test_what_is_not_a_number_while_settling_names_the_actuator() -> None:
+    worm = body(actuator=_failing("given", late=False)())
+    run = worm3d.simulate(worm, Plane(), duration=0.1)
+    assert (run.status, len(run.time)) == (worm3d.Status.NOT_FINITE, 1)
+    assert run.stop.reason == "actuator: Failing gives no finite given for the left chamber of segment 0"
+    batch = worm3d.simulate_batch([worm, body()], Plane(), duration=0.1)
+    assert [each.status for each in batch] == [worm3d.Status.NOT_FINITE, worm3d.Status.DONE]

@@ -13,7 +13,7 @@ from worm3d.solver.arrays import BLOCK, Core
 from worm3d.solver.block import Block, copy, fill, integers, matrix, vector
 from worm3d.solver.block import rows as fields
 from worm3d.solver.entry import kernel, reset
-from worm3d.solver.guard import OK
+from worm3d.solver.guard import NOT_FINITE, OK, actuators_start_finite
 from worm3d.solver.records import record
 from worm3d.solver.step import step
 from worm3d.values.arrays import FloatArray
@@ -69,7 +69,7 @@ def advance(
                 copy(matrix(core.block, a.EXTERNAL)[d], external[k, d])
         if every > 0:
             reset(core)
-        end = step(core, dt, bdf2 and (remembers or k > 0))
+        end = step(core, dt, bdf2 and (remembers or k > 0)) if actuators_start_finite(core) else NOT_FINITE
         if end != OK:
             copy(asked, asked_n)
             copy(given, given_n)

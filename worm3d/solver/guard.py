@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import joint, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import matrix, total, vector
+from worm3d.solver.block import matrix, rows, total, vector
+from worm3d.solver.entry import kernel
 from worm3d.solver.evaluate import LENGTHS, TANGENT
 from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
@@ -23,6 +25,7 @@ OK, NO_CONVERGENCE, NOT_FINITE, FLATTENED, FOLDED, SUNK = range(6)
 """Ends of a step."""
 
 _HINGE = joint.LAYOUT.first("hinge")
+_REST = segment.LAYOUT.first("commanded")
 _DISTANCE = point.LAYOUT.first("distance")
 
 
@@ -30,7 +33,7 @@ _DISTANCE = point.LAYOUT.first("distance")
 def guard(core: Core) -> int:
     """Return OK for a shape that the model stands for, else what became of it."""
     rest, longest = matrix(core.block, a.REST), vector(core.block, a.LONGEST)
-    if not np.isfinite(total(vector(core.block, a.X))):
+    if not (np.isfinite(total(vector(core.block, a.X))) and _actuators_end_finite(core)):
         return NOT_FINITE
     for i in range(core.n):
         if max(rest[LENGTHS, i], rest[LENGTHS + 1, i]) > longest[i]:
@@ -38,6 +41,33 @@ def guard(core: Core) -> int:
     if _folded(core):
         return FOLDED
     return SUNK if _sunk(core) else OK
+
+
+@inner
+def actuators_start_finite(core: Core) -> bool:
+    """Return whether all that is known of the actuators at the start of a step is finite."""
+    block = core.block
+    value = total(vector(block, a.ASKED)) + total(vector(block, a.GIVEN)) + total(rows(block, a.SEGMENT_IN, _REST, 2))
+    return bool(np.isfinite(value + _sum(matrix(block, a.HINGE_OUT), core.n - 1)))
+
+
+@inner
+def _actuators_end_finite(core: Core) -> bool:
+    """Return whether what the chambers' actuators give at the end of the step is finite, with states and energy."""
+    end, out = kernel(core, a.ACTUATOR_END), matrix(core.block, a.ACTUATOR_OUT)
+    if end == 0:
+        return True
+    evaluate_kernel(end, matrix(core.block, a.ACTUATED), out, core.n)
+    return bool(np.isfinite(_sum(out, core.n)))
+
+
+@inner
+def _sum(values: FloatArray, count: int) -> float:
+    """Return the sum of the first entries of each row."""
+    value = 0.0
+    for row in range(values.shape[0]):
+        value += total(values[row, :count])
+    return value
 
 
 @inner
