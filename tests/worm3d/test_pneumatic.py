@@ -128,6 +128,52 @@ def test_the_ledger_closes_and_the_valve_only_loses() -> None:
     assert lost[-1] < 2e-3 * runs[-1].energy.work_contract.sum()
 
 
+@pytest.mark.parametrize("integrator", ["bdf2", "implicit_euler"])
+def test_the_ledger_closes_from_a_contracted_start(integrator: Any) -> None:
+    """A worm that is held at the command that it starts with: its first step works no more than any other."""
+    worm = Worm(actuator=Pneumatic())
+    start = worm3d.State.straight(worm, Plane(), contraction=0.3)
+    wave = TravellingWave(amplitude=0.15).bind(worm)
+
+    def actuation(t: float) -> Command:
+        return Command(np.full((6, 2), 0.3) + wave(t - 0.2).contraction * (t > 0.2))
+
+    run = simulate(worm, Plane(), actuation=actuation, duration=1.0, dt=0.01, state=start, integrator=integrator)
+    work, lost = run.energy.work_contract, run.energy.actuator_loss
+    assert run.status is Status.DONE
+    assert run.energy.balance_error < 1e-13
+    assert work.sum() > 1e-3
+    assert np.abs(work[:20]).max() < 1e-12 * work.sum()
+    assert lost.min() > (-1e-15 if integrator == "implicit_euler" else -1e-4 * work.sum())
+
+
+def test_commands_mirrored_left_and_right_give_the_mirrored_run() -> None:
+    shape = 0.2 * np.random.default_rng(7).uniform(0.0, 1.0, (6, 2))
+
+    def run(sides: np.ndarray) -> worm3d.Result:
+        worm = Worm(actuator=Pneumatic())
+        return simulate(worm, Plane(), actuation=lambda t: Command(sides * np.sin(4.0 * t) ** 2), duration=1.0)
+
+    one, other = run(shape), run(shape[:, ::-1])
+    assert np.abs(one.com[-1, 1]) > 1e-4
+    assert_allclose(other.joints, one.joints * [1.0, -1.0, 1.0], rtol=0, atol=1e-9)
+    assert_allclose(other.actuator_states["pressure"], one.actuator_states["pressure"][..., ::-1], rtol=1e-9)
+
+
+def test_a_run_is_saved_with_its_air(tmp_path: Path) -> None:
+    run = crawl(duration=0.2, width=[0.03, 0.04, 0.05, 0.04, 0.03, 0.04])
+    run.save(tmp_path / "air.nc")
+    again = worm3d.load(tmp_path / "air.nc")
+    assert again.worm.actuator == run.worm.actuator
+    for name, values in run.actuator_states.items():
+        assert_array_equal(again.actuator_states[name], values)
+    for name in ("work_contract", "actuator", "actuator_loss"):
+        assert_array_equal(getattr(again.energy, name), getattr(run.energy, name))
+    gait = TravellingWave(amplitude=0.15)
+    rests = [simulate(each.worm, Plane(), actuation=gait, duration=0.1, state=each.state) for each in (run, again)]
+    assert_array_equal(rests[1].actuator_states["air"], rests[0].actuator_states["air"])
+
+
 def test_crawling_converges_with_the_time_step() -> None:
     fine = crawl(0.00125).com[-1, 0]
     errors = [abs(crawl(dt).com[-1, 0] - fine) for dt in (0.01, 0.005)]
