@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import scipy
@@ -11,9 +11,6 @@ from numpy.typing import ArrayLike
 
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds.kernels import Formula, WorldKernel, compiled, looked_up
-
-if TYPE_CHECKING:
-    from worm3d.worlds.sampled import SampledWorld
 
 WORLDS: dict[str, type[World]] = {}
 """Class of each world that is found by name, such as by `world.kind` in a scene."""
@@ -44,7 +41,7 @@ class World:
     @staticmethod
     def from_distance(
         f: Callable[[FloatArray], ArrayLike], bounds: ArrayLike, spacing: float | None = None, grip: float = 1.0
-    ) -> SampledWorld:
+    ) -> World:
         """Return the world of a signed distance given as a Python function, which is sampled once on a grid.
 
         It counts as uneven whatever its shape: a worm comes to rest on it with friction, and on a plane that is made so
@@ -70,9 +67,10 @@ class World:
             `f` returns another shape or what is not finite, has no surface in the bounds, or is not a distance there
             (its gradient is far from a unit vector); bounds or a spacing out of range, or a grid that is too large.
         """
-        from worm3d.worlds.sampled import SampledWorld
+        return World.sampled(f, bounds, spacing, grip)
 
-        return SampledWorld.of(f, bounds, spacing, grip)
+    sampled: ClassVar[Callable[[Callable[[FloatArray], ArrayLike], ArrayLike, float | None, float], World]]
+    """Constructor behind `from_distance`; `worm3d.worlds.sampled`, which knows how, sets it."""
 
     clamped: ClassVar[bool] = False
     """Whether it holds the joints' heights instead of touching the worm."""

@@ -178,6 +178,9 @@ class SampledWorld(GridWorld):
         return cls(Grid(coefficients.astype(np.float32), low - cell, cell), float(grip))
 
 
+World.sampled = SampledWorld.of
+
+
 def node_counts(sides: FloatArray, cell: float, margin: int = 0) -> tuple[int, int, int]:
     """Return the number of nodes along each axis that boxes of these sides, shape (3,) [m], and a margin need."""
     a, b, c = (int(np.ceil(side / cell)) + 2 * margin + 1 for side in sides)
