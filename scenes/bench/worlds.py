@@ -29,9 +29,9 @@ from worm3d import Bend, Centreline, Heightfield, Mesh, Pipe, Plane, Profile, Re
 from worm3d.worlds import World
 
 RADIUS = 0.12
-"""Of the pipes [m]."""
+"""Radius of the pipes [m]."""
 BIAS = 0.05
-"""Of the gait of the worm that turns on the plane."""
+"""Bias of the gait of the worm that turns on the plane."""
 BARS: Mapping[str, float] = {"pipe": 1.5, "mesh": 2.0}
 """Greatest time of a step over the plane's that is asked for, by the first word of a world's name."""
 COLUMNS = {

@@ -57,7 +57,7 @@ class Side:
     bodies: FloatArray
     """Corners of the polygons at the start and at the end, shape (2, K, C, 2) [m]."""
     shortening: FloatArray
-    """Of each polygon at the end, from -1 to 1, shape (K,)."""
+    """Shortening of each polygon at the end, from -1 to 1, shape (K,)."""
     trail: FloatArray
     """Way of the centre of mass, shape (T, 2) [m]."""
 

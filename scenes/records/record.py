@@ -74,7 +74,7 @@ class Record:
     """How the run ended."""
     seed: int
     versions: Mapping[str, str]
-    """Of the programs that made it."""
+    """Versions of the programs that made it."""
     summary: Summary
     variables: tuple[Variable, ...]
     """Their names are unique; a dimension has one length throughout."""

@@ -34,13 +34,13 @@ import numpy as np
 from rivals import Task
 
 TIP_RADIUS = 0.005
-"""Of the spheres whose lowest points are the apexes [m]."""
+"""Radius of the spheres whose lowest points are the apexes [m]."""
 SOFTNESS = 0.0033
-"""Of the contacts of 6 segments, (MJ4)."""
+"""Softness of the contacts of 6 segments, (MJ4)."""
 TIE_SOFTNESS = 0.1
-"""Of ties and welds, relative to that of the contacts; ten times less changes the distance by less than 0.5 %."""
+"""Softness of ties and welds over that of the contacts; a tenth of it changes the distance by less than 0.5 %."""
 LEAST_INERTIA = 1e-3
-"""Of a foot about its own axis, relative to the others, where point masses have none."""
+"""Moment of inertia of a foot about its own axis over its others, where point masses have none."""
 
 
 @dataclass(frozen=True, kw_only=True)

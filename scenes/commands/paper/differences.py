@@ -16,7 +16,7 @@ from planar import published
 from planar.published import Parameters, Run
 
 REST_AREA = np.sqrt(3.0) / 4.0 / 6.0
-"""Of the six rhombi at rest [m^2]."""
+"""Area of the six rhombi at rest [m^2]."""
 
 DENSITY = 10.0
 """Table I [kg/m^3]."""

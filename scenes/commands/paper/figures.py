@@ -25,7 +25,7 @@ from scenes.models.planar.linkage import cumulative_cost
 from worm3d.values.arrays import FloatArray
 
 FORCE = published.Parameters().contraction_force
-"""Of a segment at activation 1 [N]."""
+"""Force of a segment at activation 1 [N]."""
 
 SHOWN = 6
 """Segments in figures 7 to 9."""
