@@ -182,7 +182,7 @@ def test_mistakes_are_told(make: Callable[[], object], sentence: str) -> None:
 
 @pytest.mark.parametrize("kind", [OpenLoop, PiLineOfSight])
 def test_a_reference_that_raises_leaves_the_parameters_in_force_and_then_rest(kind) -> None:
-    """And the watch, which looks at the reference too, goes on."""
+    """The watch for faults, which looks at the reference too, goes on."""
 
     class LostError(Exception):
         pass

@@ -52,7 +52,7 @@ class Watched:
 
 
 class Unreliable(GaitMPC):
-    """Of which three plans in ten fail."""
+    """An MPC of which three plans in ten fail."""
 
     def reset(self) -> None:
         self._chance = np.random.default_rng(9)

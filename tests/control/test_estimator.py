@@ -110,7 +110,7 @@ def estimated(run: Recorded, sensors: Sensors, estimator: Estimator, steps: int 
 
 @dataclass(frozen=True)
 class Errors:
-    """Of a run after its beginning: place [m], heading [rad] and speed [m/s]; each over its deviation too."""
+    """Errors of a run after its beginning: place [m], heading [rad] and speed [m/s]; each over its deviation too."""
 
     place: np.ndarray
     heading: np.ndarray
@@ -145,7 +145,7 @@ def nis_of(estimator: Estimator) -> list[float]:
 
 
 def test_nominal_runs_straight_ahead_are_known_within_their_bounds() -> None:
-    """Of five seeds the worst; the heading at the start is not told."""
+    """The worst of five seeds is within the bounds; the heading at the start is not told."""
     run, estimator, nis, shares = recorded("straight"), Estimator(WORM, model()), [], []
     for seed in range(5):
         off = errors(run, estimated(run, Sensors(seed=seed), estimator))

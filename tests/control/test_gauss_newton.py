@@ -89,7 +89,7 @@ def test_a_direction_that_no_residual_sees_is_left_alone() -> None:
 
 
 def test_a_negligible_decrease_ends_the_search_where_it_is() -> None:
-    """Of a linear problem the promised decrease is the true one: half the square of the distance."""
+    """The promised decrease of a linear problem is the true one: half the square of the distance."""
     wanted, bound = np.zeros(2), np.full(2, 2.0)
     for decrease, outcome in ((0.8e-6, Outcome.CONVERGED), (1.2e-6, Outcome.IMPROVED)):
         start = np.array([np.sqrt(2.0 * decrease), 0.0])

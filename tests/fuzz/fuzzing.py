@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, Phase, settings
 from control.sensing.sensors import Measurement
 
 TIMES = int(os.environ.get("WORM3D_FUZZ", "1"))
-"""By which the number of examples is multiplied; beyond 1 they are new ones each time."""
+"""Factor of the number of examples; above 1 they are new ones each time."""
 
 LIMIT_S = 60
 """No single input may take longer: it is a hang. Wide, for a busy machine."""

@@ -152,7 +152,7 @@ def some_joint(seed: int = 3) -> Values:
 
 
 CENTRE, RADIUS = np.array([[0.3], [-0.2], [-0.9]]), 1.0
-"""Of the ball that is the world of the points [m]."""
+"""Centre and radius of the ball that is the world of the points [m]."""
 
 
 def on_sphere(x: np.ndarray, inside: bool) -> Values:
