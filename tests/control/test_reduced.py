@@ -127,7 +127,7 @@ def test_shapes_in_closed_form() -> None:
     ("given", "error"), [(GaitParameters(0.3, 0.8, bias=0.06), 0.004), (GaitParameters(0.3, 0.8, hinge=0.1), 0.012)]
 )
 def test_strains_give_the_plants_shape(given: GaitParameters, error: float) -> None:
-    """The shape, 36 mm wide, is known to 4 mm; with hinges, which the ground holds back against the yaw joints, to 12 mm."""
+    """36 mm sideways are known to 4 mm; with hinges, which the ground holds back against the yaw joints, to 12 mm."""
     run, shape = simulate(WORM, Plane(), actuation=SteeredWave(given), duration=6.0), body_shape(WORM)
     sideways = 0.0
     for k in range(300, 600, 23):

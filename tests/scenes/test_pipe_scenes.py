@@ -74,7 +74,7 @@ DEPTHS = {
     "pipe_narrowing": 7e-4,
     "slope_into_pipe": 3e-5,
 }
-"""Greatest depth of apexes in the wall [m], twice what was measured: anchors press it with up to 22 N."""
+"""Greatest depth of apexes in the wall, twice the measured one; anchors press with up to 22 N [m]."""
 
 
 @pytest.mark.parametrize("scene", DEPTHS)

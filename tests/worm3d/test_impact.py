@@ -103,7 +103,7 @@ def test_the_loss_at_landing_tends_to_that_of_resolved_contacts(integrator: str)
 
 
 def test_impact_is_half_the_impulse_times_the_velocities_before_and_after() -> None:
-    """Implicit Euler without friction: the impact follows from the recorded places and forces alone."""
+    """Implicit Euler, no friction: the impact follows from the recorded places and forces alone."""
     worm, dt, ground = Worm(actuator_lag=0.0), 0.01, Friction(1e-9, 1e-9, 1e-9)
     result = fall("implicit_euler", dt, worm=worm, ground=ground)
     height, force = result.points[..., 2], result.contact_force[1:, ..., 2]
