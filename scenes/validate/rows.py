@@ -1,0 +1,103 @@
+"""One row of the validation report: what the model gives beside what was published."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+TRUST = {
+    "R": "read in the source itself",
+    "R2": "read in another text that quotes the source",
+    "C": "derived or computed in this project",
+    "rec": "recalled from general knowledge, not checked",
+}
+"""How far a published number can be trusted, by its tag, best first."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A number of the model beside the published one.
+
+    Parameters
+    ----------
+    name : str
+        What is compared, in a few words; unique in the report.
+    model : float
+        What the model gives; NaN where it gives nothing (the note says why).
+    published : float or None
+        What was published; None where only a band or the sign of a trend is known.
+    tolerance : float or (float, float)
+        Largest relative error (absolute where `published` is 0), or the band (lowest, highest) that the model must
+        lie in, in `unit`. Both ends belong to the band.
+    source : str
+        Where the published number is from.
+    note : str
+        What the reader must know: which numbers of the scene are assumed, or why the model misses.
+    trust : str
+        A key of `TRUST`.
+    unit : str
+        Unit of `model` and `published`.
+    scene : str
+        Scene that was run, or scenes.
+    """
+
+    name: str
+    model: float
+    published: float | None
+    tolerance: float | tuple[float, float]
+    source: str
+    note: str = ""
+    trust: str = "C"
+    unit: str = "1"
+    scene: str = ""
+
+    def __post_init__(self) -> None:
+        assert self.trust in TRUST, self.trust
+        assert self.published is not None or isinstance(self.tolerance, tuple), self.name
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """The lowest and the highest number with which the model agrees, in `unit`."""
+        if isinstance(self.tolerance, tuple):
+            return self.tolerance
+        assert self.published is not None
+        reach = self.tolerance * (abs(self.published) or 1.0)
+        return self.published - reach, self.published + reach
+
+    @property
+    def ok(self) -> bool:
+        """Whether the model lies in the band; False where it gives nothing."""
+        low, high = self.band
+        return low <= self.model <= high
+
+    @property
+    def ratio(self) -> float | None:
+        """Model over published; None where there is no such number."""
+        if not self.published or not math.isfinite(self.model):
+            return None
+        return self.model / self.published
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the row of `validate.json`: no NaN and no infinity, None instead."""
+        low, high = (end if math.isfinite(end) else None for end in self.band)
+        return {
+            "name": self.name,
+            "model": self.model if math.isfinite(self.model) else None,
+            "published": self.published,
+            "ratio": self.ratio,
+            "ok": self.ok,
+            "low": low,
+            "high": high,
+            "unit": self.unit,
+            "source": self.source,
+            "trust": self.trust,
+            "scene": self.scene,
+            "note": self.note,
+        }
+
+
+Chapter = Callable[[bool], Iterator[Row]]
+"""Part of the report: runs its scenes and yields its rows, each as soon as it is known; `quick` (its argument) leaves out
+what takes more than a few seconds. A run that fails gives a row with model NaN and the reason in its note."""
