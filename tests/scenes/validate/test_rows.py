@@ -2,6 +2,7 @@ import json
 import math
 
 import pytest
+
 from scenes.validate.rows import Row
 
 
