@@ -99,5 +99,5 @@ class Row:
 
 
 Chapter = Callable[[bool], Iterator[Row]]
-"""Part of the report: runs its scenes and yields its rows, each as soon as it is known; with `quick`, its argument, it
-leaves out what takes more than a few seconds. A run that fails gives a row with model NaN and the reason in its note."""
+"""Part of the report: runs its scenes and yields its rows, each as soon as it is known. With `quick`, its argument, it
+leaves out what takes more than a few seconds. A run that fails gives a row with model NaN, and its note says why."""
