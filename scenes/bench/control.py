@@ -12,12 +12,10 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from scenes.commands.packages import versions
+from scenes.commands.packages import sources, versions
 from scenes.commands.runner import simulate
 from scenes.commands.terminal import timing
 from scenes.models.control.build import identified_of
@@ -29,8 +27,6 @@ from scenes.records.text import json_bytes
 CONTROLLERS = ("mpc", "pi_los", "open_loop")
 BLIND = "open_loop"
 """Controller that looks at nothing: noise does not matter to it, and one seed is enough."""
-PACKAGES = ("worm3d", "control", "scenes")
-"""Packages on whose sources a case depends."""
 
 Value = float | None
 
@@ -203,17 +199,6 @@ def basis(scene: Scene) -> str:
     assert isinstance(scene.settings, ControlScene)
     found = identified_of(scene.settings)
     return _digest({"versions": versions(), "sources": sources(), "map": None if found is None else found.as_dict()})
-
-
-@cache
-def sources() -> str:
-    """Return a digest of all modules of the packages."""
-    digest = hashlib.sha256()
-    for name in PACKAGES:
-        root = Path(str(import_module(name).__file__)).parent
-        for path in sorted(root.rglob("*.py")):
-            digest.update(f"{name}/{path.relative_to(root).as_posix()}\0".encode() + path.read_bytes() + b"\0")
-    return digest.hexdigest()
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,14 @@ word; then `import control` gets the other one, or a mixture.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from datetime import datetime
+from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -47,6 +49,16 @@ def versions() -> dict[str, str]:
     """Return the version of worm3d, of Python and of the libraries that results depend on."""
     packages = {name: metadata.version(name) for name in ("worm3d", *LIBRARIES)}
     return {"python": platform.python_version(), **packages}
+
+
+@cache
+def sources() -> str:
+    """Return a digest of all modules of the program."""
+    digest = hashlib.sha256()
+    for name in ("worm3d", "control", "planar", "scenes"):
+        for path in sorted((HOME / name).rglob("*.py")):
+            digest.update(f"{path.relative_to(HOME).as_posix()}\0".encode() + path.read_bytes() + b"\0")
+    return digest.hexdigest()
 
 
 def machine() -> dict[str, Any]:

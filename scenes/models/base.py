@@ -126,3 +126,5 @@ class Model(Generic[S]):
     """Returns the mesh of a record at an instant [s] (None: the end), as a GLB file."""
     watch: Callable[[S, Observer, Watch], Outcome] | None = None
     """Runs a scene in a live view."""
+    refers_to: Callable[[S], object] | None = None
+    """What a run depends on that is not in its scene, such as the content of a file, as data for JSON."""

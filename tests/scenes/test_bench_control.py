@@ -11,6 +11,7 @@ import pytest
 
 from scenes.bench import control, control_bars, control_report
 from scenes.bench.control import FULL, QUICK, SCENES, Found, Plan, Row, Trial
+from scenes.commands import packages
 from scenes.language.loader import shipped_scenes
 from scenes.models.control.model import MODEL
 from scenes.models.loading import load_scene
@@ -87,18 +88,14 @@ def test_sources_and_the_identified_map_are_what_a_case_depends_on(
     with monkeypatch.context() as patch:
         patch.setattr(control, "identified_of", lambda settings: None)
         assert control.basis(scene) != now
-    package = tmp_path / "package"
-    package.mkdir()
-    (package / "__init__.py").write_text("")
-    (package / "one.py").write_text("x = 1")
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(control, "PACKAGES", ("package",))
+    (tmp_path / "scenes").mkdir()
+    monkeypatch.setattr(packages, "HOME", tmp_path)
     digests = []
     for text in ("x = 1", "x = 2", "x = 1"):
-        (package / "one.py").write_text(text)
-        control.sources.cache_clear()
+        (tmp_path / "scenes" / "one.py").write_text(text)
+        packages.sources.cache_clear()
         digests.append(control.basis(scene))
-    control.sources.cache_clear()
+    packages.sources.cache_clear()
     assert digests[0] == digests[2] != digests[1]
 
 

@@ -1,0 +1,124 @@
+"""The file of a case: what it came to, with all that is needed to run it again.
+
+It is `<key>.json` in the folder `cases`, small and readable; where whole records are kept it is `<key>.nc`, the very
+`result.nc` of `worm3d run`. A case that has no record, because the plant refused it, has the JSON file in any event.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from scenes.commands.terminal import timing
+from scenes.records.folder import write_bytes
+from scenes.records.record import Metric, Record
+from scenes.records.text import json_bytes
+from worm3d.values import netcdf
+
+CASES = "cases"
+"""Folder of the files of the cases, in the folder of a sweep."""
+FORMAT = "worm3d case 1"
+FAILED = "failed"
+"""Status of a case without a record: refused by the plant, or ended by an error or the death of its worker."""
+NOT_RUN = "not run"
+"""Status of a case that has no file: the sweep was interrupted before."""
+
+
+@dataclass(frozen=True)
+class CaseResult:
+    """What a case came to."""
+
+    key: str
+    """Key of its job, the stem of its file."""
+    name: str
+    """Name of the scene."""
+    model: str
+    status: str
+    """`done`, `diverged`, `failed`; `not run` where there is no file."""
+    sentence: str
+    """How it ended."""
+    seed: int
+    summary: Mapping[str, Metric] = field(default_factory=dict)
+    """Figures of `summary.json` by name; empty if it failed."""
+    reasons: Mapping[str, str] = field(default_factory=dict)
+    """Why a figure has no value."""
+    timing: Mapping[str, float] = field(default_factory=dict)
+    """Wall-clock figures, which differ when the case is run again."""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    scene: Mapping[str, Any] = field(default_factory=dict)
+    """The resolved scene as data: section -> key -> value."""
+
+
+def result_of(key: str, record: Record) -> CaseResult:
+    """Return what a case came to, given the record of its run."""
+    return CaseResult(
+        key=key,
+        name=record.name,
+        model=record.model,
+        status=record.status,
+        sentence=record.sentence,
+        seed=record.seed,
+        summary=record.summary.metrics,
+        reasons=record.summary.reasons,
+        timing=timing(record),
+        versions=record.versions,
+        scene=tomllib.loads(record.scene),
+    )
+
+
+def write(result: CaseResult, path: Path) -> None:
+    """Write the JSON file of a case, whole or not at all.
+
+    Raises
+    ------
+    DiscError
+        The file cannot be written.
+    """
+    content = json.loads(json_bytes({"format": FORMAT, **vars(result)}))
+    write_bytes(path, json_bytes({**content, "digest": _digest(content)}, indent=1))
+
+
+def read(path: Path) -> CaseResult | None:
+    """Return what the file of a case says, JSON or NetCDF; None if there is none, or it is damaged or another's."""
+    with suppress(OSError, ValueError, TypeError, KeyError, AttributeError):
+        result = _of_record(path) if path.suffix == ".nc" else _of_json(path)
+        return result if result.key == path.stem else None
+    return None
+
+
+def _of_json(path: Path) -> CaseResult:
+    content = json.loads(path.read_text("utf-8"))
+    if content.pop("digest") != _digest(content) or content.pop("format") != FORMAT:
+        raise ValueError(f"{path}: damaged, or not the file of a case")
+    return CaseResult(**content)
+
+
+def _of_record(path: Path) -> CaseResult:
+    if not netcdf.is_whole(path):
+        raise ValueError(f"{path}: damaged, or not a record")
+    import h5netcdf
+
+    with h5netcdf.File(path, "r") as file:
+        said, timing = dict(file.attrs), file.groups[netcdf.TIMING]
+        wall = {name: float(v[...]) for name, v in timing.variables.items() if not v.dimensions}
+    summary = json.loads(said["summary"])
+    return CaseResult(
+        key=path.stem,
+        **{name: str(said[name]) for name in ("name", "model", "status", "sentence")},
+        seed=int(said["seed"]),
+        reasons=summary.pop("reasons"),
+        summary=summary,
+        timing=wall,
+        versions=json.loads(said["versions"]),
+        scene=tomllib.loads(said["scene"]),
+    )
+
+
+def _digest(content: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,118 @@
+"""One case of a sweep as a worker runs it, in whatever process: a text in, a file out."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from scenes.commands.packages import versions
+from scenes.commands.runner import simulate
+from scenes.language.errors import DiscError, MissingPartError, SceneError, printable
+from scenes.models.loading import Scene, trusted_scene
+from scenes.records.record import Record
+from scenes.records.store import save
+from scenes.sweep.case_file import FAILED, CaseResult, read, result_of, write
+from scenes.sweep.key import key_of
+
+INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a worker needs to run a case: plain texts."""
+
+    key: str
+    """Key of the case (`scenes.sweep.key`)."""
+    name: str
+    """Name of the scene."""
+    scene: str
+    """The resolved scene as TOML, checked before."""
+    path: str
+    """Absolute path of the case's file, `<key>.json`, or `<key>.nc` where the whole record is kept."""
+    results: bool = False
+    """Whether the file holds the whole record."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a case ended, for the driver."""
+
+    key: str
+    status: str
+    """`done`, `diverged` or `failed`; `interrupted` if it was stopped and has no file."""
+    reason: str = ""
+    """Why it is not done."""
+
+
+def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
+    """Run a case and write its file, whole or not at all; one whose file is there already is not run again.
+
+    Parameters
+    ----------
+    job : Job
+    stopped : callable
+        Asked now and then while the case runs; where it returns True, the case ends without a file.
+
+    Raises
+    ------
+    DiscError
+        The file cannot be written.
+    MissingPartError
+        A package is missing.
+    SceneError
+        The programs, or what the scene refers to, are not those that the driver has.
+    """
+    if (earlier := found(job)) is not None:
+        return _ended(earlier)
+    scene = trusted_scene(job.scene, job.name)
+    if key_of(scene) != job.key:
+        raise SceneError(
+            f"{job.name}: a worker's worm3d, its libraries, or a file or map that the scene needs, is not that of the "
+            "driver: install the same versions where both run"
+        )
+    try:
+        record = simulate(scene, lambda done: not stopped())
+    except (DiscError, MissingPartError):
+        raise
+    except Exception as error:  # whatever a case does, the others go on
+        return _failed(job, scene, error)
+    if record.status == INTERRUPTED:
+        return Ended(job.key, INTERRUPTED)
+    _keep(job, record)
+    return _ended(result_of(job.key, record))
+
+
+def found(job: Job) -> CaseResult | None:
+    """Return what an earlier run of a case came to; None without a file, or if it is damaged or says too little."""
+    whole, short = Path(job.path).with_suffix(".nc"), Path(job.path).with_suffix(".json")
+    if (earlier := read(whole)) is not None:
+        return earlier
+    earlier = read(short)
+    return None if earlier is None or (job.results and earlier.status != FAILED) else earlier
+
+
+def _keep(job: Job, record: Record) -> None:
+    path = Path(job.path)
+    if job.results:
+        save(record, path)
+    else:
+        write(result_of(job.key, record), path)
+
+
+def _failed(job: Job, scene: Scene, error: Exception) -> Ended:
+    """Write the file of a case without a record."""
+    name = type(error).__name__
+    sentence = printable(" ".join(str(error).split()) or name)
+    sentence = sentence if isinstance(error, ValueError) or name.endswith("SceneError") else f"{name}: {sentence}"
+    data, model = tomllib.loads(job.scene), scene.model.name
+    result = CaseResult(
+        job.key, job.name, model, FAILED, sentence, scene.settings.seed, versions=versions(), scene=data
+    )
+    write(result, Path(job.path).with_suffix(".json"))
+    return _ended(result)
+
+
+def _ended(result: CaseResult) -> Ended:
+    return Ended(result.key, result.status, "" if result.status == "done" else result.sentence)
