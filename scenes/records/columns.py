@@ -1,0 +1,128 @@
+"""Columns of tables of measurements: `name[_index...][_axis][_unit]`, such as `joints_0_x_m` or `force_N`.
+
+They are named as `worm3d export --csv` names them, with more units: each number becomes one in SI units. A pure number
+has no unit (or `1`), an axis is x, y or z, and an index counts from 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenes.language.errors import SceneError
+from worm3d.series import Recorded, series_of
+from worm3d.values.arrays import FloatArray
+from worm3d.values.variable import AXES, Variable
+
+_DEGREE = math.pi / 180.0
+
+UNITS = {
+    **{name: ("m", factor) for name, factor in {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}.items()},
+    **{name: ("s", factor) for name, factor in {"s": 1.0, "ms": 1e-3, "min": 60.0}.items()},
+    **{name: ("rad", factor) for name, factor in {"rad": 1.0, "deg": _DEGREE}.items()},
+    **{name: ("N", factor) for name, factor in {"N": 1.0, "mN": 1e-3, "kN": 1e3}.items()},
+    **{name: ("J", factor) for name, factor in {"J": 1.0, "mJ": 1e-3}.items()},
+    **{name: ("Pa", factor) for name, factor in {"Pa": 1.0, "kPa": 1e3}.items()},
+    **{name: ("m/s", factor) for name, factor in {"m_per_s": 1.0, "cm_per_s": 1e-2, "mm_per_s": 1e-3}.items()},
+    **{name: ("rad/s", factor) for name, factor in {"rad_per_s": 1.0, "deg_per_s": _DEGREE}.items()},
+    **{unit.replace("/", "_per_").replace("^", ""): (unit, 1.0) for unit in ("kg m/s", "kg m^2/s", "J/m", "Hz", "kg")},
+    "percent": ("1", 0.01),
+}
+"""SI unit and factor of each unit that a column may end in."""
+
+MOST_NUMBERS = 20_000_000
+"""Largest number of entries of the array of a quantity, of which indices that are left out are entries too."""
+
+PURE = {"strain", "waves"} | {name for name, series in series_of(Recorded).items() if series.unit == "1"}
+"""Quantities that are pure numbers, whose columns need not end in a unit."""
+INDEXED = {"strain"} | {name for name, series in series_of(Recorded).items() if set(series.dims) - {"time", "axis"}}
+"""Quantities that have an index, so that `strain_1` is the strain of segment 1 and not a pure number."""
+
+MARKER = "marker_"
+"""First letters of the name of a marker's position."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column holds."""
+
+    title: str
+    """Name of the column, as the file says it."""
+    name: str
+    """Name of the quantity."""
+    index: tuple[int, ...]
+    axis: int | None
+    """0, 1, 2 for x, y, z; None if it has none."""
+    unit: str
+    """SI unit."""
+    factor: float
+    """SI units in one unit of the column."""
+
+
+def parsed(title: str) -> Column:
+    """Return what the name of a column says; a SceneError where its unit is not known or its quantity has no name."""
+    suffix = max((each for each in UNITS if title.endswith(f"_{each}")), key=len, default="")
+    unit, factor = UNITS[suffix] if suffix else ("1", 1.0)
+    tokens = title.removesuffix(f"_{suffix}").split("_")
+    axis = AXES.index(tokens.pop()) if len(tokens) > 1 and tokens[-1] in set(AXES) else None
+    index: tuple[int, ...] = ()
+    while len(tokens) > 1 and tokens[-1].isascii() and tokens[-1].isdigit() and not title.startswith(MARKER):
+        index = (int(tokens.pop()), *index)
+    name = "_".join(tokens)
+    if not all(tokens):
+        raise SceneError(f"column '{title}': the name of a quantity is missing, such as com in com_x_m")
+    if title.startswith(MARKER) and (axis is None or unit != "m"):
+        raise SceneError(f"column '{title}': must be a position, such as marker_head_x_m")
+    if not suffix and not index and axis is None and name not in PURE:
+        raise SceneError(
+            f"column '{title}': unknown unit '{tokens[-1]}', must end in one of {', '.join(UNITS)}, "
+            "or 1 for a pure number"
+        )
+    if name not in INDEXED and index == (1,) and not suffix:
+        index = ()
+    return Column(title, name, index, axis, unit, factor)
+
+
+def variables_of(titles: Sequence[str], table: FloatArray) -> tuple[Variable, ...]:
+    """Return the quantities in the columns of a table, shape (T, K), as variables in SI units; one of them is `time`.
+
+    What has no column, such as z where only x and y were measured beside a quantity with z, is NaN.
+
+    Raises
+    ------
+    SceneError
+        A column that is not understood, is there twice or does not fit the others of its quantity.
+    """
+    columns = [parsed(title.strip()) for title in titles]
+    axes = 3 if any(column.axis == 2 for column in columns) else 2
+    groups: dict[str, dict[int, Column]] = {}
+    for number, column in enumerate(columns):
+        groups.setdefault(column.name, {})[number] = column
+    return tuple(_variable(name, group, table, axes) for name, group in groups.items())
+
+
+def _variable(name: str, group: Mapping[int, Column], table: FloatArray, axes: int) -> Variable:
+    """Return the variable of the columns of one quantity, by their place in the table."""
+    first = next(iter(group.values()))
+    seen: dict[tuple[int, ...], Column] = {}
+    for column in group.values():
+        if (len(column.index), column.axis is None, column.unit) != (len(first.index), first.axis is None, first.unit):
+            raise SceneError(
+                f"column '{column.title}': must have as many indices, axis and kind of unit as '{first.title}'"
+            )
+        place: tuple[int, ...] = (*column.index, *(() if column.axis is None else (column.axis,)))
+        if other := seen.get(place):
+            raise SceneError(f"column '{column.title}': the same quantity as '{other.title}', must be there once")
+        seen[place] = column
+    sizes = [max(place) + 1 for place in zip(*(column.index for column in group.values()), strict=True)]
+    shape = (len(table), *sizes, *(() if first.axis is None else (axes,)))
+    if math.prod(shape) > MOST_NUMBERS:
+        raise SceneError(f"column '{max(group.values(), key=lambda c: c.index).title}': its index is too large")
+    values = np.full(shape, np.nan)
+    for (number, column), place in zip(group.items(), seen, strict=True):
+        values[:, *place] = column.factor * table[:, number]
+    dims = ("time", *(f"{name}_{k}" for k in range(len(sizes))), *(() if first.axis is None else ("axis",)))
+    return Variable(name, dims, values, first.unit, f"{name.replace('_', ' ')}, measured")

@@ -1,0 +1,79 @@
+"""Tables in CSV files: lines `# name: text`, a row of column names, rows of numbers."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+
+from scenes.language.errors import DiscError, SceneError
+from worm3d.values import regular_file
+from worm3d.values.arrays import FloatArray
+
+LARGEST_FILE = 1_000_000_000
+"""Largest size of a file that is read [byte]."""
+
+_HEADER = re.compile(r"#\s*(?P<name>[^:]+?)\s*:\s*(?P<text>.*?)\s*")
+
+Rows = list[tuple[int, list[str]]]
+"""Cells of rows, each with the number of its line."""
+
+
+def split(path: Path) -> tuple[dict[str, str], list[str], Rows]:
+    """Return the header by name, the column names, and the rows with the numbers of their lines."""
+    try:
+        text = regular_file.read(path, LARGEST_FILE).decode("utf-8-sig")
+    except FileNotFoundError:
+        raise SceneError(f"{path}: no such file") from None
+    except OSError as error:
+        raise DiscError(f"cannot read {path}: {(error.strerror or str(error)).lower()}") from error
+    except UnicodeDecodeError:
+        raise SceneError(f"{path}: not a text in UTF-8: no table of measurements") from None
+    header: dict[str, str] = {}
+    lines = text.splitlines()
+    start = next((n for n, line in enumerate(lines) if line.strip() and not line.startswith("#")), len(lines))
+    for line in lines[:start]:
+        if match := _HEADER.fullmatch(line):
+            header[match["name"]] = match["text"]
+    if start == len(lines):
+        raise SceneError(f"{path}: no row of column names, such as time_s,com_x_m,com_y_m")
+    if ";" in lines[start] and "," not in lines[start]:
+        raise SceneError(f"{path}: separated by semicolons, must be by commas, with decimal points")
+    try:
+        rows = list(csv.reader(io.StringIO("\n".join(lines[start:])), strict=True))
+    except csv.Error as error:
+        raise SceneError(f"{path}: not a table: {error}") from None
+    numbered = [(number, row) for number, row in enumerate(rows[1:], start=start + 2) if any(map(str.strip, row))]
+    return header, [title.strip() for title in rows[0]], numbered
+
+
+def table(titles: list[str], rows: Rows) -> FloatArray:
+    """Return the cells as numbers, shape (T, K), NaN where they are blank."""
+    if len(rows) < 2:
+        raise SceneError(f"got {len(rows)} rows of numbers, must be two or more")
+    numbers = np.empty((len(rows), len(titles)))
+    for k, (line, row) in enumerate(rows):
+        if len(row) != len(titles):
+            raise SceneError(f"line {line}: got {len(row)} cells, must be {len(titles)} as in the row of column names")
+        try:
+            numbers[k] = [float(cell) if cell.strip() else np.nan for cell in row]
+        except ValueError:
+            wrong = next(n for n, cell in enumerate(row) if cell.strip() and not _is_number(cell))
+            raise SceneError(
+                f"line {line}: {titles[wrong]}: got '{row[wrong]}', must be a number, or blank where it is missing"
+            ) from None
+    if np.isinf(numbers).any():
+        k, n = np.argwhere(np.isinf(numbers))[0]
+        raise SceneError(f"line {rows[k][0]}: {titles[n]}: got {numbers[k, n]}, must be finite, or blank where missing")
+    return numbers
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
