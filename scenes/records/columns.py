@@ -123,6 +123,6 @@ def _variable(name: str, group: Mapping[int, Column], table: FloatArray, axes: i
         raise SceneError(f"column '{max(group.values(), key=lambda c: c.index).title}': its index is too large")
     values = np.full(shape, np.nan)
     for (number, column), place in zip(group.items(), seen, strict=True):
-        values[:, *place] = column.factor * table[:, number]
+        np.moveaxis(values, 0, -1)[place] = column.factor * table[:, number]
     dims = ("time", *(f"{name}_{k}" for k in range(len(sizes))), *(() if first.axis is None else ("axis",)))
     return Variable(name, dims, values, first.unit, f"{name.replace('_', ' ')}, measured")
