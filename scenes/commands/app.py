@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from scenes.commands.arguments import Force, Out, Overrides, Quiet, ResultArgument, SceneArgument, path_of
+from scenes.commands.study_app import studies
 from scenes.language.errors import SceneError
 
 app = typer.Typer(
@@ -22,23 +24,7 @@ app = typer.Typer(
 
 bench = typer.Typer(help="Measure how fast, and how good, it is.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(bench, name="bench")
-
-
-def _path(text: str) -> Path:
-    """Return a path; an empty one would be this folder without saying so."""
-    if not text.strip():
-        raise typer.BadParameter("got an empty name: must name a file or folder, '.' is this folder")
-    return Path(text)
-
-
-SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A name of 'worm3d list', or a TOML file.")]
-ResultArgument = Annotated[Path, typer.Argument(metavar="RESULT", help="Folder of a run, or its result.nc.")]
-Overrides = Annotated[
-    list[str] | None, typer.Option("-o", metavar="KEY=VALUE", help="Override, e.g. gait.period_s=3; repeatable.")
-]
-Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", parser=_path, help="Folder to write to.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")]
+app.add_typer(studies)
 
 
 def _print_version(wanted: bool) -> None:
@@ -178,7 +164,7 @@ def view(
     from scenes.records.folder import VIEWER
     from scenes.records.store import load
 
-    path = _path(result)
+    path = path_of(result)
     record = load(path)
     page = drawing.view(record, drawing.model_of(record), _home(path) / VIEWER, skin=skin)
     typer.echo(str(page))
@@ -191,7 +177,7 @@ def animate(
     result: ResultArgument,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", parser=_path, help="File ending in .gif or .mp4 (needs ffmpeg)."),
+        typer.Option("--out", metavar="FILE", parser=path_of, help="File ending in .gif or .mp4 (needs ffmpeg)."),
     ] = None,
     fps: Annotated[int, typer.Option(min=1, max=50, help="Frames per second.")] = 20,
     force: Force = False,
@@ -214,13 +200,13 @@ def export(
     result: ResultArgument,
     csv: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", parser=_path, help="What is known at each instant, a row each."),
+        typer.Option(metavar="FILE", parser=path_of, help="What is known at each instant, a row each."),
     ] = None,
     npz: Annotated[
-        Path | None, typer.Option(metavar="FILE", parser=_path, help="All variables, for numpy.load.")
+        Path | None, typer.Option(metavar="FILE", parser=path_of, help="All variables, for numpy.load.")
     ] = None,
     glb: Annotated[
-        Path | None, typer.Option(metavar="FILE", parser=_path, help="A mesh of worm and world, for 3D programs.")
+        Path | None, typer.Option(metavar="FILE", parser=path_of, help="A mesh of worm and world, for 3D programs.")
     ] = None,
     at: Annotated[float | None, typer.Option(metavar="SECONDS", help="Instant of the mesh; left out: the end.")] = None,
     force: Force = False,

@@ -1,0 +1,25 @@
+"""Arguments that several commands of `worm3d` take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def path_of(text: str) -> Path:
+    """Return a path; an empty one would be this folder without saying so."""
+    if not text.strip():
+        raise typer.BadParameter("got an empty name: must name a file or folder, '.' is this folder")
+    return Path(text)
+
+
+SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A name of 'worm3d list', or a TOML file.")]
+ResultArgument = Annotated[Path, typer.Argument(metavar="RESULT", help="Folder of a run, or its result.nc.")]
+Overrides = Annotated[
+    list[str] | None, typer.Option("-o", metavar="KEY=VALUE", help="Override, e.g. gait.period_s=3; repeatable.")
+]
+Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", parser=path_of, help="Folder to write to.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")]
