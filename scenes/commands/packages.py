@@ -45,9 +45,13 @@ def require_own_packages() -> None:
             )
 
 
+_version = cache(metadata.version)
+"""Returns the version of a package; asked for each of many runs it would take longer than a short one."""
+
+
 def versions() -> dict[str, str]:
     """Return the version of worm3d, of Python and of the libraries that results depend on."""
-    packages = {name: metadata.version(name) for name in ("worm3d", *LIBRARIES)}
+    packages = {name: _version(name) for name in ("worm3d", *LIBRARIES)}
     return {"python": platform.python_version(), **packages}
 
 

@@ -31,8 +31,10 @@ from typing import Any, BinaryIO
 
 import h5netcdf
 import numpy as np
+from numpy.typing import NDArray
 
 from worm3d.values.arguments import MOST_MEMORY
+from worm3d.values.netcdf_image import image
 from worm3d.values.variable import Variable
 
 FORMAT = "worm3d result 2"
@@ -127,17 +129,7 @@ def signed(content: Content) -> Content:
 
 def packed(content: Content) -> bytes:
     """Return a content as the bytes of a file."""
-    # The HDF5 library crashes when the disc is full, so it writes to memory.
-    image = io.BytesIO()
-    with h5netcdf.File(image, "w") as file:
-        for name, variables in content.groups.items():
-            group = file if name == ROOT else file.create_group(name)
-            group.dimensions = {dim: size for v in variables for dim, size in v.sizes.items()}
-            for v in variables:
-                stored = group.create_variable(v.name, v.dims, data=v.values)
-                stored.attrs.update({"units": v.units, "long_name": v.long_name})
-        file.attrs.update({k: np.int64(v) if isinstance(v, int) else v for k, v in content.attributes.items()})
-    data = image.getbuffer()
+    data = image(content.attributes, content.groups)
     return b"".join((data, SEAL, hashlib.sha256(data).hexdigest().encode(), SEAL_END))
 
 
@@ -164,9 +156,14 @@ def unpacked(file: Path | BinaryIO, name: str) -> Content:
 
 def _variables(group: Any) -> tuple[Variable, ...]:
     return tuple(
-        Variable(name, tuple(v.dimensions), v[...], v.attrs["units"], v.attrs["long_name"])
+        Variable(name, tuple(v.dimensions), _decoded(v[...]), v.attrs["units"], v.attrs["long_name"])
         for name, v in group.variables.items()
     )
+
+
+def _decoded(values: NDArray[Any]) -> NDArray[Any]:
+    """Return values as they were given: HDF5 has texts as bytes."""
+    return np.char.decode(values.astype(bytes), "utf-8") if values.dtype.kind == "O" else values
 
 
 def load(path: Path) -> Content:

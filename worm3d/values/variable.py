@@ -22,7 +22,7 @@ class Variable:
     dims: tuple[str, ...]
     """Name of each dimension, () for a single number."""
     values: NDArray[Any]
-    """Numbers, read-only."""
+    """Numbers or texts, read-only."""
     units: str
     """Unit, "1" for a pure number."""
     long_name: str
@@ -30,8 +30,8 @@ class Variable:
 
     def __init__(self, name: str, dims: tuple[str, ...], values: ArrayLike, units: str, long_name: str) -> None:
         array = np.array(values)
-        if array.dtype.kind not in "iuf":
-            raise ValueError(f"{name}: got values of type {array.dtype}, must be integers or floats")
+        if array.dtype.kind not in "iufU":
+            raise ValueError(f"{name}: got values of type {array.dtype}, must be integers, floats or texts")
         if array.ndim != len(dims):
             raise ValueError(f"{name}: got shape {array.shape}, must have one axis for each of {dims}")
         array.setflags(write=False)

@@ -1,0 +1,101 @@
+"""Bytes of a NetCDF4 file, written by HDF5 itself: an HDF5 file whose dimensions are dimension scales.
+
+The rules are those of "File Format Specifications", NetCDF-4 format, in the NetCDF documentation of Unidata. They are
+written in low-level calls of h5py, which take a ninth of the time that h5netcdf needs for a run of 90 variables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5a, h5d, h5ds, h5p, h5s, h5t
+from numpy.typing import NDArray
+
+from worm3d.values.variable import Variable
+
+NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable.{:10d}"
+"""Name that a dimension scale without a variable has, given the length of the dimension."""
+
+OTHER_THAN_DIMENSION = "_nc4_non_coord_{}"
+"""Name in the HDF5 file of a variable that has the name of a dimension without being its coordinate."""
+
+TEXT = h5py.string_dtype()
+"""Type of texts of any length, in UTF-8."""
+
+SCALAR = h5s.create(h5s.SCALAR)
+"""Shape of a single value."""
+
+
+def image(attributes: Mapping[str, Any], groups: Mapping[str, Sequence[Variable]]) -> bytes:
+    """Return the bytes of a NetCDF4 file.
+
+    Parameters
+    ----------
+    attributes : mapping
+        Texts and whole numbers of the root group by name.
+    groups : mapping
+        Variables of each group by its name, "" for the root group; each group has dimensions of its own.
+    """
+    # In memory, since the HDF5 library crashes when the disc is full; it never touches the name.
+    with h5py.File("image", "w", driver="core", backing_store=False, track_order=True) as file:
+        dimensions = 0
+        for name, variables in groups.items():
+            group = file if not name else file.create_group(name, track_order=True)
+            dimensions += _fill(group.id, variables, dimensions)
+        properties = f"version=2,hdf5={h5py.version.hdf5_version},h5py={h5py.__version__}"
+        file.attrs["_NCProperties"] = np.bytes_(properties)
+        for name, value in attributes.items():
+            _set(file.id, name, value)
+        file.flush()
+        data: bytes = file.id.get_file_image()
+        return data
+
+
+def _fill(group: Any, variables: Sequence[Variable], known: int) -> int:
+    """Write variables and their dimensions to a group and return how many dimensions these are; `known` are before."""
+    sizes = {dim: size for variable in variables for dim, size in variable.sizes.items()}
+    written = {}
+    for variable in variables:
+        name = variable.name if _is_free(variable, sizes) else OTHER_THAN_DIMENSION.format(variable.name)
+        written[name] = array = _array(group, name, variable.values)
+        _set(array, "units", variable.units)
+        _set(array, "long_name", variable.long_name)
+    scales = {}
+    for number, (dim, size) in enumerate(sizes.items(), known):
+        scales[dim] = scale = written[dim] if dim in written else _array(group, dim, np.zeros(size, ">f4"))
+        h5ds.set_scale(scale, (dim if dim in written else NO_VARIABLE.format(size)).encode())
+        _set(scale, "_Netcdf4Dimid", np.int32(number))
+    for variable, (name, array) in zip(variables, written.items(), strict=True):
+        if name not in sizes:
+            for axis, dim in enumerate(variable.dims):
+                h5ds.attach_scale(array, scales[dim], axis)
+    return len(sizes)
+
+
+def _is_free(variable: Variable, sizes: Mapping[str, int]) -> bool:
+    """Return whether a variable may have its name in the file: no dimension has it, or the variable is its scale."""
+    return variable.name not in sizes or variable.dims == (variable.name,)
+
+
+def _array(group: Any, name: str, values: NDArray[Any]) -> Any:
+    """Write an array and return its identifier; a dimension without entries is one that could grow."""
+    creation, greatest = h5p.create(h5p.DATASET_CREATE), None
+    creation.set_obj_track_times(False)  # the same content is to give the same bytes
+    if 0 in values.shape:
+        greatest = tuple(size or h5s.UNLIMITED for size in values.shape)
+        creation.set_chunk(tuple(size or 1 for size in values.shape))
+    stored = np.ascontiguousarray(values, dtype=TEXT if values.dtype.kind == "U" else None)
+    kind = h5t.py_create(stored.dtype, logical=True)
+    array = h5d.create(group, name.encode(), kind, h5s.create_simple(values.shape, greatest), creation)
+    if values.size:
+        array.write(h5s.ALL, h5s.ALL, stored)
+    return array
+
+
+def _set(holder: Any, name: str, value: str | np.int32 | int) -> None:
+    """Write an attribute."""
+    stored = np.array(value, dtype=TEXT if isinstance(value, str) else None)
+    h5a.create(holder, name.encode(), h5t.py_create(stored.dtype, logical=True), SCALAR).write(stored)
