@@ -132,7 +132,7 @@ def plot(result: ResultArgument, out: Out = None) -> None:
 
     record = load(result)
     folder = made(out or _home(result))
-    for path in drawing.plot(record, drawing.model_of(record), folder):
+    for path in drawing.plot(record, drawing.pictures_of(record), folder):
         typer.echo(str(path))
 
 
@@ -166,7 +166,7 @@ def view(
 
     path = path_of(result)
     record = load(path)
-    page = drawing.view(record, drawing.model_of(record), _home(path) / VIEWER, skin=skin)
+    page = drawing.view(record, drawing.pictures_of(record), _home(path) / VIEWER, skin=skin)
     typer.echo(str(page))
     if not no_open:
         viewing.open_in_browser(page.resolve().as_uri())
@@ -190,7 +190,7 @@ def animate(
     path = out or _home(result) / ANIMATION
     require_free([path], result, force=force)
     record = load(result)
-    typer.echo(str(drawing.animate(record, drawing.model_of(record), path, fps=fps)))
+    typer.echo(str(drawing.animate(record, drawing.pictures_of(record), path, fps=fps)))
     if line := drawing.cut_short(record):
         typer.echo(line)
 
@@ -227,7 +227,7 @@ def export(
             write(record, path)
             typer.echo(str(path))
     if glb is not None:
-        typer.echo(str(drawing.mesh(record, drawing.model_of(record), at, glb)))
+        typer.echo(str(drawing.mesh(record, drawing.pictures_of(record), at, glb)))
 
 
 @app.command()

@@ -92,25 +92,36 @@ def pictures(module: str, **functions: str) -> dict[str, Draw]:
     return {stem: partial(draw, function) for stem, function in functions.items()}
 
 
-@dataclass(frozen=True)
-class Model(Generic[S]):
-    """A model that scenes can choose."""
+@dataclass(frozen=True, kw_only=True)
+class Pictures:
+    """What can be drawn of records of a kind."""
 
     name: str
     title: str
     """Noun phrase for people; `name` is the value of a scene's `model`."""
+    figures: Mapping[str, Draw]
+    """File stem -> function drawing it from a record."""
+    overview: Callable[[Record], Image] | None
+    """Draws the one figure that every run writes (`scenes.records.overview`)."""
+    animate: Callable[[Record], Movie] | None = None
+    """Returns the movie of a record."""
+    view: View | None = None
+    """Writes the page that shows a record in a browser, given its path; with `skin=True`, one with a smooth skin. A
+    run then writes no animation, which would show less and take longer."""
+    mesh: Callable[[Record, float | None], bytes] | None = None
+    """Returns the mesh of a record at an instant [s] (None: the end), as a GLB file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model(Pictures, Generic[S]):
+    """A model that scenes can choose."""
+
     schema: type[S]
     """Schema of the whole scene."""
     checks: tuple[Check, ...]
     """Checks across keys."""
     run: Callable[[S, Observer], Outcome]
     """Simulates a scene, calling the observer after each step."""
-    figures: Mapping[str, Draw]
-    """File stem -> function drawing it from a record."""
-    overview: Callable[[Record], Image]
-    """Draws the one figure that every run writes (`scenes.records.overview`)."""
-    animate: Callable[[Record], Movie] | None
-    """Returns the movie of a record."""
     advice: str
     """What to try when a run diverges."""
     headlines: tuple[tuple[str, str, str], ...] = field(default=())
@@ -119,11 +130,6 @@ class Model(Generic[S]):
     """Lines that end a run's report instead of figures: the cases of a study."""
     resume: Callable[[S, Record, Observer], Outcome] | None = None
     """Goes on from a record's checkpoint to the end of the scene; its outcome is that of the whole run."""
-    view: View | None = None
-    """Writes the page that shows a record in a browser, given its path; with `skin=True`, one with a smooth skin. A
-    run then writes no animation, which would show less and take longer."""
-    mesh: Callable[[Record, float | None], bytes] | None = None
-    """Returns the mesh of a record at an instant [s] (None: the end), as a GLB file."""
     watch: Callable[[S, Observer, Watch], Outcome] | None = None
     """Runs a scene in a live view."""
     refers_to: Callable[[S], object] | None = None

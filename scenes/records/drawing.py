@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from scenes import models
 from scenes.language.errors import DiscError, MissingPartError, SceneError
-from scenes.models.base import MOVIE_S, Model, Movie
+from scenes.models.base import MOVIE_S, Model, Movie, Pictures
+from scenes.records import measured
 from scenes.records.folder import ANIMATION, OVERVIEW, PREFIX, SUMMARY, VIEWER, write_bytes, written_whole
 from scenes.records.record import Record
 
@@ -21,8 +22,10 @@ def model_of(record: Record) -> Model[Any]:
     Raises
     ------
     SceneError
-        This version of the program does not know it.
+        This version of the program does not know it, or it was measured.
     """
+    if measured.is_measured(record):
+        raise SceneError(f"{record.name}: a measurement, not a run; 'worm3d plot' and 'worm3d compare' draw it")
     if not record.scene:
         raise SceneError(f"{record.name}: saved by Python, not by a scene: worm3d.load reads it, worm3d.draw draws it")
     if record.model not in models.names():
@@ -31,13 +34,22 @@ def model_of(record: Record) -> Model[Any]:
     return models.get(record.model)
 
 
+def pictures_of(record: Record) -> Pictures:
+    """Return what can be drawn of a record; errors as of `model_of`."""
+    if measured.is_measured(record):
+        from scenes.compare.overlays import measured_pictures
+
+        return measured_pictures(record)
+    return model_of(record)
+
+
 def is_drawable(record: Record) -> bool:
-    """Return whether at least one step was finished."""
-    return record.sizes.get("step", 0) > 0
+    """Return whether at least one step was finished, or something was measured."""
+    return record.sizes.get("step", 0) > 0 or measured.is_measured(record)
 
 
-def plot(record: Record, model: Model[Any], folder: Path) -> list[Path]:
-    """Write the overview and all figures of the model as PNG into a folder and return their paths.
+def plot(record: Record, model: Pictures, folder: Path) -> list[Path]:
+    """Write the overview, if there is one, and all figures of the model as PNG into a folder and return their paths.
 
     Raises
     ------
@@ -46,7 +58,8 @@ def plot(record: Record, model: Model[Any], folder: Path) -> list[Path]:
     DiscError
         The folder cannot be written.
     """
-    paths = [draw_overview(record, model, folder)]
+    _require_steps(record)
+    paths = [] if model.overview is None else [draw_overview(record, model, folder)]
     for stem, draw in model.figures.items():
         path = folder / f"{stem}.png"
         figure, _ = draw(record)
@@ -55,16 +68,17 @@ def plot(record: Record, model: Model[Any], folder: Path) -> list[Path]:
     return paths
 
 
-def draw_overview(record: Record, model: Model[Any], folder: Path) -> Path:
+def draw_overview(record: Record, model: Pictures, folder: Path) -> Path:
     """Write the one figure that every run draws into a folder and return its path; errors as of `plot`."""
     _require_steps(record)
+    assert model.overview is not None
     path = folder / OVERVIEW
     with written_whole(path) as part:
         model.overview(record).save(part, format="png")
     return path
 
 
-def animate(record: Record, model: Model[Any], path: Path, fps: int = 20) -> Path:
+def animate(record: Record, model: Pictures, path: Path, fps: int = 20) -> Path:
     """Write the animation, GIF or MP4 by the ending of `path`, and return the path.
 
     Raises
@@ -85,7 +99,7 @@ def animate(record: Record, model: Model[Any], path: Path, fps: int = 20) -> Pat
     return path
 
 
-def view(record: Record, model: Model[Any], path: Path, *, skin: bool = True) -> Path:
+def view(record: Record, model: Pictures, path: Path, *, skin: bool = True) -> Path:
     """Write the page that plays a record in a browser, whole or not at all, and return its path.
 
     Raises
@@ -96,14 +110,15 @@ def view(record: Record, model: Model[Any], path: Path, *, skin: bool = True) ->
         The file cannot be written.
     """
     if model.view is None:
-        raise SceneError(f"{record.name}: the model '{model.name}' has no page; 'worm3d animate' makes its animation")
+        instead = "'worm3d plot' draws its figures" if model.animate is None else "'worm3d animate' makes its animation"
+        raise SceneError(f"{record.name}: the model '{model.name}' has no page; {instead}")
     _require_steps(record)
     with written_whole(path) as part:
         model.view(record, part, skin=skin)
     return path
 
 
-def mesh(record: Record, model: Model[Any], at: float | None, path: Path) -> Path:
+def mesh(record: Record, model: Pictures, at: float | None, path: Path) -> Path:
     """Write the worm and its world at an instant [s] (None: the end) as a GLB file, and return the path.
 
     Raises
@@ -148,7 +163,7 @@ def clear_pictures(folder: Path) -> None:
 def cut_short(record: Record) -> str | None:
     """Return the line that says so if the animation does not show the whole run."""
     simulated = float(record["time"][-1])
-    if not is_drawable(record) or model_of(record).animate is None or simulated <= MOVIE_S * (1.0 + 1e-9):
+    if not is_drawable(record) or pictures_of(record).animate is None or simulated <= MOVIE_S * (1.0 + 1e-9):
         return None
     return f"the animation shows the first {MOVIE_S:g} s of {simulated:g} s"
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from scenes.language.errors import DiscError, SceneError
+from scenes.records import measured
 from scenes.records.folder import RESULT, write_bytes, written_whole
 from scenes.records.record import Record, Summary
 from worm3d.values import netcdf
@@ -39,7 +40,7 @@ def _to_standard_error(warning: str) -> None:
 
 
 def load(path: Path, warn: Callable[[str], None] = _to_standard_error) -> Record:
-    """Read a record; a folder means the `result.nc` in it.
+    """Read a record; a folder means the `result.nc` in it, a file ending in .csv is a measurement.
 
     Parameters
     ----------
@@ -54,6 +55,8 @@ def load(path: Path, warn: Callable[[str], None] = _to_standard_error) -> Record
     DiscError
         The file may not be read.
     """
+    if path.suffix.lower() == measured.ENDING and not path.is_dir():
+        return measured.load(path)
     file = path / RESULT if path.is_dir() else path
     if not file.is_file():
         raise SceneError(f"{file}: no such file; a result is the folder that 'worm3d run' wrote, or its {RESULT}")

@@ -1,0 +1,1 @@
+"""Runs, cases of sweeps and measurements laid over one another: `worm3d compare`."""

@@ -1,0 +1,151 @@
+"""Differences of runs and measurements: of scenes, of the figures of their summaries, and of their series."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from scenes.compare.sources import Source, flat
+from scenes.records import measured
+from scenes.records.record import Record
+from worm3d.metrics import UNITS
+from worm3d.values.arrays import FloatArray
+
+NOT_SHOWN = ("model", "title")
+"""Keys of a scene that say nothing of the run."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How a figure of one source differs from that of the reference."""
+
+    kind: str
+    """`figure` of the summary; `series` over time, where the difference is the root mean square one."""
+    name: str
+    unit: str
+    """SI unit or degree, "1" for a pure number."""
+    source: str
+    """Label of what is compared with the reference."""
+    reference: float | None
+    """Value of the reference; of series the range of the numbers over time, the largest of components and of both."""
+    value: float | None
+    """Value of the source; of series its largest difference."""
+    difference: float | None
+    relative: float | None
+    """Difference over the reference's value; None where that is 0."""
+
+
+class Setting(NamedTuple):
+    """A key of the scene that is not the same in all."""
+
+    key: str
+    values: tuple[str, ...]
+    """As TOML writes it, of each source; "-" where it has no such key."""
+
+
+def settings(given: Sequence[Source]) -> list[Setting]:
+    """Return the keys in which the scenes of simulations differ."""
+    scenes = [{} if source.is_measured else flat(source.scene) for source in given]
+    simulated = [scene for source, scene in zip(given, scenes, strict=True) if not source.is_measured]
+    keys = [key for key in dict.fromkeys(key for scene in simulated for key in scene) if key not in NOT_SHOWN]
+    differing = [key for key in keys if len({scene.get(key) for scene in simulated}) > 1]
+    return [Setting(key, tuple(scene.get(key, "-") for scene in scenes)) for key in differing]
+
+
+def figures(given: Sequence[Source]) -> list[Difference]:
+    """Return the differences of all figures of the summaries that the reference or another one has."""
+    first, *others = given
+    names = dict.fromkeys(name for source in given for name, value in source.figures.items() if _is_number(value))
+    return [
+        _difference("figure", name, unit_of(name), source.label, _number(first, name), _number(source, name))
+        for name in names
+        for source in others
+    ]
+
+
+def series(given: Sequence[Source]) -> list[Difference]:
+    """Return the differences over time of all that the reference and another one have in common."""
+    first, *others = given
+    return [
+        each
+        for source in others
+        if first.record is not None and source.record is not None
+        for each in _of_series(source.label, first.record, source.record)
+    ]
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a figure by the ending of its name."""
+    endings = {**UNITS, "_J_per_m": "J/m", "_N": "N", "_kg": "kg", "_ms": "ms", "_BL_per_period": "BL/period"}
+    return next((unit for ending, unit in endings.items() if name.endswith(ending)), "1")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _number(source: Source, name: str) -> float | None:
+    value = source.figures.get(name)
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
+
+
+def _difference(
+    kind: str, name: str, unit: str, source: str, reference: float | None, value: float | None
+) -> Difference:
+    difference = None if value is None or reference is None else value - reference
+    return Difference(kind, name, unit, source, reference, value, difference, _over(difference, reference))
+
+
+def _over(difference: float | None, reference: float | None) -> float | None:
+    return None if difference is None or not reference else difference / abs(reference)
+
+
+def _of_series(label: str, reference: Record, other: Record) -> Iterator[Difference]:
+    for name, (unit, ours, theirs) in common(reference, other).items():
+        known = np.isfinite(ours) & np.isfinite(theirs)
+        if not known.any():
+            continue
+        off = np.abs(theirs - ours)[known]
+        rms, most = float(np.sqrt(np.mean(off**2))), float(off.max())
+        wide = max(_range(ours), _range(theirs))
+        yield Difference("series", name, unit, label, wide, most, rms, _over(rms, wide))
+
+
+def _range(values: FloatArray) -> float:
+    """Return the largest range over time of the components of a series, shape (T, ...), without what is NaN."""
+    columns = values.reshape(len(values), -1)
+    columns = columns[:, np.isfinite(columns).any(axis=0)]
+    return float(np.max(np.nanmax(columns, axis=0) - np.nanmin(columns, axis=0)))
+
+
+def common(reference: Record, other: Record) -> dict[str, tuple[str, FloatArray, FloatArray]]:
+    """Return what two records have in common: by name its unit, and the values of both at the same instants.
+
+    The instants are those of a measurement, if one of them is, or else those of the reference; NaN where one of them
+    has nothing to say.
+    """
+    if measured.is_measured(other) and not measured.is_measured(reference):
+        return {name: (unit, ours, theirs) for name, (unit, theirs, ours) in common(other, reference).items()}
+    if measured.is_measured(reference):
+        like = measured.matched(other, reference)[0]
+        return {name: (reference.variable(name).units, reference[name], like[name]) for name in like}
+    mine, its = measured.series_of(reference), measured.series_of(other)
+    same = [n for n in mine if n in its and mine[n].values.shape[1:] == its[n].values.shape[1:]]
+    instants = reference["time"]
+    return {
+        name: (mine[name].units, mine[name].values, measured.at_instants(other["time"], its[name].values, instants))
+        for name in same
+        if mine[name].units == its[name].units
+    }
+
+
+def rows_by_name(found: Sequence[Difference]) -> Mapping[str, list[Difference]]:
+    """Return differences by the name of what differs, in order."""
+    rows: dict[str, list[Difference]] = {}
+    for each in found:
+        rows.setdefault(each.name, []).append(each)
+    return rows

@@ -1,0 +1,268 @@
+"""Figures of several records laid over one another; of one measurement they are its figures.
+
+Each function takes records by label and returns (figure, axes), or None where no record has anything to draw there.
+Simulations are lines, measurements dots; the first record is the reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scenes.language.errors import SceneError
+from scenes.models.base import Pictures
+from scenes.records import measured
+from scenes.records.columns import MARKER
+from scenes.records.record import Record
+from worm3d.values.arrays import FloatArray
+from worm3d.values.variable import AXES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Records = Mapping[str, Record]
+Overlay = Callable[[Records], "tuple[Figure, Axes] | None"]
+Curves = dict[str, tuple[FloatArray, FloatArray]]
+"""Of each record by label: instants, shape (T,) [s], and values, shape (T,)."""
+
+MOST_ROWS = 12
+"""Largest number of panels one above the other."""
+ENERGIES = (
+    "work_contract",
+    "work_external",
+    "friction_loss",
+    "viscous_loss",
+    "actuator_loss",
+    "impact",
+    "numerical_loss",
+)
+"""Terms of the ledger that are drawn, summed over the run."""
+APART = ("strain", "heading", "com", *ENERGIES)
+"""Quantities that have figures of their own."""
+
+
+def path(records: Records) -> tuple[Figure, Axes] | None:
+    """Draw the ways of centres of mass and markers in the plane of x and y."""
+    tracks = {label: _tracks(record, records) for label, record in records.items()}
+    if not any(tracks.values()):
+        return None
+    figure, axes = _figure(6.4, 4.8)
+    for number, (label, found) in enumerate(tracks.items()):
+        for k, (name, places) in enumerate(found.items()):
+            style = _style(records[label], number)
+            shade = 1.0 if name == "com" else 0.5
+            axes.plot(*places[:, :2].T, **{**style, "alpha": shade}, label=label if k == 0 else None)
+            if known := np.flatnonzero(np.isfinite(places[:, :2]).all(axis=1)).tolist():
+                axes.plot(*places[known[0], :2], "o", color=style["color"], ms=5)
+                if name != "com":
+                    axes.annotate(
+                        name, tuple(places[known[0], :2]), fontsize=7, textcoords="offset points", xytext=(4, 4)
+                    )
+    names = {name for found in tracks.values() for name in found}
+    what = " and ".join(
+        each for each in ("centre of mass" * ("com" in names), "markers" * bool(names - {"com"})) if each
+    )
+    axes.set(xlabel="x [m]", ylabel="y [m]", title=f"Path of {what}, from the dot")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.legend(fontsize=8)
+    return figure, axes
+
+
+def centre_of_mass_and_heading(records: Records) -> tuple[Figure, Axes] | None:
+    """Draw the centre of mass, from each record's first place, and the heading over time."""
+    rows: dict[str, Curves] = {}
+    for axis, name in enumerate(AXES):
+        curves = {
+            label: (record["time"], com[:, axis] - _first(com[:, axis]))
+            for label, record in records.items()
+            if (com := _values(record, "com")) is not None and axis < com.shape[1] and np.isfinite(com[:, axis]).any()
+        }
+        rows[f"centre of mass,\n{name} from the start [m]"] = curves
+    heading = {
+        label: np.rad2deg(each) for label, record in records.items() if (each := _values(record, "heading")) is not None
+    }
+    rows["heading [deg]"] = {label: (records[label]["time"], each) for label, each in heading.items()}
+    return _rows(records, rows, "Centre of mass and heading")
+
+
+def strain(records: Records) -> tuple[Figure, Axes] | None:
+    """Draw the strain of each segment over time, the head on top."""
+    known = {label: each for label, record in records.items() if (each := _values(record, "strain")) is not None}
+    most = max((each.shape[1] for each in known.values()), default=0)
+    shown = sorted(set(np.linspace(0, most - 1, min(most, MOST_ROWS)).round().astype(int).tolist()), reverse=True)
+    rows = {
+        f"segment {k}": {
+            label: (records[label]["time"], each[:, k])
+            for label, each in known.items()
+            if k < each.shape[1] and np.isfinite(each[:, k]).any()
+        }
+        for k in shown
+    }
+    return _rows(records, rows, "Strain of the segments (0 = tail)", same=True)
+
+
+def markers(records: Records) -> tuple[Figure, Axes] | None:
+    """Draw the coordinates of the markers over time."""
+    tracks = {label: _tracks(record, records) for label, record in records.items()}
+    names = dict.fromkeys(name for found in tracks.values() for name in found if name != "com")
+    rows: dict[str, Curves] = {}
+    for name in names:
+        for axis, letter in enumerate(AXES):
+            rows[f"{name},\n{letter} [m]"] = {
+                label: (records[label]["time"], found[name][:, axis])
+                for label, found in tracks.items()
+                if name in found and axis < found[name].shape[1] and np.isfinite(found[name][:, axis]).any()
+            }
+    return _rows(records, rows, "Markers")
+
+
+def energy(records: Records) -> tuple[Figure, Axes] | None:
+    """Draw the main terms of the energy ledger, summed over the run."""
+    known = {
+        name: {label: each for label, r in records.items() if (each := _values(r, name)) is not None}
+        for name in ENERGIES
+    }
+    rows = {
+        f"{name.replace('_', ' ')} [J]": {
+            label: (records[label]["time"], np.cumsum(each)) for label, each in found.items()
+        }
+        for name, found in known.items()
+        if any(np.any(each) for each in found.values())
+    }
+    return _rows(records, rows, "Energy, summed over the run")
+
+
+def single_numbers(records: Records) -> tuple[Figure, Axes] | None:
+    """Draw what is one number at each instant of a measurement, such as a force, in all records that have it."""
+    rows: dict[str, Curves] = {}
+    for name, unit in _numbers(records).items():
+        found = {label: each for label, record in records.items() if (each := _values(record, name)) is not None}
+        rows[f"{name.replace('_', ' ')} [{unit}]"] = {
+            label: (records[label]["time"], each) for label, each in found.items() if each.ndim == 1
+        }
+    return _rows(records, rows, "Over time")
+
+
+def force_and_cable(records: Records) -> tuple[Figure, Axes] | None:
+    """Draw a cable's force over the length of cable that was taken in."""
+    known = {
+        label: (1e3 * cable, force)
+        for label, record in records.items()
+        if (cable := _values(record, "cable")) is not None and (force := _values(record, "force")) is not None
+        if cable.ndim == force.ndim == 1
+    }
+    if not known:
+        return None
+    figure, axes = _figure(6.4, 4.8)
+    for number, label in enumerate(records):
+        if label in known:
+            axes.plot(*known[label], **_style(records[label], number), label=label)
+    axes.set(xlabel="cable taken in [mm]", ylabel="force [N]", title="Force and cable")
+    axes.legend(fontsize=8)
+    return figure, axes
+
+
+OVERLAYS: dict[str, Overlay] = {
+    each.__name__: each
+    for each in (path, centre_of_mass_and_heading, strain, markers, energy, single_numbers, force_and_cable)
+}
+"""Figures by the stem of their files."""
+
+
+def drawn(records: Records) -> Iterator[tuple[str, Figure]]:
+    """Yield the figures that the records have something for, by the stem of their files."""
+    for stem, draw in OVERLAYS.items():
+        if (found := draw(records)) is not None:
+            yield stem, found[0]
+
+
+def measured_pictures(record: Record) -> Pictures:
+    """Return the figures of a measurement, as far as it has something for them."""
+    present = [stem for stem, draw in OVERLAYS.items() if draw({record.title: record}) is not None]
+    figures = {f"measured_{stem}": partial(_of_one, OVERLAYS[stem]) for stem in present}
+    return Pictures(name=measured.MODEL, title="a measurement", figures=figures, overview=None)
+
+
+def _of_one(draw: Overlay, record: Record) -> tuple[Figure, Axes]:
+    found = draw({record.title: record})
+    assert found is not None
+    return found
+
+
+def _values(record: Record, name: str) -> FloatArray | None:
+    """Return what a record has of a quantity at its stored instants."""
+    found = measured.series_of(record).get(name)
+    return None if found is None else np.asarray(found.values, dtype=float)
+
+
+def _numbers(records: Records) -> dict[str, str]:
+    """Return quantities that are one number at each instant of a measurement, with their units."""
+    return {
+        name: variable.units
+        for record in records.values()
+        if measured.is_measured(record)
+        for name, variable in measured.series_of(record).items()
+        if variable.dims == ("time",) and name not in APART
+    }
+
+
+def _tracks(record: Record, records: Records) -> dict[str, FloatArray]:
+    """Return the places over time, shape (T, 2 or 3) [m], of a record's centre of mass and of the measured markers."""
+    own = measured.series_of(record)
+    found = {"com": np.asarray(own["com"].values, dtype=float)} if "com" in own else {}
+    for other in records.values():
+        for name, variable in measured.series_of(other).items():
+            if name.startswith(MARKER) and name not in found:
+                with suppress(SceneError):
+                    found[name] = measured.counterpart(record, other, variable)
+    return {name.removeprefix(MARKER): places for name, places in found.items()}
+
+
+def _first(values: FloatArray) -> float:
+    return float(values[np.isfinite(values)][0])
+
+
+def _figure(wide: float, high: float) -> tuple[Figure, Axes]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(wide, high), layout="constrained", dpi=120)
+    axes = figure.subplots()
+    axes.grid(alpha=0.3)
+    return figure, axes
+
+
+def _style(record: Record, number: int) -> dict[str, Any]:
+    """Return how the curves of a record are drawn, given its number."""
+    dots: dict[str, Any] = {"ls": "", "marker": ".", "ms": 3} if measured.is_measured(record) else {"lw": 1.4}
+    return {"color": f"C{number}", **dots}
+
+
+def _rows(
+    records: Records, rows: Mapping[str, Curves], title: str, *, same: bool = False
+) -> tuple[Figure, Axes] | None:
+    """Draw curves over time, a panel for each label of an axis; with `same`, all panels have the same range."""
+    from matplotlib.figure import Figure
+
+    filled = {label: curves for label, curves in rows.items() if curves}
+    shown = dict(list(filled.items())[:MOST_ROWS])
+    if not shown:
+        return None
+    figure = Figure(figsize=(7.2, 1.0 + max(1.5, 2.6 - 0.2 * len(shown)) * len(shown)), layout="constrained", dpi=120)
+    panels = np.ravel(figure.subplots(len(shown), 1, sharex=True, sharey=same))
+    for axes, (label, curves) in zip(panels, shown.items(), strict=True):
+        for number, name in enumerate(records):
+            if name in curves:
+                axes.plot(*curves[name], **_style(records[name], number), label=name)
+        axes.set_ylabel(label, fontsize=8)
+        axes.grid(alpha=0.3)
+    handles = {text: line for axes in panels for line, text in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(handles.values(), handles, fontsize=8, loc="outside upper right", ncols=min(len(handles), 3))
+    more = f" ({len(shown)} of {len(filled)})" if len(filled) > len(shown) else ""
+    figure.suptitle(f"{title}{more}", fontsize=10, x=0.02, ha="left")
+    panels[-1].set_xlabel("time [s]")
+    return figure, panels[-1]

@@ -1,0 +1,74 @@
+"""Markers on the body of a robot: where on the line of joints they sit, as a measurement's header says it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from scenes.language.errors import SceneError
+from worm3d.values.arrays import FloatArray
+
+_LINE = re.compile(r"marker\s+(?P<name>\w+)")
+_PLACE = re.compile(r"(?P<kind>joint|body)\s+(?P<number>\d+(\.\d*)?([eE][-+]?\d+)?)")
+
+
+class Place(NamedTuple):
+    """A place on the line of joints."""
+
+    kind: str
+    """`joint`, or `body` for the share of the segments behind it."""
+    number: float
+    """Number of the joint, 0 for the tail; or share, 0 for the tail and 1 for the head."""
+
+
+def places(header: Mapping[str, str]) -> dict[str, Place]:
+    """Return the places of the markers in a header, whose lines are `marker head: joint 6` or `marker m: body 0.5`.
+
+    Raises
+    ------
+    SceneError
+        One of them is not understood.
+    """
+    return {
+        match["name"]: _place(match["name"], text) for name, text in header.items() if (match := _LINE.fullmatch(name))
+    }
+
+
+def _place(name: str, text: str) -> Place:
+    if not (match := _PLACE.fullmatch(text)):
+        raise SceneError(f"marker {name}: got '{text}', must be 'joint NUMBER' or 'body SHARE', such as 'body 0.5'")
+    place = Place(match["kind"], float(match["number"]))
+    if place.kind == "joint" and not place.number.is_integer():
+        raise SceneError(f"marker {name}: got '{text}', the number of a joint must be an integer, 0 for the tail")
+    if place.kind == "body" and place.number > 1.0:
+        raise SceneError(f"marker {name}: got '{text}', the share of the body must be from 0 (tail) to 1 (head)")
+    return place
+
+
+def require_same(said: Mapping[str, Place], columns: set[str]) -> None:
+    """Refuse markers without a place on the body, and places without columns."""
+    for name in sorted(columns - said.keys()):
+        raise SceneError(
+            f"marker {name}: not said where on the body it sits, must have a line such as '# marker {name}: joint 0' "
+            f"or '# marker {name}: body 0.5'"
+        )
+    for name in sorted(said.keys() - columns):
+        raise SceneError(f"marker {name}: has no columns, must have marker_{name}_x_m and others, or no line")
+
+
+def positions(joints: FloatArray, place: Place) -> FloatArray:
+    """Return where a marker is, shape (T, D) [m], on the line of joints, shape (T, N+1, D) [m].
+
+    Raises
+    ------
+    SceneError
+        There is no such joint.
+    """
+    last = joints.shape[1] - 1
+    if place.kind == "joint" and place.number > last:
+        raise SceneError(f"sits on joint {place.number:g}, the simulated worm has joints 0 to {last}")
+    along = place.number if place.kind == "joint" else place.number * last
+    k = min(int(along), last - 1)
+    found: FloatArray = joints[:, k] + (along - k) * (joints[:, k + 1] - joints[:, k])
+    return found
