@@ -6,7 +6,7 @@ import errno
 import os
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
@@ -17,6 +17,7 @@ from scenes.language.errors import DiscError, SceneError, printable
 from scenes.language.mistakes import Mistake, did_you_mean, report, schema_mistakes
 from scenes.language.overrides import apply_overrides
 from scenes.language.schema import Section, is_file, section_type
+from scenes.language.sweep_section import SWEEP, sweep_mistakes
 from worm3d.values import regular_file
 
 SHIPPED = Path(__file__).parents[1]
@@ -67,9 +68,11 @@ class Scene(Generic[M]):
     name: str
     model: M
     settings: Any
+    sweep: Mapping[str, Any] = field(default_factory=dict)
+    """Its section [sweep], if it has one: keys `vary` and `random` (`scenes.language.sweep_section`)."""
 
     def to_toml(self) -> str:
-        """Return the resolved scene as TOML; it can be loaded again."""
+        """Return the resolved scene as TOML, without a section [sweep]; it can be loaded again."""
         return toml.document(self.settings)
 
 
@@ -102,19 +105,21 @@ def parse_scene(
     if folder is not None and folder != SHIPPED:
         _look_beside(written, _model_of(models, written)[0].schema, folder)
     data, overridden, mistakes = apply_overrides(written, overrides)
+    sweep = data.pop(SWEEP, {})
+    mistakes += sweep_mistakes(sweep) if sweep != {} else []
     model, model_mistakes = _model_of(models, data)
     data = _with_every_section(model, {**data, "model": model.name})
     mistakes += model_mistakes + schema_mistakes(model.schema, data, partial(_models_with, models))
     mistakes += cross_mistakes(model.checks, model.schema, data, mistakes, overridden)
     if mistakes:
         raise SceneError(*report(mistakes, toml.key_lines(text), overridden))
-    return Scene(printable(name), model, model.schema.model_validate(data))
+    return Scene(printable(name), model, model.schema.model_validate(data), sweep)
 
 
 def _look_beside(data: dict[str, Any], schema: type[Section], folder: Path) -> None:
     """Give each file that a scene names its whole path, if it is in a folder."""
-    for name, field in schema.model_fields.items():
-        keys, section = data.get(name), section_type(field)
+    for name, declared in schema.model_fields.items():
+        keys, section = data.get(name), section_type(declared)
         if isinstance(keys, dict) and section is not None:
             for key in keys.keys() & {key for key, inner in section.model_fields.items() if is_file(inner)}:
                 if isinstance(keys[key], str) and os.path.isfile(folder / keys[key]):

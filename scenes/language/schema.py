@@ -208,6 +208,16 @@ def is_number(field: FieldInfo) -> bool:
     return bool(_extra(field, "number"))
 
 
+def unit_of(field: FieldInfo) -> str:
+    """Return the unit of a number, "1" for a pure one; empty for anything else."""
+    return str(_extra(field, "unit") or "1") if is_number(field) else ""
+
+
+def is_whole(field: FieldInfo) -> bool:
+    """Return whether a key holds one whole number."""
+    return field.annotation is int or set(get_args(field.annotation)) == {int, type(None)}
+
+
 def range_text(field: FieldInfo) -> str:
     """Return the range of a number, `0 < … <= 100`; empty if it has none."""
     rules = (*field.metadata, *_rules(field.annotation))

@@ -1,0 +1,205 @@
+"""Plan of a sweep: the scene of each case, checked before anything runs, its seed and its job."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from scenes.commands.terminal import counted
+from scenes.language import toml
+from scenes.language.errors import SceneError
+from scenes.language.loader import find_scene, read_text
+from scenes.language.sweep_section import varied_keys
+from scenes.models.loading import Scene, parse_scene
+from scenes.sweep.design import Design, told
+from scenes.sweep.job import Job
+from scenes.sweep.key import key_of
+from scenes.sweep.vary import design_of
+
+SEED = "seed"
+"""Key of a scene that seeds everything random in it."""
+LARGEST_SEED = 2**53 - 1
+"""Largest seed of a case: every program reads it exactly."""
+_NUMBERS = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
+
+MOST_WRONG = 20
+"""Number of cases with mistakes after which no more cases are checked."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A scene before it is varied."""
+
+    text: str
+    """TOML."""
+    name: str
+    folder: Path | None = None
+    """Folder in which files are looked up that it names."""
+    overrides: tuple[str, ...] = ()
+    """`section.key=value` each, for all cases."""
+
+    @classmethod
+    def of(cls, scene: str | Path, overrides: Iterable[str] = ()) -> Source:
+        """Return the scene of a name or a file; SceneError if there is none."""
+        path = find_scene(str(scene))
+        return cls(read_text(path), path.stem, path.parent, tuple(overrides))
+
+    def parse(self, overrides: Iterable[str] = ()) -> Scene:
+        """Return the checked scene, with further overrides."""
+        return parse_scene(self.text, self.name, (*self.overrides, *overrides), self.folder)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A checked case."""
+
+    values: Mapping[str, Any]
+    """Values of the varied keys."""
+    key: str
+    seed: int
+    packed: bytes
+    """Its resolved scene as TOML, compressed."""
+
+    def job(self, name: str, folder: Path, *, results: bool) -> Job:
+        """Return the job that runs it into a folder."""
+        path = folder / f"{self.key}{'.nc' if results else '.json'}"
+        return Job(self.key, name, zlib.decompress(self.packed).decode(), str(path), results)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A design whose cases have all been checked."""
+
+    model: str
+    design: Design
+    cases: tuple[Case, ...]
+    """In the order of the design; those with the same scene have the same key."""
+
+
+@dataclass(frozen=True)
+class Jobs(Sequence[Job]):
+    """Jobs of cases, each made when it is asked for: the scenes of many cases would fill the memory."""
+
+    name: str
+    """Name of the scene."""
+    cases: tuple[Case, ...]
+    folder: Path
+    """Folder of the files of the cases."""
+    results: bool
+
+    def __len__(self) -> int:
+        """Return their number."""
+        return len(self.cases)
+
+    def __getitem__(self, place: Any) -> Any:
+        """Return the job at a place, or the jobs of a slice."""
+        if isinstance(place, slice):
+            return replace(self, cases=self.cases[place])
+        return self.cases[place].job(self.name, self.folder, results=self.results)
+
+
+def planned(
+    source: Source,
+    vary: Mapping[str, Any] | None = None,
+    *,
+    random: int | None = None,
+    listed: Sequence[Mapping[str, Any]] = (),
+    watch: Callable[[int, int], None] = lambda done, total: None,
+) -> Plan:
+    """Return the plan of a sweep; with nothing to vary, that of the scene's section [sweep].
+
+    Parameters
+    ----------
+    source : Source
+    vary, random, listed
+        As of `scenes.sweep.vary.design_of`.
+    watch : callable
+        Called with the number of checked cases, and of all.
+
+    Raises
+    ------
+    SceneError
+        With one line for each mistake, and the values of the first case that has it.
+    """
+    base = source.parse()
+    if not vary and not listed:
+        vary, random = varied_keys(base.sweep.get("vary", {})), random or base.sweep.get("random")
+    schema, seed = base.model.schema, base.settings.seed
+    design = design_of(base.name, schema, vary or {}, random=random, listed=listed, seed=seed)
+    fixed = {override.partition("=")[0].strip() for override in source.overrides}
+    keys = {each.key for each in design.varied}
+    if twice := sorted(keys & fixed):
+        raise SceneError(f"{twice[0]}: both varied and fixed by an override (-o); leave one of them out")
+    given = SEED in keys | fixed
+    cases, wrong = [], _Mistakes(tuple(keys))
+    for done, values in enumerate(design.cases(), start=1):
+        try:
+            scene = source.parse(f"{key}={toml.value(value)}" for key, value in values.items())
+        except SceneError as error:
+            wrong.add(values, error.lines)
+            if wrong.number >= MOST_WRONG:
+                break
+        else:
+            cases.append(_case(scene if given else _seeded(scene, seed, keys), values))
+        watch(done, len(design))
+    if wrong.number:
+        raise SceneError(*wrong.report(len(design), done))
+    return Plan(base.model.name, design, tuple(cases))
+
+
+def _case(scene: Scene, values: Mapping[str, Any]) -> Case:
+    return Case(values, key_of(scene), scene.settings.seed, zlib.compress(scene.to_toml().encode()))
+
+
+def _seeded(scene: Scene, base: int, keys: Iterable[str]) -> Scene:
+    """Return a case's scene with a seed that follows from that of the sweep and the case's values alone."""
+    said = json.dumps([base, [(key, _value_at(scene.settings, key)) for key in sorted(keys)]])
+    seed = int.from_bytes(hashlib.sha256(said.encode()).digest()[:8], "big") & LARGEST_SEED
+    return replace(scene, settings=scene.settings.model_copy(update={SEED: seed}))
+
+
+def _value_at(settings: BaseModel, key: str) -> Any:
+    """Return the resolved value of a key as data for JSON: 2 and 2.0 seconds are the same."""
+    here = settings.model_dump(mode="json")
+    for name in key.split("."):
+        here = here[name]
+    return here
+
+
+class _Mistakes:
+    """Mistakes of the cases; those that differ in numbers alone are told once."""
+
+    def __init__(self, keys: Sequence[str]) -> None:
+        self.number = 0
+        """Number of cases with mistakes."""
+        self._keys = keys
+        self._found: dict[str, tuple[str, str, int]] = {}
+        """Kind of mistake -> values of the first case with it, its line there, and the number of such cases."""
+
+    def add(self, values: Mapping[str, Any], lines: Iterable[str]) -> None:
+        """Take note of the mistakes of a case."""
+        self.number += 1
+        for line in lines:
+            label, _, rest = line.partition(": ")
+            key = label.removeprefix("override ")
+            kind = _NUMBERS.sub("#", line)
+            text = f"{key}: {rest}" if key in self._keys else line
+            first, text, number = self._found.get(kind, (told(values), text, 0))
+            self._found[kind] = first, text, number + 1
+
+    def report(self, total: int, checked: int) -> Iterator[str]:
+        """Yield a line for each kind of mistake; one that every checked case has needs no values."""
+        for kind, (first, line, number) in self._found.items():
+            more = f" (and {counted(number - 1, 'case')} more)" if number > 1 else ""
+            in_all = number == checked > 1 and "#" not in kind
+            yield line if in_all else f"with {first}{more}: {line}"
+        if checked < total:
+            yield f"{self.number} of the first {checked} cases are wrong; the other {total - checked} were not checked"

@@ -1,0 +1,243 @@
+"""Varied keys as they are written: `v1,v2,...`, `lo:hi:n[:log]`, `lo:hi[:log]` to draw from, and tables of cases."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenes.language.errors import SceneError
+from scenes.language.loader import read_text
+from scenes.language.schema import Section, field_at, is_whole, unit_of
+from scenes.language.toml import shown
+from scenes.sweep.design import CASE, SAMPLE, Design, Varied
+
+MOST_CASES = 100_000
+"""Largest number of cases of a sweep: each has a file."""
+DIGITS = 12
+"""Significant digits of values between two limits: a tenth of the way from 0 to 3 is 0.3."""
+
+_NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
+_RANGE = re.compile(rf"{_NUMBER}:{_NUMBER}(?::\s*(\d+)\s*)?(?::\s*(log|lin)\s*)?")
+_ITEM = re.compile(r"""(?:"(?:\\.|[^"\\])*"|'[^']*'|[^,\[\]{}"'])+|[\[\]{},"']""")
+
+HOW = "write values v1,v2,... or a range lo:hi:n or lo:hi:n:log"
+
+
+def design_of(
+    scene: str,
+    schema: type[Section],
+    vary: Mapping[str, Any],
+    *,
+    random: int | None = None,
+    listed: Sequence[Mapping[str, Any]] = (),
+    seed: int = 0,
+) -> Design:
+    """Return the design of a sweep.
+
+    Parameters
+    ----------
+    scene : str
+        Name of the scene.
+    schema : type of Section
+        Schema of its model, which knows units and meanings.
+    vary : mapping
+        Values by key: a text as on the command line, or a sequence.
+    random : int, optional
+        Number of cases to draw, from keys that are given as `lo:hi` or `lo:hi:log`.
+    listed : sequence of mappings
+        Cases one by one: values by key, the same keys in each.
+    seed : int
+        Seed of what is drawn; with the same seed, more cases begin with the same ones.
+
+    Raises
+    ------
+    SceneError
+        A key whose values cannot be read, no values, too many cases.
+    """
+    if random is not None and not 1 <= random <= MOST_CASES:
+        raise SceneError(f"--random: got {random}, must be from 1 to {MOST_CASES}")
+    if random is not None and listed:
+        raise SceneError("--random and --list: both name the cases one by one; give one of them")
+    grid: list[Varied] = []
+    drawn: dict[str, Any] = {}
+    for key, given in vary.items():
+        limits = _limits(given)
+        if limits is None:
+            grid.append(_described(schema, key, key, _values(schema, key, given)))
+        elif random is None:
+            raise SceneError(
+                f"vary {key}: got '{given}': a range needs a number of values, {key}={given}:5, or --random N"
+            )
+        else:
+            drawn[key] = _drawn(schema, key, limits, random, seed)
+    if random is not None and not drawn:
+        raise SceneError("--random: no key to draw; give at least one as --vary key=lo:hi or --vary key=lo:hi:log")
+    dim = SAMPLE if grid else CASE
+    single = drawn | {key: [row[key] for row in listed] for key in (listed[0] if listed else ())}
+    if twice := [key for key in single if key in {each.key for each in grid}]:
+        raise SceneError(f"vary {twice[0]}: varied twice, in --vary and in --list")
+    design = Design(scene, (*grid, *(_described(schema, key, dim, values) for key, values in single.items())))
+    if not design.varied:
+        raise SceneError(f"{scene}: nothing to vary; give --vary key=v1,v2,... or --list FILE, or a section [sweep]")
+    return _of_a_size(design)
+
+
+def texts(given: Iterable[str]) -> dict[str, str]:
+    """Return the keys and values of the options `--vary key=values`.
+
+    Raises
+    ------
+    SceneError
+        No key, no values, or a key that is varied twice.
+    """
+    found: dict[str, str] = {}
+    for text in given:
+        key, equals, values = text.partition("=")
+        key = key.strip()
+        if not (equals and key and values.strip()):
+            raise SceneError(f"--vary: got '{text}': must be key=values, such as gait.period_s=2,3,4 ({HOW})")
+        if key in found:
+            raise SceneError(f"--vary {key}: given twice; write all its values in one")
+        found[key] = values
+    return found
+
+
+def cases_of(path: Path) -> list[dict[str, Any]]:
+    """Return the cases of a CSV file: a row of keys, then a row of values for each case.
+
+    Raises
+    ------
+    SceneError
+        It cannot be read, has no cases, or a row with too few or too many values.
+    """
+    rows = [(n, row) for n, row in enumerate(csv.reader(io.StringIO(read_text(path))), start=1) if any(row)]
+    keys = [key.strip() for key in rows[0][1]] if rows else []
+    if not all(keys) or len(set(keys)) < len(keys):
+        raise SceneError(f"{path}: its first row must be keys of the scene, each once; got {', '.join(keys) or 'none'}")
+    if len(rows) < 2:
+        raise SceneError(f"{path}: no cases; below the row of keys, each row has the values of one case")
+    for number, row in rows:
+        if len(row) != len(keys) or not all(cell.strip() for cell in row):
+            raise SceneError(
+                f"{path}: row {number}: got {len([c for c in row if c.strip()])} values, must be {len(keys)}"
+            )
+    return [dict(zip(keys, map(_value, row), strict=True)) for _, row in rows[1:]]
+
+
+def _of_a_size(design: Design) -> Design:
+    number = len(design)
+    if number > MOST_CASES:
+        sizes = " x ".join(map(str, design.sizes.values()))
+        raise SceneError(
+            f"{design.scene}: {number} cases ({sizes}): at most {MOST_CASES}; vary fewer values, or divide it"
+        )
+    return design
+
+
+def _described(schema: type[Section], key: str, dim: str, values: Sequence[Any]) -> Varied:
+    field = field_at(schema, tuple(key.split(".")))
+    unit, title = ("", "") if field is None else (unit_of(field), str(field.title or ""))
+    return Varied(key, dim, tuple(values), unit, title)
+
+
+def _limits(given: Any) -> tuple[str, str, bool] | None:
+    """Return the limits between which a key is drawn, and whether by its logarithm; None if it is not."""
+    match = _RANGE.fullmatch(given) if isinstance(given, str) else None
+    return (match[1], match[2], match[4] == "log") if match and not match[3] else None
+
+
+def _values(schema: type[Section], key: str, given: Any) -> list[Any]:
+    """Return the values of a key of a grid."""
+    values = _plain(given)
+    if isinstance(values, str):
+        match = _RANGE.fullmatch(values)
+        values = _between(schema, key, match) if match else [_value(item) for item in _items(values)]
+    values = values if isinstance(values, list) else [values]
+    if not values:
+        raise SceneError(f"vary {key}: no values; {HOW}")
+    if len(values) > MOST_CASES:
+        raise SceneError(f"vary {key}: {len(values)} values: at most {MOST_CASES} cases in a sweep")
+    for n, value in enumerate(values):
+        if value in values[:n] and len(values) <= 1000:
+            raise SceneError(f"vary {key}: got {shown(value)} twice; each value is one place of the grid")
+    return values
+
+
+def _plain(given: Any) -> Any:
+    """Return values of Python or NumPy as TOML has them."""
+    if isinstance(given, np.ndarray | np.generic):
+        return given.tolist()
+    if isinstance(given, tuple | list | range):
+        return [_plain(item) for item in given]
+    return given
+
+
+def _items(text: str) -> list[str]:
+    """Return the parts of a text between commas that stand outside of brackets and quotes."""
+    parts, depth = [""], 0
+    for token in _ITEM.findall(text):
+        depth += (token in ("[", "{")) - (token in ("]", "}"))
+        if token == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += token
+    return [part.strip() for part in parts if part.strip()]
+
+
+def _value(text: str) -> Any:
+    """Return a value as TOML reads it; what is no TOML is a text."""
+    try:
+        parsed = tomllib.loads(f"value = {text.strip()}")
+    except (ValueError, RecursionError):
+        return text.strip()
+    return parsed["value"] if len(parsed) == 1 else text.strip()
+
+
+def _between(schema: type[Section], key: str, match: re.Match[str]) -> list[Any]:
+    low, high, number = float(match[1]), float(match[2]), int(match[3])
+    if not 2 <= number <= MOST_CASES:
+        raise SceneError(f"vary {key}: got '{match[0]}': must be from 2 to {MOST_CASES} values")
+    if match[4] == "log":
+        _require_positive(key, low, high)
+        values = np.geomspace(low, high, number)
+    else:
+        values = np.linspace(low, high, number)
+    return list(dict.fromkeys(_rounded(schema, key, values)))
+
+
+def _drawn(schema: type[Section], key: str, limits: tuple[str, str, bool], number: int, seed: int) -> list[Any]:
+    low, high, log = float(limits[0]), float(limits[1]), limits[2]
+    if not low < high:
+        raise SceneError(f"vary {key}: got '{limits[0]}:{limits[1]}': the first limit must be below the second")
+    generator = np.random.default_rng([seed, *hashlib.sha256(f"sweep {key}".encode()).digest()])
+    if _is_whole(schema, key) and not log:
+        return [int(value) for value in generator.integers(math.ceil(low), math.floor(high), number, endpoint=True)]
+    if log:
+        _require_positive(key, low, high)
+        return _rounded(schema, key, np.exp(generator.uniform(math.log(low), math.log(high), number)))
+    return _rounded(schema, key, generator.uniform(low, high, number))
+
+
+def _require_positive(key: str, low: float, high: float) -> None:
+    if min(low, high) <= 0.0:
+        raise SceneError(f"vary {key}: got limits {low:g} and {high:g}: those of a range with 'log' must be above 0")
+
+
+def _rounded(schema: type[Section], key: str, values: Any) -> list[Any]:
+    if _is_whole(schema, key):
+        return [round(float(value)) for value in values]
+    return [float(f"{value:.{DIGITS}g}") for value in values]
+
+
+def _is_whole(schema: type[Section], key: str) -> bool:
+    field = field_at(schema, tuple(key.split(".")))
+    return field is not None and is_whole(field)
