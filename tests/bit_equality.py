@@ -26,7 +26,7 @@ import numpy as np
 RENAMED: dict[str, str] = {}
 """Path of a variable in OLD, such as "checkpoint/fronts", and its path in NEW."""
 
-ADDED = {"actuator", "actuator_loss", "checkpoint/state_contraction", "twist"}
+ADDED = {"actuator", "actuator_loss", "checkpoint/state_contraction", "hysteresis_loss", "twist"}
 """Paths of variables that only NEW has, or may have."""
 
 NOT_COMPARED = ("timing", "run")

@@ -11,6 +11,8 @@ from worm3d.physics.friction import Friction as Friction
 from worm3d.physics.friction_laws import Coulomb as Coulomb
 from worm3d.physics.friction_laws import FrictionLaw as FrictionLaw
 from worm3d.physics.friction_laws import Viscous as Viscous
+from worm3d.physics.hysteresis import Hysteresis as Hysteresis
+from worm3d.physics.hysteresis import Jenkins as Jenkins
 from worm3d.physics.pneumatic import Pneumatic as Pneumatic
 from worm3d.pictures import draw as draw
 from worm3d.pictures import show as show

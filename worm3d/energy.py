@@ -35,6 +35,7 @@ class Energy(ReadOnly):
     impact: FloatArray = _term("loss to impacts on the world")
     numerical_loss: FloatArray = _term("numerical loss of the integrator")
     actuator_loss: FloatArray = _term("loss within the actuators")
+    hysteresis_loss: FloatArray = _term("loss to friction in the joints of the chambers")
     drag_loss: FloatArray = _term("part of the viscous loss: to the medium")
     work_contract_positive: FloatArray = _term("positive part of the work of the actuators")
     work_contract_p11: FloatArray = _term("work F.dq of the contraction force, (P11)")
@@ -47,7 +48,7 @@ class Energy(ReadOnly):
 
     @classmethod
     def of(cls, rows: FloatArray) -> Energy:
-        """Return the ledger of records, shape (T, 18)."""
+        """Return the ledger of records, shape (T, 19)."""
         return cls(**dict(zip(TERMS, rows.T, strict=True)))
 
     def sum(self, names: tuple[str, ...]) -> FloatArray:
@@ -59,11 +60,13 @@ class Energy(ReadOnly):
     def uses(self) -> dict[str, float]:
         """What the work of actuators and of external forces went into, by name: together it is that work [J].
 
-        Friction, damping (of the material, by the medium and in the actuators), impacts, the integrator, and the energy
-        that is stored at the end and was not at the start (kinetic, elastic, potential, of contacts and actuators).
+        Friction on the world and, as hysteresis, in the joints of the chambers, damping (of the material, by the medium
+        and in the actuators), impacts, the integrator, and the energy that is stored at the end and was not at the
+        start (kinetic, elastic, potential, of contacts and actuators).
         """
         parts = {
             "friction": self.friction_loss,
+            "hysteresis": self.hysteresis_loss,
             "damping": self.viscous_loss + self.actuator_loss,
             "impact": self.impact,
             "numerical": self.numerical_loss,
@@ -81,5 +84,5 @@ class Energy(ReadOnly):
 TERMS = tuple(each.name for each in fields(Energy))
 """Terms of the ledger, in the order of the solver's array "terms"."""
 
-INCOMING, STORED, LOST = TERMS[:3], TERMS[3:9], TERMS[9:14]
+INCOMING, STORED, LOST = TERMS[:3], TERMS[3:9], TERMS[9:15]
 """Terms that balance: what comes in is what is stored or lost; the others are parts of these, or the paper's."""

@@ -16,8 +16,9 @@ from worm3d.machine.compiled import announce, cfunc
 from worm3d.physics.actuators import Actuator, FirstOrder
 from worm3d.physics.friction import ContactConstants, Friction
 from worm3d.physics.friction_laws import Coulomb, FrictionLaw
+from worm3d.physics.hysteresis import PREFIX, Hysteresis, chamber_states
 from worm3d.physics.kernels import actuator, joint, node, point, segment
-from worm3d.physics.kernels.layout import once
+from worm3d.physics.kernels.layout import Layout, once
 from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
 from worm3d.solver.entry import SIGNATURE
@@ -57,10 +58,13 @@ HISTORIES = [name for name, row in arrays.ARRAYS.items() if row.history]
 
 
 def kernels(
-    law: type[FrictionLaw] = Coulomb, chamber: type[Actuator] = FirstOrder, hinge: type[Actuator] = FirstOrder
+    law: type[FrictionLaw] = Coulomb,
+    chamber: type[Actuator] = FirstOrder,
+    hinge: type[Actuator] = FirstOrder,
+    own: type[Hysteresis] = Hysteresis,
 ) -> dict[str, Kernel]:
-    """Return the compiled kernels for a law of friction and classes of actuators, by name."""
-    parts: dict[str, tuple[type, ...]] = {"law": (law,), "chamber": (chamber,), "hinge": (hinge,), "": ()}
+    """Return the compiled kernels for classes of friction, actuators and the friction in the joints, by name."""
+    parts: dict[str, tuple[type, ...]] = {"law": (law,), "chamber": (chamber, own), "hinge": (hinge,), "": ()}
     made = {name: _kernel(name, *parts[row.of]) for name, row in arrays.KERNELS.items()}
     return {name: kernel for name, kernel in made.items() if kernel is not None}
 
@@ -113,12 +117,12 @@ class Plant:
         self.worm, self.world, self.friction, self.gravity = worm, world, friction, gravity
         self._weight = float(np.linalg.norm(gravity if scale is None else scale))
         self.n = worm.segments
-        kinds = type(worm.actuator), type(worm.hinge_actuator)
-        self._kernels = kernels(type(friction.law), *kinds)
+        chamber, hinge, own = type(worm.actuator), type(worm.hinge_actuator), type(worm.hysteresis)
+        self._kernels = kernels(type(friction.law), chamber, hinge, own)
         width = max(vectors.WIDTH, *(kernel.width for kernel in self._kernels.values()))
         lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
         self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
-        sizes = Sizes(self.n, lanes, joint_lanes, nodes, 3 + len(self.world_kernel.parameters), *kinds)
+        sizes = Sizes(self.n, lanes, joint_lanes, nodes, 3 + len(self.world_kernel.parameters), chamber, own, hinge)
         self._open(CoreMemory(sizes, _addresses(self.world_kernel, self._kernels)))
         self.arrays["held"][0] = held
         self._fill_numbers()
@@ -229,18 +233,24 @@ class Plant:
 
     def _fill_actuators(self) -> None:
         worm, n = self.worm, self.n
-        chambers, hinges = actuator.chambers(type(worm.actuator)), actuator.hinges(type(worm.hinge_actuator))
-        for name, value in worm.actuator.values(worm, hinge=False).items():
+        chambers, hinges = self._layouts()
+        friction = {PREFIX + name: value for name, value in worm.hysteresis.values().items()}
+        for name, value in {**worm.actuator.values(worm, hinge=False), **friction}.items():
             chambers.of(actuator.PREFIX + name, self.arrays["actuated"])[:, :n] = value
         for name, value in worm.hinge_actuator.values(worm, hinge=True).items():
             hinges.of(actuator.PREFIX + name, self.arrays["hinged"])[:, : n - 1] = value
         self.hasten(1.0)
 
     def hasten(self, times: float) -> None:
-        """Let time go by so many times as fast for the actuators as for all else."""
-        kinds = type(self.worm.actuator), type(self.worm.hinge_actuator)
-        for layout, name in ((actuator.chambers(kinds[0]), "actuated"), (actuator.hinges(kinds[1]), "hinged")):
+        """Let time go by so many times as fast for the actuators as for all else; unless it is 1, joints are free."""
+        for layout, name in zip(self._layouts(), ("actuated", "hinged"), strict=True):
             layout.of(actuator.PREFIX + actuator.HASTE, self.arrays[name])[:] = times
+
+    def _layouts(self) -> tuple[Layout, Layout]:
+        """Return the layouts of the arrays "actuated" and "hinged"."""
+        worm = self.worm
+        chambers = actuator.chambers(type(worm.actuator), type(worm.hysteresis))
+        return chambers, actuator.hinges(type(worm.hinge_actuator))
 
     def refused(self, status: Status) -> tuple[int, str]:
         """Return the segment in which a step ended that was refused, and why, in words."""
@@ -253,7 +263,7 @@ class Plant:
         known = list(zip(("command", "spring", "force", "given"), started, strict=True))
         if "actuator_end" in self._kernels:
             energy, rows = np.split(a["actuator_out"][:, :n], [actuator.LEDGER_ROWS])
-            names = ("given", *type(worm.actuator).states)
+            names = ("given", *chamber_states(type(worm.actuator), type(worm.hysteresis)))
             known += zip(names, rows.reshape(-1, actuator.SIDES, n), strict=True)
             known.append(("energy", energy.sum(axis=0)[None]))
         for name, values in known:
@@ -346,8 +356,8 @@ class Plant:
         self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = commanded
         self._joint_row("hinge")[:] = self._joint_row("hinge_n")[:] = 0.0
         a["hinge_states"][:] = 0.0
-        if actuator.rest(type(self.worm.actuator)) is not None:
-            command = actuator.chambers(type(self.worm.actuator)).of(actuator.PREFIX + "command", a["actuated"])
+        if "actuator_rest" in self._kernels:
+            command = self._layouts()[0].of(actuator.PREFIX + "command", a["actuated"])
             command[:, :n] = state.contraction.T
             states = a["actuator"][: len(a["actuator"]) // 2]
             rest = np.zeros((actuator.SIDES + len(states), states.shape[1]))

@@ -13,6 +13,7 @@ import numpy as np
 
 from worm3d.actuation import Driver
 from worm3d.energy import Energy
+from worm3d.physics.hysteresis import chamber_states
 from worm3d.plant import HISTORIES
 from worm3d.problem import Problem
 from worm3d.result import Result
@@ -252,7 +253,7 @@ class Run:
         )
         states = {
             name: arrays["actuator"][2 * k : 2 * k + 2, :n].T.copy()
-            for k, name in enumerate(type(worm.actuator).states)
+            for k, name in enumerate(chamber_states(type(worm.actuator), type(worm.hysteresis)))
         }
         for k, name in enumerate(type(worm.hinge_actuator).states):
             states[f"hinge_{name}"] = arrays["hinge_states"][k, : n - 1].copy()

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from worm3d.physics.hysteresis import chamber_states
 from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.values.variable import Variable
@@ -136,10 +137,14 @@ def series_of(holder: type) -> dict[str, Series]:
 
 
 def states_of(worm: Worm) -> dict[str, Series]:
-    """Return the states of a worm's actuators as series, those of hinges with "hinge_" before their names."""
+    """Return the states of a worm's actuators and of its joints' friction as series.
+
+    Those of hinges have "hinge_" before their names, those of friction "hysteresis_".
+    """
     found = {}
-    for k, (name, unit) in enumerate(type(worm.actuator).states.items()):
-        meaning = f"{name} of the actuator of each chamber [left, right]"
+    for k, (name, unit) in enumerate(chamber_states(type(worm.actuator), type(worm.hysteresis)).items()):
+        of = "actuator" if name in type(worm.actuator).states else "joints"
+        meaning = f"{name} of the {of} of each chamber [left, right]"
         found[name] = Series(("time", "segment", "chamber"), unit, meaning, Rows("actuator", 2 * k))
     for k, (name, unit) in enumerate(type(worm.hinge_actuator).states.items()):
         meaning = f"{name} of the actuator of each hinge"

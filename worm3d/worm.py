@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from worm3d.physics.actuators import Actuator, FirstOrder
+from worm3d.physics.hysteresis import Hysteresis
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
@@ -123,6 +124,8 @@ class Worm(ReadOnly):
     """What drives the chambers."""
     hinge_actuator: Actuator = field(default_factory=FirstOrder)
     """What drives the hinges."""
+    hysteresis: Hysteresis = field(default_factory=Hysteresis)
+    """Friction in the joints of the chambers; `Hysteresis()` is none."""
     flat: bool = parameter(False, meaning="whether the worm stays in its plane: y, roll and bend are held (`planar`)")
 
     @classmethod
@@ -198,6 +201,8 @@ class Worm(ReadOnly):
             given = getattr(self, name)
             arguments.instance(name, given, Actuator, "a worm3d.Actuator such as worm3d.FirstOrder()")
             given.require_size(name, count)
+        arguments.instance("hysteresis", self.hysteresis, Hysteresis, "a worm3d.Hysteresis such as worm3d.Jenkins()")
+        self.hysteresis.require_size("hysteresis", n)
         if not self.hinge_actuator.drives_hinges:
             wrong = type(self.hinge_actuator).__name__
             raise ValueError(f"hinge_actuator: got {wrong}, which acts on chambers alone; use it as the actuator")

@@ -31,8 +31,11 @@ HEADLINES = (
     ("energy_balance_error", "energy balance error", ""),
 )
 
-USES = ("friction", "damping", "impact", "numerical", "gained")
+USES = ("friction", "hysteresis", "damping", "impact", "numerical", "gained")
 """What the work goes into, in the names of the summary: `work_friction_J` and so on."""
+
+NOT_IN_ALL = "hysteresis"
+"""That of `USES` which not all models have, and most worms are without."""
 
 DOUBTS = {
     "unconverged_steps": "Newton's iteration left {} above its tolerance: try a smaller run.dt_s",
@@ -158,9 +161,10 @@ def _uses(record: Record) -> list[str]:
     parts = {name: record.summary.metrics.get(f"work_{name}_J") for name in USES}
     joules = {name: float(part) for name, part in parts.items() if isinstance(part, float | int)}
     work = sum(joules.values())
-    if len(joules) < len(USES) or work <= 0.0:
+    if not {*USES} - {NOT_IN_ALL} <= {*joules} or work <= 0.0:
         return []
-    return [f"{'of the work':22}" + ", ".join(f"{name} {part / work:.2%}" for name, part in joules.items())]
+    told = {name: part for name, part in joules.items() if name != NOT_IN_ALL or part != 0.0}
+    return [f"{'of the work':22}" + ", ".join(f"{name} {part / work:.2%}" for name, part in told.items())]
 
 
 def timing(record: Record) -> dict[str, float]:

@@ -76,6 +76,7 @@ def test_every_parameter_of_the_plant_is_documented(part: type) -> None:
         "law",
         "actuator",
         "hinge_actuator",
+        "hysteresis",
     }  # parts, with parameters of their own
     assert all(f"    {name} : " in (part.__doc__ or "") for name in names)
 

@@ -17,25 +17,21 @@ once, as `worm3d/actuators.py` does with `Pneumatic`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from worm3d.physics.kernels import COMMANDS
+from worm3d.physics.part import Numbers, Part, Symbol, Symbols
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter, parameters_of
-from worm3d.values.read_only import ReadOnly
+from worm3d.values.parameters import documented, parameter, parameters_of
 
 if TYPE_CHECKING:
     from worm3d.worm import Worm
 
 KNOWN = (*COMMANDS, "dt", "span", "length", "length_n", "l0", "link", "k")
 """Names of what `Actuator.respond` finds beside parameters and states."""
-
-Symbol = Any
-"""A scalar expression, casadi.SX, or a number."""
-Symbols = Mapping[str, Any]
 
 
 class Response(NamedTuple):
@@ -61,8 +57,12 @@ class Response(NamedTuple):
     """* Energy lost within the actuator [J]."""
 
 
+ACTUATORS: dict[str, type[Actuator]] = {}
+"""Class of each actuator by its name."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Actuator(ReadOnly):
+class Actuator(Part, registry=ACTUATORS):
     """Base of all actuators; a frozen dataclass with `worm3d.values.parameters.parameter` fields.
 
     A subclass is named in its class statement, `class Valve(Actuator, name="valve")`, and defines `respond`; fields
@@ -70,35 +70,9 @@ class Actuator(ReadOnly):
     for the hinges.
     """
 
-    name: ClassVar[str] = ""
-    """Name in scenes; empty: in none."""
-    states: ClassVar[Mapping[str, str]] = {}
-    """Unit of each state of a chamber or hinge, by name."""
+    known: ClassVar[tuple[str, ...]] = KNOWN
     drives_hinges: ClassVar[bool] = True
     """Whether it may drive a hinge: it has neither potential nor energy, and needs no length."""
-
-    def __init_subclass__(cls, name: str = "") -> None:
-        super().__init_subclass__()
-        known = ACTUATORS.get(name)
-        if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
-            raise ValueError(f"actuator {name!r}: {known.__qualname__} has that name already, must be another one")
-        cls.name = name
-        if name:
-            ACTUATORS[name] = cls
-
-    def __post_init__(self) -> None:
-        names = [*parameters_of(type(self)), *self.states]
-        if taken := sorted({name for name in names if name in KNOWN or names.count(name) > 1}):
-            raise ValueError(f"{type(self).__name__}: the names {', '.join(taken)} are taken; rename the parameter")
-        check(self)
-        super().__post_init__()
-
-    def __eq__(self, other: object) -> bool:
-        if type(other) is not type(self):
-            return NotImplemented
-        return all(np.array_equal(getattr(self, each.name), getattr(other, each.name)) for each in fields(self))
-
-    __hash__ = None  # type: ignore[assignment]
 
     @classmethod
     def respond(cls, s: Symbols) -> Response:
@@ -128,19 +102,6 @@ class Actuator(ReadOnly):
     def values(self, worm: Worm, *, hinge: bool) -> Mapping[str, float | FloatArray]:
         """Return the parameters by name for the chambers or the hinges of a worm, a number or one for each."""
         return {name: getattr(self, name) for name in parameters_of(type(self))}
-
-    def require_size(self, name: str, count: int) -> None:
-        """Raise ValueError where a parameter is an array of another size; `name` says what the actuator is for."""
-        for field in parameters_of(type(self)):
-            value = getattr(self, field)
-            if np.ndim(value) > 0 and np.shape(value) != (count,):
-                raise ValueError(f"{name}.{field}: got {np.size(value)} values, must be a number or {count} of them")
-
-
-ACTUATORS: dict[str, type[Actuator]] = {}
-"""Class of each actuator by its name."""
-
-Numbers = float | FloatArray
 
 
 @documented

@@ -39,7 +39,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from worm3d.physics.actuators import Actuator, Numbers, Response, Symbol, Symbols
+from worm3d.physics.actuators import Actuator, Response
+from worm3d.physics.part import Numbers, Symbol, Symbols
 from worm3d.values.parameters import documented, parameter
 
 

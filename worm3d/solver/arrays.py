@@ -22,6 +22,7 @@ from worm3d.energy import TERMS
 from worm3d.machine import vectors
 from worm3d.machine.banded import WIDTH, B
 from worm3d.physics.actuators import Actuator
+from worm3d.physics.hysteresis import Hysteresis, chamber_states
 from worm3d.physics.kernels import COMMANDS, actuator, joint, node, point, regime, segment
 from worm3d.physics.kernels.layout import Layout
 from worm3d.solver.block import Block, Memory
@@ -42,7 +43,7 @@ class KernelRow(NamedTuple):
     padded: bool = False
     """Whether it is evaluated in all lanes: those without a point or joint have neither mass nor stiffness."""
     of: Literal["", "law", "chamber", "hinge"] = ""
-    """What class `make` is given: of the law of friction, or of the actuators of chambers or hinges."""
+    """What classes `make` is given: of the law of friction, of actuator and friction of chambers, or of hinges."""
     exact: bool = False
     """Whether it is computed as written, to the last bit."""
 
@@ -127,15 +128,18 @@ class Sizes(NamedTuple):
     """Inputs of the world's kernel: x (3) and its parameters."""
     chamber: type[Actuator]
     """Actuator of the chambers."""
+    hysteresis: type[Hysteresis]
+    """Friction in the joints of the chambers."""
     hinge: type[Actuator]
     """Actuator of the hinges."""
 
     def of(self, name: str) -> int:
         """Return one of these sizes, or one that follows from them."""
         size = BLOCK * (self.n + 1)
-        chamber, hinge = (2 * count * len(kind.states) for count, kind in ((2, self.chamber), (1, self.hinge)))
+        parts = self.chamber, self.hysteresis
+        chamber, hinge = 2 * actuator.SIDES * len(chamber_states(*parts)), 2 * len(self.hinge.states)
         derived = {
-            "chamber_rows": actuator.chambers(self.chamber).rows,
+            "chamber_rows": actuator.chambers(*parts).rows,
             "hinge_rows": actuator.hinges(self.hinge).rows,
             "chamber_past": chamber,  # states at t_n and t_{n-1}
             "hinge_past": hinge,

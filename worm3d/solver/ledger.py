@@ -12,6 +12,8 @@ Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the fi
 * Actuators with a potential Psi: what their source puts in, the change of what they keep, and what they lose, as they
   say; the rest of dPsi/dl times the first-order change of the length is numerical loss.
 * Friction: N rho(motion of the anchor); (P10) as -F.dq for the clamped worm.
+* Friction in the joints of the chambers: the loss of what slides, (H4), and the change of its springs, elastic; the
+  rest of dPsi/dl times the first-order change of the length is numerical loss.
 * Viscous: Kelvin-Voigt c rate^2 dt, medium (P8), the dampers of friction.
 * Impact: the loss in the damper of the normal contact. In a step in which a point strikes the world (`STRIKE`), too
   short for what contacts resolve, it is instead the impulse N dt times the mean (V + V_n)/2 of the normal velocities
@@ -117,7 +119,7 @@ def prepare(core: Core) -> None:
 
 @inner
 def add(core: Core, terms: FloatArray) -> None:
-    """Add the step's terms, shape (18,) [J]; `prepare` has run, the past is that before the step.
+    """Add the step's terms, shape (19,) [J]; `prepare` has run, the past is that before the step.
 
     The hinge angles of the segments are left behind the terms in "segment_ledger", the joints' angles in "joint_out".
     """

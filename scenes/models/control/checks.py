@@ -11,12 +11,12 @@ from control.sensing.sensors import QUANTITIES
 from scenes.language.checks import Check, Found, kind_checks
 from scenes.models.control.build import NOT_IDENTIFIED, identified_of, path_of
 from scenes.models.control.schema import Controller, ControlScene, Reference, Sensor
-from scenes.models.worm.build import worm_of
-from scenes.models.worm.checks import ACTUATORS, SPATIAL_CHECKS, start_check
+from scenes.models.worm.build import PARTS, worm_of
+from scenes.models.worm.checks import SPATIAL_CHECKS, start_check
 
 
 def _is_identified(*sections: Mapping[str, Any]) -> Found:
-    scene = _scene(("worm", "friction", "controller", *ACTUATORS), sections)
+    scene = _scene(("worm", "friction", "controller", *PARTS), sections)
     return (
         None if identified_of(scene) is not None else dict.fromkeys(("worm", "friction"), f"this worm {NOT_IDENTIFIED}")
     )
@@ -31,7 +31,7 @@ def _there_is_such_a_path(*sections: Mapping[str, Any]) -> Found:
 
 
 def _worm_has_it(asked: bool, *sections: Mapping[str, Any], name: str) -> Found:
-    if not asked or QUANTITIES[name].exists(worm_of(_scene(("worm", *ACTUATORS), sections))):
+    if not asked or QUANTITIES[name].exists(worm_of(_scene(("worm", *PARTS), sections))):
         return None
     return f"got true: this worm has no {QUANTITIES[name].meaning}"
 
@@ -100,7 +100,7 @@ CONTROL_CHECKS = (
     Check(("reference.speed_steps", "reference.speed_sine_m_s"), _steps_or_a_sine),
     Check(("reference.speed_sine_m_s", "reference.speed_m_s"), _never_backwards),
     Check(("reference", "world", "worm", "start", "run"), _there_is_such_a_path),
-    *(Check((f"sensor.{name}", "worm", *ACTUATORS), partial(_worm_has_it, name=name)) for name in OPTIONAL),
+    *(Check((f"sensor.{name}", "worm", *PARTS), partial(_worm_has_it, name=name)) for name in OPTIONAL),
     *(
         Check((f"sensor.{key}", f"sensor.{name}"), partial(_has_a_sensor, name=name, default=field.default))
         for name in OPTIONAL
@@ -108,5 +108,5 @@ CONTROL_CHECKS = (
         if key.startswith(f"{name}_")
     ),
     start_check("worm_control", ControlScene),
-    Check(("worm", "friction", "controller", *ACTUATORS), _is_identified),
+    Check(("worm", "friction", "controller", *PARTS), _is_identified),
 )

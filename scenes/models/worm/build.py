@@ -31,10 +31,14 @@ from worm3d import run as runs
 from worm3d.actuation import Actuation, Sensor
 from worm3d.actuators import ACTUATORS
 from worm3d.physics.friction_laws import LAWS
+from worm3d.physics.hysteresis import HYSTERESES
 from worm3d.problem import Problem
 
 KEYS, PLANAR_KEYS = keys_by_parameter(worm3d.Worm, Worm), keys_by_parameter(Linkage, PlanarWorm)
 """Key of each parameter of `worm3d.Worm`, and of `worm3d.Worm.planar`, in the section [worm]."""
+
+PARTS: dict[str, dict[str, Any]] = {"actuator": ACTUATORS, "hinge_actuator": ACTUATORS, "hysteresis": HYSTERESES}
+"""Classes by name that a section of the 3D worm chooses from, by that section and parameter of `worm3d.Worm`."""
 
 STEPS_BETWEEN_LOOKS = 50
 """Steps between two looks at whether the user wants a run without a controller to end, about."""
@@ -99,9 +103,9 @@ def worm_of(scene: AnyWormScene) -> worm3d.Worm:
     """Return the worm that the section [worm] describes."""
     if isinstance(scene, PlanarWormScene):
         return worm3d.Worm.planar(**{parameter: getattr(scene.worm, key) for parameter, key in PLANAR_KEYS.items()})
-    parts = {name: getattr(scene, name) for name in ("actuator", "hinge_actuator")}
-    actuators: dict[str, Any] = {name: part_of(ACTUATORS[section.kind], section) for name, section in parts.items()}
-    return replace(part_of(worm3d.Worm, scene.worm), **actuators)
+    parts = {name: (registry, getattr(scene, name)) for name, registry in PARTS.items()}
+    chosen: dict[str, Any] = {name: part_of(registry[own.kind], own) for name, (registry, own) in parts.items()}
+    return replace(part_of(worm3d.Worm, scene.worm), **chosen)
 
 
 def friction_of(scene: AnyWormScene) -> worm3d.Friction:

@@ -13,11 +13,12 @@ from scenes.models.checks import RUN_CHECKS, gait_checks, in_keys, list_checks, 
 from scenes.models.worlds.build import world_of
 from scenes.models.worlds.checks import SECTION_CHECKS, WORM_IN_PIPE_CHECKS
 from scenes.models.worlds.schema import World
-from scenes.models.worm.build import KEYS, gravity_of, start_of, worm_of
+from scenes.models.worm.build import KEYS, PARTS, gravity_of, start_of, worm_of
 from scenes.models.worm.schema import (
     Actuator,
     Friction,
     HingeActuator,
+    Hysteresis,
     PlanarFriction,
     PlanarGait,
     PlanarWorm,
@@ -33,8 +34,7 @@ from worm3d.values.arguments import bytes_of_run
 
 STARTS_WITH = ("worm", "world", "start", "run")
 """Sections that decide whether a planar worm can start."""
-ACTUATORS = ("actuator", "hinge_actuator")
-SPATIAL_STARTS_WITH = (*STARTS_WITH, *ACTUATORS)
+SPATIAL_STARTS_WITH = (*STARTS_WITH, *PARTS)
 """Sections that decide whether a 3D worm can start."""
 
 
@@ -117,6 +117,8 @@ SPATIAL_CHECKS = (
     *kind_checks(Actuator, "actuator"),
     *list_checks(HingeActuator, "hinge_actuator", per="joint"),
     *kind_checks(HingeActuator, "hinge_actuator"),
+    *list_checks(Hysteresis, "hysteresis"),
+    *kind_checks(Hysteresis, "hysteresis"),
     Check(("worm.stroke",), _stroke_holds_rest),
     *WORM_IN_PIPE_CHECKS,
 )

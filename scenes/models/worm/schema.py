@@ -12,6 +12,7 @@ from scenes.models.worlds.schema import World
 from worm3d.actuators import ACTUATORS
 from worm3d.physics.friction import Friction as PlantFriction
 from worm3d.physics.friction_laws import LAWS
+from worm3d.physics.hysteresis import HYSTERESES
 from worm3d.worm import Worm as PlantWorm
 
 
@@ -24,6 +25,12 @@ _HINGE = {name: part for name, part in ACTUATORS.items() if part.drives_hinges}
 
 class HingeActuator(PartSection, keys=keys_of(_HINGE, by="kind", title="what drives the hinges")):
     """Actuator of the hinges: their response to their commands."""
+
+
+class Hysteresis(
+    PartSection, keys=keys_of(HYSTERESES, by="kind", title="friction in the joints of the chambers, which rub")
+):
+    """Friction in the joints of the chambers: hysteresis that does not depend on the rate."""
 
 
 LAW = keys_of(LAWS, by="law", title="law of friction: what is made of the coefficients", aka=("kind", "type"))
@@ -123,6 +130,7 @@ class SpatialScene(Surroundings):
     worm: Worm = Worm()
     actuator: Actuator = Actuator()
     hinge_actuator: HingeActuator = HingeActuator()
+    hysteresis: Hysteresis = Hysteresis()
     friction: Friction = Friction()
     start: AimedStart = AimedStart()
 

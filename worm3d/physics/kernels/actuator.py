@@ -1,24 +1,29 @@
 """Kernels of the actuators of chambers and hinges, generated from `worm3d.physics.actuators.Actuator.respond`.
 
 Their inputs stand behind those of the segments or joints: commands, the past of the states (t_n, then t_{n-1}), and
-parameters. A kernel of the start of a step computes what does not depend on the lengths at its end; one of its end the
-states and the energy, for actuators that have any.
+parameters. Chambers have those of the friction in their joints among them (`worm3d.physics.hysteresis`). A kernel of
+the start of a step computes what does not depend on the lengths at its end; one of its end the states and the energy,
+where there are any.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import casadi as ca
 
 from worm3d.physics.actuators import Actuator, FirstOrder, Response
 from worm3d.physics.expressions import answer, scalar
-from worm3d.physics.kernels import COMMANDS, inertia, joint, losses, segment
+from worm3d.physics.hysteresis import PREFIX as FRICTION
+from worm3d.physics.hysteresis import Hysteresis, chamber_states
+from worm3d.physics.kernels import COMMANDS, hysteresis, inertia, joint, losses, segment
 from worm3d.physics.kernels.layout import Layout, once
 from worm3d.values.parameters import parameters_of
 
 Kind = type[Actuator]
+Own = type[Hysteresis]
+"""Class of the friction in the joints of the chambers."""
 
 PREFIX = "actuator_"
 """Prefix of the inputs' names, which keeps them apart from those of a segment."""
@@ -31,15 +36,16 @@ SIDES, ONE = 2, 1
 
 
 @once
-def chambers(kind: Kind) -> Layout:
-    """Return the layout of the segments with the inputs of their actuators behind them."""
-    return segment.LAYOUT.extended(_sizes(kind, SIDES))
+def chambers(kind: Kind, own: Own = Hysteresis) -> Layout:
+    """Return the layout of the segments with the inputs of their actuators and joints behind them."""
+    more = [FRICTION + name for name in parameters_of(own)]
+    return segment.LAYOUT.extended(_sizes(chamber_states(kind, own), [*parameters_of(kind), *more], SIDES))
 
 
 @once
 def hinges(kind: Kind) -> Layout:
     """Return the layout of the joints with the inputs of their actuators behind them."""
-    return joint.LAYOUT.extended(_sizes(kind, ONE))
+    return joint.LAYOUT.extended(_sizes(kind.states, parameters_of(kind), ONE))
 
 
 CHAMBER_COMMANDS = tuple(segment.LAYOUT.rows + SIDES * k for k in range(len(COMMANDS)))
@@ -48,9 +54,9 @@ HINGE_COMMANDS = tuple(joint.LAYOUT.rows + k for k in range(len(COMMANDS)))
 """Row of each of `COMMANDS` for the hinges."""
 
 
-def _sizes(kind: Kind, count: int) -> dict[str, int]:
-    past = {f"{state}_{at}": count for at in "nm" for state in kind.states}
-    sizes = {**dict.fromkeys(COMMANDS, count), **past, HASTE: 1, **dict.fromkeys(parameters_of(kind), 1)}
+def _sizes(states: Iterable[str], parameters: Iterable[str], count: int) -> dict[str, int]:
+    past = {f"{state}_{at}": count for at in "nm" for state in states}
+    sizes = {**dict.fromkeys(COMMANDS, count), **past, HASTE: 1, **dict.fromkeys(parameters, 1)}
     return {PREFIX + name: size for name, size in sizes.items()}
 
 
@@ -67,12 +73,27 @@ def _known(kind: Kind, layout: Layout, side: int) -> dict[str, ca.SX]:
     return known
 
 
-def _of_chamber(kind: Kind, side: int) -> Callable[[ca.SX], Response]:
+def _of_chamber(kind: Kind, own: Own, side: int) -> Callable[[ca.SX], Response]:
     """Return what the actuator of a chamber does as a function of the length at the end of the step."""
-    layout = chambers(kind)
+    layout = chambers(kind, own)
     s, known = layout.symbols, _known(kind, layout, side)
     known |= {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k")}}
     return lambda length: _respond(kind, {**known, "length": length})
+
+
+def _slid(own: Own, layout: Layout, side: int) -> Callable[[ca.SX], hysteresis.Slid]:
+    """Return what the friction of a chamber's joints does as a function of the length at the end of the step.
+
+    While a worm comes to rest, when time goes by faster for its actuators, its joints are free.
+    """
+    s = layout.symbols
+    known = {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k")}}
+    known |= {FRICTION + name: s[PREFIX + FRICTION + name] for name in parameters_of(own)}
+    for state in own.states:
+        name = f"{FRICTION}{state}_n"
+        known[name] = s[PREFIX + name][side]
+    acts = s[PREFIX + HASTE] == 1.0
+    return lambda length: hysteresis.slide(own, {**known, "length": length}, acts)
 
 
 def _of_hinge(kind: Kind) -> Response:
@@ -134,19 +155,19 @@ def _has_energy(response: Response) -> bool:
     return not all(ca.SX(part).is_zero() for part in parts)
 
 
-def start(kind: Kind = FirstOrder) -> ca.Function:
+def start(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
     """Return what is known at the start of a step: command, rest length, force, and what is given, each (2)."""
-    s, outputs = chambers(kind).symbols, []
+    s, outputs = chambers(kind, own).symbols, []
     for side in range(SIDES):
         length = ca.SX.sym("length")
-        response = _of_chamber(kind, side)(length)
+        response = _of_chamber(kind, own, side)(length)
         _require_known("actuator", response, ca.vertcat(length, s["span"]))
         spring = response.given if response.spring is None else response.spring
         given = ca.substitute(response.given, length, s["length_n"][side])
         outputs.append((response.command, s["l0"] * (1.0 - spring), response.force, given))
     names = ("command", "commanded", "force", "given")
     by_name = {name: [of[k] for of in outputs] for k, name in enumerate(names)}
-    return chambers(kind).function("actuator_start", by_name)
+    return chambers(kind, own).function("actuator_start", by_name)
 
 
 START_ROWS = 4 * SIDES
@@ -166,22 +187,23 @@ def _require_known(name: str, response: Response, unknown: ca.SX) -> None:
 
 
 @once
-def rest(kind: Kind = FirstOrder) -> ca.Function | None:
+def rest(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
     """Return the rest lengths (2) and states (2 each) of chambers at rest, at q, under the commands.
 
     None where the rest lengths are those of the contraction given and there are no states.
     """
-    layout, lengths, springs, states = chambers(kind), segment.lengths(), [], []
+    layout, lengths, springs, states = chambers(kind, own), segment.lengths(), [], []
     for side in range(SIDES):
         known = _known(kind, layout, side) | {name: layout.symbols[name] for name in ("l0", "link", "k")}
         known |= {"length": lengths[side], "length_n": lengths[side]}
         # What rests has long had its command; the time step is not known yet, and does not matter.
         spring = _respond(kind, {**known, **_constant(known), "dt": ca.SX(1.0), "span": ca.SX(1.0)}).spring
-        if spring is None and not kind.states:
+        if spring is None and not chamber_states(kind, own):
             return None
         springs.append(known["l0"] * (1.0 - (known["command"] if spring is None else spring)))
         states.append(_states(kind, "at_rest", answer(kind, "at_rest", known)))
     outputs = {"commanded": springs} | {name: [of[name] for of in states] for name in kind.states}
+    outputs |= {FRICTION + name: [ca.SX(0.0)] * SIDES for name in own.states}
     return layout.function("actuator_rest", outputs)
 
 
@@ -192,53 +214,72 @@ def _constant(known: dict[str, ca.SX]) -> dict[str, ca.SX]:
 
 
 @once
-def _potential(kind: Kind) -> segment.Energy:
-    """Return Psi of both chambers [J] as a function of their lengths."""
-    responses = [_of_chamber(kind, side) for side in range(SIDES)]
-    return lambda lengths: sum((responses[k](lengths[k]).potential for k in range(SIDES)), ca.SX(0.0))
+def _potential(kind: Kind, own: Own) -> segment.Energy:
+    """Return Psi of both chambers [J], of actuators and of friction, as a function of their lengths."""
+    parts = [(_of_chamber(kind, own, side), _slid(own, chambers(kind, own), side)) for side in range(SIDES)]
+    return lambda lengths: sum(
+        (part(length).potential for length, both in zip(ca.vertsplit(lengths), parts, strict=True) for part in both),
+        ca.SX(0.0),
+    )
 
 
-def gradient(kind: Kind = FirstOrder) -> ca.Function:
-    """Return the segment's potential and gradient, with those of its actuators."""
-    return segment.gradient(chambers(kind), _potential(kind))
+def gradient(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
+    """Return the segment's potential and gradient, with those of its actuators and joints."""
+    return segment.gradient(chambers(kind, own), _potential(kind, own))
 
 
-def hessian(kind: Kind = FirstOrder) -> ca.Function:
-    """Return the segment's potential, gradient and Hessian, with those of its actuators."""
-    return segment.hessian(chambers(kind), _potential(kind))
+def hessian(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function:
+    """Return the segment's potential, gradient and Hessian, with those of its actuators and joints."""
+    return segment.hessian(chambers(kind, own), _potential(kind, own))
 
 
-LEDGER_TERMS = ("work_contract", "actuator", "actuator_loss", "numerical_loss", "work_contract_p11")
+LEDGER_TERMS = (
+    "work_contract",
+    "actuator",
+    "actuator_loss",
+    "numerical_loss",
+    "work_contract_p11",
+    "elastic",
+    "hysteresis_loss",
+)
 LEDGER_ROWS = 8
 """Number of rows of `end` for the terms, filled up to a vector; what is given and the states follow."""
 
 
-def _has_end(kind: Kind) -> bool:
+def _has_end(kind: Kind, own: Own) -> bool:
     """Return whether anything but the rest length and the force happens in a step: states, or a potential."""
     length = ca.SX.sym("length")
-    response = _of_chamber(kind, 0)(length)
-    return bool(kind.states) or _has_energy(response) or bool(ca.depends_on(ca.SX(response.given), length))
+    response = _of_chamber(kind, own, 0)(length)
+    has_states = bool(chamber_states(kind, own))
+    return has_states or _has_energy(response) or bool(ca.depends_on(ca.SX(response.given), length))
 
 
-def end(kind: Kind = FirstOrder) -> ca.Function | None:
+def end(kind: Kind = FirstOrder, own: Own = Hysteresis) -> ca.Function | None:
     """Return the terms of the energy ledger, what is given (2) and the states (2 each); None where nothing happens.
 
-    The residual of the step meets the actuator as dPsi/dl times the first-order change of the length.
+    The residual of the step meets actuator and friction as dPsi/dl times the first-order change of the length.
     """
-    if not _has_end(kind):
+    if not _has_end(kind, own):
         return None
-    terms, given, states = ca.SX.zeros(len(LEDGER_TERMS)), [], []
+    layout, terms = chambers(kind, own), ca.SX.zeros(len(LEDGER_TERMS))
+    given: list[Any] = []
+    states: list[Mapping[str, Any]] = []
     for side in range(SIDES):
-        respond, length, first = _of_chamber(kind, side), segment.lengths()[side], segment.stretches()[side]
-        response = respond(length)
-        pulled = losses.slope(lambda at, respond=respond: respond(at).potential, length) * first  # type: ignore[misc]
+        respond, slide = _of_chamber(kind, own, side), _slid(own, layout, side)
+        length, first = segment.lengths()[side], segment.stretches()[side]
+        response, slid = respond(length), slide(length)
+        pulled, rubbed = (
+            losses.slope(lambda at, part=part: part(at).potential, length) * first  # type: ignore[misc]
+            for part in (respond, slide)
+        )
         energy = response.stored + response.lost - response.work
-        terms += ca.vertcat(response.work, response.stored, response.lost, pulled - energy, -pulled)
+        numerical = pulled - energy + rubbed - slid.stored - slid.lost
+        terms += ca.vertcat(response.work, response.stored, response.lost, numerical, -pulled, slid.stored, slid.lost)
         given.append(response.given)
-        states.append(response.states)
+        states.append({**response.states, **slid.states})
     outputs: dict[str, Any] = {"terms": terms, "nothing": ca.SX.zeros(LEDGER_ROWS - len(LEDGER_TERMS)), "given": given}
-    outputs |= {name: [of[name] for of in states] for name in kind.states}
-    return chambers(kind).function("actuator_end", outputs)
+    outputs |= {name: [of[name] for of in states] for name in chamber_states(kind, own)}
+    return layout.function("actuator_end", outputs)
 
 
 def hinge_start(kind: Kind = FirstOrder) -> ca.Function:

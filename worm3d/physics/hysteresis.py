@@ -1,0 +1,153 @@
+"""Friction in the joints of a chamber's linkage: rate-independent hysteresis, exact in each time step.
+
+The hinges of a rhombus rub. What their friction can hold is a force along the chamber that depends on its length, so
+that it is the slope of a growing function y of the length, the *coordinate* of the friction:
+
+    |force of the friction| <= dy/dl                                                                    (H1)
+
+A constant moment M in the hinges is y = M angle(l); friction in proportion to the pull of the chamber's spring is the
+spring's energy, with the sign of l - l0. y is in J: moving by dy against friction that slides loses dy.
+
+Joints give before they slide, some earlier than others. Elements in parallel (Jenkins' or Maxwell-slip elements, a
+spring and a slider each) share the load: element k has the share w_k and slides once its spring has given way by r_k in
+y. With e_k, the part of r_k that it has given way, -1 <= e_k <= 1, a step from e_kn adds the potential
+
+    Psi(l) = sum over k of w_k Huber_k(d_k),   d_k = r_k e_kn + y(l) - y(l_n)                           (H2)
+    Huber_k(d) = d^2/(2 r_k) while |d| <= r_k, |d| - r_k/2 beyond
+
+whose minimum with all else is the step. The states at its end are
+
+    e_k = d_k/r_k, kept within -1 and 1                                                                 (H3)
+
+The force is -dPsi/dl = -(sum of w_k e_k) dy/dl, within (H1) where the shares add up to 1. Where the length moves one
+way within the step this is exact: nothing depends on the rate or on the time step. The elements' springs keep
+w_k r_k e_k^2/2, and what slides loses
+
+    w_k max(0, |d_k| - r_k) >= 0                                                                        (H4)
+
+which is what Psi has beyond the change of the springs' energy. Closed loops follow Masing's rules in y: a turn draws
+the first loading curve at twice its scale. (W. D. Iwan, A distributed-element model for hysteresis and its
+steady-state dynamic response, J. Appl. Mech. 33, 893, 1966; the step is the standard one of incremental plasticity.)
+
+While a worm comes to rest before a run its joints are free; it starts without stress in them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from worm3d.physics.part import Numbers, Part, Symbol, Symbols
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import documented, parameter, parameters_of
+
+PREFIX = "hysteresis_"
+"""Prefix of the names of states and parameters among those of a chamber's actuator."""
+
+HYSTERESES: dict[str, type[Hysteresis]] = {}
+"""Class of each kind of joint friction by its name."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Hysteresis(Part, registry=HYSTERESES):
+    """Base of all friction in the joints of a segment's linkage, itself without any.
+
+    A subclass, `class Rubbing(Hysteresis, name="rubbing")`, sets `elements` and defines `coordinate` and `sliders`; its
+    fields are parameters, those declared with each="segment" may be arrays. `worm3d.Worm(hysteresis=...)` uses it. The
+    state of each element stands in `Result.actuator_states`, as "hysteresis_1" and so on: the share of its limit that
+    it carries, of shape (T, N, 2).
+    """
+
+    known: ClassVar[tuple[str, ...]] = ("length", "l0", "link", "k")
+    elements: ClassVar[int] = 0
+    """Number of elements in parallel of each chamber."""
+
+    def __init_subclass__(cls, name: str = "") -> None:
+        super().__init_subclass__(name)
+        cls.states = {str(k + 1): "1" for k in range(cls.elements)}
+
+    @classmethod
+    def coordinate(cls, s: Symbols) -> Symbol:
+        """Return y of (H1), which must grow with the length, as a scalar expression of CasADi [J].
+
+        Parameters
+        ----------
+        s : mapping of str to SX
+            Scalars by name. The parameters; the "length" of the chamber and the rest length "l0" of its segment [m],
+            the links "link" [m], and the stiffness of the segment's springs "k", of which a chamber has half [N].
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def sliders(cls, s: Symbols) -> Sequence[tuple[Symbol, Symbol]]:
+        """Return the share w and the give r [J] of each element, of (H2), as functions of the parameters in `s`."""
+        raise NotImplementedError
+
+    def values(self) -> Mapping[str, float | FloatArray]:
+        """Return the parameters by name, a number or one for each segment."""
+        return {name: getattr(self, name) for name in parameters_of(type(self))}
+
+
+HYSTERESES["none"] = Hysteresis
+
+
+def chamber_states(actuator: type[Part], own: type[Hysteresis]) -> dict[str, str]:
+    """Return the unit of each state of a chamber by name: those of its actuator, then those of its joints' friction."""
+    return {**actuator.states, **{PREFIX + name: unit for name, unit in own.states.items()}}
+
+
+@documented
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Jenkins(Hysteresis, name="jenkins"):
+    """Friction in the hinges of the rhombi, of a constant moment and in proportion to the pull of the springs.
+
+    With half of the segment's springs, a chamber of the length l and the half-height h has friction of at most
+    moment/h + spring_ratio (k/2) |1 - l/l0| along it. Its four elements have equal shares; their gives are in geometric
+    progression from give/spread to give spread.
+    """
+
+    elements: ClassVar[int] = 4
+
+    moment: Numbers = parameter(
+        0.005,
+        meaning="friction of each of a segment's two apex hinges, both chambers together, whatever their load",
+        unit="N m",
+        ge=0,
+        each="segment",
+    )
+    spring_ratio: Numbers = parameter(
+        0.2,
+        meaning="further friction over the pull of the chamber's spring at its nominal rest length; at 1 the chamber "
+        "would not return by itself",
+        ge=0,
+        lt=1,
+        each="segment",
+    )
+    give: Numbers = parameter(
+        1e-4,
+        meaning="work, by the full friction of a chamber, over the way that its joints give before they slide; the "
+        "mean of the elements in their progression",
+        unit="J",
+        gt=0,
+        each="segment",
+    )
+    spread: float = parameter(
+        3.0, meaning="largest give of the elements over their mean, and their mean over the smallest", ge=1, le=1e3
+    )
+
+    @classmethod
+    def coordinate(cls, s: Symbols) -> Symbol:
+        """Return moment angle(l) + spring_ratio E(l) sign(l - l0), with the energy E of the chamber's spring."""
+        import casadi as ca  # parameters are wanted without it
+
+        from worm3d.physics.elements import chamber_energy, hinge_angle
+
+        pulled = chamber_energy(s["k"], s["l0"], s["length"], s["l0"]) * ca.sign(s["length"] - s["l0"])
+        return s["moment"] * hinge_angle(s["link"], s["length"]) + s["spring_ratio"] * pulled
+
+    @classmethod
+    def sliders(cls, s: Symbols) -> Sequence[tuple[Symbol, Symbol]]:
+        """Return equal shares, and gives in geometric progression."""
+        places = [2.0 * k / (cls.elements - 1) - 1.0 for k in range(cls.elements)]
+        return [(1.0 / cls.elements, s["give"] * s["spread"] ** place) for place in places]

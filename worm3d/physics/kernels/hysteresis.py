@@ -1,0 +1,71 @@
+"""The step of joint friction, (H2) to (H4), generated from the coordinate and the sliders of a `Hysteresis`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import casadi as ca
+
+from worm3d.physics.expressions import ADVICE, answer, scalar
+from worm3d.physics.hysteresis import PREFIX, Hysteresis
+from worm3d.values.parameters import parameters_of
+
+
+class Slid(NamedTuple):
+    """What the friction of a chamber does in a step."""
+
+    potential: ca.SX
+    """(H2) [J]"""
+    states: Mapping[str, ca.SX]
+    """(H3)"""
+    stored: ca.SX
+    """Change of the energy in the springs of the elements [J]."""
+    lost: ca.SX
+    """(H4) [J]"""
+
+
+def slide(kind: type[Hysteresis], known: Mapping[str, ca.SX], acts: ca.SX) -> Slid:
+    """Return what the friction of a chamber does in a step; `acts` is 1, or 0 where the joints are free.
+
+    Raises
+    ------
+    ValueError
+        The coordinate or the sliders of the class are none.
+    """
+    if not kind.elements:
+        return Slid(ca.SX(0.0), {}, ca.SX(0.0), ca.SX(0.0))
+    own = {name: known[PREFIX + name] for name in parameters_of(kind)}
+    own |= {name: known[name] for name in kind.known}
+    moved = _coordinate(kind, own) - _coordinate(kind, {**own, "length": known["length_n"]})
+    potential, stored, lost, states = ca.SX(0.0), ca.SX(0.0), ca.SX(0.0), {}
+    for name, (share, give) in zip(kind.states, _sliders(kind, own), strict=True):
+        before = known[f"{PREFIX}{name}_n"]
+        d = give * before + moved
+        e = ca.fmin(ca.fmax(d / give, -1.0), 1.0)
+        spring = share * give / 2.0
+        potential += acts * (share * e * d - spring * e**2)  # so written it has the right slope at |d| = r, too
+        stored += acts * spring * (e**2 - before**2)
+        lost += acts * share * ca.fmax(ca.fabs(d) - give, 0.0)
+        states[PREFIX + name] = acts * e
+    return Slid(potential, states, stored, lost)
+
+
+def _coordinate(kind: type[Hysteresis], known: Mapping[str, ca.SX]) -> ca.SX:
+    return scalar(f"{kind.__name__}.coordinate", answer(kind, "coordinate", known))
+
+
+def _sliders(kind: type[Hysteresis], known: Mapping[str, ca.SX]) -> list[tuple[ca.SX, ca.SX]]:
+    given = answer(kind, "sliders", known)
+    name = f"{kind.__name__}.sliders"
+    try:
+        pairs = [(share, give) for share, give in given]
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"{name}: got {type(given).__name__}, must be pairs of share and give; each {ADVICE}"
+        ) from error
+    if len(pairs) != kind.elements:
+        raise ValueError(
+            f"{name}: got {len(pairs)} pairs of share and give, must be {kind.elements} as `elements` says"
+        )
+    return [(scalar(f"{name}, share", share), scalar(f"{name}, give", give)) for share, give in pairs]

@@ -1,0 +1,78 @@
+"""Parts of a worm that are found by name: what actuators and joint friction have in common.
+
+A part is a frozen dataclass whose fields are its parameters. What it does in a time step it says in CasADi symbols, by
+class methods from which the kernels are generated, so that parameters are inputs and each class is compiled once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
+
+import numpy as np
+
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, parameters_of
+from worm3d.values.read_only import ReadOnly
+
+Symbol = Any
+"""A scalar expression, casadi.SX, or a number."""
+Symbols = Mapping[str, Any]
+
+Numbers = float | FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Part(ReadOnly):
+    """Base of all parts; a frozen dataclass with `worm3d.values.parameters.parameter` fields.
+
+    A class below it that stands for a kind of part has a registry, `class Actuator(Part, registry=ACTUATORS)`; the
+    parts of that kind stand there by the name in their class statement, `class Valve(Actuator, name="valve")`.
+
+    Raises
+    ------
+    ValueError
+        A name that another class has, or a parameter that is out of range or whose name is taken.
+    """
+
+    name: ClassVar[str] = ""
+    """Name in scenes; empty: in none."""
+    states: ClassVar[Mapping[str, str]] = {}
+    """Unit of each state of a chamber or hinge, by name."""
+    known: ClassVar[tuple[str, ...]] = ()
+    """Names that its methods find beside its parameters and states."""
+    registry: ClassVar[dict[str, Any]] = {}
+    """Class of each part of the kind, by its name."""
+
+    def __init_subclass__(cls, name: str = "", registry: dict[str, Any] | None = None) -> None:
+        super().__init_subclass__()
+        if registry is not None:
+            cls.registry = registry
+        there = cls.registry.get(name)
+        if there is not None and (there.__module__, there.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise ValueError(f"{cls.__name__}: {there.__qualname__} has the name {name!r} already, must be another one")
+        cls.name = name
+        if name:
+            cls.registry[name] = cls
+
+    def __post_init__(self) -> None:
+        names = [*parameters_of(type(self)), *self.states]
+        if taken := sorted({name for name in names if name in self.known or names.count(name) > 1}):
+            raise ValueError(f"{type(self).__name__}: the names {', '.join(taken)} are taken; rename the parameter")
+        check(self)
+        super().__post_init__()
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(np.array_equal(getattr(self, each.name), getattr(other, each.name)) for each in fields(self))
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def require_size(self, name: str, count: int) -> None:
+        """Raise ValueError where a parameter is an array of another size; `name` says what the part is for."""
+        for field in parameters_of(type(self)):
+            value = getattr(self, field)
+            if np.ndim(value) > 0 and np.shape(value) != (count,):
+                raise ValueError(f"{name}.{field}: got {np.size(value)} values, must be a number or {count} of them")
