@@ -1,0 +1,153 @@
+"""The workers of a sweep: processes of this machine, or those of a Dask scheduler that is running."""
+
+from __future__ import annotations
+
+import secrets
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from scenes.language.errors import DiscError, MissingPartError, SceneError
+from scenes.records.folder import PREFIX
+from scenes.sweep.executors import LOOPBACK, Perform, Stopped
+from scenes.sweep.job import Ended, Job
+
+try:
+    import dask
+    from distributed import Client, LocalCluster
+except ImportError as error:
+    raise MissingPartError("--workers and --scheduler need Dask: pip install 'worm3d[dask]'") from error
+
+from scenes.sweep.flight import Flight  # needs Dask too
+
+CONNECT = 5.0
+"""Longest time in which a scheduler answers [s]."""
+SETTINGS = {
+    "distributed.scheduler.allowed-failures": 0,  # which cases are tried again is decided in `scenes.sweep.flight`
+    "distributed.worker.profile.enabled": False,  # takes time of the cases
+    "distributed.admin.system-monitor.interval": "10s",  # so does this
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,  # a worker that pauses is waited for without end
+    "distributed.worker.memory.terminate": False,
+}
+"""Settings of a scheduler of our own, and of its workers."""
+DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+"""Program of each worker as it starts: a terminal's Ctrl-C reaches all processes, and is for the driver."""
+WARNING = (
+    "warning: the scheduler listens on {}: whoever reaches that address can run programs as you do; use it only in a "
+    "network that you trust"
+)
+
+
+@dataclass(frozen=True)
+class Local:
+    """Worker processes of this machine, started for the sweep; an `Executor`."""
+
+    workers: int
+    bind: str = LOOPBACK
+    """Address that the scheduler and its workers listen on."""
+
+    def __post_init__(self) -> None:
+        if self.workers < 1:
+            raise SceneError(f"--workers: got {self.workers}, must be 1 or more")
+
+    def run(self, jobs: Sequence[Job], perform: Perform, stopped: Stopped) -> Iterator[Ended]:
+        """Yield how each job ended; see `Executor.run`."""
+        if not jobs:
+            return
+        if self.bind != LOOPBACK:
+            typer.echo(WARNING.format(self.bind), err=True)
+        with (
+            tempfile.TemporaryDirectory(prefix="worm3d-") as scratch,
+            dask.config.set(SETTINGS),
+            self._started(min(self.workers, len(jobs)), scratch) as cluster,
+            Client(cluster, set_as_default=False) as client,
+        ):
+            yield from Flight(client, perform, stopped).run(jobs)
+
+    def _started(self, workers: int, scratch: str) -> LocalCluster:
+        try:
+            return LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                host=self.bind,
+                dashboard_address=f"{LOOPBACK}:0",
+                memory_limit=0,  # none
+                local_directory=scratch,
+                preload=[DEAF],
+                silence_logs="CRITICAL",
+            )
+        except (OSError, RuntimeError, ValueError) as error:
+            raise SceneError(f"the workers cannot be started on {self.bind}: {error}") from error
+
+
+@dataclass(frozen=True)
+class Remote:
+    """Workers of a scheduler that is running; an `Executor`."""
+
+    address: str
+
+    def run(self, jobs: Sequence[Job], perform: Perform, stopped: Stopped) -> Iterator[Ended]:
+        """Yield how each job ended; see `Executor.run`."""
+        if not jobs:
+            return
+        with self._connected() as client:
+            flight = Flight(client, perform, stopped)
+            if flight.wait_for_workers():
+                _require_single(client.nthreads())
+                _require_folder(client, Path(jobs[0].path).parent)
+                yield from flight.run(jobs)
+
+    @contextmanager
+    def _connected(self) -> Iterator[Client]:
+        try:
+            client = Client(self.address, timeout=CONNECT, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            raise SceneError(
+                f"--scheduler: no scheduler answers at '{self.address}'; 'dask scheduler --host {LOOPBACK}' starts one "
+                "on this machine, and says its address"
+            ) from error
+        with client:
+            yield client
+
+
+def _require_single(threads: dict[str, int]) -> None:
+    """Check that workers have one thread: of a process, only one case is run at a time."""
+    if many := sorted(address for address, number in threads.items() if number != 1):
+        raise SceneError(
+            f"the worker at {many[0]} has {threads[many[0]]} threads, must have 1: start workers by 'dask worker "
+            f"ADDRESS --nthreads 1 --nworkers {threads[many[0]]}'"
+        )
+
+
+def _require_folder(client: Client, folder: Path) -> None:
+    """Check that all workers have worm3d, and see the folder of the cases."""
+    probe = folder / f"{PREFIX}{secrets.token_hex(8)}.part"
+    try:
+        probe.write_text(probe.name)
+        found = client.run(_sees, str(probe), on_error="return")
+    except OSError as error:
+        raise DiscError.writing(folder, error) from error
+    finally:
+        with suppress(OSError):
+            probe.unlink(missing_ok=True)
+    for worker, sees in found.items():
+        if isinstance(sees, Exception):
+            raise MissingPartError(
+                f"the worker at {worker} cannot run worm3d ({type(sees).__name__}: {sees}): install there what is here"
+            )
+        if not sees:
+            raise SceneError(f"the worker at {worker} does not see {folder}: choose an --out that all machines share")
+
+
+def _sees(probe: str) -> bool:
+    """Return whether a file of the driver is here, in a folder that can be written."""
+    path = Path(probe)
+    with suppress(OSError), tempfile.TemporaryFile(dir=path.parent):
+        return path.read_text() == path.name
+    return False

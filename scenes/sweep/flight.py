@@ -1,0 +1,161 @@
+"""Cases under way on the workers of a Dask scheduler, and what becomes of those whose worker dies.
+
+A worker that dies takes with it the case that it ran, and those that waited for it. Which of them killed it, if any
+did, comes out in further tries: the lost cases wait until the others have ended; then there is one at a time on a
+worker, and in the last try one at a time on all of them. A case that has lost its worker in every try is reported as
+failed.
+
+How a case ended comes as an event of the scheduler, at two thirds of the cost of a result that is fetched.
+"""
+
+from __future__ import annotations
+
+import secrets
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import astuple
+from queue import Empty, SimpleQueue
+
+import typer
+from distributed import Client, Future, KilledWorker, get_worker
+
+from scenes.language.errors import SceneError
+from scenes.sweep.case_file import FAILED
+from scenes.sweep.executors import Perform, Stopped
+from scenes.sweep.job import Ended, Job
+
+COMPANY = (2, 1, 0)
+"""Cases under way for each worker, in the first try and in the further ones; 0 is one on all workers together."""
+POLL = 0.2
+"""Longest time until it is seen that the user stops the sweep [s]."""
+LOOK = 1.0
+"""Time between two looks at who works [s]."""
+NOTICE = 10.0
+"""Time without a worker after which the user is told [s]."""
+PATIENCE = 600.0
+"""Time without a worker after which the sweep ends [s]."""
+DEATH = f"its worker died in each of {len(COMPANY)} tries: killed, out of memory, or a crash of compiled code"
+KEPT = "finished cases are kept, the same command runs the rest"
+
+_alone = threading.Lock()
+
+
+class SchedulerError(SceneError):
+    """The scheduler has ended, or nobody works for it."""
+
+    exit_code = 1
+
+
+class Flight:
+    """Runs jobs on the workers of a client."""
+
+    def __init__(self, client: Client, perform: Perform, stopped: Stopped) -> None:
+        self._client, self._perform, self._stopped = client, perform, stopped
+        self._topic = f"worm3d-{secrets.token_hex(8)}"
+        self._news: SimpleQueue[Ended | tuple[Job, Future]] = SimpleQueue()
+        self._under_way: dict[str, Future] = {}
+        self._lost: list[Job] = []
+        self._address = client.scheduler.address
+        self._workers, self._told = 0, False
+        self._looked, self._deserted = -LOOK, time.monotonic()
+        client.subscribe_topic(self._topic, lambda event: self._news.put(Ended(*event[1])))
+
+    def run(self, jobs: Sequence[Job]) -> Iterator[Ended]:
+        """Yield how each job ended, as they end.
+
+        Raises
+        ------
+        SchedulerError
+            The scheduler has ended, or there is no worker for `PATIENCE`.
+        SceneError
+            As a worker raised it.
+        """
+        rest = jobs
+        for number, company in enumerate(COMPANY):
+            self._lost = []
+            yield from self._try(number, rest, company)
+            rest = self._lost
+        if not self._stopped():
+            yield from (Ended(job.key, FAILED, DEATH) for job in rest)
+
+    def wait_for_workers(self) -> bool:
+        """Wait for a first worker; return False if the user stops the sweep before one comes."""
+        while not self._stopped():
+            self._look()
+            if self._workers:
+                return True
+            time.sleep(POLL)
+        return False
+
+    def _try(self, number: int, jobs: Sequence[Job], company: int) -> Iterator[Ended]:
+        waiting = deque(jobs)
+        while (waiting or self._under_way) and not self._stopped():
+            self._look()
+            while waiting and len(self._under_way) < max(1, company * self._workers):
+                self._send(waiting.popleft(), number)
+            yield from self._arrived()
+        if self._under_way:
+            self._client.cancel(list(self._under_way.values()))
+
+    def _send(self, job: Job, number: int) -> None:
+        """Have a job run; the same one of a driver that was killed is waited for, not run a second time."""
+        key = ("case", number, job.path)
+        future = self._client.submit(_perform, self._perform, job, self._topic, key=key)
+        self._under_way[job.key] = future
+        future.add_done_callback(lambda future: self._news.put((job, future)))
+
+    def _arrived(self) -> Iterator[Ended]:
+        """Yield the cases that have ended; wait for one, if need be, no longer than `POLL`."""
+        with suppress(Empty):
+            news = self._news.get(timeout=POLL)
+            while True:
+                ended = news if isinstance(news, Ended) else self._verdict(*news)
+                if ended is not None and self._under_way.pop(ended.key, None) is not None:
+                    yield ended
+                news = self._news.get_nowait()
+
+    def _verdict(self, job: Job, future: Future) -> Ended | None:
+        """Return how a job ended of which the scheduler says that it has; None if it was told, or is tried again."""
+        if job.key not in self._under_way:
+            return None
+        if future.status == "finished":
+            return Ended(*future.result(timeout=PATIENCE))
+        if future.status != "error":
+            raise SchedulerError(f"the scheduler has ended: {KEPT}")
+        error = future.exception()
+        if isinstance(error, KilledWorker):
+            del self._under_way[job.key]
+            self._lost.append(job)
+            return None
+        if isinstance(error, SceneError):
+            raise error
+        return Ended(job.key, FAILED, f"{type(error).__name__}: {error}")
+
+    def _look(self) -> None:
+        """Count the workers, now and then."""
+        now = time.monotonic()
+        if now < self._looked + LOOK:
+            return
+        self._looked = now
+        if self._client.status != "running":
+            raise SchedulerError(f"the scheduler has ended: {KEPT}")
+        with suppress(OSError, TimeoutError):
+            self._workers = len(self._client.nthreads())
+        if self._workers:
+            self._deserted, self._told = now, False
+        elif now > self._deserted + PATIENCE:
+            raise SchedulerError(f"no worker for {PATIENCE / 60.0:.0f} minutes: {KEPT}")
+        elif now > self._deserted + NOTICE and not self._told:
+            self._told = True
+            typer.echo(f"waiting for a worker: 'dask worker {self._address} --nthreads 1' starts one", err=True)
+
+
+def _perform(perform: Perform, job: Job, topic: str) -> tuple[str, ...]:
+    """Run a job on a worker and tell the driver; one at a time in a process."""
+    with _alone:
+        ended = astuple(perform(job))
+    get_worker().log_event(topic, ended)
+    return ended
