@@ -2,7 +2,35 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Annotated
+
 import typer
+
+from scenes.commands.arguments import Force, Out, Quiet
 
 studies = typer.Typer(rich_markup_mode=None)
 """Commands that stand beside `run` and the others."""
+
+
+@studies.command()
+def compare(
+    results: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="A B ...",
+            help="Folders of runs, result.nc, cases of a sweep, measurements (CSV); the first one is the reference.",
+        ),
+    ],
+    out: Out = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Say in what runs and measurements differ.
+
+    Prints the settings, figures and series that differ, and writes all of them (compare.csv), figures with the results
+    laid over one another, and compare.html, which plays the runs side by side.
+    """
+    from scenes.compare import command
+
+    raise typer.Exit(command.run(results, out, force=force, quiet=quiet))

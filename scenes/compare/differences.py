@@ -12,7 +12,7 @@ import numpy as np
 from scenes.compare.sources import Source, flat
 from scenes.records import measured
 from scenes.records.record import Record
-from worm3d.metrics import UNITS
+from worm3d.metrics import ROUNDING, UNITS
 from worm3d.values.arrays import FloatArray
 
 NOT_SHOWN = ("model", "title")
@@ -36,7 +36,7 @@ class Difference:
     """Value of the source; of series its largest difference."""
     difference: float | None
     relative: float | None
-    """Difference over the reference's value; None where that is 0."""
+    """Difference over the reference's value; None where that is 0, or rounding."""
 
 
 class Setting(NamedTuple):
@@ -97,7 +97,10 @@ def _difference(
     kind: str, name: str, unit: str, source: str, reference: float | None, value: float | None
 ) -> Difference:
     difference = None if value is None or reference is None else value - reference
-    return Difference(kind, name, unit, source, reference, value, difference, _over(difference, reference))
+    known = reference is not None and abs(reference) >= ROUNDING.get(unit, 0.0)
+    return Difference(
+        kind, name, unit, source, reference, value, difference, _over(difference, reference) if known else None
+    )
 
 
 def _over(difference: float | None, reference: float | None) -> float | None:

@@ -52,6 +52,7 @@ def path(records: Records) -> tuple[Figure, Axes] | None:
     if not any(tracks.values()):
         return None
     figure, axes = _figure(6.4, 4.8)
+    named = {"com"}
     for number, (label, found) in enumerate(tracks.items()):
         for k, (name, places) in enumerate(found.items()):
             style = _style(records[label], number)
@@ -59,7 +60,7 @@ def path(records: Records) -> tuple[Figure, Axes] | None:
             axes.plot(*places[:, :2].T, **{**style, "alpha": shade}, label=label if k == 0 else None)
             if known := np.flatnonzero(np.isfinite(places[:, :2]).all(axis=1)).tolist():
                 axes.plot(*places[known[0], :2], "o", color=style["color"], ms=5)
-                if name != "com":
+                if name not in named:
                     axes.annotate(
                         name, tuple(places[known[0], :2]), fontsize=7, textcoords="offset points", xytext=(4, 4)
                     )

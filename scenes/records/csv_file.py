@@ -16,6 +16,9 @@ from worm3d.values.arrays import FloatArray
 LARGEST_FILE = 1_000_000_000
 """Largest size of a file that is read [byte]."""
 
+LARGEST_NUMBER = 1e100
+"""Largest number of a cell: its square and its products with units are finite."""
+
 _HEADER = re.compile(r"#\s*(?P<name>[^:]+?)\s*:\s*(?P<text>.*?)\s*")
 
 Rows = list[tuple[int, list[str]]]
@@ -23,7 +26,15 @@ Rows = list[tuple[int, list[str]]]
 
 
 def split(path: Path) -> tuple[dict[str, str], list[str], Rows]:
-    """Return the header by name, the column names, and the rows with the numbers of their lines."""
+    """Return the header by name, the column names, and the rows with the numbers of their lines.
+
+    Raises
+    ------
+    SceneError
+        No such file, no text, or no row of column names.
+    DiscError
+        The file may not be read.
+    """
     try:
         text = regular_file.read(path, LARGEST_FILE).decode("utf-8-sig")
     except FileNotFoundError:
@@ -51,7 +62,13 @@ def split(path: Path) -> tuple[dict[str, str], list[str], Rows]:
 
 
 def table(titles: list[str], rows: Rows) -> FloatArray:
-    """Return the cells as numbers, shape (T, K), NaN where they are blank."""
+    """Return the cells as numbers, shape (T, K), NaN where they are blank.
+
+    Raises
+    ------
+    SceneError
+        Fewer than two rows, one of another length, or a cell that is no number.
+    """
     if len(rows) < 2:
         raise SceneError(f"got {len(rows)} rows of numbers, must be two or more")
     numbers = np.empty((len(rows), len(titles)))
@@ -65,9 +82,12 @@ def table(titles: list[str], rows: Rows) -> FloatArray:
             raise SceneError(
                 f"line {line}: {titles[wrong]}: got '{row[wrong]}', must be a number, or blank where it is missing"
             ) from None
-    if np.isinf(numbers).any():
-        k, n = np.argwhere(np.isinf(numbers))[0]
-        raise SceneError(f"line {rows[k][0]}: {titles[n]}: got {numbers[k, n]}, must be finite, or blank where missing")
+    if (large := np.abs(numbers) > LARGEST_NUMBER).any():
+        k, n = np.argwhere(large)[0]
+        raise SceneError(
+            f"line {rows[k][0]}: {titles[n]}: got {numbers[k, n]}, must be finite, below {LARGEST_NUMBER:g}, or blank "
+            "where it is missing"
+        )
     return numbers
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from scenes.language.errors import SceneError
 from worm3d.values.arrays import FloatArray
 
-_LINE = re.compile(r"marker\s+(?P<name>\w+)")
+_LINE = re.compile(r"marker\s+(?P<name>.+)")
 _PLACE = re.compile(r"(?P<kind>joint|body)\s+(?P<number>\d+(\.\d*)?([eE][-+]?\d+)?)")
 
 
@@ -67,7 +67,7 @@ def positions(joints: FloatArray, place: Place) -> FloatArray:
     """
     last = joints.shape[1] - 1
     if place.kind == "joint" and place.number > last:
-        raise SceneError(f"sits on joint {place.number:g}, the simulated worm has joints 0 to {last}")
+        raise SceneError(f"marker on joint {place.number:g}: the simulated worm has joints 0 to {last}")
     along = place.number if place.kind == "joint" else place.number * last
     k = min(int(along), last - 1)
     found: FloatArray = joints[:, k] + (along - k) * (joints[:, k + 1] - joints[:, k])

@@ -121,7 +121,8 @@ def matched(simulated: Record, measured: Record) -> tuple[dict[str, FloatArray],
 
 def series_of(record: Record) -> dict[str, Variable]:
     """Return what a record has at each of its stored instants, by name; of a simulation also the strain of segments."""
-    found = {v.name: v for v in record.variables if v.dims[:1] == ("time",) and v.name != "time"}
+    timed = (v for v in record.variables if v.dims[:1] == ("time",) and v.name != "time")
+    found = {v.name: v for v in timed if v.values.dtype.kind in "iuf"}
     if "strain" not in found and not is_measured(record) and any(name in found for name in JOINTS):
         meaning = "distance of neighbouring joints over the rest length of a segment, less 1"
         found["strain"] = Variable("strain", ("time", "segment"), segment_strain(record), "1", meaning)
@@ -145,7 +146,8 @@ def counterpart(simulated: Record, measured: Record, variable: Variable) -> Floa
         raise SceneError(f"{name}: got a unit of [{variable.units}], must be one of [{unit}] as in {simulated.name}")
     numbered = variable.values.ndim - variable.dims.count("axis")
     if values.ndim != variable.values.ndim:
-        raise SceneError(f"{name} has {numbered - 1} indices, {simulated.name} has {values.ndim - 1} dimensions of it")
+        shape, right = variable.values.shape[1:], values.shape[1:]
+        raise SceneError(f"{name}: got shape {shape} at each instant, must be {right} as in {simulated.name}")
     for size, most in zip(variable.values.shape[1:numbered], values.shape[1:], strict=False):
         if size > most:
             raise SceneError(f"{name} is measured up to index {size - 1}, {simulated.name} has 0 to {most - 1}")

@@ -75,15 +75,16 @@ def html(frames: Frames, *, skin: bool = True, title: str = "worm3d") -> str:
     cover = Skin.of(frames, scales.strain) if skin else None
     if cover is not None:
         parts.append(cover.piece())
-    return _page(
+    return filled(
+        "viewer.html",
         title=escape(title),
-        style=_resource("viewer.css"),
+        style=resource("viewer.css"),
         meshcat=_meshcat_script(),
         scene=json.dumps(_scene(frames, parts, scales, cover), separators=(",", ":"), allow_nan=False).replace(
             "<", "\\u003c"
         ),
         commands="\n".join(base64.b64encode(message).decode("ascii") for message in commands(frames, parts)),
-        script=_resource("viewer.js"),
+        script=resource("viewer.js"),
     )
 
 
@@ -133,14 +134,19 @@ def commands(frames: Frames, parts: list[Piece]) -> list[bytes]:
     return window.messages
 
 
-def _page(**parts: str) -> str:
-    """Fill the template in one pass, so that a part may contain what looks like the name of another."""
+def filled(template: str, *inner: str, **parts: str) -> str:
+    """Return a template of the folder `page` with its parts in it, and the policy of the page.
+
+    It is filled in one pass, so that a part may contain what looks like the name of another. `inner` are pages that
+    stand in frames of this one.
+    """
     later = {"policy": "{{policy}}"}  # the first of what the page contains
-    page = re.sub(r"\{\{(\w+)\}\}", lambda name: (parts | later)[name[1]], _resource("viewer.html"))
-    return page.replace("{{policy}}", policy.of_page(page), 1)
+    page = re.sub(r"\{\{(\w+)\}\}", lambda name: (parts | later)[name[1]], resource(template))
+    return page.replace("{{policy}}", policy.of_page(page, *inner), 1)
 
 
-def _resource(name: str) -> str:
+def resource(name: str) -> str:
+    """Return a file of the folder `page`."""
     return files("worm3d.viewer").joinpath("page", name).read_text(encoding="utf-8")
 
 

@@ -14,9 +14,12 @@ _STYLES = "style-src 'self' 'unsafe-inline'"
 """Rule for styles: meshcat writes those of its controls into the page."""
 
 
-def of_page(page: str) -> str:
-    """Return the policy of a page that stands alone: the scripts that it has now, and data within it."""
-    return f"{_NOTHING_ELSE}; script-src {_hashes(page)}; {_STYLES}; img-src data: blob:"
+def of_page(page: str, *inner: str) -> str:
+    """Return the policy of a page that stands alone: the scripts that it has now, and data within it.
+
+    What stands in frames of it, as text of the pages `inner`, is bound by this policy besides its own.
+    """
+    return f"{_NOTHING_ELSE}; script-src {_hashes(''.join((page, *inner)))}; {_STYLES}; img-src data: blob:"
 
 
 def of_server(page: str, hosts: list[str]) -> str:

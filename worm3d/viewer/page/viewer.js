@@ -4,6 +4,7 @@
 (function () {
   const scene = JSON.parse(document.getElementById("scene").textContent);
   const element = (id) => document.getElementById(id);
+  const guest = window.name === "worm3d-guest"; // one of several pages in another, which plays them (beside.js)
 
   function trouble(sentence) {
     element("trouble").textContent = sentence;
@@ -447,7 +448,7 @@
   /** Only the scene, for a picture of it. */
   function bare(on) {
     element("panel").hidden = on;
-    element("bar").hidden = on || duration === 0;
+    element("bar").hidden = on || guest || duration === 0;
     centre_view();
     if (preset) choose(preset);
   }
@@ -478,7 +479,8 @@
       if (controls && tabbed && focused !== element("time")) return;
       if (controls && !tabbed) focused.blur();
       event.preventDefault();
-      does[event.key]();
+      if (guest) window.parent.postMessage(event.key, "*");
+      else does[event.key]();
     });
   }
 
@@ -501,7 +503,8 @@
   make_opacity();
   make_legend();
   make_bar();
-  element("panel").open = window.innerWidth > 560;
+  element("panel").open = !guest && window.innerWidth > 560;
+  element("bar").hidden = guest;
   viewer.set_3d_pane_size();
   centre_view();
   show(0);
@@ -511,4 +514,8 @@
   window.addEventListener("hashchange", () => obey(location.hash));
   requestAnimationFrame(tick);
   document.documentElement.dataset.state = "ready";
+  if (guest) {
+    window.addEventListener("message", (event) => { if (event.source === window.parent) obey(String(event.data)); });
+    window.parent.postMessage("ready", "*");
+  }
 })();
