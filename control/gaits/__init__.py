@@ -1,5 +1,6 @@
 """Gaits: open-loop patterns of contraction, and the waves that controllers drive."""
 
+from control.gaits.extension_wave import ExtensionWave
 from control.gaits.patterns import (
     GAITS,
     Body,
@@ -21,6 +22,7 @@ __all__ = [
     "Body",
     "ContractionEngine_segmentdriven",
     "Direction",
+    "ExtensionWave",
     "Gait",
     "Pulse",
     "TravellingWave",

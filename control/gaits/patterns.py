@@ -306,12 +306,12 @@ class TwoAnchor(Gait, name="two_anchor"):
 
     def _group(self, part: FloatArray, release: int, anchor: int) -> FloatArray:
         """Return the activation of a group, 1 until it lets go and from when it has contracted again, shape (K,)."""
-        extended = _change(part - release) - _change(part - anchor)
+        extended = half_cosine(part - release) - half_cosine(part - anchor)
         return 1.0 - (1.0 - self.extension) * extended
 
 
-def _change(part: FloatArray) -> FloatArray:
-    """Return 0 before 0, 1 after 1, and half a cosine wave between."""
+def half_cosine(part: FloatArray) -> FloatArray:
+    """Return 0 where `part` is below 0, 1 where it is above 1, and half a cosine wave between."""
     return (1.0 - np.cos(np.pi * np.clip(part, 0.0, 1.0))) / 2.0
 
 

@@ -34,3 +34,20 @@ def compare(
     from scenes.compare import command
 
     raise typer.Exit(command.run(results, out, force=force, quiet=quiet))
+
+
+@studies.command()
+def validate(
+    out: Out = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Only what takes seconds, and no spreads.")] = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compare the models with published numbers.
+
+    Closed forms, and what was measured on robots and animals, a scene each: what the model gives, what was published,
+    the ratio, and whether trends have the right sign. What the model misses is said, and is no failure of the command.
+    """
+    from scenes.validate import report
+
+    raise typer.Exit(report.run(out, quick=quick, force=force, quiet=quiet))

@@ -41,6 +41,11 @@ class Row:
         Unit of `model` and `published`.
     scene : str
         Scene that was run, or scenes.
+    spread : (float, float), optional
+        Least and greatest number that the model gives over what the source does not tell; `model` is for the values
+        that the scene has.
+    sign_agrees : bool, optional
+        Of a trend, whether the model has its sign.
     """
 
     name: str
@@ -52,6 +57,8 @@ class Row:
     trust: str = "C"
     unit: str = "1"
     scene: str = ""
+    spread: tuple[float, float] | None = None
+    sign_agrees: bool | None = None
 
     def __post_init__(self) -> None:
         assert self.trust in TRUST, self.trust
@@ -91,6 +98,8 @@ class Row:
             "low": low,
             "high": high,
             "unit": self.unit,
+            "spread": self.spread,
+            "sign_agrees": self.sign_agrees,
             "source": self.source,
             "trust": self.trust,
             "scene": self.scene,

@@ -48,7 +48,7 @@ def test_eight_mistakes_give_eight_lines() -> None:
         "line 11: worm.connector_mass_kg: got 1.0 kg: must be below worm.mass_kg (1e-08 kg), of which it is a part",
         "line 14: gait.lamda_m: unknown key; did you mean 'wavelength_m'?",
         "line 15: gait.kind: got 'traveling_wave': input should be 'travelling_wave', 'segment_driven', "
-        "'two_anchor' or 'breathing'; did you mean 'travelling_wave'? (default 'travelling_wave')",
+        "'two_anchor', 'breathing' or 'extension_wave'; did you mean 'travelling_wave'? (default 'travelling_wave')",
         "line 17: frictoin: unknown section; did you mean 'friction'?",
     )
 

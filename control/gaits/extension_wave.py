@@ -1,0 +1,57 @@
+"""The step-by-step waves of mesh worm robots: segments stand wide, and waves of extension pass along the body.
+
+A wide, contracted segment carries the worm and anchors it; an extended one is thin and off the ground. Of the segments
+that a wave passes, those behind it extend and push the front on while those at its other end contract and pull up the
+rear. Where the ramps are as long as the steps from one segment to the next, one segment gives the length that another
+takes: the anchors on both sides of the wave need not slide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from control.gaits.patterns import Direction, Gait, half_cosine
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import documented, parameter
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class ExtensionWave(Gait, name="extension_wave"):
+    """Waves of extension along a body that else stands contracted, as mesh worm robots crawl.
+
+    The patterns that are called n x m there, n segments in each of m waves: `moving` = n m/N, `waves` = m. With
+    `held` = (n - 2)/n the ramps take one step.
+    """
+
+    period: float = parameter(6.0, meaning="time between two extensions of a segment", unit="s", gt=0)
+    waves: float = parameter(1.0, meaning="number of waves on the body", gt=0)
+    moving: float = parameter(0.5, meaning="share of the period for which a segment is not contracted", gt=0, le=1)
+    held: float = parameter(1 / 3, meaning="share of that time for which it is wholly extended", ge=0, lt=1)
+    extension: float = parameter(
+        -1.0,
+        meaning="activation of an extended segment, -0.5 lengthens it by half the amplitude",
+        ge=-1,
+        le=0,
+        allowed="a number in [-1, 0]",
+    )
+    direction: Direction = parameter(
+        "retrograde",
+        meaning="retrograde: waves run from head to tail, and the worm towards its head; direct: both turn",
+    )
+
+    @property
+    def lengthens(self) -> bool:
+        """Whether the activation falls below 0 at some time."""
+        return self.extension < 0.0
+
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activation of each segment at K times [s], shape (K, segments), in [extension, 1]."""
+        order = np.arange(segments) if self.direction == "direct" else np.arange(segments)[::-1]
+        # Rounding must not decide whether a segment has begun: the ramps are flat where they begin and end.
+        phase = np.mod(times[:, None] / self.period - self.waves * order / segments, 1.0) / self.moving
+        ramp = 0.5 * (1.0 - self.held)
+        extended = half_cosine(phase / ramp) - half_cosine((phase - 1.0 + ramp) / ramp)
+        return 1.0 - (1.0 - self.extension) * extended

@@ -1,0 +1,139 @@
+"""`worm3d validate`: run all comparisons and write `validate.json`, `validate.md` and `validate.png`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from scenes.commands.packages import versions
+from scenes.records import folder as folders
+from scenes.records.drawing import save_figure
+from scenes.records.folder import write_bytes
+from scenes.records.text import json_bytes, markdown_table
+from scenes.validate import robots
+from scenes.validate.figure import draw
+from scenes.validate.rows import TRUST, Chapter, Row
+
+CHAPTERS: Mapping[str, Chapter] = {
+    "Robots and animals": robots.rows,
+}
+"""Parts of the report by their titles."""
+
+WIDTH = 66
+"""Width of the names on a terminal."""
+
+HEADER = ("", "what", "model", "published", "ratio", "band", "spread", "sign", "source")
+
+
+@dataclass(frozen=True)
+class Found:
+    """Rows of each chapter."""
+
+    chapters: Mapping[str, Sequence[Row]]
+
+    @property
+    def rows(self) -> list[Row]:
+        """All rows, in the order of the report."""
+        return [row for rows in self.chapters.values() for row in rows]
+
+
+def run(out: Path | None, *, quick: bool, force: bool, quiet: bool) -> int:
+    """Run all comparisons, write the report and return the exit code; options as of the command.
+
+    A row that the model misses is no failure: the report says so.
+
+    Raises
+    ------
+    SceneError
+        The folder cannot be used, or the disc refused a file.
+    """
+    with folders.prepared(out, "validate", force=force) as folder:
+        found = Found({title: list(_told(chapter(quick), title, quiet)) for title, chapter in CHAPTERS.items()})
+        write_bytes(folder / "validate.json", json_bytes(content(found)))
+        write_bytes(folder / "validate.md", markdown(found).encode())
+        save_figure(draw(found.chapters), folder / "validate.png")
+    if not quiet:
+        typer.echo(f"{verdict(found.rows)}; {folder / 'validate.md'} says why")
+    return 0
+
+
+def content(found: Found) -> dict[str, object]:
+    """Return the content of `validate.json`."""
+    rows = [{**row.to_dict(), "chapter": title} for title, rows in found.chapters.items() for row in rows]
+    return {"rows": rows, "trust": TRUST, "versions": versions()}
+
+
+def verdict(rows: Sequence[Row]) -> str:
+    """Return one line on how many rows agree."""
+    signs = [row.sign_agrees for row in rows if row.sign_agrees is not None]
+    trends = f", {sum(signs)} of {len(signs)} trends have the right sign" if signs else ""
+    return f"{sum(row.ok for row in rows)} of {len(rows)} rows lie in their bands{trends}"
+
+
+def markdown(found: Found) -> str:
+    """Return the report as Markdown."""
+    return "\n".join(_lines(found)) + "\n"
+
+
+def _lines(found: Found) -> Iterator[str]:
+    yield "# Validation"
+    yield ""
+    yield f"What the model gives beside what was published: {verdict(found.rows)}."
+    yield "A spread is over numbers that the source does not tell; nothing was chosen to meet a row. Sources: " + (
+        "; ".join(f"{tag}: {meaning}" for tag, meaning in TRUST.items()) + "."
+    )
+    yield from ("", "![Model over published, and bands](validate.png)")
+    for title, rows in found.chapters.items():
+        yield from ("", f"## {title}", "")
+        yield from markdown_table(HEADER, map(_cells, rows))
+        yield ""
+        yield from (f"* {row.name} (scene `{row.scene}`): {row.note}" for row in rows if row.note)
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    return (
+        _mark(row),
+        row.name,
+        _number(row.model),
+        _number(row.published),
+        _number(row.ratio),
+        _band(row),
+        _range(row.spread),
+        {None: "", True: "agrees", False: "does not agree"}[row.sign_agrees],
+        f"{row.source} [{row.trust}]",
+    )
+
+
+def _told(rows: Iterator[Row], title: str, quiet: bool) -> Iterator[Row]:
+    """Yield rows, and print each as soon as it is known."""
+    if not quiet:
+        typer.echo(f"{title:{WIDTH + 9}}{'model':>12}{'published':>12}{'ratio':>10}  band")
+    for row in rows:
+        if not quiet:
+            numbers = f"{_number(row.model):>12}{_number(row.published):>12}{_number(row.ratio):>10}"
+            typer.echo(f"  {_mark(row):7}{row.name:{WIDTH}}{numbers}  {_band(row)}")
+        yield row
+
+
+def _mark(row: Row) -> str:
+    return "ok" if row.ok else "misses"
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None or math.isnan(value) else f"{value:.4g}"
+
+
+def _band(row: Row) -> str:
+    low, high = row.band
+    unit = "" if row.unit == "1" else f" {row.unit}"
+    if math.isinf(high):
+        return f"above {low:.4g}{unit}"
+    return f"below {high:.4g}{unit}" if math.isinf(low) else f"{_range(row.band)}{unit}"
+
+
+def _range(ends: tuple[float, float] | None) -> str:
+    return "" if ends is None else f"{ends[0]:.4g} to {ends[1]:.4g}"

@@ -1,0 +1,116 @@
+import json
+import math
+
+import pytest
+
+from scenes.models.loading import load_scene
+from scenes.validate import report, robots
+from scenes.validate.measures import HOME, Exponent, Figure, Ratio, StoppedError, figures
+from scenes.validate.robots import Comparison, earthworm
+
+
+@pytest.mark.parametrize("path", sorted(HOME.glob("*.toml")), ids=lambda path: path.stem)
+def test_scenes_are_right_and_say_what_they_are(path):
+    scene = load_scene(path)
+    assert scene.settings.title
+    assert path.read_text().startswith("# ")
+
+
+def comparison(measure, published=None, band=(1.0, math.inf), **more):
+    return Comparison("x", measure, published, band, "here", "C", "A note.", **more)
+
+
+class Fixed:
+    """Measure that is known."""
+
+    scene = "none"
+
+    def __init__(self, value):
+        self.value = value
+
+    def __call__(self, changes=()):
+        if changes == ("stops",):
+            raise StoppedError("folded")
+        return self.value + len(changes)
+
+
+def test_row_with_spread():
+    row = comparison(Fixed(2.0), unknown=(("a",), ("a", "b"), ("stops",)), others=(Fixed(0.5),)).row(quick=False)
+    assert (row.model, row.spread, row.ok) == (2.0, (0.5, 4.0), True)
+    assert row.note.endswith("With 1 of 4 other values the run does not come to its end.")
+    assert comparison(Fixed(2.0), unknown=(("a",),)).row(quick=True).spread is None
+
+
+def test_run_that_stops():
+    class Stops(Fixed):
+        def __call__(self, changes=()):
+            raise StoppedError("folded")
+
+    row = comparison(Stops(0.0), trend=True).row(quick=False)
+    assert math.isnan(row.model)
+    assert not row.ok
+    assert row.sign_agrees is None
+    assert row.note == "the model gives nothing: folded. A note."
+    assert row.to_dict()["model"] is None
+
+
+@pytest.mark.parametrize(
+    ("model", "published", "band", "agrees"),
+    [
+        (1.1, None, robots.ABOVE_1, True),
+        (0.9, None, robots.ABOVE_1, False),
+        (0.9, None, robots.BELOW_1, True),
+        (1.1, 3.0, (1.5, 6.0), True),
+        (0.9, 3.0, (1.5, 6.0), False),
+        (0.9, 0.4, (0.2, 0.8), True),
+    ],
+)
+def test_sign_of_a_trend(model, published, band, agrees):
+    assert comparison(Fixed(model), published, band, trend=True).row(quick=True).sign_agrees is agrees
+
+
+def test_measures():
+    assert Ratio(Fixed(6.0), Fixed(2.0))() == 3.0
+    powers = {m: Fixed(2.0 * m**0.3) for m in (0.1, 1.0, 9.0)}
+    assert Exponent(powers)() == pytest.approx(0.3)
+    with pytest.raises(StoppedError, match="no exponent"):
+        Exponent({1.0: Fixed(1.0), 2.0: Fixed(-1.0)})()
+    with pytest.raises(StoppedError, match=r"worm\.mass_kg"):
+        figures("cmmworm", ("worm.mass_kg=-1",))
+
+
+def test_own_changes_win():
+    own = Figure("speed_m_s", "cmmworm", ("worm.spring_N=200",))
+    assert own(("worm.spring_N=400",)) == own()
+    assert own(("friction.forward=0.2",)) != own()
+
+
+def test_speed_scales_with_the_worm():
+    """At the same strain and shape the model is kinematic: the stride in body lengths hardly knows the mass."""
+    strides = [Figure("stride_BL", "earthworm", earthworm(grams))() for grams in (1.0, 8.0)]
+    assert strides[1] == pytest.approx(strides[0], rel=0.02)
+    assert earthworm(1.0)[:2] == ("worm.mass_kg=0.001", "worm.length_m=0.102")
+
+
+def test_mirrored_wave_goes_backward():
+    """The symmetric worm on isotropic ground goes as far back under the mirrored wave."""
+    there, back = (Figure("stride_m", "cmmworm", (f"gait.direction={way}",))() for way in ("retrograde", "direct"))
+    assert there > 0.02
+    assert back == pytest.approx(-there, rel=1e-6)
+
+
+def test_command(tmp_path, capsys, monkeypatch):
+    some = [comparison(Fixed(2.0)), comparison(Fixed(0.5), 1.0, (0.8, 1.2), unknown=(("a",),))]
+    monkeypatch.setattr(report, "CHAPTERS", {"Some": lambda quick: (c.row(quick=quick) for c in some)})
+    assert report.run(tmp_path / "out", quick=False, force=False, quiet=False) == 0
+    said = capsys.readouterr().out
+    assert "misses x" in said
+    assert "1 of 2 rows lie in their bands" in said
+    rows = json.loads((tmp_path / "out" / "validate.json").read_text())["rows"]
+    assert [(row["model"], row["published"], row["ratio"], row["ok"]) for row in rows] == [
+        (2.0, None, None, True),
+        (0.5, 1.0, 0.5, False),
+    ]
+    text = (tmp_path / "out" / "validate.md").read_text()
+    assert "| misses | x | 0.5 | 1 | 0.5 | 0.8 to 1.2 | 0.5 to 1.5 |" in text
+    assert (tmp_path / "out" / "validate.png").stat().st_size > 1000
