@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from control.gaits import GAITS
 from planar import metrics, published
 from scenes.commands.runner import simulate
 from scenes.models.loading import load_scene
@@ -126,6 +127,7 @@ SEGMENTS = {
 }  # fmt: skip
 ANCHORS = {"gait.extension": -0.2, "gait.anchors": 2, "gait.direction": "retrograde"}
 BREATHING = {"gait.contracting": 0.3}
+EXTENSIONS = {"gait.moving": 0.4, "gait.held": 0.5, "gait.waves": 2, "gait.extension": -0.2, "gait.direction": "direct"}
 LENGTH = "run.duration_s=0.8"
 
 
@@ -136,9 +138,7 @@ def nodes(*overrides: str) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def references() -> dict[str, np.ndarray]:
-    return {
-        kind: nodes(f"gait.kind={kind}") for kind in ("travelling_wave", "segment_driven", "two_anchor", "breathing")
-    }
+    return {kind: nodes(f"gait.kind={kind}") for kind in GAITS}
 
 
 @pytest.mark.parametrize(
@@ -148,6 +148,7 @@ def references() -> dict[str, np.ndarray]:
         *(("segment_driven", key, value) for key, value in SEGMENTS.items()),
         *(("two_anchor", key, value) for key, value in ANCHORS.items()),
         *(("breathing", key, value) for key, value in BREATHING.items()),
+        *(("extension_wave", key, value) for key, value in EXTENSIONS.items()),
     ],
 )
 def test_every_key_of_a_scene_changes_the_run(references, kind: str, key: str, value: object) -> None:
@@ -162,7 +163,7 @@ def test_every_key_is_among_those_tested() -> None:
     keys = {f"{section}.{key}" for section in sections for key in type(getattr(scene, section)).model_fields}
     assert (
         keys - {"run.duration_s", "run.record_every"}
-        == WAVE.keys() | SEGMENTS.keys() | ANCHORS.keys() | BREATHING.keys()
+        == WAVE.keys() | SEGMENTS.keys() | ANCHORS.keys() | BREATHING.keys() | EXTENSIONS.keys()
     )
 
 
