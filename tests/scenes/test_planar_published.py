@@ -127,7 +127,13 @@ SEGMENTS = {
 }  # fmt: skip
 ANCHORS = {"gait.extension": -0.2, "gait.anchors": 2, "gait.direction": "retrograde"}
 BREATHING = {"gait.contracting": 0.3}
-EXTENSIONS = {"gait.moving": 0.4, "gait.held": 0.5, "gait.waves": 2, "gait.extension": -0.2, "gait.direction": "direct"}
+EXTENSIONS = {
+    "gait.moving": 0.4,
+    "gait.held": 0.5,
+    "gait.waves": 2,
+    "gait.extension": -0.2,
+    "gait.direction": "retrograde",
+}
 LENGTH = "run.duration_s=0.8"
 
 
