@@ -133,4 +133,4 @@ class Model(Pictures, Generic[S]):
     watch: Callable[[S, Observer, Watch], Outcome] | None = None
     """Runs a scene in a live view."""
     refers_to: Callable[[S], object] | None = None
-    """What a run depends on that is not in its scene, such as the content of a file, as data for JSON."""
+    """What a run depends on that stands neither in its scene nor in a file that the scene names, as data for JSON."""

@@ -78,7 +78,8 @@ class Case:
 class Plan:
     """A design whose cases have all been checked."""
 
-    model: str
+    base: Scene
+    """Scene of which keys are varied."""
     design: Design
     cases: tuple[Case, ...]
     """In the order of the design; those with the same scene have the same key."""
@@ -152,7 +153,7 @@ def planned(
         watch(done, len(design))
     if wrong.number:
         raise SceneError(*wrong.report(len(design), done))
-    return Plan(base.model.name, design, tuple(cases))
+    return Plan(base, design, tuple(cases))
 
 
 def _case(scene: Scene, values: Mapping[str, Any]) -> Case:

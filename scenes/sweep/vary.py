@@ -220,6 +220,8 @@ def _drawn(schema: type[Section], key: str, limits: tuple[str, str, bool], numbe
         raise SceneError(f"vary {key}: got '{limits[0]}:{limits[1]}': the first limit must be below the second")
     generator = np.random.default_rng([seed, *hashlib.sha256(f"sweep {key}".encode()).digest()])
     if _is_whole(schema, key) and not log:
+        if math.ceil(low) > math.floor(high):
+            raise SceneError(f"vary {key}: got '{limits[0]}:{limits[1]}': no whole number between {low:g} and {high:g}")
         return [int(value) for value in generator.integers(math.ceil(low), math.floor(high), number, endpoint=True)]
     if log:
         _require_positive(key, low, high)

@@ -12,7 +12,7 @@ from control.sensing.sensors import Measurement
 from control.tracking.metrics import measured
 from scenes.models.base import Model, Observer, Outcome, Watch, pictures
 from scenes.models.control import view as control_view
-from scenes.models.control.build import controller_of, reference_of, sensors_of
+from scenes.models.control.build import controller_of, identified_of, reference_of, sensors_of
 from scenes.models.control.checks import CONTROL_CHECKS
 from scenes.models.control.faults import in_turn, of_controller, of_plant, refused
 from scenes.models.control.record import motion_of, timing_of, variables_of
@@ -98,6 +98,12 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
     )
 
 
+def _map_of(scene: ControlScene) -> object:
+    """Return the map by which the controller knows its worm."""
+    found = identified_of(scene)
+    return None if found is None else found.as_dict()
+
+
 MODEL = Model(
     name="worm_control",
     title="the 3D worm with a controller, sensors and a reference",
@@ -114,6 +120,7 @@ MODEL = Model(
     view=worm_view.view,
     mesh=worm_view.mesh,
     watch=watch,
+    refers_to=_map_of,
     advice="try a smaller run.dt_s or reference.speed_m_s, a lighter worm or larger worm.spring_N",
     headlines=(
         ("speed_bias_relative", "speed bias", ""),

@@ -1,0 +1,143 @@
+from __future__ import annotations
+
+import pickle
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scenes.commands import packages
+from scenes.language.errors import SceneError
+from scenes.language.loader import find_scene
+from scenes.models.loading import load_scene, parse_scene, trusted_scene
+from scenes.sweep import key as keys
+from scenes.sweep.key import key_of
+from scenes.sweep.plan import LARGEST_SEED, Jobs, Plan, Source, planned
+
+SHORT = ("run.duration_s=0.5",)
+
+
+def plan(vary: dict[str, Any] | None = None, *overrides: str, scene: str = "planar_wave", **options: Any) -> Plan:
+    return planned(Source.of(scene, (*SHORT, *overrides)), vary, **options)
+
+
+def refused(*arguments: Any, **options: Any) -> list[str]:
+    with pytest.raises(SceneError) as error:
+        plan(*arguments, **options)
+    return list(error.value.lines)
+
+
+def test_each_case_is_the_scene_with_its_values_and_a_seed_of_its_own() -> None:
+    found = plan({"gait.period_s": [2, 3], "gait.direction": "direct,retrograde"})
+    jobs = Jobs("planar_wave", found.cases, Path("/x"), results=False)
+    assert len(jobs) == 4
+    for case, job in zip(found.cases, jobs, strict=True):
+        written = tomllib.loads(job.scene)
+        assert written["gait"]["period_s"] == case.values["gait.period_s"]
+        assert written["gait"]["direction"] == case.values["gait.direction"]
+        assert written["run"]["duration_s"] == 0.5
+        assert 0 < written["seed"] == case.seed <= LARGEST_SEED
+        assert job.path == f"/x/{job.key}.json"
+        assert pickle.loads(pickle.dumps(job)) == job
+        assert key_of(trusted_scene(job.scene, job.name)) == job.key
+    assert len({case.seed for case in found.cases}) == 4
+    assert [job.key for job in jobs[1:3]] == [case.key for case in found.cases[1:3]]
+
+
+def test_a_seed_depends_on_base_seed_and_values_not_on_order_nor_on_other_cases() -> None:
+    one = {
+        tuple(sorted(case.values.items())): case
+        for case in plan({"gait.period_s": "2,3", "gait.amplitude": "0.1,0.2"}).cases
+    }
+    other = plan({"gait.amplitude": "0.2", "gait.period_s": "3.0,2.5,2"}).cases
+    for case in (other[0], other[2]):
+        earlier = one[tuple(sorted(case.values.items()))]
+        assert (earlier.seed, earlier.key) == (case.seed, case.key), "3 and 3.0 seconds are the same"
+    text = (
+        find_scene("planar_wave").read_text().replace('model = "planar_linkage"', 'model = "planar_linkage"\nseed = 1')
+    )
+    based = planned(Source(text, "planar_wave", None, SHORT), {"gait.amplitude": "0.2", "gait.period_s": "3"}).cases[0]
+    assert based.seed != other[0].seed
+
+
+def test_a_seed_that_is_varied_or_fixed_is_taken_as_given() -> None:
+    assert [case.seed for case in plan({"seed": "0:3:4"}).cases] == [0, 1, 2, 3]
+    assert [case.seed for case in plan({"gait.period_s": "2,3"}, "seed=7").cases] == [7, 7]
+
+
+def test_the_key_is_of_scene_programs_files_and_maps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = key_of(load_scene("planar_wave"))
+    assert key_of(load_scene("planar_wave", ["run.dt_s=0.01"])) == now
+    assert key_of(load_scene("planar_wave", ["seed=1"])) != now
+    with monkeypatch.context() as patch:
+        patch.setattr(keys, "sources", lambda: "other")
+        assert key_of(load_scene("planar_wave")) != now
+    mesh = (packages.HOME / "scenes" / "mesh_tunnel.stl").read_bytes()
+    (tmp_path / "tunnel.stl").write_bytes(mesh)
+    of_file = [f"world.file={tmp_path / 'tunnel.stl'}"]
+    before = key_of(load_scene("mesh_tunnel", of_file))
+    (tmp_path / "tunnel.stl").write_bytes(mesh[:70] + b"x" + mesh[71:])  # of its title
+    assert key_of(load_scene("mesh_tunnel", of_file)) != before
+    controlled = load_scene("path_line")
+    with_map = key_of(controlled)
+    monkeypatch.setattr(sys.modules["scenes.models.control.model"], "identified_of", lambda scene: None)
+    assert key_of(controlled) != with_map
+
+
+def test_mistakes_are_told_once_with_the_values_of_the_first_case_that_has_them() -> None:
+    wide = {"gait.period_s": "0.01,0.02,2,3", "gait.amplitude": "0.1,0.2"}
+    assert refused(wide) == [
+        "with gait.period_s = 0.01, gait.amplitude = 0.1 (and 3 cases more): gait.period_s: got 0.01 s: must be at least "
+        "10 times run.dt_s (0.01 s), or the wave falls between the steps"
+    ]
+    assert refused({"gait.perod_s": "1,2"}) == ["gait.perod_s: unknown key; did you mean 'period_s'?"]
+    assert refused({"gait.perod_s": "1,2"}, "worm.sgments=3") == [
+        "override worm.sgments: unknown key; did you mean 'segments'?"
+    ]
+    (line, last) = refused({"gait.period_s": "0.001:0.01:2000"})
+    assert line.startswith("with gait.period_s = 0.001 (and 19 cases more): gait.period_s: got 0.001 s")
+    assert last == "20 of the first 20 cases are wrong; the other 1980 were not checked"
+    assert refused({"gait.period_s": "2,3"}, "gait.period_s=4") == [
+        "gait.period_s: both varied and fixed by an override (-o); leave one of them out"
+    ]
+
+
+SWEPT = """
+model = "planar_linkage"
+[run]
+duration_s = 0.5
+"""
+
+
+@pytest.mark.parametrize(
+    ("section", "cases"),
+    [
+        ('[sweep]\nvary = { "worm.segments" = [3, 4], "gait.period_s" = "1:3:2" }', 4),
+        ("[sweep.vary]\nworm.segments = [3, 4]\ngait.period_s = [1.0, 3.0]", 4),
+        ("[sweep]\nrandom = 3\nvary.gait.period_s = '1:3'", 3),
+    ],
+)
+def test_a_scene_may_say_itself_what_is_varied(section: str, cases: int) -> None:
+    found = planned(Source(f"{SWEPT}\n{section}", "swept"))
+    assert len(found.cases) == cases
+    assert "sweep" not in found.base.to_toml()
+    asked = planned(Source(f"{SWEPT}\n{section}", "swept"), {"gait.amplitude": "0.1,0.2"})
+    assert [each.key for each in asked.design.varied] == ["gait.amplitude"], "the command line wins"
+
+
+@pytest.mark.parametrize(
+    ("section", "complaint"),
+    [
+        ("[sweep]\nvaried = 3", "line 6: sweep.varied: unknown key; did you mean 'vary'?"),
+        ("[sweep]\nvary = 3", "line 6: sweep.vary: got 3: input should be a valid dictionary"),
+        ("sweep = 3", "line 5: run.sweep: unknown key"),
+        ("[sweep]\nrandom = 0\nvary = {}", "line 6: sweep.random: got 0: input should be greater than or equal to 1"),
+        ("[sweep]\nrandom = 3", "sweep.vary: missing"),
+    ],
+)
+def test_a_wrong_section_is_told_by_its_line(section: str, complaint: str) -> None:
+    with pytest.raises(SceneError) as error:
+        parse_scene(f"{SWEPT}{section}", "swept")
+    assert complaint in str(error.value)
