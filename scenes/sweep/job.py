@@ -103,9 +103,9 @@ def _keep(job: Job, record: Record) -> None:
 
 def _failed(job: Job, scene: Scene, error: Exception) -> Ended:
     """Write the file of a case without a record."""
-    name = type(error).__name__
-    sentence = printable(" ".join(str(error).split()) or name)
-    sentence = sentence if isinstance(error, ValueError) or name.endswith("SceneError") else f"{name}: {sentence}"
+    kind, words = type(error).__name__, " ".join(str(error).split())
+    explained = bool(words) and isinstance(error, ValueError | SceneError)
+    sentence = printable(words if explained else f"{kind}: {words}".removesuffix(": "))
     data, model = tomllib.loads(job.scene), scene.model.name
     result = CaseResult(
         job.key, job.name, model, FAILED, sentence, scene.settings.seed, versions=versions(), scene=data

@@ -89,8 +89,8 @@ def test_the_key_is_of_scene_programs_files_and_maps(tmp_path: Path, monkeypatch
 def test_mistakes_are_told_once_with_the_values_of_the_first_case_that_has_them() -> None:
     wide = {"gait.period_s": "0.01,0.02,2,3", "gait.amplitude": "0.1,0.2"}
     assert refused(wide) == [
-        "with gait.period_s = 0.01, gait.amplitude = 0.1 (and 3 cases more): gait.period_s: got 0.01 s: must be at least "
-        "10 times run.dt_s (0.01 s), or the wave falls between the steps"
+        "with gait.period_s = 0.01, gait.amplitude = 0.1 (and 3 cases more): gait.period_s: got 0.01 s: must be at "
+        "least 10 times run.dt_s (0.01 s), or the wave falls between the steps"
     ]
     assert refused({"gait.perod_s": "1,2"}) == ["gait.perod_s: unknown key; did you mean 'period_s'?"]
     assert refused({"gait.perod_s": "1,2"}, "worm.sgments=3") == [

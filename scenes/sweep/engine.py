@@ -1,0 +1,151 @@
+"""Engine of a sweep: finds which cases are missing in its folder, has them run, and gives what all came to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from scenes.language.errors import DiscError, SceneError
+from scenes.records.folder import PREFIX, made
+from scenes.sweep.case_file import CASES, FAILED, NOT_RUN, CaseResult
+from scenes.sweep.executors import Executor, Stopped
+from scenes.sweep.job import Ended, found, perform
+from scenes.sweep.plan import Case, Jobs, Plan
+
+
+@dataclass
+class Progress:
+    """How far a sweep has come."""
+
+    total: int
+    """Number of cases, each counted once."""
+    kept: int
+    """Number of those that were in the folder already."""
+    ran: int = 0
+    """Number of those that have come to their end since."""
+    failed: int = 0
+    """Number of those that diverged or failed, earlier ones among them."""
+
+
+@dataclass
+class Sweep:
+    """A sweep in its folder."""
+
+    plan: Plan
+    folder: Path
+    results: bool = False
+    """Whether the files of the cases hold whole records."""
+    _lost: dict[str, str] = field(default_factory=dict)
+    """Why a case that has no file failed, by key."""
+
+    def run(
+        self,
+        executor: Executor,
+        stopped: Stopped = lambda: False,
+        watch: Callable[[Progress], None] = lambda progress: None,
+        *,
+        anew: bool = False,
+        retry_failed: bool = False,
+    ) -> Progress:
+        """Run the cases that the folder lacks and return how far it came.
+
+        Parameters
+        ----------
+        executor : Executor
+        stopped : callable
+            Asked now and then; where it returns True, no further case is begun.
+        watch : callable
+            Called at the begin and after each case.
+        anew, retry_failed : bool
+            Run all cases again, or those that diverged or failed.
+
+        Raises
+        ------
+        SceneError
+            The disc refused a file, or a package is missing where the cases run.
+        """
+        made(self.cases_folder)
+        jobs = self._jobs(tuple({case.key: case for case in self.plan.cases}.values()))
+        missing, failed = self._missing(jobs, anew=anew, retry_failed=retry_failed)
+        progress = Progress(len(jobs), len(jobs) - len(missing), failed=failed)
+        watch(progress)
+        try:
+            for ended in executor.run(missing, perform, stopped) if len(missing) else ():
+                self._note(ended, progress)
+                watch(progress)
+        finally:
+            self._remove_parts()
+        return progress
+
+    def ended(self) -> Iterator[CaseResult]:
+        """Yield what each case of the design came to, in its order."""
+        jobs = self._jobs(self.plan.cases)
+        for case, job in zip(self.plan.cases, jobs, strict=True):
+            yield found(job) or self._without_file(case)
+
+    @property
+    def cases_folder(self) -> Path:
+        """Folder of the files of the cases."""
+        return self.folder.resolve() / CASES
+
+    def _jobs(self, cases: tuple[Case, ...]) -> Jobs:
+        return Jobs(self.plan.base.name, cases, self.cases_folder, self.results)
+
+    def _missing(self, jobs: Jobs, *, anew: bool, retry_failed: bool) -> tuple[Jobs, int]:
+        """Return the jobs that are to be run, and how many others have failed; what is outdated is removed."""
+        missing, failed = [], 0
+        for case, job in zip(jobs.cases, jobs, strict=True):
+            earlier = found(job)
+            if earlier is not None and not anew and (earlier.status == "done" or not retry_failed):
+                failed += earlier.status != "done"
+                continue
+            for suffix in (".json", ".nc"):
+                _remove(Path(job.path).with_suffix(suffix))
+            missing.append(case)
+        return replace(jobs, cases=tuple(missing)), failed
+
+    def _note(self, ended: Ended, progress: Progress) -> None:
+        progress.ran += 1
+        if ended.status != "done":
+            progress.failed += 1
+            self._lost[ended.key] = ended.reason
+
+    def _without_file(self, case: Case) -> CaseResult:
+        reason = self._lost.get(case.key)
+        status, sentence = (NOT_RUN, "the sweep was stopped before") if reason is None else (FAILED, reason)
+        return CaseResult(case.key, self.plan.base.name, self.plan.base.model.name, status, sentence, case.seed)
+
+    def _remove_parts(self) -> None:
+        """Remove what killed workers left of files that they were writing."""
+        with suppress(OSError):
+            for path in self.cases_folder.glob(f"{PREFIX}*.part"):
+                _remove(path)
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise DiscError.writing(path, error) from error
+
+
+def require_place(folder: Path, *, force: bool) -> None:
+    """Check that a folder may hold a sweep: there is none, it is empty, holds a sweep already, or `force` is set.
+
+    Raises
+    ------
+    SceneError
+        It holds something else.
+    DiscError
+        It cannot be read.
+    """
+    try:
+        there = [path for path in folder.iterdir() if not path.name.startswith(PREFIX)] if folder.is_dir() else []
+    except OSError as error:
+        raise DiscError.writing(folder, error) from error
+    if there and not force and not (folder / CASES).is_dir():
+        raise SceneError(
+            f"{folder} is not empty, and no folder of a sweep: choose another --out, or write to it with --force"
+        )

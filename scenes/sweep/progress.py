@@ -1,0 +1,82 @@
+"""Progress of a sweep on standard error: a bar on a terminal, else a line now and then."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import typer
+
+from scenes.commands.terminal import counted
+from scenes.sweep.engine import Progress
+
+Watch = Callable[[Progress], None]
+
+BETWEEN_LINES_S = 30.0
+"""Shortest time between two lines where there is no terminal [s]."""
+
+
+@contextmanager
+def shown(title: str, *, quiet: bool) -> Iterator[Watch]:
+    """Give a function to call with the progress at the begin and after each case: rate, time left, failures."""
+    if quiet:
+        yield lambda progress: None
+    elif sys.stderr.isatty():
+        yield from _bar(title)
+    else:
+        yield _Lines(title)
+
+
+def summed_up(progress: Progress, seconds: float) -> str:
+    """Return how far a sweep has come: `57 of 200 cases, 3 failed, 1.9 cases/s, 75 s left`."""
+    done = progress.kept + progress.ran
+    parts = [f"{done} of {counted(progress.total, 'case')}"]
+    if progress.kept:
+        parts.append(f"{progress.kept} kept from before")
+    if progress.failed:
+        parts.append(f"{progress.failed} failed")
+    if progress.ran and seconds > 0.0:
+        rate = progress.ran / seconds
+        parts.append(f"{rate:.2g} cases/s" if rate < 10 else f"{rate:.0f} cases/s")
+        if left := progress.total - done:
+            parts.append(f"{_duration(left / rate)} left")
+    return ", ".join(parts)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+
+
+class _Lines:
+    def __init__(self, title: str) -> None:
+        self._title, self._begun, self._told = title, time.monotonic(), 0.0
+
+    def __call__(self, progress: Progress) -> None:
+        """Print a line, unless the last one is recent."""
+        now = time.monotonic()
+        if progress.ran == 0:
+            self._begun = now
+        elif now - self._told < BETWEEN_LINES_S:
+            return
+        self._told = now
+        typer.echo(f"{self._title}: {summed_up(progress, now - self._begun)}", err=True)
+
+
+def _bar(title: str) -> Iterator[Watch]:
+    from rich.console import Console  # takes as long as a short run
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bars
+
+    begun = time.monotonic()
+    with Bars(TextColumn(title), BarColumn(), TextColumn("{task.description}"), console=Console(stderr=True)) as bars:
+        task = bars.add_task("", total=None)
+
+        def show(progress: Progress) -> None:
+            text = summed_up(progress, time.monotonic() - begun)
+            bars.update(task, total=progress.total, completed=progress.kept + progress.ran, description=text)
+
+        yield show
