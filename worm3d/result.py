@@ -148,11 +148,16 @@ class Result(Recorded, Steps):
 
     def summary(self) -> metrics.Summary:
         """Return the metrics of the run by name, printed as a table; None where one has no value (`reasons`)."""
-        return metrics.Summary({name: value for name, (value, _) in metrics.metrics_of(self).items()})
+        return metrics.Summary({name: value for name, (value, _) in self._metrics.items()})
 
     def reasons(self) -> dict[str, str]:
         """Return why metrics of the summary have no value."""
-        return {name: why for name, (value, why) in metrics.metrics_of(self).items() if value is None}
+        return {name: why for name, (value, why) in self._metrics.items() if value is None}
+
+    @cached_property
+    def _metrics(self) -> dict[str, metrics.Metric]:
+        """Metrics of the run, and why one has no value."""
+        return metrics.metrics_of(self)
 
 
 def load(path: str | PathLike[str], *, worm: Worm | None = None, world: Any = ...) -> Result:
