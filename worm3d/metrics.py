@@ -160,8 +160,14 @@ def _normals(world: World, places: FloatArray, length: float) -> FloatArray:
     return normals
 
 
-UNITS = {"_m_s": "m/s", "_deg": "deg", "_m": "m", "_s": "s", "_J": "J"}
-"""Unit of a metric by the ending of its name."""
+UNITS = {
+    **{f"_{unit}": unit for unit in ("m", "s", "ms", "deg", "J", "N", "kg")},
+    "_m_s": "m/s",
+    "_J_per_m": "J/m",
+    "_BL_per_period": "BL/period",
+    "_bl": "BL",
+}
+"""Unit of a metric by the ending of its name, of which the longest counts; BL is a body length."""
 
 
 ROUNDING = {"deg": 1e-9, "m": 1e-12, "m/s": 1e-12}
@@ -173,6 +179,12 @@ def written(value: float, unit: str, digits: int = 6) -> str:
     return f"{0.0 if abs(value) < ROUNDING.get(unit, 0.0) else value:.{digits}g}"
 
 
+def named(metric: str) -> tuple[str, str]:
+    """Return the name of a metric in words, and its unit: `mean_speed_m_s` is ("mean speed", "m/s")."""
+    ending = max((ending for ending in UNITS if metric.endswith(ending)), key=len, default="")
+    return metric.removesuffix(ending).replace("_", " "), UNITS.get(ending, "")
+
+
 class Summary(dict[str, float | str | None]):
     """Metrics by name; printed as a table with units."""
 
@@ -182,10 +194,9 @@ class Summary(dict[str, float | str | None]):
 
     def row(self, name: str, digits: int = 6) -> tuple[str, str, str]:
         """Return a metric as name, value and unit to print."""
-        value, ending = self[name], next((ending for ending in UNITS if name.endswith(ending)), "")
-        unit = UNITS.get(ending, "")
+        value, (words, unit) = self[name], named(name)
         shown = "-" if value is None else value if isinstance(value, str) else written(value, unit, digits)
-        return name.removesuffix(ending).replace("_", " "), shown, unit
+        return words, shown, unit
 
 
 Metric = tuple[float | str | None, str]

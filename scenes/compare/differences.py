@@ -12,7 +12,7 @@ import numpy as np
 from scenes.compare.sources import Source, flat
 from scenes.records import measured
 from scenes.records.record import Record
-from worm3d.metrics import ROUNDING, UNITS
+from worm3d.metrics import ROUNDING, named
 from worm3d.values.arrays import FloatArray
 
 NOT_SHOWN = ("model", "title")
@@ -80,8 +80,7 @@ def series(given: Sequence[Source]) -> list[Difference]:
 
 def unit_of(name: str) -> str:
     """Return the unit of a figure by the ending of its name."""
-    endings = {**UNITS, "_J_per_m": "J/m", "_N": "N", "_kg": "kg", "_ms": "ms", "_BL_per_period": "BL/period"}
-    return next((unit for ending, unit in endings.items() if name.endswith(ending)), "1")
+    return named(name)[1] or "1"
 
 
 def _is_number(value: object) -> bool:

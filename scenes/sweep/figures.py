@@ -1,0 +1,223 @@
+"""Figures of a sweep: a metric over one or two varied keys; cases that failed are marked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from scenes.sweep.design import CASE, SAMPLE, Varied
+from scenes.sweep.table import Table, cell, is_numeric
+from worm3d.values.arrays import FloatArray
+
+FAILED: dict[str, Any] = {"marker": "x", "color": "C3", "s": 36, "linewidths": 1.5}
+
+MOST_TICKS = 12
+"""Largest number of values that are all named along an axis."""
+MOST_NUMBERS = 64
+"""Largest number of cells of a map that have their numbers in them."""
+MOST_CURVES = 12
+"""Largest number of curves that a legend names."""
+LEAST_DECADES = 8.0
+"""Ratio of the largest to the smallest value from which on an axis may be logarithmic."""
+CATEGORIES = ("run.seed",)
+"""Keys whose numbers are mere names."""
+
+
+def draw(table: Table, metric: str, label: str, title: str) -> Figure:
+    """Return the figure of a metric of a sweep over one or two keys.
+
+    One key gives a curve (points, if its values were drawn), two numbers a map (coloured points), a number and a
+    category a curve for each category.
+    """
+    figure = Figure(figsize=(6.4, 4.4), layout="constrained", dpi=120)
+    axes = figure.subplots()
+    values = table.figures[metric]
+    numbers = [each for each in table.design.varied if _is_axis(each)]
+    others = [each for each in table.design.varied if not _is_axis(each)]
+    if len(numbers) == 2 and len(table.design.sizes) == 2 and not any(map(_is_drawn, numbers)):
+        _draw_map(axes, table, numbers, values, label)
+    elif len(numbers) == 2:
+        _draw_points(axes, table, numbers, values, label)
+    elif len(others) == 2:
+        _draw_map(axes, table, others, values, label)
+    elif numbers:
+        _draw_curves(axes, table, numbers[0], others, values, label)
+    else:
+        _draw_bars(axes, table, others[0], values, label)
+    lost = int(table.failed.sum())
+    said = f"; {lost} of {len(table)} cases failed (x)" if lost else ""
+    axes.set_title(f"{title}: {label}{said}", fontsize=10)
+    return figure
+
+
+def _is_axis(varied: Varied) -> bool:
+    return is_numeric(varied) and varied.key not in CATEGORIES
+
+
+def _is_drawn(varied: Varied) -> bool:
+    return varied.dim in (CASE, SAMPLE)
+
+
+def _along(table: Table, varied: Varied) -> NDArray[Any]:
+    """Return the value of a key in each case, shape (C,), numbers or texts."""
+    values = [case[varied.key] for case in table.values()]
+    return np.array(values, dtype=float) if is_numeric(varied) else np.array(values, dtype=str)
+
+
+def _draw_curves(
+    axes: Axes, table: Table, varied: Varied, others: list[Varied], values: FloatArray, label: str
+) -> None:
+    """Draw a metric over a number: a curve for each value of another key."""
+    x = _along(table, varied)
+    style = "o" if _is_drawn(varied) else "o-"
+    for name, chosen in _groups(table, others):
+        order = np.flatnonzero(chosen)[np.argsort(x[chosen], kind="stable")]
+        axes.plot(x[order], values[order], style, ms=4, label=name)
+        axes.scatter(x[chosen & table.failed], 0.03 + 0.0 * x[chosen & table.failed], transform=_foot(axes), **FAILED)
+    if others and len(axes.lines) <= MOST_CURVES:
+        axes.legend(title=others[0].key, fontsize=8, title_fontsize=8)
+    _scale(axes, "x", x)
+    _name(axes, varied.key, label)
+
+
+def _groups(table: Table, others: list[Varied]) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+    """Yield the cases that have each value of a key, if there is one, and else all cases."""
+    if not others:
+        yield "", np.ones(len(table), dtype=bool)
+    for key in others:
+        along = _along(table, key)
+        for value in dict.fromkeys(along.tolist()):
+            yield f"{value:g}" if isinstance(value, float) else value, along == value
+
+
+def _draw_bars(axes: Axes, table: Table, varied: Varied, values: FloatArray, label: str) -> None:
+    """Draw a metric for each value of a category; cases that share one are points."""
+    names = [str(value) for value in _along(table, varied).tolist()]
+    places = {name: place for place, name in enumerate(dict.fromkeys(names))}
+    x = np.array([places[name] for name in names], dtype=float)
+    if len(places) == len(names):
+        axes.bar(x, values, width=0.6)
+        axes.axhline(0.0, color="0.4", lw=0.8)
+    else:
+        axes.plot(x, values, "o", ms=4, alpha=0.7)
+    axes.scatter(x[table.failed], 0.03 + 0.0 * x[table.failed], transform=_foot(axes), **FAILED)
+    _ticks(axes, "x", list(places))
+    _name(axes, varied.key, label)
+
+
+def _draw_points(axes: Axes, table: Table, keys: list[Varied], values: FloatArray, label: str) -> None:
+    """Draw cases as points in the plane of two numbers, coloured by a metric."""
+    x, y = (_along(table, key) for key in keys)
+    shown = np.isfinite(values)
+    points = axes.scatter(x[shown], y[shown], c=values[shown], s=28, **_colours(values))
+    axes.scatter(x[table.failed], y[table.failed], **FAILED)
+    assert isinstance(axes.figure, Figure)
+    axes.figure.colorbar(points, ax=axes, label=label)
+    for which, along in (("x", x), ("y", y)):
+        _scale(axes, which, along)
+    _name(axes, keys[0].key, keys[1].key)
+
+
+def _draw_map(axes: Axes, table: Table, keys: list[Varied], values: FloatArray, label: str) -> None:
+    """Draw a metric over a grid of two keys, the first along x."""
+    sizes = list(table.design.sizes.values())
+    marks = [_marks(key) for key in keys]
+    orders = [np.argsort(each, kind="stable") for each in marks]
+    x, y = (each[order] for each, order in zip(marks, orders, strict=True))
+    cells = values.reshape(sizes)[np.ix_(*orders)].T
+    failed = table.failed.reshape(sizes)[np.ix_(*orders)].T
+    mesh = axes.pcolormesh(_edges(x), _edges(y), np.ma.masked_invalid(cells), **_colours(values))
+    axes.set_facecolor("0.92")
+    rows, columns = np.nonzero(failed)
+    axes.scatter(x[columns], y[rows], **FAILED)
+    if cells.size <= MOST_NUMBERS:
+        for (row, column), value in np.ndenumerate(cells):
+            if np.isfinite(value):
+                style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7, "color": _ink(mesh, value)}
+                axes.text(float(x[column]), float(y[row]), f"{value:.3g}", **style)
+    assert isinstance(axes.figure, Figure)
+    axes.figure.colorbar(mesh, ax=axes, label=label)
+    for which, key, along in (("x", keys[0], x), ("y", keys[1], y)):
+        if _is_axis(key):
+            _scale(axes, which, along)
+        else:
+            _ticks(axes, which, [str(cell(value)) for value in key.values])
+    _name(axes, keys[0].key, keys[1].key)
+
+
+def _marks(varied: Varied) -> FloatArray:
+    """Return where the values of a key stand along its axis."""
+    return np.array(varied.values if _is_axis(varied) else range(len(varied.values)), dtype=float)
+
+
+def _edges(marks: FloatArray) -> FloatArray:
+    """Return the edges of cells about ascending marks: half-way, on a logarithmic axis as it is seen there."""
+    if len(marks) == 1:
+        half = 0.5 * abs(float(marks[0])) or 0.5
+        return np.array([marks[0] - half, marks[0] + half])
+    logarithmic = _is_logarithmic(marks)
+    seen = np.log(marks) if logarithmic else marks
+    inner = 0.5 * (seen[1:] + seen[:-1])
+    edges = np.concatenate([[2.0 * seen[0] - inner[0]], inner, [2.0 * seen[-1] - inner[-1]]])
+    found: FloatArray = np.exp(edges) if logarithmic else edges
+    return found
+
+
+def _is_logarithmic(values: FloatArray) -> bool:
+    """Return whether values span much, and their middle is nearer to the geometric mean of the ends."""
+    low, high = float(values.min()), float(values.max())
+    if low <= 0.0 or high < LEAST_DECADES * low:
+        return False
+    geometric, arithmetic = np.sqrt(low * high), 0.5 * (low + high)
+    return bool(np.median(values) < np.sqrt(geometric * arithmetic))
+
+
+def _scale(axes: Axes, which: str, values: FloatArray) -> None:
+    """Choose the scale of an axis, and name all values along it if they are few."""
+    if _is_logarithmic(values):
+        getattr(axes, f"set_{which}scale")("log")
+    distinct = np.unique(values)
+    if len(distinct) <= MOST_TICKS:
+        getattr(axes, f"set_{which}ticks")(distinct, [f"{value:g}" for value in distinct])
+        getattr(axes, f"set_{which}ticks")([], minor=True)
+
+
+def _ticks(axes: Axes, which: str, names: list[str]) -> None:
+    """Name categories along an axis, the first ones if they are many."""
+    step = 1 + (len(names) - 1) // (3 * MOST_TICKS)
+    turned = which == "x" and sum(map(len, names)) > 60
+    getattr(axes, f"set_{which}ticks")(range(0, len(names), step), names[::step], rotation=30 if turned else 0)
+    if turned:
+        for text in axes.get_xticklabels():
+            text.set_horizontalalignment("right")
+
+
+def _colours(values: FloatArray) -> dict[str, Any]:
+    """Return colours that tell signs apart where a metric has both."""
+    known = values[np.isfinite(values)]
+    low, high = float(known.min()), float(known.max())
+    if low < 0.0 < high:
+        most = max(-low, high)
+        return {"cmap": "RdBu", "vmin": -most, "vmax": most}
+    return {"cmap": "viridis", "vmin": low, "vmax": high}
+
+
+def _ink(mesh: Any, value: float) -> str:
+    red, green, blue, _ = mesh.cmap(mesh.norm(value))
+    return "black" if 0.3 * red + 0.59 * green + 0.11 * blue > 0.5 else "white"
+
+
+def _foot(axes: Axes) -> Any:
+    """Return the transform of points given by x and the share of the height of the panel."""
+    return axes.get_xaxis_transform()
+
+
+def _name(axes: Axes, x: str, y: str) -> None:
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.grid(alpha=0.3)

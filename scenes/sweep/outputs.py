@@ -1,0 +1,211 @@
+"""What a sweep leaves behind beside its cases: a table, a data set, a summary, and figures.
+
+`sweep.csv` has a row for each case, `sweep.nc` an array for each figure over the varied keys (NetCDF4, in the format of
+`worm3d.values.netcdf`). Neither depends on the order in which the cases were run, nor on where: wall-clock figures are
+in the group `timing` of `sweep.nc` only.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenes.commands.packages import versions
+from scenes.commands.terminal import HEADLINES
+from scenes.models.base import Status
+from scenes.models.loading import Scene
+from scenes.records.drawing import save_figure
+from scenes.records.folder import SUMMARY, write_bytes, written_whole
+from scenes.records.record import Cell, Metric, Summary
+from scenes.records.text import aligned, json_bytes
+from scenes.sweep.case_file import NOT_RUN, CaseResult
+from scenes.sweep.design import Design, Varied
+from scenes.sweep.table import OF_A_CASE, Table, cell, is_numeric
+from worm3d.metrics import named, written
+from worm3d.values import netcdf
+from worm3d.values.arrays import FloatArray
+from worm3d.values.netcdf import Content
+from worm3d.values.variable import Variable
+
+CSV, DATASET = "sweep.csv", "sweep.nc"
+FIGURE = "sweep_{}.png"
+"""Name of the figure of a metric."""
+
+NOT_DRAWN = ("energy_balance_error",)
+"""Headlines that say how good a run is numerically, not what it came to."""
+
+MOST_ROWS = 1000
+"""Largest number of cases, and of failures, that `summary.json` lists; `sweep.csv` has all."""
+MOST_LINES = 20
+"""Largest number of cases in the report at the end."""
+
+PER_CASE = "a sweep has one for each case: see sweep.csv"
+NONE_DONE = "no case came to its end"
+NO_SINGLE_VALUE = (
+    *("distance_m", "path_length_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J", "work_friction_J"),
+    *("cost_of_transport", "real_time_factor"),
+)
+"""Figures of every `summary.json` that a sweep has one of for each case."""
+
+EMPTY: tuple[Cell, ...] = (None, "")
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written, and how the sweep ended."""
+
+    status: Status
+    """`done`, `incomplete` if a case failed, `interrupted` if one was not run."""
+    table: Table
+    summary: Summary
+    paths: tuple[Path, ...]
+
+
+def write_outputs(folder: Path, base: Scene, design: Design, results: Iterable[CaseResult]) -> Written:
+    """Write the outputs of a sweep into its folder, each whole or not at all.
+
+    Parameters
+    ----------
+    folder : Path
+    base : Scene
+        Scene of which keys are varied.
+    design : Design
+    results : iterable of CaseResult
+        What each case came to, in the order of `design.cases()`; of those without a file with the status `not run`.
+
+    Raises
+    ------
+    DiscError
+        A file cannot be written.
+    """
+    table = Table.of(design, results)
+    summary = _summary(table)
+    with written_whole(folder / CSV) as part:
+        _write_csv(table, part)
+    write_bytes(folder / DATASET, netcdf.packed(netcdf.signed(_content(base, table, summary))))
+    write_bytes(folder / SUMMARY, json_bytes(summary.to_dict()))
+    figures = tuple(_draw(folder, base, table))
+    status: Any = summary["status"]
+    return Written(status, table, summary, (folder / CSV, folder / DATASET, folder / SUMMARY, *figures))
+
+
+def headlines(base: Scene) -> dict[str, tuple[str, str]]:
+    """Return the figures that matter most, by their names in the summary: label and unit."""
+    given = (*HEADLINES, *base.model.headlines)
+    return {name: (label, unit) for name, label, unit in given if name not in NOT_DRAWN}
+
+
+def report(base: Scene, table: Table) -> list[str]:
+    """Return the lines of the cases for a terminal, the first ones if they are many: values and headlines."""
+    shown = {name: each for name, each in headlines(base).items() if name in table.figures}
+    keys = [varied.key for varied in table.design.varied]
+    header = [*keys, *(f"{label} [{unit}]" if unit else label for label, unit in shown.values()), "status"]
+    rows = []
+    for row, _ in zip(table.rows(), range(MOST_LINES), strict=False):
+        figures = (_shown(row[name], unit) for name, (_, unit) in shown.items())
+        rows.append([*(str(row[key]) for key in keys), *figures, str(row["status"])])
+    more = [f"and {len(table) - MOST_LINES} more: see {CSV}"] if len(table) > MOST_LINES else []
+    return [*aligned(header, rows), *more]
+
+
+def _shown(figure: Cell, unit: str) -> str:
+    return written(figure, unit, 5) if isinstance(figure, float | int) else "none"
+
+
+def _write_csv(table: Table, path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        keys = [varied.key for varied in table.design.varied]
+        case, *others = OF_A_CASE
+        writer = csv.DictWriter(file, [case, *keys, *others, *table.figures], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(table.rows())
+
+
+def _summary(table: Table) -> Summary:
+    """Return how the sweep ended, and its cases and failures, as far as these are not too many."""
+    done, failed, skipped = int(table.done.sum()), int(table.failed.sum()), table.status.count(NOT_RUN)
+    rows = [dict(row) for row in table.rows()] if len(table) <= MOST_ROWS else None
+    failures = [row for row, lost in zip(table.rows(), table.failed, strict=True) if lost][:MOST_ROWS]
+    keys = [varied.key for varied in table.design.varied]
+    metrics: dict[str, Metric] = {
+        "status": "interrupted" if skipped else "incomplete" if failed else "done",
+        "duration_s": _merged(table, "duration_s", np.sum) or 0.0,
+        **dict.fromkeys(NO_SINGLE_VALUE),
+        "energy_balance_error": _merged(table, "energy_balance_error", np.max),
+        "newton_iterations_mean": _merged(table, "newton_iterations_mean", np.mean),
+        "cases_total": len(table),
+        "cases_done": done,
+        "cases_diverged": table.status.count("diverged"),
+        "cases_failed": failed - table.status.count("diverged"),
+        "cases_not_run": skipped,
+        "vary": ", ".join(keys),
+        "cases": rows,
+        "failures": [{name: row[name] for name in ("case", *keys, "status", "reason")} for row in failures],
+    }
+    reasons = dict.fromkeys(NO_SINGLE_VALUE, PER_CASE)
+    reasons |= dict.fromkeys(("energy_balance_error", "newton_iterations_mean"), NONE_DONE)
+    return Summary(metrics, {**reasons, "cases": f"more than {MOST_ROWS}: see {CSV}"})
+
+
+def _merged(table: Table, name: str, merge: Any) -> float | None:
+    column = table.figures.get(name, np.array([]))
+    known = column[np.isfinite(column)]
+    return float(merge(known)) if known.size else None
+
+
+def _content(base: Scene, table: Table, summary: Summary) -> Content:
+    """Return a sweep as what its file says."""
+    sizes = table.design.sizes
+    seeds, texts = np.array(table.seeds), {"case": "key of the case", "status": "how it ended", "reason": "why"}
+    cells = {"case": table.keys, "status": table.status, "reason": table.reasons}
+    dims, shape = tuple(sizes), tuple(sizes.values())
+    attributes = {
+        "name": base.name,
+        "model": "sweep",
+        "scene": base.to_toml(),
+        "status": str(summary["status"]),
+        "sentence": f"{summary['cases_done']} of {summary['cases_total']} cases came to their end",
+        "seed": base.settings.seed,
+        "versions": json.dumps(versions()),
+        "summary": json.dumps({"status": summary["status"], "vary": summary["vary"], "reasons": {}}),
+    }
+    variables = (
+        *map(_coordinate, table.design.varied),
+        *(Variable(name, dims, np.array(cells[name]).reshape(shape), "1", text) for name, text in texts.items()),
+        Variable("seed", dims, seeds.reshape(shape), "1", "seed of everything random"),
+        *_figures(table.figures, dims, shape),
+    )
+    return Content(attributes, {netcdf.ROOT: variables, netcdf.TIMING: tuple(_figures(table.timing, dims, shape))})
+
+
+def _coordinate(varied: Varied) -> Variable:
+    values = varied.values if is_numeric(varied) else [str(cell(value)) for value in varied.values]
+    return Variable(varied.key, (varied.dim,), values, varied.unit or "1", varied.title or varied.key)
+
+
+def _figures(columns: dict[str, FloatArray], dims: tuple[str, ...], shape: tuple[int, ...]) -> Iterator[Variable]:
+    for name, column in columns.items():
+        words, unit = named(name)
+        yield Variable(name, dims, column.reshape(shape), unit or "1", words)
+
+
+def _draw(folder: Path, base: Scene, table: Table) -> Iterator[Path]:
+    """Draw the headlines over one or two varied keys; remove figures of an earlier sweep."""
+    for path in folder.glob(FIGURE.format("*")):
+        path.unlink()
+    if len(table.design.varied) > 2:
+        return
+    from scenes.sweep.figures import draw  # imports matplotlib
+
+    title = getattr(base.settings, "title", "") or base.name
+    for name, (label, unit) in headlines(base).items():
+        if np.isfinite(table.figures.get(name, np.nan)).any():
+            path = folder / FIGURE.format(name)
+            save_figure(draw(table, name, f"{label} [{unit}]" if unit else label, title), path)
+            yield path

@@ -1,0 +1,116 @@
+"""What the cases of a sweep came to, as columns: varied values, status, and every figure of their summaries."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenes.language.toml import value as toml_value
+from scenes.records.record import Cell, Metric
+from scenes.sweep.case_file import NOT_RUN, CaseResult
+from scenes.sweep.design import Design, Varied
+from worm3d.values.arrays import FloatArray
+
+DONE = "done"
+
+OF_A_CASE = ("case", "status", "reason", "seed")
+"""Columns that every table has, beside the varied keys and the figures."""
+
+
+@dataclass
+class Table:
+    """A row for each of C cases, in the order of the design."""
+
+    design: Design
+    keys: list[str] = field(default_factory=list)
+    """Key of each case, the stem of its file."""
+    status: list[str] = field(default_factory=list)
+    reasons: list[str] = field(default_factory=list)
+    """Why a case did not come to its end, or why figures of it have no value; empty if nothing is missing."""
+    seeds: list[int] = field(default_factory=list)
+    figures: dict[str, FloatArray] = field(default_factory=dict)
+    """Numbers of the summaries by name, each of shape (C,), NaN where a case has none."""
+    timing: dict[str, FloatArray] = field(default_factory=dict)
+    """Wall-clock figures likewise: they differ when a case is run again."""
+
+    @classmethod
+    def of(cls, design: Design, results: Iterable[CaseResult]) -> Table:
+        """Return the table of results, one for each case of a design, which are taken one at a time."""
+        table = cls(design)
+        for result in results:
+            table._add(result)
+        if len(table) != len(design):
+            raise ValueError(f"results: got {len(table)} of them, must be one for each of {len(design)} cases")
+        return table
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    def _add(self, result: CaseResult) -> None:
+        row = len(self)
+        ended = result.status == DONE
+        self.keys.append(result.key)
+        self.status.append(result.status)
+        self.reasons.append("; ".join(sorted(set(result.reasons.values()))) if ended else result.sentence)
+        self.seeds.append(result.seed)
+        if ended:
+            self._enter(self.figures, row, result.summary)
+            self._enter(self.timing, row, result.timing)
+
+    def _enter(self, columns: dict[str, FloatArray], row: int, metrics: Mapping[str, Metric]) -> None:
+        for name, metric in metrics.items():
+            number = float(len(metric)) if isinstance(metric, list) else metric
+            if isinstance(number, float | int):
+                if name not in columns:
+                    columns[name] = np.full(len(self.design), np.nan)
+                columns[name][row] = number
+
+    @property
+    def done(self) -> NDArray[np.bool_]:
+        """Whether each case came to its end, shape (C,)."""
+        done: NDArray[np.bool_] = np.array(self.status) == DONE
+        return done
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """Whether each case was run and did not come to its end, shape (C,)."""
+        failed: NDArray[np.bool_] = ~self.done & (np.array(self.status) != NOT_RUN)
+        return failed
+
+    def values(self) -> Iterator[dict[str, Cell]]:
+        """Yield the varied values of each case by key, as `cell` gives them."""
+        for case in self.design.cases():
+            yield {key: cell(value) for key, value in case.items()}
+
+    def rows(self) -> Iterator[dict[str, Cell]]:
+        """Yield each case: its key, values, status, reason, seed and figures by name."""
+        for row, values in enumerate(self.values()):
+            yield {
+                "case": self.keys[row],
+                **values,
+                "status": self.status[row],
+                "reason": self.reasons[row],
+                "seed": self.seeds[row],
+                **{name: _number(column[row]) for name, column in self.figures.items()},
+            }
+
+
+def cell(value: Any) -> Cell:
+    """Return a value of a scene as a table can hold it: a number, or a text; lists as TOML has them."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return toml_value(value)
+    return value
+
+
+def is_numeric(varied: Varied) -> bool:
+    """Return whether all values of a varied key are numbers."""
+    return all(isinstance(value, int | float) and not isinstance(value, bool) for value in varied.values)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
