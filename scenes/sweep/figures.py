@@ -64,9 +64,8 @@ def _is_drawn(varied: Varied) -> bool:
 
 
 def _along(table: Table, varied: Varied) -> NDArray[Any]:
-    """Return the value of a key in each case, shape (C,), numbers or texts."""
-    values = [case[varied.key] for case in table.values()]
-    return np.array(values, dtype=float) if is_numeric(varied) else np.array(values, dtype=str)
+    """Return the value of a key in each case, shape (C,): numbers, or texts of a category."""
+    return np.array([case[varied.key] for case in table.values()], dtype=float if _is_axis(varied) else str)
 
 
 def _draw_curves(
@@ -78,7 +77,7 @@ def _draw_curves(
     for name, chosen in _groups(table, others):
         order = np.flatnonzero(chosen)[np.argsort(x[chosen], kind="stable")]
         axes.plot(x[order], values[order], style, ms=4, label=name)
-        axes.scatter(x[chosen & table.failed], 0.03 + 0.0 * x[chosen & table.failed], transform=_foot(axes), **FAILED)
+    _mark_absent(axes, table, x, values)
     if others and len(axes.lines) <= MOST_CURVES:
         axes.legend(title=others[0].key, fontsize=8, title_fontsize=8)
     _scale(axes, "x", x)
@@ -92,12 +91,12 @@ def _groups(table: Table, others: list[Varied]) -> Iterator[tuple[str, NDArray[n
     for key in others:
         along = _along(table, key)
         for value in dict.fromkeys(along.tolist()):
-            yield f"{value:g}" if isinstance(value, float) else value, along == value
+            yield value, along == value
 
 
 def _draw_bars(axes: Axes, table: Table, varied: Varied, values: FloatArray, label: str) -> None:
     """Draw a metric for each value of a category; cases that share one are points."""
-    names = [str(value) for value in _along(table, varied).tolist()]
+    names = _along(table, varied).tolist()
     places = {name: place for place, name in enumerate(dict.fromkeys(names))}
     x = np.array([places[name] for name in names], dtype=float)
     if len(places) == len(names):
@@ -105,7 +104,7 @@ def _draw_bars(axes: Axes, table: Table, varied: Varied, values: FloatArray, lab
         axes.axhline(0.0, color="0.4", lw=0.8)
     else:
         axes.plot(x, values, "o", ms=4, alpha=0.7)
-    axes.scatter(x[table.failed], 0.03 + 0.0 * x[table.failed], transform=_foot(axes), **FAILED)
+    _mark_absent(axes, table, x, values)
     _ticks(axes, "x", list(places))
     _name(axes, varied.key, label)
 
@@ -147,7 +146,8 @@ def _draw_map(axes: Axes, table: Table, keys: list[Varied], values: FloatArray, 
             _scale(axes, which, along)
         else:
             _ticks(axes, which, [str(cell(value)) for value in key.values])
-    _name(axes, keys[0].key, keys[1].key)
+    axes.set_xlabel(keys[0].key)
+    axes.set_ylabel(keys[1].key)
 
 
 def _marks(varied: Varied) -> FloatArray:
@@ -183,7 +183,7 @@ def _scale(axes: Axes, which: str, values: FloatArray) -> None:
         getattr(axes, f"set_{which}scale")("log")
     distinct = np.unique(values)
     if len(distinct) <= MOST_TICKS:
-        getattr(axes, f"set_{which}ticks")(distinct, [f"{value:g}" for value in distinct])
+        getattr(axes, f"set_{which}ticks")(distinct, [f"{value:.4g}" for value in distinct])
         getattr(axes, f"set_{which}ticks")([], minor=True)
 
 
@@ -212,12 +212,17 @@ def _ink(mesh: Any, value: float) -> str:
     return "black" if 0.3 * red + 0.59 * green + 0.11 * blue > 0.5 else "white"
 
 
-def _foot(axes: Axes) -> Any:
-    """Return the transform of points given by x and the share of the height of the panel."""
-    return axes.get_xaxis_transform()
+def _mark_absent(axes: Axes, table: Table, x: FloatArray, values: FloatArray) -> None:
+    """Mark cases that failed, and those without a value, at the foot of a panel."""
+    foot = axes.get_xaxis_transform()
+    failed = np.unique(x[table.failed])
+    axes.scatter(failed, np.full(len(failed), 0.03), transform=foot, **FAILED)
+    for place in np.unique(x[table.done & ~np.isfinite(values)]):
+        axes.text(place, 0.03, "none", transform=foot, ha="center", fontsize=8, color="0.4")
 
 
 def _name(axes: Axes, x: str, y: str) -> None:
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     axes.grid(alpha=0.3)
+    axes.set_axisbelow(True)

@@ -18,6 +18,7 @@ import numpy as np
 
 from scenes.commands.packages import versions
 from scenes.commands.terminal import HEADLINES
+from scenes.language.errors import DiscError
 from scenes.models.base import Status
 from scenes.models.loading import Scene
 from scenes.records.drawing import save_figure
@@ -27,7 +28,7 @@ from scenes.records.text import aligned, json_bytes
 from scenes.sweep.case_file import NOT_RUN, CaseResult
 from scenes.sweep.design import Design, Varied
 from scenes.sweep.table import OF_A_CASE, Table, cell, is_numeric
-from worm3d.metrics import named, written
+from worm3d.metrics import ROUNDING, named, written
 from worm3d.values import netcdf
 from worm3d.values.arrays import FloatArray
 from worm3d.values.netcdf import Content
@@ -44,6 +45,10 @@ MOST_ROWS = 1000
 """Largest number of cases, and of failures, that `summary.json` lists; `sweep.csv` has all."""
 MOST_LINES = 20
 """Largest number of cases in the report at the end."""
+REPORTED = ("distance_m", "cost_of_transport")
+"""Headlines of every model that the report has."""
+OF_THE_MODEL = 3
+"""Largest number of headlines of the model that it has."""
 
 PER_CASE = "a sweep has one for each case: see sweep.csv"
 NONE_DONE = "no case came to its end"
@@ -52,8 +57,6 @@ NO_SINGLE_VALUE = (
     *("cost_of_transport", "real_time_factor"),
 )
 """Figures of every `summary.json` that a sweep has one of for each case."""
-
-EMPTY: tuple[Cell, ...] = (None, "")
 
 
 @dataclass(frozen=True)
@@ -103,19 +106,22 @@ def headlines(base: Scene) -> dict[str, tuple[str, str]]:
 
 def report(base: Scene, table: Table) -> list[str]:
     """Return the lines of the cases for a terminal, the first ones if they are many: values and headlines."""
-    shown = {name: each for name, each in headlines(base).items() if name in table.figures}
+    own = [name for name, _, _ in base.model.headlines][:OF_THE_MODEL]
+    shown = {
+        name: each for name, each in headlines(base).items() if name in (*REPORTED, *own) and name in table.figures
+    }
     keys = [varied.key for varied in table.design.varied]
     header = [*keys, *(f"{label} [{unit}]" if unit else label for label, unit in shown.values()), "status"]
     rows = []
     for row, _ in zip(table.rows(), range(MOST_LINES), strict=False):
         figures = (_shown(row[name], unit) for name, (_, unit) in shown.items())
-        rows.append([*(str(row[key]) for key in keys), *figures, str(row["status"])])
+        rows.append([*(_shown(row[key]) for key in keys), *figures, str(row["status"])])
     more = [f"and {len(table) - MOST_LINES} more: see {CSV}"] if len(table) > MOST_LINES else []
     return [*aligned(header, rows), *more]
 
 
-def _shown(figure: Cell, unit: str) -> str:
-    return written(figure, unit, 5) if isinstance(figure, float | int) else "none"
+def _shown(figure: Cell, unit: str = "") -> str:
+    return written(figure, unit, 5) if isinstance(figure, float | int) else "none" if figure is None else figure
 
 
 def _write_csv(table: Table, path: Path) -> None:
@@ -196,16 +202,19 @@ def _figures(columns: dict[str, FloatArray], dims: tuple[str, ...], shape: tuple
 
 
 def _draw(folder: Path, base: Scene, table: Table) -> Iterator[Path]:
-    """Draw the headlines over one or two varied keys; remove figures of an earlier sweep."""
+    """Draw the headlines that are not all zero over one or two varied keys; remove figures of an earlier sweep."""
     for path in folder.glob(FIGURE.format("*")):
-        path.unlink()
+        try:
+            path.unlink()
+        except OSError as error:
+            raise DiscError.writing(path, error) from error
     if len(table.design.varied) > 2:
         return
     from scenes.sweep.figures import draw  # imports matplotlib
 
     title = getattr(base.settings, "title", "") or base.name
     for name, (label, unit) in headlines(base).items():
-        if np.isfinite(table.figures.get(name, np.nan)).any():
+        if (np.abs(table.figures.get(name, np.zeros(1))) > ROUNDING.get(unit, 0.0)).any():
             path = folder / FIGURE.format(name)
             save_figure(draw(table, name, f"{label} [{unit}]" if unit else label, title), path)
             yield path

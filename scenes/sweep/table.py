@@ -34,7 +34,7 @@ class Table:
     """Why a case did not come to its end, or why figures of it have no value; empty if nothing is missing."""
     seeds: list[int] = field(default_factory=list)
     figures: dict[str, FloatArray] = field(default_factory=dict)
-    """Numbers of the summaries by name, each of shape (C,), NaN where a case has none."""
+    """Numbers of the summaries by name, and lengths of their lists, each of shape (C,), NaN where a case has none."""
     timing: dict[str, FloatArray] = field(default_factory=dict)
     """Wall-clock figures likewise: they differ when a case is run again."""
 
@@ -64,11 +64,11 @@ class Table:
 
     def _enter(self, columns: dict[str, FloatArray], row: int, metrics: Mapping[str, Metric]) -> None:
         for name, metric in metrics.items():
-            number = float(len(metric)) if isinstance(metric, list) else metric
-            if isinstance(number, float | int):
+            number = len(metric) if isinstance(metric, list) else metric
+            if not isinstance(number, str):
                 if name not in columns:
                     columns[name] = np.full(len(self.design), np.nan)
-                columns[name][row] = number
+                columns[name][row] = np.nan if number is None else number
 
     @property
     def done(self) -> NDArray[np.bool_]:
