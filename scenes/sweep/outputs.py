@@ -106,10 +106,9 @@ def headlines(base: Scene) -> dict[str, tuple[str, str]]:
 
 def report(base: Scene, table: Table) -> list[str]:
     """Return the lines of the cases for a terminal, the first ones if they are many: values and headlines."""
-    own = [name for name, _, _ in base.model.headlines][:OF_THE_MODEL]
-    shown = {
-        name: each for name, each in headlines(base).items() if name in (*REPORTED, *own) and name in table.figures
-    }
+    wanted = {*REPORTED, *[name for name, _, _ in base.model.headlines][:OF_THE_MODEL]}
+    known = {name for name, column in table.figures.items() if np.isfinite(column).any()}
+    shown = {name: each for name, each in headlines(base).items() if name in wanted & known}
     keys = [varied.key for varied in table.design.varied]
     header = [*keys, *(f"{label} [{unit}]" if unit else label for label, unit in shown.values()), "status"]
     rows = []
