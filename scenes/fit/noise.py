@@ -1,0 +1,123 @@
+"""Autoregressive models of what a fit leaves: the residuals of a measurement are seldom independent.
+
+    e_t = a_1 e_{t-1} + ... + a_p e_{t-p} + u_t,   u white, in several channels correlated at the same instant   (F1)
+
+The coefficients come from Burg's method (J. P. Burg, 1975; S. M. Kay, "Modern Spectral Estimation", 1988, ch. 7.5),
+which always gives a stationary model, and the order from Akaike's criterion, corrected for short series.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft, signal
+
+from worm3d.values.arrays import FloatArray
+
+HIGHEST_ORDER = 12
+"""Highest order that is tried; half as many lose the shape of smooth residuals, twice as many cost time only."""
+SAMPLES_PER_ORDER = 10
+"""Least number of samples for each order, so that a short series does not get a long memory."""
+MEMORY = 1e-6
+"""What is left of a sample when a series that is drawn starts to count."""
+LONGEST_MEMORY = 20_000
+"""Largest number of samples before a drawn series starts to count."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """An autoregressive model of C channels of one order p, (F1)."""
+
+    coefficients: FloatArray
+    """a_1 to a_p of each channel, shape (C, p)."""
+    covariance: FloatArray
+    """Covariance of the innovations u, shape (C, C)."""
+
+    @property
+    def order(self) -> int:
+        """The order p."""
+        return self.coefficients.shape[1]
+
+    def score_covariance(self, spectra: FloatArray, size: int) -> FloatArray:
+        """Return the covariance of the sums over channels and instants of J e, shape (P, P).
+
+        Parameters
+        ----------
+        spectra : ndarray, shape (F, C, P), complex
+            `spectra_of(J)`.
+        size : int
+            Number of points of its transform.
+        """
+        lags = np.concatenate([np.ones((len(self.coefficients), 1)), -self.coefficients], axis=1)
+        with np.errstate(under="ignore"):
+            filtered = spectra / np.conj(fft.rfft(lags, size).T[:, :, None])
+            both = np.einsum("fck,cd,fdl->fkl", np.conj(filtered), self.covariance, filtered, optimize=True).real
+        weights = np.full(len(both), 2.0)
+        weights[0] = 1.0
+        if size % 2 == 0:
+            weights[-1] = 1.0
+        summed: FloatArray = np.tensordot(weights, both, 1) / size
+        return summed
+
+    def draw(self, length: int, random: np.random.Generator) -> FloatArray:
+        """Return a stationary series of a length, shape (C, length)."""
+        before = self._memory()
+        innovations = random.multivariate_normal(
+            np.zeros(len(self.covariance)), self.covariance, before + length, method="eigh"
+        ).T
+        series = [
+            signal.lfilter([1.0], [1.0, *-own], u) for own, u in zip(self.coefficients, innovations, strict=True)
+        ]
+        return np.array(series)[:, before:]
+
+    def _memory(self) -> int:
+        """Return after how many samples a beginning at rest is forgotten."""
+        radius = max(
+            (float(np.abs(np.roots([1.0, *-own])).max(initial=0.0)) for own in self.coefficients), default=0.0
+        )
+        return 0 if radius == 0.0 else min(LONGEST_MEMORY, int(np.log(MEMORY) / np.log(min(radius, 1.0 - 1e-9))) + 1)
+
+
+def spectra_of(slopes: FloatArray) -> tuple[FloatArray, int]:
+    """Return the transforms of series, padded so that none wraps round, shape (F, C, P), and their number of points.
+
+    Parameters
+    ----------
+    slopes : ndarray, shape (C, T, P)
+    """
+    size = fft.next_fast_len(2 * slopes.shape[1], real=True)
+    return fft.rfft(slopes, size, axis=1).transpose(1, 0, 2), size
+
+
+def noise_of(series: FloatArray, order: int | None = None) -> Noise:
+    """Return the model of residuals, shape (C, T), of a given order or of the best one for all channels."""
+    highest = min(HIGHEST_ORDER, series.shape[1] // SAMPLES_PER_ORDER)
+    stages = list(_burg(series, highest if order is None else order))
+    if order is None:
+        order = int(np.argmin([_akaike(innovations, p, series.shape[1]) for p, (_, innovations) in enumerate(stages)]))
+    coefficients, innovations = stages[order]
+    return Noise(coefficients, innovations @ innovations.T / innovations.shape[1])
+
+
+def _burg(series: FloatArray, order: int) -> list[tuple[FloatArray, FloatArray]]:
+    """Return coefficients, shape (C, p), and innovations, shape (C, T - p), of each order up to the given one."""
+    forward = backward = series
+    coefficients = np.zeros((len(series), 0))
+    stages = [(coefficients, forward)]
+    for _ in range(order):
+        ahead, behind = forward[:, 1:], backward[:, :-1]
+        power = (ahead**2 + behind**2).sum(axis=1)
+        reflection = 2.0 * (ahead * behind).sum(axis=1) / np.where(power > 0.0, power, 1.0)
+        k = reflection[:, None]
+        coefficients = np.concatenate([coefficients - k * coefficients[:, ::-1], k], axis=1)
+        forward, backward = ahead - k * behind, behind - k * ahead
+        stages.append((coefficients, forward))
+    return stages
+
+
+def _akaike(innovations: FloatArray, order: int, length: int) -> float:
+    """Return Akaike's criterion, corrected for short series, summed over the channels that have any noise."""
+    power = np.mean(innovations**2, axis=1)
+    noisy = power[power > 0.0]
+    return float(length * np.log(noisy).sum() + len(noisy) * 2.0 * length * (order + 1) / (length - order - 2))

@@ -1,0 +1,128 @@
+"""How far an estimate of weighted least squares may be off, whatever the correlation of the residuals.
+
+With weights W, slopes J and residuals e of covariance G the estimate is off by A^-1 J' W e with A = J' W J, hence
+
+    covariance = A^-1 (J' W G W J) A^-1                                                                            (F2)
+
+(H. White, Econometrica 48, 1980). G is that of an autoregressive model of each channel, (F1). A fit makes its residuals
+smaller and less correlated than the noise was, so (F2) comes out too small. Series drawn from the model, fitted in
+turn, tell by how much, and how much (F2) scatters, which gives the degrees of freedom of Student's distribution
+(F. E. Satterthwaite, Biometrics Bulletin 2, 1946).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from scenes.fit.noise import Noise, noise_of, spectra_of
+from worm3d.values.arrays import BoolArray, FloatArray
+
+DRAWS = 200
+"""Number of drawn series; half as many make the intervals of two like fits differ by 5 %, twice as many by 2.5 %."""
+COVERAGE = 0.95
+"""Probability with which an interval holds the value."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What is known about the errors of P estimates."""
+
+    covariance: FloatArray
+    """Covariance of the estimates, shape (P, P)."""
+    half_width: FloatArray
+    """Half of the width of the intervals with the probability `COVERAGE`, shape (P,)."""
+    noise: tuple[tuple[tuple[int, ...], Noise], ...]
+    """Groups of channels that were measured at the same instants, and the model of their residuals."""
+
+    @property
+    def standard_error(self) -> FloatArray:
+        """Standard deviation of each estimate, shape (P,)."""
+        errors: FloatArray = np.sqrt(np.diag(self.covariance))
+        return errors
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Channels that were measured at the same T instants."""
+
+    channels: tuple[int, ...]
+    residuals: FloatArray
+    """Shape (C, T)."""
+    slopes: FloatArray
+    """Shape (C, T, P)."""
+    squared_weights: FloatArray
+    """Shape (C,)."""
+    spectra: FloatArray
+    """Those of W J."""
+    size: int
+
+    def score(self, series: FloatArray) -> FloatArray:
+        """Return J' W e of a series, shape (P,)."""
+        summed: FloatArray = np.einsum("c,ctp,ct->p", self.squared_weights, self.slopes, series)
+        return summed
+
+
+def uncertainty_of(
+    residuals: FloatArray, slopes: FloatArray, weights: FloatArray, draws: int = DRAWS, seed: int = 0
+) -> Uncertainty:
+    """Return how far the estimates may be off that leave these residuals.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (C, T)
+        Of C channels; NaN where nothing was measured.
+    slopes : ndarray, shape (C, T, P)
+        Derivatives of the model, of full rank.
+    weights : ndarray, shape (C,)
+        Factors of the residuals in the fit.
+    draws, seed : int
+        Number of drawn series, and what their random numbers start from.
+    """
+    groups = list(_groups(residuals, slopes, weights))
+    inverse = np.linalg.inv(sum(np.einsum("c,ctp,ctq->pq", g.squared_weights, g.slopes, g.slopes) for g in groups))
+    models = [noise_of(group.residuals) for group in groups]
+    found = _covariance(groups, models, inverse)
+    drawn = _drawn(groups, models, inverse, draws, np.random.default_rng(seed))
+    mean, scatter = drawn.mean(axis=0), drawn.var(axis=0)
+    variance = np.diag(found)
+    bias = np.sqrt(variance / mean)
+    degrees = 2.0 * mean**2 / np.maximum(scatter, np.finfo(float).tiny)
+    half_width = stats.t.ppf(0.5 + 0.5 * COVERAGE, np.maximum(degrees, 1.0)) * np.sqrt(variance) * bias
+    noise = tuple((group.channels, model) for group, model in zip(groups, models, strict=True))
+    return Uncertainty(found * np.outer(bias, bias), half_width, noise)
+
+
+def _groups(residuals: FloatArray, slopes: FloatArray, weights: FloatArray) -> Iterator[_Group]:
+    """Yield the channels in groups that were measured at the same instants."""
+    known: BoolArray = np.isfinite(residuals)
+    for rows in np.unique(known, axis=0):
+        members = np.flatnonzero((known == rows).all(axis=1))
+        own = slopes[members][:, rows]
+        squared = weights[members] ** 2
+        spectra, size = spectra_of(squared[:, None, None] * own)
+        yield _Group(tuple(map(int, members)), residuals[members][:, rows], own, squared, spectra, size)
+
+
+def _covariance(groups: Sequence[_Group], models: Sequence[Noise], inverse: FloatArray) -> FloatArray:
+    """Return (F2), shape (P, P)."""
+    inner = sum(model.score_covariance(g.spectra, g.size) for g, model in zip(groups, models, strict=True))
+    covariance: FloatArray = inverse @ inner @ inverse
+    return covariance
+
+
+def _drawn(
+    groups: Sequence[_Group], models: Sequence[Noise], inverse: FloatArray, draws: int, random: np.random.Generator
+) -> FloatArray:
+    """Return the variances by (F2) of fits to drawn series, shape (draws, P)."""
+    variances = []
+    for _ in range(draws):
+        series = [model.draw(g.residuals.shape[1], random) for g, model in zip(groups, models, strict=True)]
+        off = inverse @ sum(group.score(each) for group, each in zip(groups, series, strict=True))
+        left = [each - group.slopes @ off for group, each in zip(groups, series, strict=True)]
+        again = [noise_of(each, model.order) for each, model in zip(left, models, strict=True)]
+        variances.append(np.diag(_covariance(groups, again, inverse)))
+    return np.array(variances)
