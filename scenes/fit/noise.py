@@ -121,3 +121,11 @@ def _akaike(innovations: FloatArray, order: int, length: int) -> float:
     power = np.mean(innovations**2, axis=1)
     noisy = power[power > 0.0]
     return float(length * np.log(noisy).sum() + len(noisy) * 2.0 * length * (order + 1) / (length - order - 2))
+
+
+def autocorrelation(series: FloatArray, lags: int) -> FloatArray:
+    """Return the autocorrelation of a series, shape (T,), at lags from 0 on, shape (lags + 1,); 0 if it is constant."""
+    off = series - series.mean()
+    power = float(off @ off)
+    found = [float(off[: len(off) - lag] @ off[lag:]) for lag in range(lags + 1)]
+    return np.array(found) / power if power > 0.0 else np.zeros(lags + 1)

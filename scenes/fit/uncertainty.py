@@ -67,7 +67,12 @@ class _Group:
 
 
 def uncertainty_of(
-    residuals: FloatArray, slopes: FloatArray, weights: FloatArray, draws: int = DRAWS, seed: int = 0
+    residuals: FloatArray,
+    slopes: FloatArray,
+    weights: FloatArray,
+    inverse: FloatArray,
+    draws: int = DRAWS,
+    seed: int = 0,
 ) -> Uncertainty:
     """Return how far the estimates may be off that leave these residuals.
 
@@ -76,20 +81,23 @@ def uncertainty_of(
     residuals : ndarray, shape (C, T)
         Of C channels; NaN where nothing was measured.
     slopes : ndarray, shape (C, T, P)
-        Derivatives of the model, of full rank.
+        Derivatives of the model.
     weights : ndarray, shape (C,)
         Factors of the residuals in the fit.
+    inverse : ndarray, shape (P, P)
+        A^-1, or a generalised inverse where A is singular.
     draws, seed : int
         Number of drawn series, and what their random numbers start from.
     """
     groups = list(_groups(residuals, slopes, weights))
-    inverse = np.linalg.inv(sum(np.einsum("c,ctp,ctq->pq", g.squared_weights, g.slopes, g.slopes) for g in groups))
     models = [noise_of(group.residuals) for group in groups]
     found = _covariance(groups, models, inverse)
+    if not draws:
+        return Uncertainty(found, stats.norm.ppf(0.5 + 0.5 * COVERAGE) * np.sqrt(np.diag(found)), ())
     drawn = _drawn(groups, models, inverse, draws, np.random.default_rng(seed))
     mean, scatter = drawn.mean(axis=0), drawn.var(axis=0)
     variance = np.diag(found)
-    bias = np.sqrt(variance / mean)
+    bias = np.sqrt(np.divide(variance, mean, out=np.ones_like(mean), where=mean > 0.0))
     degrees = 2.0 * mean**2 / np.maximum(scatter, np.finfo(float).tiny)
     half_width = stats.t.ppf(0.5 + 0.5 * COVERAGE, np.maximum(degrees, 1.0)) * np.sqrt(variance) * bias
     noise = tuple((group.channels, model) for group, model in zip(groups, models, strict=True))

@@ -220,11 +220,16 @@ def is_whole(field: FieldInfo) -> bool:
 
 def range_text(field: FieldInfo) -> str:
     """Return the range of a number, `0 < … <= 100`; empty if it has none."""
-    rules = (*field.metadata, *_rules(field.annotation))
-    bounds = {key: getattr(m, key) for m in rules for key in ("gt", "ge", "lt", "le") if hasattr(m, key)}
+    bounds = bounds_of(field)
     low = next((f"{_short(bounds[k])} {sign} " for k, sign in (("gt", "<"), ("ge", "<=")) if k in bounds), "")
     high = next((f" {sign} {_short(bounds[k])}" for k, sign in (("lt", "<"), ("le", "<=")) if k in bounds), "")
     return f"{low}…{high}" if bounds else ""
+
+
+def bounds_of(field: FieldInfo) -> dict[str, Any]:
+    """Return those of `gt`, `ge`, `lt` and `le` that a number has."""
+    rules = (*field.metadata, *_rules(field.annotation))
+    return {key: getattr(m, key) for m in rules for key in ("gt", "ge", "lt", "le") if hasattr(m, key)}
 
 
 def _rules(annotation: Any) -> Iterator[Any]:

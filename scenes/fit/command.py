@@ -1,0 +1,74 @@
+"""`worm3d fit`: fits keys of a scene, and writes `fit.json`, `fit.toml` and `fit.png`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import typer
+
+from scenes.commands.terminal import Interruption, busy, progress
+from scenes.fit import figure, report
+from scenes.fit.fitting import Fit, fit
+from scenes.fit.trials import Stopped
+from scenes.language.loader import find_scene
+from scenes.records import folder as folders
+from scenes.records.drawing import save_figure
+from scenes.records.folder import write_bytes
+from scenes.records.text import json_bytes
+
+CONTENT, SCENE, PICTURE = "fit.json", "fit.toml", "fit.png"
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
+
+
+def run(
+    scene: str,
+    to: Path,
+    vary: Sequence[str],
+    overrides: Sequence[str],
+    out: Path | None,
+    *,
+    runs: int,
+    force: bool,
+    quiet: bool,
+) -> int:
+    """Fit, write and report; return the exit code. Without a folder it is `runs/fit-<scene>-<time>`.
+
+    Raises
+    ------
+    SceneError
+        As of `scenes.fit.fit`, or the folder cannot be used.
+    """
+    name = find_scene(scene).stem
+    with folders.prepared(out, f"fit-{name}", force=force) as folder:
+        with Interruption() as interruption, progress(f"fit of {name}", runs, quiet=quiet, what="run at most") as show:
+
+            def go_on(done: int) -> bool:
+                show(done)
+                return not interruption.requested
+
+            try:
+                found = fit(scene, to, vary, overrides, runs, go_on)
+            except Stopped:
+                typer.echo(f"{name}: stopped by Ctrl-C; nothing of this fit was kept", err=True)
+                return INTERRUPTED
+        with busy("drawing", quiet=quiet):
+            _write(found, folder)
+        _tell(found, folder, quiet=quiet)
+    return 0
+
+
+def _write(found: Fit, folder: Path) -> None:
+    write_bytes(folder / CONTENT, json_bytes(report.content(found)))
+    write_bytes(folder / SCENE, report.scene(found).encode())
+    save_figure(figure.draw(found)[0], folder / PICTURE)
+
+
+def _tell(found: Fit, folder: Path, *, quiet: bool) -> None:
+    for warning in report.warnings(found):
+        typer.echo(f"warning: {warning}", err=True)
+    if not quiet:
+        for line in report.lines(found):
+            typer.echo(line)
+        typer.echo(f"  written to {folder}: {CONTENT}, {SCENE}, {PICTURE}")

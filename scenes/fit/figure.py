@@ -1,0 +1,63 @@
+"""The figure of a fit: data and model over time, what is left, and how long it stays alike."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from scenes.fit.fitting import Fit
+from scenes.fit.noise import autocorrelation
+from worm3d.values.arrays import FloatArray
+
+MOST = 6
+"""Largest number of channels that are drawn: those whose data vary most over their residuals."""
+LAGS = 0.25
+"""Longest lag of the autocorrelation that is drawn, as a fraction of the series."""
+SIGNIFICANT = 1.96
+"""Bound of the autocorrelation of white residuals, times the root of their number."""
+
+
+def draw(fit: Fit) -> tuple[Figure, Axes]:
+    """Return the figure: a row for each channel."""
+    chosen = _chosen(fit)
+    figure = Figure(figsize=(12.5, 1.2 + 2.1 * len(chosen)), layout="constrained", dpi=110)
+    grid = figure.subplots(len(chosen), 3, squeeze=False, width_ratios=(2.2, 2.2, 1.3))
+    for row, k in zip(grid, chosen, strict=True):
+        known = np.isfinite(fit.data.values[k])
+        time, left = fit.data.time[known], fit.residuals[k, known]
+        row[0].plot(time, fit.data.values[k, known], ".", color="0.6", ms=3, label="measured")
+        row[0].plot(time, fit.simulated[k, known], color="C3", lw=1.2, label="fitted")
+        row[0].set_ylabel(f"{fit.data.names[k]}", fontsize=8)
+        row[1].axhline(0.0, color="0.6", lw=0.8)
+        row[1].plot(time, left, color="C0", lw=0.8)
+        _draw_alike(row[2], time, left)
+    for axes, title in zip(grid[0], ("data and model", "residuals", "their autocorrelation"), strict=True):
+        axes.set_title(title, fontsize=9)
+    for axes, label in zip(grid[-1], ("time [s]", "time [s]", "lag [s]"), strict=True):
+        axes.set_xlabel(label)
+    for axes in grid.flat:
+        axes.grid(alpha=0.25)
+        axes.tick_params(labelsize=8)
+    grid[0][0].legend(fontsize=7)
+    figure.suptitle(f"{fit.name} fitted to {fit.measured}", fontsize=11)
+    return figure, grid[0][0]
+
+
+def _chosen(fit: Fit) -> list[int]:
+    """Return the channels that are drawn, in their order."""
+    spread = np.nanstd(fit.data.values, axis=1)
+    rms = np.array([channel.rms for channel in fit.channels])
+    signal = np.divide(spread, rms, out=np.full_like(spread, np.inf), where=rms > 0.0)
+    return sorted(np.argsort(-np.where(spread > 0.0, signal, 0.0), kind="stable")[:MOST].tolist())
+
+
+def _draw_alike(axes: Axes, time: FloatArray, left: FloatArray) -> None:
+    """Draw the autocorrelation, and the band in which that of white residuals would lie."""
+    lags = max(1, int(LAGS * len(left)))
+    found = autocorrelation(left, lags)
+    bound = SIGNIFICANT / np.sqrt(len(left))
+    axes.axhspan(-bound, bound, color="0.88")
+    axes.axhline(0.0, color="0.6", lw=0.8)
+    axes.plot(np.arange(lags + 1) * float(np.median(np.diff(time))), found, color="C0", lw=1.0)
+    axes.set_ylim(-1.05, 1.05)

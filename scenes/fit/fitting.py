@@ -1,0 +1,176 @@
+"""A fit from a scene and a measurement to values with intervals: what `worm3d fit` does, in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scenes.fit.identifiability import Relation
+from scenes.fit.noise import autocorrelation, noise_of
+from scenes.fit.solving import Solution, solve
+from scenes.fit.trials import Data, Trials
+from scenes.fit.varied import Varied, Wanted, varied_of
+from scenes.models.loading import load_scene
+from scenes.records import measured
+from scenes.records.record import Record
+from worm3d.values.arrays import FloatArray
+
+MOST_RUNS = 500
+"""Largest number of runs of a fit, if none is given; most need less than a hundred."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A key and its value."""
+
+    varied: Varied
+    value: float
+    standard_error: float | None
+    """Standard deviation of the value; None without an interval."""
+    interval: tuple[float, float] | None
+    """Interval with a probability of 95 %; None if it has none."""
+    reason: str
+    """Why it has no interval; empty if it has one."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A measured series and what is left of it."""
+
+    name: str
+    rms: float
+    """Root mean square of the residuals, in the unit of the channel."""
+    relative_rms: float
+    """The same as a fraction of the largest magnitude of the data."""
+    correlation: float
+    """Autocorrelation of the residuals at a lag of one sample."""
+    order: int
+    """Order of the autoregressive model of the residuals."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fit: values, intervals, and what the data do not tell."""
+
+    name: str
+    """Name of the scene."""
+    measured: str
+    """Name of the measurement."""
+    keys: tuple[Fitted, ...]
+    relations: tuple[Relation, ...]
+    """Directions in which the data do not determine the values; empty if they determine all."""
+    correlation: FloatArray
+    """Correlations of the values, shape (P, P); 0 where one has no interval."""
+    channels: tuple[Channel, ...]
+    data: Data
+    simulated: FloatArray
+    """Channels of the run with the fitted values, shape (C, T); NaN as in the data."""
+    scene: str
+    """Scene with the fitted values as TOML."""
+    finished: bool
+    """Whether a minimum was found; False if the runs were used up before."""
+    runs: int
+    failed_runs: int
+    """Number of runs, of which those that failed."""
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Fitted values by key."""
+        return {each.varied.key: each.value for each in self.keys}
+
+    @property
+    def measured_values(self) -> int:
+        """Number of values that were fitted to."""
+        return int(np.count_nonzero(np.isfinite(self.data.values)))
+
+    @property
+    def residuals(self) -> FloatArray:
+        """Measured less simulated, shape (C, T)."""
+        return self.data.values - self.simulated
+
+
+def fit(
+    scene: str | Path,
+    to: str | Path | Record,
+    vary: Wanted,
+    overrides: Iterable[str] = (),
+    most_runs: int = MOST_RUNS,
+    go_on: Callable[[int], bool] = lambda done: True,
+) -> Fit:
+    """Fit keys of a scene to a measurement by least squares.
+
+    Parameters
+    ----------
+    scene : str or Path
+        Name of a shipped scene, or a TOML file; a run longer than the measurement is cut to it.
+    to : str, Path or Record
+        Measured series, a CSV file (`scenes.records.measured`) or a record with the quantities to follow.
+    vary : sequence of str, or mapping
+        `key` or `key=lo:hi` each; or the range of each key, None for that of the scene's language. A key starts from
+        the scene's value, or from the middle of a range without it.
+    overrides : iterable of str
+        `section.key=value` each.
+    most_runs : int
+        Largest number of runs of the search.
+    go_on : callable
+        Called with the number of finished runs; where it returns False, the fit ends with `scenes.fit.trials.Stopped`.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    SceneError
+        A mistake in the scene, the file or the keys; too few or constant data; runs that fail.
+    """
+    loaded = load_scene(scene, overrides)
+    record = to if isinstance(to, Record) else measured.load(Path(to))
+    trials = Trials(loaded, record, varied_of(loaded, vary), most_runs, go_on)
+    found = solve(trials)
+    return Fit(
+        name=loaded.name,
+        measured=record.name,
+        keys=tuple(_fitted(trials, found, k) for k in range(len(trials.varied))),
+        relations=found.relations,
+        correlation=_correlation(found),
+        channels=tuple(_channels(trials.data, found.simulated)),
+        data=trials.data,
+        simulated=found.simulated,
+        scene=trials.scene(found.values).to_toml(),
+        finished=found.finished,
+        runs=trials.runs,
+        failed_runs=trials.failed,
+    )
+
+
+def _fitted(trials: Trials, found: Solution, k: int) -> Fitted:
+    value, varied = float(found.values[k]), trials.varied[k]
+    if found.at_bound[k]:
+        return Fitted(varied, value, None, None, f"at its {found.at_bound[k]} allowed value: widen the range")
+    if not found.known[k]:
+        return Fitted(varied, value, None, None, "the data do not determine it")
+    half = float(found.uncertainty.half_width[k])
+    interval = (max(varied.low, value - half), min(varied.high, value + half))
+    return Fitted(varied, value, float(found.uncertainty.standard_error[k]), interval, "")
+
+
+def _correlation(found: Solution) -> FloatArray:
+    errors = np.where(found.known, found.uncertainty.standard_error, 0.0)
+    inverse = np.divide(1.0, errors, out=np.zeros_like(errors), where=errors > 0.0)
+    correlation: FloatArray = found.uncertainty.covariance * np.outer(inverse, inverse)
+    return correlation
+
+
+def _channels(data: Data, simulated: FloatArray) -> list[Channel]:
+    found = []
+    for name, values, model in zip(data.names, data.values, simulated, strict=True):
+        known = np.isfinite(values)
+        left = values[known] - model[known]
+        rms, peak = float(np.sqrt(np.mean(left**2))), float(np.abs(values[known]).max())
+        order = noise_of(left[None]).order
+        found.append(Channel(name, rms, rms / peak if peak else 0.0, float(autocorrelation(left, 1)[1]), order))
+    return found

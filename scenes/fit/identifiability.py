@@ -1,0 +1,110 @@
+"""Which keys a measurement determines, and which it cannot tell apart: the singular values of the slopes.
+
+The slopes are weighted, so that a residual has a size of about 1, and each key is counted in units of its scale. With
+columns of length 1 a singular value tells how much of the effect of several keys is left when they change together so
+that they cancel each other best (R. Brun, P. Reichert, H. R. Kuensch, Water Resources Research 37, 2001).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenes.fit.varied import Varied
+from worm3d.values.arrays import BoolArray, FloatArray
+
+LOST = 1e-3
+"""Singular value of columns of length 1 below which keys cancel each other: a tenth of it is the error of slopes."""
+INVOLVED = 0.1
+"""Least component of a direction, of length 1, of a key that is named."""
+VAGUE = 0.3
+"""Standard error of a direction, in scales of the keys, from which on the data are said not to determine it."""
+EXAMPLE = 0.1
+"""Largest change of a key, in its scale, of the changes that show what a direction is."""
+
+Probe = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class Relation:
+    """Changes of keys, made together, that the data hardly notice."""
+
+    keys: tuple[str, ...]
+    changes: tuple[float, ...]
+    """Change of each key in its unit; all of them together have the effect."""
+    effect: float
+    """Root mean square of what they change in the simulation, as a fraction of that of the residuals."""
+
+    @property
+    def sentence(self) -> str:
+        """What it means, for people."""
+        moves = " and ".join(f"{key} by {change:+.3g}" for key, change in zip(self.keys, self.changes, strict=True))
+        what = (
+            f"the data cannot tell apart {', '.join(self.keys)}"
+            if len(self.keys) > 1
+            else f"the data say little about {self.keys[0]}"
+        )
+        return f"{what}: to change {moves} moves the simulation by {self.effect:.2g} of the residuals' rms"
+
+
+@dataclass(frozen=True)
+class Determined:
+    """What the slopes tell."""
+
+    inverse: FloatArray
+    """Inverse of the normal equations in scales of the keys, without what the data do not tell, shape (P, P)."""
+    known: BoolArray
+    """Keys that are in none of the directions that the data do not tell, shape (P,)."""
+    relations: tuple[Relation, ...]
+    """These directions."""
+
+
+def determined(varied: Sequence[Varied], slopes: FloatArray, roughness: FloatArray, probe: Probe) -> Determined:
+    """Return what slopes determine, by their singular values.
+
+    A direction is lost if its singular value is below `LOST`, or below the error of the slopes and a tiny step along it
+    has no effect either.
+
+    Parameters
+    ----------
+    varied : sequence of Varied
+    slopes, roughness : ndarray, shape (M, P)
+        Weighted, in scales of the keys.
+    probe : callable
+        Returns the weighted slope along a direction, shape (M,), by a tiny step.
+    """
+    norms = np.linalg.norm(slopes, axis=0)
+    lengths = np.where(norms > 0.0, norms, 1.0)
+    _, singular, directions = np.linalg.svd(slopes / lengths, full_matrices=False)
+    errors = np.linalg.norm(directions * (np.linalg.norm(roughness, axis=0) / lengths), axis=1)
+    lost = singular < LOST
+    for k in np.flatnonzero(~lost & (singular < errors)):
+        lost[k] = float(np.linalg.norm(probe(directions[k] / lengths))) < LOST
+    kept = directions[~lost] / singular[~lost, None] / lengths
+    involved = np.abs(directions) > INVOLVED
+    relations = tuple(
+        relation(varied, np.where(involved[k], directions[k] / lengths, 0.0), slopes) for k in np.flatnonzero(lost)
+    )
+    return Determined(kept.T @ kept, ~involved[lost].any(axis=0), relations)
+
+
+def vague(varied: Sequence[Varied], covariance: FloatArray, slopes: FloatArray) -> Iterator[Relation]:
+    """Yield the directions with a large error, given the covariance of the keys in their scales, shape (P, P)."""
+    variances, directions = np.linalg.eigh(covariance)
+    for variance, direction in zip(variances, directions.T, strict=True):
+        if variance > VAGUE**2:
+            yield relation(varied, np.where(np.abs(direction) > INVOLVED, direction, 0.0), slopes)
+
+
+def relation(varied: Sequence[Varied], direction: FloatArray, slopes: FloatArray) -> Relation:
+    """Return a direction, shape (P,) in scales of the keys, as changes that show it; those of 0 are not named."""
+    largest = int(np.argmax(np.abs(direction)))
+    move = direction * (EXAMPLE / direction[largest])
+    named = np.flatnonzero(move)
+    return Relation(
+        tuple(varied[k].key for k in named),
+        tuple(float(move[k] * varied[k].scale) for k in named),
+        float(np.sqrt(np.mean((slopes @ move) ** 2))),
+    )

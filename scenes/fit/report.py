@@ -1,0 +1,113 @@
+"""What a fit says: lines for people, `fit.json` and `fit.toml`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from scenes.commands.terminal import counted
+from scenes.fit.fitting import Channel, Fit, Fitted
+from scenes.fit.noise import HIGHEST_ORDER
+from scenes.records.text import aligned
+
+SHOWN = 8
+"""Largest number of channels whose residuals are listed on a terminal."""
+
+
+def lines(fit: Fit) -> Iterator[str]:
+    """Yield the lines for a terminal."""
+    yield f"{fit.name} to {fit.measured}: {outcome(fit)}"
+    header = ("key", "value", "95 % interval", "start", "unit")
+    yield from (f"  {line}" for line in aligned(header, map(_row, fit.keys)))
+    yield from (f"  {each.varied.key}: no interval, {each.reason}" for each in fit.keys if each.reason)
+    rows = [_channel_row(channel) for channel in fit.channels[:SHOWN]]
+    yield from (f"  {line}" for line in aligned(("residuals of", "rms", "of the peak", "next alike"), rows))
+    if len(fit.channels) > SHOWN:
+        yield f"  and {counted(len(fit.channels) - SHOWN, 'channel')} more, in fit.json"
+
+
+def warnings(fit: Fit) -> Iterator[str]:
+    """Yield what makes the values or their intervals doubtful."""
+    if not fit.finished:
+        yield f"the minimum was not found within {counted(fit.runs, 'run')}: start nearer to it, or allow more --runs"
+    yield from (relation.sentence for relation in fit.relations)
+    long = [channel.name for channel in fit.channels if channel.order == HIGHEST_ORDER]
+    if long:
+        yield (
+            f"the residuals of {', '.join(long[:SHOWN])} are alike for longer than {HIGHEST_ORDER} samples, so the "
+            "scene lacks something that the data have: intervals are those of a wrong model"
+        )
+
+
+def outcome(fit: Fit) -> str:
+    """Return how the fit ended, in a few words."""
+    how = "fitted" if fit.finished else "unfinished"
+    failed = f", {fit.failed_runs} of them failed" if fit.failed_runs else ""
+    return f"{how} ({counted(fit.runs, 'run')}{failed}; {counted(fit.measured_values, 'measured value')})"
+
+
+def content(fit: Fit) -> dict[str, Any]:
+    """Return what `fit.json` holds."""
+    return {
+        "status": "done" if fit.finished else "unfinished",
+        "scene": fit.name,
+        "measured": fit.measured,
+        "runs": fit.runs,
+        "failed_runs": fit.failed_runs,
+        "measured_values": fit.measured_values,
+        "keys": [_key(each) for each in fit.keys],
+        "correlation": fit.correlation.tolist(),
+        "cannot_tell_apart": [
+            {
+                "keys": each.keys,
+                "changes": each.changes,
+                "effect_over_residual_rms": each.effect,
+                "sentence": each.sentence,
+            }
+            for each in fit.relations
+        ],
+        "channels": [
+            {
+                "name": each.name,
+                "residual_rms": each.rms,
+                "residual_rms_over_peak": each.relative_rms,
+                "residual_autocorrelation_at_one_sample": each.correlation,
+                "order_of_residuals": each.order,
+            }
+            for each in fit.channels
+        ],
+        "warnings": list(warnings(fit)),
+    }
+
+
+def scene(fit: Fit) -> str:
+    """Return the scene with the fitted values as TOML, with what was fitted on top."""
+    head = [f"# {fit.name} with values fitted to {fit.measured}:", *(f"# {_told(each)}" for each in fit.keys), ""]
+    return "\n".join([*head, fit.scene])
+
+
+def _key(each: Fitted) -> dict[str, Any]:
+    low, high = each.interval or (None, None)
+    found = {"key": each.varied.key, "unit": each.varied.unit, "start": each.varied.start, "value": each.value}
+    found |= {"standard_error": each.standard_error, "low_95": low, "high_95": high}
+    found |= {"least_allowed": each.varied.low, "greatest_allowed": each.varied.high}
+    return found | {"reason": each.reason or None}
+
+
+def _told(each: Fitted) -> str:
+    if each.interval is None:
+        return f"{each.varied.key} = {each.value:.6g}: no interval, {each.reason}"
+    return f"{each.varied.key} = {each.value:.6g}, with a probability of 95 % from {_interval(each)}"
+
+
+def _interval(each: Fitted) -> str:
+    return f"{each.interval[0]:.4g} to {each.interval[1]:.4g}" if each.interval else "none"
+
+
+def _row(each: Fitted) -> tuple[str, ...]:
+    unit = "" if each.varied.unit == "1" else each.varied.unit
+    return each.varied.key, f"{each.value:.5g}", _interval(each), f"{each.varied.start:.5g}", unit
+
+
+def _channel_row(channel: Channel) -> tuple[str, ...]:
+    return channel.name, f"{channel.rms:.3g}", f"{channel.relative_rms:.2%}", f"{channel.correlation:.2f}"

@@ -1,0 +1,204 @@
+"""Least squares of scene keys to a measurement.
+
+    min over x of the sum over channels c and instants t of (w_c (f_c(t; x) - y_c(t)))^2                           (F3)
+
+The weights are those of the units at first, so that metres and newtons count alike, then one over the standard
+deviation of each channel's residuals. The minimum is found by SciPy's trust-region reflective algorithm, to which a run
+that fails is a step that was too long.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from scenes.fit.identifiability import Determined, Relation, determined, vague
+from scenes.fit.slopes import HALVINGS, Slopes, slopes_at
+from scenes.fit.trials import Spent, Trials
+from scenes.fit.uncertainty import Uncertainty, uncertainty_of
+from worm3d.values.arrays import BoolArray, FloatArray
+
+FIRST_STEP = 0.02
+"""Step of the first derivatives, as a fraction of a key's scale: single contact events hardly count over it."""
+STEPS = (1e-4, 0.05)
+"""Least and largest step of the later derivatives, as fractions of a key's scale."""
+TINY_STEP = 1e-6
+"""Step, as a fraction of the scale, within which no contact event falls: shows that keys cancel each other exactly."""
+STEP_PER_ERROR = 0.5
+"""Step of the derivatives as a fraction of the standard error, so that they are those of the interval."""
+ALIKE = 0.1
+"""Change of the values, as a fraction of their standard errors, at which new weights make no difference."""
+PASSES = 4
+"""Largest number of minimisations with new weights."""
+EXACT = 1e-6
+"""Least standard deviation of residuals that counts, as a fraction of the data's: what integration errors are."""
+AT_BOUND = 1e-3
+"""Distance to a bound, as a fraction of a key's scale, at which a value is on it."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Values of P keys with the least squares, and what is known of them."""
+
+    values: FloatArray
+    """Shape (P,)."""
+    simulated: FloatArray
+    """Channels of the run with these values, shape (C, T)."""
+    at_bound: tuple[str, ...]
+    """Of each key the bound at which it is, "lowest" or "highest"; empty if at none."""
+    known: BoolArray
+    """Keys that have an interval, shape (P,)."""
+    uncertainty: Uncertainty
+    """Errors of the keys in their units; it counts where they are known."""
+    relations: tuple[Relation, ...]
+    """Directions in which the data do not determine the values."""
+    finished: bool
+    """Whether it is a minimum; False if the runs were used up before."""
+
+
+def solve(trials: Trials) -> Solution:
+    """Return the values of the varied keys that minimise (F3), and how far they may be off.
+
+    Raises
+    ------
+    SceneError
+        All runs around some values fail.
+    Stopped
+        The user wants it to end.
+    """
+    problem = _Problem(trials)
+    u = np.array([each.start for each in trials.varied]) / problem.scale
+    weights, steps = 1.0 / trials.data.spread, np.full(len(u), FIRST_STEP)
+    finished = True
+    try:
+        for _ in range(PASSES):
+            before, u = u, problem.minimum(u, weights, steps)
+            weights = problem.weights(u)
+            errors = problem.errors(u, weights, steps)
+            steps = np.clip(STEP_PER_ERROR * errors, *STEPS)
+            if np.all(np.abs(u - before) <= ALIKE * errors):
+                break
+    except Spent:
+        finished = False
+        u = problem.best
+        weights = problem.weights(u)
+        trials.allow(2 * (HALVINGS + 1) * len(u))
+    return problem.solution(u, weights, steps, finished)
+
+
+class _Problem:
+    """(F3) in values over their scales, u, shape (P,)."""
+
+    def __init__(self, trials: Trials) -> None:
+        self.trials, self.data, self.varied = trials, trials.data, trials.varied
+        self.scale = np.array([each.scale for each in self.varied])
+        self.low = np.array([each.low for each in self.varied]) / self.scale
+        self.high = np.array([each.high for each in self.varied]) / self.scale
+        self.known = np.isfinite(self.data.values)
+        self.best = np.array([each.start for each in self.varied]) / self.scale
+        """Best values that have been tried since the weights were set."""
+
+    def minimum(self, start: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
+        """Return the values that minimise (F3)."""
+        factor = self._each(weights)
+        least = np.inf
+
+        def residuals(u: FloatArray) -> FloatArray:
+            nonlocal least
+            found = self._channels(u)
+            if found is None:
+                return np.full(len(factor), np.inf)
+            off: FloatArray = factor * (found - self.data.values)[self.known]
+            if (squares := float(off @ off)) < least:
+                least, self.best = squares, u.copy()
+            return off
+
+        def jacobian(u: FloatArray) -> FloatArray:
+            return factor[:, None] * self._slopes(u, steps).values[self.known]
+
+        found = least_squares(
+            residuals, start, jacobian, (self.low, self.high), x_scale="jac", ftol=1e-6, xtol=1e-6, gtol=1e-12
+        )
+        return np.asarray(found.x)
+
+    def weights(self, u: FloatArray) -> FloatArray:
+        """Return one over the standard deviation of the residuals of each channel, shape (C,)."""
+        squares = np.nanmean(self._residuals(u) ** 2, axis=1)
+        used = 1.0 - len(u) / np.count_nonzero(self.known)
+        weights: FloatArray = 1.0 / np.maximum(np.sqrt(squares / used), EXACT * self.data.spread)
+        return weights
+
+    def errors(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
+        """Return standard errors in a hurry, infinite where the data do not tell, shape (P,)."""
+        slopes = self._slopes(u, steps)
+        found = self._determined(u, weights, slopes)
+        quick = uncertainty_of(self._residuals(u), slopes.values, weights, found.inverse, draws=0)
+        return np.where(found.known, quick.standard_error, np.inf)
+
+    def solution(self, u: FloatArray, weights: FloatArray, steps: FloatArray, finished: bool) -> Solution:
+        """Return what is known at the minimum."""
+        slopes = self._slopes(u, steps)
+        found = self._determined(u, weights, slopes)
+        scaled = uncertainty_of(self._residuals(u), slopes.values, weights, found.inverse)
+        weighted = self._each(weights)[:, None] * slopes.values[self.known]
+        vaguely = tuple(vague(self.varied, scaled.covariance, weighted))
+        return Solution(
+            values=u * self.scale,
+            simulated=self._values(u),
+            at_bound=self._bounds(u),
+            known=found.known,
+            uncertainty=replace(
+                scaled,
+                covariance=scaled.covariance * np.outer(self.scale, self.scale),
+                half_width=scaled.half_width * self.scale,
+            ),
+            relations=(*found.relations, *vaguely),
+            finished=finished,
+        )
+
+    def _channels(self, u: FloatArray) -> FloatArray | None:
+        return self.trials(u * self.scale)
+
+    def _values(self, u: FloatArray) -> FloatArray:
+        """Return the channels of a run that has succeeded."""
+        found = self._channels(u)
+        assert found is not None  # SciPy asks for slopes, and ends, where a step has succeeded
+        return found
+
+    def _residuals(self, u: FloatArray) -> FloatArray:
+        return self.data.values - self._values(u)
+
+    def _slopes(self, u: FloatArray, steps: FloatArray) -> Slopes:
+        return slopes_at(self._channels, u, self._values(u), steps, self.low, self.high)
+
+    def _each(self, weights: FloatArray) -> FloatArray:
+        """Return the weight of each measured value."""
+        return np.broadcast_to(weights[:, None], self.known.shape)[self.known]
+
+    def _bounds(self, u: FloatArray) -> tuple[str, ...]:
+        """Return at which bound each key is, empty if at none."""
+        at_low, at_high = u - self.low < AT_BOUND, self.high - u < AT_BOUND
+        return tuple("lowest" if low else "highest" if high else "" for low, high in zip(at_low, at_high, strict=True))
+
+    def _determined(self, u: FloatArray, weights: FloatArray, slopes: Slopes) -> Determined:
+        free = np.array([k for k, bound in enumerate(self._bounds(u)) if not bound], dtype=int)
+        factor = self._each(weights)[:, None]
+        weighted, rough = factor * slopes.values[self.known], factor * slopes.roughness[self.known]
+
+        def probe(direction: FloatArray) -> FloatArray:
+            move = np.zeros(len(u))
+            move[free] = TINY_STEP * direction / np.abs(direction).max()
+            found = self._channels(u + move)
+            if found is None:
+                return np.full(len(factor), np.inf)
+            off: FloatArray = factor[:, 0] * (found - self._values(u))[self.known]
+            return off * (np.abs(direction).max() / TINY_STEP)
+
+        own = determined([self.varied[k] for k in free], weighted[:, free], rough[:, free], probe)
+        inverse = np.zeros((len(u), len(u)))
+        inverse[np.ix_(free, free)] = own.inverse
+        known = np.zeros(len(u), dtype=bool)
+        known[free] = own.known
+        return Determined(inverse, known, own.relations)

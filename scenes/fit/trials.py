@@ -1,0 +1,213 @@
+"""Trial runs of a scene, seen as a function: values of the varied keys -> what would have been measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenes.commands.runner import simulate
+from scenes.fit.varied import Varied
+from scenes.language.errors import DiscError, MissingPartError, SceneError
+from scenes.models.loading import Scene, parse_scene
+from scenes.records.measured import simulated_like
+from scenes.records.record import Record
+from worm3d.values.arrays import FloatArray
+from worm3d.values.variable import column_names
+
+LEAST_PER_KEY = 5
+"""Least number of measured values for each key that is varied."""
+
+
+KEPT = 100
+"""Number of runs whose channels are kept, since a minimum and slopes often ask for the same one."""
+
+
+class Spent(Exception):
+    """The allowed number of runs has been used up."""
+
+
+class Stopped(Exception):
+    """The user wants the fit to end."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """Measured series that a simulation has a counterpart for."""
+
+    names: tuple[str, ...]
+    """Name of each channel, with its unit, as in a table: `com_x_m`."""
+    units: tuple[str, ...]
+    time: FloatArray
+    """Shape (T,) [s]."""
+    values: FloatArray
+    """Shape (C, T); NaN where nothing was measured, or nothing is simulated."""
+
+    @property
+    def spread(self) -> FloatArray:
+        """Standard deviation over time of the channels of each unit, shape (C,): the largest of
+        the unit's channels, 1 where all are constant."""
+        own = np.nanstd(self.values, axis=1)
+        largest = [max(own[k] for k, unit in enumerate(self.units) if unit == mine) for mine in self.units]
+        return np.where(np.array(largest) > 0.0, largest, 1.0)
+
+
+class Trials:
+    """Runs a scene with values of its varied keys and counts the runs.
+
+    Parameters
+    ----------
+    scene : Scene
+        Checked; a longer run than the measurement is cut to it.
+    measured : Record
+        As `scenes.records.measured.load` returns it.
+    varied : sequence of Varied
+    most : int
+        Largest number of runs.
+    go_on : callable
+        Called with the number of finished runs before each; where it returns False, the fit ends.
+
+    Raises
+    ------
+    SceneError
+        The run from the start values fails, nothing that was measured is simulated at any of the instants, or the data
+        are constant or too few.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        measured: Record,
+        varied: Sequence[Varied],
+        most: int,
+        go_on: Callable[[int], bool] = lambda done: True,
+    ) -> None:
+        self.varied, self.most, self.runs, self.failed = tuple(varied), most, 0, 0
+        self._go_on, self._measured = go_on, measured
+        self._known: dict[tuple[float, ...], FloatArray | None] = {}
+        self._name, self._text = scene.name, scene.to_toml()
+        self._shorter = _shortened(scene, float(measured["time"][-1]))
+        self.why = ""
+        """Why the last failed run failed."""
+        self.data = self._data()
+
+    def __call__(self, values: Sequence[float]) -> FloatArray | None:
+        """Return what would have been measured, shape (C, T), NaN as in the data; None if the run fails.
+
+        Raises
+        ------
+        Spent, Stopped
+            No further run is allowed.
+        """
+        key = tuple(map(float, values))
+        if key not in self._known:
+            found = self._channels(key)
+            self.failed += found is None
+            if len(self._known) >= KEPT:
+                del self._known[next(iter(self._known))]
+            self._known[key] = found
+        return self._known[key]
+
+    def allow(self, more: int) -> None:
+        """Allow more runs."""
+        self.most += more
+
+    def scene(self, values: Sequence[float], *shorter: str) -> Scene:
+        """Return the scene with values of the varied keys; SceneError if it is refused."""
+        given = [f"{each.key}={float(value)!r}" for each, value in zip(self.varied, values, strict=True)]
+        return parse_scene(self._text, self._name, [*given, *shorter])
+
+    def told(self, values: Sequence[float]) -> str:
+        """Return values of the keys as a person reads them."""
+        return ", ".join(f"{each.key} = {value:.6g}" for each, value in zip(self.varied, values, strict=True))
+
+    def _channels(self, values: tuple[float, ...]) -> FloatArray | None:
+        try:
+            record = self._run(values)
+            if record is None:
+                return None
+            found = simulated_like(record, self._measured)
+        except (DiscError, MissingPartError):
+            raise
+        except SceneError as error:
+            self.why = str(error)
+            return None
+        rows = [_rows(found[name]) for name in self._quantities]
+        channels = np.where(np.isfinite(self.data.values), np.concatenate(rows)[self._chosen], np.nan)
+        if not np.array_equal(np.isfinite(channels), np.isfinite(self.data.values)):
+            self.why = "the run has no value at an instant of the measurement"
+            return None
+        return channels
+
+    def _run(self, values: tuple[float, ...]) -> Record | None:
+        """Return the record of a run, None if it diverged."""
+        if self.runs >= self.most:
+            raise Spent
+        if not self._go_on(self.runs):
+            raise Stopped
+        self.runs += 1
+        going = True
+
+        def observer(done: int) -> bool:
+            nonlocal going
+            going = self._go_on(self.runs - 1)
+            return going
+
+        record = simulate(self.scene(values, *self._shorter), observer)
+        if not going:
+            raise Stopped
+        if record.status != "done":
+            self.why = record.sentence
+            return None
+        return record
+
+    def _data(self) -> Data:
+        start = [each.start for each in self.varied]
+        record = self._run(tuple(start))
+        if record is None:
+            raise SceneError(
+                f"{self._name}: the run from the start, {self.told(start)}, fails: {self.why}; start from a run that "
+                "comes to its end, with -o KEY=VALUE"
+            )
+        found = simulated_like(record, self._measured)
+        self._quantities = tuple(found)
+        values = np.concatenate([_rows(self._measured[name]) for name in found])
+        values = np.where(np.isfinite(np.concatenate([_rows(each) for each in found.values()])), values, np.nan)
+        known = np.isfinite(values)
+        if not known.any():
+            raise SceneError(_apart(self._measured, record))
+        if known.sum() < (least := LEAST_PER_KEY * len(self.varied)):
+            raise SceneError(
+                f"{self._measured.name}: got {known.sum()} measured values within the run, must be at least {least} "
+                f"for {len(self.varied)} varied keys: measure more, or vary fewer keys"
+            )
+        self._chosen = np.flatnonzero(known.sum(axis=1) > 1)
+        titles = [(title, v.units) for v in map(self._measured.variable, found) for title in column_names(v)]
+        names, units = zip(*(titles[k] for k in self._chosen), strict=True)
+        data = Data(names, units, self._measured["time"], values[self._chosen])
+        if not np.any(np.nanmax(data.values, axis=1) > np.nanmin(data.values, axis=1)):
+            raise SceneError(f"{self._measured.name}: all that was measured is constant, nothing can be fitted to it")
+        return data
+
+
+def _shortened(scene: Scene, end: float) -> tuple[str, ...]:
+    """Return the override that lets a run end with the measurement, at a stored instant; none if it is shorter."""
+    run = scene.settings.run
+    stored = run.dt_s * run.record_every
+    duration = stored * math.ceil(end / stored - 1e-9)
+    return (f"run.duration_s={duration!r}",) if 0.0 < duration < run.duration_s else ()
+
+
+def _rows(values: FloatArray) -> FloatArray:
+    """Return a series, shape (T, ...), as channels, shape (C, T)."""
+    return np.asarray(values, dtype=float).reshape(len(values), -1).T
+
+
+def _apart(measured: Record, simulated: Record) -> str:
+    measured_time, time = measured["time"], simulated["time"]
+    return (
+        f"{measured.name}: measured from {measured_time[0]:g} to {measured_time[-1]:g} s, nothing of it within the run "
+        f"of {simulated.name} from {time[0]:g} to {time[-1]:g} s: set run.duration_s, or let the file's time begin at 0"
+    )

@@ -1,0 +1,122 @@
+"""Keys of a scene that a fit varies: `key` or `key=lo:hi` each, with the range and the start of each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from scenes.language.errors import SceneError
+from scenes.language.schema import bounds_of, describe, field_at, is_number, is_whole, meaning, unit_of
+from scenes.models.loading import Scene
+
+EDGE = 1e-6
+"""Distance to a bound that a value may not reach, as a fraction of the start."""
+
+Wanted = Sequence[str] | Mapping[str, tuple[float, float] | None]
+"""What is varied: `key` or `key=lo:hi` each, or by key its range, None for that of the scene's language."""
+
+
+@dataclass(frozen=True)
+class Varied:
+    """A key that a fit varies."""
+
+    key: str
+    """Dotted name, such as `friction.forward`."""
+    start: float
+    low: float
+    high: float
+    """Range, which may be infinite."""
+    unit: str
+    """Unit, "1" for a pure number."""
+    title: str
+    """What it is, in a few words."""
+
+    @property
+    def scale(self) -> float:
+        """Size of a large change: the start, or the width of the range if the scene starts from 0."""
+        width = self.high - self.low
+        return abs(self.start) or (width if math.isfinite(width) else 1.0)
+
+
+def varied_of(scene: Scene, wanted: Wanted) -> tuple[Varied, ...]:
+    """Return the keys that are varied.
+
+    A key starts from the value that the scene gives it, or from the middle of a range without this value.
+
+    Raises
+    ------
+    SceneError
+        No key, the same one twice, an unknown one, one that holds no number, or a range that is none.
+    """
+    ranges = wanted if isinstance(wanted, Mapping) else _parsed(wanted)
+    if not ranges:
+        raise SceneError("nothing to fit: name at least one key of the scene, such as --vary friction.forward")
+    return tuple(_varied(scene, key, given) for key, given in ranges.items())
+
+
+def _parsed(wanted: Sequence[str]) -> dict[str, tuple[float, float] | None]:
+    ranges: dict[str, tuple[float, float] | None] = {}
+    for text in wanted:
+        key, equals, span = text.partition("=")
+        if key.strip() in ranges:
+            raise SceneError(f"--vary {key.strip()}: given twice, must be there once")
+        ranges[key.strip()] = _range(key.strip(), span) if equals else None
+    return ranges
+
+
+def _range(key: str, text: str) -> tuple[float, float]:
+    try:
+        low, high = map(float, text.split(":"))
+    except ValueError:
+        raise SceneError(
+            f"--vary {key}: got '{text}', must be a range lo:hi of two numbers, or no range: --vary {key}"
+        ) from None
+    return low, high
+
+
+def _varied(scene: Scene, key: str, given: tuple[float, float] | None) -> Varied:
+    path = tuple(part.strip() for part in key.split("."))
+    field = field_at(scene.model.schema, path) if all(path) else None
+    value = _value(scene.settings, path)
+    if field is None or value is KeyError:
+        raise SceneError(f"--vary {key}: the scene {scene.name} has no such key; 'worm3d init FILE' lists all keys")
+    if not is_number(field) or isinstance(value, tuple | str):
+        raise SceneError(
+            f"--vary {key}: got {value!r} in the scene, must be one number; set it with -o {key}=NUMBER"
+            if is_number(field)
+            else f"--vary {key}: is no number, a fit varies numbers"
+        )
+    if is_whole(field):
+        raise SceneError(f"--vary {key}: is an integer, a fit varies real numbers; 'worm3d sweep' varies any key")
+    low, high = _bounds(field, value)
+    if given is not None:
+        if not (math.isfinite(given[0]) and math.isfinite(given[1]) and given[0] < given[1]):
+            raise SceneError(f"--vary {key}: got {given[0]:g}:{given[1]:g}, must be two finite numbers lo < hi")
+        if not (low <= given[0] and given[1] <= high):
+            raise SceneError(f"--vary {key}: got {given[0]:g}:{given[1]:g}, must lie within{describe(field)}")
+        low, high = given
+    if value is None and given is None:
+        raise SceneError(f"--vary {key}: left out in the scene, so there is no start; give a range, {key}=lo:hi")
+    inside = value is not None and low <= value <= high
+    start = float(value) if inside else 0.5 * (low + high)
+    return Varied(key, start, low, high, unit_of(field), meaning(field))
+
+
+def _value(settings: Any, path: tuple[str, ...]) -> Any:
+    """Return the value at a path, KeyError if there is none."""
+    for name in path:
+        if name not in getattr(type(settings), "model_fields", {}):
+            return KeyError
+        settings = getattr(settings, name)
+    return settings
+
+
+def _bounds(field: Any, value: float | None) -> tuple[float, float]:
+    """Return the range of a number; an open end is left by a hair."""
+    known = bounds_of(field)
+    hair = EDGE * (abs(value) if value else 1.0)
+    low = known.get("ge", known["gt"] + hair if "gt" in known else -math.inf)
+    high = known.get("le", known["lt"] - hair if "lt" in known else math.inf)
+    return low, high
