@@ -1,3 +1,4 @@
+from scenes.fit import fit as fit
 from worm3d.actuation import Command as Command
 from worm3d.actuation import Commands as Commands
 from worm3d.actuators import ACTUATORS as ACTUATORS

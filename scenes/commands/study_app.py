@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scenes.commands.arguments import Force, Out, Quiet
+from scenes.commands.arguments import Force, Out, Overrides, Quiet, SceneArgument, path_of
 
 studies = typer.Typer(rich_markup_mode=None)
 """Commands that stand beside `run` and the others."""
@@ -51,3 +51,30 @@ def validate(
     from scenes.validate import report
 
     raise typer.Exit(report.run(out, quick=quick, force=force, quiet=quiet))
+
+
+@studies.command()
+def fit(
+    scene: SceneArgument,
+    to: Annotated[
+        Path,
+        typer.Option("--to", metavar="FILE", parser=path_of, help="Measurement: a CSV file, see scenes/README.md."),
+    ],
+    vary: Annotated[
+        list[str],
+        typer.Option("--vary", metavar="KEY[=LO:HI]", help="Key to fit, e.g. friction.forward=0.01:0.3; repeatable."),
+    ],
+    o: Overrides = None,
+    runs: Annotated[int, typer.Option("--runs", min=10, help="Largest number of runs.")] = 500,
+    out: Out = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Fit keys of a scene to a measurement by least squares.
+
+    Each starts from the value that the scene, or -o, gives it. Writes fit.json (values, their 95 % intervals, keys
+    that the data cannot tell apart), fit.toml, the scene with these values, and fit.png, the residuals.
+    """
+    from scenes.fit import command
+
+    raise typer.Exit(command.run(scene, to, vary, o or (), out, runs=runs, force=force, quiet=quiet))

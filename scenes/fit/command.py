@@ -10,7 +10,7 @@ import typer
 from scenes.commands.terminal import Interruption, busy, progress
 from scenes.fit import figure, report
 from scenes.fit.fitting import Fit, fit
-from scenes.fit.trials import Stopped
+from scenes.fit.trials import StoppedError
 from scenes.language.loader import find_scene
 from scenes.records import folder as folders
 from scenes.records.drawing import save_figure
@@ -42,7 +42,7 @@ def run(
     """
     name = find_scene(scene).stem
     with folders.prepared(out, f"fit-{name}", force=force) as folder:
-        with Interruption() as interruption, progress(f"fit of {name}", runs, quiet=quiet, what="run at most") as show:
+        with Interruption() as interruption, progress(f"fit of {name}, at most", runs, quiet=quiet, what="run") as show:
 
             def go_on(done: int) -> bool:
                 show(done)
@@ -50,7 +50,7 @@ def run(
 
             try:
                 found = fit(scene, to, vary, overrides, runs, go_on)
-            except Stopped:
+            except StoppedError:
                 typer.echo(f"{name}: stopped by Ctrl-C; nothing of this fit was kept", err=True)
                 return INTERRUPTED
         with busy("drawing", quiet=quiet):

@@ -116,7 +116,7 @@ def fit(
     most_runs : int
         Largest number of runs of the search.
     go_on : callable
-        Called with the number of finished runs; where it returns False, the fit ends with `scenes.fit.trials.Stopped`.
+        Called with the number of finished runs; where it returns False, the fit ends with a `StoppedError`.
 
     Returns
     -------

@@ -102,7 +102,7 @@ def relation(varied: Sequence[Varied], direction: FloatArray, slopes: FloatArray
     """Return a direction, shape (P,) in scales of the keys, as changes that show it; those of 0 are not named."""
     largest = int(np.argmax(np.abs(direction)))
     move = direction * (EXAMPLE / direction[largest])
-    named = np.flatnonzero(move)
+    named = [int(k) for k in np.flatnonzero(move)]
     return Relation(
         tuple(varied[k].key for k in named),
         tuple(float(move[k] * varied[k].scale) for k in named),

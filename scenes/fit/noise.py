@@ -37,7 +37,7 @@ class Noise:
     @property
     def order(self) -> int:
         """The order p."""
-        return self.coefficients.shape[1]
+        return int(self.coefficients.shape[1])
 
     def score_covariance(self, spectra: FloatArray, size: int) -> FloatArray:
         """Return the covariance of the sums over channels and instants of J e, shape (P, P).
@@ -66,16 +66,12 @@ class Noise:
         innovations = random.multivariate_normal(
             np.zeros(len(self.covariance)), self.covariance, before + length, method="eigh"
         ).T
-        series = [
-            signal.lfilter([1.0], [1.0, *-own], u) for own, u in zip(self.coefficients, innovations, strict=True)
-        ]
+        series = [signal.lfilter([1.0], [1.0, *-own], u) for own, u in zip(self.coefficients, innovations, strict=True)]
         return np.array(series)[:, before:]
 
     def _memory(self) -> int:
         """Return after how many samples a beginning at rest is forgotten."""
-        radius = max(
-            (float(np.abs(np.roots([1.0, *-own])).max(initial=0.0)) for own in self.coefficients), default=0.0
-        )
+        radius = max((float(np.abs(np.roots([1.0, *-own])).max(initial=0.0)) for own in self.coefficients), default=0.0)
         return 0 if radius == 0.0 else min(LONGEST_MEMORY, int(np.log(MEMORY) / np.log(min(radius, 1.0 - 1e-9))) + 1)
 
 

@@ -21,7 +21,9 @@ def lines(fit: Fit) -> Iterator[str]:
     yield from (f"  {line}" for line in aligned(header, map(_row, fit.keys)))
     yield from (f"  {each.varied.key}: no interval, {each.reason}" for each in fit.keys if each.reason)
     rows = [_channel_row(channel) for channel in fit.channels[:SHOWN]]
-    yield from (f"  {line}" for line in aligned(("residuals of", "rms", "of the peak", "next alike"), rows))
+    yield from (
+        f"  {line}" for line in aligned(("residuals of", "rms", "of the peak", "autocorrelation at lag 1"), rows)
+    )
     if len(fit.channels) > SHOWN:
         yield f"  and {counted(len(fit.channels) - SHOWN, 'channel')} more, in fit.json"
 

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 from scenes.fit.identifiability import Determined, Relation, determined, vague
 from scenes.fit.slopes import HALVINGS, Slopes, slopes_at
-from scenes.fit.trials import Spent, Trials
+from scenes.fit.trials import SpentError, Trials
 from scenes.fit.uncertainty import Uncertainty, uncertainty_of
 from worm3d.values.arrays import BoolArray, FloatArray
 
@@ -65,7 +65,7 @@ def solve(trials: Trials) -> Solution:
     ------
     SceneError
         All runs around some values fail.
-    Stopped
+    StoppedError
         The user wants it to end.
     """
     problem = _Problem(trials)
@@ -80,7 +80,7 @@ def solve(trials: Trials) -> Solution:
             steps = np.clip(STEP_PER_ERROR * errors, *STEPS)
             if np.all(np.abs(u - before) <= ALIKE * errors):
                 break
-    except Spent:
+    except SpentError:
         finished = False
         u = problem.best
         weights = problem.weights(u)
@@ -194,7 +194,8 @@ class _Problem:
             if found is None:
                 return np.full(len(factor), np.inf)
             off: FloatArray = factor[:, 0] * (found - self._values(u))[self.known]
-            return off * (np.abs(direction).max() / TINY_STEP)
+            slope: FloatArray = off * (np.abs(direction).max() / TINY_STEP)
+            return slope
 
         own = determined([self.varied[k] for k in free], weighted[:, free], rough[:, free], probe)
         inverse = np.zeros((len(u), len(u)))

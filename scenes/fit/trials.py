@@ -25,11 +25,11 @@ KEPT = 100
 """Number of runs whose channels are kept, since a minimum and slopes often ask for the same one."""
 
 
-class Spent(Exception):
+class SpentError(Exception):
     """The allowed number of runs has been used up."""
 
 
-class Stopped(Exception):
+class StoppedError(Exception):
     """The user wants the fit to end."""
 
 
@@ -47,8 +47,7 @@ class Data:
 
     @property
     def spread(self) -> FloatArray:
-        """Standard deviation over time of the channels of each unit, shape (C,): the largest of
-        the unit's channels, 1 where all are constant."""
+        """Largest standard deviation over time of the channels with a channel's unit, shape (C,); 1 instead of 0."""
         own = np.nanstd(self.values, axis=1)
         largest = [max(own[k] for k, unit in enumerate(self.units) if unit == mine) for mine in self.units]
         return np.where(np.array(largest) > 0.0, largest, 1.0)
@@ -93,12 +92,12 @@ class Trials:
         """Why the last failed run failed."""
         self.data = self._data()
 
-    def __call__(self, values: Sequence[float]) -> FloatArray | None:
+    def __call__(self, values: Sequence[float] | FloatArray) -> FloatArray | None:
         """Return what would have been measured, shape (C, T), NaN as in the data; None if the run fails.
 
         Raises
         ------
-        Spent, Stopped
+        SpentError, StoppedError
             No further run is allowed.
         """
         key = tuple(map(float, values))
@@ -114,7 +113,7 @@ class Trials:
         """Allow more runs."""
         self.most += more
 
-    def scene(self, values: Sequence[float], *shorter: str) -> Scene:
+    def scene(self, values: Sequence[float] | FloatArray, *shorter: str) -> Scene:
         """Return the scene with values of the varied keys; SceneError if it is refused."""
         given = [f"{each.key}={float(value)!r}" for each, value in zip(self.varied, values, strict=True)]
         return parse_scene(self._text, self._name, [*given, *shorter])
@@ -144,9 +143,9 @@ class Trials:
     def _run(self, values: tuple[float, ...]) -> Record | None:
         """Return the record of a run, None if it diverged."""
         if self.runs >= self.most:
-            raise Spent
+            raise SpentError
         if not self._go_on(self.runs):
-            raise Stopped
+            raise StoppedError
         self.runs += 1
         going = True
 
@@ -157,7 +156,7 @@ class Trials:
 
         record = simulate(self.scene(values, *self._shorter), observer)
         if not going:
-            raise Stopped
+            raise StoppedError
         if record.status != "done":
             self.why = record.sentence
             return None
