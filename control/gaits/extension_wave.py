@@ -31,7 +31,7 @@ class ExtensionWave(Gait, name="extension_wave"):
     moving: float = parameter(0.5, meaning="share of the period for which a segment is not contracted", gt=0, le=1)
     held: float = parameter(1 / 3, meaning="share of that time for which it is wholly extended", ge=0, lt=1)
     extension: float = parameter(
-        -1.0,
+        -0.5,
         meaning="activation of an extended segment, -0.5 lengthens it by half the amplitude",
         ge=-1,
         le=0,

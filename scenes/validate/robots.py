@@ -283,8 +283,8 @@ COMPARISONS = (
         within(2.0, 27 / 72),
         BRAID,
         "R",
-        "The model's cranks lift the robot without slowing down or giving way. In a pipe of 160 mm, nearly as wide "
-        "as it gets, it falls.",
+        "The model's cranks lift the robot without slowing down or giving way, in a pipe of 145 to 152 mm; in one of "
+        "155 mm, in which a section alone has no hold at times, it slides down.",
         unknown=(*GROUNDS, ("worm.spring_N=3000.0",)),
         others=tuple(map(up_over_level, PIPES)),
         trend=True,

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from control.gaits import GAITS, ExtensionWave
+from control.gaits import GAITS, ExtensionWave, TwoAnchor
 
 
 def test_waveform_3x1():
     """1 s up, 1 s held, 1 s down, 3 s at rest, the next segment towards the tail 1 s later."""
-    gait = ExtensionWave(period=6.0)
+    gait = ExtensionWave(period=6.0, extension=-1.0)
     times = np.array([0.0, 0.5, 1.0, 1.7, 2.0, 2.5, 3.0, 4.0, 5.9, 6.5])
     head = gait.activations(times, 6)[:, 5]
     np.testing.assert_allclose(head, [1, 0, -1, -1, -1, 0, 1, 1, 1, 0], atol=1e-12)
@@ -47,3 +47,8 @@ def test_refused(wrong):
 
 def test_registered():
     assert GAITS["extension_wave"] is ExtensionWave
+
+
+def test_keys_shared_with_other_gaits_have_their_defaults():
+    """A key of several gaits has one default in scenes, that of the first."""
+    assert ExtensionWave().extension == TwoAnchor().extension
