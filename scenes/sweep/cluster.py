@@ -22,12 +22,13 @@ try:
 except ImportError as error:
     raise MissingPartError("--workers and --scheduler need Dask: pip install 'worm3d[dask]'") from error
 
-from scenes.sweep.flight import Flight  # needs Dask too
+from scenes.sweep.flight import PATIENCE, Flight  # needs Dask too
 
 CONNECT = 5.0
 """Longest time in which a scheduler answers [s]."""
 SETTINGS = {
     "distributed.scheduler.allowed-failures": 0,  # which cases are tried again is decided in `scenes.sweep.flight`
+    "distributed.deploy.lost-worker-timeout": f"{PATIENCE}s",  # on a busy machine a worker takes long to come back
     "distributed.worker.profile.enabled": False,  # takes time of the cases
     "distributed.admin.system-monitor.interval": "10s",  # so does this
     "distributed.worker.memory.target": False,
@@ -97,7 +98,8 @@ class Remote:
         if not jobs:
             return
         with self._connected() as client:
-            flight = Flight(client, perform, stopped)
+            hint = f"'dask worker {self.address} --nthreads 1' starts one"
+            flight = Flight(client, perform, stopped, hint)
             if flight.wait_for_workers():
                 _require_single(client.nthreads())
                 _require_folder(client, Path(jobs[0].path).parent)

@@ -13,10 +13,10 @@ from __future__ import annotations
 import secrets
 import threading
 import time
-from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import astuple
+from itertools import islice
 from queue import Empty, SimpleQueue
 
 import typer
@@ -50,16 +50,15 @@ class SchedulerError(SceneError):
 
 
 class Flight:
-    """Runs jobs on the workers of a client."""
+    """Runs jobs on the workers of a client; the hint says how a worker is started, where that is for the user."""
 
-    def __init__(self, client: Client, perform: Perform, stopped: Stopped) -> None:
-        self._client, self._perform, self._stopped = client, perform, stopped
+    def __init__(self, client: Client, perform: Perform, stopped: Stopped, hint: str = "") -> None:
+        self._client, self._perform, self._stopped, self._hint = client, perform, stopped, hint
         self._topic = f"worm3d-{secrets.token_hex(8)}"
         self._news: SimpleQueue[Ended | tuple[Job, Future]] = SimpleQueue()
         self._under_way: dict[str, Future] = {}
         self._lost: list[Job] = []
-        self._address = client.scheduler.address
-        self._workers, self._told = 0, False
+        self._workers, self._told = 0, not hint
         self._looked, self._deserted = -LOOK, time.monotonic()
         client.subscribe_topic(self._topic, lambda event: self._news.put(Ended(*event[1])))
 
@@ -91,11 +90,12 @@ class Flight:
         return False
 
     def _try(self, number: int, jobs: Sequence[Job], company: int) -> Iterator[Ended]:
-        waiting = deque(jobs)
-        while (waiting or self._under_way) and not self._stopped():
+        waiting, left = iter(jobs), len(jobs)  # all at once may be more than there is memory for
+        while (left or self._under_way) and not self._stopped():
             self._look()
-            while waiting and len(self._under_way) < max(1, company * self._workers):
-                self._send(waiting.popleft(), number)
+            for job in islice(waiting, max(0, max(1, company * self._workers) - len(self._under_way))):
+                self._send(job, number)
+                left -= 1
             yield from self._arrived()
         if self._under_way:
             self._client.cancel(list(self._under_way.values()))
@@ -145,12 +145,12 @@ class Flight:
         with suppress(OSError, TimeoutError):
             self._workers = len(self._client.nthreads())
         if self._workers:
-            self._deserted, self._told = now, False
+            self._deserted = now
         elif now > self._deserted + PATIENCE:
             raise SchedulerError(f"no worker for {PATIENCE / 60.0:.0f} minutes: {KEPT}")
         elif now > self._deserted + NOTICE and not self._told:
             self._told = True
-            typer.echo(f"waiting for a worker: 'dask worker {self._address} --nthreads 1' starts one", err=True)
+            typer.echo(f"waiting for a worker: {self._hint}", err=True)
 
 
 def _perform(perform: Perform, job: Job, topic: str) -> tuple[str, ...]:
