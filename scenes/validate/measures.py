@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -53,7 +55,10 @@ class Figure:
 
     def __call__(self, changes: Changes = ()) -> float:
         """Return the figure; see `Measure`."""
-        return figures(self.scene, _merged(self.changes, changes))[self.name]
+        value = figures(self.scene, _merged(self.changes, changes))[self.name]
+        if math.isnan(value):
+            raise StoppedError(f"the worm of {self.scene} does not get forward: it has no {self.name}")
+        return value
 
 
 @dataclass(frozen=True)
@@ -132,7 +137,7 @@ def _length(record: Record) -> float:
 
 def _cost(record: Record) -> float:
     cost = record.summary.metrics["cost_of_transport"]
-    return float(cost) if isinstance(cost, float) else float("nan")
+    return float(cost) if isinstance(cost, float) else math.nan
 
 
 FIGURES: Mapping[str, Callable[[Record], float]] = {
@@ -146,8 +151,6 @@ FIGURES: Mapping[str, Callable[[Record], float]] = {
 
 
 def _settings(record: Record) -> Mapping[str, Mapping[str, float]]:
-    import tomllib
-
     return tomllib.loads(record.scene)
 
 

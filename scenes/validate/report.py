@@ -14,12 +14,13 @@ from scenes.records import folder as folders
 from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes, markdown_table
-from scenes.validate import robots
+from scenes.validate import animals, robots
 from scenes.validate.figure import draw
 from scenes.validate.rows import TRUST, Chapter, Row
 
 CHAPTERS: Mapping[str, Chapter] = {
-    "Robots and animals": robots.rows,
+    "Robots": robots.rows,
+    "Animals": animals.rows,
 }
 """Parts of the report by their titles."""
 

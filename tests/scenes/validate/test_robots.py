@@ -4,9 +4,10 @@ import math
 import pytest
 
 from scenes.models.loading import load_scene
-from scenes.validate import report, robots
+from scenes.validate import report
+from scenes.validate.animals import earthworm
+from scenes.validate.comparison import ABOVE_1, BELOW_1, Comparison
 from scenes.validate.measures import HOME, Exponent, Figure, Ratio, StoppedError, figures
-from scenes.validate.robots import Comparison, earthworm
 
 
 @pytest.mark.parametrize("path", sorted(HOME.glob("*.toml")), ids=lambda path: path.stem)
@@ -57,9 +58,9 @@ def test_run_that_stops():
 @pytest.mark.parametrize(
     ("model", "published", "band", "agrees"),
     [
-        (1.1, None, robots.ABOVE_1, True),
-        (0.9, None, robots.ABOVE_1, False),
-        (0.9, None, robots.BELOW_1, True),
+        (1.1, None, ABOVE_1, True),
+        (0.9, None, ABOVE_1, False),
+        (0.9, None, BELOW_1, True),
         (1.1, 3.0, (1.5, 6.0), True),
         (0.9, 3.0, (1.5, 6.0), False),
         (0.9, 0.4, (0.2, 0.8), True),
@@ -77,6 +78,8 @@ def test_measures():
         Exponent({1.0: Fixed(1.0), 2.0: Fixed(-1.0)})()
     with pytest.raises(StoppedError, match=r"worm\.mass_kg"):
         figures("cmmworm", ("worm.mass_kg=-1",))
+    with pytest.raises(StoppedError, match="no cost_of_transport"):
+        Figure("cost_of_transport", "cmmworm", ("gait.direction=direct",))()
 
 
 def test_own_changes_win():

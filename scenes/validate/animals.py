@@ -1,0 +1,173 @@
+"""Animals beside what their scenes give; `scenes.validate.robots` says how, and what is assumed."""
+
+from __future__ import annotations
+
+import math
+
+from scenes.validate.comparison import Comparison, chapter, friction, pipe, speed, within
+from scenes.validate.measures import Changes, Exponent, Figure, Ratio
+
+QUILLIN_1999 = "Quillin, J. Exp. Biol. 202 (1999) 661, abstract"
+QUILLIN = "Quillin 1999 and 2000, regressions as quoted in a student's table"
+GREANEY = "Greaney et al., J. Neurosci. 2026, 12 larvae, 10th to 90th percentile, as tabulated by others"
+LIU = "Liu et al., eLife 83328 (2023), as quoted by others"
+HECKSCHER = "Heckscher et al. 2012, as quoted in eLife 11031"
+
+BURROWS = (0.00395, 0.0045)
+"""Other radii of the earthworm's burrow [m]."""
+ASYMMETRIES = (("friction.forward=0.03",), ("friction.forward=0.3",))
+STRAINS = (("gait.amplitude=0.1",), ("gait.amplitude=0.3",))
+GRAMS = (0.1, 1.0, 8.0)
+"""Masses of earthworms, in the range of the measured ones, 0.012 to 8.5 g [g]."""
+
+
+def in_burrow_over_free(radius: float) -> Ratio:
+    """Return the stride of the earthworm in a pipe over that on the ground."""
+    return Ratio(Figure("stride_BL", "earthworm", pipe(radius)), Figure("stride_BL", "earthworm"))
+
+
+L3 = (
+    "worm.length_m=4e-3",
+    "worm.half_height_m=0.3e-3",
+    "worm.chamber_offset_m=0.13e-3",
+    "worm.mass_kg=2.3e-6",
+    "worm.spring_N=1.1e-3",
+    "worm.torsion_J=1e-7",
+    "worm.yaw_J=1e-7",
+    "worm.twist_J=1e-7",
+    "gait.period_s=0.667",
+    "gait.contract_time_s=0.27",
+    "gait.amplitude=0.3",
+    "run.duration_s=6.67",
+    "run.dt_s=0.005",
+)
+"""Larva of the third instar: 4 mm, 1.5 waves a second, contraction 30 %; shape and pressure as of the first."""
+
+
+def earthworm(grams: float) -> Changes:
+    """Return the changes that make the earthworm of 1 g one of another mass, by the published powers of the mass.
+
+    Length m^0.34 at the same shape, frequency m^-0.07; the pressure in the body is the same, so that springs grow with
+    the cross-section and joints with the volume.
+    """
+    size, beat = grams**0.34, grams**-0.07
+    scaled = {
+        "worm.mass_kg": 1e-3 * grams,
+        "worm.length_m": 0.102 * size,
+        "worm.half_height_m": 0.0028 * size,
+        "worm.chamber_offset_m": 0.001 * size,
+        "worm.spring_N": 0.12 * size**2,
+        "worm.torsion_J": 1e-4 * size**3,
+        "worm.yaw_J": 1e-4 * size**3,
+        "worm.twist_J": 1e-4 * size**3,
+        "gait.period_s": 4.0 / beat,
+        "run.duration_s": 32.0 / beat,
+        "run.dt_s": 0.02 / beat,
+    }
+    return tuple(f"{key}={value:.6g}" for key, value in scaled.items())
+
+
+COMPARISONS = (
+    Comparison(
+        "Earthworm of 1 g: stride",
+        Figure("stride_BL", "earthworm"),
+        0.15,
+        (0.1, 0.3),
+        QUILLIN,
+        "R2",
+        "The stride is nearly in proportion to the assumed strain, 0.2 (0.1 to 0.3). Band: plausible for all worms.",
+        unit="BL",
+        unknown=(*STRAINS, *ASYMMETRIES),
+    ),
+    Comparison(
+        "Earthworm of 1 g: speed",
+        Figure("speed_BL_s", "earthworm"),
+        0.037,
+        (0.02, 0.06),
+        QUILLIN,
+        "R2",
+        "Stride times the published frequency, 0.25 Hz, which the model does not predict. Band: preferred speeds.",
+        unit="BL/s",
+        unknown=(*STRAINS, *ASYMMETRIES),
+    ),
+    Comparison(
+        "Earthworm: exponent of the speed over the mass",
+        Exponent({grams: speed("earthworm", *earthworm(grams)) for grams in GRAMS}),
+        0.33,
+        (0.23, 0.43),
+        QUILLIN_1999,
+        "R",
+        "0.1, 1 and 8 g; length and frequency by their published exponents, 0.34 and -0.07, the same strain.",
+        unknown=(*STRAINS, *ASYMMETRIES),
+    ),
+    Comparison(
+        "Earthworm: exponent of the stride over the mass",
+        Exponent({grams: Figure("stride_m", "earthworm", earthworm(grams)) for grams in GRAMS}),
+        0.41,
+        (0.31, 0.51),
+        QUILLIN_1999,
+        "R",
+        "As above. At the same strain the model's stride grows as the length.",
+        unknown=(*STRAINS, *ASYMMETRIES),
+    ),
+    Comparison(
+        "Earthworm of 1 g: stride in a burrow over free",
+        in_burrow_over_free(0.0042),
+        0.04 / 0.15,
+        within(2.0, 0.04 / 0.15),
+        QUILLIN,
+        "R2",
+        "The model's burrow is an open pipe, 10 % wider than the worm (4 to 18 %), in which it moves as on the ground; "
+        "animals that burrow push earth away, and make other movements.",
+        others=tuple(map(in_burrow_over_free, BURROWS)),
+        trend=True,
+    ),
+    Comparison(
+        "Larva, first instar: speed",
+        speed("larva"),
+        31.8e-6,
+        (23.5e-6, 48.6e-6),
+        GREANEY,
+        "R2",
+        "Contracted segments are thick and carry the model's worm; a larva lifts them. Assumed: friction 0.1 forward, "
+        "0.5 backward (forward 0.03 to 0.3).",
+        unit="m/s",
+        unknown=ASYMMETRIES,
+    ),
+    Comparison(
+        "Larva, first instar: stride",
+        Figure("stride_m", "larva"),
+        153e-6,
+        (140e-6, 179e-6),
+        GREANEY,
+        "R2",
+        "As above.",
+        unit="m",
+        unknown=ASYMMETRIES,
+    ),
+    Comparison(
+        "Larva, third instar: speed",
+        speed("larva", *L3),
+        1.0e-3,
+        (0.35e-3, 1.23e-3),
+        LIU,
+        "R2",
+        "At 1.5 waves a second and a contraction of 30 %; about 1 mm/s (Hughes and Thomas 2007, quoted).",
+        unit="m/s",
+        unknown=ASYMMETRIES,
+    ),
+    Comparison(
+        "Larva, first instar: speed with equal friction in all directions",
+        speed("larva", *friction(0.3)),
+        None,
+        (0.0, math.inf),
+        HECKSCHER,
+        "R2",
+        "Three segments are off the ground where the wave is, so a larva would get forward on any ground. The model's "
+        "worm goes the other way: its contracted segments hold the ground.",
+        unit="m/s",
+    ),
+)
+
+rows = chapter(COMPARISONS)
+"""The rows, each as soon as it is known: called with whether it is to be quick, that is without spreads."""

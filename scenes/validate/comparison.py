@@ -1,0 +1,97 @@
+"""A measure beside what was published, with what the source does not tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from scenes.validate.measures import Changes, Figure, Measure, StoppedError
+from scenes.validate.rows import Chapter, Row
+
+ABOVE_1, BELOW_1 = (1.0, math.inf), (-math.inf, 1.0)
+"""Bands of trends of which only the sign was published."""
+
+
+def friction(mu: float) -> Changes:
+    """Return the changes of a scene that make its friction the same in all directions."""
+    return tuple(f"friction.{way}={mu}" for way in ("forward", "backward", "lateral"))
+
+
+def within(factor: float, published: float) -> tuple[float, float]:
+    """Return the band from the published number over a factor to the factor times the number."""
+    return published / factor, published * factor
+
+
+def speed(scene: str, *changes: str) -> Figure:
+    """Return the speed of a scene with changes [m/s]."""
+    return Figure("speed_m_s", scene, changes)
+
+
+def pipe(radius: float, *changes: str) -> Changes:
+    """Return the changes of a scene that put its worm into a pipe, with further ones; the radius is in m."""
+    return ("world.kind=pipe", f"world.radius_m={radius}", *changes)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A measure beside what was published; the fields that `Row` has mean the same."""
+
+    name: str
+    measure: Measure
+    published: float | None
+    band: tuple[float, float]
+    source: str
+    trust: str
+    note: str
+    unit: str = "1"
+    unknown: Sequence[Changes] = ()
+    """Changes of the scene to other values of what the source does not tell."""
+    others: Sequence[Measure] = ()
+    """The measure with other values of it, where these belong to only some of its runs."""
+    trend: bool = False
+    """Whether the number is a ratio that says by its side of 1 how something changes."""
+
+    def row(self, *, quick: bool) -> Row:
+        """Return the row; with `quick` without the spread."""
+        note, model, others = self.note, math.nan, []
+        try:
+            model = self.measure()
+            others = [] if quick else [*(_found(self.measure, c) for c in self.unknown), *map(_found, self.others)]
+        except StoppedError as error:
+            note = f"the model gives nothing: {error}. {note}"
+        found = [other for other in others if other is not None]
+        if len(found) < len(others):
+            note += f" With {len(others) - len(found)} of {len(others)} other values the run does not come to its end."
+        return Row(
+            name=self.name,
+            model=model,
+            published=self.published,
+            tolerance=self.band,
+            source=self.source,
+            note=note,
+            trust=self.trust,
+            unit=self.unit,
+            scene=self.measure.scene,
+            spread=(min(model, *found), max(model, *found)) if found else None,
+            sign_agrees=self._sign_agrees(model),
+        )
+
+    def _sign_agrees(self, model: float) -> bool | None:
+        if not self.trend or math.isnan(model):
+            return None
+        rises = self.published > 1.0 if self.published is not None else self.band == ABOVE_1
+        return (model > 1.0) == rises
+
+
+def _found(measure: Measure, changes: Changes = ()) -> float | None:
+    """Return the number of a measure, None if a run does not come to its end."""
+    try:
+        return measure(changes)
+    except StoppedError:
+        return None
+
+
+def chapter(comparisons: Sequence[Comparison]) -> Chapter:
+    """Return the chapter of some comparisons; when it is quick it has no spreads."""
+    return lambda quick: (comparison.row(quick=quick) for comparison in comparisons)
