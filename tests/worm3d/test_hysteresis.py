@@ -19,13 +19,16 @@ from worm3d.plant import kernels
 from worm3d.values.parameters import parameter
 
 LAYOUT = actuator.chambers(FirstOrder, Jenkins)
-FREE = {"moment": 0.02, "spring_ratio": 0.5, "give": 2e-4, "spread": 3.0}
+FREE = {"moment": 0.02, "load_ratio": 0.5, "give": 2e-4, "spread": 3.0}
 
 
-def coordinate(length: np.ndarray, l0: float, link: float, k: float, own: Mapping[str, float]) -> np.ndarray:
+def coordinate(
+    length: np.ndarray, l0: float, link: float, k: float, own: Mapping[str, float], k_apex: float = 0.0
+) -> np.ndarray:
     """Return y of (H1) [J], written out: the hinge angle, and the energy of half of the springs with its sign."""
-    pulled = k * l0 / 4.0 * (1.0 - length / l0) ** 2 * np.sign(length - l0)
-    return np.asarray(own["moment"] * 2.0 * np.arcsin(length / (2.0 * link)) + own["spring_ratio"] * pulled)
+    angle, rest = (2.0 * np.arcsin(each / (2.0 * link)) for each in (length, l0))
+    pulled = k * l0 / 4.0 * (1.0 - length / l0) ** 2 + k_apex / 2.0 * (angle - rest) ** 2
+    return np.asarray(own["moment"] * angle + own["load_ratio"] * pulled * np.sign(length - l0))
 
 
 class Sliders:
@@ -51,7 +54,7 @@ def some_friction(seed: int) -> dict[str, np.ndarray]:
     """Return segments in general position, with friction that sticks, slides and is about to."""
     rng, values = np.random.default_rng(seed), some_segment(seed)
     values |= {name: np.zeros((size, COUNT)) for name, size in LAYOUT.sizes.items() if name not in values}
-    known = {"moment": (0.0, 0.1), "spring_ratio": (0.0, 0.9), "give": (1e-3, 0.1), "spread": (1.0, 5.0)}
+    known = {"moment": (0.0, 0.1), "load_ratio": (0.0, 0.9), "give": (1e-3, 0.1), "spread": (1.0, 5.0)}
     for name, (low, high) in known.items():
         values[f"actuator_hysteresis_{name}"] = rng.uniform(low, high, (1, COUNT))
     for k in range(1, 5):
@@ -83,7 +86,10 @@ def _without_kinks(values: Mapping[str, np.ndarray], near: float) -> np.ndarray:
     q, l0, k, link = values["q"], values["l0"], values["k"], values["link"]
     length = np.linalg.norm(q[5:8] - q[:3], axis=0) - np.array([1.0, -1.0])[:, None] * values["offset"] * q[4]
     own = {name: values[f"actuator_hysteresis_{name}"] for name in FREE}
-    moved = [coordinate(at, l0, link, k, own) for at in (length, values["length_n"], length + near, length - near)]  # type: ignore[arg-type]
+    moved = [
+        coordinate(at, l0, link, k, own, values["k_apex"])
+        for at in (length, values["length_n"], length + near, length - near)
+    ]  # type: ignore[arg-type]
     smooth: np.ndarray = (np.abs(length - l0) > near).all(axis=0)
     for j, place in enumerate((-1.0, -1.0 / 3.0, 1.0 / 3.0, 1.0)):
         give = own["give"] * own["spread"] ** place
@@ -126,7 +132,7 @@ def test_states_and_loss_are_those_of_sliders_moved_by_hand() -> None:
 def test_a_pull_below_the_friction_holds_and_one_above_moves_to_the_balance() -> None:
     """At rest |spring + pull| <= moment/h + ratio |spring|, with equality where the whole friction slides."""
     worm = Worm(
-        segments=1, length=0.2, hysteresis=Jenkins(moment=0.02, spring_ratio=0.5, give=1e-6), kelvin_voigt_time=0.3
+        segments=1, length=0.2, hysteresis=Jenkins(moment=0.02, load_ratio=0.5, give=1e-6), kelvin_voigt_time=0.3
     )
     capacity = 2.0 * 0.02 / 0.05  # of both chambers, at rest
 
@@ -148,7 +154,7 @@ def test_the_loss_of_a_cycle_depends_on_the_way_alone() -> None:
     """A cycle from angle to angle and back loses 2 M (their difference) a chamber, however slow; dampers lose less."""
     viscous = []
     for period in (2.0, 200.0):
-        own = Jenkins(moment=0.02, spring_ratio=0.0, give=1e-9)
+        own = Jenkins(moment=0.02, load_ratio=0.0, give=1e-9)
         worm = Worm(segments=1, length=0.2, actuator_lag=0.0, hysteresis=own, kelvin_voigt_time=0.02)
         run = loop(0.2 * np.sin(2.0 * np.pi * np.arange(801) / 400), worm, period / 400)
         angle = 2.0 * np.arcsin(run.chamber_length[401:, 0, 0] / (2.0 * worm.link_length[0]))
@@ -180,7 +186,7 @@ def test_any_friction_leads_to_a_result(seed: int) -> None:
     rng = np.random.default_rng(seed)
     own = Jenkins(
         moment=np.exp(rng.uniform(np.log(1e-4), np.log(0.05), 6)),
-        spring_ratio=rng.uniform(0.0, 0.95, 6),
+        load_ratio=rng.uniform(0.0, 0.95, 6),
         give=np.exp(rng.uniform(np.log(1e-6), np.log(1e-3), 6)),
         spread=rng.uniform(1.0, 10.0),
     )
@@ -195,7 +201,7 @@ def test_any_friction_leads_to_a_result(seed: int) -> None:
 
 
 def test_without_friction_nothing_changes_and_nothing_is_recorded() -> None:
-    plain, none = crawl(duration=0.5), crawl(Jenkins(moment=0.0, spring_ratio=0.0), 0.5)
+    plain, none = crawl(duration=0.5), crawl(Jenkins(moment=0.0, load_ratio=0.0), 0.5)
     assert plain.actuator_states == {}
     assert_array_equal(plain.energy.hysteresis_loss, 0.0)
     assert_allclose(none.joints, plain.joints, rtol=0, atol=1e-12)
@@ -280,7 +286,7 @@ class _Wrong(Own):
     [
         (lambda: Worm(hysteresis=0.1), "hysteresis: got float, must be a worm3d.Hysteresis such as worm3d.Jenkins()"),
         (lambda: Worm(hysteresis=Jenkins(moment=np.ones(5))), "hysteresis.moment: got 5 values, must be a number or 6"),
-        (lambda: Jenkins(spring_ratio=1.0), "spring_ratio: got 1.0, must be"),
+        (lambda: Jenkins(load_ratio=1.0), "load_ratio: got 1.0, must be"),
         (lambda: Jenkins(give=0.0), "give: got 0.0, must be finite and above 0"),
         (lambda: crawl(_Few()), "_Few.sliders: got 1 pairs of share and give, must be 2 as `elements` says"),
         (lambda: crawl(_Wrong()), "_Wrong.sliders: got float, must be pairs of share and give"),

@@ -113,6 +113,11 @@ def hinge_angle(link: ca.SX, chamber_length: ca.SX) -> ca.SX:
     return 2.0 * ca.asin(chamber_length / (2.0 * link))
 
 
+def hinge_energy(k_apex: ca.SX, angle: ca.SX, rest: ca.SX) -> ca.SX:
+    """Return the energy of a chamber's apex hinges at an angle, with that at rest, (E4) [J]."""
+    return k_apex / 2.0 * (angle - rest) ** 2
+
+
 def joint_angles(first: Frame, second: Frame) -> list[ca.SX]:
     """Return c.d, c.u and the twist m of a joint between the segments behind and ahead, (E5)."""
     c = ca.cross(first.t, second.t)

@@ -5,8 +5,8 @@ that it is the slope of a growing function y of the length, the *coordinate* of 
 
     |force of the friction| <= dy/dl                                                                    (H1)
 
-A constant moment M in the hinges is y = M angle(l); friction in proportion to the pull of the chamber's spring is the
-spring's energy, with the sign of l - l0. y is in J: moving by dy against friction that slides loses dy.
+A constant moment M in the hinges is y = M angle(l); friction in proportion to the pull of the chamber's springs is
+their energy, with the sign of l - l0. y is in J: moving by dy against friction that slides loses dy.
 
 Joints give before they slide, some earlier than others. Elements in parallel (Jenkins' or Maxwell-slip elements, a
 spring and a slider each) share the load: element k has the share w_k and slides once its spring has given way by r_k in
@@ -59,7 +59,7 @@ class Hysteresis(Part, registry=HYSTERESES):
     it carries, of shape (T, N, 2).
     """
 
-    known: ClassVar[tuple[str, ...]] = ("length", "l0", "link", "k")
+    known: ClassVar[tuple[str, ...]] = ("length", "l0", "link", "k", "k_apex")
     elements: ClassVar[int] = 0
     """Number of elements in parallel of each chamber."""
 
@@ -75,7 +75,8 @@ class Hysteresis(Part, registry=HYSTERESES):
         ----------
         s : mapping of str to SX
             Scalars by name. The parameters; the "length" of the chamber and the rest length "l0" of its segment [m],
-            the links "link" [m], and the stiffness of the segment's springs "k", of which a chamber has half [N].
+            the links "link" [m], and the stiffness of the segment's springs "k" [N] and apex hinges "k_apex" [N m/rad],
+            of which a chamber has half.
         """
         raise NotImplementedError
 
@@ -100,11 +101,11 @@ def chamber_states(actuator: type[Part], own: type[Hysteresis]) -> dict[str, str
 @documented
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Jenkins(Hysteresis, name="jenkins"):
-    """Friction in the hinges of the rhombi, of a constant moment and in proportion to the pull of the springs.
+    """Friction in the hinges of the rhombi, of a constant moment and in proportion to what their springs pull.
 
-    With half of the segment's springs, a chamber of the length l and the half-height h has friction of at most
-    moment/h + spring_ratio (k/2) |1 - l/l0| along it. Its four elements have equal shares; their gives are in geometric
-    progression from give/spread to give spread.
+    A chamber of the half-height h, whose springs and apex hinges would pull it back to its nominal rest length by P,
+    has friction of at most moment/h + load_ratio |P| along it. Its four elements have equal shares; their gives are in
+    geometric progression from give/spread to give spread.
     """
 
     elements: ClassVar[int] = 4
@@ -116,10 +117,10 @@ class Jenkins(Hysteresis, name="jenkins"):
         ge=0,
         each="segment",
     )
-    spring_ratio: Numbers = parameter(
+    load_ratio: Numbers = parameter(
         0.2,
-        meaning="further friction over the pull of the chamber's spring at its nominal rest length; at 1 the chamber "
-        "would not return by itself",
+        meaning="further friction over the pull of the chamber's springs and hinges towards its nominal rest length; "
+        "at 1 the chamber would not return by itself",
         ge=0,
         lt=1,
         each="segment",
@@ -138,13 +139,15 @@ class Jenkins(Hysteresis, name="jenkins"):
 
     @classmethod
     def coordinate(cls, s: Symbols) -> Symbol:
-        """Return moment angle(l) + spring_ratio E(l) sign(l - l0), with the energy E of the chamber's spring."""
+        """Return moment angle(l) + load_ratio E(l) sign(l - l0), with the elastic energy E of the chamber."""
         import casadi as ca  # parameters are wanted without it
 
-        from worm3d.physics.elements import chamber_energy, hinge_angle
+        from worm3d.physics.elements import chamber_energy, hinge_angle, hinge_energy
 
-        pulled = chamber_energy(s["k"], s["l0"], s["length"], s["l0"]) * ca.sign(s["length"] - s["l0"])
-        return s["moment"] * hinge_angle(s["link"], s["length"]) + s["spring_ratio"] * pulled
+        length, l0 = s["length"], s["l0"]
+        angle, rest = (hinge_angle(s["link"], each) for each in (length, l0))
+        energy = chamber_energy(s["k"], l0, length, l0) + hinge_energy(s["k_apex"], angle, rest)
+        return s["moment"] * angle + s["load_ratio"] * energy * ca.sign(length - l0)
 
     @classmethod
     def sliders(cls, s: Symbols) -> Sequence[tuple[Symbol, Symbol]]:

@@ -87,7 +87,7 @@ def _slid(own: Own, layout: Layout, side: int) -> Callable[[ca.SX], hysteresis.S
     While a worm comes to rest, when time goes by faster for its actuators, its joints are free.
     """
     s = layout.symbols
-    known = {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k")}}
+    known = {"length_n": s["length_n"][side], **{name: s[name] for name in ("l0", "link", "k", "k_apex")}}
     known |= {FRICTION + name: s[PREFIX + FRICTION + name] for name in parameters_of(own)}
     for state in own.states:
         name = f"{FRICTION}{state}_n"

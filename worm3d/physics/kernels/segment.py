@@ -167,7 +167,7 @@ def _chamber(length: ca.SX, commanded: ca.SX) -> ca.SX:
 
 def _hinge(angle: ca.SX) -> ca.SX:
     s = LAYOUT.symbols
-    return s["k_apex"] / 2.0 * (angle - elements.hinge_angle(s["link"], s["l0"])) ** 2
+    return elements.hinge_energy(s["k_apex"], angle, elements.hinge_angle(s["link"], s["l0"]))
 
 
 def _chamber_damping() -> ca.SX:
