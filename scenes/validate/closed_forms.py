@@ -365,6 +365,6 @@ CASES = [*BREATHING, *ELASTIC, *LOADS, *SINE, *STEPS, *ISOTROPIC, *PULSES, *MEDI
 """All closed forms of the report."""
 
 
-def closed_forms(quick: bool) -> Iterator[Row]:
+def rows(quick: bool) -> Iterator[Row]:
     """Run the cases; see `scenes.validate.rows.Chapter`. All are quick."""
     return (case.row() for case in CASES)
