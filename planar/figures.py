@@ -140,30 +140,8 @@ def space_time(
     return figure, rows[-1]
 
 
-def by_case(
-    parameter: FloatArray, panels: Mapping[str, FloatArray], xlabel: str, title: str = "Cases"
-) -> tuple[Figure, Axes]:
-    """Draw figures of merit over the parameter that was varied, a panel for each; return the first axes.
-
-    Parameters
-    ----------
-    parameter : ndarray, shape (C,)
-        Its value in each case.
-    panels : mapping of label to ndarray, shape (C,)
-        Name of the figure with its unit, and its values; where one is not finite, the panel says "none".
-    xlabel : str
-        What was varied.
-    """
-    figure = Figure(figsize=(1.0 + 3.9 * len(panels), 3.6), layout="constrained", dpi=120)
-    columns = np.ravel(figure.subplots(1, len(panels)))
-    for axes, (label, values) in zip(columns, panels.items(), strict=True):
-        case_panel(axes, parameter, values, xlabel, label)
-    figure.suptitle(title, fontsize=10)
-    return figure, columns[0]
-
-
 def case_panel(axes: Axes, parameter: FloatArray, values: FloatArray, xlabel: str, ylabel: str) -> None:
-    """Draw one figure of merit over the parameter that was varied into given axes; see `by_case`."""
+    """Draw a figure of merit over the parameter that was varied, both of shape (C,); gaps are named "none"."""
     order = np.argsort(parameter)
     axes.plot(parameter[order], values[order], "o-")
     for x in parameter[~np.isfinite(values)]:

@@ -117,26 +117,25 @@ class Interruption:
 
 def ending(record: Record, model: Model[Any], folder: Path) -> str:
     """Return the lines that end a run: the metrics that matter, and where the files are."""
-    lines = model.table(record) if model.table else _metrics(record, model)
     page = folder / VIEWER
     seen = (f"{'to look at':22}{page}",) if model.view is not None and page.is_file() else ()
     titled = () if record.title == record.name else (f"{'title':22}{record.title}",)
     return "\n".join(
         (
             f"{record.name}: {_sentence(record)}",
-            *(f"  {line}" for line in (*lines, *titled, f"{'files':22}{folder}", *seen)),
+            *(f"  {line}" for line in (*_metrics(record, model), *titled, f"{'files':22}{folder}", *seen)),
         )
     )
 
 
 def failure(record: Record, model: Model[Any]) -> str:
-    """Return the one line about a run that failed, at least in part: what, when, where, and what to try."""
+    """Return the one line about a run that failed: what, when, where, and what to try."""
     return f"{record.status}: {record.sentence}; {model.advice}"
 
 
 def failed(record: Record) -> bool:
-    """Return whether a run failed, at least in part."""
-    return record.status in ("diverged", "incomplete")
+    """Return whether a run failed."""
+    return record.status == "diverged"
 
 
 def warnings(record: Record) -> list[str]:

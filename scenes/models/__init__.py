@@ -14,7 +14,6 @@ _PLACES = {
     "worm_planar": ("scenes.models.worm.model", "PLANAR"),
     "planar_published": ("scenes.models.planar.published", "MODEL"),
     "planar_linkage": ("scenes.models.planar.linkage", "MODEL"),
-    "planar_study": ("scenes.models.planar.study", "MODEL"),
 }
 """Module of each model, and its name there."""
 

@@ -30,8 +30,7 @@ MOVIE_S = 30.0
 Observer = Callable[[int], bool]
 """Function of the number of finished steps; where it returns False, the run ends."""
 
-Status = Literal["done", "interrupted", "diverged", "incomplete"]
-"""Incomplete: some cases of a study came to their end, others did not."""
+Status = Literal["done", "interrupted", "diverged"]
 
 
 class Movie(Protocol):
@@ -126,8 +125,6 @@ class Model(Pictures, Generic[S]):
     """What to try when a run diverges."""
     headlines: tuple[tuple[str, str, str], ...] = field(default=())
     """Figures of the summary, beyond those of every model, that end a run's report."""
-    table: Callable[[Record], list[str]] | None = None
-    """Lines that end a run's report instead of figures: the cases of a study."""
     resume: Callable[[S, Record, Observer], Outcome] | None = None
     """Goes on from a record's checkpoint to the end of the scene; its outcome is that of the whole run."""
     watch: Callable[[S, Observer, Watch], Outcome] | None = None

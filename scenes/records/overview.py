@@ -1,4 +1,4 @@
-"""The one figure that every run draws: the worm and how far it came, or the cases of a study.
+"""The one figure that every run draws: the worm and how far it came.
 
 It is drawn by Pillow alone, since importing matplotlib takes longer than a run of ten seconds; `worm3d plot` draws all
 figures of a result.
@@ -31,8 +31,8 @@ INK, GRID = "#333333", "#dddddd"
 WIDTH, LEFT, RIGHT, ABOVE, BELOW, HEADER = 720, 62, 16, 24, 36, 46
 """Width of the picture, margins around each panel, and height of the head line [pixels]."""
 
-BODY_HIGH, CURVES_HIGH, CASES_HIGH = 190, 150, 220
-"""Heights of panels with a body (at most), with curves, and with the cases of a study [pixels]."""
+BODY_HIGH, CURVES_HIGH = 190, 150
+"""Heights of panels with a body (at most) and with curves [pixels]."""
 
 MOST_LENGTHS = 4.0
 """A body that went further than so many of its own lengths is shown where it ended."""
@@ -87,23 +87,6 @@ def of_planar(record: Record, names: tuple[str, str, str], activation: FloatArra
     com, most = record["com"], float(np.abs(activation).max()) or 1.0
     side = Side("height [m]", "along the ground [m]", bodies, activation / most, com)
     return of_run(record, [side], {"along the ground": com[:, 0] - com[0, 0]})
-
-
-def of_cases(record: Record, vary: str, panels: Mapping[str, FloatArray]) -> Image.Image:
-    """Return the overview of a study: figures of merit, each of shape (C,), over what was varied."""
-    canvas = _headed(record, ABOVE + CASES_HIGH + BELOW)
-    width = (WIDTH - len(panels) * (LEFT + RIGHT)) / len(panels)
-    value = record["value"]
-    for number, (label, figures) in enumerate(panels.items()):
-        left = number * (LEFT + width + RIGHT) + LEFT
-        x, y = limits(value, 1e-9 + 0.1 * float(np.abs(value).max()), 0.08), limits(figures, 1e-12, 0.12)
-        box = (left, HEADER + ABOVE, left + width, HEADER + ABOVE + CASES_HIGH)
-        panel = Panel(canvas, box, np.array([x[0], y[0]]), np.array([x[1], y[1]]))
-        panel.frame(label, vary)
-        points = np.column_stack([value, figures])[np.argsort(value)]
-        panel.line(points, COLOURS[0])
-        panel.dots(points, COLOURS[0])
-    return canvas.image
 
 
 def _headed(record: Record, height: int) -> Canvas:
@@ -226,12 +209,6 @@ class Panel:
         for polygon, fill in zip(polygons, fills, strict=True):
             if self._inside(polygon).all():
                 self.canvas.draw.polygon(self._pixels(polygon), fill=fill, outline=edge, width=SCALE - 1)
-
-    def dots(self, points: ArrayLike, colour: Colour, radius: float = 3.0) -> None:
-        """Draw a dot at each point, shape (P, 2), that is finite and inside."""
-        places = np.asarray(points, dtype=float)
-        for x, y in self._pixels(places[self._inside(places)]):
-            self.canvas.draw.circle((x, y), SCALE * radius, fill=colour)
 
     def _inside(self, places: FloatArray) -> NDArray[np.bool_]:
         inside: NDArray[np.bool_] = np.all((places >= self.low) & (places <= self.high), axis=1)

@@ -18,7 +18,7 @@ from worm3d.values.variable import Variable
 Cell = float | int | str | None
 
 Metric = Cell | list[dict[str, Cell]]
-"""A number of the summary, or a table of them: a row for each case of a study."""
+"""A number of the summary, or a table of them, such as the faults of a run."""
 
 
 class MissingVariableError(SceneError, KeyError):

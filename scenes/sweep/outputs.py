@@ -12,14 +12,13 @@ import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, cast
 
 import numpy as np
 
 from scenes.commands.packages import versions
 from scenes.commands.terminal import HEADLINES
 from scenes.language.errors import DiscError
-from scenes.models.base import Status
 from scenes.models.loading import Scene
 from scenes.records.drawing import save_figure
 from scenes.records.folder import SUMMARY, write_bytes, written_whole
@@ -59,6 +58,9 @@ NO_SINGLE_VALUE = (
 """Figures of every `summary.json` that a sweep has one of for each case."""
 
 
+Status = Literal["done", "incomplete", "interrupted"]
+
+
 @dataclass(frozen=True)
 class Written:
     """What was written, and how the sweep ended."""
@@ -94,8 +96,9 @@ def write_outputs(folder: Path, base: Scene, design: Design, results: Iterable[C
     write_bytes(folder / DATASET, netcdf.packed(netcdf.signed(_content(base, table, summary))))
     write_bytes(folder / SUMMARY, json_bytes(summary.to_dict()))
     figures = tuple(_draw(folder, base, table))
-    status: Any = summary["status"]
-    return Written(status, table, summary, (folder / CSV, folder / DATASET, folder / SUMMARY, *figures))
+    return Written(
+        cast(Status, summary["status"]), table, summary, (folder / CSV, folder / DATASET, folder / SUMMARY, *figures)
+    )
 
 
 def headlines(base: Scene) -> dict[str, tuple[str, str]]:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from PIL import Image
 
@@ -63,13 +64,12 @@ def test_space_time_has_the_tail_below_and_a_short_impact_does_not_hide_the_rest
 
 
 def test_cases_are_drawn_in_order_and_gaps_are_named() -> None:
-    figure, first = figures.by_case(
-        np.array([3.0, 1.0, 2.0]), {"distance [m]": np.array([30.0, 10.0, np.nan])}, "period [s]"
-    )
-    assert_allclose(first.lines[0].get_xdata(), [1.0, 2.0, 3.0])
-    assert_allclose(first.lines[0].get_ydata(), [10.0, np.nan, 30.0])
-    assert [(text.get_text(), text.get_position()[0]) for text in first.texts] == [("none", 2.0)]
-    assert (first.get_xlabel(), first.get_ylabel(), len(figure.axes)) == ("period [s]", "distance [m]", 1)
+    axes = Figure().subplots()
+    figures.case_panel(axes, np.array([3.0, 1.0, 2.0]), np.array([30.0, 10.0, np.nan]), "period [s]", "distance [m]")
+    assert_allclose(axes.lines[0].get_xdata(), [1.0, 2.0, 3.0])
+    assert_allclose(axes.lines[0].get_ydata(), [10.0, np.nan, 30.0])
+    assert [(text.get_text(), text.get_position()[0]) for text in axes.texts] == [("none", 2.0)]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("period [s]", "distance [m]")
 
 
 @pytest.fixture

@@ -31,11 +31,11 @@ def test_every_figure_is_a_picture_with_labelled_axes(record: Record, tmp_path: 
         assert axes.get_ylabel()
 
 
-@pytest.mark.parametrize("name", ["planar_published", "planar_study"])
+@pytest.mark.parametrize("name", ["planar_published", "planar_linkage"])
 def test_no_title_is_clipped(record: Record, tmp_path: Path, name: str) -> None:
     """However long: it is broken into lines."""
-    if name == "planar_study":
-        record = simulate(load_scene("planar_segments", ["study.values=[3, 4]", "run.duration_s=0.1"]))
+    if name == "planar_linkage":
+        record = simulate(load_scene("planar_wave", ["run.duration_s=0.1"]))
     object.__setattr__(record, "title", "Distance, cost of transport and much else of worms by number of segments")
     for stem, draw in models.get(name).figures.items():
         figure, _ = draw(record)

@@ -58,7 +58,7 @@ def test_the_same_eight_with_an_unknown_model() -> None:
     first, *others = lines_about(text)
     assert first == (
         "line 1: model: got 'planar_publised': must be one of 'worm', 'worm_control', 'worm_planar', "
-        "'planar_published', 'planar_linkage', 'planar_study'; did you mean 'planar_published'? "
+        "'planar_published', 'planar_linkage'; did you mean 'planar_published'? "
         "(the rest is checked as 'planar_published')"
     )
     assert len(others) == 8
@@ -67,7 +67,7 @@ def test_the_same_eight_with_an_unknown_model() -> None:
 def test_a_missing_model_does_not_hide_the_rest() -> None:
     assert lines_about("worm = 3\n") == (
         "line 1: model: missing: must be one of 'worm', 'worm_control', 'worm_planar', 'planar_published', "
-        "'planar_linkage', 'planar_study' (the rest is checked as 'worm')",
+        "'planar_linkage' (the rest is checked as 'worm')",
         "line 1: worm: got 3: must be a section of keys under the header [worm]",
     )
 
@@ -175,7 +175,7 @@ def test_a_check_fails_at_its_limit_and_not_by_rounding() -> None:
     parse_scene(one_step, "test")
 
 
-@pytest.mark.parametrize("model", ["planar_published", "planar_linkage", "planar_study"])
+@pytest.mark.parametrize("model", ["planar_published", "planar_linkage"])
 def test_scenes_that_do_not_fit_into_memory_are_refused(model: str) -> None:
     (line,) = lines_about(f'model = "{model}"\n[run]\nduration_s = 200000\n')
     assert line.startswith("line 3: run.duration_s: got ")

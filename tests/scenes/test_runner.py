@@ -180,7 +180,7 @@ def test_a_full_disc_leaves_the_old_results_as_they_were(worm3d, tmp_path: Path,
 def test_pictures_of_an_earlier_run_of_any_model_go_and_files_of_others_stay(worm3d, tmp_path: Path) -> None:
     folder = tmp_path / "x"
     folder.mkdir()
-    for name in ("overview.png", "energy_ledger.png", "centre_of_mass_by_case.png", "animation.gif", "photo.png"):
+    for name in ("overview.png", "energy_ledger.png", "loads_and_slip.png", "animation.gif", "photo.png"):
         (folder / name).write_text("old")
     stops = ("-o", "gait.force_N=1e100")  # diverges at once: draws nothing
     assert worm3d("run", "planar_published", *stops, "--out", "x", "--force", "--quiet").code == 3

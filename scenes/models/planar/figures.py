@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 
 from planar import figures
 from scenes.models.planar.linkage import INCOMING, LOST, STORED
-from scenes.models.planar.merit import varied
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
@@ -77,39 +76,3 @@ def published_cost(record: Record) -> tuple[Figure, Axes]:
 def published_activation(record: Record) -> tuple[Figure, Axes]:
     """Draw the activation of the segments."""
     return figures.activation(record["step_time"], record["activation"], title=f"{record.title}: activation")
-
-
-def _curves_by_case(record: Record, name: str) -> dict[str, FloatArray]:
-    labelled = zip(record["value"], record[name], strict=True)
-    return {f"{varied(record)} = {value:g}": curve for value, curve in labelled if np.isfinite(curve).any()}
-
-
-def study_com(record: Record) -> tuple[Figure, Axes]:
-    """Draw the centre of mass of each case."""
-    title = f"{record.title}: centre of mass by case"
-    return figures.centre_of_mass(record["time"], _curves_by_case(record, "com_x"), title=title)
-
-
-def study_cumulative_cost(record: Record) -> tuple[Figure, Axes]:
-    """Draw the cumulative cost of transport of each case."""
-    title = f"{record.title}: cumulative cost of transport by case, sum of |work / dx|"
-    return figures.cumulative_cost(record["step_time"], _curves_by_case(record, "cumulative_cost"), title=title)
-
-
-def study_cost(record: Record) -> tuple[Figure, Axes]:
-    """Draw two costs of transport over the number that is varied."""
-    panels = {
-        "sum of |work / dx|, (P12) [J/m]": record["cumulative_cot"],
-        "work / (weight x distance)": record["cost_of_transport"],
-    }
-    return _panels(record, panels, "cost of transport")
-
-
-def study_distance(record: Record) -> tuple[Figure, Axes]:
-    """Draw distance and speed over the number that is varied."""
-    panels = {"distance [m]": record["distance"], "speed [body lengths per period]": record["speed"]}
-    return _panels(record, panels, "distance and speed")
-
-
-def _panels(record: Record, panels: dict[str, FloatArray], what: str) -> tuple[Figure, Axes]:
-    return figures.by_case(record["value"], panels, varied(record), title=f"{record.title}: {what} by case")

@@ -10,7 +10,7 @@ import numpy as np
 from planar import linkage
 from planar.metrics import p12_cost_of_transport
 from scenes.models.base import MOVIE_S, Model, Movie, Observer, Outcome, pictures
-from scenes.models.planar.linkage_scene import CHECKS, LinkageScene, LinkageSettings, simulate
+from scenes.models.planar.linkage_scene import CHECKS, LinkageScene, simulate
 from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, common, movie, no_cost_because, status_word
 from scenes.records import overview
 from scenes.records.record import Record
@@ -74,7 +74,7 @@ def cumulative_cost(work: FloatArray, com_x: FloatArray) -> FloatArray:
     return cumulative
 
 
-def merits(scene: LinkageSettings, result: linkage.Run) -> dict[str, float | None]:
+def merits(scene: LinkageScene, result: linkage.Run) -> dict[str, float | None]:
     """Return the figures of `summary.json` of one run."""
     ledger, worm = result.ledger, result.worm
     travel = Travel.of(result.com, result.time, scene.gait.period_s)

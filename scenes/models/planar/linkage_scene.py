@@ -50,26 +50,21 @@ class LinkageGait(PartSection, keys=gait_keys("bias", "hinge", "force")):
     """The commanded contraction: rest lengths are l0 (1 - amplitude x activation)."""
 
 
-class LinkageSettings(Settings):
-    """Sections of one run of the worm."""
+class LinkageScene(Settings):
+    """A whole scene."""
 
+    model: Literal["planar_linkage"] = setting(title="which simulation the scene is for")
     worm: Worm = Worm()
     friction: Friction = Friction()
     gait: LinkageGait = LinkageGait()
     ground: Ground = Ground()
 
 
-class LinkageScene(LinkageSettings):
-    """A whole scene."""
-
-    model: Literal["planar_linkage"] = setting(title="which simulation the scene is for")
-
-
 KEYS = keys_by_parameter(linkage.Linkage, Worm)
 """Key of each parameter of `Linkage` in the section [worm]."""
 
 
-def simulate(scene: LinkageSettings, observer: Observer) -> linkage.Run:
+def simulate(scene: LinkageScene, observer: Observer) -> linkage.Run:
     """Run the worm of a scene.
 
     Raises
@@ -97,7 +92,7 @@ def worm_of(worm: Worm) -> linkage.Linkage:
     return part_of(linkage.Linkage, worm)
 
 
-def gait_of(scene: LinkageSettings) -> Gait:
+def gait_of(scene: LinkageScene) -> Gait:
     """Return the gait as the worm wants it: time [s] -> contraction of each segment, shape (N,)."""
     wave, segments = gait_from(scene.gait, scene.run.dt_s), scene.worm.segments
     return lambda t: wave.amplitude * wave.activation(t, segments)

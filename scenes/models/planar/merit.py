@@ -26,11 +26,6 @@ def status_word(status: planar.Status) -> Status:
     return "done" if status is planar.Status.DONE else "interrupted"
 
 
-def varied(record: Record) -> str:
-    """Return the key of the number that varies from case to case of a study."""
-    return str(record.summary["vary"])
-
-
 @dataclass(frozen=True)
 class Travel:
     """How far and how fast the centre of mass went."""
