@@ -22,6 +22,9 @@ def compare(
             help="Folders of runs, result.nc, cases of a sweep, measurements (CSV); the first one is the reference.",
         ),
     ],
+    align: Annotated[
+        bool, typer.Option("--align", help="Move and turn the others so that their positions fit the reference best.")
+    ] = False,
     out: Out = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -33,7 +36,7 @@ def compare(
     """
     from scenes.compare import command
 
-    raise typer.Exit(command.run(results, out, force=force, quiet=quiet))
+    raise typer.Exit(command.run(results, out, align=align, force=force, quiet=quiet))
 
 
 @studies.command()

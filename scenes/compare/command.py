@@ -5,14 +5,15 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, fields
+from dataclasses import astuple, fields, replace
 from pathlib import Path
 
 import typer
 
-from scenes.commands.terminal import busy
+from scenes.commands.terminal import busy, counted
 from scenes.compare import page
-from scenes.compare.differences import Difference, figures, rows_by_name, series, settings
+from scenes.compare.aligned import aligned as aligned_to
+from scenes.compare.differences import ABSENT, Difference, figures, rows_by_name, series, settings
 from scenes.compare.overlays import OVERLAYS, drawn
 from scenes.compare.sources import Source, records, sources
 from scenes.records.drawing import save_figure
@@ -21,6 +22,9 @@ from scenes.records.text import aligned
 from worm3d.metrics import written
 
 TABLE, PAGE = "compare.csv", "compare.html"
+
+MOST_ROWS, WIDEST = 20, 30
+"""Largest number of settings that are printed, and of characters of their values."""
 
 MAIN = (
     *("duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "speed_BL_per_period", "heading_change_deg"),
@@ -33,15 +37,20 @@ MAIN_SERIES = ("com", "heading", "joints", "joint", "main_node", "strain", "forc
 """Series of simulations that are printed; of measurements, all are."""
 
 
-def run(paths: Sequence[Path], out: Path | None, *, force: bool, quiet: bool) -> int:
+def run(
+    paths: Sequence[Path], out: Path | None, *, align: bool = False, force: bool = False, quiet: bool = False
+) -> int:
     """Compare results, write what was found into a folder, and return the exit code.
+
+    With `align` all are moved and turned so that they fit the first one best (`scenes.compare.aligned`).
 
     Raises
     ------
     SceneError
         Fewer than two results, one that is none, or a folder that cannot be used.
     """
-    given = sources(paths)
+    as_they_are = sources(paths)
+    given = _aligned(as_they_are) if align else as_they_are
     with prepared(out, "compare", force=force) as folder, busy("comparing", quiet=quiet):
         for stem in (*(f"{stem}.png" for stem in OVERLAYS), TABLE, PAGE):
             (folder / stem).unlink(missing_ok=True)
@@ -49,11 +58,21 @@ def run(paths: Sequence[Path], out: Path | None, *, force: bool, quiet: bool) ->
         write_bytes(folder / TABLE, _csv(given, found))
         for stem, figure in drawn(records(given)):
             save_figure(figure, folder / f"{stem}.png")
-        missing = page.write(records(given), folder / PAGE, " and ".join(source.label for source in given))
+        missing = page.write(records(as_they_are), folder / PAGE, " and ".join(source.label for source in given))
     if not quiet:
         for line in _told(given, found, missing, folder):
             typer.echo(line)
     return 0
+
+
+def _aligned(given: Sequence[Source]) -> list[Source]:
+    first, *others = given
+    if first.record is None:
+        return list(given)
+    moved = [
+        each if each.record is None else replace(each, record=aligned_to(first.record, each.record)) for each in others
+    ]
+    return [first, *moved]
 
 
 def _csv(given: Sequence[Source], found: Sequence[Difference]) -> bytes:
@@ -72,18 +91,42 @@ def _csv(given: Sequence[Source], found: Sequence[Difference]) -> bytes:
 
 def _told(given: Sequence[Source], found: Sequence[Difference], missing: str, folder: Path) -> Iterator[str]:
     labels = [source.label for source in given]
-    if changed := settings(given):
-        yield "settings that differ"
-        yield from _indented(aligned(("key", *labels), [(each.key, *each.values) for each in changed]))
+    yield from _settings(given)
     yield f"figures (difference from {labels[0]})"
     yield from _indented(_figures(given, [each for each in found if each.kind == "figure"]))
-    over_time = [each for each in found if each.kind == "series" and _is_main(given, each)]
-    if over_time:
-        yield "over the time that both have (rms difference, and its share of the range)"
+    if moved := [each for each in found if each.kind == "both"]:
+        yield "over the time that both have"
+        yield from _indented(_both(moved))
+    if over_time := [each for each in found if each.kind == "series" and each.reference and _is_main(given, each)]:
+        yield f"rms difference from {labels[0]} over the time that both have, and its share of the range"
         yield from _indented(_series(labels, over_time))
     if missing:
         yield missing
     yield f"files in {folder}: {TABLE} has all differences"
+
+
+def _settings(given: Sequence[Source]) -> Iterator[str]:
+    """Yield the keys that all scenes have and that differ; those that some of them lack are counted."""
+    differing, simulated = settings(given), [k for k, source in enumerate(given) if not source.is_measured]
+    shared = [each for each in differing if all(each.values[k] != ABSENT for k in simulated)]
+    if shared:
+        yield "settings that differ"
+        rows = [(each.key, *(_short(value) for value in each.values)) for each in shared[:MOST_ROWS]]
+        yield from _indented(aligned(("", *(source.label for source in given)), rows))
+    if more := len(differing) - len(shared[:MOST_ROWS]):
+        yield f"{counted(more, 'setting')} more that differ, or that not all have: {TABLE} has them"
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= WIDEST else f"{text[: WIDEST - 3]}..."
+
+
+def _both(found: Sequence[Difference]) -> Iterator[str]:
+    rows = [
+        (f"{each.name} [{each.unit}]", _number(each.reference, each.unit), each.source, _against(each))
+        for each in found
+    ]
+    return aligned(("", "reference", "", "other"), rows)
 
 
 def _is_main(given: Sequence[Source], each: Difference) -> bool:

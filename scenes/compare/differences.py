@@ -11,12 +11,15 @@ import numpy as np
 
 from scenes.compare.sources import Source, flat
 from scenes.records import measured
+from scenes.records.columns import MARKER
 from scenes.records.record import Record
 from worm3d.metrics import ROUNDING, named
 from worm3d.values.arrays import FloatArray
 
-NOT_SHOWN = ("model", "title")
+NOT_SHOWN = ("title", "says")
 """Keys of a scene that say nothing of the run."""
+ABSENT = "-"
+"""Value of a key that a scene does not have."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,8 @@ class Difference:
     """How a figure of one source differs from that of the reference."""
 
     kind: str
-    """`figure` of the summary; `series` over time, where the difference is the root mean square one."""
+    """`figure` of the summary; `both` for one over the time that both have; `series` over that time, where the
+    difference is the root mean square one."""
     name: str
     unit: str
     """SI unit or degree, "1" for a pure number."""
@@ -44,7 +48,7 @@ class Setting(NamedTuple):
 
     key: str
     values: tuple[str, ...]
-    """As TOML writes it, of each source; "-" where it has no such key."""
+    """As text, of each source; `ABSENT` where it has no such key."""
 
 
 def settings(given: Sequence[Source]) -> list[Setting]:
@@ -53,7 +57,7 @@ def settings(given: Sequence[Source]) -> list[Setting]:
     simulated = [scene for source, scene in zip(given, scenes, strict=True) if not source.is_measured]
     keys = [key for key in dict.fromkeys(key for scene in simulated for key in scene) if key not in NOT_SHOWN]
     differing = [key for key in keys if len({scene.get(key) for scene in simulated}) > 1]
-    return [Setting(key, tuple(scene.get(key, "-") for scene in scenes)) for key in differing]
+    return [Setting(key, tuple(scene.get(key, ABSENT) for scene in scenes)) for key in differing]
 
 
 def figures(given: Sequence[Source]) -> list[Difference]:
@@ -111,10 +115,33 @@ def _of_series(label: str, reference: Record, other: Record) -> Iterator[Differe
         known = np.isfinite(ours) & np.isfinite(theirs)
         if not known.any():
             continue
+        yield from _of_both(label, name, unit, ours, theirs)
         off = np.abs(theirs - ours)[known]
         rms, most = float(np.sqrt(np.mean(off**2))), float(off.max())
         wide = max(_range(ours), _range(theirs))
         yield Difference("series", name, unit, label, wide, most, rms, _over(rms, wide))
+
+
+def _of_both(label: str, name: str, unit: str, ours: FloatArray, theirs: FloatArray) -> Iterator[Difference]:
+    """Yield how far a place moved, how far a heading turned, between the first and the last common instant."""
+    if name == "heading":
+        name, unit, ours, theirs = "heading_change", "deg", np.rad2deg(ours)[:, None], np.rad2deg(theirs)[:, None]
+    elif (name == "com" or name.startswith(MARKER)) and ours.ndim == 2:
+        name = f"{name}_displacement"
+    else:
+        return
+    known = np.isfinite(ours) & np.isfinite(theirs)
+    axes = known.any(axis=0)
+    rows = known[:, axes].all(axis=1)
+    ours, theirs = ours[rows][:, axes], theirs[rows][:, axes]
+    if len(ours) > 1:
+        reference, value = (_moved(each, signed=unit == "deg") for each in (ours, theirs))
+        yield _difference("both", name, unit, label, reference, value)
+
+
+def _moved(values: FloatArray, *, signed: bool) -> float:
+    change = values[-1] - values[0]
+    return float(change[0]) if signed else float(np.linalg.norm(change))
 
 
 def _range(values: FloatArray) -> float:
