@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 _PLACES = {
     "worm": ("scenes.models.worm.model", "MODEL"),
     "worm_control": ("scenes.models.control.model", "MODEL"),
+    "load_frame": ("scenes.models.load_frame.model", "MODEL"),
     "worm_planar": ("scenes.models.worm.model", "PLANAR"),
     "planar_published": ("scenes.models.planar.published", "MODEL"),
     "planar_linkage": ("scenes.models.planar.linkage", "MODEL"),

@@ -1,0 +1,1 @@
+"""Scenes of load_frame: schema, run and figures."""

@@ -1,0 +1,50 @@
+"""Figures of a load frame's run; each returns (figure, axes) and is named after its file."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from planar import figures
+from scenes.language.errors import DiscError, SceneError
+from scenes.models.load_frame.model import file_of
+from scenes.models.load_frame.schema import LoadFrameScene
+from scenes.records import measured
+from scenes.records.record import Record
+
+
+def force_over_cable(record: Record) -> tuple[Figure, Axes]:
+    """Draw the force in the cable over the cable taken in, and what was measured where that is still to be read."""
+    figure = Figure(figsize=(6.4, 4.4), layout="constrained")
+    axes = figure.subplots()
+    if found := _measured(record):
+        axes.plot(1e3 * found["cable"], found["force"], ".", color="0.6", ms=3, label="measured")
+    axes.plot(1e3 * record["cable"], record["force"], color="C0", label="the segment of the model")
+    axes.set(xlabel="cable taken in [mm]", ylabel="force in the cable [N]", title=record.title)
+    axes.axhline(0.0, color="0.8", lw=0.8, zorder=0)
+    axes.legend()
+    return figure, axes
+
+
+def _measured(record: Record) -> Record | None:
+    """Return the measurement that gave the cable's way, if it has the force too."""
+    scene = LoadFrameScene.model_validate(tomllib.loads(record.scene))
+    path = file_of(scene.frame)
+    if path is None:
+        return None
+    try:
+        found = measured.load(path)
+    except (SceneError, DiscError):  # it may have been moved since
+        return None
+    return found if "force" in found and found["force"].ndim == 1 else None
+
+
+def energy(record: Record) -> tuple[Figure, Axes]:
+    """Draw where the work of the cable goes, summed over the steps."""
+    incoming, stored = ({name: np.cumsum(record[key])} for name, key in (("the cable", "work"), ("elastic", "elastic")))
+    lost = {"joint friction": np.cumsum(record["hysteresis_loss"]), "damping": np.cumsum(record["viscous_loss"])}
+    title = f"{record.title}: energy, summed over the steps"
+    return figures.energy_ledger(record["step_time"], incoming, stored, lost, title=title)

@@ -1,0 +1,216 @@
+"""The model `load_frame`: one segment of the 3D worm, whose hoop cable is taken in and let out again.
+
+With the cable's way u and kappa = cable_per_diameter the half-height of the chambers is h = h0 - u/(2 kappa), and the
+length of the segment l = 2 sqrt(a^2 - h^2). What the cable pulls is the segment's pull P times dl/du = 2 h/(kappa l).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from scenes.language.checks import Check, Found, kind_checks
+from scenes.language.errors import SceneError
+from scenes.language.loader import SHIPPED
+from scenes.language.parts import keys_by_parameter, part_of
+from scenes.models.base import Model, Observer, Outcome, pictures
+from scenes.models.checks import RUN_CHECKS, in_keys
+from scenes.models.load_frame import overview
+from scenes.models.load_frame.schema import NO_FILE, Frame, LoadFrameScene, Worm
+from scenes.models.worm.schema import Hysteresis
+from scenes.records import measured
+from scenes.records.record import Record
+from worm3d import segment_law
+from worm3d.physics.hysteresis import HYSTERESES
+from worm3d.values.arrays import FloatArray
+from worm3d.values.variable import Variable
+from worm3d.worm import Worm as PlantWorm
+
+KEYS = keys_by_parameter(PlantWorm, Worm)
+"""Key of each parameter of the segment in the section [worm]."""
+
+NONE_MOVES = "a load frame moves no worm"
+NO_WORK = "the cable does no work"
+
+OF_A_WORM = (
+    "distance_m",
+    "path_length_m",
+    "mean_speed_m_s",
+    "heading_change_deg",
+    "work_contract_J",
+    "work_friction_J",
+    "cost_of_transport",
+    "newton_iterations_mean",
+)
+"""Figures of every summary that a segment alone does not have."""
+
+MOST_STEPS = 1_000_000
+"""Largest number of time steps."""
+
+
+def worm_of(scene: LoadFrameScene) -> PlantWorm:
+    """Return the worm of one segment that a scene describes."""
+    hysteresis = part_of(HYSTERESES[scene.hysteresis.kind], scene.hysteresis)
+    return part_of(PlantWorm, scene.worm, segments=1, hysteresis=hysteresis)
+
+
+def instants(scene: LoadFrameScene) -> FloatArray:
+    """Return the start and the end of each time step, shape (S + 1,) [s]."""
+    return scene.run.dt_s * np.arange(scene.run.steps + 1.0)
+
+
+def file_of(frame: Frame) -> Path | None:
+    """Return the file of the section [frame], or the one that comes with the program; None without one."""
+    if frame.file == NO_FILE:
+        return None
+    path, shipped = Path(frame.file), SHIPPED / frame.file
+    return shipped if not path.exists() and shipped.is_file() else path
+
+
+def cable_of(frame: Frame, time: FloatArray) -> FloatArray:
+    """Return the cable taken in at some times, shape (T,) [m]; before and after a file's instants it is held."""
+    path = file_of(frame)
+    if path is None:
+        way = frame.speed_m_s * time % (2.0 * frame.cable_m)
+        return np.minimum(way, 2.0 * frame.cable_m - way)
+    record = measured.load(path)
+    if "cable" not in record or record.variable("cable").units != "m" or record["cable"].ndim != 1:
+        raise SceneError(f"{path}: no column of the cable taken in, must have one named cable_mm (or cable_m)")
+    known = np.isfinite(record["cable"])
+    if not known.any():
+        raise SceneError(f"{path}: its column of the cable has no number")
+    return np.asarray(np.interp(time, record["time"][known], record["cable"][known]))
+
+
+def shape(worm: PlantWorm, cable: FloatArray, per_diameter: float) -> tuple[FloatArray, FloatArray]:
+    """Return half-height and length of the segment, each of shape (T,) [m].
+
+    Raises
+    ------
+    ValueError
+        The cable would be taken in so far that nothing is left of the diameter, or let out beyond flat links.
+    """
+    link, h0 = float(worm.link_length[0]), float(np.ravel(worm.half_height)[0])
+    height = h0 - cable / (2.0 * per_diameter)
+    if not ((height > 0.0) & (height < link)).all():
+        least, most = 2.0 * per_diameter * (h0 - link), 2.0 * per_diameter * h0
+        raise ValueError(
+            f"frame: the cable is taken in by {cable.min():.4g} to {cable.max():.4g} m, must be above {least:.4g} and "
+            f"below {most:.4g} m with this half_height and length"
+        )
+    return height, 2.0 * np.sqrt(link**2 - height**2)
+
+
+def run(scene: LoadFrameScene, observer: Observer) -> Outcome:
+    """Pull the segment of a scene."""
+    begun = perf_counter()
+    time = instants(scene)
+    worm, cable = worm_of(scene), cable_of(scene.frame, time)
+    try:
+        height, length = shape(worm, cable, scene.frame.cable_per_diameter)
+        pulled = segment_law.stretch(worm, length, time)
+    except ValueError as error:
+        raise SceneError(in_keys(str(error), KEYS)) from error
+    force = pulled.force * 2.0 * height / (scene.frame.cable_per_diameter * length)
+    work: FloatArray = np.diff(cable) * (force[1:] + force[:-1]) / 2.0
+    observer(scene.run.steps)
+    rows, step = slice(None, None, scene.run.record_every), ("step",)
+    variables = (
+        Variable("time", ("time",), time[rows], "s", "time"),
+        Variable("cable", ("time",), cable[rows], "m", "cable taken in"),
+        Variable("force", ("time",), force[rows], "N", "force in the cable"),
+        Variable("diameter", ("time",), 2.0 * height[rows], "m", "diameter of the hoop"),
+        Variable("length", ("time",), length[rows], "m", "length of the segment"),
+        Variable("pull", ("time",), pulled.force[rows], "N", "pull that would lengthen the segment as much"),
+        Variable("step_time", step, time[1:], "s", "end of each time step"),
+        Variable("work", step, work, "J", "work of the cable, by the trapezoidal rule"),
+        Variable("elastic", step, pulled.elastic[1:], "J", "change of elastic energy"),
+        Variable("viscous_loss", step, pulled.viscous_loss[1:], "J", "loss to Kelvin-Voigt damping"),
+        Variable("hysteresis_loss", step, pulled.hysteresis_loss[1:], "J", "loss to friction in the joints"),
+    )
+    summary = _summary(time, np.diff(cable), work, float(force.max()), pulled)
+    reasons = {**dict.fromkeys(summary, NONE_MOVES), "work_lost_share": NO_WORK, "energy_balance_error": NO_WORK}
+    return Outcome("done", "the run reached its end", variables, summary, reasons, perf_counter() - begun)
+
+
+def _summary(
+    time: FloatArray, taken: FloatArray, work: FloatArray, peak: float, pulled: segment_law.Stretch
+) -> dict[str, float | None]:
+    """Return the figures of `summary.json`; `taken` is the cable taken in by each step, shape (S,) [m]."""
+    put_in, given_back = float(work[taken > 0.0].sum()), -float(work[taken < 0.0].sum())
+    uses = {
+        "hysteresis": float(pulled.hysteresis_loss.sum()),
+        "damping": float(pulled.viscous_loss.sum()),
+        "gained": float(pulled.elastic.sum()),
+    }
+    scale = put_in + abs(given_back) + sum(map(abs, uses.values()))
+    return {
+        "duration_s": float(time[-1]),
+        **dict.fromkeys(OF_A_WORM),
+        "energy_balance_error": abs(float(work.sum()) - sum(uses.values())) / scale if scale > 0.0 else None,
+        "peak_force_N": peak,
+        "work_in_J": put_in,
+        "work_returned_J": given_back,
+        "work_lost_share": 1.0 - given_back / put_in if put_in > 0.0 else None,
+        **{f"work_{name}_J": joules for name, joules in uses.items()},
+    }
+
+
+def table(record: Record) -> list[str]:
+    """Return the lines that end a run's report."""
+    lines = (
+        ("peak_force_N", "peak force", "N"),
+        ("work_in_J", "work put in", "J"),
+        ("work_returned_J", "work given back", "J"),
+        ("work_hysteresis_J", "lost to joint friction", "J"),
+        ("work_damping_J", "lost to damping", "J"),
+    )
+    share = record.summary["work_lost_share"]
+    told = [f"{label:24}{record.summary[name]:.4g} {unit}" for name, label, unit in lines]
+    return [*told, f"{'share of the work lost':24}{f'{share:.1%}' if isinstance(share, float) else NO_WORK}"]
+
+
+def _can_be_pulled(*sections: Mapping[str, Any]) -> Found:
+    """Tell what the frame refuses: a file without a cable, or more cable than the segment has."""
+    given = dict(zip(("worm", "hysteresis", "frame", "run"), sections, strict=True))
+    scene = LoadFrameScene.model_validate({"model": "load_frame", **given})
+    try:
+        cable = cable_of(scene.frame, instants(scene))
+    except SceneError as error:
+        return {"frame.file": str(error)}
+    try:
+        shape(worm_of(scene), cable, scene.frame.cable_per_diameter)
+    except ValueError as error:
+        return in_keys(str(error), KEYS)
+    return None
+
+
+def _not_too_many(dt_s: float, duration_s: float) -> Found:
+    steps = duration_s / dt_s
+    if steps <= MOST_STEPS:
+        return None
+    return f"got {dt_s} s: makes {steps:.3g} steps of run.duration_s ({duration_s} s), at most {MOST_STEPS} are allowed"
+
+
+CHECKS = (
+    *RUN_CHECKS,
+    *kind_checks(Hysteresis, "hysteresis"),
+    Check(("run.dt_s", "run.duration_s"), _not_too_many),
+    Check(("worm", "hysteresis", "frame", "run"), _can_be_pulled),
+)
+
+MODEL = Model(
+    name="load_frame",
+    title="one segment of the 3D worm in a load frame",
+    schema=LoadFrameScene,
+    checks=CHECKS,
+    run=run,
+    figures=pictures("scenes.models.load_frame.figures", force_over_cable="force_over_cable", energy="energy"),
+    overview=overview.draw,
+    advice="try a smaller run.dt_s",
+    table=table,
+)

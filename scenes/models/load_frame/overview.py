@@ -1,0 +1,28 @@
+"""The overview of a load frame's run: force over the cable that is taken in."""
+
+from __future__ import annotations
+
+import numpy as np
+from PIL.Image import Image
+
+from scenes.records.overview import ABOVE, BELOW, COLOURS, HEADER, LEFT, RIGHT, WIDTH, Canvas, Panel, limits
+from scenes.records.record import Record
+
+HIGH = 320
+"""Height of the panel [pixels]."""
+
+
+def draw(record: Record) -> Image:
+    """Draw the overview of a record."""
+    canvas = Canvas(WIDTH, HEADER + ABOVE + HIGH + BELOW)
+    share = record.summary["work_lost_share"]
+    lost = f": {share:.1%} of the work is lost" if isinstance(share, float) else ""
+    canvas.text(12, 16, record.title, size=15, width=WIDTH - 24)
+    canvas.text(12, 36, record.sentence + lost, width=WIDTH - 24)
+    cable, force = 1e3 * record["cable"], record["force"]
+    x, y = limits(cable, 1e-6), limits(force, 1e-9)
+    box = (LEFT, HEADER + ABOVE, WIDTH - RIGHT, HEADER + ABOVE + HIGH)
+    panel = Panel(canvas, box, np.array([x[0], y[0]]), np.array([x[1], y[1]]))
+    panel.frame("force in the cable [N]", "cable taken in [mm]")
+    panel.line(np.column_stack([cable, force]), COLOURS[0])
+    return canvas.image

@@ -1,0 +1,48 @@
+"""Scene of a load frame: a segment of the 3D worm, the friction in its joints, and how its hoop cable is taken in."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from scenes.language.parts import PartSection, keys_of
+from scenes.language.schema import Section, quantity, setting
+from scenes.models.sections import BODY_BOUNDS, Settings
+from scenes.models.worm.schema import Hysteresis
+from worm3d.worm import Worm as PlantWorm
+
+NO_FILE = "none"
+
+OF_A_SEGMENT = ("length", "half_height", "k_spring", "k_apex", "kelvin_voigt_time")
+"""Parameters of the worm that its segment alone depends on."""
+
+
+class Worm(PartSection, keys=keys_of(PlantWorm, these=OF_A_SEGMENT, bounds=BODY_BOUNDS)):
+    """The worm, of one segment: its keys mean what they mean in a whole worm."""
+
+
+class Frame(Section):
+    """How the hoop cable around the segment is taken in: as a file says, or there and back at a constant speed."""
+
+    file: str = setting(
+        NO_FILE,
+        title="a CSV file with the columns time_s and cable_mm (or cable_m): beside the scene, shipped, or a path",
+        is_file=True,
+        aka=("record", "path"),
+    )
+    cable_m: float = quantity(0.1, unit="m", gt=0, title="without a file: most cable that is taken in")
+    speed_m_s: float = quantity(0.01, unit="m/s", gt=0, title="without a file: speed of the cable, out and back")
+    cable_per_diameter: float = quantity(
+        3.0,
+        gt=0,
+        title="cable taken in over the change of the diameter, which is twice the half-height: 3 around a hexagon, "
+        "3.1416 around a circle",
+    )
+
+
+class LoadFrameScene(Settings):
+    """A whole scene."""
+
+    model: Literal["load_frame"] = setting(title="which simulation the scene is for")
+    worm: Worm = Worm()
+    hysteresis: Hysteresis = Hysteresis()
+    frame: Frame = Frame()
