@@ -53,7 +53,7 @@ def load(folder: Path | None, key: str, suffix: str = ".kernel") -> bytes | None
     if folder is None:
         return None
     try:
-        with _entered(folder) as place:
+        with entered(folder) as place:
             return _verified(key, _content(place, key + suffix))
     except FileNotFoundError:
         pass
@@ -70,8 +70,8 @@ def store(folder: Path | None, key: str, content: bytes, suffix: str = ".kernel"
     if folder is None:
         return False
     try:
-        _make(folder)
-        with _entered(folder) as place:
+        make(folder)
+        with entered(folder) as place:
             _write_whole(place, key + suffix, _digest(key, content) + content)
         _prune(folder, suffix, KEPT if most is None else most)
     except UntrustedError as error:
@@ -90,8 +90,8 @@ def obstacle(folder: Path | None) -> str | None:
     if folder is None:
         return "there is no folder for a cache: set HOME or XDG_CACHE_HOME"
     try:
-        _make(folder)
-        with _entered(folder) as place:
+        make(folder)
+        with entered(folder) as place:
             _write_whole(place, f"probe-{secrets.token_hex(8)}", b"\0", remove=True)
     except UntrustedError as error:
         return str(error)
@@ -101,8 +101,16 @@ def obstacle(folder: Path | None) -> str | None:
 
 
 @contextlib.contextmanager
-def _entered(folder: Path) -> Iterator[_Place]:
-    """Open a folder of our own; what is done in it is done in the folder that was looked at."""
+def entered(folder: Path) -> Iterator[_Place]:
+    """Open a folder of our own; what is done in it is done in the folder that was looked at.
+
+    Raises
+    ------
+    UntrustedError
+        Others can write to it.
+    OSError
+        It does not exist, or cannot be opened.
+    """
     if not HAS_OWNERS:
         yield _Place(folder, None)
         return
@@ -128,7 +136,7 @@ class _Place:
         return os.open(self.name(name), flags, 0o600, dir_fd=self.handle)
 
 
-def _make(folder: Path) -> None:
+def make(folder: Path) -> None:
     """Make a folder and those above, for this user alone."""
     require_safe_way(folder)
     for place in (*reversed(folder.parents), folder):

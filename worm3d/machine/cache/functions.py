@@ -16,6 +16,7 @@ import inspect
 import pickle
 import platform
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLoca
 from numba.core.runtime.nrt import rtsys
 
 from worm3d.machine.cache import files
+from worm3d.machine.cache.locks import alone
 
 _pickled: Any = numba.core.serialize.dumps
 SUFFIX = ".function"
@@ -91,18 +93,37 @@ class _Kept(FunctionCache):
         super().__init__(function)  # type: ignore[no-untyped-call]
         self._cache_file: Any = _Entries(function, version)
         self._missed = missed
+        self._alone = ExitStack()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what is kept, or None; what is missing is then compiled by this process alone, until it is saved."""
+        self._alone.close()
+        found = self._found(sig, target_context)
+        if found is None:
+            name = self._cache_file.name(self._index_key(sig, target_context.codegen()))  # type: ignore[no-untyped-call]
+            self._alone.enter_context(alone(files.folder(FOLDER), name))
+            found = self._found(sig, target_context)  # what another process has compiled meanwhile
+        if found is None:
+            self._missed()
+        else:
+            self._alone.close()
+        return found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep what has been compiled."""
+        try:
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+        finally:
+            self._alone.close()
+
+    def _found(self, sig: Any, target_context: Any) -> Any:
         try:
             # The method of the base class would first load all that compiling needs, which takes half a second. Code
             # that works on numbers and arrays calls nothing but Python, the C library and Numba's run time.
             rtsys.initialize(target_context)
-            found = self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
         except Exception:  # verified, but not what this version of Numba and of its neighbours can use
-            found = None
-        if found is None:
-            self._missed()
-        return found
+            return None
 
 
 class _Entries:
@@ -112,16 +133,16 @@ class _Entries:
         self._function, self._version = function, version
 
     def load(self, key: Any) -> Any:
-        content = files.load(files.folder(FOLDER), self._name(key), SUFFIX)
+        content = files.load(files.folder(FOLDER), self.name(key), SUFFIX)
         if content is None:
             return None
         kept, data = pickle.loads(content)  # written by us: `files.load` has verified it
         return data if kept == key else None
 
     def save(self, key: Any, data: Any) -> None:
-        files.store(files.folder(FOLDER), self._name(key), _pickled((key, data)), SUFFIX)
+        files.store(files.folder(FOLDER), self.name(key), _pickled((key, data)), SUFFIX)
 
-    def _name(self, key: Any) -> str:
+    def name(self, key: Any) -> str:
         """Return the key of an entry, from the function, its sources and Numba's key: signature, processor, code."""
         source = Path(inspect.getfile(self._function))
         code = self._function.__code__

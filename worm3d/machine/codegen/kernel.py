@@ -185,9 +185,12 @@ def _native(
             return _LOADED[key][0], Origin.MEMORY, host.width
         code, origin = cache.load(folder, key), Origin.DISK
         if code is None:
-            _announce(function, notify or _to_standard_error)
-            code, origin = native.compile_program(program.read(function), host, *options), Origin.COMPILED
-            cache.store(folder, key, code)
+            with cache.alone(folder, key):
+                code = cache.load(folder, key)  # what another process has compiled meanwhile
+                if code is None:
+                    _announce(function, notify or _to_standard_error)
+                    code, origin = native.compile_program(program.read(function), host, *options), Origin.COMPILED
+                    cache.store(folder, key, code)
         _LOADED[key] = native.load(code, host)
         return _LOADED[key][0], origin, host.width
 
