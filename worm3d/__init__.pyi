@@ -1,4 +1,5 @@
 from scenes.fit import fit as fit
+from scenes.sweep.dataset import sweep as sweep
 from worm3d.actuation import Command as Command
 from worm3d.actuation import Commands as Commands
 from worm3d.actuators import ACTUATORS as ACTUATORS

@@ -47,12 +47,18 @@ def run(scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force
     """Run a scene.
 
     Writes result.nc, summary.json, overview.png, and viewer.html, a page that plays the run in any browser; for planar
-    worms an animation (of the first 30 s) instead. Ctrl-C keeps what was computed.
+    worms an animation (of the first 30 s) instead. Ctrl-C keeps what was computed. A scene with a section [sweep] is
+    run as 'worm3d sweep' does.
     """
     from scenes.commands.runner import run_scene
     from scenes.models.loading import load_scene
 
-    raise typer.Exit(run_scene(load_scene(scene, o or ()), out, force=force, quiet=quiet))
+    loaded = load_scene(scene, o or ())
+    if loaded.sweep:
+        from scenes.sweep import command
+
+        raise typer.Exit(command.run(scene, o or (), out, command.Options(force=force, quiet=quiet)))
+    raise typer.Exit(run_scene(loaded, out, force=force, quiet=quiet))
 
 
 @app.command()
@@ -87,9 +93,12 @@ def check(scene: SceneArgument, o: Overrides = None) -> None:
     from scenes.models.loading import load_scene
 
     loaded = load_scene(scene, o or ())
-    typer.echo(
-        f"{loaded.name}: the scene is right (model {loaded.model.name}, {counted(loaded.settings.steps, 'step')})"
-    )
+    size = counted(loaded.settings.steps, "step")
+    if loaded.sweep:
+        from scenes.sweep.plan import Source, planned
+
+        size = f"{counted(len(planned(Source.of(scene, o or ())).cases), 'case')} of {size}"
+    typer.echo(f"{loaded.name}: the scene is right (model {loaded.model.name}, {size})")
 
 
 @app.command(name="list")

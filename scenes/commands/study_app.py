@@ -12,6 +12,75 @@ from scenes.commands.arguments import Force, Out, Overrides, Quiet, SceneArgumen
 studies = typer.Typer(rich_markup_mode=None)
 """Commands that stand beside `run` and the others."""
 
+Vary = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--vary",
+        metavar="KEY=VALUES",
+        help="A key and its values, v1,v2,... or lo:hi:n[:log]; with --random also lo:hi[:log]. Repeatable.",
+    ),
+]
+Random = Annotated[int | None, typer.Option("--random", metavar="N", help="Draw N cases from the keys given as lo:hi.")]
+Listed = Annotated[
+    Path | None,
+    typer.Option("--list", metavar="FILE", parser=path_of, help="CSV: a row of keys, then a row of values per case."),
+]
+Results = Annotated[bool, typer.Option("--results", help="Keep the whole record of each case, as 'worm3d run' does.")]
+RetryFailed = Annotated[bool, typer.Option("--retry-failed", help="Run cases again that failed before.")]
+Workers = Annotated[int | None, typer.Option("--workers", metavar="N", help="Run on N processes of this machine.")]
+Scheduler = Annotated[
+    str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Run on the workers of a Dask scheduler, tcp://...")
+]
+Bind = Annotated[
+    str,
+    typer.Option("--bind", metavar="ADDRESS", help="Where the scheduler of --workers listens; others may reach it."),
+]
+Anew = Annotated[bool, typer.Option("--force", help="Run all cases anew, and write to a folder with other files.")]
+
+
+@studies.command()
+def sweep(
+    scene: SceneArgument,
+    vary: Vary = None,
+    random: Random = None,
+    listed: Listed = None,
+    o: Overrides = None,
+    results: Results = False,
+    retry_failed: RetryFailed = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    bind: Bind = "127.0.0.1",
+    out: Out = None,
+    force: Anew = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run a scene many times, some of its keys varied.
+
+    Several --vary make a grid. Each case is a file: started again on the same --out, only what is missing runs. Writes
+    sweep.csv, sweep.nc, summary.json and figures. Each case has a seed of its own; vary seed, or fix it with -o, to
+    have others: fixed, all cases have the same noise. Ends with 5 if cases failed.
+    """
+    from scenes.sweep.command import Options, run
+
+    options = Options(
+        vary or (), random, listed, results, retry_failed, workers, scheduler, bind, force=force, quiet=quiet
+    )
+    raise typer.Exit(run(scene, o or (), out, options))
+
+
+@studies.command()
+def study(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A scene with a section [sweep].")],
+    o: Overrides = None,
+    out: Out = None,
+    force: Anew = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run the sweep that a scene describes in its section [sweep]."""
+    from scenes.sweep.command import Options, run
+
+    raise typer.Exit(run(name, o or (), out, Options(force=force, quiet=quiet)))
+
 
 @studies.command()
 def compare(

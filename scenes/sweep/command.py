@@ -1,0 +1,120 @@
+"""`worm3d sweep`: from a scene and the keys that are varied to a folder of cases and what they show together."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from scenes.commands.runner import EXIT_CODES
+from scenes.commands.terminal import Interruption, busy, counted, progress
+from scenes.records import folder as folders
+from scenes.sweep.design import Design, told
+from scenes.sweep.engine import Sweep, require_place
+from scenes.sweep.executors import LOOPBACK, Executor, chosen
+from scenes.sweep.outputs import CSV, report, write_outputs
+from scenes.sweep.plan import Plan, Source, planned
+from scenes.sweep.progress import shown, summed_up
+from scenes.sweep.table import Table
+from scenes.sweep.vary import cases_of, texts
+
+INTERRUPTED = EXIT_CODES["interrupted"]
+MOST_TOLD = 20
+"""Number of failed cases that are told one by one."""
+QUICKLY_CHECKED = 500
+"""Number of cases from which on the progress of their check is shown."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of the command, as `worm3d sweep --help` explains them."""
+
+    vary: Sequence[str] = ()
+    random: int | None = None
+    listed: Path | None = None
+    results: bool = False
+    retry_failed: bool = False
+    workers: int | None = None
+    scheduler: str | None = None
+    bind: str = LOOPBACK
+    force: bool = False
+    quiet: bool = False
+
+
+def run(scene: str | Path, overrides: Sequence[str], out: Path | None, options: Options) -> int:
+    """Run a sweep, or what is missing of it, write what it shows, and return the exit code.
+
+    Without a folder to write to it is `runs/<scene>-<time>`.
+
+    Raises
+    ------
+    SceneError
+        A mistake in the scene, the varied keys or the options; the folder cannot be used; a package is missing.
+    """
+    executor = chosen(options.workers, options.scheduler, options.bind)
+    source = Source.of(scene, overrides)
+    plan = checked(source, options)
+    if out is not None:
+        require_place(out, force=options.force)
+    with folders.prepared(out, source.name, force=True) as folder:
+        return _run_into(folder, plan, executor, options)
+
+
+def checked(source: Source, options: Options) -> Plan:
+    """Return the plan of a sweep; the check of many cases shows how far it has come."""
+    listed = cases_of(options.listed) if options.listed else ()
+    with ExitStack() as stack:
+        shows: list[Callable[[int], None]] = []
+
+        def watch(done: int, total: int) -> None:
+            if total >= QUICKLY_CHECKED and not shows:
+                shows.append(stack.enter_context(progress("checking", total, quiet=options.quiet, what="case")))
+            for show in shows:
+                show(done)
+
+        return planned(source, texts(options.vary), random=options.random, listed=listed, watch=watch)
+
+
+def _run_into(folder: Path, plan: Plan, executor: Executor, options: Options) -> int:
+    name = plan.base.name
+    try:
+        stopped, told_at_end, code = _run_and_write(folder, plan, executor, options)
+    except KeyboardInterrupt:
+        stopped, told_at_end, code = True, (), INTERRUPTED
+    if stopped:
+        typer.echo(f"{name}: stopped by Ctrl-C; finished cases are safe, and the same command runs the rest", err=True)
+    if not options.quiet:
+        for line in told_at_end:
+            typer.echo(line)
+    return code
+
+
+def _run_and_write(folder: Path, plan: Plan, executor: Executor, options: Options) -> tuple[bool, Sequence[str], int]:
+    """Return whether Ctrl-C stopped it, the lines that end its report, and the exit code."""
+    sweep, name, begun = Sweep(plan, folder, options.results), plan.base.name, time.monotonic()
+    with Interruption() as interruption, shown(name, quiet=options.quiet) as show:
+        far = sweep.run(
+            executor, lambda: interruption.requested, show, anew=options.force, retry_failed=options.retry_failed
+        )
+    seconds = time.monotonic() - begun
+    with busy("drawing", quiet=options.quiet):
+        written = write_outputs(folder, plan.base, plan.design, sweep.ended())
+    for line in failures(plan.design, written.table):
+        typer.echo(line, err=True)
+    lines = (*report(plan.base, written.table), f"{'files':22}{folder}")
+    told_at_end = (f"{name}: {summed_up(far, seconds)}", *(f"  {line}" for line in lines))
+    stopped = interruption.requested
+    return stopped, told_at_end, INTERRUPTED if stopped else EXIT_CODES[written.status]
+
+
+def failures(design: Design, table: Table) -> Iterator[str]:
+    """Yield a line for each case that failed, the first ones if they are many."""
+    failed = [(row, values) for row, values in enumerate(design.cases()) if table.failed[row]]
+    for row, values in failed[:MOST_TOLD]:
+        yield f"with {told(values)}: {table.status[row]}: {table.reasons[row]}"
+    if len(failed) > MOST_TOLD:
+        yield f"and {counted(len(failed) - MOST_TOLD, 'case')} more failed: see {CSV}"
