@@ -21,8 +21,8 @@ from scenes.records.store import save
 from scenes.records.text import json_bytes
 from worm3d.values.variable import Variable
 
-EXIT_CODES = {"done": 0, "diverged": 3, "interrupted": 130}
-"""What a run ends the program with, by its status."""
+EXIT_CODES = {"done": 0, "diverged": 3, "incomplete": 5, "interrupted": 130}
+"""What a run ends the program with, by its status; a sweep is incomplete if a case failed."""
 
 
 def run_scene(
