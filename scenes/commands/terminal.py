@@ -117,13 +117,14 @@ class Interruption:
 
 def ending(record: Record, model: Model[Any], folder: Path) -> str:
     """Return the lines that end a run: the metrics that matter, and where the files are."""
+    lines = model.table(record) if model.table else _metrics(record, model)
     page = folder / VIEWER
     seen = (f"{'to look at':22}{page}",) if model.view is not None and page.is_file() else ()
     titled = () if record.title == record.name else (f"{'title':22}{record.title}",)
     return "\n".join(
         (
             f"{record.name}: {_sentence(record)}",
-            *(f"  {line}" for line in (*_metrics(record, model), *titled, f"{'files':22}{folder}", *seen)),
+            *(f"  {line}" for line in (*lines, *titled, f"{'files':22}{folder}", *seen)),
         )
     )
 

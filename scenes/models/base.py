@@ -125,6 +125,8 @@ class Model(Pictures, Generic[S]):
     """What to try when a run diverges."""
     headlines: tuple[tuple[str, str, str], ...] = field(default=())
     """Figures of the summary, beyond those of every model, that end a run's report."""
+    table: Callable[[Record], list[str]] | None = None
+    """Lines that end a run's report instead of the figures of a worm."""
     resume: Callable[[S, Record, Observer], Outcome] | None = None
     """Goes on from a record's checkpoint to the end of the scene; its outcome is that of the whole run."""
     watch: Callable[[S, Observer, Watch], Outcome] | None = None
