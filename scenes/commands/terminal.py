@@ -117,14 +117,13 @@ class Interruption:
 
 def ending(record: Record, model: Model[Any], folder: Path) -> str:
     """Return the lines that end a run: the metrics that matter, and where the files are."""
-    lines = model.table(record) if model.table else _metrics(record, model)
     page = folder / VIEWER
     seen = (f"{'to look at':22}{page}",) if model.view is not None and page.is_file() else ()
     titled = () if record.title == record.name else (f"{'title':22}{record.title}",)
     return "\n".join(
         (
             f"{record.name}: {_sentence(record)}",
-            *(f"  {line}" for line in (*lines, *titled, f"{'files':22}{folder}", *seen)),
+            *(f"  {line}" for line in (*_metrics(record, model), *titled, f"{'files':22}{folder}", *seen)),
         )
     )
 
@@ -152,7 +151,8 @@ def _fault(row: dict[str, Cell]) -> str:
 
 
 def _metrics(record: Record, model: Model[Any]) -> list[str]:
-    lines = [f"{label:22}{_metric(record, key, unit)}" for key, label, unit in (*HEADLINES, *model.headlines)]
+    headlines = (*(HEADLINES if model.moves else ()), *model.headlines)
+    lines = [f"{label:22}{_metric(record, key, unit)}" for key, label, unit in headlines]
     return [*lines, *_uses(record)]
 
 

@@ -124,9 +124,9 @@ class Model(Pictures, Generic[S]):
     advice: str
     """What to try when a run diverges."""
     headlines: tuple[tuple[str, str, str], ...] = field(default=())
-    """Figures of the summary, beyond those of every model, that end a run's report."""
-    table: Callable[[Record], list[str]] | None = None
-    """Lines that end a run's report instead of the figures of a worm."""
+    """Figures of the summary, beyond those of every worm that moves, that end a run's report."""
+    moves: bool = True
+    """Whether a worm moves."""
     resume: Callable[[S, Record, Observer], Outcome] | None = None
     """Goes on from a record's checkpoint to the end of the scene; its outcome is that of the whole run."""
     watch: Callable[[S, Observer, Watch], Outcome] | None = None

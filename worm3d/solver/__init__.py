@@ -15,4 +15,6 @@ records    what is kept of a run
 arrays     every array, kernel and number, declared once, in a
 block      of memory that compiled code shares with Python; kernels and parts of the solver are called by an
 entry      in a table of addresses
+
+segment_way is no part of the step: one segment along a given way, without the rest of the worm.
 """

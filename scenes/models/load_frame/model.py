@@ -7,6 +7,7 @@ length of the segment l = 2 sqrt(a^2 - h^2). What the cable pulls is the segment
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -23,7 +24,6 @@ from scenes.models.load_frame import overview
 from scenes.models.load_frame.schema import NO_FILE, Frame, LoadFrameScene, Worm
 from scenes.models.worm.schema import Hysteresis
 from scenes.records import measured
-from scenes.records.record import Record
 from worm3d import segment_law
 from worm3d.physics.hysteresis import HYSTERESES
 from worm3d.values.arrays import FloatArray
@@ -77,13 +77,21 @@ def cable_of(frame: Frame, time: FloatArray) -> FloatArray:
     if path is None:
         way = frame.speed_m_s * time % (2.0 * frame.cable_m)
         return np.minimum(way, 2.0 * frame.cable_m - way)
+    stat = path.stat() if path.exists() else None
+    at, cable = _measured_cable(path, stat and (stat.st_mtime_ns, stat.st_size))
+    return np.asarray(np.interp(time, at, cable))
+
+
+@lru_cache(maxsize=4)
+def _measured_cable(path: Path, changed: tuple[int, int] | None) -> tuple[FloatArray, FloatArray]:
+    """Return instants [s] and the cable taken in [m] of a file as it was changed last; fits and sweeps ask often."""
     record = measured.load(path)
     if "cable" not in record or record.variable("cable").units != "m" or record["cable"].ndim != 1:
         raise SceneError(f"{path}: no column of the cable taken in, must have one named cable_mm (or cable_m)")
     known = np.isfinite(record["cable"])
     if not known.any():
         raise SceneError(f"{path}: its column of the cable has no number")
-    return np.asarray(np.interp(time, record["time"][known], record["cable"][known]))
+    return record["time"][known], record["cable"][known]
 
 
 def shape(worm: PlantWorm, cable: FloatArray, per_diameter: float) -> tuple[FloatArray, FloatArray]:
@@ -160,20 +168,6 @@ def _summary(
     }
 
 
-def table(record: Record) -> list[str]:
-    """Return the lines that end a run's report."""
-    lines = (
-        ("peak_force_N", "peak force", "N"),
-        ("work_in_J", "work put in", "J"),
-        ("work_returned_J", "work given back", "J"),
-        ("work_hysteresis_J", "lost to joint friction", "J"),
-        ("work_damping_J", "lost to damping", "J"),
-    )
-    share = record.summary["work_lost_share"]
-    told = [f"{label:24}{record.summary[name]:.4g} {unit}" for name, label, unit in lines]
-    return [*told, f"{'share of the work lost':24}{f'{share:.1%}' if isinstance(share, float) else NO_WORK}"]
-
-
 def _can_be_pulled(*sections: Mapping[str, Any]) -> Found:
     """Tell what the frame refuses: a file without a cable, or more cable than the segment has."""
     given = dict(zip(("worm", "hysteresis", "frame", "run"), sections, strict=True))
@@ -212,5 +206,14 @@ MODEL = Model(
     figures=pictures("scenes.models.load_frame.figures", force_over_cable="force_over_cable", energy="energy"),
     overview=overview.draw,
     advice="try a smaller run.dt_s",
-    table=table,
+    moves=False,
+    headlines=(
+        ("peak_force_N", "peak force", "N"),
+        ("work_in_J", "work put in", "J"),
+        ("work_returned_J", "work given back", "J"),
+        ("work_lost_share", "share lost", ""),
+        ("work_hysteresis_J", "lost to joints", "J"),
+        ("work_damping_J", "lost to damping", "J"),
+        ("energy_balance_error", "energy balance error", ""),
+    ),
 )

@@ -1,0 +1,74 @@
+"""One segment along a given way, compiled: its kernels at each length, without masses, weight and contact."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worm3d.machine.codegen import evaluate
+from worm3d.machine.compiled import njit
+from worm3d.physics.kernels import actuator, segment
+from worm3d.values.arrays import FloatArray
+
+KERNELS = ("segment_gradient", "segment_ledger", "actuator_end")
+"""Kernels whose addresses `follow` takes."""
+
+_HEAD = 5
+"""Coordinate along x of the joint ahead."""
+
+_OF_SEGMENT = segment.LAYOUT.rows
+_Q, _DQ, _LINK, _SPAN, _DT = segment.LAYOUT.firsts("q", "dq", "link", "span", "dt")
+_LENGTH_N, _ANGLE_N = segment.LAYOUT.firsts("length_n", "angle_n")
+_LENGTH_HAT, _ANGLE_HAT = segment.LAYOUT.firsts("length_hat", "angle_hat")
+_ELASTIC, _VISCOUS = (segment.LEDGER_TERMS.index(name) for name in ("elastic", "viscous_loss"))
+_GIVES, _RUBS = (actuator.LEDGER_TERMS.index(name) for name in ("elastic", "hysteresis_loss"))
+_STATES = actuator.CHAMBER_COMMANDS[-1] + actuator.SIDES
+"""First row of the states at the start of a step; an actuator of first order has none of its own."""
+_STATES_OUT = actuator.LEDGER_ROWS + actuator.SIDES
+
+
+@njit
+def follow(
+    addresses: NDArray[np.int64],
+    rows: FloatArray,
+    slope: FloatArray,
+    terms: FloatArray,
+    end: FloatArray,
+    states: int,
+    lengths: FloatArray,
+    steps: FloatArray,
+    found: FloatArray,
+) -> None:
+    """Fill force, change of elastic energy, viscous loss and loss to friction at each length, shape (4, T) [N, J].
+
+    Parameters
+    ----------
+    addresses : ndarray of int, shape (3,)
+        Of `KERNELS`; the last is not needed without states.
+    rows : ndarray, shape (R, lanes)
+        Inputs of a segment along the x axis and of its friction, in the first lane.
+    slope, terms, end : ndarray
+        Outputs of the kernels, working memory.
+    states : int
+        Number of states of the friction of a chamber.
+    lengths, steps : ndarray, shape (T,)
+        Lengths [m] and the time since the length before [s].
+    found : ndarray, shape (4, T)
+    """
+    for k, length in enumerate(lengths):
+        length_n = lengths[max(k - 1, 0)]
+        angle_n = 2.0 * np.arcsin(length_n / (2.0 * rows[_LINK, 0]))
+        for side in range(actuator.SIDES):
+            rows[_LENGTH_N + side, 0] = rows[_LENGTH_HAT + side, 0] = length_n
+            rows[_ANGLE_N + side, 0] = rows[_ANGLE_HAT + side, 0] = angle_n
+        rows[_SPAN, 0] = rows[_DT, 0] = steps[k]
+        rows[_Q + _HEAD, 0], rows[_DQ + _HEAD, 0] = length, length - length_n
+        evaluate(addresses[0], rows, slope, 1)
+        evaluate(addresses[1], rows[:_OF_SEGMENT], terms, 1)
+        found[0, k], found[1, k], found[2, k] = slope[1 + _HEAD, 0], terms[_ELASTIC, 0], terms[_VISCOUS, 0]
+        if states > 0:
+            evaluate(addresses[2], rows, end, 1)
+            found[1, k] += end[_GIVES, 0]
+            found[3, k] = end[_RUBS, 0]
+            for state in range(actuator.SIDES * states):
+                rows[_STATES + state, 0] = end[_STATES_OUT + state, 0]
