@@ -1,9 +1,9 @@
-"""The figure of the validation report: model over published number, row by row, with the bands."""
+"""The figure of the validation report: errors against tolerances, and ratios against bands, row by row."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,39 +11,67 @@ from matplotlib.figure import Figure
 from scenes.validate.rows import Row
 
 LEAST, GREATEST = 0.03, 30.0
-"""Range of the axis; what lies outside is drawn at its end."""
+"""Range of the ratios; what lies outside is drawn at its end."""
+
+SMALLEST, LARGEST = 1e-4, 30.0
+"""Range of errors over tolerances; what lies outside is drawn at its end."""
 
 HIT, MISS = "C2", "C3"
 """Colours of rows in their bands, and of the others."""
 
+ERRORS, RATIOS = "error over tolerance", "model over published number (trends: model), bands, and spreads"
+
 
 def draw(chapters: Mapping[str, Sequence[Row]]) -> Figure:
-    """Draw the ratio of model to published number of each row; a row without a number as it is, where 1 divides."""
-    rows = [row for each in chapters.values() for row in each if _scale(row) is not None]
-    figure = Figure(figsize=(9.0, 1.2 + 0.24 * len(rows)), layout="constrained", dpi=110)
-    axes = figure.subplots()
-    for place, row in enumerate(reversed(rows)):
-        _row(axes, place, row)
-    axes.axvline(1.0, color="0.4", lw=0.8)
-    axes.set_xscale("log")
-    axes.set(xlim=(LEAST, GREATEST), ylim=(-0.7, len(rows) - 0.3), xlabel="model over published number (trends: model)")
-    axes.set_yticks(range(len(rows)), [row.name for row in reversed(rows)], fontsize=7)
-    axes.set_title("Validation: bands, what the model gives, and its spread over what is not published", fontsize=9)
+    """Draw the error of rows with a tolerance, and the ratio of model to published number of rows with a band."""
+    rows = [row for each in chapters.values() for row in each]
+    exact = [row for row in rows if not isinstance(row.tolerance, tuple)]
+    banded = [row for row in rows if isinstance(row.tolerance, tuple) and _scale(row) is not None]
+    panels = [each for each in ((exact, _error, ERRORS), (banded, _ratio, RATIOS)) if each[0]]
+    if not panels:
+        return Figure()
+    heights = [len(each) + 3 for each, _, _ in panels]
+    figure = Figure(figsize=(9.0, 0.22 * sum(heights)), layout="constrained", dpi=110)
+    grid = figure.subplots(len(panels), 1, squeeze=False, height_ratios=heights)[:, 0]
+    for axes, (some, mark, label) in zip(grid, panels, strict=True):
+        _panel(axes, some, mark, label)
     return figure
 
 
-def _row(axes: Axes, place: int, row: Row) -> None:
-    scale = _scale(row)
-    assert scale is not None
-    low, high = (_within(end / scale) for end in row.band)
-    axes.barh(place, high - low, left=low, height=0.7, color="0.88", zorder=0)
-    colour, marker = (HIT, "o") if row.ok else (MISS, "X")
-    if row.spread is not None:
-        axes.plot([_within(end / scale) for end in row.spread], (place, place), color=colour, lw=1.5)
+def _panel(axes: Axes, rows: Sequence[Row], mark: Callable[[Axes, int, Row], None], label: str) -> None:
+    axes.axvline(1.0, color="0.4", lw=0.8)
+    for place, row in enumerate(reversed(rows)):
+        mark(axes, place, row)
+    axes.set_xscale("log")
+    axes.set_xlabel(label, fontsize=8)
+    axes.set_ylim(-0.7, len(rows) - 0.3)
+    axes.set_yticks(range(len(rows)), [row.name for row in reversed(rows)], fontsize=7)
+    axes.tick_params(axis="x", labelsize=7)
+    axes.set_xlim((SMALLEST, LARGEST) if mark is _error else (LEAST, GREATEST))
+
+
+def _error(axes: Axes, place: int, row: Row) -> None:
+    low, high = row.band
     if math.isfinite(row.model):
-        ratio = row.model / scale
-        marker = "<" if ratio < LEAST else ">" if ratio > GREATEST else marker
-        axes.plot(_within(ratio), place, marker, color=colour, ms=6, clip_on=False, zorder=3)
+        error = abs(row.model - 0.5 * (low + high)) / (0.5 * (high - low))
+        _dot(axes, place, error, (SMALLEST, LARGEST), ok=row.ok)
+
+
+def _ratio(axes: Axes, place: int, row: Row) -> None:
+    scale, limits = _scale(row), (LEAST, GREATEST)
+    assert scale is not None
+    low, high = (_within(end / scale, limits) for end in row.band)
+    axes.barh(place, high - low, left=low, height=0.7, color="0.88", zorder=0)
+    if row.spread is not None:
+        ends = [_within(end / scale, limits) for end in row.spread]
+        axes.plot(ends, (place, place), color=HIT if row.ok else MISS, lw=1.5)
+    if math.isfinite(row.model):
+        _dot(axes, place, row.model / scale, limits, ok=row.ok)
+
+
+def _dot(axes: Axes, place: int, value: float, limits: tuple[float, float], *, ok: bool) -> None:
+    marker = "<" if value < limits[0] else ">" if value > limits[1] else "o" if ok else "X"
+    axes.plot(_within(value, limits), place, marker, color=HIT if ok else MISS, ms=5, clip_on=False, zorder=3)
 
 
 def _scale(row: Row) -> float | None:
@@ -53,5 +81,5 @@ def _scale(row: Row) -> float | None:
     return row.published or None
 
 
-def _within(ratio: float) -> float:
-    return min(max(ratio, LEAST), GREATEST)
+def _within(value: float, limits: tuple[float, float]) -> float:
+    return min(max(value, limits[0]), limits[1])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -47,7 +46,7 @@ class Measure(Protocol):
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of a run, by its name in `FIGURES`."""
+    """A figure of a run, by its name in `FIGURES` or in the summary."""
 
     name: str
     scene: str
@@ -55,10 +54,10 @@ class Figure:
 
     def __call__(self, changes: Changes = ()) -> float:
         """Return the figure; see `Measure`."""
-        value = figures(self.scene, _merged(self.changes, changes))[self.name]
-        if math.isnan(value):
-            raise StoppedError(f"the worm of {self.scene} does not get forward: it has no {self.name}")
-        return value
+        known = figures(self.scene, _merged(self.changes, changes))
+        if self.name not in known:
+            raise StoppedError(f"the run of {self.scene} has no {self.name}")
+        return known[self.name]
 
 
 @dataclass(frozen=True)
@@ -99,20 +98,24 @@ class Exponent:
 
 @cache
 def figures(scene: str, changes: Changes) -> dict[str, float]:
-    """Run a scene of this room and return its figures.
+    """Run a scene of this room, or one that comes with the program, and return its figures.
+
+    These are the numbers of its summary, and of worms those of `FIGURES`.
 
     Raises
     ------
     StoppedError
         The scene is refused, or the run did not come to its end.
     """
+    own = HOME / f"{scene}.toml"
     try:
-        record = simulate(load_scene(HOME / f"{scene}.toml", changes))
+        record = simulate(load_scene(own if own.exists() else scene, changes))
     except SceneError as error:
         raise StoppedError("; ".join(error.lines)) from error
     if record.status != "done":
         raise StoppedError(record.sentence)
-    return {name: figure(record) for name, figure in FIGURES.items()}
+    known = {name: value for name, value in record.summary.metrics.items() if isinstance(value, float)}
+    return known | ({name: figure(record) for name, figure in FIGURES.items()} if "com" in record else {})
 
 
 def stride(record: Record) -> float:
@@ -135,17 +138,11 @@ def _length(record: Record) -> float:
     return float(_settings(record)["worm"]["length_m"])
 
 
-def _cost(record: Record) -> float:
-    cost = record.summary.metrics["cost_of_transport"]
-    return float(cost) if isinstance(cost, float) else math.nan
-
-
 FIGURES: Mapping[str, Callable[[Record], float]] = {
     "stride_m": stride,
     "stride_BL": lambda record: stride(record) / _length(record),
     "speed_m_s": lambda record: stride(record) / _period(record),
     "speed_BL_s": lambda record: stride(record) / _period(record) / _length(record),
-    "cost_of_transport": _cost,
 }
 """Figures of a run by name; body lengths are those at rest."""
 

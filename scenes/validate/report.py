@@ -102,7 +102,7 @@ def _cells(row: Row) -> tuple[str, ...]:
         row.name,
         _number(row.model),
         _number(row.published),
-        _number(row.ratio),
+        _ratio(row),
         _band(row),
         _range(row.spread),
         {None: "", True: "agrees", False: "does not agree"}[row.sign_agrees],
@@ -116,7 +116,7 @@ def _told(rows: Iterator[Row], title: str, quiet: bool) -> Iterator[Row]:
         typer.echo(f"{title:{WIDTH + 9}}{'model':>12}{'published':>12}{'ratio':>10}  band")
     for row in rows:
         if not quiet:
-            numbers = f"{_number(row.model):>12}{_number(row.published):>12}{_number(row.ratio):>10}"
+            numbers = f"{_number(row.model):>12}{_number(row.published):>12}{_ratio(row):>10}"
             typer.echo(f"  {_mark(row):7}{row.name:{WIDTH}}{numbers}  {_band(row)}")
         yield row
 
@@ -129,7 +129,16 @@ def _number(value: float | None) -> str:
     return "" if value is None or math.isnan(value) else f"{value:.4g}"
 
 
+def _ratio(row: Row) -> str:
+    """Return the ratio; of a row that should meet a number, how far it is off 1."""
+    if row.ratio is None or isinstance(row.tolerance, tuple):
+        return _number(row.ratio)
+    return f"1 {'-+'[row.ratio >= 1.0]} {abs(row.ratio - 1.0):.0e}"
+
+
 def _band(row: Row) -> str:
+    if not isinstance(row.tolerance, tuple):
+        return f"within {row.tolerance:.2g}"
     low, high = row.band
     unit = "" if row.unit == "1" else f" {row.unit}"
     if math.isinf(high):
