@@ -13,7 +13,7 @@ import typer
 from scenes.commands.terminal import busy, counted
 from scenes.compare import page
 from scenes.compare.aligned import aligned as aligned_to
-from scenes.compare.differences import ABSENT, Difference, figures, rows_by_name, series, settings
+from scenes.compare.differences import ABSENT, Difference, figures, left_out, rows_by_name, series, settings
 from scenes.compare.overlays import OVERLAYS, drawn
 from scenes.compare.sources import Source, records, sources
 from scenes.records.drawing import save_figure
@@ -100,6 +100,8 @@ def _told(given: Sequence[Source], found: Sequence[Difference], missing: str, fo
     if over_time := [each for each in found if each.kind == "series" and each.reference and _is_main(given, each)]:
         yield f"rms difference from {labels[0]} over the time that both have, and its share of the range"
         yield from _indented(_series(labels, over_time))
+    for sentence in left_out(given):
+        yield f"not compared: {sentence}"
     if missing:
         yield missing
     yield f"files in {folder}: {TABLE} has all differences"

@@ -18,6 +18,8 @@ from worm3d.values.arrays import FloatArray
 
 NOT_SHOWN = ("title", "says")
 """Keys of a scene that say nothing of the run."""
+ROUNDED = 1e-9
+"""Range of a series, as a fraction of its largest number, up to which it is taken as constant."""
 ABSENT = "-"
 """Value of a key that a scene does not have."""
 
@@ -119,7 +121,8 @@ def _of_series(label: str, reference: Record, other: Record) -> Iterator[Differe
         off = np.abs(theirs - ours)[known]
         rms, most = float(np.sqrt(np.mean(off**2))), float(off.max())
         wide = max(_range(ours), _range(theirs))
-        yield Difference("series", name, unit, label, wide, most, rms, _over(rms, wide))
+        varies = wide > ROUNDED * float(max(np.abs(ours[known]).max(), np.abs(theirs[known]).max()))
+        yield Difference("series", name, unit, label, wide, most, rms, _over(rms, wide) if varies else None)
 
 
 def _of_both(label: str, name: str, unit: str, ours: FloatArray, theirs: FloatArray) -> Iterator[Difference]:
@@ -170,6 +173,18 @@ def common(reference: Record, other: Record) -> dict[str, tuple[str, FloatArray,
         for name in same
         if mine[name].units == its[name].units
     }
+
+
+def left_out(given: Sequence[Source]) -> list[str]:
+    """Return sentences on what was measured and is not compared."""
+    first, *others = given
+    pairs = [(first, source) for source in others] + [(source, first) for source in others]
+    return [
+        f"{lab.label}: {reason}"
+        for lab, other in pairs
+        if lab.is_measured and lab.record is not None and other.record is not None
+        for reason in measured.unmatched(other.record, lab.record).values()
+    ]
 
 
 def rows_by_name(found: Sequence[Difference]) -> Mapping[str, list[Difference]]:

@@ -61,9 +61,9 @@ def path(records: Records) -> tuple[Figure, Axes] | None:
             if known := np.flatnonzero(np.isfinite(places[:, :2]).all(axis=1)).tolist():
                 axes.plot(*places[known[0], :2], "o", color=style["color"], ms=5)
                 if name not in named:
-                    axes.annotate(
-                        name, tuple(places[known[0], :2]), fontsize=7, textcoords="offset points", xytext=(4, 4)
-                    )
+                    named.add(name)
+                    at = tuple(places[known[0], :2])
+                    axes.annotate(name, at, fontsize=7, textcoords="offset points", xytext=(4, 4))
     names = {name for found in tracks.values() for name in found}
     what = " and ".join(
         each for each in ("centre of mass" * ("com" in names), "markers" * bool(names - {"com"})) if each

@@ -116,6 +116,20 @@ def test_a_measurement_is_compared_at_its_own_instants_whichever_comes_first() -
         assert rows["other 0", "both", "marker_a_displacement"].value == pytest.approx(moved, rel=5e-3)
 
 
+def test_what_does_not_vary_has_no_range_to_be_a_share_of() -> None:
+    first, other = (of("worm", TIME, com=(np.zeros((41, 3)) + 0.1 + k, "m")) for k in (0.0, 0.2))
+    each = found(first, other)["other 0", "series", "com"]
+    assert each.difference == pytest.approx(0.2)
+    assert each.relative is None
+
+
+def test_measured_quantities_that_are_not_compared_are_named() -> None:
+    sim = source("sim", of("worm", TIME, com=(way(TIME), "m")))
+    lab = source("lab", of("measured", TIME, com=(way(TIME), "m"), force=(TIME, "N")))
+    for given in ([sim, lab], [lab, sim]):
+        assert differences.left_out(given) == ["lab: worm has no force"]
+
+
 def test_nothing_in_common_is_no_row() -> None:
     early, late = (of("worm", TIME + 10.0 * k, com=(way(TIME), "m")) for k in (0, 1))
     assert found(early, late) == {}
