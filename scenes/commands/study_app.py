@@ -111,7 +111,7 @@ def compare(
 @studies.command()
 def validate(
     out: Out = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Only what takes seconds, and no spreads.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Leave out the spreads over what is not published.")] = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:

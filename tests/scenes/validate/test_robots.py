@@ -8,6 +8,7 @@ from scenes.validate import animals, report, robots
 from scenes.validate.animals import earthworm
 from scenes.validate.comparison import ABOVE_1, BELOW_1, Comparison
 from scenes.validate.measures import HOME, Exponent, Figure, Ratio, StoppedError, figures
+from scenes.validate.rows import Row
 
 
 @pytest.mark.parametrize("name", sorted({c.measure.scene for c in (*robots.COMPARISONS, *animals.COMPARISONS)}))
@@ -106,16 +107,21 @@ def test_mirrored_wave_goes_backward():
 
 def test_command(tmp_path, capsys, monkeypatch):
     some = [comparison(Fixed(2.0)), comparison(Fixed(0.5), 1.0, (0.8, 1.2), unknown=(("a",),))]
-    monkeypatch.setattr(report, "CHAPTERS", {"Some": lambda quick: (c.row(quick=quick) for c in some)})
+    exact = [Row("y", 1.0 + 2e-7, 1.0, 1e-6, "here"), Row("z", math.nan, 0.0, 1e-6, "here", "folded")]
+    chapters = {"Some": lambda quick: (c.row(quick=quick) for c in some), "Exact": lambda quick: iter(exact)}
+    monkeypatch.setattr(report, "CHAPTERS", chapters)
     assert report.run(tmp_path / "out", quick=False, force=False, quiet=False) == 0
     said = capsys.readouterr().out
     assert "misses x" in said
-    assert "1 of 2 rows lie in their bands" in said
+    assert "2 of 4 rows lie in their bands" in said
     rows = json.loads((tmp_path / "out" / "validate.json").read_text())["rows"]
     assert [(row["model"], row["published"], row["ratio"], row["ok"]) for row in rows] == [
         (2.0, None, None, True),
         (0.5, 1.0, 0.5, False),
+        (1.0 + 2e-7, 1.0, 1.0 + 2e-7, True),
+        (None, 0.0, None, False),
     ]
     text = (tmp_path / "out" / "validate.md").read_text()
     assert "| misses | x | 0.5 | 1 | 0.5 | 0.8 to 1.2 | 0.5 to 1.5 |" in text
+    assert "| ok | y | 1 | 1 | 1 + 2e-07 | within 1e-06 |" in text
     assert (tmp_path / "out" / "validate.png").stat().st_size > 1000
