@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 from pydantic.fields import FieldInfo
@@ -103,12 +103,17 @@ def _value(schema: type[Section], data: Mapping[str, Any], path: KeyPath) -> Any
     here: Any = data
     for key in path:
         if not isinstance(here, Mapping) or key not in here:
-            field = field_at(schema, path)
-            if field is None:
-                raise AssertionError(f"a check needs {path}, which the schema does not have")
-            return field.default
+            return _default(schema, path)
         here = here[key]
     return here
+
+
+@cache
+def _default(schema: type[Section], path: KeyPath) -> Any:
+    field = field_at(schema, path)
+    if field is None:
+        raise AssertionError(f"a check needs {path}, which the schema does not have")
+    return field.default
 
 
 def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") -> tuple[Check, ...]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +24,7 @@ def parse_scene(text: str, name: str, overrides: Iterable[str] = (), folder: Pat
     return loader.parse_scene(models, text, name, overrides, folder)
 
 
-def trusted_scene(text: str, name: str) -> Scene:
-    """Return a resolved scene (`Scene.to_toml`) that has been checked before: five times as fast as `parse_scene`."""
-    data = tomllib.loads(text)
+def trusted_scene(data: Mapping[str, Any], name: str) -> Scene:
+    """Return a resolved scene that has been checked before, given as data: many times as fast as `parse_scene`."""
     model = models.get(data["model"])
     return loader.Scene(name, model, model.schema.model_validate(data))

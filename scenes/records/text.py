@@ -49,7 +49,7 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iter
     yield from ("| " + " | ".join(cells) + " |" for cells in rows)
 
 
-def json_bytes(content: Any, indent: int = 2) -> bytes:
+def json_bytes(content: Any, indent: int | None = 2) -> bytes:
     """Return content as the bytes of a JSON file; numbers that are not finite become null."""
     text = json.dumps(_without_nan(content), indent=indent, ensure_ascii=False, allow_nan=False)
     return f"{text}\n".encode()

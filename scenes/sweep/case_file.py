@@ -55,8 +55,8 @@ class CaseResult:
     """The resolved scene as data: section -> key -> value."""
 
 
-def result_of(key: str, record: Record) -> CaseResult:
-    """Return what a case came to, given the record of its run."""
+def result_of(key: str, record: Record, scene: Mapping[str, Any]) -> CaseResult:
+    """Return what a case came to, given the record of its run and its resolved scene as data."""
     return CaseResult(
         key=key,
         name=record.name,
@@ -68,7 +68,7 @@ def result_of(key: str, record: Record) -> CaseResult:
         reasons=record.summary.reasons,
         timing=timing(record),
         versions=record.versions,
-        scene=tomllib.loads(record.scene),
+        scene=scene,
     )
 
 
@@ -80,7 +80,7 @@ def write(result: CaseResult, path: Path) -> None:
     DiscError
         The file cannot be written.
     """
-    content = json.loads(json_bytes({"format": FORMAT, **vars(result)}))
+    content = {"format": FORMAT, **vars(result)}
     write_bytes(path, json_bytes({**content, "digest": _digest(content)}, indent=1))
 
 
@@ -121,4 +121,4 @@ def _of_record(path: Path) -> CaseResult:
 
 
 def _digest(content: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json_bytes(content, indent=None)).hexdigest()

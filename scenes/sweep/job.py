@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from scenes.commands.packages import versions
 from scenes.commands.runner import simulate
 from scenes.language.errors import DiscError, MissingPartError, SceneError, printable
 from scenes.models.loading import Scene, trusted_scene
-from scenes.records.record import Record
 from scenes.records.store import save
 from scenes.sweep.case_file import FAILED, CaseResult, read, result_of, write
 from scenes.sweep.key import key_of
@@ -66,7 +66,8 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
     """
     if (earlier := found(job)) is not None:
         return _ended(earlier)
-    scene = trusted_scene(job.scene, job.name)
+    data = tomllib.loads(job.scene)
+    scene = trusted_scene(data, job.name)
     if key_of(scene) != job.key:
         raise SceneError(
             f"{job.name}: a worker's worm3d, its libraries, or a file or map that the scene needs, is not that of the "
@@ -77,11 +78,15 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
     except (DiscError, MissingPartError):
         raise
     except Exception as error:  # whatever a case does, the others go on
-        return _failed(job, scene, error)
+        return _failed(job, scene, data, error)
     if record.status == INTERRUPTED:
         return Ended(job.key, INTERRUPTED)
-    _keep(job, record)
-    return _ended(result_of(job.key, record))
+    result = result_of(job.key, record, data)
+    if job.results:
+        save(record, Path(job.path))
+    else:
+        write(result, Path(job.path))
+    return _ended(result)
 
 
 def found(job: Job) -> CaseResult | None:
@@ -93,23 +98,13 @@ def found(job: Job) -> CaseResult | None:
     return None if earlier is None or (job.results and earlier.status != FAILED) else earlier
 
 
-def _keep(job: Job, record: Record) -> None:
-    path = Path(job.path)
-    if job.results:
-        save(record, path)
-    else:
-        write(result_of(job.key, record), path)
-
-
-def _failed(job: Job, scene: Scene, error: Exception) -> Ended:
+def _failed(job: Job, scene: Scene, data: Mapping[str, Any], error: Exception) -> Ended:
     """Write the file of a case without a record."""
     kind, words = type(error).__name__, " ".join(str(error).split())
     explained = bool(words) and isinstance(error, ValueError | SceneError)
     sentence = printable(words if explained else f"{kind}: {words}".removesuffix(": "))
-    data, model = tomllib.loads(job.scene), scene.model.name
-    result = CaseResult(
-        job.key, job.name, model, FAILED, sentence, scene.settings.seed, versions=versions(), scene=data
-    )
+    model, seed = scene.model.name, scene.settings.seed
+    result = CaseResult(job.key, job.name, model, FAILED, sentence, seed, versions=versions(), scene=data)
     write(result, Path(job.path).with_suffix(".json"))
     return _ended(result)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import shutil
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,7 +35,7 @@ def folder(straight: Record, tmp_path: Path) -> Path:
     for name, record in (("straight", straight), ("turning", turning)):
         (tmp_path / name).mkdir()
         save(record, tmp_path / name / "result.nc")
-    case_file.write(case_file.result_of("0" * 20, turning), tmp_path / f"{'0' * 20}.json")
+    case_file.write(case_file.result_of("0" * 20, turning, tomllib.loads(turning.scene)), tmp_path / f"{'0' * 20}.json")
     head, com = straight["joints"][:, 3], straight["com"]
     rows = (
         f"{t!r},{x!r},{y + 0.005!r},{c!r}"

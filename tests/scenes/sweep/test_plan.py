@@ -41,7 +41,7 @@ def test_each_case_is_the_scene_with_its_values_and_a_seed_of_its_own() -> None:
         assert 0 < written["seed"] == case.seed <= LARGEST_SEED
         assert job.path == f"/x/{job.key}.json"
         assert pickle.loads(pickle.dumps(job)) == job
-        assert key_of(trusted_scene(job.scene, job.name)) == job.key
+        assert key_of(trusted_scene(tomllib.loads(job.scene), job.name)) == job.key
     assert len({case.seed for case in found.cases}) == 4
     assert [job.key for job in jobs[1:3]] == [case.key for case in found.cases[1:3]]
 
