@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from typing import Any
 
 from pydantic.fields import FieldInfo
@@ -31,6 +31,11 @@ class Check:
     """Called with their values in that order; returns what is wrong, or None. Where it returns texts by key, that
     of the first key is told that the user wrote, in an override or else in the file."""
 
+    @cached_property
+    def paths(self) -> tuple[tuple[str, ...], ...]:
+        """Paths of its keys."""
+        return tuple(tuple(need.split(".")) for need in self.needs)
+
 
 def cross_mistakes(
     checks: Iterable[Check],
@@ -48,16 +53,21 @@ def cross_mistakes(
     overrides = tuple(overridden)
     failing: list[tuple[frozenset[KeyPath], Mistake]] = []
     for check in checks:
-        paths = [tuple(need.split(".")) for need in check.needs]
-        written = frozenset(key for path in paths for key in _written_below(data, path))
-        known = any(path in around or any(path[: n + 1] in untrusted for n in range(len(path))) for path in paths)
-        if known or any(blamed <= written for blamed, _ in failing):
+        paths = check.paths
+        if untrusted and any(p in around or any(p[: n + 1] in untrusted for n in range(len(p))) for p in paths):
+            continue
+        if failing and any(blamed <= _written(data, paths) for blamed, _ in failing):
             continue
         text = check.test(*(_value(schema, data, path) for path in paths))
         if text is not None:
+            written = _written(data, paths)
             failing = [(blamed, mistake) for blamed, mistake in failing if not written <= blamed]
             failing.append((written, _mistake(text, paths, data, overrides)))
     return (mistake for _, mistake in failing)
+
+
+def _written(data: Mapping[str, Any], paths: Iterable[KeyPath]) -> frozenset[KeyPath]:
+    return frozenset(key for path in paths for key in _written_below(data, path))
 
 
 def _mistake(

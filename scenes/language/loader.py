@@ -7,7 +7,7 @@ import os
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -73,6 +73,10 @@ class Scene(Generic[M]):
 
     def to_toml(self) -> str:
         """Return the resolved scene as TOML, without a section [sweep]; it can be loaded again."""
+        return self._toml
+
+    @cached_property
+    def _toml(self) -> str:
         return toml.document(self.settings)
 
 
