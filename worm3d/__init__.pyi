@@ -15,6 +15,8 @@ from worm3d.physics.friction_laws import FrictionLaw as FrictionLaw
 from worm3d.physics.friction_laws import Viscous as Viscous
 from worm3d.physics.hysteresis import Hysteresis as Hysteresis
 from worm3d.physics.hysteresis import Jenkins as Jenkins
+from worm3d.physics.media import Medium as Medium
+from worm3d.physics.media import StrainDrag as StrainDrag
 from worm3d.physics.pneumatic import Pneumatic as Pneumatic
 from worm3d.pictures import draw as draw
 from worm3d.pictures import show as show

@@ -17,8 +17,9 @@ from worm3d.physics.actuators import Actuator, FirstOrder
 from worm3d.physics.friction import ContactConstants, Friction
 from worm3d.physics.friction_laws import Coulomb, FrictionLaw
 from worm3d.physics.hysteresis import PREFIX, Hysteresis, chamber_states
-from worm3d.physics.kernels import actuator, joint, node, point, segment
+from worm3d.physics.kernels import actuator, joint, medium, node, point, segment
 from worm3d.physics.kernels.layout import Layout, once
+from worm3d.physics.media import Medium
 from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
 from worm3d.solver.entry import SIGNATURE
@@ -62,9 +63,16 @@ def kernels(
     chamber: type[Actuator] = FirstOrder,
     hinge: type[Actuator] = FirstOrder,
     own: type[Hysteresis] = Hysteresis,
+    around: type[Medium] = Medium,
 ) -> dict[str, Kernel]:
-    """Return the compiled kernels for classes of friction, actuators and the friction in the joints, by name."""
-    parts: dict[str, tuple[type, ...]] = {"law": (law,), "chamber": (chamber, own), "hinge": (hinge,), "": ()}
+    """Return the compiled kernels for classes of friction, actuators, the friction in the joints and the medium."""
+    parts: dict[str, tuple[type, ...]] = {
+        "law": (law,),
+        "chamber": (chamber, own),
+        "hinge": (hinge,),
+        "medium": (around,),
+        "": (),
+    }
     made = {name: _kernel(name, *parts[row.of]) for name, row in arrays.KERNELS.items()}
     return {name: kernel for name, kernel in made.items() if kernel is not None}
 
@@ -118,11 +126,13 @@ class Plant:
         self._weight = float(np.linalg.norm(gravity if scale is None else scale))
         self.n = worm.segments
         chamber, hinge, own = type(worm.actuator), type(worm.hinge_actuator), type(worm.hysteresis)
-        self._kernels = kernels(type(friction.law), chamber, hinge, own)
+        around = type(worm.medium)
+        self._kernels = kernels(type(friction.law), chamber, hinge, own, around)
         width = max(vectors.WIDTH, *(kernel.width for kernel in self._kernels.values()))
         lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
         self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
-        sizes = Sizes(self.n, lanes, joint_lanes, nodes, 3 + len(self.world_kernel.parameters), chamber, own, hinge)
+        world_rows = 3 + len(self.world_kernel.parameters)
+        sizes = Sizes(self.n, lanes, joint_lanes, nodes, world_rows, chamber, own, hinge, around)
         self._open(CoreMemory(sizes, _addresses(self.world_kernel, self._kernels)))
         self.arrays["held"][0] = held
         self._fill_numbers()
@@ -130,6 +140,7 @@ class Plant:
         self._fill_joints()
         self._fill_points()
         self._fill_actuators()
+        self._fill_medium()
 
     def _open(self, memory: CoreMemory) -> None:
         self.memory_of_core, self.core, self.arrays = memory, memory.core, memory.arrays
@@ -234,12 +245,19 @@ class Plant:
     def _fill_actuators(self) -> None:
         worm, n = self.worm, self.n
         chambers, hinges = self._layouts()
-        friction = {PREFIX + name: value for name, value in worm.hysteresis.values().items()}
+        friction = {PREFIX + name: value for name, value in worm.hysteresis.parameters().items()}
         for name, value in {**worm.actuator.values(worm, hinge=False), **friction}.items():
             chambers.of(actuator.PREFIX + name, self.arrays["actuated"])[:, :n] = value
         for name, value in worm.hinge_actuator.values(worm, hinge=True).items():
             hinges.of(actuator.PREFIX + name, self.arrays["hinged"])[:, : n - 1] = value
         self.hasten(1.0)
+
+    def _fill_medium(self) -> None:
+        rows, values = medium.layout(type(self.worm.medium)), self.worm.medium.parameters()
+        if rows.rows:
+            self.arrays["medium_in"][medium.SHARE, : self.n] = self.worm.drag / self.n
+            for name, value in values.items():
+                rows.of(medium.PREFIX + name, self.arrays["medium_in"])[:, : self.n] = value
 
     def hasten(self, times: float) -> None:
         """Let time go by so many times as fast for the actuators as for all else; unless it is 1, joints are free."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from worm3d.physics.actuators import Actuator, FirstOrder
 from worm3d.physics.hysteresis import Hysteresis
+from worm3d.physics.media import Medium
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
@@ -126,6 +127,8 @@ class Worm(ReadOnly):
     """What drives the hinges."""
     hysteresis: Hysteresis = field(default_factory=Hysteresis)
     """Friction in the joints of the chambers; `Hysteresis()` is none."""
+    medium: Medium = field(default_factory=Medium)
+    """Makes `drag` follow the shape; `Medium()` resists alike whatever it is."""
     flat: bool = parameter(False, meaning="whether the worm stays in its plane: y, roll and bend are held (`planar`)")
 
     @classmethod
@@ -203,6 +206,10 @@ class Worm(ReadOnly):
             given.require_size(name, count)
         arguments.instance("hysteresis", self.hysteresis, Hysteresis, "a worm3d.Hysteresis such as worm3d.Jenkins()")
         self.hysteresis.require_size("hysteresis", n)
+        arguments.instance("medium", self.medium, Medium, "a worm3d.Medium such as worm3d.StrainDrag()")
+        self.medium.require_size("medium", n)
+        if self.drag == 0.0 and type(self.medium) is not Medium:
+            raise ValueError(f"drag: got {self.drag!r} N s/m, must be above 0 with a medium, which multiplies it")
         if not self.hinge_actuator.drives_hinges:
             wrong = type(self.hinge_actuator).__name__
             raise ValueError(f"hinge_actuator: got {wrong}, which acts on chambers alone; use it as the actuator")

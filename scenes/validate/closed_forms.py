@@ -34,6 +34,11 @@ floor(N q) feet slip back, and the next one holds. Ways are per cycle of the gai
 (Y8) A steady wave. In the material it runs at c_m, lam(X - c_m t) is the stretch, and what holds has the stretch lam_a:
      v = c (1 - lam/lam_a) with the speed c = c_m lam_a of the wave over the ground, on average c_m (lam_a - 1).
 (Y9) A medium that resists every joint alike: no net force, so that their mean rests, exactly.
+(Y10) A medium that resists a segment in proportion to 1 + B cos(k X - w t + phi), its strain A cos(k X - w t), a whole
+     number of waves on N segments of the length l0: the middle of a segment moves at V - A w (l0/2) cot(k l0/2)
+     cos(k X - w t), the forces add up to 0, and
+
+         V = (A B/2) c cos(phi) (k l0/2) cot(k l0/2),   for N -> infinity (A B/2) c cos(phi)
 """
 
 from __future__ import annotations
@@ -201,6 +206,23 @@ def drift_in_medium(crawl: Crawl) -> float:
     return float(np.abs(mean - mean[0]).max()) / float(crawl.chain.settings.worm.length_m)
 
 
+def of_swimming(crawl: Crawl) -> float:
+    """Return the velocity of the mean joint in the last period over A c, (Y10)."""
+    s, joints = crawl.chain.settings, crawl.result.joints[:, :, 0]
+    mean = (joints[:, :-1] + joints[:, 1:]).mean(axis=1) / 2.0
+    period = crawl.chain.steps // s.run.record_every
+    waves = s.gait.wavelength * s.worm.length_m  # its speed times the period
+    return float((mean[-1] - mean[-1 - period]) / (s.gait.amplitude * waves))
+
+
+def swimming(chain: Chain) -> float:
+    """Return (Y10) over A c: B cos(phi) is the gain times A."""
+    s = chain.settings
+    half = np.pi / (s.gait.wavelength * s.worm.segments)
+    along = 1.0 if s.gait.direction == "direct" else -1.0
+    return float(along * s.medium.gain * s.gait.amplitude / 2.0 * half / np.tan(half))
+
+
 def constant(value: float) -> Callable[[Chain], float]:
     """Return a closed form that is a number."""
     return lambda _: value
@@ -359,7 +381,26 @@ PULSES = [
     Case("Pulse of extension, against it", "pulse", constant(-1.0), of_pulse, 1e-5, ("gait.contract_time_s=1100.0",)),
 ]
 
-MEDIUM = [Case("Medium that resists every joint alike", "viscous_medium", constant(0.0), drift_in_medium, 1e-12)]
+MEDIUM = [
+    Case("Medium that resists every joint alike", "viscous_medium", constant(0.0), drift_in_medium, 1e-12),
+    *(
+        Case(
+            f"Medium that follows the strain, {what}",
+            "medium_wave",
+            swimming,
+            of_swimming,
+            1e-6,
+            overrides,
+            source="derived here; Tanaka, Ito, Nakagaki, Kobayashi 2012 control friction so",
+        )
+        for what, overrides in (
+            ("phi = 0", ()),
+            ("phi = pi", ("medium.gain=-5.0",)),
+            ("phi = -0.81", ("medium.gain=3.0", "medium.rate_gain_s=5.0")),
+            ("the wave from the head", (RETROGRADE,)),
+        )
+    ),
+]
 
 CASES = [*BREATHING, *ELASTIC, *LOADS, *SINE, *STEPS, *ISOTROPIC, *PULSES, *MEDIUM]
 """All closed forms of the report."""

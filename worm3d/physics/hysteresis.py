@@ -34,13 +34,12 @@ While a worm comes to rest before a run its joints are free; it starts without s
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from worm3d.physics.part import Numbers, Part, Symbol, Symbols
-from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import documented, parameter, parameters_of
+from worm3d.values.parameters import documented, parameter
 
 PREFIX = "hysteresis_"
 """Prefix of the names of states and parameters among those of a chamber's actuator."""
@@ -84,10 +83,6 @@ class Hysteresis(Part, registry=HYSTERESES):
     def sliders(cls, s: Symbols) -> Sequence[tuple[Symbol, Symbol]]:
         """Return the share w and the give r [J] of each element, of (H2), as functions of the parameters in `s`."""
         raise NotImplementedError
-
-    def values(self) -> Mapping[str, float | FloatArray]:
-        """Return the parameters by name, a number or one for each segment."""
-        return {name: getattr(self, name) for name in parameters_of(type(self))}
 
 
 HYSTERESES["none"] = Hysteresis

@@ -70,6 +70,10 @@ class Part(ReadOnly):
 
     __hash__ = None  # type: ignore[assignment]
 
+    def parameters(self) -> Mapping[str, Numbers]:
+        """Return the parameters by name, a number or one for each segment."""
+        return {name: getattr(self, name) for name in parameters_of(type(self))}
+
     def require_size(self, name: str, count: int) -> None:
         """Raise ValueError where a parameter is an array of another size; `name` says what the part is for."""
         for field in parameters_of(type(self)):

@@ -23,8 +23,9 @@ from worm3d.machine import vectors
 from worm3d.machine.banded import WIDTH, B
 from worm3d.physics.actuators import Actuator
 from worm3d.physics.hysteresis import Hysteresis, chamber_states
-from worm3d.physics.kernels import COMMANDS, actuator, joint, node, point, regime, segment
+from worm3d.physics.kernels import COMMANDS, actuator, joint, medium, node, point, regime, segment
 from worm3d.physics.kernels.layout import Layout
+from worm3d.physics.media import Medium
 from worm3d.solver.block import Block, Memory
 from worm3d.values.arrays import FloatArray
 
@@ -42,8 +43,9 @@ class KernelRow(NamedTuple):
     """Returns what is compiled, or None; without it: the world's kernel, or an entry (`worm3d.solver.entry`)."""
     padded: bool = False
     """Whether it is evaluated in all lanes: those without a point or joint have neither mass nor stiffness."""
-    of: Literal["", "law", "chamber", "hinge"] = ""
-    """What classes `make` is given: of the law of friction, of actuator and friction of chambers, or of hinges."""
+    of: Literal["", "law", "chamber", "hinge", "medium"] = ""
+    """What classes `make` is given: of the law of friction, of actuator and friction of chambers, of hinges, or of the
+    medium."""
     exact: bool = False
     """Whether it is computed as written, to the last bit."""
 
@@ -82,6 +84,7 @@ POINT_YIELDING = _kernel("point_yielding", regime.yielding, padded=True, of="law
 POINT_EXPECTED = _kernel("point_expected", regime.expected, padded=True, of="law")
 POINT_AFTER = _kernel("point_after", point.after, padded=True, of="law")
 POINT_MOMENTA = _kernel("point_momenta", point.momenta, padded=True)
+MEDIUM = _kernel("medium_resistance", medium.resistance, of="medium")
 NODE_START = _kernel("node_start", node.start, padded=True)
 NODE_AFTER = _kernel("node_after", node.after, padded=True)
 NODE_MOMENTA = _kernel("node_momenta", node.momenta, padded=True)
@@ -132,6 +135,8 @@ class Sizes(NamedTuple):
     """Friction in the joints of the chambers."""
     hinge: type[Actuator]
     """Actuator of the hinges."""
+    medium: type[Medium]
+    """What resists the joints."""
 
     def of(self, name: str) -> int:
         """Return one of these sizes, or one that follows from them."""
@@ -141,6 +146,7 @@ class Sizes(NamedTuple):
         derived = {
             "chamber_rows": actuator.chambers(*parts).rows,
             "hinge_rows": actuator.hinges(self.hinge).rows,
+            "medium_rows": medium.layout(self.medium).rows,
             "chamber_past": chamber,  # states at t_n and t_{n-1}
             "hinge_past": hinge,
             "chamber_states": chamber // 2,
@@ -289,6 +295,8 @@ JOINTS = _array("joints", 6, "node_lanes", inside=("node_in", "past"), history=T
 JOINT_VELOCITY = _array("joint_velocity", 6, "node_lanes", inside=("node_in", "velocity"), history=True)
 POINTS_PAST = _array("points", 6, "points", inside=("point_in", "past"), history=True)
 POINT_VELOCITY = _array("point_velocity", 6, "points", inside=("point_in", "velocity"), history=True)
+MEDIUM_IN = _array("medium_in", "medium_rows", "lanes")  # as in `worm3d.physics.kernels.medium`
+RESISTANCE = _array("resistance", 1, "lanes")  # of the medium to a segment [N s/m]
 LENGTHS = _array("lengths", 4, "lanes", history=True)  # of the chambers [m]
 # inputs of the segments' kernels, with those of their actuators behind them
 ACTUATED = _array("actuated", "chamber_rows", "lanes", inside=("segment_in", 0))

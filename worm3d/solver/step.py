@@ -7,7 +7,7 @@ import numpy as np
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
-from worm3d.physics.kernels import actuator, inertia, joint, node, point, segment
+from worm3d.physics.kernels import actuator, inertia, joint, medium, node, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, ledger
 from worm3d.solver.arrays import BLOCK, Core
@@ -121,6 +121,8 @@ def begin(core: Core, dt: float, bdf2: bool) -> float:
     if bdf2 and _strikes(core, dt):
         span = dt
         _begin_points(core, dt, span)
+    if kernel(core, a.MEDIUM) != 0:
+        _begin_medium(core, dt, bdf2)
     _begin_joints(core, dt, span)
     _begin_strains(core, dt, span)
     copy(vector(core.block, a.PULL_N), rows(core.block, a.POINT_IN, _FRICTION, 2))
@@ -129,6 +131,28 @@ def begin(core: Core, dt: float, bdf2: bool) -> float:
     if fronts.goes_on(core):
         combine(x, 1.0, x, 1.0, vector(core.block, a.CURVE))
     return span
+
+
+@inner
+def _begin_medium(core: Core, dt: float, bdf2: bool) -> None:
+    """Set the resistance of the medium to each joint, (D1), by the shape foreseen for the end of the step, (D2)."""
+    block, l0 = core.block, vector(core.block, a.NUMBERS_)[a.L0]
+    lengths, velocity = matrix(block, a.LENGTHS), matrix(block, a.JOINT_VELOCITY)
+    segments, given = matrix(block, a.SEGMENT_IN), matrix(block, a.MEDIUM_IN)
+    for i in range(core.n):
+        now, before = 0.5 * (lengths[0, i] + lengths[1, i]), 0.5 * (lengths[2, i] + lengths[3, i])
+        rate = 0.0
+        for d in range(3):
+            rate += segments[_T_REF + d, i] * (velocity[d, i + 1] - velocity[d, i])
+        bent = rate - (now - before) / dt if bdf2 else 0.0  # half of l'' dt
+        given[medium.STRAIN, i] = (now + (rate + bent) * dt) / l0 - 1.0
+        given[medium.RATE, i] = (rate + 2.0 * bent) / l0
+    evaluate_kernel(kernel(core, a.MEDIUM), given, matrix(block, a.RESISTANCE), core.n)
+    resistance, drag = vector(block, a.RESISTANCE), vector(block, a.DRAG)
+    fill(drag, 0.0)
+    for i in range(core.n):
+        drag[i] += 0.5 * resistance[i]
+        drag[i + 1] += 0.5 * resistance[i]
 
 
 @inner

@@ -32,12 +32,18 @@ from worm3d.actuation import Actuation, Sensor
 from worm3d.actuators import ACTUATORS
 from worm3d.physics.friction_laws import LAWS
 from worm3d.physics.hysteresis import HYSTERESES
+from worm3d.physics.media import MEDIA
 from worm3d.problem import Problem
 
 KEYS, PLANAR_KEYS = keys_by_parameter(worm3d.Worm, Worm), keys_by_parameter(Linkage, PlanarWorm)
 """Key of each parameter of `worm3d.Worm`, and of `worm3d.Worm.planar`, in the section [worm]."""
 
-PARTS: dict[str, dict[str, Any]] = {"actuator": ACTUATORS, "hinge_actuator": ACTUATORS, "hysteresis": HYSTERESES}
+PARTS: dict[str, dict[str, Any]] = {
+    "actuator": ACTUATORS,
+    "hinge_actuator": ACTUATORS,
+    "hysteresis": HYSTERESES,
+    "medium": MEDIA,
+}
 """Classes by name that a section of the 3D worm chooses from, by that section and parameter of `worm3d.Worm`."""
 
 STEPS_BETWEEN_LOOKS = 50

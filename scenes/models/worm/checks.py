@@ -19,6 +19,7 @@ from scenes.models.worm.schema import (
     Friction,
     HingeActuator,
     Hysteresis,
+    Medium,
     PlanarFriction,
     PlanarGait,
     PlanarWorm,
@@ -119,6 +120,8 @@ SPATIAL_CHECKS = (
     *kind_checks(HingeActuator, "hinge_actuator"),
     *list_checks(Hysteresis, "hysteresis"),
     *kind_checks(Hysteresis, "hysteresis"),
+    *list_checks(Medium, "medium"),
+    *kind_checks(Medium, "medium"),
     Check(("worm.stroke",), _stroke_holds_rest),
     *WORM_IN_PIPE_CHECKS,
 )

@@ -13,6 +13,7 @@ from worm3d.actuators import ACTUATORS
 from worm3d.physics.friction import Friction as PlantFriction
 from worm3d.physics.friction_laws import LAWS
 from worm3d.physics.hysteresis import HYSTERESES
+from worm3d.physics.media import MEDIA
 from worm3d.worm import Worm as PlantWorm
 
 
@@ -31,6 +32,12 @@ class Hysteresis(
     PartSection, keys=keys_of(HYSTERESES, by="kind", title="friction in the joints of the chambers, which rub")
 ):
     """Friction in the joints of the chambers: hysteresis that does not depend on the rate."""
+
+
+class Medium(
+    PartSection, keys=keys_of(MEDIA, by="kind", title="viscous medium: how worm.drag_N_s_m follows the shape")
+):
+    """Viscous medium around the worm."""
 
 
 LAW = keys_of(LAWS, by="law", title="law of friction: what is made of the coefficients", aka=("kind", "type"))
@@ -131,6 +138,7 @@ class SpatialScene(Surroundings):
     actuator: Actuator = Actuator()
     hinge_actuator: HingeActuator = HingeActuator()
     hysteresis: Hysteresis = Hysteresis()
+    medium: Medium = Medium()
     friction: Friction = Friction()
     start: AimedStart = AimedStart()
 

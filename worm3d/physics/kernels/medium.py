@@ -1,0 +1,42 @@
+"""The resistance of a medium to a segment, (D1), generated from the factor of a `worm3d.physics.media.Medium`."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from worm3d.physics.expressions import answer, scalar
+from worm3d.physics.kernels.layout import Layout, once
+from worm3d.physics.media import Medium
+from worm3d.values.parameters import parameters_of
+
+PREFIX = "medium_"
+"""Prefix of the parameters among the inputs."""
+
+STRAIN, RATE, SHARE = range(3)
+"""First rows of the inputs: strain, its rate [1/s], and the resistance of a segment where the factor is 1 [N s/m]."""
+
+
+@once
+def layout(kind: type[Medium]) -> Layout:
+    """Return the layout of the inputs; without rows for a medium that resists alike."""
+    if kind.factor.__func__ is Medium.factor.__func__:  # type: ignore[attr-defined]
+        return Layout({})
+    return Layout({"strain": 1, "rate": 1, "share": 1, **{PREFIX + name: 1 for name in parameters_of(kind)}})
+
+
+@once
+def resistance(kind: type[Medium] = Medium) -> ca.Function | None:
+    """Return the resistance of a segment [N s/m]; None for a medium that resists alike.
+
+    Raises
+    ------
+    ValueError
+        The factor of the class is none.
+    """
+    rows = layout(kind)
+    if not rows.rows:
+        return None
+    s = rows.symbols
+    known = {name: s[PREFIX + name] for name in parameters_of(kind)} | {name: s[name] for name in kind.known}
+    factor = scalar(f"{kind.__name__}.factor", answer(kind, "factor", known))
+    return rows.function("medium_resistance", {"resistance": s["share"] * ca.fmax(0.0, factor)})
