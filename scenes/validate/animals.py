@@ -166,6 +166,7 @@ COMPARISONS = (
         "Three segments are off the ground where the wave is, so a larva would get forward on any ground. The model's "
         "worm goes the other way: its contracted segments hold the ground.",
         unit="m/s",
+        trend=True,
     ),
 )
 

@@ -50,7 +50,7 @@ class Comparison:
     others: Sequence[Measure] = ()
     """The measure with other values of it, where these belong to only some of its runs."""
     trend: bool = False
-    """Whether the number is a ratio that says by its side of 1 how something changes."""
+    """Whether only the sign matters: the number is a ratio, above or below 1, or none was published but its band."""
 
     def row(self, *, quick: bool) -> Row:
         """Return the row; with `quick` without the spread."""
@@ -80,8 +80,9 @@ class Comparison:
     def _sign_agrees(self, model: float) -> bool | None:
         if not self.trend or math.isnan(model):
             return None
-        rises = self.published > 1.0 if self.published is not None else self.band == ABOVE_1
-        return (model > 1.0) == rises
+        if self.published is None:
+            return self.band[0] <= model <= self.band[1]
+        return (model > 1.0) == (self.published > 1.0)
 
 
 def _found(measure: Measure, changes: Changes = ()) -> float | None:
