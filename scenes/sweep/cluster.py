@@ -19,6 +19,7 @@ from scenes.sweep.job import Ended, Job
 try:
     import dask
     from distributed import Client, LocalCluster
+    from distributed.utils import silence_logging_cmgr
 except ImportError as error:
     raise MissingPartError("--workers and --scheduler need Dask: pip install 'worm3d[dask]'") from error
 
@@ -114,7 +115,7 @@ class Remote:
                 f"--scheduler: no scheduler answers at '{self.address}'; 'dask scheduler --host {LOOPBACK}' starts one "
                 "on this machine, and says its address"
             ) from error
-        with client:
+        with client, silence_logging_cmgr("CRITICAL"):  # what is wrong is told in sentences
             yield client
 
 

@@ -1,0 +1,169 @@
+"""Cases of a sweep on workers: real processes of Dask on the loopback, which are killed."""
+
+from __future__ import annotations
+
+import gc
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+import sweep_jobs
+from sweep_jobs import jobs, perform
+
+from scenes.language.errors import DiscError, MissingPartError, SceneError
+from scenes.sweep import cluster
+from scenes.sweep.executors import InProcess, chosen
+from scenes.sweep.flight import DEATH, SchedulerError
+from scenes.sweep.job import Ended, Job
+
+pytestmark = pytest.mark.filterwarnings(
+    "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
+)  # Dask leaves sockets to the garbage collector
+WORKERS = {**os.environ, "PYTHONPATH": str(Path(sweep_jobs.__file__).parent)}
+
+
+@pytest.fixture(autouse=True)
+def _collected() -> Iterator[None]:
+    yield
+    gc.collect()
+
+
+def never() -> bool:
+    return False
+
+
+def runs_of(job: Job) -> list[str]:
+    """Return the processes that finished a job."""
+    return (Path(job.path).parent / f"begun-{job.key}").read_text().split()
+
+
+def require_complete(wanted: list[Job]) -> None:
+    """Check that each job was finished once, and that nothing else is in the folder."""
+    folder = Path(wanted[0].path).parent
+    assert [len(runs_of(job)) for job in wanted] == [1] * len(wanted)
+    assert {path.name for path in folder.iterdir()} == {
+        name for job in wanted for name in (Path(job.path).name, f"begun-{job.key}")
+    }
+
+
+def listening() -> set[str]:
+    """Return the addresses on which this process and those that it has started listen."""
+    me = psutil.Process()
+    found = [link for each in (me, *me.children(recursive=True)) for link in each.net_connections("inet")]
+    return {link.laddr.ip for link in found if link.status == psutil.CONN_LISTEN}
+
+
+def test_a_killed_worker_costs_no_case_and_a_killing_case_is_told(tmp_path: Path) -> None:
+    innocent = jobs(tmp_path, "spin 0.3", 8)
+    guilty, wrong = jobs(tmp_path, "kill", 1)[0], jobs(tmp_path, "raise", 1)[0]
+    ended: dict[str, Ended] = {}
+    for each in cluster.Local(2).run([innocent[0], guilty, wrong, *innocent[1:]], perform, never):
+        assert each.key not in ended
+        ended[each.key] = each
+        if len(ended) == 2:
+            assert listening() == {"127.0.0.1"}
+        done = [job for job in innocent if job.key in ended]
+        if len(done) == 3:
+            os.kill(int(runs_of(done[-1])[0]), signal.SIGKILL)  # of a worker that has its next case by now
+    assert ended.pop(guilty.key) == Ended(guilty.key, "failed", DEATH)
+    assert ended.pop(wrong.key) == Ended(wrong.key, "failed", "ZeroDivisionError: nothing to divide by")
+    assert {each.status for each in ended.values()} == {"done"}
+    assert ended.keys() == {job.key for job in innocent}
+    require_complete(innocent)
+
+
+@contextmanager
+def started(*command: str) -> Iterator[tuple[subprocess.Popen[str], Iterator[str]]]:
+    """Run one of Dask's own commands and give what it says."""
+    program = Path(sys.executable).with_name("dask")
+    process = subprocess.Popen(
+        [program, *command], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=WORKERS
+    )
+    assert process.stderr is not None
+    try:
+        yield process, iter(process.stderr)
+    finally:
+        process.terminate()
+        process.communicate(timeout=20)
+
+
+@contextmanager
+def scheduler() -> Iterator[tuple[subprocess.Popen[str], str]]:
+    options = ("--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0")
+    with started("scheduler", *options) as (process, lines):
+        yield process, next(found[0] for line in lines if (found := re.search(r"tcp://127\.0\.0\.1:\d+", line)))
+
+
+def test_a_running_scheduler_is_used_and_its_end_is_told(tmp_path: Path) -> None:
+    wanted, full = jobs(tmp_path, "spin 0.2", 30), jobs(tmp_path, "full", 1)
+    with scheduler() as (process, address):
+        executor = chosen(scheduler=address)
+        options = ("--host", "127.0.0.1", "--no-dashboard", "--no-nanny", "--nthreads", "1")
+        with started("worker", address, *options):
+            with pytest.raises(DiscError, match=r"cannot write .*: no space left on device"):
+                list(executor.run(full, perform, never))
+            stopped = time.monotonic() + 3.0
+            some = list(executor.run(wanted, perform, lambda: time.monotonic() > stopped))
+            assert 0 < len(some) < 20, "it stops where it is told to"
+            lost = executor.run(wanted, perform, never)
+            before = [next(lost) for _ in range(len(some) + 3)]
+            process.kill()
+            killed = time.monotonic()
+            with pytest.raises(SchedulerError, match=r"the scheduler has ended: finished cases are kept, the same"):
+                before += list(lost)
+            assert time.monotonic() < killed + 10.0
+    assert len(before) < len(wanted)
+    ended = list(InProcess().run(wanted, perform, never))
+    assert [each.key for each in ended] == [job.key for job in wanted]
+    assert {each.key for each in ended if each.reason == "found"} >= {each.key for each in before}
+    require_complete(wanted)
+
+
+def test_where_nobody_answers_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "CONNECT", 0.5)
+    for address in ("tcp://127.0.0.1:9", "nonsense://", "127.0.0.1:x"):
+        with pytest.raises(SceneError, match=rf"no scheduler answers at '{address}'; 'dask scheduler --host 127"):
+            list(chosen(scheduler=address).run(jobs(tmp_path, "spin", 1), perform, never))
+
+
+def test_workers_of_several_threads_are_refused() -> None:
+    cluster._require_single({"tcp://127.0.0.1:1": 1})
+    with pytest.raises(SceneError, match=r"at tcp://127\.0\.0\.1:2 has 4 threads, must have 1: .* --nthreads 1 --nworkers 4"):
+        cluster._require_single({"tcp://127.0.0.1:1": 1, "tcp://127.0.0.1:2": 4})
+
+
+def test_a_folder_is_seen_where_a_file_of_the_driver_is(tmp_path: Path) -> None:
+    probe = tmp_path / "probe"
+    assert not cluster._sees(str(probe))
+    probe.write_text("probe")
+    assert cluster._sees(str(probe))
+    probe.write_text("another one")
+    assert not cluster._sees(str(probe))
+
+
+def test_what_cannot_be_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert isinstance(chosen(), InProcess)
+    with pytest.raises(SceneError, match="--workers: got 0, must be 1 or more"):
+        chosen(workers=0)
+    with pytest.raises(SceneError, match="give one of the two"):
+        chosen(workers=2, scheduler="tcp://127.0.0.1:8786")
+    with pytest.raises(SceneError, match="--bind is the address"):
+        chosen(bind="0.0.0.0")
+    with pytest.raises(SceneError, match=r"the workers cannot be started on 192\.0\.2\.1"):
+        list(chosen(workers=1, bind="192.0.2.1").run([Job("a", "a", "spin", "a")], perform, never))
+    assert "warning: the scheduler listens on 192.0.2.1: whoever reaches" in capsys.readouterr().err
+
+
+def test_without_dask_it_says_how_to_get_it() -> None:
+    program = "import sys; sys.modules['distributed'] = None; from scenes.sweep.executors import chosen; chosen(2)"
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert ended.stderr.endswith("MissingPartError: --workers and --scheduler need Dask: pip install 'worm3d[dask]'\n")
+    assert MissingPartError.exit_code == 4
