@@ -65,14 +65,13 @@ class Local:
         if self.bind != LOOPBACK:
             typer.echo(WARNING.format(self.bind), err=True)
         with (
-            tempfile.TemporaryDirectory(prefix="worm3d-") as scratch,
             dask.config.set(SETTINGS),
-            self._started(min(self.workers, len(jobs)), scratch) as cluster,
+            self._started(min(self.workers, len(jobs))) as cluster,
             Client(cluster, set_as_default=False) as client,
         ):
             yield from Flight(client, perform, stopped).run(jobs)
 
-    def _started(self, workers: int, scratch: str) -> LocalCluster:
+    def _started(self, workers: int) -> LocalCluster:
         try:
             return LocalCluster(
                 n_workers=workers,
@@ -80,7 +79,6 @@ class Local:
                 host=self.bind,
                 dashboard_address=f"{LOOPBACK}:0",
                 memory_limit=0,  # none
-                local_directory=scratch,
                 preload=[DEAF],
                 silence_logs="CRITICAL",
             )
