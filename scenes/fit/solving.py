@@ -10,10 +10,12 @@ that fails is a step that was too long.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from scenes.fit.dips import dips
 from scenes.fit.identifiability import Determined, Relation, determined, vague
 from scenes.fit.slopes import HALVINGS, Slopes, slopes_at
 from scenes.fit.trials import SpentError, Trials
@@ -34,6 +36,10 @@ PASSES = 4
 """Largest number of minimisations with new weights."""
 EXACT = 1e-6
 """Least standard deviation of residuals that counts, as a fraction of the data's: what integration errors are."""
+COARSE, FINE = 1e-3, 1e-6
+"""Changes of the sum of squares, relative to it, at which the first minimisations end, and the last ones."""
+VALLEYS = 3
+"""Largest number of minima that are left for a lower one."""
 AT_BOUND = 1e-3
 """Distance to a bound, as a fraction of a key's scale, at which a value is on it."""
 
@@ -73,8 +79,9 @@ def solve(trials: Trials) -> Solution:
     weights, steps = 1.0 / trials.data.spread, np.full(len(u), FIRST_STEP)
     finished = True
     try:
+        u = problem.lowest(problem.minimum(u, weights, steps, COARSE), weights, steps)
         for _ in range(PASSES):
-            before, u = u, problem.minimum(u, weights, steps)
+            before, u = u, problem.minimum(u, weights, steps, FINE)
             weights = problem.weights(u)
             errors = problem.errors(u, weights, steps)
             steps = np.clip(STEP_PER_ERROR * errors, *STEPS)
@@ -100,8 +107,29 @@ class _Problem:
         self.best = np.array([each.start for each in self.varied]) / self.scale
         """Best values that have been tried since the weights were set."""
 
-    def minimum(self, start: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
-        """Return the values that minimise (F3)."""
+    def lowest(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
+        """Return the lowest of the minima around a minimum."""
+        for _ in range(VALLEYS):
+            slopes = self._slopes(u, steps).values[self.known] * self._each(weights)[:, None]
+            axes = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0))[2] / np.linalg.norm(slopes, axis=0)
+            found = dips(partial(self._squares, weights=weights), u, axes)
+            for start in found[:1]:
+                other = self.minimum(start, weights, steps, COARSE)
+                if self._squares(other, weights) < (1.0 - COARSE) * self._squares(u, weights):
+                    u = other
+                    break
+            else:
+                return u
+        return u
+
+    def _squares(self, u: FloatArray, weights: FloatArray) -> float:
+        """Return the sum (F3); infinite out of range and where the run fails."""
+        if np.any(u < self.low) or np.any(u > self.high) or (found := self._channels(u)) is None:
+            return np.inf
+        return float(np.nansum((weights[:, None] * (found - self.data.values)) ** 2))
+
+    def minimum(self, start: FloatArray, weights: FloatArray, steps: FloatArray, tolerance: float) -> FloatArray:
+        """Return the values that minimise (F3), to a tolerance relative to its value."""
         factor = self._each(weights)
         least = np.inf
 
@@ -119,7 +147,7 @@ class _Problem:
             return factor[:, None] * self._slopes(u, steps).values[self.known]
 
         found = least_squares(
-            residuals, start, jacobian, (self.low, self.high), x_scale="jac", ftol=1e-6, xtol=1e-6, gtol=1e-12
+            residuals, start, jacobian, (self.low, self.high), x_scale="jac", ftol=tolerance, xtol=1e-6, gtol=1e-12
         )
         return np.asarray(found.x)
 
