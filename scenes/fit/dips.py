@@ -1,4 +1,4 @@
-"""Other valleys of a rough sum of squares: contacts that stick a step later make many shallow ones beside each other."""
+"""Other valleys of a rough sum of squares: each contact that sticks a step later may make a shallow one."""
 
 from __future__ import annotations
 

@@ -17,6 +17,8 @@ from worm3d.values.arrays import BoolArray, FloatArray
 
 LOST = 1e-3
 """Singular value of columns of length 1 below which keys cancel each other: a tenth of it is the error of slopes."""
+NOTHING = 1e-6
+"""Root mean square effect of a change by a key's scale, over that of the residuals, which counts as none."""
 INVOLVED = 0.1
 """Least component of a direction, of length 1, of a key that is named."""
 VAGUE = 0.3
@@ -61,6 +63,19 @@ class Determined:
     """These directions."""
 
 
+def axes_of(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the lengths of the columns of slopes, (M, P), and singular values and directions of columns of length 1.
+
+    Shapes (P,), (P,) and (P, P), a direction in each row; a column of next to nothing becomes one of zeros, with a
+    length of 1.
+    """
+    norms = np.linalg.norm(slopes, axis=0)
+    counts = norms > NOTHING * np.sqrt(len(slopes))
+    lengths = np.where(counts, norms, 1.0)
+    _, singular, directions = np.linalg.svd(np.where(counts, slopes / lengths, 0.0), full_matrices=False)
+    return lengths, singular, directions
+
+
 def determined(varied: Sequence[Varied], slopes: FloatArray, roughness: FloatArray, probe: Probe) -> Determined:
     """Return what slopes determine, by their singular values.
 
@@ -75,9 +90,7 @@ def determined(varied: Sequence[Varied], slopes: FloatArray, roughness: FloatArr
     probe : callable
         Returns the weighted slope along a direction, shape (M,), by a tiny step.
     """
-    norms = np.linalg.norm(slopes, axis=0)
-    lengths = np.where(norms > 0.0, norms, 1.0)
-    _, singular, directions = np.linalg.svd(slopes / lengths, full_matrices=False)
+    lengths, singular, directions = axes_of(slopes)
     errors = np.linalg.norm(directions * (np.linalg.norm(roughness, axis=0) / lengths), axis=1)
     lost = singular < LOST
     for k in np.flatnonzero(~lost & (singular < errors)):
@@ -87,7 +100,8 @@ def determined(varied: Sequence[Varied], slopes: FloatArray, roughness: FloatArr
     relations = tuple(
         relation(varied, np.where(involved[k], directions[k] / lengths, 0.0), slopes) for k in np.flatnonzero(lost)
     )
-    return Determined(kept.T @ kept, ~involved[lost].any(axis=0), relations)
+    known: BoolArray = np.logical_not(involved[lost].any(axis=0))
+    return Determined(kept.T @ kept, known, relations)
 
 
 def vague(varied: Sequence[Varied], covariance: FloatArray, slopes: FloatArray) -> Iterator[Relation]:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from scenes.fit.dips import dips
-from scenes.fit.identifiability import Determined, Relation, determined, vague
+from scenes.fit.identifiability import Determined, Relation, axes_of, determined, vague
 from scenes.fit.slopes import HALVINGS, Slopes, slopes_at
 from scenes.fit.trials import SpentError, Trials
 from scenes.fit.uncertainty import Uncertainty, uncertainty_of
@@ -24,12 +24,13 @@ from worm3d.values.arrays import BoolArray, FloatArray
 
 FIRST_STEP = 0.02
 """Step of the first derivatives, as a fraction of a key's scale: single contact events hardly count over it."""
-STEPS = (1e-4, 0.05)
+STEPS = (1e-4, 0.1)
 """Least and largest step of the later derivatives, as fractions of a key's scale."""
 TINY_STEP = 1e-6
 """Step, as a fraction of the scale, within which no contact event falls: shows that keys cancel each other exactly."""
-STEP_PER_ERROR = 0.5
-"""Step of the derivatives as a fraction of the standard error, so that they are those of the interval."""
+STEP_PER_ERROR = 2.0
+"""Step of the derivatives over the standard error: they are those of chords as wide as the interval, because a valley
+is often steeper at its bottom, by a contact event or two, than further up."""
 ALIKE = 0.1
 """Change of the values, as a fraction of their standard errors, at which new weights make no difference."""
 PASSES = 4
@@ -90,8 +91,8 @@ def solve(trials: Trials) -> Solution:
     except SpentError:
         finished = False
         u = problem.best
+        trials.allow(3 * (HALVINGS + 1) * len(u) + 1)
         weights = problem.weights(u)
-        trials.allow(2 * (HALVINGS + 1) * len(u))
     return problem.solution(u, weights, steps, finished)
 
 
@@ -111,15 +112,12 @@ class _Problem:
         """Return the lowest of the minima around a minimum."""
         for _ in range(VALLEYS):
             slopes = self._slopes(u, steps).values[self.known] * self._each(weights)[:, None]
-            axes = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0))[2] / np.linalg.norm(slopes, axis=0)
-            found = dips(partial(self._squares, weights=weights), u, axes)
-            for start in found[:1]:
-                other = self.minimum(start, weights, steps, COARSE)
-                if self._squares(other, weights) < (1.0 - COARSE) * self._squares(u, weights):
-                    u = other
-                    break
-            else:
-                return u
+            lengths, _, directions = axes_of(slopes)
+            found = dips(partial(self._squares, weights=weights), u, directions / lengths)
+            other = self.minimum(found[0], weights, steps, COARSE) if found else u
+            if self._squares(other, weights) >= (1.0 - COARSE) * self._squares(u, weights):
+                break
+            u = other
         return u
 
     def _squares(self, u: FloatArray, weights: FloatArray) -> float:

@@ -164,7 +164,13 @@ class Trials:
 
     def _data(self) -> Data:
         start = [each.start for each in self.varied]
-        record = self._run(tuple(start))
+        record = None
+        try:
+            record = self._run(tuple(start))
+        except (DiscError, MissingPartError):
+            raise
+        except SceneError as error:
+            self.why = str(error)
         if record is None:
             raise SceneError(
                 f"{self._name}: the run from the start, {self.told(start)}, fails: {self.why}; start from a run that "

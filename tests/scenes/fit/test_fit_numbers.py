@@ -1,0 +1,204 @@
+"""Fits without a simulation: noise, intervals, slopes, what data determine, and the search for a minimum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
+
+from scenes.fit.dips import dips
+from scenes.fit.identifiability import determined
+from scenes.fit.noise import Noise, autocorrelation, noise_of, spectra_of
+from scenes.fit.slopes import slopes_at
+from scenes.fit.solving import solve
+from scenes.fit.trials import Data, SpentError
+from scenes.fit.uncertainty import uncertainty_of
+from scenes.fit.varied import Varied
+from scenes.language.errors import SceneError
+
+PHI = 0.8
+TIME = np.linspace(0.0, 4.0, 160)
+
+
+def autoregressive(random: np.random.Generator, *shape: int, phi: float = PHI) -> np.ndarray:
+    """Return stationary series of variance 1 along the last axis."""
+    white = random.standard_normal((*shape[:-1], shape[-1] + 200))
+    return np.sqrt(1.0 - phi**2) * lfilter([1.0], [1.0, -phi], white, axis=-1)[..., 200:]
+
+
+class Analytic:
+    """Stands in for trial runs of a scene: a function of the values."""
+
+    def __init__(self, function: Callable, values: np.ndarray, *varied: Varied, most: int = 1000) -> None:
+        self.varied, self.most, self.runs, self._function = varied, most, 0, function
+        self.data = Data(("y_m",), ("m",), TIME, values)
+
+    def __call__(self, values: np.ndarray) -> np.ndarray | None:
+        if self.runs >= self.most:
+            raise SpentError
+        self.runs += 1
+        found = self._function(*values)
+        return None if found is None else np.where(np.isfinite(self.data.values), found, np.nan)
+
+    def allow(self, more: int) -> None:
+        self.most += more
+
+
+def varied(key: str, start: float, low: float = -np.inf, high: float = np.inf) -> Varied:
+    return Varied(key, start, low, high, "m", key)
+
+
+def test_the_covariance_of_scores_is_that_of_the_autocovariance() -> None:
+    """Of two channels with AR(1) noise and correlated innovations, for which (F2)'s matrix G is known."""
+    phi, own, length = np.array([0.9, -0.4]), np.array([[1.0, 0.6], [0.6, 2.0]]), 60
+    slopes = np.random.default_rng(1).standard_normal((2, length, 3))
+    expected = np.zeros((3, 3))
+    for c in range(2):
+        for d in range(2):  # E e_c(t) e_d(t - k) = s_cd phi_c^k / (1 - phi_c phi_d) for k >= 0
+            k = np.arange(length)
+            ahead, behind = (own[c, d] * phi[j] ** k / (1.0 - phi[c] * phi[d]) for j in (c, d))
+            expected += slopes[c].T @ toeplitz(ahead, behind) @ slopes[d]
+    long = np.concatenate([slopes, np.zeros((2, 4000, 3))], axis=1)  # no wrap-around of the memory of the noise
+    spectra, size = spectra_of(long)
+    np.testing.assert_allclose(Noise(phi[:, None], own).score_covariance(spectra, size), expected, rtol=1e-9, atol=1e-9)
+
+
+def test_burg_finds_an_autoregressive_model_and_draws_from_it() -> None:
+    random = np.random.default_rng(2)
+    series = lfilter([1.0], [1.0, -1.2, 0.5], random.standard_normal((1, 20_000)), axis=1)
+    found = noise_of(series, 2)
+    np.testing.assert_allclose(found.coefficients, [[1.2, -0.5]], atol=0.02)
+    np.testing.assert_allclose(found.covariance, [[1.0]], atol=0.03)
+    assert noise_of(series).order >= 2
+    again = noise_of(found.draw(20_000, random), 2)
+    np.testing.assert_allclose(again.coefficients, found.coefficients, atol=0.03)
+    np.testing.assert_allclose(autocorrelation(autoregressive(random, 20_000), 3), PHI ** np.arange(4), atol=0.03)
+    assert noise_of(np.zeros((1, 50))).order == 0
+    assert not autocorrelation(np.ones(20), 3).any()
+
+
+@pytest.mark.parametrize("phi", [0.0, PHI])
+def test_intervals_hold_in_95_of_100_linear_fits(phi: float) -> None:
+    """With white and autocorrelated noise, in two channels of which one lacks values; widths fit the scatter."""
+    random, repeats = np.random.default_rng(3), 100
+    slopes = np.stack([np.stack([TIME, np.sin(np.pi * TIME), np.ones_like(TIME)], -1), np.stack([TIME**2] * 3, -1)])
+    slopes[1, :, 1:] *= [0.3, 0.0]
+    missing = np.zeros((2, len(TIME)), dtype=bool)
+    missing[1, 100:] = True
+    used = np.where(missing[..., None], 0.0, slopes)
+    inverse = np.linalg.inv(np.einsum("ctp,ctq->pq", used, used))
+    off, half = [], []
+    for _ in range(repeats):
+        noise = autoregressive(random, 2, len(TIME), phi=phi)
+        off.append(inverse @ np.einsum("ctp,ct->p", used, noise))
+        left = np.where(missing, np.nan, noise - slopes @ off[-1])
+        half.append(uncertainty_of(left, slopes, np.ones(2), inverse, draws=24).half_width)
+    held = (np.abs(off) <= half).sum(axis=0)
+    assert np.all((held >= 89) & (held <= 99)), held
+    ratio = np.mean(half, axis=0) / 1.96 / np.std(off, axis=0)
+    assert np.all((ratio > 0.8) & (ratio < 1.25)), ratio
+
+
+def test_white_noise_gives_the_textbook_covariance() -> None:
+    random = np.random.default_rng(4)
+    slopes = random.standard_normal((1, 4000, 2))
+    inverse = np.linalg.inv(slopes[0].T @ slopes[0])
+    found = uncertainty_of(0.3 * random.standard_normal((1, 4000)), slopes, np.ones(1), inverse, draws=20)
+    np.testing.assert_allclose(found.covariance, 0.09 * inverse, rtol=0.08, atol=2e-7)
+
+
+def test_slopes_use_the_side_where_the_run_comes_to_its_end() -> None:
+    def function(u: np.ndarray) -> np.ndarray | None:
+        return None if u[0] > 1.0 or u[1] > 2.02 else np.array([[3.0 * u[0] + u[1] ** 2]])
+
+    at, steps, wide = np.array([1.0, 2.0]), np.array([0.1, 0.1]), np.full(2, np.inf)
+    found = slopes_at(function, at, np.array([[7.0]]), steps, -wide, wide)
+    np.testing.assert_allclose(found.values, [[[3.0, 3.9]]])
+    np.testing.assert_allclose(found.roughness, 0.0)
+    bounded = slopes_at(lambda u: np.array([[u[1] ** 2]]), at, np.array([[4.0]]), steps, -wide, np.array([1.0, 2.0]))
+    np.testing.assert_allclose(bounded.values, [[[0.0, 3.9]]])
+    both = slopes_at(lambda u: np.array([[u[1] ** 2]]), at, np.array([[4.0]]), steps, -wide, wide)
+    np.testing.assert_allclose(both.values, [[[0.0, 4.0]]], atol=1e-12)
+    np.testing.assert_allclose(both.roughness, [[[0.0, 0.1]]], atol=1e-12)
+    with pytest.raises(SceneError, match="the runs fail to both sides of a key"):
+        slopes_at(lambda u: None, at, np.array([[7.0]]), steps, -wide, wide)
+
+
+def test_keys_that_cancel_each_other_are_named() -> None:
+    keys = [varied("a", 2.0), varied("b", 4.0), varied("c", 1.0)]
+    slopes = np.column_stack([np.sin(TIME), 2.0 * np.sin(TIME), np.cos(3.0 * TIME)])
+    found = determined(keys, slopes, np.zeros_like(slopes), lambda direction: slopes @ direction)
+    assert found.known.tolist() == [False, False, True]
+    (relation,) = found.relations
+    assert relation.keys == ("a", "b")
+    np.testing.assert_allclose(relation.changes[0] / relation.changes[1], -1.0)  # a moves 2 u, b 4 u / 2
+    assert relation.effect < 1e-12
+    assert "cannot tell apart a, b: to change a by" in relation.sentence
+    without = determined(keys, slopes * [1.0, 0.0, 1.0], np.zeros_like(slopes), lambda direction: 0.0 * TIME)
+    assert without.known.tolist() == [True, False, True]
+    assert without.relations[0].sentence.startswith("the data say little about b: to change b by")
+    rough = 0.05 * np.abs(slopes)
+    near = slopes + 0.02 * np.column_stack([TIME, 0.0 * TIME, 0.0 * TIME])
+    assert determined(keys, near, rough, lambda direction: near @ direction).known.all()
+    assert not determined(keys, near, rough, lambda direction: 0.0 * TIME).known.all()
+
+
+def test_a_dip_behind_a_crest_is_found() -> None:
+    def squares(u: np.ndarray) -> float:
+        return float(u[0] ** 2 + u[1] ** 2 - 2.0 * np.exp(-(((u[0] - 0.1) / 0.03) ** 2)))
+
+    found = dips(squares, np.zeros(2), np.eye(2))
+    assert len(found) == 1
+    np.testing.assert_allclose(found[0], [0.1, 0.0])
+
+
+def test_a_fit_takes_a_run_that_fails_for_a_step_that_was_too_long() -> None:
+    """The first step from 0.2 would go far beyond 2, where runs fail."""
+
+    def function(a: float, b: float) -> np.ndarray | None:
+        return None if a > 2.0 or a <= 0.0 else np.array([b * np.log(a) * TIME + b])
+
+    trials = Analytic(function, function(1.9, 0.7), varied("a", 0.2, 0.0, 50.0), varied("b", 1.0))
+    found = solve(trials)
+    np.testing.assert_allclose(found.values, [1.9, 0.7], rtol=1e-5)
+    assert found.finished
+    assert found.known.all()
+    assert np.all(found.uncertainty.standard_error < 1e-4)
+
+
+def test_a_value_at_its_bound_has_no_interval() -> None:
+    noise = 0.01 * np.random.default_rng(5).standard_normal(len(TIME))
+    model = lambda a, b: np.array([a * TIME + b * TIME**2])  # noqa: E731
+    found = solve(Analytic(model, model(2.0, 0.5) + noise, varied("a", 1.0, 0.0, 1.5), varied("b", 1.0)))
+    assert found.at_bound == ("highest", "")
+    assert found.known.tolist() == [False, True]
+    assert found.values[0] == pytest.approx(1.5, abs=2e-3)
+
+
+def test_a_fit_without_runs_left_ends_with_the_best_values() -> None:
+    model = lambda a, b: np.array([np.exp(-a * TIME) * np.cos(b * TIME)])  # noqa: E731
+    found = solve(Analytic(model, model(0.5, 4.0), varied("a", 1.0), varied("b", 3.5), most=12))
+    assert not found.finished
+    assert np.all(np.isfinite(found.values))
+    assert np.abs(found.simulated - model(*found.values)).max() < 1e-12
+
+
+def test_a_product_of_keys_is_one_key() -> None:
+    noise = 0.01 * np.random.default_rng(6).standard_normal(len(TIME))
+    model = lambda a, b, c: np.array([a * b * TIME + c])  # noqa: E731
+    keys = (varied("a", 1.0), varied("b", 3.0), varied("c", 1.0))
+    found = solve(Analytic(model, model(2.0, 2.0, 1.0) + noise, *keys))
+    assert found.known.tolist() == [False, False, True]
+    assert found.relations[0].keys == ("a", "b")
+    assert found.values[0] * found.values[1] == pytest.approx(4.0, rel=0.01)
+
+
+def test_a_valley_beside_the_right_one_is_left() -> None:
+    """A step of the model, as of a contact that sticks later, makes a minimum of its own at 0.9."""
+    model = lambda a: np.array([a * TIME + 0.12 * np.tanh((a - 0.94) / 0.004) * TIME])  # noqa: E731
+    noise = 0.01 * np.random.default_rng(7).standard_normal(len(TIME))
+    found = solve(Analytic(model, model(1.0) + noise, varied("a", 0.8)))
+    assert found.values[0] == pytest.approx(1.0, abs=0.01)
