@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from scenes.fit.noise import Noise, noise_of, spectra_of
 from worm3d.values.arrays import BoolArray, FloatArray
@@ -93,13 +93,13 @@ def uncertainty_of(
     models = [noise_of(group.residuals) for group in groups]
     found = _covariance(groups, models, inverse)
     if not draws:
-        return Uncertainty(found, stats.norm.ppf(0.5 + 0.5 * COVERAGE) * np.sqrt(np.diag(found)), ())
+        return Uncertainty(found, special.ndtri(0.5 + 0.5 * COVERAGE) * np.sqrt(np.diag(found)), ())
     drawn = _drawn(groups, models, inverse, draws, np.random.default_rng(seed))
     mean, scatter = drawn.mean(axis=0), drawn.var(axis=0)
     variance = np.diag(found)
     bias = np.sqrt(np.divide(variance, mean, out=np.ones_like(mean), where=mean > 0.0))
     degrees = 2.0 * mean**2 / np.maximum(scatter, np.finfo(float).tiny)
-    half_width = stats.t.ppf(0.5 + 0.5 * COVERAGE, np.maximum(degrees, 1.0)) * np.sqrt(variance) * bias
+    half_width = special.stdtrit(np.maximum(degrees, 1.0), 0.5 + 0.5 * COVERAGE) * np.sqrt(variance) * bias
     noise = tuple((group.channels, model) for group, model in zip(groups, models, strict=True))
     return Uncertainty(found * np.outer(bias, bias), half_width, noise)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from scenes.language.errors import SceneError
-from scenes.language.schema import bounds_of, describe, field_at, is_number, is_whole, meaning, unit_of
+from scenes.language.schema import bounds_of, field_at, is_number, is_whole, meaning, range_text, unit_of
 from scenes.models.loading import Scene
 
 EDGE = 1e-6
@@ -95,7 +95,7 @@ def _varied(scene: Scene, key: str, given: tuple[float, float] | None) -> Varied
         if not (math.isfinite(given[0]) and math.isfinite(given[1]) and given[0] < given[1]):
             raise SceneError(f"--vary {key}: got {given[0]:g}:{given[1]:g}, must be two finite numbers lo < hi")
         if not (low <= given[0] and given[1] <= high):
-            raise SceneError(f"--vary {key}: got {given[0]:g}:{given[1]:g}, must lie within{describe(field)}")
+            raise SceneError(f"--vary {key}: got {given[0]:g}:{given[1]:g}, must lie within {range_text(field)}")
         low, high = given
     if value is None and given is None:
         raise SceneError(f"--vary {key}: left out in the scene, so there is no start; give a range, {key}=lo:hi")
