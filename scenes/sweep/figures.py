@@ -18,6 +18,8 @@ FAILED: dict[str, Any] = {"marker": "x", "color": "C3", "s": 36, "linewidths": 1
 
 MOST_TICKS = 12
 """Largest number of values that are all named along an axis."""
+NARROWEST_GAP = 0.06
+"""Smallest distance between two values that are both named, as a share of the axis."""
 MOST_NUMBERS = 64
 """Largest number of cells of a map that have their numbers in them."""
 MOST_CURVES = 12
@@ -77,6 +79,7 @@ def _draw_curves(
     for name, chosen in _groups(table, others):
         order = np.flatnonzero(chosen)[np.argsort(x[chosen], kind="stable")]
         axes.plot(x[order], values[order], style, ms=4, label=name)
+    axes.plot(x, np.full(len(x), np.nanmean(values)), linestyle="none")  # all cases have a place along the axis
     _mark_absent(axes, table, x, values)
     if others and len(axes.lines) <= MOST_CURVES:
         axes.legend(title=others[0].key, fontsize=8, title_fontsize=8)
@@ -178,11 +181,12 @@ def _is_logarithmic(values: FloatArray) -> bool:
 
 
 def _scale(axes: Axes, which: str, values: FloatArray) -> None:
-    """Choose the scale of an axis, and name all values along it if they are few."""
-    if _is_logarithmic(values):
+    """Choose the scale of an axis, and name all values along it if they are few and apart."""
+    distinct, logarithmic = np.unique(values), _is_logarithmic(values)
+    places = np.log(distinct) if logarithmic else distinct
+    if logarithmic:
         getattr(axes, f"set_{which}scale")("log")
-    distinct = np.unique(values)
-    if len(distinct) <= MOST_TICKS:
+    if len(distinct) <= MOST_TICKS and (np.diff(places) > NARROWEST_GAP * np.ptp(places)).all():
         getattr(axes, f"set_{which}ticks")(distinct, [f"{value:.4g}" for value in distinct])
         getattr(axes, f"set_{which}ticks")([], minor=True)
 
