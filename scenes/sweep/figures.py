@@ -26,7 +26,7 @@ MOST_CURVES = 12
 """Largest number of curves that a legend names."""
 LEAST_DECADES = 8.0
 """Ratio of the largest to the smallest value from which on an axis may be logarithmic."""
-CATEGORIES = ("run.seed",)
+CATEGORIES = ("seed",)
 """Keys whose numbers are mere names."""
 
 

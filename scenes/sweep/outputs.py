@@ -49,6 +49,9 @@ REPORTED = ("distance_m", "cost_of_transport")
 OF_THE_MODEL = 3
 """Largest number of headlines of the model that it has."""
 
+SEED = "seed"
+"""Column of the seeds, and the key of a scene where it is varied."""
+
 PER_CASE = "a sweep has one for each case: see sweep.csv"
 NONE_DONE = "no case came to its end"
 NO_SINGLE_VALUE = (
@@ -130,7 +133,8 @@ def _write_csv(table: Table, path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         keys = [varied.key for varied in table.design.varied]
         case, *others = OF_A_CASE
-        writer = csv.DictWriter(file, [case, *keys, *others, *table.figures], lineterminator="\n")
+        columns = dict.fromkeys([case, *keys, *others, *table.figures])  # the seed may be varied
+        writer = csv.DictWriter(file, list(columns), lineterminator="\n")
         writer.writeheader()
         writer.writerows(table.rows())
 
@@ -170,7 +174,8 @@ def _merged(table: Table, name: str, merge: Any) -> float | None:
 def _content(base: Scene, table: Table, summary: Summary) -> Content:
     """Return a sweep as what its file says."""
     sizes = table.design.sizes
-    seeds, texts = np.array(table.seeds), {"case": "key of the case", "status": "how it ended", "reason": "why"}
+    keys, seeds = [varied.key for varied in table.design.varied], np.array(table.seeds)
+    texts = {"case": "key of the case", "status": "how it ended", "reason": "why"}
     cells = {"case": table.keys, "status": table.status, "reason": table.reasons}
     dims, shape = tuple(sizes), tuple(sizes.values())
     attributes = {
@@ -186,7 +191,7 @@ def _content(base: Scene, table: Table, summary: Summary) -> Content:
     variables = (
         *map(_coordinate, table.design.varied),
         *(Variable(name, dims, np.array(cells[name]).reshape(shape), "1", text) for name, text in texts.items()),
-        Variable("seed", dims, seeds.reshape(shape), "1", "seed of everything random"),
+        *(() if SEED in keys else (Variable(SEED, dims, seeds.reshape(shape), "1", "seed of everything random"),)),
         *_figures(table.figures, dims, shape),
     )
     return Content(attributes, {netcdf.ROOT: variables, netcdf.TIMING: tuple(_figures(table.timing, dims, shape))})

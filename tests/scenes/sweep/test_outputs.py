@@ -159,6 +159,16 @@ def test_the_report_has_a_line_for_each_case(base: Scene) -> None:
     assert rows[LOST].split() == ["4", "1", "none", "diverged"]
 
 
+def test_a_seed_can_be_varied(base: Scene, tmp_path: Path) -> None:
+    write_outputs(tmp_path, base, Design("flat", (Varied("seed", "seed", (1, 2)),)), [done(1), done(2)])
+    with (tmp_path / "sweep.csv").open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert header.count("seed") == 1
+    assert [row[header.index("seed")] for row in rows] == ["1", "2"]
+    with xarray.open_dataset(tmp_path / "sweep.nc", engine="h5netcdf") as data:
+        assert data.distance_m.sel(seed=2) == 0.2
+
+
 @pytest.mark.parametrize(
     ("values", "coordinate"),
     [
@@ -216,7 +226,7 @@ def test_a_number_and_a_category_are_a_curve_for_each() -> None:
 
 
 def test_a_category_is_bars_and_a_seed_is_one() -> None:
-    axes = axes_of(Design("flat", (Varied("run.seed", "run.seed", (7, 5)),)))
+    axes = axes_of(Design("flat", (Varied("seed", "seed", (7, 5)),)))
     assert [bar.get_height() for bar in axes.patches] == [0.0, 0.1]
     assert [text.get_text() for text in axes.get_xticklabels()] == ["7", "5"]
 
