@@ -57,7 +57,7 @@ def test_the_same_eight_with_an_unknown_model() -> None:
     text = EIGHT.replace("seed = -1\n", "\n").replace('"planar_published"', '"planar_publised"')
     first, *others = lines_about(text)
     assert first == (
-        "line 1: model: got 'planar_publised': must be one of 'worm', 'worm_control', 'worm_planar', "
+        "line 1: model: got 'planar_publised': must be one of 'worm', 'worm_control', 'load_frame', 'worm_planar', "
         "'planar_published', 'planar_linkage'; did you mean 'planar_published'? "
         "(the rest is checked as 'planar_published')"
     )
@@ -66,8 +66,8 @@ def test_the_same_eight_with_an_unknown_model() -> None:
 
 def test_a_missing_model_does_not_hide_the_rest() -> None:
     assert lines_about("worm = 3\n") == (
-        "line 1: model: missing: must be one of 'worm', 'worm_control', 'worm_planar', 'planar_published', "
-        "'planar_linkage' (the rest is checked as 'worm')",
+        "line 1: model: missing: must be one of 'worm', 'worm_control', 'load_frame', 'worm_planar', "
+        "'planar_published', 'planar_linkage' (the rest is checked as 'worm')",
         "line 1: worm: got 3: must be a section of keys under the header [worm]",
     )
 
