@@ -134,7 +134,10 @@ def test_init_of_an_unknown_model_and_into_nowhere(worm3d) -> None:
     ended = worm3d("init", "mine.toml", "--model", "zzz")
     assert (ended.code, ended.complaints) == (
         2,
-        ["--model: got 'zzz', must be one of worm, worm_control, worm_planar, planar_published, planar_linkage"],
+        [
+            "--model: got 'zzz', must be one of worm, worm_control, load_frame, worm_planar, planar_published, "
+            "planar_linkage"
+        ],
     )
     ended = worm3d("init", "none/mine.toml")
     assert (ended.code, ended.complaints) == (1, ["cannot write none/mine.toml: no such file or directory"])
@@ -240,8 +243,8 @@ def test_a_result_of_a_model_we_do_not_know(worm3d, record, tmp_path: Path) -> N
 
     save(replace(record, model="octopus"), tmp_path / "result.nc")
     assert worm3d("plot", tmp_path).complaints == [
-        "planar_published: made by the model 'octopus', this worm3d knows only worm, worm_control, worm_planar, "
-        "planar_published, planar_linkage"
+        "planar_published: made by the model 'octopus', this worm3d knows only worm, worm_control, load_frame, "
+        "worm_planar, planar_published, planar_linkage"
     ]
 
 

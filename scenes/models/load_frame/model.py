@@ -48,6 +48,8 @@ OF_A_WORM = (
 )
 """Figures of every summary that a segment alone does not have."""
 
+LENGTH = KEYS["length"]
+
 MOST_STEPS = 1_000_000
 """Largest number of time steps."""
 
@@ -107,8 +109,8 @@ def shape(worm: PlantWorm, cable: FloatArray, per_diameter: float) -> tuple[Floa
     if not ((height > 0.0) & (height < link)).all():
         least, most = 2.0 * per_diameter * (h0 - link), 2.0 * per_diameter * h0
         raise ValueError(
-            f"frame: the cable is taken in by {cable.min():.4g} to {cable.max():.4g} m, must be above {least:.4g} and "
-            f"below {most:.4g} m with this half_height and length"
+            f"the cable is taken in by {cable.min():.4g} to {cable.max():.4g} m, must be above {least:.4g} and below "
+            f"{most:.4g} m with this half_height and {LENGTH}"
         )
     return height, 2.0 * np.sqrt(link**2 - height**2)
 
@@ -168,7 +170,7 @@ def _summary(
     }
 
 
-def _can_be_pulled(*sections: Mapping[str, Any]) -> Found:
+def _can_be_pulled(file: str, *sections: Mapping[str, Any]) -> Found:
     """Tell what the frame refuses: a file without a cable, or more cable than the segment has."""
     given = dict(zip(("worm", "hysteresis", "frame", "run"), sections, strict=True))
     scene = LoadFrameScene.model_validate({"model": "load_frame", **given})
@@ -177,9 +179,13 @@ def _can_be_pulled(*sections: Mapping[str, Any]) -> Found:
     except SceneError as error:
         return {"frame.file": str(error)}
     try:
-        shape(worm_of(scene), cable, scene.frame.cable_per_diameter)
+        worm = worm_of(scene)
     except ValueError as error:
-        return in_keys(str(error), KEYS)
+        return {"worm": in_keys(str(error), KEYS)}
+    try:
+        shape(worm, cable, scene.frame.cable_per_diameter)
+    except ValueError as error:
+        return dict.fromkeys(("frame", "worm"), in_keys(str(error), KEYS))
     return None
 
 
@@ -194,7 +200,7 @@ CHECKS = (
     *RUN_CHECKS,
     *kind_checks(Hysteresis, "hysteresis"),
     Check(("run.dt_s", "run.duration_s"), _not_too_many),
-    Check(("worm", "hysteresis", "frame", "run"), _can_be_pulled),
+    Check(("frame.file", "worm", "hysteresis", "frame", "run"), _can_be_pulled),
 )
 
 MODEL = Model(
