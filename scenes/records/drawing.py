@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenes import models
 from scenes.language.errors import DiscError, MissingPartError, SceneError
+from scenes.language.sweep_section import SWEEP
 from scenes.models.base import MOVIE_S, Model, Movie, Pictures
 from scenes.records import measured
 from scenes.records.folder import ANIMATION, OVERVIEW, PREFIX, SUMMARY, VIEWER, write_bytes, written_whole
@@ -22,10 +23,12 @@ def model_of(record: Record) -> Model[Any]:
     Raises
     ------
     SceneError
-        This version of the program does not know it, or it was measured.
+        This version of the program does not know it, it was measured, or it is a whole sweep.
     """
     if measured.is_measured(record):
         raise SceneError(f"{record.name}: a measurement, not a run; 'worm3d plot' and 'worm3d compare' draw it")
+    if record.model == SWEEP:
+        raise SceneError(f"{record.name}: a sweep; its figures are beside it, 'worm3d plot' draws a case ('--results')")
     if not record.scene:
         raise SceneError(f"{record.name}: saved by Python, not by a scene: worm3d.load reads it, worm3d.draw draws it")
     if record.model not in models.names():

@@ -19,6 +19,7 @@ import numpy as np
 from scenes.commands.packages import versions
 from scenes.commands.terminal import HEADLINES
 from scenes.language.errors import DiscError
+from scenes.language.sweep_section import SWEEP
 from scenes.models.loading import Scene
 from scenes.records.drawing import save_figure
 from scenes.records.folder import SUMMARY, write_bytes, written_whole
@@ -180,7 +181,7 @@ def _content(base: Scene, table: Table, summary: Summary) -> Content:
     dims, shape = tuple(sizes), tuple(sizes.values())
     attributes = {
         "name": base.name,
-        "model": "sweep",
+        "model": SWEEP,
         "scene": base.to_toml(),
         "status": str(summary["status"]),
         "sentence": f"{summary['cases_done']} of {summary['cases_total']} cases came to their end",

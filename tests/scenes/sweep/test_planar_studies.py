@@ -60,6 +60,8 @@ def test_a_study_ends_with_its_table(worm3d, tmp_path: Path) -> None:
     assert files.split() == ["files", "x"]
     drawn = {path.name for path in (tmp_path / "x").iterdir()}
     assert {"cases", "sweep.csv", "sweep.nc", "summary.json", "sweep_distance_m.png"} <= drawn
+    plotted = worm3d("plot", "x/sweep.nc")
+    assert (plotted.code, plotted.err.startswith("planar_segments: a sweep; its figures are beside it")) == (2, True)
     summary = json.loads((tmp_path / "x" / "summary.json").read_text())
     assert [row["worm.segments"] for row in summary["cases"]] == [3, 4, 5, 6, 7]
     assert_allclose(summary["duration_s"], 5 * 0.4)
