@@ -83,7 +83,10 @@ class Local:
                 silence_logs="CRITICAL",
             )
         except (OSError, RuntimeError, ValueError) as error:
-            raise SceneError(f"the workers cannot be started on {self.bind}: {error}") from error
+            raise SceneError(
+                f"the workers cannot be started on {self.bind}: {error} (a program of your own must call this under "
+                "if __name__ == '__main__', since workers import it)"
+            ) from error
 
 
 @dataclass(frozen=True)
