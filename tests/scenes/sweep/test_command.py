@@ -18,6 +18,8 @@ from scenes.sweep.engine import Progress
 from scenes.sweep.progress import summed_up
 
 SHORT = ("planar_published", "-o", "run.duration_s=0.05")
+NOT_DRAWN = ("--vary", "run.dt_s=0.01", "--vary", "friction.forward=0.03")
+"""Further keys: sweeps of more than two keys have no figures, which take longer than these runs."""
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -26,7 +28,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 
 def test_a_sweep_writes_a_table_a_data_set_and_a_summary(worm3d, tmp_path: Path) -> None:
-    command = ("sweep", *SHORT, "--vary", "gait.period_s=1,2", "--vary", "worm.segments=3,4", "--out", "x")
+    command = ("sweep", *SHORT, "--vary", "gait.period_s=1,2", "--vary", "worm.segments=3,4", *NOT_DRAWN, "--out", "x")
     ended = worm3d(*command)
     assert ended.code == 0
     assert ended.complaints == ["planar_published: 0 of 4 cases"]
@@ -47,9 +49,11 @@ def test_a_sweep_writes_a_table_a_data_set_and_a_summary(worm3d, tmp_path: Path)
 
 
 def test_failed_cases_are_told_and_the_others_finish(worm3d, tmp_path: Path) -> None:
-    ended = worm3d("sweep", *SHORT, "--vary", "gait.force_N=1,1e100,2", "--out", "x")
+    ended = worm3d("sweep", *SHORT, "--vary", "gait.force_N=1,1e100,2", *NOT_DRAWN, "--out", "x")
     assert ended.code == 5
-    assert ended.complaints[-1].startswith("with gait.force_N = 1e+100: diverged: the state became infinite")
+    assert ended.complaints[-1].startswith(
+        "with gait.force_N = 1e+100, run.dt_s = 0.01, friction.forward = 0.03: diverged: the state became infinite"
+    )
     assert [row["status"] for row in rows(tmp_path / "x" / "sweep.csv")] == ["done", "diverged", "done"]
     assert "3 of 3 cases, 1 failed" in ended.out
 
@@ -87,11 +91,11 @@ def test_a_full_disc_is_one_sentence_and_keeps_finished_cases(worm3d, tmp_path: 
 
     with monkeypatch.context() as patch:
         patch.setattr(folder.os, "replace", full)
-        ended = worm3d("sweep", *SHORT, "--vary", "gait.period_s=1,2,3,4", "--out", "x")
+        ended = worm3d("sweep", *SHORT, "--vary", "gait.period_s=1,2,3,4", *NOT_DRAWN, "--out", "x")
     assert ended.code == 1
     assert ended.complaints[-1].endswith(".json: no space left on device")
     assert len(list((tmp_path / "x" / "cases").iterdir())) == 2
-    assert worm3d("sweep", *SHORT, "--vary", "gait.period_s=1,2,3,4", "--out", "x").code == 0
+    assert worm3d("sweep", *SHORT, "--vary", "gait.period_s=1,2,3,4", *NOT_DRAWN, "--out", "x").code == 0
 
 
 def test_folders_that_cannot_be_used(worm3d, tmp_path: Path) -> None:
@@ -116,7 +120,7 @@ model = "planar_published"
 [run]
 duration_s = 0.05
 [sweep]
-vary = { "gait.period_s" = [1, 2, 3] }
+vary = { "gait.period_s" = [1, 2, 3], "run.dt_s" = 0.01, "friction.forward" = 0.03 }
 """
 
 
@@ -135,7 +139,16 @@ def test_a_scene_with_a_sweep_is_run_checked_and_studied_as_one(worm3d, tmp_path
 
 
 def test_ctrl_c_keeps_finished_cases(script: str, tmp_path: Path) -> None:
-    command = [script, "sweep", "planar_published", "-o", "run.duration_s=20", "--vary", "gait.period_s=1:2:400"]
+    command = [
+        script,
+        "sweep",
+        "planar_published",
+        "-o",
+        "run.duration_s=20",
+        "--vary",
+        "gait.period_s=1:2:400",
+        *NOT_DRAWN,
+    ]
     with subprocess.Popen([*command, "--out", "x"], cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
         limit = time.monotonic() + 60
         while not list(tmp_path.glob("x/cases/*.json")) and time.monotonic() < limit:
@@ -177,12 +190,16 @@ def test_progress_tells_rate_time_left_and_failures() -> None:
 def test_from_python_it_is_a_data_set(tmp_path: Path) -> None:
     pytest.importorskip("xarray")
     options = {"overrides": ["run.duration_s=0.05"], "out": tmp_path / "x"}
-    found = package.sweep("planar_published", {"gait.period_s": [1.0, 2.0], "worm.segments": "3:5:3"}, **options)
-    assert dict(found.sizes) == {"gait.period_s": 2, "worm.segments": 3}
+    vary = {"gait.period_s": [1.0, 2.0], "worm.segments": "3:5:3", "run.dt_s": 0.01}
+    found = package.sweep("planar_published", vary, **options)
+    assert dict(found.sizes) == {"gait.period_s": 2, "worm.segments": 3, "run.dt_s": 1}
     assert set(found["status"].values.ravel()) == {"done"}
     assert found["distance_m"].attrs["units"] == "m"
-    one = float(found["distance_m"].sel({"gait.period_s": 2.0, "worm.segments": 4}))
-    keys = [{"gait.period_s": 2.0, "worm.segments": 4}, {"gait.period_s": 1.0, "worm.segments": 3}]
+    one = float(found["distance_m"].sel({"gait.period_s": 2.0, "worm.segments": 4}).item())
+    keys = [
+        {"gait.period_s": 2.0, "worm.segments": 4, "run.dt_s": 0.01},
+        {"gait.period_s": 1.0, "worm.segments": 3, "run.dt_s": 0.01},
+    ]
     listed = package.sweep("planar_published", cases=keys, overrides=["run.duration_s=0.05"])
     assert dict(listed.sizes) == {"case": 2}
     assert float(listed["distance_m"][0]) == one
