@@ -82,7 +82,7 @@ def design_of(
     if random is not None and not drawn:
         raise SceneError("--random: no key to draw; give at least one as --vary key=lo:hi or --vary key=lo:hi:log")
     dim = SAMPLE if grid else CASE
-    single = drawn | {key: [row[key] for row in listed] for key in (listed[0] if listed else ())}
+    single = drawn | _columns(listed)
     if twice := [key for key in single if key in {each.key for each in grid}]:
         raise SceneError(f"vary {twice[0]}: varied twice, in --vary and in --list")
     design = Design(scene, (*grid, *(_described(schema, key, dim, values) for key, values in single.items())))
@@ -133,6 +133,17 @@ def cases_of(path: Path) -> list[dict[str, Any]]:
     return [dict(zip(keys, map(_value, row), strict=True)) for _, row in rows[1:]]
 
 
+def _columns(listed: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """Return the values of each key of cases that are listed."""
+    keys = list(listed[0]) if listed else []
+    for number, row in enumerate(listed, start=1):
+        if set(row) != set(keys):
+            raise SceneError(
+                f"case {number}: got the keys {', '.join(row)}, must be those of the first: {', '.join(keys)}"
+            )
+    return {key: [_plain(row[key]) for row in listed] for key in keys}
+
+
 def _of_a_size(design: Design) -> Design:
     number = len(design)
     if number > MOST_CASES:
@@ -157,6 +168,8 @@ def _limits(given: Any) -> tuple[str, str, bool] | None:
 
 def _values(schema: type[Section], key: str, given: Any) -> list[Any]:
     """Return the values of a key of a grid."""
+    if isinstance(given, range | Sequence) and not isinstance(given, str):
+        _require_few(key, len(given))
     values = _plain(given)
     if isinstance(values, str):
         match = _RANGE.fullmatch(values)
@@ -164,12 +177,19 @@ def _values(schema: type[Section], key: str, given: Any) -> list[Any]:
     values = values if isinstance(values, list) else [values]
     if not values:
         raise SceneError(f"vary {key}: no values; {HOW}")
-    if len(values) > MOST_CASES:
-        raise SceneError(f"vary {key}: {len(values)} values: at most {MOST_CASES} cases in a sweep")
-    for n, value in enumerate(values):
-        if value in values[:n] and len(values) <= 1000:
+    _require_few(key, len(values))
+    seen = set()
+    for value in values:
+        known = repr(value) if isinstance(value, list | dict) else value
+        if known in seen:
             raise SceneError(f"vary {key}: got {shown(value)} twice; each value is one place of the grid")
+        seen.add(known)
     return values
+
+
+def _require_few(key: str, number: int) -> None:
+    if number > MOST_CASES:
+        raise SceneError(f"vary {key}: {number} values: at most {MOST_CASES} cases in a sweep")
 
 
 def _plain(given: Any) -> Any:

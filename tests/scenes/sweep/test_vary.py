@@ -141,7 +141,8 @@ def test_options_of_the_command() -> None:
         ({"gait.period_s": "1:2"}, {"random": 3, "listed": [{"seed": 1}]}, "--random and --list"),
         ({"gait.period_s": "1,2"}, {"listed": [{"gait.period_s": 1}]}, "varied twice, in --vary and in --list"),
         ({"gait.period_s": "1:2:1000", "gait.amplitude": "0:0.4:1000"}, {}, r"1000000 cases \(1000 x 1000\): at most"),
-        ({"gait.period_s": range(10**6)}, {}, "1000000 values: at most 100000"),
+        ({"gait.period_s": range(10**12)}, {}, "1000000000000 values: at most 100000"),
+        ({}, {"listed": [{"gait.period_s": 1}, {"gait.amplitude": 1}]}, "case 2: got the keys gait.amplitude, must be"),
     ],
 )
 def test_what_cannot_be_varied_is_one_sentence(vary: dict[str, Any], options: dict[str, Any], complaint: str) -> None:
