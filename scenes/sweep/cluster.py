@@ -109,15 +109,16 @@ class Remote:
 
     @contextmanager
     def _connected(self) -> Iterator[Client]:
-        try:
-            client = Client(self.address, timeout=CONNECT, set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
-            raise SceneError(
-                f"--scheduler: no scheduler answers at '{self.address}'; 'dask scheduler --host {LOOPBACK}' starts one "
-                "on this machine, and says its address"
-            ) from error
-        with client, silence_logging_cmgr("CRITICAL"):  # what is wrong is told in sentences
-            yield client
+        with silence_logging_cmgr("CRITICAL"):  # what is wrong is told in sentences
+            try:
+                client = Client(self.address, timeout=CONNECT, set_as_default=False)
+            except (OSError, ValueError, TypeError) as error:
+                raise SceneError(
+                    f"--scheduler: no scheduler answers at '{self.address}'; 'dask scheduler --host {LOOPBACK}' starts "
+                    "one on this machine, and says its address"
+                ) from error
+            with client:
+                yield client
 
 
 def _require_single(threads: dict[str, int]) -> None:

@@ -102,7 +102,7 @@ def scheduler() -> Iterator[tuple[subprocess.Popen[str], str]]:
         yield process, next(found[0] for line in lines if (found := re.search(r"tcp://127\.0\.0\.1:\d+", line)))
 
 
-def test_a_running_scheduler_is_used_and_its_end_is_told(tmp_path: Path) -> None:
+def test_a_running_scheduler_is_used_and_its_end_is_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     wanted, full = jobs(tmp_path, "spin 0.2", 30), jobs(tmp_path, "full", 1)
     with scheduler() as (process, address):
         executor = chosen(scheduler=address)
@@ -120,6 +120,7 @@ def test_a_running_scheduler_is_used_and_its_end_is_told(tmp_path: Path) -> None
             with pytest.raises(SchedulerError, match=r"the scheduler has ended: finished cases are kept, the same"):
                 before += list(lost)
             assert time.monotonic() < killed + 10.0
+    assert "Traceback" not in capfd.readouterr().err
     assert len(before) < len(wanted)
     ended = list(InProcess().run(wanted, perform, never))
     assert [each.key for each in ended] == [job.key for job in wanted]
