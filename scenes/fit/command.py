@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 from scenes.commands.terminal import Interruption, busy, progress
-from scenes.fit import figure, report
+from scenes.fit import report
 from scenes.fit.fitting import Fit, fit
 from scenes.fit.trials import StoppedError
 from scenes.language.loader import find_scene
@@ -60,6 +60,8 @@ def run(
 
 
 def _write(found: Fit, folder: Path) -> None:
+    from scenes.fit import figure  # imports matplotlib
+
     write_bytes(folder / CONTENT, json_bytes(report.content(found)))
     write_bytes(folder / SCENE, report.scene(found).encode())
     save_figure(figure.draw(found)[0], folder / PICTURE)

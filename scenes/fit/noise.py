@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft, signal
+from scipy import fft
 
 from worm3d.values.arrays import FloatArray
 
@@ -20,9 +20,9 @@ HIGHEST_ORDER = 12
 SAMPLES_PER_ORDER = 10
 """Least number of samples for each order, so that a short series does not get a long memory."""
 MEMORY = 1e-6
-"""What is left of a sample when a series that is drawn starts to count."""
+"""What is left of an innovation when it counts as forgotten."""
 LONGEST_MEMORY = 20_000
-"""Largest number of samples before a drawn series starts to count."""
+"""Largest number of samples after which an innovation counts as forgotten."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,8 @@ class Noise:
         size : int
             Number of points of its transform.
         """
-        lags = np.concatenate([np.ones((len(self.coefficients), 1)), -self.coefficients], axis=1)
-        with np.errstate(under="ignore"):
-            filtered = spectra / np.conj(fft.rfft(lags, size).T[:, :, None])
-            both = np.einsum("fck,cd,fdl->fkl", np.conj(filtered), self.covariance, filtered, optimize=True).real
+        filtered = spectra / np.conj(self._response(size).T[:, :, None])
+        both = np.einsum("fck,cd,fdl->fkl", np.conj(filtered), self.covariance, filtered, optimize=True).real
         weights = np.full(len(both), 2.0)
         weights[0] = 1.0
         if size % 2 == 0:
@@ -62,15 +60,20 @@ class Noise:
 
     def draw(self, length: int, random: np.random.Generator) -> FloatArray:
         """Return a stationary series of a length, shape (C, length)."""
-        before = self._memory()
-        innovations = random.multivariate_normal(
-            np.zeros(len(self.covariance)), self.covariance, before + length, method="eigh"
-        ).T
-        series = [signal.lfilter([1.0], [1.0, *-own], u) for own, u in zip(self.coefficients, innovations, strict=True)]
-        return np.array(series)[:, before:]
+        size = fft.next_fast_len(length + self._memory(), real=True)  # round a circle that is too large to be noticed
+        white = np.zeros(len(self.covariance))
+        innovations = random.multivariate_normal(white, self.covariance, size, method="eigh").T
+        series: FloatArray = fft.irfft(fft.rfft(innovations) / self._response(size), size)[:, :length]
+        return series
+
+    def _response(self, size: int) -> FloatArray:
+        """Return the transform of 1 - a_1 z - ... - a_p z^p over so many points, shape (C, F), complex."""
+        lags = np.concatenate([np.ones((len(self.coefficients), 1)), -self.coefficients], axis=1)
+        response: FloatArray = fft.rfft(lags, size)
+        return response
 
     def _memory(self) -> int:
-        """Return after how many samples a beginning at rest is forgotten."""
+        """Return after how many samples an innovation is forgotten."""
         radius = max((float(np.abs(np.roots([1.0, *-own])).max(initial=0.0)) for own in self.coefficients), default=0.0)
         return 0 if radius == 0.0 else min(LONGEST_MEMORY, int(np.log(MEMORY) / np.log(min(radius, 1.0 - 1e-9))) + 1)
 
