@@ -137,7 +137,7 @@ def fit(
         typer.Option("--vary", metavar="KEY[=LO:HI]", help="Key to fit, e.g. friction.forward=0.01:0.3; repeatable."),
     ],
     o: Overrides = None,
-    runs: Annotated[int, typer.Option("--runs", min=10, help="Largest number of runs.")] = 500,
+    runs: Annotated[int, typer.Option("--runs", min=10, help="Largest number of runs.")] = 1000,
     out: Out = None,
     force: Force = False,
     quiet: Quiet = False,

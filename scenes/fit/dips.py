@@ -8,7 +8,7 @@ import numpy as np
 
 from worm3d.values.arrays import FloatArray
 
-DISTANCES = (0.025, 0.05, 0.1, 0.2)
+DISTANCES = (0.003, 0.006, 0.012, 0.025, 0.05, 0.1)
 """Distances that are looked at, as fractions of the scale of the key that moves most."""
 
 

@@ -18,8 +18,8 @@ from scenes.records import measured
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
-MOST_RUNS = 500
-"""Largest number of runs of a fit, if none is given; most need less than a hundred."""
+MOST_RUNS = 1000
+"""Largest number of runs of a fit, if none is given; one of three keys needs some 250."""
 
 
 @dataclass(frozen=True)

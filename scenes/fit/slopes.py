@@ -24,7 +24,7 @@ class Slopes:
     values: FloatArray
     """Shape (C, T, P)."""
     roughness: FloatArray
-    """How much the slopes to both sides differ from their mean, shape (C, T, P); 0 where there is one side only."""
+    """Half of what the slopes to both sides differ by, shape (C, T, P); 0 where there is one side only."""
 
 
 def slopes_at(
@@ -58,5 +58,5 @@ def _slope(
                 sides.append((found - here) / (there[k] - x[k]))
         if sides:
             mean: FloatArray = np.mean(sides, axis=0)
-            return mean, np.abs(sides[-1] - mean)
+            return mean, sides[-1] - mean
     raise SceneError("around the best values so far the runs fail to both sides of a key")

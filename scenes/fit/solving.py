@@ -88,6 +88,10 @@ def solve(trials: Trials) -> Solution:
             steps = np.clip(STEP_PER_ERROR * errors, *STEPS)
             if np.all(np.abs(u - before) <= ALIKE * errors):
                 break
+        u = problem.minimum(
+            u, weights, np.full(len(u), STEPS[0]), FINE
+        )  # chords lead past the bottom of a small valley
+        weights = problem.weights(u)
     except SpentError:
         finished = False
         u = problem.best
@@ -168,7 +172,9 @@ class _Problem:
         slopes = self._slopes(u, steps)
         found = self._determined(u, weights, slopes)
         scaled = uncertainty_of(self._residuals(u), slopes.values, weights, found.inverse)
-        weighted = self._each(weights)[:, None] * slopes.values[self.known]
+        each = self._each(weights)[:, None]
+        weighted, bent = each * slopes.values[self.known], each * (slopes.roughness * steps)[self.known]
+        scaled = scaled.widened(found.inverse @ weighted.T @ bent)
         vaguely = tuple(vague(self.varied, scaled.covariance, weighted))
         return Solution(
             values=u * self.scale,

@@ -38,6 +38,13 @@ class Uncertainty:
     noise: tuple[tuple[tuple[int, ...], Noise], ...]
     """Groups of channels that were measured at the same instants, and the model of their residuals."""
 
+    def widened(self, shifts: FloatArray) -> Uncertainty:
+        """Return it with shifts of the estimates by unknown signs, shape (P, K), as further errors."""
+        more = shifts @ shifts.T
+        old = np.diag(self.covariance)
+        growth = np.sqrt(np.divide(np.diag(more), old, out=np.zeros_like(old), where=old > 0.0) + 1.0)
+        return Uncertainty(self.covariance + more, self.half_width * growth, self.noise)
+
     @property
     def standard_error(self) -> FloatArray:
         """Standard deviation of each estimate, shape (P,)."""
