@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from scenes.validate import closed_forms as forms
+from scenes.validate import formulas as forms
 from scenes.validate.chain import Chain, Crawl
-from scenes.validate.closed_forms import CASES, DIRECT, RETROGRADE, WIDE, Case, body, friction, phase_step
+from scenes.validate.closed_forms import CASES, DIRECT, LEAST, RETROGRADE, WIDE, Case, body, friction, phase_step
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -43,7 +43,7 @@ def test_breathing_of_random_crawlers(seed: int) -> None:
     )
     crawl = Crawl.of(chain)
     ratio = max(forward, backward) / min(forward, backward)
-    gives_way = 2.0 * forms.LEAST * 1e-5 * ratio / amplitude / (feet - 1)
+    gives_way = 2.0 * LEAST * 1e-5 * ratio / amplitude / (feet - 1)
     assert_allclose(forms.of_stroke(crawl), forms.breathing(chain), rtol=0, atol=2e-7 + 1.5 * gives_way)
     assert crawl.unevenness < 0.03
     assert_allclose(crawl.loads.sum(axis=1), 9.81 * chain.settings.worm.mass_kg, rtol=1e-3)
