@@ -237,6 +237,17 @@ def test_a_mirrored_worm_rubs_mirrored() -> None:
         assert_allclose(runs[1].actuator_states[name], states[..., ::-1], rtol=0, atol=1e-7)
 
 
+def test_a_turned_worm_rubs_turned() -> None:
+    worm, gait, angle = Worm(hysteresis=Jenkins()), TravellingWave(amplitude=0.2, bias=0.3, hinge=0.2), 1.0
+    starts = [worm3d.State.straight(worm, Plane(), azimuth=azimuth) for azimuth in (0.0, angle)]
+    runs = [worm3d.simulate(worm, Plane(), actuation=gait, duration=1.0, state=start) for start in starts]
+    turn = np.array([[np.cos(angle), np.sin(angle), 0.0], [-np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    ways = [run.joints - run.joints[0, 0] for run in runs]
+    assert_allclose(ways[1], ways[0] @ turn, rtol=0, atol=1e-8)
+    for name, states in runs[0].actuator_states.items():
+        assert_allclose(runs[1].actuator_states[name], states, rtol=0, atol=1e-6)
+
+
 def test_crawling_converges_with_the_time_step() -> None:
     def reached(dt: float) -> float:
         gait = TravellingWave(amplitude=0.2)

@@ -67,6 +67,17 @@ def test_a_factor_below_zero_counts_as_none() -> None:
     assert_allclose(run.joint_velocity[-1, :, 0] - run.joint_velocity[-26, :, 0], 0.25, rtol=1e-9)
 
 
+@pytest.mark.parametrize("gain", [5.0, -5.0])
+def test_a_segment_that_resists_by_its_rate_pushes_the_worm(gain: float) -> None:
+    """Two segments shorten at e = -0.1/s, the rear one with the factor 1 + g e: V = l0 e/2 g e/(2 + g e)."""
+    worm = stiff(2, StrainDrag(gain=0.0, rate_gain=[gain, 0.0]))
+    run = floating(worm, actuation=lambda t: Command(np.full((2, 2), 0.1 * t)), duration=3.0)
+    joints = run.joints[:, :, 0]
+    mean = (joints[:, :-1] + joints[:, 1:]).mean(axis=1) / 2.0
+    factor = -0.1 * gain
+    assert_allclose(mean[-1] - mean[-101], worm.l0 * -0.1 / 2.0 * factor / (2.0 + factor), rtol=1e-6)
+
+
 def swum(worm: Worm, gait: TravellingWave, steps: int) -> float:
     """Return the velocity of the mean joint in the second period, over A c."""
     start = worm3d.State.straight(worm, None, contraction=gait.bind(worm)(0.0).contraction)
