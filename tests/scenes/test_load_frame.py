@@ -136,6 +136,7 @@ def test_the_first_curve_and_the_turn_are_masings() -> None:
     """After a turn each slider's spring takes twice its give before it slides: in y the curve is the first, doubled."""
     own = ("hysteresis.moment_N_m=0.5", "hysteresis.load_ratio=0", "hysteresis.give_J=0.01", "hysteresis.spread=2")
     way = ("frame.file=none", "frame.cable_m=0.3", "frame.speed_m_s=0.05", "run.duration_s=12", "run.dt_s=0.005")
+    way = ("worm.length_m=0.15", *way)
     free = pulled(*way, *own, "hysteresis.moment_N_m=0")
     record = pulled(*way, *own)
     angle = 2.0 * np.arcsin(record["length"] / (2.0 * np.hypot(0.16, 0.075)))

@@ -150,6 +150,18 @@ def test_a_pull_below_the_friction_holds_and_one_above_moves_to_the_balance() ->
         assert_allclose(moved.actuator_states[f"hysteresis_{k}"][-1], 1.0, rtol=0, atol=1e-9)
 
 
+def test_each_segment_has_friction_of_its_own() -> None:
+    """The rear segment holds a pull that the front one, without friction, follows to its spring's balance."""
+    worm = Worm(
+        segments=2, length=0.4, hysteresis=Jenkins(moment=[0.05, 0.0], load_ratio=0.0, give=1e-6), kelvin_voigt_time=0.3
+    )
+    pull = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    run = worm3d.simulate(worm, None, external_force=lambda t: pull * min(t, 1.0), duration=6.0, gravity=(0, 0, 0))
+    rear, front = run.chamber_length[-1] / worm.l0 - 1.0
+    assert np.abs(rear).max() < 1e-4
+    assert_allclose(front, 1.0 / 13.0, rtol=1e-6)
+
+
 def test_the_loss_of_a_cycle_depends_on_the_way_alone() -> None:
     """A cycle from angle to angle and back loses 2 M (their difference) a chamber, however slow; dampers lose less."""
     viscous = []
