@@ -142,7 +142,7 @@ COMPARISONS = (
         (14.4, 17.6),
         LOAD_FRAME,
         "R",
-        "As above.",
+        "As above. The record is jagged: the smooth loop that fits it best passes below its peak.",
         unit="N",
     ),
     Comparison(
