@@ -1,13 +1,14 @@
 import json
 import math
 
+import numpy as np
 import pytest
 
 from scenes.models.loading import load_scene
 from scenes.validate import animals, report, robots
 from scenes.validate.animals import earthworm
 from scenes.validate.comparison import ABOVE_1, BELOW_1, Comparison
-from scenes.validate.measures import HOME, Exponent, Figure, Ratio, StoppedError, figures
+from scenes.validate.measures import FIGURES, HOME, Exponent, Figure, Ratio, StoppedError, figures, stride
 from scenes.validate.rows import Row
 
 
@@ -96,6 +97,27 @@ def test_speed_scales_with_the_worm():
     strides = [Figure("stride_BL", "earthworm", earthworm(grams))() for grams in (1.0, 8.0)]
     assert strides[1] == pytest.approx(strides[0], rel=0.02)
     assert earthworm(1.0)[:2] == ("worm.mass_kg=0.001", "worm.length_m=0.102")
+
+
+def test_stride_is_towards_the_head_of_the_last_whole_periods():
+    """The first half of the run, where the worm slips back, does not count; nor does the way across the body."""
+    time = np.arange(0.0, 43.01, 1.0)
+    along = np.where(time < 23.0, -time, 0.5 * (time - 23.0) - 23.0)
+    record = RecordOf(time, along[:, None] * [0.0, 1.0, 0.0] + time[:, None] * [0.3, 0.0, 0.0])
+    assert stride(record) == pytest.approx(0.5 * 4.0)
+    assert FIGURES["stride_BL"](record) == pytest.approx(0.5 * 4.0 / 2.0)
+    assert FIGURES["speed_m_s"](record) == pytest.approx(0.5)
+    assert FIGURES["speed_BL_s"](record) == pytest.approx(0.25)
+
+
+class RecordOf(dict):
+    """What `stride` reads of a record: a worm that lies along y, tail first."""
+
+    scene = "[gait]\nperiod_s = 4.0\n[worm]\nlength_m = 2.0\n"
+
+    def __init__(self, time, com):
+        joints = np.tile([[0.0, 0.0, 0.0], [0.0, 2.0, 0.0]], (len(time), 1, 1))
+        super().__init__(time=time, com=com, joints=joints)
 
 
 def test_mirrored_wave_goes_backward():
