@@ -11,6 +11,9 @@ from pathlib import Path
 import pytest
 from numpy.testing import assert_allclose
 
+from scenes.sweep.command import Options, checked
+from scenes.sweep.plan import Source
+
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
 PAGES = [README, *(ROOT / page for page in ("scenes/README.md", "control/README.md", "scenes/bench/README.md"))]
@@ -94,3 +97,15 @@ def test_files_to_change_are_there() -> None:
     assert len(places) > 15
     for place in places:
         assert (ROOT / place).exists(), place
+
+
+def test_the_sweeps_of_the_scenes_page_are_right() -> None:
+    lines = [line for line in PAGES[1].read_text().splitlines() if line.startswith("worm3d sweep ")]
+    assert len(lines) == 3
+    for line in lines:
+        _, _, scene, *options = shlex.split(line)
+        given = list(zip(options[::2], options[1::2], strict=True))
+        vary = [value for option, value in given if option == "--vary"]
+        random = 5 if "--random" in options else None
+        plan = checked(Source.of(scene), Options(vary=vary, random=random, quiet=True))
+        assert len(plan.design) in (25, 40, 5), line

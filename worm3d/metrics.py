@@ -170,7 +170,7 @@ UNITS = {
 """Unit of a metric by the ending of its name, of which the longest counts; BL is a body length."""
 
 
-ROUNDING = {"deg": 1e-9, "m": 1e-12, "m/s": 1e-12}
+ROUNDING = {"deg": 1e-9, "rad": 1e-11, "m": 1e-12, "m/s": 1e-12}
 """Magnitude below which a metric is rounding and written as 0, by its unit."""
 
 

@@ -170,12 +170,12 @@ def view(
     if o:
         raise SceneError("view: -o changes a scene, and a result has been computed; it goes with --live")
     from scenes.records import drawing
-    from scenes.records.folder import VIEWER
+    from scenes.records.folder import VIEWER, made
     from scenes.records.store import load
 
     path = path_of(result)
     record = load(path)
-    page = drawing.view(record, drawing.pictures_of(record), _home(path) / VIEWER, skin=skin)
+    page = drawing.view(record, drawing.pictures_of(record), made(_home(path)) / VIEWER, skin=skin)
     typer.echo(str(page))
     if not no_open:
         viewing.open_in_browser(page.resolve().as_uri())
@@ -193,12 +193,13 @@ def animate(
 ) -> None:
     """Draw the animation of a result, in real time; a longer run than 30 s up to there."""
     from scenes.records import drawing
-    from scenes.records.folder import ANIMATION, require_free
+    from scenes.records.folder import ANIMATION, made, require_free
     from scenes.records.store import load
 
     path = out or _home(result) / ANIMATION
     require_free([path], result, force=force)
     record = load(result)
+    made(path.parent)
     typer.echo(str(drawing.animate(record, drawing.pictures_of(record), path, fps=fps)))
     if line := drawing.cut_short(record):
         typer.echo(line)
@@ -335,5 +336,6 @@ def info() -> None:
 
 
 def _home(result: Path) -> Path:
-    """Return the folder that a result is in."""
-    return result if result.is_dir() else result.parent
+    """Return the folder for what is drawn of a result: its own, or one by its name if it is a case among others."""
+    case = result.suffix == ".nc" and result.parent.name == "cases"
+    return result if result.is_dir() else result.with_suffix("") if case else result.parent

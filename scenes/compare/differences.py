@@ -121,7 +121,8 @@ def _of_series(label: str, reference: Record, other: Record) -> Iterator[Differe
         off = np.abs(theirs - ours)[known]
         rms, most = float(np.sqrt(np.mean(off**2))), float(off.max())
         wide = max(_range(ours), _range(theirs))
-        varies = wide > ROUNDED * float(max(np.abs(ours[known]).max(), np.abs(theirs[known]).max()))
+        largest = float(max(np.abs(ours[known]).max(), np.abs(theirs[known]).max()))
+        varies = wide > max(ROUNDED * largest, ROUNDING.get(unit, 0.0))
         yield Difference("series", name, unit, label, wide, most, rms, _over(rms, wide) if varies else None)
 
 

@@ -32,6 +32,8 @@ Curves = dict[str, tuple[FloatArray, FloatArray]]
 
 MOST_ROWS = 12
 """Largest number of panels one above the other."""
+LEAST_RANGE = 1e-11
+"""Smallest range of an axis over time: what is smaller is rounding, in all units that are drawn."""
 ENERGIES = (
     "work_contract",
     "work_external",
@@ -261,6 +263,9 @@ def _rows(
                 axes.plot(*curves[name], **_style(records[name], number), label=name)
         axes.set_ylabel(label, fontsize=8)
         axes.grid(alpha=0.3)
+        low, high = axes.get_ylim()
+        if high - low < LEAST_RANGE:
+            axes.set_ylim((low + high - LEAST_RANGE) / 2, (low + high + LEAST_RANGE) / 2)
     handles = {text: line for axes in panels for line, text in zip(*axes.get_legend_handles_labels(), strict=True)}
     figure.legend(handles.values(), handles, fontsize=8, loc="outside upper right", ncols=min(len(handles), 3))
     more = f" ({len(shown)} of {len(filled)})" if len(filled) > len(shown) else ""

@@ -35,6 +35,12 @@ class Fitted:
     reason: str
     """Why it has no interval; empty if it has one."""
 
+    @property
+    def said(self) -> str:
+        """Its interval in brackets, or why it has none."""
+        low_high = self.interval and f"{self.interval[0]:.4g} to {self.interval[1]:.4g}"
+        return f" ({low_high or self.reason})"
+
 
 @dataclass(frozen=True)
 class Channel:
@@ -75,6 +81,10 @@ class Fit:
     runs: int
     failed_runs: int
     """Number of runs, of which those that failed."""
+
+    def __repr__(self) -> str:
+        found = (f"{each.varied.key} = {each.value:.6g}{each.said}" for each in self.keys)
+        return f"<fit of {self.name} to {self.measured}: {', '.join(found)}>"
 
     @property
     def values(self) -> dict[str, float]:

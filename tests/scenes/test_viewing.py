@@ -54,6 +54,13 @@ def test_the_page_of_a_result_is_opened(worm3d, result: Path, opened: list[str])
     assert '"name":"skin"' not in (result / "viewer.html").read_text()
 
 
+def test_the_page_of_a_case_does_not_replace_that_of_another(worm3d, result: Path) -> None:
+    result.rename(result.with_name("cases"))
+    result.with_name("cases").joinpath("result.nc").rename("cases/abc.nc")
+    assert worm3d("view", "cases/abc.nc", "--no-open").out == "cases/abc/viewer.html\n"
+    assert Path("cases/abc/viewer.html").is_file()
+
+
 def test_without_a_screen_the_page_is_only_named(
     worm3d, result: Path, opened: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -123,6 +123,11 @@ def test_what_does_not_vary_has_no_range_to_be_a_share_of() -> None:
     assert each.relative is None
 
 
+def test_rounding_is_no_range_to_be_a_share_of() -> None:
+    first, other = (of("worm", TIME, heading=(k * 1e-14 * TIME, "rad")) for k in (1.0, 2.0))
+    assert found(first, other)["other 0", "series", "heading"].relative is None
+
+
 def test_measured_quantities_that_are_not_compared_are_named() -> None:
     sim = source("sim", of("worm", TIME, com=(way(TIME), "m")))
     lab = source("lab", of("measured", TIME, com=(way(TIME), "m"), force=(TIME, "N")))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -47,6 +48,9 @@ def test_keys_are_found_again(record: Record, tmp_path: Path) -> None:
     start = overrides(gait__amplitude="0.16", friction__forward="0.05")
     found = package.fit("flat", written(tmp_path / "seen.csv", record, 1e-4), list(KEYS), start)
     assert found.finished
+    assert re.fullmatch(
+        r"<fit of flat to seen: gait.amplitude = 0\.\S+ \(\S+ to \S+\), friction.* to \S+\)>", repr(found)
+    )
     assert found.runs < 300
     assert not found.relations
     for each in found.keys:
