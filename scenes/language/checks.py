@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
+from operator import is_
 from typing import Any
 
 from pydantic.fields import FieldInfo
@@ -36,6 +37,15 @@ class Check:
         """Paths of its keys."""
         return tuple(tuple(need.split(".")) for need in self.needs)
 
+    @cached_property
+    def sections(self) -> tuple[str, ...]:
+        """Sections that its keys are in, or keys that are in none."""
+        return tuple(dict.fromkeys(path[0] for path in self.paths))
+
+
+Passed = dict[Check, tuple[Any, ...]]
+"""Check -> the data of its sections in which it found nothing."""
+
 
 def cross_mistakes(
     checks: Iterable[Check],
@@ -43,23 +53,30 @@ def cross_mistakes(
     data: Mapping[str, Any],
     found: Iterable[Mistake],
     overridden: Iterable[KeyPath] = (),
+    passed: Passed | None = None,
 ) -> Iterator[Mistake]:
     """Yield what the checks find; a check that reads a key already known to be wrong stays silent.
 
-    So does one whose written keys include all that another complains of: to mend that one may mend it too.
+    So does one whose written keys include all that another complains of: to mend that one may mend it too. A check is
+    not made again that has `passed` in the very same data of its sections, and is noted there if it passes now.
     """
+    passed = {} if passed is None else passed
     untrusted = {mistake.untrusted for mistake in found}
     around = {path[:n] for path in untrusted for n in range(len(path))}
     overrides = tuple(overridden)
     failing: list[tuple[frozenset[KeyPath], Mistake]] = []
     for check in checks:
-        paths = check.paths
+        paths, read = check.paths, tuple(data.get(name) for name in check.sections)
+        if check in passed and all(map(is_, read, passed[check])):
+            continue
         if untrusted and any(p in around or any(p[: n + 1] in untrusted for n in range(len(p))) for p in paths):
             continue
         if failing and any(blamed <= _written(data, paths) for blamed, _ in failing):
             continue
         text = check.test(*(_value(schema, data, path) for path in paths))
-        if text is not None:
+        if text is None:
+            passed[check] = read
+        else:
             written = _written(data, paths)
             failing = [(blamed, mistake) for blamed, mistake in failing if not written <= blamed]
             failing.append((written, _mistake(text, paths, data, overrides)))

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from scenes.language import toml
-from scenes.language.checks import Check, cross_mistakes
+from scenes.language.checks import Check, Passed, cross_mistakes
 from scenes.language.errors import DiscError, SceneError, printable
-from scenes.language.mistakes import Mistake, did_you_mean, report, schema_mistakes
+from scenes.language.mistakes import Mistake, did_you_mean, report, validated
 from scenes.language.overrides import apply_overrides
 from scenes.language.schema import Section, is_file, section_type
 from scenes.language.sweep_section import SWEEP, sweep_mistakes
@@ -25,6 +25,9 @@ SHIPPED = Path(__file__).parents[1]
 
 LARGEST_FILE = 4_000_000
 """Largest scene file [byte]: a pipe through 50,000 points."""
+
+_EMPTY: dict[str, Any] = {}
+"""A section that was left out."""
 
 
 class Model(Protocol):
@@ -105,19 +108,40 @@ def parse_scene(
     models: Models[M], text: str, name: str, overrides: Iterable[str] = (), folder: Path | None = None
 ) -> Scene[M]:
     """Check a scene given as TOML text; see `load_scene`. Files that it names are looked up in a folder first."""
-    written = toml.parse(text)
-    if folder is not None and folder != SHIPPED:
-        _look_beside(written, _model_of(models, written)[0].schema, folder)
-    data, overridden, mistakes = apply_overrides(written, overrides)
-    sweep = data.pop(SWEEP, {})
-    mistakes += sweep_mistakes(sweep) if sweep != {} else []
-    model, model_mistakes = _model_of(models, data)
-    data = _with_every_section(model, {**data, "model": model.name})
-    mistakes += model_mistakes + schema_mistakes(model.schema, data, partial(_models_with, models))
-    mistakes += cross_mistakes(model.checks, model.schema, data, mistakes, overridden)
-    if mistakes:
-        raise SceneError(*report(mistakes, toml.key_lines(text), overridden))
-    return Scene(printable(name), model, model.schema.model_validate(data), sweep)
+    return Draft(models, text, name, overrides, folder).checked()
+
+
+class Draft(Generic[M]):
+    """A scene as it is written, to be checked with many further overrides; what they do not touch is tested once.
+
+    Parameters as of `parse_scene`, which see.
+    """
+
+    def __init__(
+        self, models: Models[M], text: str, name: str, overrides: Iterable[str] = (), folder: Path | None = None
+    ) -> None:
+        self._models, self._text, self._name = models, text, name
+        written = toml.parse(text)
+        if folder is not None and folder != SHIPPED:
+            _look_beside(written, _model_of(models, written)[0].schema, folder)
+        self._data, self._overridden, self._mistakes = apply_overrides(written, overrides)
+        self._passed: dict[str, Passed] = {}
+
+    def checked(self, overrides: Iterable[str] = ()) -> Scene[M]:
+        """Return the scene with further overrides; SceneError with one line for each mistake."""
+        data, overridden, mistakes = apply_overrides(self._data, overrides)
+        overridden, mistakes = self._overridden + overridden, self._mistakes + mistakes
+        sweep = data.pop(SWEEP, {})
+        mistakes += sweep_mistakes(sweep) if sweep != {} else []
+        model, model_mistakes = _model_of(self._models, data)
+        data = _with_every_section(model, {**data, "model": model.name})
+        settings, wrong = validated(model.schema, data, partial(_models_with, self._models))
+        mistakes += model_mistakes + wrong
+        passed = self._passed.setdefault(model.name, {})
+        mistakes += cross_mistakes(model.checks, model.schema, data, mistakes, overridden, passed)
+        if mistakes:
+            raise SceneError(*report(mistakes, toml.key_lines(self._text), overridden))
+        return Scene(printable(self._name), model, settings, sweep)
 
 
 def _look_beside(data: dict[str, Any], schema: type[Section], folder: Path) -> None:
@@ -205,7 +229,7 @@ def _shared_sections(model: Model, data: Mapping[str, Any]) -> int:
 def _with_every_section(model: Model, data: Mapping[str, Any]) -> dict[str, Any]:
     """Write out sections that were left out, so that each of their mandatory keys is missed by name."""
     fields = model.schema.model_fields.items()
-    return {**{name: {} for name, field in fields if section_type(field)}, **data}
+    return {**{name: _EMPTY for name, field in fields if section_type(field)}, **data}
 
 
 def says(path: Path) -> str:

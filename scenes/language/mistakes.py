@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from scenes.language.schema import FORMS, Section, choices, describe, field_at, meaning, names, section_type, table_type
 from scenes.language.toml import KeyPath, line_of, shown
+
+S = TypeVar("S", bound=Section)
 
 MOST_LINES = 100
 """Largest number of mistakes that are explained; a file with more is no scene, or repeats one mistake."""
@@ -41,13 +43,19 @@ Models = Callable[[str], Sequence[str]]
 
 def schema_mistakes(schema: type[Section], data: Mapping[str, Any], models: Models = lambda name: ()) -> list[Mistake]:
     """Return what is wrong with each key on its own: unknown, missing, of the wrong type, out of range."""
+    return validated(schema, data, models)[1]
+
+
+def validated(
+    schema: type[S], data: Mapping[str, Any], models: Models = lambda name: ()
+) -> tuple[S | None, list[Mistake]]:
+    """Return the data as a section, and what is wrong with each key on its own (`schema_mistakes`)."""
     try:
-        schema.model_validate(data)
+        return schema.model_validate(data), []
     except ValidationError as error:
         details = error.errors(include_url=False)
         explained = [_translated(schema, detail, models) for detail in details[:MOST_LINES]]
-        return explained + [Mistake(_path(detail), "wrong too") for detail in details[MOST_LINES:]]
-    return []
+        return None, explained + [Mistake(_path(detail), "wrong too") for detail in details[MOST_LINES:]]
 
 
 def did_you_mean(word: str, known: Iterable[tuple[str, str]]) -> str | None:

@@ -24,6 +24,11 @@ def parse_scene(text: str, name: str, overrides: Iterable[str] = (), folder: Pat
     return loader.parse_scene(models, text, name, overrides, folder)
 
 
+def draft(text: str, name: str, overrides: Iterable[str] = (), folder: Path | None = None) -> loader.Draft[Model[Any]]:
+    """Return a scene given as TOML text that is checked many times; see `scenes.language.loader.Draft`."""
+    return loader.Draft(models, text, name, overrides, folder)
+
+
 def trusted_scene(data: Mapping[str, Any], name: str) -> Scene:
     """Return a resolved scene that has been checked before, given as data: many times as fast as `parse_scene`."""
     model = models.get(data["model"])

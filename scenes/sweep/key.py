@@ -7,12 +7,13 @@ import json
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel
 
 from scenes.commands.packages import sources, versions
 from scenes.language.loader import SHIPPED
-from scenes.language.schema import is_file
+from scenes.language.schema import is_file, section_type
 from scenes.models.loading import Scene
 
 LENGTH = 20
@@ -38,12 +39,24 @@ def key_of(scene: Scene) -> str:
 
 def _files(section: BaseModel) -> Iterator[Path]:
     """Yield the files that a scene names, or that come with the program under the name."""
-    for name, field in type(section).model_fields.items():
-        value = getattr(section, name)
-        if isinstance(value, BaseModel):
-            yield from _files(value)
-        elif isinstance(value, str) and is_file(field):
+    for path in _named(type(section)):
+        value: Any = section
+        for name in path:
+            value = getattr(value, name)
+        if isinstance(value, str):
             yield from [path for path in (Path(value), SHIPPED / value) if path.is_file()][:1]
+
+
+@cache
+def _named(section: type[BaseModel]) -> tuple[tuple[str, ...], ...]:
+    """Return the path of each key that holds the path of a file."""
+    found: list[tuple[str, ...]] = []
+    for name, field in section.model_fields.items():
+        if inner := section_type(field):
+            found += [(name, *rest) for rest in _named(inner)]
+        elif is_file(field):
+            found.append((name,))
+    return tuple(found)
 
 
 def _digest_of(path: Path) -> str:

@@ -8,17 +8,20 @@ import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
+from pydantic_core import to_jsonable_python
 
 from scenes.commands.terminal import counted
 from scenes.language import toml
 from scenes.language.errors import SceneError
-from scenes.language.loader import find_scene, read_text
+from scenes.language.loader import Draft, find_scene, read_text
 from scenes.language.sweep_section import varied_keys
-from scenes.models.loading import Scene, parse_scene
+from scenes.models.base import Model
+from scenes.models.loading import Scene, draft
 from scenes.sweep.design import Design, told
 from scenes.sweep.job import Job
 from scenes.sweep.key import key_of
@@ -54,7 +57,11 @@ class Source:
 
     def parse(self, overrides: Iterable[str] = ()) -> Scene:
         """Return the checked scene, with further overrides."""
-        return parse_scene(self.text, self.name, (*self.overrides, *overrides), self.folder)
+        return self._draft.checked(overrides)
+
+    @cached_property
+    def _draft(self) -> Draft[Model[Any]]:
+        return draft(self.text, self.name, self.overrides, self.folder)
 
 
 @dataclass(frozen=True)
@@ -169,10 +176,10 @@ def _seeded(scene: Scene, base: int, keys: Iterable[str]) -> Scene:
 
 def _value_at(settings: BaseModel, key: str) -> Any:
     """Return the resolved value of a key as data for JSON: 2 and 2.0 seconds are the same."""
-    here = settings.model_dump(mode="json")
+    here: Any = settings
     for name in key.split("."):
-        here = here[name]
-    return here
+        here = getattr(here, name)
+    return to_jsonable_python(here)
 
 
 class _Mistakes:
