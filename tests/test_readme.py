@@ -16,7 +16,10 @@ from scenes.sweep.plan import Source
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
-PAGES = [README, *(ROOT / page for page in ("scenes/README.md", "control/README.md", "scenes/bench/README.md"))]
+PAGES = [
+    README,
+    *(ROOT / page for page in ("scenes/README.md", "scenes/STUDIES.md", "control/README.md", "scenes/bench/README.md")),
+]
 BIN = Path(sys.executable).parent
 
 
@@ -99,8 +102,8 @@ def test_files_to_change_are_there() -> None:
         assert (ROOT / place).exists(), place
 
 
-def test_the_sweeps_of_the_scenes_page_are_right() -> None:
-    lines = [line for line in PAGES[1].read_text().splitlines() if line.startswith("worm3d sweep ")]
+def test_the_sweeps_of_the_page_of_studies_are_right() -> None:
+    lines = [line for line in (ROOT / "scenes" / "STUDIES.md").read_text().splitlines() if line.startswith("worm3d sweep ")]
     assert len(lines) == 3
     for line in lines:
         _, _, scene, *options = shlex.split(line)

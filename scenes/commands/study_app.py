@@ -130,7 +130,7 @@ def fit(
     scene: SceneArgument,
     to: Annotated[
         Path,
-        typer.Option("--to", metavar="FILE", parser=path_of, help="Measurement: a CSV file, see scenes/README.md."),
+        typer.Option("--to", metavar="FILE", parser=path_of, help="Measurement: a CSV file, see scenes/STUDIES.md."),
     ],
     vary: Annotated[
         list[str],
