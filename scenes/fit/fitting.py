@@ -78,6 +78,10 @@ class Fit:
     """Scene with the fitted values as TOML."""
     finished: bool
     """Whether a minimum was found; False if the runs were used up before."""
+    exact: bool
+    """Whether the data are met but for errors of integration; intervals would mean nothing."""
+    left_out: tuple[str, ...]
+    """Channels of many that no key moves; they are not in the data and not in `channels`."""
     runs: int
     failed_runs: int
     """Number of runs, of which those that failed."""
@@ -152,6 +156,8 @@ def fit(
         simulated=found.simulated,
         scene=trials.scene(found.values).to_toml(),
         finished=found.finished,
+        exact=found.exact,
+        left_out=trials.left_out,
         runs=trials.runs,
         failed_runs=trials.failed,
     )
@@ -163,6 +169,8 @@ def _fitted(trials: Trials, found: Solution, k: int) -> Fitted:
         return Fitted(varied, value, None, None, f"at its {found.at_bound[k]} allowed value: widen the range")
     if not found.known[k]:
         return Fitted(varied, value, None, None, "the data do not determine it")
+    if found.exact:
+        return Fitted(varied, value, None, None, "the data are met exactly")
     half = float(found.uncertainty.half_width[k])
     interval = (max(varied.low, value - half), min(varied.high, value + half))
     return Fitted(varied, value, float(found.uncertainty.standard_error[k]), interval, "")

@@ -26,14 +26,21 @@ def lines(fit: Fit) -> Iterator[str]:
     )
     if len(fit.channels) > SHOWN:
         yield f"  and {counted(len(fit.channels) - SHOWN, 'channel')} more, in fit.json"
+    if fit.left_out:
+        yield f"  left out {counted(len(fit.left_out), 'channel')} that no key moves, listed in fit.json"
 
 
 def warnings(fit: Fit) -> Iterator[str]:
     """Yield what makes the values or their intervals doubtful."""
     if not fit.finished:
         yield f"the minimum was not found within {counted(fit.runs, 'run')}: start nearer to it, or allow more --runs"
+    if fit.exact:
+        yield (
+            "the data are met exactly, but for errors of integration: they are a simulation's own, without noise, and "
+            "an interval of a value would mean nothing"
+        )
     yield from (relation.sentence for relation in fit.relations)
-    long = [channel.name for channel in fit.channels if channel.order == HIGHEST_ORDER]
+    long = [channel.name for channel in fit.channels if channel.order == HIGHEST_ORDER and not fit.exact]
     if long:
         yield (
             f"the residuals of {', '.join(long[:SHOWN])} are alike for longer than {HIGHEST_ORDER} samples, so the "
@@ -57,6 +64,7 @@ def content(fit: Fit) -> dict[str, Any]:
         "runs": fit.runs,
         "failed_runs": fit.failed_runs,
         "measured_values": fit.measured_values,
+        "met_exactly": fit.exact,
         "keys": [_key(each) for each in fit.keys],
         "correlation": fit.correlation.tolist(),
         "cannot_tell_apart": [
@@ -78,6 +86,7 @@ def content(fit: Fit) -> dict[str, Any]:
             }
             for each in fit.channels
         ],
+        "left_out": fit.left_out,
         "warnings": list(warnings(fit)),
     }
 

@@ -19,7 +19,7 @@ from scenes.fit.dips import dips
 from scenes.fit.identifiability import Determined, Relation, axes_of, determined, vague
 from scenes.fit.slopes import HALVINGS, Slopes, slopes_at
 from scenes.fit.trials import SpentError, Trials
-from scenes.fit.uncertainty import Uncertainty, uncertainty_of
+from scenes.fit.uncertainty import DRAWS, MOST_CHANNELS, Uncertainty, uncertainty_of
 from worm3d.values.arrays import BoolArray, FloatArray
 
 FIRST_STEP = 0.02
@@ -37,6 +37,8 @@ PASSES = 4
 """Largest number of minimisations with new weights."""
 EXACT = 1e-6
 """Least standard deviation of residuals that counts, as a fraction of the data's: what integration errors are."""
+UNMOVED = 1e-9
+"""Effect of keys that is rounding, as a fraction of the standard deviation of the data."""
 COARSE, FINE = 1e-3, 1e-6
 """Changes of the sum of squares, relative to it, at which the first minimisations end, and the last ones."""
 VALLEYS = 3
@@ -63,6 +65,8 @@ class Solution:
     """Directions in which the data do not determine the values."""
     finished: bool
     """Whether it is a minimum; False if the runs were used up before."""
+    exact: bool
+    """Whether the data are met but for errors of integration, so that nothing is known of the noise."""
 
 
 def solve(trials: Trials) -> Solution:
@@ -75,10 +79,11 @@ def solve(trials: Trials) -> Solution:
     StoppedError
         The user wants it to end.
     """
+    _narrow(trials)
     problem = _Problem(trials)
     u = np.array([each.start for each in trials.varied]) / problem.scale
     weights, steps = 1.0 / trials.data.spread, np.full(len(u), FIRST_STEP)
-    finished = True
+    finished, exact = True, False
     try:
         u = problem.lowest(problem.minimum(u, weights, steps, COARSE), weights, steps)
         for _ in range(PASSES):
@@ -92,12 +97,28 @@ def solve(trials: Trials) -> Solution:
             u, weights, np.full(len(u), STEPS[0]), FINE
         )  # chords lead past the bottom of a small valley
         weights = problem.weights(u)
-    except SpentError:
-        finished = False
+    except (SpentError, _MetError) as end:
+        exact = isinstance(end, _MetError)
+        finished = exact
         u = problem.best
         trials.allow(3 * (HALVINGS + 1) * len(u) + 1)
         weights = problem.weights(u)
-    return problem.solution(u, weights, steps, finished)
+    return problem.solution(u, weights, steps, finished, exact)
+
+
+def _narrow(trials: Trials) -> None:
+    """Leave out channels that no key moves at the start, where there are many channels."""
+    if len(trials.data.names) <= MOST_CHANNELS:
+        return
+    problem, steps = _Problem(trials), np.full(len(trials.varied), FIRST_STEP)
+    moves = np.nanmax(np.abs(problem.slopes(problem.best, steps).values * steps), axis=(1, 2))
+    used = moves > UNMOVED * trials.data.spread
+    if used.any():  # else it is told from all channels that the data do not determine the keys
+        trials.narrow(used)
+
+
+class _MetError(Exception):
+    """The data are met exactly."""
 
 
 class _Problem:
@@ -115,7 +136,7 @@ class _Problem:
     def lowest(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
         """Return the lowest of the minima around a minimum."""
         for _ in range(VALLEYS):
-            slopes = self._slopes(u, steps).values[self.known] * self._each(weights)[:, None]
+            slopes = self.slopes(u, steps).values[self.known] * self._each(weights)[:, None]
             lengths, _, directions = axes_of(slopes)
             found = dips(partial(self._squares, weights=weights), u, directions / lengths)
             other = self.minimum(found[0], weights, steps, COARSE) if found else u
@@ -140,13 +161,16 @@ class _Problem:
             found = self._channels(u)
             if found is None:
                 return np.full(len(factor), np.inf)
-            off: FloatArray = factor * (found - self.data.values)[self.known]
+            all_off = found - self.data.values
+            off: FloatArray = factor * all_off[self.known]
             if (squares := float(off @ off)) < least:
                 least, self.best = squares, u.copy()
+            if np.all(np.nanmean(all_off**2, axis=1) < (EXACT * self.data.spread) ** 2):
+                raise _MetError
             return off
 
         def jacobian(u: FloatArray) -> FloatArray:
-            return factor[:, None] * self._slopes(u, steps).values[self.known]
+            return factor[:, None] * self.slopes(u, steps).values[self.known]
 
         found = least_squares(
             residuals, start, jacobian, (self.low, self.high), x_scale="jac", ftol=tolerance, xtol=1e-6, gtol=1e-12
@@ -162,16 +186,17 @@ class _Problem:
 
     def errors(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
         """Return standard errors in a hurry, infinite where the data do not tell, shape (P,)."""
-        slopes = self._slopes(u, steps)
+        slopes = self.slopes(u, steps)
         found = self._determined(u, weights, slopes)
         quick = uncertainty_of(self._residuals(u), slopes.values, weights, found.inverse, draws=0)
         return np.where(found.known, quick.standard_error, np.inf)
 
-    def solution(self, u: FloatArray, weights: FloatArray, steps: FloatArray, finished: bool) -> Solution:
+    def solution(self, u: FloatArray, weights: FloatArray, steps: FloatArray, finished: bool, exact: bool) -> Solution:
         """Return what is known at the minimum."""
-        slopes = self._slopes(u, steps)
+        slopes = self.slopes(u, steps)
         found = self._determined(u, weights, slopes)
-        scaled = uncertainty_of(self._residuals(u), slopes.values, weights, found.inverse)
+        draws = 0 if exact else DRAWS
+        scaled = uncertainty_of(self._residuals(u), slopes.values, weights, found.inverse, draws)
         each = self._each(weights)[:, None]
         weighted, bent = each * slopes.values[self.known], each * (slopes.roughness * steps)[self.known]
         scaled = scaled.widened(found.inverse @ weighted.T @ bent)
@@ -188,6 +213,7 @@ class _Problem:
             ),
             relations=(*found.relations, *vaguely),
             finished=finished,
+            exact=exact,
         )
 
     def _channels(self, u: FloatArray) -> FloatArray | None:
@@ -202,7 +228,7 @@ class _Problem:
     def _residuals(self, u: FloatArray) -> FloatArray:
         return self.data.values - self._values(u)
 
-    def _slopes(self, u: FloatArray, steps: FloatArray) -> Slopes:
+    def slopes(self, u: FloatArray, steps: FloatArray) -> Slopes:
         return slopes_at(self._channels, u, self._values(u), steps, self.low, self.high)
 
     def _each(self, weights: FloatArray) -> FloatArray:

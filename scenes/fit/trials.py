@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,15 +14,18 @@ from scenes.language.errors import DiscError, MissingPartError, SceneError
 from scenes.models.loading import Scene, parse_scene
 from scenes.records.measured import simulated_like
 from scenes.records.record import Record
-from worm3d.values.arrays import FloatArray
+from worm3d.values.arrays import BoolArray, FloatArray
 from worm3d.values.variable import column_names
 
 LEAST_PER_KEY = 5
 """Least number of measured values for each key that is varied."""
 
-
-KEPT = 100
-"""Number of runs whose channels are kept, since a minimum and slopes often ask for the same one."""
+KEPT, KEPT_VALUES = 100, 4_000_000
+"""Number of runs whose channels are kept, since a minimum and slopes often ask for the same one; and of their values,
+as far as `FEWEST_KEPT` runs allow."""
+FEWEST_KEPT = 12
+ROUNDING = 1e-12
+"""Standard deviation, in SI units, of series that are nothing but rounding, such as the heading of a straight crawl."""
 
 
 class SpentError(Exception):
@@ -47,10 +50,10 @@ class Data:
 
     @property
     def spread(self) -> FloatArray:
-        """Largest standard deviation over time of the channels with a channel's unit, shape (C,); 1 instead of 0."""
+        """Largest standard deviation over time among the channels of the same unit, shape (C,); 1 if it is rounding."""
         own = np.nanstd(self.values, axis=1)
         largest = [max(own[k] for k, unit in enumerate(self.units) if unit == mine) for mine in self.units]
-        return np.where(np.array(largest) > 0.0, largest, 1.0)
+        return np.where(np.array(largest) > ROUNDING, largest, 1.0)
 
 
 class Trials:
@@ -90,7 +93,10 @@ class Trials:
         self._shorter = _shortened(scene, float(measured["time"][-1]))
         self.why = ""
         """Why the last failed run failed."""
+        self._places: list[tuple[str, int]] = []
         self.data = self._data()
+        self.left_out: tuple[str, ...] = ()
+        """Names of channels that were measured and simulated, and are left out."""
 
     def __call__(self, values: Sequence[float] | FloatArray) -> FloatArray | None:
         """Return what would have been measured, shape (C, T), NaN as in the data; None if the run fails.
@@ -104,10 +110,19 @@ class Trials:
         if key not in self._known:
             found = self._channels(key)
             self.failed += found is None
-            if len(self._known) >= KEPT:
+            if len(self._known) >= max(FEWEST_KEPT, min(KEPT, KEPT_VALUES // self.data.values.size)):
                 del self._known[next(iter(self._known))]
             self._known[key] = found
         return self._known[key]
+
+    def narrow(self, used: BoolArray) -> None:
+        """Leave out the other channels from now on."""
+        self.left_out += tuple(name for name, use in zip(self.data.names, used, strict=True) if not use)
+        names, units = (tuple(np.array(each)[used].tolist()) for each in (self.data.names, self.data.units))
+        self.data = Data(names, units, self.data.time, self.data.values[used])
+        self._known = {key: None if found is None else found[used] for key, found in self._known.items()}
+        self._places = [place for place, use in zip(self._places, used, strict=True) if use]
+        self._forget_others()
 
     def allow(self, more: int) -> None:
         """Allow more runs."""
@@ -133,8 +148,9 @@ class Trials:
         except SceneError as error:
             self.why = str(error)
             return None
-        rows = [_rows(found[name]) for name in self._quantities]
-        channels = np.where(np.isfinite(self.data.values), np.concatenate(rows)[self._chosen], np.nan)
+        rows = {name: _rows(series) for name, series in found.items()}
+        channels = np.array([rows[name][k] for name, k in self._places])
+        channels[~np.isfinite(self.data.values)] = np.nan
         if not np.array_equal(np.isfinite(channels), np.isfinite(self.data.values)):
             self.why = "the run has no value at an instant of the measurement"
             return None
@@ -177,7 +193,6 @@ class Trials:
                 "comes to its end, with -o KEY=VALUE"
             )
         found = simulated_like(record, self._measured)
-        self._quantities = tuple(found)
         values = np.concatenate([_rows(self._measured[name]) for name in found])
         values = np.where(np.isfinite(np.concatenate([_rows(each) for each in found.values()])), values, np.nan)
         known = np.isfinite(values)
@@ -188,13 +203,21 @@ class Trials:
                 f"{self._measured.name}: got {known.sum()} measured values within the run, must be at least {least} "
                 f"for {len(self.varied)} varied keys: measure more, or vary fewer keys"
             )
-        self._chosen = np.flatnonzero(known.sum(axis=1) > 1)
+        chosen = np.flatnonzero(known.sum(axis=1) > 1)
+        places = [(name, k) for name, series in found.items() for k in range(len(_rows(series)))]
         titles = [(title, v.units) for v in map(self._measured.variable, found) for title in column_names(v)]
-        names, units = zip(*(titles[k] for k in self._chosen), strict=True)
-        data = Data(names, units, self._measured["time"], values[self._chosen])
+        names, units = zip(*(titles[k] for k in chosen), strict=True)
+        data = Data(names, units, self._measured["time"], values[chosen])
+        self._places = [places[k] for k in chosen]
+        self._forget_others()
         if not np.any(np.nanmax(data.values, axis=1) > np.nanmin(data.values, axis=1)):
             raise SceneError(f"{self._measured.name}: all that was measured is constant, nothing can be fitted to it")
         return data
+
+    def _forget_others(self) -> None:
+        """Keep of the measurement the quantities that have a channel."""
+        used = {"time", *(name for name, _ in self._places)}
+        self._measured = replace(self._measured, variables=tuple(v for v in self._measured.variables if v.name in used))
 
 
 def _shortened(scene: Scene, end: float) -> tuple[str, ...]:

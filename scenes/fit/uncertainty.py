@@ -16,13 +16,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+from scipy import linalg, special
 
 from scenes.fit.noise import Noise, noise_of, spectra_of
 from worm3d.values.arrays import BoolArray, FloatArray
 
 DRAWS = 200
 """Number of drawn series; half as many make the intervals of two like fits differ by 5 %, twice as many by 2.5 %."""
+MOST_CHANNELS = 24
+"""Largest number of channels of a group whose residuals are modelled as they are; more of them are combined to this
+many, as noise counts only along the few patterns in which the keys move many channels."""
+MOST_SERIES = 2400
+"""Largest number of drawn series times channels, as far as `LEAST_DRAWS` allows."""
+LEAST_DRAWS = 20
 COVERAGE = 0.95
 """Probability with which an interval holds the value."""
 
@@ -35,15 +41,13 @@ class Uncertainty:
     """Covariance of the estimates, shape (P, P)."""
     half_width: FloatArray
     """Half of the width of the intervals with the probability `COVERAGE`, shape (P,)."""
-    noise: tuple[tuple[tuple[int, ...], Noise], ...]
-    """Groups of channels that were measured at the same instants, and the model of their residuals."""
 
     def widened(self, shifts: FloatArray) -> Uncertainty:
         """Return it with shifts of the estimates by unknown signs, shape (P, K), as further errors."""
         more = shifts @ shifts.T
         old = np.diag(self.covariance)
         growth = np.sqrt(np.divide(np.diag(more), old, out=np.zeros_like(old), where=old > 0.0) + 1.0)
-        return Uncertainty(self.covariance + more, self.half_width * growth, self.noise)
+        return Uncertainty(self.covariance + more, self.half_width * growth)
 
     @property
     def standard_error(self) -> FloatArray:
@@ -54,9 +58,8 @@ class Uncertainty:
 
 @dataclass(frozen=True)
 class _Group:
-    """Channels that were measured at the same T instants."""
+    """Channels that were measured at the same T instants, or C combinations of them."""
 
-    channels: tuple[int, ...]
     residuals: FloatArray
     """Shape (C, T)."""
     slopes: FloatArray
@@ -96,30 +99,44 @@ def uncertainty_of(
     draws, seed : int
         Number of drawn series, and what their random numbers start from.
     """
-    groups = list(_groups(residuals, slopes, weights))
+    groups = list(_groups(residuals, slopes, weights, inverse))
     models = [noise_of(group.residuals) for group in groups]
     found = _covariance(groups, models, inverse)
     if not draws:
-        return Uncertainty(found, special.ndtri(0.5 + 0.5 * COVERAGE) * np.sqrt(np.diag(found)), ())
+        return Uncertainty(found, special.ndtri(0.5 + 0.5 * COVERAGE) * np.sqrt(np.diag(found)))
+    draws = min(draws, max(LEAST_DRAWS, MOST_SERIES // sum(len(group.residuals) for group in groups)))
     drawn = _drawn(groups, models, inverse, draws, np.random.default_rng(seed))
     mean, scatter = drawn.mean(axis=0), drawn.var(axis=0)
     variance = np.diag(found)
     bias = np.sqrt(np.divide(variance, mean, out=np.ones_like(mean), where=mean > 0.0))
     degrees = 2.0 * mean**2 / np.maximum(scatter, np.finfo(float).tiny)
     half_width = special.stdtrit(np.maximum(degrees, 1.0), 0.5 + 0.5 * COVERAGE) * np.sqrt(variance) * bias
-    noise = tuple((group.channels, model) for group, model in zip(groups, models, strict=True))
-    return Uncertainty(found * np.outer(bias, bias), half_width, noise)
+    return Uncertainty(found * np.outer(bias, bias), half_width)
 
 
-def _groups(residuals: FloatArray, slopes: FloatArray, weights: FloatArray) -> Iterator[_Group]:
+def _groups(residuals: FloatArray, slopes: FloatArray, weights: FloatArray, inverse: FloatArray) -> Iterator[_Group]:
     """Yield the channels in groups that were measured at the same instants."""
     known: BoolArray = np.isfinite(residuals)
     for rows in np.unique(known, axis=0):
         members = np.flatnonzero((known == rows).all(axis=1))
-        own = slopes[members][:, rows]
-        squared = weights[members] ** 2
+        left, own, squared = residuals[members][:, rows], slopes[members][:, rows], weights[members] ** 2
+        if len(members) > MOST_CHANNELS:
+            patterns = weights[members, None] * _patterns(weights[members, None, None] * own @ inverse)
+            left, own, squared = patterns.T @ left, np.tensordot(patterns.T, own, 1), np.ones(patterns.shape[1])
         spectra, size = spectra_of(squared[:, None, None] * own)
-        yield _Group(tuple(map(int, members)), residuals[members][:, rows], own, squared, spectra, size)
+        yield _Group(left, own, squared, spectra, size)
+
+
+def _patterns(estimators: FloatArray) -> FloatArray:
+    """Return the orthonormal patterns over channels, shape (C, K), that make up most of J A^-1, shape (C, T, P).
+
+    The estimates see of the noise only what lies along them.
+    """
+    size = np.sqrt((estimators**2).sum(axis=(0, 1)))
+    rows = (estimators / np.where(size > 0.0, size, 1.0)).reshape(len(estimators), -1)
+    _, patterns = linalg.eigh(rows @ rows.T, subset_by_index=(len(rows) - MOST_CHANNELS, len(rows) - 1))
+    found: FloatArray = patterns
+    return found
 
 
 def _covariance(groups: Sequence[_Group], models: Sequence[Noise], inverse: FloatArray) -> FloatArray:

@@ -121,25 +121,32 @@ def matched(simulated: Record, measured: Record) -> tuple[dict[str, FloatArray],
 
 def series_of(record: Record) -> dict[str, Variable]:
     """Return what a record has at each of its stored instants, by name; of a simulation also the strain of segments."""
-    timed = (v for v in record.variables if v.dims[:1] == ("time",) and v.name != "time")
-    found = {v.name: v for v in timed if v.values.dtype.kind in "iuf"}
-    if "strain" not in found and not is_measured(record) and any(name in found for name in JOINTS):
-        meaning = "distance of neighbouring joints over the rest length of a segment, less 1"
-        found["strain"] = Variable("strain", ("time", "segment"), segment_strain(record), "1", meaning)
-    return found
+    names = [v.name for v in record.variables if _is_series(v)]
+    own = {name: one_series(record, name) for name in (*names, "strain")}
+    return {name: variable for name, variable in own.items() if variable is not None}
+
+
+def one_series(record: Record, name: str) -> Variable | None:
+    """Return one of `series_of`, None if there is none of this name."""
+    own = {v.name: v for v in record.variables if _is_series(v)}
+    if name in own or name != "strain" or is_measured(record) or not any(each in own for each in JOINTS):
+        return own.get(name)
+    meaning = "distance of neighbouring joints over the rest length of a segment, less 1"
+    return Variable("strain", ("time", "segment"), segment_strain(record), "1", meaning)
+
+
+def _is_series(variable: Variable) -> bool:
+    return variable.dims[:1] == ("time",) and variable.name != "time" and variable.values.dtype.kind in "iuf"
 
 
 def counterpart(simulated: Record, measured: Record, variable: Variable) -> FloatArray:
     """Return what a simulation has of a measured quantity at its own instants; a SceneError if it has none."""
-    name, series = variable.name, series_of(simulated)
-    if name in series:
-        values, unit = series[name].values, series[name].units
-    elif (
-        name.startswith(MARKER)
-        and (joints := next((series[each].values for each in JOINTS if each in series), None)) is not None
-    ):
+    name = variable.name
+    if (own := one_series(simulated, name)) is not None:
+        values, unit = own.values, own.units
+    elif name.startswith(MARKER) and (joints := next((each for each in JOINTS if each in simulated), None)):
         place = markers.places(tomllib.loads(measured.scene)["header"])[name.removeprefix(MARKER)]
-        values, unit = markers.positions(joints, place), "m"
+        values, unit = markers.positions(simulated[joints], place), "m"
     else:
         raise SceneError(f"{simulated.name} has no {name}")
     if unit != variable.units:
@@ -156,6 +163,8 @@ def counterpart(simulated: Record, measured: Record, variable: Variable) -> Floa
 
 def at_instants(time: FloatArray, values: NDArray[np.floating], instants: FloatArray) -> FloatArray:
     """Return series, shape (T, ...), at ascending times, (T,), at other instants, (K,); NaN outside, shape (K, ...)."""
+    if np.array_equal(time, instants):
+        return values.astype(float)
     slack = ROUNDING * float(time[-1] - time[0])
     t = np.clip(instants, time[0], time[-1])
     k = np.clip(np.searchsorted(time, t, side="right") - 1, 0, max(len(time) - 2, 0))

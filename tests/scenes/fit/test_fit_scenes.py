@@ -17,6 +17,7 @@ from scenes.fit import fit, trials
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene, parse_scene
 from scenes.records.record import Record
+from worm3d.values.variable import write_csv
 
 Command = Callable[..., object]
 SHORT = ("worm.segments=3", "worm.mass_kg=0.03", "run.duration_s=1.0", "run.dt_s=0.02", "gait.period_s=1.0")
@@ -83,6 +84,25 @@ def test_the_command_writes_values_scene_and_figure(worm3d: Command, record: Rec
         2,
         ["found exists and is not empty: choose another --out, or replace its results with --force"],
     )
+
+
+@pytest.mark.parametrize("scene", ["flat", "planar_wave"])
+def test_a_whole_exported_run_is_met_exactly(worm3d: Command, tmp_path: Path, scene: str) -> None:
+    """Hundreds of columns of a simulation's own, many of them rounding or the same at any value of the keys."""
+    given = [*SHORT, "run.duration_s=0.5", "gait.period_s=0.5"]
+    whole = simulate(load_scene(scene, given))
+    write_csv([v for v in whole.variables if v.dims[:1] == ("time",)], tmp_path / "whole.csv")
+    options = [part for each in given for part in ("-o", each)]
+    keys = ("--vary", "friction.forward=0.01:0.3", "--vary", "gait.amplitude", "-o", "gait.amplitude=0.19")
+    ended = worm3d("fit", scene, "--to", "whole.csv", *keys, *options, "--out", "found")
+    assert ended.code == 0
+    assert "warning: the data are met exactly" in ended.err
+    found = json.loads((tmp_path / "found/fit.json").read_text())
+    assert found["met_exactly"]
+    assert found["runs"] < 60
+    assert len(found["channels"]) > 20
+    assert [key["value"] for key in found["keys"]] == pytest.approx([0.03, 0.2], rel=1e-5)
+    assert [key["reason"] for key in found["keys"]] == ["the data are met exactly"] * 2
 
 
 def test_what_the_data_do_not_tell_is_said(record: Record, tmp_path: Path) -> None:
