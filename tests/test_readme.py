@@ -103,7 +103,9 @@ def test_files_to_change_are_there() -> None:
 
 
 def test_the_sweeps_of_the_page_of_studies_are_right() -> None:
-    lines = [line for line in (ROOT / "scenes" / "STUDIES.md").read_text().splitlines() if line.startswith("worm3d sweep ")]
+    lines = [
+        line for line in (ROOT / "scenes" / "STUDIES.md").read_text().splitlines() if line.startswith("worm3d sweep ")
+    ]
     assert len(lines) == 3
     for line in lines:
         _, _, scene, *options = shlex.split(line)

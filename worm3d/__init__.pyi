@@ -25,6 +25,7 @@ from worm3d.problem import Problem as Problem
 from worm3d.result import Result as Result
 from worm3d.result import load as load
 from worm3d.simulate import simulate as simulate
+from worm3d.solver.segment_law import stretch_segment as stretch_segment
 from worm3d.start import LimitPointError as LimitPointError
 from worm3d.start import flattening_weight as flattening_weight
 from worm3d.state import State as State

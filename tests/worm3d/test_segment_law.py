@@ -7,8 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import worm3d
-from worm3d import Hysteresis, Jenkins, Pneumatic, Worm
-from worm3d.segment_law import stretch
+from worm3d import Hysteresis, Jenkins, Pneumatic, Worm, stretch_segment
 
 RUBS = Jenkins(moment=0.02, load_ratio=0.5, give=2e-4)
 
@@ -29,7 +28,7 @@ def test_it_needs_the_force_that_has_moved_a_segment_of_the_simulation(own: Hyst
         gravity=(0, 0, 0),
         integrator="implicit_euler",
     )
-    found = stretch(worm, run.chamber_length[:, 0, 0], run.time)
+    found = stretch_segment(worm, run.chamber_length[:, 0, 0], run.time)
     assert np.ptp(found.length) > 0.03
     assert_allclose(found.force[1:], [pull(t) for t in run.time[1:]], rtol=0, atol=1e-3)
     for name in ("elastic", "viscous_loss", "hysteresis_loss"):
@@ -38,7 +37,7 @@ def test_it_needs_the_force_that_has_moved_a_segment_of_the_simulation(own: Hyst
 
 def test_a_way_there_and_back_without_losses_needs_no_work() -> None:
     way = 0.2 + 0.02 * np.sin(np.linspace(0.0, 2.0 * np.pi, 2001))
-    found = stretch(Worm(segments=1, length=0.2, kelvin_voigt_time=0.0), way, np.linspace(0.0, 1.0, 2001))
+    found = stretch_segment(Worm(segments=1, length=0.2, kelvin_voigt_time=0.0), way, np.linspace(0.0, 1.0, 2001))
     assert abs(np.trapezoid(found.force, way)) < 1e-6 * np.abs(found.elastic).sum()
     assert_allclose(np.cumsum(found.elastic), 13.0 * 0.2 / 2.0 * (way / 0.2 - 1.0) ** 2, rtol=0, atol=1e-14)
     assert_array_equal(found.hysteresis_loss, 0.0)
@@ -58,4 +57,4 @@ def test_a_way_there_and_back_without_losses_needs_no_work() -> None:
 )
 def test_what_is_wrong_is_said(length: Any, time: Any, worm: Any, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
-        stretch(Worm(segments=1, length=0.2, **worm), length, time)
+        stretch_segment(Worm(segments=1, length=0.2, **worm), length, time)

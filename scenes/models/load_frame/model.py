@@ -24,8 +24,8 @@ from scenes.models.load_frame import overview
 from scenes.models.load_frame.schema import NO_FILE, Frame, LoadFrameScene, Worm
 from scenes.models.worm.schema import Hysteresis
 from scenes.records import measured
-from worm3d import segment_law
 from worm3d.physics.hysteresis import HYSTERESES
+from worm3d.solver import segment_law
 from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import Variable
 from worm3d.worm import Worm as PlantWorm
@@ -122,7 +122,7 @@ def run(scene: LoadFrameScene, observer: Observer) -> Outcome:
     worm, cable = worm_of(scene), cable_of(scene.frame, time)
     try:
         height, length = shape(worm, cable, scene.frame.cable_per_diameter)
-        pulled = segment_law.stretch(worm, length, time)
+        pulled = segment_law.stretch_segment(worm, length, time)
     except ValueError as error:
         raise SceneError(in_keys(str(error), KEYS)) from error
     force = pulled.force * 2.0 * height / (scene.frame.cable_per_diameter * length)

@@ -38,7 +38,7 @@ class Stretch(ReadOnly):
     """Loss to friction in the joints, shape (T,) [J]."""
 
 
-def stretch(worm: Worm, length: ArrayLike, time: ArrayLike) -> Stretch:
+def stretch_segment(worm: Worm, length: ArrayLike, time: ArrayLike) -> Stretch:
     """Move the ends of a worm's first segment along a line, both chambers alike, and return what that takes.
 
     The segment has rested at the first length, without stress in its joints; nothing is commanded.
