@@ -16,7 +16,7 @@ from scenes.language.checks import Check, Passed, cross_mistakes
 from scenes.language.errors import DiscError, SceneError, printable
 from scenes.language.mistakes import Mistake, did_you_mean, report, validated
 from scenes.language.overrides import apply_overrides
-from scenes.language.schema import Section, is_file, section_type
+from scenes.language.schema import Section, field_at, is_file, section_type
 from scenes.language.sweep_section import SWEEP, sweep_mistakes
 from worm3d.values import regular_file
 
@@ -83,6 +83,14 @@ class Scene(Generic[M]):
         return toml.document(self.settings)
 
 
+class ImpossibleError(SceneError):
+    """A scene that cannot be although each of its keys is right: they do not fit together, or the plant refuses it."""
+
+    def __init__(self, scene: Scene[Any], lines: Iterable[str]) -> None:
+        super().__init__(*lines)
+        self.scene = scene
+
+
 def load_scene(models: Models[M], name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scene[M]:
     """Read and check a scene.
 
@@ -128,7 +136,10 @@ class Draft(Generic[M]):
         self._passed: dict[str, Passed] = {}
 
     def checked(self, overrides: Iterable[str] = ()) -> Scene[M]:
-        """Return the scene with further overrides; SceneError with one line for each mistake."""
+        """Return the scene with further overrides; SceneError with one line for each mistake.
+
+        It is an ImpossibleError where no key is wrong on its own.
+        """
         data, overridden, mistakes = apply_overrides(self._data, overrides)
         overridden, mistakes = self._overridden + overridden, self._mistakes + mistakes
         sweep = data.pop(SWEEP, {})
@@ -139,9 +150,18 @@ class Draft(Generic[M]):
         mistakes += model_mistakes + wrong
         passed = self._passed.setdefault(model.name, {})
         mistakes += cross_mistakes(model.checks, model.schema, data, mistakes, overridden, passed)
+        scene = Scene(printable(self._name), model, settings, sweep)
         if mistakes:
-            raise SceneError(*report(mistakes, toml.key_lines(self._text), overridden))
-        return Scene(printable(self._name), model, settings, sweep)
+            lines = report(mistakes, toml.key_lines(self._text), overridden)
+            of_one_key = settings is None or any(_is_of_one_key(model.schema, mistake) for mistake in mistakes)
+            raise SceneError(*lines) if of_one_key else ImpossibleError(scene, lines)
+        return scene
+
+
+def _is_of_one_key(schema: type[Section], mistake: Mistake) -> bool:
+    """Return whether a key is wrong whatever the others are: no other one is suspected, or it names a wrong file."""
+    key = field_at(schema, mistake.path)
+    return not mistake.suspects or key is None or is_file(key)
 
 
 def _look_beside(data: dict[str, Any], schema: type[Section], folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -11,7 +12,7 @@ from scenes.language.errors import DiscError, SceneError
 from scenes.records.folder import PREFIX, made
 from scenes.sweep.case_file import CASES, FAILED, NOT_RUN, CaseResult
 from scenes.sweep.executors import Executor, Stopped
-from scenes.sweep.job import Ended, found, perform
+from scenes.sweep.job import Ended, found, perform, refused
 from scenes.sweep.plan import Case, Jobs, Plan
 
 
@@ -26,7 +27,14 @@ class Progress:
     ran: int = 0
     """Number of those that have come to their end since."""
     failed: int = 0
-    """Number of those that diverged or failed, earlier ones among them."""
+    """Number of those that diverged or failed, earlier and refused ones among them."""
+    refused: int = 0
+    """Number of those that cannot be, and failed without being run; neither kept nor run."""
+
+    @property
+    def ended(self) -> int:
+        """Number of cases that need not be run any more."""
+        return self.kept + self.refused + self.ran
 
 
 @dataclass
@@ -67,9 +75,14 @@ class Sweep:
             The disc refused a file, or a package is missing where the cases run.
         """
         made(self.cases_folder)
-        jobs = self._jobs(tuple({case.key: case for case in self.plan.cases}.values()))
+        cases = {case.key: case for case in self.plan.cases}.values()
+        impossible = self._jobs(tuple(case for case in cases if case.refused))
+        jobs = self._jobs(tuple(case for case in cases if not case.refused))
         missing, failed = self._missing(jobs, anew=anew, retry_failed=retry_failed)
-        progress = Progress(len(jobs), len(jobs) - len(missing), failed=failed)
+        self._refuse(impossible)
+        progress = Progress(
+            len(cases), len(jobs) - len(missing), failed=failed + len(impossible), refused=len(impossible)
+        )
         watch(progress)
         try:
             for ended in executor.run(missing, perform, stopped) if len(missing) else ():
@@ -105,6 +118,12 @@ class Sweep:
                 _remove(Path(job.path).with_suffix(suffix))
             missing.append(case)
         return replace(jobs, cases=tuple(missing)), failed
+
+    def _refuse(self, jobs: Jobs) -> None:
+        """Write the files of cases that cannot be."""
+        for case, job in zip(jobs.cases, jobs, strict=True):
+            if found(job) is None:
+                refused(job, self.plan.base.model.name, case.seed, tomllib.loads(job.scene), case.refused)
 
     def _note(self, ended: Ended, progress: Progress) -> None:
         progress.ran += 1

@@ -103,10 +103,14 @@ def _failed(job: Job, scene: Scene, data: Mapping[str, Any], error: Exception) -
     kind, words = type(error).__name__, " ".join(str(error).split())
     explained = bool(words) and isinstance(error, ValueError | SceneError)
     sentence = printable(words if explained else f"{kind}: {words}".removesuffix(": "))
-    model, seed = scene.model.name, scene.settings.seed
-    result = CaseResult(job.key, job.name, model, FAILED, sentence, seed, versions=versions(), scene=data)
+    return _ended(refused(job, scene.model.name, scene.settings.seed, data, sentence))
+
+
+def refused(job: Job, model: str, seed: int, scene: Mapping[str, Any], sentence: str) -> CaseResult:
+    """Write the file of a case without a record, which failed for a reason, and return what it came to."""
+    result = CaseResult(job.key, job.name, model, FAILED, sentence, seed, versions=versions(), scene=scene)
     write(result, Path(job.path).with_suffix(".json"))
-    return _ended(result)
+    return result
 
 
 def _ended(result: CaseResult) -> Ended:

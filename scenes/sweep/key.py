@@ -20,13 +20,13 @@ LENGTH = 20
 """Number of characters of a key: 80 bits, so that a million cases hardly ever share one."""
 
 
-def key_of(scene: Scene) -> str:
+def key_of(scene: Scene, *, possible: bool = True) -> str:
     """Return the key of a checked scene: of its settings, seed included, of what they refer to, and of the programs.
 
     What a scene refers to are the content of its files, and what its model adds (`Model.refers_to`), such as the map by
-    which a controller knows its worm.
+    which a controller knows its worm; one that is not `possible` refers to nothing.
     """
-    refers = scene.model.refers_to
+    refers = scene.model.refers_to if possible else None
     basis = {
         "scene": scene.to_toml(),
         "files": [_digest_of(path) for path in _files(scene.settings)],

@@ -18,7 +18,7 @@ from pydantic_core import to_jsonable_python
 from scenes.commands.terminal import counted
 from scenes.language import toml
 from scenes.language.errors import SceneError
-from scenes.language.loader import Draft, find_scene, read_text
+from scenes.language.loader import Draft, ImpossibleError, find_scene, read_text
 from scenes.language.sweep_section import varied_keys
 from scenes.models.base import Model
 from scenes.models.loading import Scene, draft
@@ -59,6 +59,14 @@ class Source:
         """Return the checked scene, with further overrides."""
         return self._draft.checked(overrides)
 
+    def base(self) -> Scene:
+        """Return the scene, each of whose keys must be right; what is varied may be what makes it possible."""
+        try:
+            return self.parse()
+        except ImpossibleError as error:
+            scene: Scene = error.scene
+            return scene
+
     @cached_property
     def _draft(self) -> Draft[Model[Any]]:
         return draft(self.text, self.name, self.overrides, self.folder)
@@ -74,6 +82,8 @@ class Case:
     seed: int
     packed: bytes
     """Its resolved scene as TOML, compressed."""
+    refused: str = ""
+    """Why it cannot be, although each of its keys is right; empty if it can."""
 
     def job(self, name: str, folder: Path, *, results: bool) -> Job:
         """Return the job that runs it into a folder."""
@@ -83,7 +93,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Plan:
-    """A design whose cases have all been checked."""
+    """A design whose cases have all been checked; those that cannot be are refused, not run."""
 
     base: Scene
     """Scene of which keys are varied."""
@@ -135,9 +145,10 @@ def planned(
     Raises
     ------
     SceneError
-        With one line for each mistake, and the values of the first case that has it.
+        With one line for each mistake, and the values of the first case that has it: a key is wrong on its own, or
+        all cases are refused.
     """
-    base = source.parse()
+    base = source.base()
     if not vary and not listed:
         vary, random = varied_keys(base.sweep.get("vary", {})), random or base.sweep.get("random")
     schema, seed = base.model.schema, base.settings.seed
@@ -147,24 +158,30 @@ def planned(
     if twice := sorted(keys & fixed):
         raise SceneError(f"{twice[0]}: both varied and fixed by an override (-o); leave one of them out")
     given = SEED in keys | fixed
-    cases, wrong = [], _Mistakes(tuple(keys))
+    cases, wrong, impossible = [], _Mistakes(tuple(keys)), _Mistakes(tuple(keys))
     for done, values in enumerate(design.cases(), start=1):
+        reasons: Sequence[str] = ()
         try:
             scene = source.parse(f"{key}={toml.value(value)}" for key, value in values.items())
+        except ImpossibleError as error:
+            scene, reasons = error.scene, impossible.add(values, error.lines)
         except SceneError as error:
             wrong.add(values, error.lines)
             if wrong.number >= MOST_WRONG:
                 break
-        else:
-            cases.append(_case(scene if given else _seeded(scene, seed, keys), values))
+            continue
+        cases.append(_case(scene if given else _seeded(scene, seed, keys), values, "; ".join(reasons)))
         watch(done, len(design))
     if wrong.number:
         raise SceneError(*wrong.report(len(design), done))
+    if impossible.number == len(design):
+        raise SceneError(*impossible.report(len(design), done))
     return Plan(base, design, tuple(cases))
 
 
-def _case(scene: Scene, values: Mapping[str, Any]) -> Case:
-    return Case(values, key_of(scene), scene.settings.seed, zlib.compress(scene.to_toml().encode()))
+def _case(scene: Scene, values: Mapping[str, Any], refused: str) -> Case:
+    key = key_of(scene, possible=not refused)
+    return Case(values, key, scene.settings.seed, zlib.compress(scene.to_toml().encode()), refused)
 
 
 def _seeded(scene: Scene, base: int, keys: Iterable[str]) -> Scene:
@@ -192,16 +209,18 @@ class _Mistakes:
         self._found: dict[str, tuple[str, str, int]] = {}
         """Kind of mistake -> values of the first case with it, its line there, and the number of such cases."""
 
-    def add(self, values: Mapping[str, Any], lines: Iterable[str]) -> None:
-        """Take note of the mistakes of a case."""
+    def add(self, values: Mapping[str, Any], lines: Iterable[str]) -> list[str]:
+        """Take note of the mistakes of a case, and return them as they are told."""
         self.number += 1
+        texts = []
         for line in lines:
             label, _, rest = line.partition(": ")
             key = label.removeprefix("override ")
             kind = _NUMBERS.sub("#", line)
-            text = f"{key}: {rest}" if key in self._keys else line
-            first, text, number = self._found.get(kind, (told(values), text, 0))
+            texts.append(f"{key}: {rest}" if key in self._keys else line)
+            first, text, number = self._found.get(kind, (told(values), texts[-1], 0))
             self._found[kind] = first, text, number + 1
+        return texts
 
     def report(self, total: int, checked: int) -> Iterator[str]:
         """Yield a line for each kind of mistake; one that every checked case has needs no values."""

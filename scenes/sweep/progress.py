@@ -31,12 +31,13 @@ def shown(title: str, *, quiet: bool) -> Iterator[Watch]:
 
 def summed_up(progress: Progress, seconds: float) -> str:
     """Return how far a sweep has come: `57 of 200 cases, 3 failed, 1.9 cases/s, 75 s left`."""
-    done = progress.kept + progress.ran
+    done = progress.ended
     parts = [f"{done} of {counted(progress.total, 'case')}"]
     if progress.kept:
         parts.append(f"{progress.kept} kept from before")
     if progress.failed:
-        parts.append(f"{progress.failed} failed")
+        why = f" ({progress.refused} refused, not run)" if progress.refused else ""
+        parts.append(f"{progress.failed} failed{why}")
     if progress.ran and seconds > 0.0:
         rate = progress.ran / seconds
         parts.append(f"{rate:.2g} cases/s" if rate < 10 else f"{rate:.0f} cases/s")
@@ -77,6 +78,6 @@ def _bar(title: str) -> Iterator[Watch]:
 
         def show(progress: Progress) -> None:
             text = summed_up(progress, time.monotonic() - begun)
-            bars.update(task, total=progress.total, completed=progress.kept + progress.ran, description=text)
+            bars.update(task, total=progress.total, completed=progress.ended, description=text)
 
         yield show

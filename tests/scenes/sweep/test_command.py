@@ -58,6 +58,21 @@ def test_failed_cases_are_told_and_the_others_finish(worm3d, tmp_path: Path) -> 
     assert "3 of 3 cases, 1 failed" in ended.out
 
 
+def test_cases_that_cannot_be_are_failed_without_being_run(worm3d, tmp_path: Path) -> None:
+    command = ("sweep", *SHORT, "--vary", "gait.period_s=0.001,2", *NOT_DRAWN, "--out", "x")
+    ended = worm3d(*command)
+    assert ended.code == 5
+    assert ended.complaints[0] == "planar_published: 1 of 2 cases, 1 failed (1 refused, not run)"
+    refused, done = rows(tmp_path / "x" / "sweep.csv")
+    assert (refused["status"], done["status"]) == ("failed", "done")
+    assert "at most a 10th of gait.period_s (0.001 s)" in refused["reason"]
+    case = json.loads((tmp_path / "x" / "cases" / f"{refused['case']}.json").read_text())
+    assert (case["status"], case["scene"]["gait"]["period_s"]) == ("failed", 0.001)
+    again = worm3d(*command, "--retry-failed")
+    assert again.code == 5
+    assert again.complaints[0] == "planar_published: 2 of 2 cases, 1 kept from before, 1 failed (1 refused, not run)"
+
+
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [

@@ -87,7 +87,7 @@ def test_the_key_is_of_scene_programs_files_and_maps(tmp_path: Path, monkeypatch
 
 
 def test_mistakes_are_told_once_with_the_values_of_the_first_case_that_has_them() -> None:
-    wide = {"gait.period_s": "0.01,0.02,2,3", "gait.amplitude": "0.1,0.2"}
+    wide = {"gait.period_s": "0.01,0.02", "gait.amplitude": "0.1,0.2"}
     assert refused(wide) == [
         "with gait.period_s = 0.01, gait.amplitude = 0.1 (and 3 cases more): gait.period_s: got 0.01 s: must be at "
         "least 10 times run.dt_s (0.01 s), or the wave falls between the steps"
@@ -96,8 +96,8 @@ def test_mistakes_are_told_once_with_the_values_of_the_first_case_that_has_them(
     assert refused({"gait.perod_s": "1,2"}, "worm.sgments=3") == [
         "override worm.sgments: unknown key; did you mean 'segments'?"
     ]
-    (line, last) = refused({"gait.period_s": "0.001:0.01:2000"})
-    assert line.startswith("with gait.period_s = 0.001 (and 19 cases more): gait.period_s: got 0.001 s")
+    (line, last) = refused({"gait.period_s": "-2:-1:2000"})
+    assert line.startswith("with gait.period_s = -2.0 (and 19 cases more): gait.period_s: got -2")
     assert last == "20 of the first 20 cases are wrong; the other 1980 were not checked"
     assert refused({"gait.period_s": "2,3"}, "gait.period_s=4") == [
         "gait.period_s: both varied and fixed by an override (-o); leave one of them out"
@@ -141,3 +141,18 @@ def test_a_wrong_section_is_told_by_its_line(section: str, complaint: str) -> No
     with pytest.raises(SceneError) as error:
         parse_scene(f"{SWEPT}{section}", "swept")
     assert complaint in str(error.value)
+
+
+def test_cases_that_only_their_combination_makes_impossible_are_refused_and_the_others_go_on() -> None:
+    found = plan({"gait.period_s": "0.01,2", "gait.amplitude": "0.1,0.2"})
+    assert [bool(case.refused) for case in found.cases] == [True, True, False, False]
+    assert found.cases[0].refused.startswith("gait.period_s: got 0.01 s: must be at least 10 times run.dt_s")
+    lines = refused({"gait.period_s": "0.01,2,-1"})
+    assert len(lines) == 1, "a value that is wrong for any scene stops all"
+    assert lines[0].startswith("with gait.period_s = -1: gait.period_s: got -1: input should be greater than")
+    strong = plan({"worm.spring_N": "1,800"}, "worm.mass_kg=2", scene="flat")
+    assert [bool(case.refused) for case in strong.cases] == [True, False], (
+        "the scene that is varied need not be possible"
+    )
+    controlled = plan({"worm.mass_kg": "2,0.1"}, scene="path_line")
+    assert [bool(case.refused) for case in controlled.cases] == [True, False]
