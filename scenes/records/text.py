@@ -51,13 +51,14 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iter
 
 def json_bytes(content: Any, indent: int | None = 2) -> bytes:
     """Return content as the bytes of a JSON file; numbers that are not finite become null."""
-    text = json.dumps(_without_nan(content), indent=indent, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(finite(content), indent=indent, ensure_ascii=False, allow_nan=False)
     return f"{text}\n".encode()
 
 
-def _without_nan(content: Any) -> Any:
+def finite(content: Any) -> Any:
+    """Return content as JSON can hold it: mappings as dicts, sequences as lists, None for what is not finite."""
     if isinstance(content, Mapping):
-        return {key: _without_nan(item) for key, item in content.items()}
+        return {key: finite(item) for key, item in content.items()}
     if isinstance(content, list | tuple):
-        return [_without_nan(item) for item in content]
+        return [finite(item) for item in content]
     return None if isinstance(content, float) and not math.isfinite(content) else content

@@ -18,7 +18,7 @@ from typing import Any
 from scenes.commands.terminal import timing
 from scenes.records.folder import write_bytes
 from scenes.records.record import Metric, Record
-from scenes.records.text import json_bytes
+from scenes.records.text import finite
 from worm3d.values import netcdf
 
 CASES = "cases"
@@ -80,8 +80,9 @@ def write(result: CaseResult, path: Path) -> None:
     DiscError
         The file cannot be written.
     """
-    content = {"format": FORMAT, **vars(result)}
-    write_bytes(path, json_bytes({**content, "digest": _digest(content)}, indent=1))
+    content = finite({"format": FORMAT, **vars(result)})
+    text = json.dumps({**content, "digest": _digest(content)}, indent=1, ensure_ascii=False)
+    write_bytes(path, f"{text}\n".encode())
 
 
 def read(path: Path) -> CaseResult | None:
@@ -121,4 +122,4 @@ def _of_record(path: Path) -> CaseResult:
 
 
 def _digest(content: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json_bytes(content, indent=None)).hexdigest()
+    return hashlib.sha256(json.dumps(content, ensure_ascii=False).encode()).hexdigest()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from os import PathLike
 from typing import Any
 
@@ -35,9 +35,7 @@ class Variable:
         if array.ndim != len(dims):
             raise ValueError(f"{name}: got shape {array.shape}, must have one axis for each of {dims}")
         array.setflags(write=False)
-        given = (name, dims, array, units, long_name)
-        for each, item in zip(fields(self), given, strict=True):
-            object.__setattr__(self, each.name, item)
+        vars(self).update(name=name, dims=dims, values=array, units=units, long_name=long_name)
 
     @property
     def sizes(self) -> dict[str, int]:
