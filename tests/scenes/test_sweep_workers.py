@@ -80,6 +80,18 @@ def test_a_killed_worker_costs_no_case_and_a_killing_case_is_told(tmp_path: Path
     require_complete(innocent)
 
 
+def test_short_cases_that_share_a_task_with_a_killing_one_are_run_once(tmp_path: Path) -> None:
+    innocent = jobs(tmp_path, "spin 0.01", 60)
+    guilty, wrong = jobs(tmp_path, "kill", 1)[0], jobs(tmp_path, "raise", 1)[0]
+    ended = list(cluster.Local(2).run([*innocent[:40], guilty, wrong, *innocent[40:]], perform, never))
+    told = {each.key: each for each in ended}
+    assert len(told) == len(ended) == 62
+    assert told.pop(guilty.key) == Ended(guilty.key, "failed", DEATH)
+    assert told.pop(wrong.key) == Ended(wrong.key, "failed", "ZeroDivisionError: nothing to divide by")
+    assert {each.status for each in told.values()} == {"done"}
+    require_complete(innocent)
+
+
 @contextmanager
 def started(*command: str) -> Iterator[tuple[subprocess.Popen[str], Iterator[str]]]:
     """Run one of Dask's own commands and give what it says."""

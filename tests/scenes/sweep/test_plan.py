@@ -156,3 +156,18 @@ def test_cases_that_only_their_combination_makes_impossible_are_refused_and_the_
     )
     controlled = plan({"worm.mass_kg": "2,0.1"}, scene="path_line")
     assert [bool(case.refused) for case in controlled.cases] == [True, False]
+
+
+def test_what_cases_share_is_tested_again_where_a_case_changes_it() -> None:
+    draft = Source.of("flat", ["run.duration_s=5"])
+    draft.parse(["gait.period_s=3"])
+    for wrong in ("worm.segments=2", "run.dt_s=6.0", "worm.mass_kg=100.0", "gait.period_s=0.01"):
+        with pytest.raises(SceneError) as once:
+            load_scene("flat", ["run.duration_s=5", wrong])
+        with pytest.raises(SceneError) as again:
+            draft.parse([wrong])
+        assert again.value.lines == once.value.lines
+    assert (
+        draft.parse(["gait.period_s=3"]).to_toml()
+        == load_scene("flat", ["run.duration_s=5", "gait.period_s=3"]).to_toml()
+    )
