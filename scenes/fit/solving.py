@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from scenes.fit.dips import dips
-from scenes.fit.identifiability import Determined, Relation, axes_of, determined, vague
+from scenes.fit.identifiability import LOST, Determined, Relation, axes_of, determined, vague
 from scenes.fit.slopes import HALVINGS, Slopes, slopes_at
 from scenes.fit.trials import SpentError, Trials
 from scenes.fit.uncertainty import DRAWS, MOST_CHANNELS, Uncertainty, uncertainty_of
@@ -41,6 +41,8 @@ UNMOVED = 1e-9
 """Effect of keys that is rounding, as a fraction of the standard deviation of the data."""
 COARSE, FINE = 1e-3, 1e-6
 """Changes of the sum of squares, relative to it, at which the first minimisations end, and the last ones."""
+DEEPER = 0.01
+"""Least part of the sum of squares by which a minimum must be lower than another to be taken for it at the end."""
 VALLEYS = 3
 """Largest number of minima that are left for a lower one."""
 AT_BOUND = 1e-3
@@ -93,10 +95,12 @@ def solve(trials: Trials) -> Solution:
             steps = np.clip(STEP_PER_ERROR * errors, *STEPS)
             if np.all(np.abs(u - before) <= ALIKE * errors):
                 break
-        u = problem.minimum(
-            u, weights, np.full(len(u), STEPS[0]), FINE
-        )  # chords lead past the bottom of a small valley
+        tiny = np.full(len(u), STEPS[0])  # chords lead past the bottom of a small valley
+        u = problem.minimum(u, weights, tiny, FINE)
+        before, u = u, problem.beside(u, weights, tiny)
         weights = problem.weights(u)
+        if np.any(u != before):
+            steps = np.clip(STEP_PER_ERROR * problem.errors(u, weights, tiny), *STEPS)
     except (SpentError, _MetError) as end:
         exact = isinstance(end, _MetError)
         finished = exact
@@ -144,6 +148,36 @@ class _Problem:
                 break
             u = other
         return u
+
+    def beside(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
+        """Return the lowest of the minima that contact events set apart from a minimum.
+
+        Between events a simulation is nearly linear, so one run tells how low the valley is that it lies in: by the
+        residuals less what the slopes can mend.
+        """
+        factor = self._each(weights)
+        for _ in range(VALLEYS):
+            slopes = factor[:, None] * self.slopes(u, steps).values[self.known]
+            lengths, singular, directions = axes_of(slopes)
+            kept = singular > LOST
+            axes = directions[kept] / lengths
+            basis = slopes @ (axes / singular[kept, None]).T
+            floor = partial(self._floor, factor=factor, basis=basis)
+            found = dips(floor, u, axes)
+            if not found or floor(found[0]) >= (1.0 - DEEPER) * floor(u):
+                break
+            other = self.minimum(found[0], weights, steps, FINE)
+            if self._squares(other, weights) >= (1.0 - DEEPER) * self._squares(u, weights):
+                break
+            u = other
+        return u
+
+    def _floor(self, u: FloatArray, factor: FloatArray, basis: FloatArray) -> float:
+        """Return the sum (F3) without what lies in a space, given by an orthonormal basis, shape (M, K)."""
+        if np.any(u < self.low) or np.any(u > self.high) or (found := self._channels(u)) is None:
+            return np.inf
+        off: FloatArray = factor * (found - self.data.values)[self.known]
+        return float(off @ off - np.sum((basis.T @ off) ** 2))
 
     def _squares(self, u: FloatArray, weights: FloatArray) -> float:
         """Return the sum (F3); infinite out of range and where the run fails."""

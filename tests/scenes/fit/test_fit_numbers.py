@@ -102,6 +102,23 @@ def test_intervals_hold_in_95_of_100_linear_fits(phi: float) -> None:
     assert np.all((ratio > 0.8) & (ratio < 1.25)), ratio
 
 
+def test_intervals_of_many_channels_hold() -> None:
+    """Forty channels that two keys move in few patterns, with noise that neighbours share in part."""
+    random, repeats, many = np.random.default_rng(8), 40, 40
+    at = np.linspace(0.0, 1.0, many)[:, None]
+    slopes = np.stack([np.sin(np.pi * (TIME - at)), (1.0 - at) * TIME], axis=-1)
+    inverse = np.linalg.inv(np.einsum("ctp,ctq->pq", slopes, slopes))
+    off, half = [], []
+    for _ in range(repeats):
+        noise = autoregressive(random, many, len(TIME))
+        noise[1:] = 0.6 * noise[1:] + 0.8 * noise[:-1]
+        off.append(inverse @ np.einsum("ctp,ct->p", slopes, noise))
+        half.append(uncertainty_of(noise - slopes @ off[-1], slopes, np.ones(many), inverse, draws=20).half_width)
+    assert np.all((np.abs(off) <= half).mean(axis=0) >= 0.88)
+    ratio = np.mean(half, axis=0) / 1.96 / np.std(off, axis=0)
+    assert np.all((ratio > 0.8) & (ratio < 1.25)), ratio
+
+
 def test_white_noise_gives_the_textbook_covariance() -> None:
     random = np.random.default_rng(4)
     slopes = random.standard_normal((1, 4000, 2))
@@ -194,6 +211,16 @@ def test_a_product_of_keys_is_one_key() -> None:
     assert found.known.tolist() == [False, False, True]
     assert found.relations[0].keys == ("a", "b")
     assert found.values[0] * found.values[1] == pytest.approx(4.0, rel=0.01)
+
+
+def test_a_valley_close_by_is_found_across_a_crest() -> None:
+    """A step of the model at a = 1.006, hidden by the slopes of two keys that nearly cancel each other."""
+    model = lambda a, b: np.array([a * TIME + b * np.sin(TIME) + 0.05 * (a > 1.006) * np.sin(9.0 * TIME)])  # noqa: E731
+    noise = 0.01 * np.random.default_rng(9).standard_normal(len(TIME))
+    trials = Analytic(model, model(1.0, 1.0) + noise, varied("a", 1.012), varied("b", 0.95))
+    found = solve(trials)
+    np.testing.assert_allclose(found.values, 1.0, atol=0.02)
+    assert np.std(found.simulated - trials.data.values) < 0.0102
 
 
 def test_a_valley_beside_the_right_one_is_left() -> None:

@@ -108,7 +108,7 @@ def test_a_whole_exported_run_is_met_exactly(worm3d: Command, tmp_path: Path, sc
 def test_what_the_data_do_not_tell_is_said(record: Record, tmp_path: Path) -> None:
     """A worm that turns nowhere says nothing of the stiffness of its yaw."""
     seen = written(tmp_path / "seen.csv", record, 1e-3)
-    found = fit("flat", seen, ["gait.amplitude", "worm.yaw_J"], overrides(gait__amplitude="0.19"))
+    found = fit("flat", seen, ["gait.amplitude", "worm.yaw_J"], overrides(gait__amplitude="0.19"), 50)
     assert [each.interval is None for each in found.keys] == [False, True]
     assert found.keys[1].reason == "the data do not determine it"
     assert found.relations[0].sentence.startswith("the data say little about worm.yaw_J")
