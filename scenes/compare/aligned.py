@@ -2,7 +2,8 @@
 
 With points p_k of one record and r_k of the other, at the same instants and with means p and r, the sum of
 |r_k - R(a) (p_k - p) - r|^2 is least for tan a = sum((p_k - p) x (r_k - r)) / sum((p_k - p) . (r_k - r)) in the
-horizontal plane, where x is the z-component of the cross product.
+horizontal plane, where x is the z-component of the cross product. A point of which one record has x or y alone counts
+with that component, in the frame of that record: from there the sum is made less by Gauss-Newton steps.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenes.compare.differences import common
 from scenes.language.errors import SceneError
@@ -25,7 +27,8 @@ def aligned(reference: Record, other: Record) -> Record:
     """Return a record moved and turned about z so that its positions fit those of a reference best (least squares).
 
     Positions are the centre of mass, joints and markers, as far as both have them, at all instants that they have in
-    common. A worm in a vertical plane is moved, not turned.
+    common, with each component that both know. Without a point of which both know x and y nothing is turned. A worm in
+    a vertical plane is moved, not turned.
 
     Raises
     ------
@@ -33,29 +36,49 @@ def aligned(reference: Record, other: Record) -> Record:
         They have no position in common.
     """
     ours, theirs = _points(reference, other)
-    axes = ours.shape[1]
-    middle, right = theirs.mean(axis=0), ours.mean(axis=0)
-    angle = 0.0 if _is_planar(reference) or _is_planar(other) else _turn(theirs - middle, ours - right)
-    shift = np.zeros(3)
-    shift[:axes] = right - _turned(middle, angle)
+    known = np.isfinite(ours) & np.isfinite(theirs)
+    shift = np.array([(ours - theirs)[known[:, k], k].mean() if known[:, k].any() else 0.0 for k in range(3)])
+    angle, both = 0.0, known[:, 0] & known[:, 1]
+    if both.any() and not (_is_planar(reference) or _is_planar(other)):
+        angle, shift[:2] = _fitted(ours[:, :2], theirs[:, :2], both)
     return replace(other, variables=tuple(_moved(variable, angle, shift) for variable in other.variables))
 
 
 def _points(reference: Record, other: Record) -> tuple[FloatArray, FloatArray]:
-    """Return the positions that both records have, shapes (K, 2 or 3) [m]."""
-    found = [
-        (ours.reshape(-1, ours.shape[-1]), theirs.reshape(-1, theirs.shape[-1]))
-        for name, (_, ours, theirs) in common(reference, other).items()
+    """Return the positions that both records have, shapes (K, 3) [m]; components that are not known are NaN."""
+    pairs = [
+        [
+            np.pad(each.reshape(-1, each.shape[-1]), ((0, 0), (0, 3 - each.shape[-1])), constant_values=np.nan)
+            for each in of
+        ]
+        for name, (_, *of) in common(reference, other).items()
         if name == "com" or name in measured.JOINTS or name.startswith(MARKER)
     ]
-    axes = min((ours.shape[1] for ours, _ in found), default=0)
-    for seen in range(axes, 1, -1):  # x and y alone, where no z was measured
-        pairs = [(ours[:, :seen], theirs[:, :seen]) for ours, theirs in found]
-        ours, theirs = (np.concatenate(each) for each in zip(*pairs, strict=True))
-        known = np.isfinite(ours).all(axis=1) & np.isfinite(theirs).all(axis=1)
-        if known.any():
-            return ours[known], theirs[known]
-    raise SceneError(f"--align: {other.name} and {reference.name} have no position in common")
+    ours, theirs = (np.concatenate([np.empty((0, 3)), *(pair[k] for pair in pairs)]) for k in (0, 1))
+    if not (np.isfinite(ours) & np.isfinite(theirs)).any():
+        raise SceneError(f"--align: {other.name} and {reference.name} have no position in common")
+    return ours, theirs
+
+
+def _fitted(ours: FloatArray, theirs: FloatArray, both: NDArray[np.bool_]) -> tuple[float, FloatArray]:
+    """Return the angle and the shift that take points to others best, shapes (K, 2), given which are known in both."""
+    middle, right = theirs[both].mean(axis=0), ours[both].mean(axis=0)
+    angle = _turn(theirs[both] - middle, ours[both] - right)
+    begin = np.array([angle, *(right - _turned(middle, angle))])
+    whole = np.isfinite(theirs).all(axis=1)
+    parts = ~whole & np.isfinite(ours).all(axis=1)
+
+    def off(moves: FloatArray) -> FloatArray:
+        there = _turned(theirs[whole], moves[0]) + moves[1:] - ours[whole]
+        back = _turned(ours[parts] - moves[1:], -moves[0]) - theirs[parts]
+        found = np.concatenate([there, back]).ravel()
+        return np.asarray(found[np.isfinite(found)], dtype=float)
+
+    if len(off(begin)) > 2 * both.sum():
+        from scipy.optimize import least_squares
+
+        begin = least_squares(off, begin, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12).x
+    return float(begin[0]), begin[1:]
 
 
 def _is_planar(record: Record) -> bool:

@@ -13,7 +13,16 @@ import typer
 from scenes.commands.terminal import busy, counted
 from scenes.compare import page
 from scenes.compare.aligned import aligned as aligned_to
-from scenes.compare.differences import ABSENT, Difference, figures, left_out, rows_by_name, series, settings
+from scenes.compare.differences import (
+    ABSENT,
+    Difference,
+    figures,
+    left_out,
+    named_by_settings,
+    rows_by_name,
+    series,
+    settings,
+)
 from scenes.compare.overlays import OVERLAYS, drawn
 from scenes.compare.sources import Source, records, sources
 from scenes.records.drawing import save_figure
@@ -49,7 +58,7 @@ def run(
     SceneError
         Fewer than two results, one that is none, or a folder that cannot be used.
     """
-    as_they_are = sources(paths)
+    as_they_are = named_by_settings(sources(paths))
     given = _aligned(as_they_are) if align else as_they_are
     with prepared(out, "compare", force=force) as folder, busy("comparing", quiet=quiet):
         for stem in (*(f"{stem}.png" for stem in OVERLAYS), TABLE, PAGE):
@@ -92,7 +101,7 @@ def _csv(given: Sequence[Source], found: Sequence[Difference]) -> bytes:
 def _told(given: Sequence[Source], found: Sequence[Difference], missing: str, folder: Path) -> Iterator[str]:
     labels = [source.label for source in given]
     yield from _settings(given)
-    yield f"figures (difference from {labels[0]})"
+    yield f"figures (difference from {labels[0]}); equal ones are left out"
     yield from _indented(_figures(given, [each for each in found if each.kind == "figure"]))
     if moved := [each for each in found if each.kind == "both"]:
         yield "over the time that both have"
@@ -139,7 +148,7 @@ def _is_main(given: Sequence[Source], each: Difference) -> bool:
 def _figures(given: Sequence[Source], found: Sequence[Difference]) -> Iterator[str]:
     rows = []
     for name, row in rows_by_name(found).items():
-        if name in MAIN and any(each.value is not None or each.reference is not None for each in row):
+        if name in MAIN and any(each.value != each.reference for each in row):
             rows.append((name, _number(row[0].reference, row[0].unit), *(_against(each) for each in row)))
     return aligned(("", *(source.label for source in given)), rows)
 

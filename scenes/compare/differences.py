@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from scenes.compare.sources import Source, flat
 from scenes.records import measured
 from scenes.records.columns import MARKER
 from scenes.records.record import Record
+from scenes.sweep.key import LENGTH
 from worm3d.metrics import ROUNDING, named
 from worm3d.values.arrays import FloatArray
 
@@ -20,6 +22,10 @@ NOT_SHOWN = ("title", "says")
 """Keys of a scene that say nothing of the run."""
 ROUNDED = 1e-9
 """Range of a series, as a fraction of its largest number, up to which it is taken as constant."""
+CASE = re.compile(rf"[0-9a-f]{{{LENGTH}}}$")
+"""End of the label of a case of a sweep that is named by its key."""
+MOST_SETTINGS, SHORT_KEY = 3, 8
+"""Largest number of settings that name a case, and digits of its key where settings do not tell it from the others."""
 ABSENT = "-"
 """Value of a key that a scene does not have."""
 
@@ -60,6 +66,22 @@ def settings(given: Sequence[Source]) -> list[Setting]:
     keys = [key for key in dict.fromkeys(key for scene in simulated for key in scene) if key not in NOT_SHOWN]
     differing = [key for key in keys if len({scene.get(key) for scene in simulated}) > 1]
     return [Setting(key, tuple(scene.get(key, ABSENT) for scene in scenes)) for key in differing]
+
+
+def named_by_settings(given: Sequence[Source]) -> list[Source]:
+    """Return the sources with labels for people: cases of a sweep by the settings in which the simulations differ."""
+    simulated = [k for k, source in enumerate(given) if not source.is_measured]
+    shared = [each for each in settings(given) if all(each.values[k] != ABSENT for k in simulated)]
+    differing = [each for each in shared if each.key != "seed"] or shared
+    cases = {k: case.start() for k, source in enumerate(given) if (case := CASE.search(source.label))}
+    texts = {k: ", ".join(f"{key} = {values[k]}" for key, values in differing[:MOST_SETTINGS]) for k in cases}
+    labels = [source.label for source in given]
+    for k, begin in cases.items():
+        is_one = texts[k] and [*texts.values()].count(texts[k]) == 1
+        labels[k] = texts[k] if is_one else labels[k][: begin + SHORT_KEY]
+    if len(set(labels)) < len(labels):
+        return list(given)
+    return [replace(source, label=label) for source, label in zip(given, labels, strict=True)]
 
 
 def figures(given: Sequence[Source]) -> list[Difference]:

@@ -7,13 +7,15 @@ import shutil
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from scenes.commands.runner import simulate
 from scenes.compare import overlays, page
-from scenes.compare.sources import sources
+from scenes.compare.differences import named_by_settings
+from scenes.compare.sources import Source, sources
 from scenes.models.loading import load_scene
 from scenes.records import measured
 from scenes.records.record import Record
@@ -65,7 +67,7 @@ def test_two_runs_a_case_and_a_measurement(worm3d, folder: Path) -> None:
     rows = rows_of(folder / "x" / "compare.csv")
     hinge = rows["setting", "gait.hinge_deg", "turning"]
     assert (hinge["reference"], hinge["value"]) == ("0.0", "20.0")
-    of_run, of_case = (rows["figure", "distance_m", label] for label in ("turning", case))
+    of_run, of_case = (rows["figure", "distance_m", label] for label in ("turning", "gait.hinge_deg = 20.0"))
     assert {**of_run, "source": ""} == {**of_case, "source": ""}
     off = rows["series", "marker_head", "lab"]
     assert float(off["difference"]) == pytest.approx(0.005 / np.sqrt(2.0), rel=1e-9)
@@ -109,6 +111,27 @@ def test_mistakes_are_sentences(worm3d, folder: Path) -> None:
         assert ended.code == 2, arguments
         assert len(ended.complaints) == 1
         assert ended.complaints[0].startswith(sentence)
+
+
+def test_equal_figures_are_in_the_csv_file_alone(worm3d, folder: Path) -> None:
+    ended = worm3d("compare", "straight", "turning", "--out", "x")
+    assert "  distance_m" in ended.out
+    assert "  duration_s" not in ended.out
+    assert float(rows_of(folder / "x" / "compare.csv")["figure", "duration_s", "turning"]["difference"]) == 0.0
+
+
+def test_cases_are_labelled_by_what_differs_else_by_digits() -> None:
+    def labels(*scenes: dict[str, Any]) -> list[str]:
+        given = [Source(f"{n}abcdef0" + "0" * 12, scene, {}, {}, None) for n, scene in enumerate(scenes)]
+        return [source.label for source in named_by_settings([Source("run", {}, {}, {}, None), *given])[1:]]
+
+    def scene(period: float, seed: int, segments: int = 3) -> dict[str, Any]:
+        return {"seed": seed, "gait": {"period_s": period}, "worm": {"segments": segments}}
+
+    four, five = scene(4.0, 1), scene(5.0, 2)
+    given = [Source("0" * 19 + digit, each, {}, {}, None) for digit, each in (("1", four), ("2", five))]
+    assert [source.label for source in named_by_settings(given)] == ["gait.period_s = 4.0", "gait.period_s = 5.0"]
+    assert labels(four, four) == ["0abcdef0", "1abcdef0"]
 
 
 def test_labels_are_the_shortest_that_tell_them_apart(folder: Path) -> None:

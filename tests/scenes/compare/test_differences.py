@@ -200,6 +200,37 @@ def test_a_worm_in_a_vertical_plane_is_not_turned() -> None:
     assert_allclose(moved.mean(axis=0), plane.mean(axis=0), atol=1e-14)
 
 
+def test_a_marker_of_which_only_x_is_known_counts_with_x() -> None:
+    rng = np.random.default_rng(3)
+    head, middle = way(TIME), way(TIME) - [0.2, 0.05, 0.0]
+    c, s = math.cos(0.4), math.sin(0.4)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    bent = {"com": (head @ turn.T + 1.0, "m"), "joints": (np.stack([middle, middle + 0.1], axis=1) @ turn.T + 1.0, "m")}
+    noisy = head + rng.normal(0.0, 0.02, head.shape) * [1.0, 1.0, 0.0]
+    seen = np.stack([middle, middle + 0.1], axis=1)
+    seen[:, :, 1:] = np.nan
+    first, other = of("worm", TIME, com=(noisy, "m"), joints=(seen, "m")), of("worm", TIME, **bent)
+
+    def off(moved: Record) -> float:
+        gaps = [moved["com"] - noisy, moved["joints"] - seen]
+        return sum(float(np.nansum(gap[..., :2] ** 2)) for gap in gaps)
+
+    best = aligned(first, other)
+    without = aligned(replace(first, variables=first.variables[:2]), other)
+    assert off(best) < off(without)
+    for angle, step in ((1e-4, 0.0), (-1e-4, 0.0), (0.0, 1e-4), (0.0, -1e-4)):
+        c, s = math.cos(angle), math.sin(angle)
+        little = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        moved = {name: (best[name] @ little + [step, 0.0, 0.0], "m") for name in bent}
+        assert off(best) < off(of("worm", TIME, **moved))
+    exact = aligned(of("worm", TIME, com=(head, "m"), joints=(seen, "m")), other)
+    assert_allclose(exact["com"], head, atol=1e-9)
+    back = aligned(other, of("worm", TIME, com=(head, "m"), joints=(seen, "m")))
+    assert_allclose(back["com"], bent["com"][0], atol=1e-9)
+    lone = aligned(of("worm", TIME, com=(head * [1.0, np.nan, np.nan], "m")), of("worm", TIME, com=(head + 0.3, "m")))
+    assert_allclose(lone["com"][:, 0], head[:, 0], atol=1e-12)
+
+
 def test_without_a_position_nothing_is_aligned(tmp_path: Path) -> None:
     first, other = of("worm", TIME, com=(way(TIME), "m")), of("measured", TIME, force=(TIME, "N"))
     with pytest.raises(SceneError, match=r"^--align: measured and worm have no position in common$"):
