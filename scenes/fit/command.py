@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import typer
@@ -42,10 +43,16 @@ def run(
     """
     name = find_scene(scene).stem
     with folders.prepared(out, f"fit-{name}", force=force) as folder:
-        with Interruption() as interruption, progress(f"fit of {name}, at most", runs, quiet=quiet, what="run") as show:
+        with Interruption() as interruption, ExitStack() as shown:
+            shows: list[Callable[[int], None]] = []
 
             def go_on(done: int) -> bool:
-                show(done)
+                if done and not shows:  # the first run has shown that scene, keys and data are right
+                    shows.append(
+                        shown.enter_context(progress(f"fit of {name}, at most", runs, quiet=quiet, what="run"))
+                    )
+                for show in shows:
+                    show(done)
                 return not interruption.requested
 
             try:

@@ -1,4 +1,4 @@
-"""The figure of a fit: data and model over time, what is left, and how long it stays alike."""
+"""The figure of a fit: data and model over time, or what the model says, what is left, and how long it stays alike."""
 
 from __future__ import annotations
 
@@ -25,16 +25,17 @@ def draw(fit: Fit) -> tuple[Figure, Axes]:
     grid = figure.subplots(len(chosen), 3, squeeze=False, width_ratios=(2.2, 2.2, 1.3))
     for row, k in zip(grid, chosen, strict=True):
         known = np.isfinite(fit.data.values[k])
-        time, left = fit.data.time[known], fit.residuals[k, known]
-        row[0].plot(time, fit.data.values[k, known], ".", color="0.6", ms=3, label="measured")
-        row[0].plot(time, fit.simulated[k, known], color="C3", lw=1.2, label="fitted")
+        over, left = fit.abscissa.values[known], fit.residuals[k, known]
+        row[0].plot(over, fit.data.values[k, known], ".", color="0.6", ms=3, label="measured")
+        row[0].plot(over, fit.simulated[k, known], color="C3", lw=1.2, label="fitted")
         row[0].set_ylabel(f"{fit.data.names[k]}", fontsize=8)
         row[1].axhline(0.0, color="0.6", lw=0.8)
-        row[1].plot(time, left, color="C0", lw=0.8)
-        _draw_alike(row[2], time, left)
+        row[1].plot(over, left, color="C0", lw=0.8)
+        _draw_alike(row[2], fit.data.time[known], left)
     for axes, title in zip(grid[0], ("data and model", "residuals", "their autocorrelation"), strict=True):
         axes.set_title(title, fontsize=9)
-    for axes, label in zip(grid[-1], ("time [s]", "time [s]", "lag [s]"), strict=True):
+    over_what = f"{fit.abscissa.long_name} [{fit.abscissa.units}]"
+    for axes, label in zip(grid[-1], (over_what, over_what, "lag [s]"), strict=True):
         axes.set_xlabel(label)
     for axes in grid.flat:
         axes.grid(alpha=0.25)

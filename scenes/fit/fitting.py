@@ -17,6 +17,7 @@ from scenes.models.loading import load_scene
 from scenes.records import measured
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
+from worm3d.values.variable import Variable
 
 MOST_RUNS = 1000
 """Largest number of runs of a fit, if none is given; one of three keys needs some 250."""
@@ -74,6 +75,8 @@ class Fit:
     data: Data
     simulated: FloatArray
     """Channels of the run with the fitted values, shape (C, T); NaN as in the data."""
+    abscissa: Variable
+    """What data and model are drawn over, at the measured instants."""
     scene: str
     """Scene with the fitted values as TOML."""
     finished: bool
@@ -124,7 +127,7 @@ def fit(
         Measured series, a CSV file (`scenes.records.measured`) or a record with the quantities to follow.
     vary : sequence of str, or mapping
         `key` or `key=lo:hi` each; or the range of each key, None for that of the scene's language. A key starts from
-        the scene's value, or from the middle of a range without it.
+        the scene's value, which must lie in the range, and from the middle of the range where the scene leaves it out.
     overrides : iterable of str
         `section.key=value` each.
     most_runs : int
@@ -154,6 +157,7 @@ def fit(
         channels=tuple(_channels(trials.data, found.simulated)),
         data=trials.data,
         simulated=found.simulated,
+        abscissa=trials.abscissa,
         scene=trials.scene(found.values).to_toml(),
         finished=found.finished,
         exact=found.exact,

@@ -12,10 +12,10 @@ from scenes.commands.runner import simulate
 from scenes.fit.varied import Varied
 from scenes.language.errors import DiscError, MissingPartError, SceneError
 from scenes.models.loading import Scene, parse_scene
-from scenes.records.measured import simulated_like
+from scenes.records.measured import at_instants, simulated_like
 from scenes.records.record import Record
 from worm3d.values.arrays import BoolArray, FloatArray
-from worm3d.values.variable import column_names
+from worm3d.values.variable import Variable, column_names
 
 LEAST_PER_KEY = 5
 """Least number of measured values for each key that is varied."""
@@ -87,7 +87,7 @@ class Trials:
         go_on: Callable[[int], bool] = lambda done: True,
     ) -> None:
         self.varied, self.most, self.runs, self.failed = tuple(varied), most, 0, 0
-        self._go_on, self._measured = go_on, measured
+        self._go_on, self._measured, self._model = go_on, measured, scene.model
         self._known: dict[tuple[float, ...], FloatArray | None] = {}
         self._name, self._text = scene.name, scene.to_toml()
         self._shorter = _shortened(scene, float(measured["time"][-1]))
@@ -193,6 +193,12 @@ class Trials:
                 "comes to its end, with -o KEY=VALUE"
             )
         found = simulated_like(record, self._measured)
+        found = {name: series for name, series in found.items() if name not in self._model.inputs}
+        if not found:
+            raise SceneError(
+                f"{self._measured.name}: has {', '.join(self._model.inputs)} alone, which {self._name} is given and "
+                "does not find; measure something else too"
+            )
         values = np.concatenate([_rows(self._measured[name]) for name in found])
         values = np.where(np.isfinite(np.concatenate([_rows(each) for each in found.values()])), values, np.nan)
         known = np.isfinite(values)
@@ -209,6 +215,8 @@ class Trials:
         names, units = zip(*(titles[k] for k in chosen), strict=True)
         data = Data(names, units, self._measured["time"], values[chosen])
         self._places = [places[k] for k in chosen]
+        self.abscissa = _at(record, self._model.abscissa, data.time)
+        """What the channels are drawn over."""
         self._forget_others()
         if not np.any(np.nanmax(data.values, axis=1) > np.nanmin(data.values, axis=1)):
             raise SceneError(f"{self._measured.name}: all that was measured is constant, nothing can be fitted to it")
@@ -231,6 +239,12 @@ def _shortened(scene: Scene, end: float) -> tuple[str, ...]:
 def _rows(values: FloatArray) -> FloatArray:
     """Return a series, shape (T, ...), as channels, shape (C, T)."""
     return np.asarray(values, dtype=float).reshape(len(values), -1).T
+
+
+def _at(record: Record, name: str, instants: FloatArray) -> Variable:
+    """Return a variable of a record at other instants."""
+    found = record.variable(name)
+    return replace(found, values=instants if name == "time" else at_instants(record["time"], record[name], instants))
 
 
 def _apart(measured: Record, simulated: Record) -> str:

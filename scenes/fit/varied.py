@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from scenes.language.errors import SceneError
+from scenes.language.mistakes import meant_key
 from scenes.language.schema import bounds_of, field_at, is_number, is_whole, meaning, range_text, unit_of
 from scenes.models.loading import Scene
 
@@ -43,12 +44,13 @@ class Varied:
 def varied_of(scene: Scene, wanted: Wanted) -> tuple[Varied, ...]:
     """Return the keys that are varied.
 
-    A key starts from the value that the scene gives it, or from the middle of a range without this value.
+    A key starts from the value that the scene gives it; one that the scene leaves out, from the middle of its range.
 
     Raises
     ------
     SceneError
-        No key, the same one twice, an unknown one, one that holds no number, or a range that is none.
+        No key, the same one twice, an unknown one, one that holds no number, or a range that is none, or
+        without the value that the scene gives.
     """
     ranges = wanted if isinstance(wanted, Mapping) else _parsed(wanted)
     if not ranges:
@@ -81,7 +83,11 @@ def _varied(scene: Scene, key: str, given: tuple[float, float] | None) -> Varied
     field = field_at(scene.model.schema, path) if all(path) else None
     value = _value(scene.settings, path)
     if field is None or value is KeyError:
-        raise SceneError(f"--vary {key}: the scene {scene.name} has no such key; 'worm3d init FILE' lists all keys")
+        meant = meant_key(scene.model.schema, path) if all(path) else None
+        guess = f"; did you mean '{meant}'?" if meant else ";"
+        raise SceneError(
+            f"--vary {key}: the scene {scene.name} has no such key{guess} 'worm3d init FILE' lists all keys"
+        )
     if not is_number(field) or isinstance(value, tuple | str):
         raise SceneError(
             f"--vary {key}: got {value!r} in the scene, must be one number; set it with -o {key}=NUMBER"
@@ -99,8 +105,12 @@ def _varied(scene: Scene, key: str, given: tuple[float, float] | None) -> Varied
         low, high = given
     if value is None and given is None:
         raise SceneError(f"--vary {key}: left out in the scene, so there is no start; give a range, {key}=lo:hi")
-    inside = value is not None and low <= value <= high
-    start = float(value) if inside else 0.5 * (low + high)
+    if value is not None and not low <= value <= high:
+        raise SceneError(
+            f"--vary {key}: the fit starts from {value:g}, must lie within {low:g}:{high:g}; start elsewhere with "
+            f"-o {key}=NUMBER, or widen the range"
+        )
+    start = 0.5 * (low + high) if value is None else float(value)
     return Varied(key, start, low, high, unit_of(field), meaning(field))
 
 

@@ -90,9 +90,25 @@ def _path(detail: Any) -> KeyPath:
     return tuple(part for part in detail["loc"] if part not in FORMS)
 
 
+def meant_key(schema: type[Section], path: KeyPath) -> str | None:
+    """Return the dotted key that an unknown path was probably meant to be, None if there is no such key."""
+    known: KeyPath = ()
+    for part in path:
+        if field_at(schema, (*known, part)) is None:
+            meant = did_you_mean(str(part), names(_home(schema, known)))
+            part = meant if meant is not None else part
+        known = (*known, part)
+    return dotted(known) if known != path and field_at(schema, known) is not None else None
+
+
+def _home(schema: type[Section], path: KeyPath) -> type[Section]:
+    """Return the section at a path, the whole scene if there is none."""
+    field = field_at(schema, path) if path else None
+    return ((section_type(field) or table_type(field)) if field else None) or schema
+
+
 def _unknown(schema: type[Section], path: KeyPath, what: str, models: Models) -> Mistake:
-    parent = field_at(schema, path[:-1]) if path[:-1] else None
-    home = ((section_type(parent) or table_type(parent)) if parent else None) or schema
+    home = _home(schema, path[:-1])
     meant = did_you_mean(str(path[-1]), names(home))
     if meant:
         return Mistake(path, f"unknown {what}; did you mean '{meant}'?", spoils=(*path[:-1], meant))

@@ -127,6 +127,10 @@ class Model(Pictures, Generic[S]):
     """Figures of the summary, beyond those of every worm that moves, that end a run's report."""
     moves: bool = True
     """Whether a worm moves."""
+    inputs: tuple[str, ...] = ()
+    """Variables of its records that a scene imposes: of a measurement they are nothing to fit to."""
+    abscissa: str = "time"
+    """Variable of its records, one number at each instant, over which a fit is drawn."""
     resume: Callable[[S, Record, Observer], Outcome] | None = None
     """Goes on from a record's checkpoint to the end of the scene; its outcome is that of the whole run."""
     watch: Callable[[S, Observer, Watch], Outcome] | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,12 +73,22 @@ def test_the_shipped_segment_meets_the_measured_one() -> None:
 
 
 def test_a_fit_finds_a_segment_that_meets_it() -> None:
+    from scenes.fit.figure import draw
     from scenes.fit.fitting import fit
 
     start = ["worm.apex_hinge_N_m_rad=0.6", "hysteresis.moment_N_m=0.3", "hysteresis.load_ratio=0.4", "run.dt_s=0.25"]
     keys = ["worm.apex_hinge_N_m_rad", "hysteresis.moment_N_m", "hysteresis.load_ratio", "hysteresis.give_J"]
     found = fit("load_frame", DATA, keys, start)
     assert found.finished
+    assert [channel.name for channel in found.channels] == ["force_N"]  # the cable is what the scene is given
+    cable = measured.load(DATA)["cable"]
+    known = np.isfinite(found.abscissa.values)
+    assert_allclose(found.abscissa.values[known], cable[known], atol=1e-3)
+    assert draw(found)[0].axes[0].get_lines()[1].get_xydata()[:, 0].max() == np.nanmax(found.abscissa.values)
+    alone = measured.load(DATA)
+    alone = replace(alone, variables=tuple(v for v in alone.variables if v.name != "force"))
+    with pytest.raises(SceneError, match="has cable alone, which load_frame is given"):
+        fit("load_frame", alone, keys, start)
     assert_met(pulled(*(f"{key}={value!r}" for key, value in found.values.items())))
 
 

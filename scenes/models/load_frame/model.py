@@ -213,6 +213,8 @@ MODEL = Model(
     overview=overview.draw,
     advice="try a smaller run.dt_s",
     moves=False,
+    inputs=("cable",),
+    abscissa="cable",
     headlines=(
         ("peak_force_N", "peak force", "N"),
         ("work_in_J", "work put in", "J"),

@@ -70,6 +70,7 @@ def test_the_command_writes_values_scene_and_figure(worm3d: Command, record: Rec
     given = [part for text in overrides(gait__amplitude="0.18") for part in ("-o", text)]
     ended = worm3d("fit", "flat", "--to", seen, "--vary", "gait.amplitude=0.1:0.3", *given, "--out", "found")
     assert ended.code == 0
+    assert "fit of flat, at most: 1000 runs" in ended.err
     assert "gait.amplitude  0.2" in ended.out
     assert "written to found: fit.json, fit.toml, fit.png" in ended.out
     found = json.loads((tmp_path / "found/fit.json").read_text())
@@ -137,6 +138,9 @@ def test_a_run_that_fails_on_the_way_is_a_step_too_far(
     ("vary", "given", "sentence"),
     [
         ("gait.amplitud", {}, "--vary gait.amplitud: the scene flat has no such key"),
+        ("gait.amplitude=0.1:0.19", {}, "the fit starts from 0.2, must lie within 0.1:0.19; start elsewhere with -o"),
+        ("friction.forwrd", {}, "has no such key; did you mean 'friction.forward'? 'worm3d init FILE' lists"),
+        ("frction.forwrd=0.1:1", {}, "did you mean 'friction.forward'?"),
         ("gait", {}, "--vary gait: is no number"),
         ("worm.segments", {}, "--vary worm.segments: is an integer"),
         ("world.kind", {}, "--vary world.kind: is no number"),
@@ -179,7 +183,7 @@ def test_a_key_is_named_once(record: Record, tmp_path: Path) -> None:
 def test_mistakes_in_data_are_sentences(worm3d: Command, tmp_path: Path, text: str, sentence: str) -> None:
     (tmp_path / "seen.csv").write_text(text)
     given = [part for each in SHORT for part in ("-o", each)]
-    ended = worm3d("fit", "flat", "--to", "seen.csv", "--vary", "gait.amplitude", *given, "--quiet")
+    ended = worm3d("fit", "flat", "--to", "seen.csv", "--vary", "gait.amplitude", *given)
     assert ended.code == 2
     assert sentence in ended.err
     assert len(ended.complaints) == 1
