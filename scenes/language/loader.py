@@ -210,8 +210,11 @@ def _is_there(path: Path) -> bool:
     return True
 
 
-def read_text(path: Path) -> str:
-    """Return the text of a scene file; a byte order mark is dropped."""
+def read_text(path: Path, instead: str = "'worm3d init FILE' writes a scene to start from") -> str:
+    """Return the text of a file, of a scene or of what it needs; a byte order mark is dropped.
+
+    Of an empty file it is told what to do `instead`.
+    """
     try:
         text = regular_file.read(path, LARGEST_FILE).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -220,7 +223,7 @@ def read_text(path: Path) -> str:
         why = error.strerror or str(error)
         raise DiscError(f"cannot read {path}: {why[:1].lower()}{why[1:]}") from error
     if not text.strip():
-        raise SceneError(f"{path}: the file is empty; 'worm3d init FILE' writes a scene to start from")
+        raise SceneError(f"{path}: the file is empty; {instead}")
     return text
 
 

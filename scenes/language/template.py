@@ -7,6 +7,7 @@ from typing import Any
 
 from scenes.language.loader import Model
 from scenes.language.schema import Section, choices, default_text, describe, meaning, section_type
+from scenes.language.sweep_section import SWEEP, Sweep
 from scenes.language.toml import value
 
 
@@ -17,8 +18,14 @@ def template(model: Model) -> str:
         "# 'worm3d check FILE' checks it, 'worm3d run FILE' runs it; keys that are left out keep their defaults.",
         "",
     )
+    end = (
+        "",
+        f"# [{SWEEP}]  # without the first '#' here and before 'vary =', a run is a sweep over these values",
+        *(f"# {name}: {meaning(field)}" for name, field in Sweep.model_fields.items()),
+        "# vary = { seed = [1, 2, 3] }",
+    )
     given = {"model": model.name, "title": "My worm", "says": "what to look for, in one line"}
-    return "\n".join((*head, *_section(model.schema, "", given))) + "\n"
+    return "\n".join((*head, *_section(model.schema, "", given), *end)) + "\n"
 
 
 def _section(schema: type[Section], prefix: str, given: dict[str, Any]) -> Iterator[str]:

@@ -34,23 +34,24 @@ def draw(table: Table, metric: str, label: str, title: str) -> Figure:
     """Return the figure of a metric of a sweep over one or two keys.
 
     One key gives a curve (points, if its values were drawn), two numbers a map (coloured points), a number and a
-    category a curve for each category.
+    category a curve for each category, a category and seeds bars with a point for each seed.
     """
     figure = Figure(figsize=(6.4, 4.4), layout="constrained", dpi=120)
     axes = figure.subplots()
     values = table.figures[metric]
     numbers = [each for each in table.design.varied if _is_axis(each)]
     others = [each for each in table.design.varied if not _is_axis(each)]
+    names = [each for each in others if each.key not in CATEGORIES]
     if len(numbers) == 2 and len(table.design.sizes) == 2 and not any(map(_is_drawn, numbers)):
         _draw_map(axes, table, numbers, values, label)
     elif len(numbers) == 2:
         _draw_points(axes, table, numbers, values, label)
-    elif len(others) == 2:
-        _draw_map(axes, table, others, values, label)
+    elif len(names) == 2:
+        _draw_map(axes, table, names, values, label)
     elif numbers:
         _draw_curves(axes, table, numbers[0], others, values, label)
     else:
-        _draw_bars(axes, table, others[0], values, label)
+        _draw_bars(axes, table, (names or others)[0], values, label)
     lost = int(table.failed.sum())
     said = f"; {lost} of {len(table)} cases failed (x)" if lost else ""
     axes.set_title(f"{title}: {label}{said}", fontsize=10)
@@ -98,15 +99,17 @@ def _groups(table: Table, others: list[Varied]) -> Iterator[tuple[str, NDArray[n
 
 
 def _draw_bars(axes: Axes, table: Table, varied: Varied, values: FloatArray, label: str) -> None:
-    """Draw a metric for each value of a category; cases that share one are points."""
+    """Draw a metric for each value of a category; cases that share one are points, and their mean is the bar."""
     names = _along(table, varied).tolist()
     places = {name: place for place, name in enumerate(dict.fromkeys(names))}
     x = np.array([places[name] for name in names], dtype=float)
-    if len(places) == len(names):
-        axes.bar(x, values, width=0.6)
-        axes.axhline(0.0, color="0.4", lw=0.8)
-    else:
-        axes.plot(x, values, "o", ms=4, alpha=0.7)
+    known = np.isfinite(values)
+    means = {place: values[known & (x == place)].mean() for place in np.unique(x[known])}
+    alone = len(places) == len(names)
+    axes.bar(list(means), list(means.values()), width=0.6, alpha=1.0 if alone else 0.4)
+    axes.axhline(0.0, color="0.4", lw=0.8)
+    if not alone:
+        axes.plot(x, values, "o", color="C0", ms=4, alpha=0.7)
     _mark_absent(axes, table, x, values)
     _ticks(axes, "x", list(places))
     _name(axes, varied.key, label)

@@ -113,9 +113,9 @@ def headlines(base: Scene) -> dict[str, tuple[str, str]]:
 
 def report(base: Scene, table: Table) -> list[str]:
     """Return the lines of the cases for a terminal, the first ones if they are many: values and headlines."""
-    wanted = {*REPORTED, *[name for name, _, _ in base.model.headlines][:OF_THE_MODEL]}
+    own = [name for name, _, _ in base.model.headlines][:OF_THE_MODEL]
     known = {name for name, column in table.figures.items() if np.isfinite(column).any()}
-    shown = {name: each for name, each in headlines(base).items() if name in wanted & known}
+    shown = {name: each for name, each in headlines(base).items() if name in {*REPORTED, *own} & known}
     keys = [varied.key for varied in table.design.varied]
     header = [*keys, *(f"{label} [{unit}]" if unit else label for label, unit in shown.values()), "status"]
     rows = []
@@ -123,7 +123,10 @@ def report(base: Scene, table: Table) -> list[str]:
         figures = (_shown(row[name], unit) for name, (_, unit) in shown.items())
         rows.append([*(_shown(row[key]) for key in keys), *figures, str(row["status"])])
     more = [f"and {len(table) - MOST_LINES} more: see {CSV}"] if len(table) > MOST_LINES else []
-    return [*aligned(header, rows), *more]
+    none = [label for name, label, _ in base.model.headlines if name in own and name in table.figures.keys() - known]
+    reasons = dict.fromkeys(reason for reason, ended in zip(table.reasons, table.done, strict=True) if ended and reason)
+    why = [f"no case has {', '.join(none)}: {next(iter(reasons), 'it has no value')}"] if none else []
+    return [*aligned(header, rows), *more, *why]
 
 
 def _shown(figure: Cell, unit: str = "") -> str:

@@ -16,6 +16,7 @@ import numpy as np
 
 from scenes.language.errors import SceneError
 from scenes.language.loader import read_text
+from scenes.language.mistakes import did_you_mean
 from scenes.language.schema import Section, field_at, is_whole, unit_of
 from scenes.language.toml import shown
 from scenes.sweep.design import CASE, SAMPLE, Design, Varied
@@ -29,6 +30,11 @@ _NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
 _RANGE = re.compile(rf"{_NUMBER}:{_NUMBER}(?::\s*(\d+)\s*)?(?::\s*(log|lin)\s*)?")
 _ITEM = re.compile(r"""(?:"(?:\\.|[^"\\])*"|'[^']*'|[^,\[\]{}"'])+|[\[\]{},"']""")
 
+_NEARLY = re.compile(rf"{_NUMBER}:{_NUMBER}:\s*([^:,]*?)\s*(?::\s*([^:,]*?)\s*)?")
+"""What was meant as a range; `_RANGE` says which ones are."""
+
+SPACINGS = (("log", "log"), ("lin", "lin"))
+LISTED = "write a row of keys, such as gait.period_s,seed, then a row of values for each case"
 HOW = "write values v1,v2,... or a range lo:hi:n or lo:hi:n:log"
 
 
@@ -119,7 +125,7 @@ def cases_of(path: Path) -> list[dict[str, Any]]:
     SceneError
         It cannot be read, has no cases, or a row with too few or too many values.
     """
-    rows = [(n, row) for n, row in enumerate(csv.reader(io.StringIO(read_text(path))), start=1) if any(row)]
+    rows = [(n, row) for n, row in enumerate(csv.reader(io.StringIO(read_text(path, LISTED))), start=1) if any(row)]
     keys = [key.strip() for key in rows[0][1]] if rows else []
     if not all(keys) or len(set(keys)) < len(keys):
         raise SceneError(f"{path}: its first row must be keys of the scene, each once; got {', '.join(keys) or 'none'}")
@@ -173,6 +179,8 @@ def _values(schema: type[Section], key: str, given: Any) -> list[Any]:
     values = _plain(given)
     if isinstance(values, str):
         match = _RANGE.fullmatch(values)
+        if match is None and (nearly := _NEARLY.fullmatch(values)):
+            raise SceneError(f"vary {key}: got '{values}': {_told_of_range(*nearly.groups())}")
         values = _between(schema, key, match) if match else [_value(item) for item in _items(values)]
     values = values if isinstance(values, list) else [values]
     if not values:
@@ -185,6 +193,16 @@ def _values(schema: type[Section], key: str, given: Any) -> list[Any]:
             raise SceneError(f"vary {key}: got {shown(value)} twice; each value is one place of the grid")
         seen.add(known)
     return values
+
+
+def _told_of_range(low: str, high: str, number: str, spacing: str | None) -> str:
+    """Return what is wrong with a range, and which one was meant."""
+    if not number.isdecimal() and (spacing is not None or did_you_mean(number, SPACINGS) is None):
+        return f"the number of values must be a whole one, {low}:{high}:5"
+    last = number if spacing is None else spacing
+    meant = did_you_mean(last, SPACINGS) or "log"
+    counted = "" if spacing is None else f":{number}"
+    return f"a range ends with 'log' or 'lin', not '{last}'; did you mean {low}:{high}{counted}:{meant}?"
 
 
 def _require_few(key: str, number: int) -> None:

@@ -108,6 +108,8 @@ def test_init_writes_a_scene_that_is_right_and_complete(worm3d, tmp_path: Path) 
     keys = [line for line in text.splitlines() if " = " in line and not line.startswith("#")]
     written = [line for line in parse_scene(text, "mine").to_toml().splitlines() if " = " in line]
     assert sorted(keys) == sorted(written)
+    swept = text.replace("# [sweep]", "[sweep]").replace("# vary = ", "vary = ")
+    assert parse_scene(swept, "mine").sweep == {"vary": {"seed": [1, 2, 3]}}
 
 
 @pytest.mark.parametrize("model", models.names())

@@ -123,10 +123,10 @@ MODEL = Model(
     refers_to=_map_of,
     advice="try a smaller run.dt_s or reference.speed_m_s, a lighter worm or larger worm.spring_N",
     headlines=(
-        ("speed_bias_relative", "speed bias", ""),
-        ("speed_error_rms_relative", "speed error, rms", ""),
-        ("heading_error_rms_deg", "heading error, rms", "deg"),
         ("cross_track_rms_bl", "beside the path, rms", "body lengths"),
+        ("heading_error_rms_deg", "heading error, rms", "deg"),
+        ("speed_error_rms_relative", "speed error, rms", ""),
+        ("speed_bias_relative", "speed bias", ""),
         ("settling_periods", "settling", "periods"),
         ("mpc_failures", "failures of the MPC", ""),
         ("measurements_refused", "measurements refused", ""),

@@ -266,3 +266,26 @@ def test_a_single_value_can_be_drawn() -> None:
 def test_the_pictures_have_colours(folder: Path) -> None:
     with Image.open(folder / "sweep_distance_m.png") as picture:
         assert len(picture.convert("RGB").getcolors(100_000) or []) > 50
+
+
+def test_a_sweep_of_controllers_reports_how_well_they_keep_to_their_reference() -> None:
+    design = Design("path_line", (Varied("controller.kind", "controller.kind", ("mpc", "pi_los")),))
+    tracked = {"cross_track_rms_bl": 0.25, "heading_error_rms_deg": 3.5, "speed_error_rms_relative": 0.125}
+    controlled = load_scene("path_line")
+    header, first, *_ = report(controlled, Table.of(design, [done(k, **tracked) for k in (1, 2)]))
+    assert header.index("beside the path") < header.index("heading error") < header.index("speed error")
+    assert all(figure in first for figure in ("0.25", "3.5", "0.125"))
+    last = report(controlled, Table.of(design, [done(k, **dict.fromkeys(tracked)) for k in (1, 2)]))[-1]
+    assert last == (
+        "no case has beside the path, rms, heading error, rms, speed error, rms: the worm made no way forward"
+    )
+
+
+def test_seeds_of_each_controller_are_bars_with_points() -> None:
+    seed = Varied("seed", "seed", (1, 2, 3))
+    design = Design("flat", (seed, Varied("controller.kind", "controller.kind", ("mpc", "pi_los"))))
+    axes = axes_of(design)
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["mpc", "pi_los"]
+    cases = np.array([done(k).summary["distance_m"] if k != LOST else np.nan for k in range(6)]).reshape(3, 2)
+    assert_allclose([bar.get_height() for bar in axes.patches], np.nanmean(cases, axis=0))
+    assert_allclose(axes.lines[-1].get_ydata(), cases.ravel())

@@ -150,3 +150,23 @@ def test_what_cannot_be_varied_is_one_sentence(vary: dict[str, Any], options: di
         design(vary, **options)
     assert len(error.value.lines) == 1
     assert MOST_CASES == 100_000
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0.1:0.2:5:lgo", "a range ends with 'log' or 'lin', not 'lgo'; did you mean 0.1:0.2:5:log?"),
+        ("0.1:0.2:lgo", "did you mean 0.1:0.2:log?"),
+        ("0.1:0.2:2.5", "the number of values must be a whole one, 0.1:0.2:5"),
+    ],
+)
+def test_what_is_nearly_a_range_is_told_what_is_wrong(text: str, said: str) -> None:
+    with pytest.raises(SceneError) as error:
+        design({"gait.amplitude": text})
+    assert said in str(error.value)
+
+
+def test_an_empty_table_of_cases_is_told_what_to_write(tmp_path: Path) -> None:
+    (tmp_path / "cases.csv").write_text("\n")
+    with pytest.raises(SceneError, match=r"file is empty; write a row of keys, such as gait\.period_s,seed"):
+        cases_of(tmp_path / "cases.csv")
