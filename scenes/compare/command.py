@@ -167,7 +167,7 @@ def _against(each: Difference) -> str:
 
 
 def _share(each: Difference, sign: str = "") -> str:
-    return "" if each.relative is None else f"({each.relative:{sign}.1%})"
+    return "" if each.relative is None or each.difference == 0.0 else f"({each.relative:{sign}.1%})"
 
 
 def _number(value: float | None, unit: str = "") -> str:

@@ -72,9 +72,12 @@ def named_by_settings(given: Sequence[Source]) -> list[Source]:
     """Return the sources with labels for people: cases of a sweep by the settings in which the simulations differ."""
     simulated = [k for k, source in enumerate(given) if not source.is_measured]
     shared = [each for each in settings(given) if all(each.values[k] != ABSENT for k in simulated)]
-    differing = [each for each in shared if each.key != "seed"] or shared
+    differing = sorted(shared, key=lambda each: each.key == "seed")[:MOST_SETTINGS]
+    unseeded = [each for each in differing if each.key != "seed"]
     cases = {k: case.start() for k, source in enumerate(given) if (case := CASE.search(source.label))}
-    texts = {k: ", ".join(f"{key} = {values[k]}" for key, values in differing[:MOST_SETTINGS]) for k in cases}
+    if len({tuple(each.values[k] for each in unseeded) for k in cases}) == len(cases):
+        differing = unseeded or differing
+    texts = {k: ", ".join(f"{key} = {values[k]}" for key, values in differing) for k in cases}
     labels = [source.label for source in given]
     for k, begin in cases.items():
         is_one = texts[k] and [*texts.values()].count(texts[k]) == 1

@@ -123,7 +123,7 @@ def test_equal_figures_are_in_the_csv_file_alone(worm3d, folder: Path) -> None:
 def test_cases_are_labelled_by_what_differs_else_by_digits() -> None:
     def labels(*scenes: dict[str, Any]) -> list[str]:
         given = [Source(f"{n}abcdef0" + "0" * 12, scene, {}, {}, None) for n, scene in enumerate(scenes)]
-        return [source.label for source in named_by_settings([Source("run", {}, {}, {}, None), *given])[1:]]
+        return [source.label for source in named_by_settings(given)]
 
     def scene(period: float, seed: int, segments: int = 3) -> dict[str, Any]:
         return {"seed": seed, "gait": {"period_s": period}, "worm": {"segments": segments}}
@@ -131,6 +131,11 @@ def test_cases_are_labelled_by_what_differs_else_by_digits() -> None:
     four, five = scene(4.0, 1), scene(5.0, 2)
     given = [Source("0" * 19 + digit, each, {}, {}, None) for digit, each in (("1", four), ("2", five))]
     assert [source.label for source in named_by_settings(given)] == ["gait.period_s = 4.0", "gait.period_s = 5.0"]
+    assert labels(four, scene(4.0, 7)) == ["seed = 1", "seed = 7"]
+    assert labels(four, scene(4.0, 7), scene(6.0, 3))[1:] == [
+        "gait.period_s = 4.0, seed = 7",
+        "gait.period_s = 6.0, seed = 3",
+    ]
     assert labels(four, four) == ["0abcdef0", "1abcdef0"]
 
 
