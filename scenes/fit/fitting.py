@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scenes.fit.identifiability import Relation
+from scenes.fit.lack import Lack, lack_of
 from scenes.fit.noise import autocorrelation, noise_of
 from scenes.fit.solving import Solution, solve
 from scenes.fit.trials import Data, Trials
@@ -73,6 +74,8 @@ class Fit:
     """Correlations of the values, shape (P, P); 0 where one has no interval."""
     channels: tuple[Channel, ...]
     data: Data
+    lack: Lack
+    """Whether the residuals are too slow for noise, so that the intervals are those of a wrong model."""
     simulated: FloatArray
     """Channels of the run with the fitted values, shape (C, T); NaN as in the data."""
     abscissa: Variable
@@ -91,7 +94,8 @@ class Fit:
 
     def __repr__(self) -> str:
         found = (f"{each.varied.key} = {each.value:.6g}{each.said}" for each in self.keys)
-        return f"<fit of {self.name} to {self.measured}: {', '.join(found)}>"
+        lack = "; the scene does not follow the data" if self.lack.found else ""
+        return f"<fit of {self.name} to {self.measured}: {', '.join(found)}{lack}>"
 
     @property
     def values(self) -> dict[str, float]:
@@ -156,6 +160,7 @@ def fit(
         correlation=_correlation(found),
         channels=tuple(_channels(trials.data, found.simulated)),
         data=trials.data,
+        lack=lack_of(np.full_like(found.simulated, np.nan) if found.exact else trials.data.values - found.simulated),
         simulated=found.simulated,
         abscissa=trials.abscissa,
         scene=trials.scene(found.values).to_toml(),

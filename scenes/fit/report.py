@@ -7,6 +7,7 @@ from typing import Any
 
 from scenes.commands.terminal import counted
 from scenes.fit.fitting import Channel, Fit, Fitted
+from scenes.fit.lack import LIMIT
 from scenes.fit.noise import HIGHEST_ORDER
 from scenes.records.text import aligned
 
@@ -41,7 +42,9 @@ def warnings(fit: Fit) -> Iterator[str]:
         )
     yield from (relation.sentence for relation in fit.relations)
     long = [channel.name for channel in fit.channels if channel.order == HIGHEST_ORDER and not fit.exact]
-    if long:
+    if fit.lack.found:
+        yield fit.lack.sentence
+    elif long:
         yield (
             f"the residuals of {', '.join(long[:SHOWN])} are alike for longer than {HIGHEST_ORDER} samples, so the "
             "scene lacks something that the data have: intervals are those of a wrong model"
@@ -65,6 +68,7 @@ def content(fit: Fit) -> dict[str, Any]:
         "failed_runs": fit.failed_runs,
         "measured_values": fit.measured_values,
         "met_exactly": fit.exact,
+        "lack_of_fit": {"found": fit.lack.found, "slow_over_noise_power": fit.lack.ratio, "limit": LIMIT},
         "keys": [_key(each) for each in fit.keys],
         "correlation": fit.correlation.tolist(),
         "cannot_tell_apart": [

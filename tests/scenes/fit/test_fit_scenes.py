@@ -13,7 +13,7 @@ import pytest
 
 import worm3d as package
 from scenes.commands.runner import simulate
-from scenes.fit import fit, trials
+from scenes.fit import fit, report, trials
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene, parse_scene
 from scenes.records.record import Record
@@ -54,6 +54,7 @@ def test_keys_are_found_again(record: Record, tmp_path: Path) -> None:
     )
     assert found.runs < 300
     assert not found.relations
+    assert not list(report.warnings(found))
     for each in found.keys:
         truth = KEYS[each.varied.key]
         assert each.value == pytest.approx(truth, rel=0.02)
@@ -85,6 +86,22 @@ def test_the_command_writes_values_scene_and_figure(worm3d: Command, record: Rec
         2,
         ["found exists and is not empty: choose another --out, or replace its results with --force"],
     )
+
+
+def test_a_wrong_scene_is_said_to_be_wrong(tmp_path: Path) -> None:
+    """With friction left at half of the truth the amplitude is off by more than its interval tells."""
+    fine = ("run.dt_s=0.01", "run.duration_s=3.0")
+    truth = simulate(load_scene("flat", (*SHORT, *fine, "friction.forward=0.06")))
+    seen = written(tmp_path / "seen.csv", truth, 3e-4)
+    found = fit("flat", seen, ["gait.amplitude"], (*SHORT, *fine))
+    (key,) = found.keys
+    assert key.interval is not None
+    assert not key.interval[0] < 0.2 < key.interval[1]
+    assert report.content(found)["lack_of_fit"]["found"]
+    (warning,) = report.warnings(found)
+    assert warning.startswith("the scene does not follow the data: the slow part of the residuals has ")
+    assert "vary further keys" in warning
+    assert repr(found).endswith("; the scene does not follow the data>")
 
 
 @pytest.mark.parametrize("scene", ["flat", "planar_wave"])
