@@ -67,12 +67,13 @@ def test_a_study_ends_with_its_table(worm3d, tmp_path: Path) -> None:
     assert_allclose(summary["duration_s"], 5 * 0.4)
 
 
-def test_a_case_that_the_plant_would_refuse_is_told_before_the_study(worm3d, tmp_path: Path) -> None:
+def test_a_case_that_the_plant_would_refuse_fails_and_the_others_run(worm3d, tmp_path: Path) -> None:
     ended = worm3d("sweep", "planar_segments", *BRIEF, "--vary", "worm.mass_kg=0.07,5.0,0.08", "--out", "x")
-    assert ended.code == 2
-    (line,) = ended.complaints
-    assert line.startswith("with worm.mass_kg = 5.0: worm.mass_kg: segment 0 would be pressed flat: it carries ")
-    assert not (tmp_path / "x").exists()
+    assert ended.code == 5
+    assert ended.out.startswith("planar_segments: 3 of 3 cases, 1 failed (1 refused, not run)")
+    with xarray.open_dataset(tmp_path / "x" / "sweep.nc", engine="h5netcdf") as data:
+        assert data.status.values.tolist() == ["done", "failed", "done"]
+        assert "segment 0 would be pressed flat: it carries " in str(data.reason.values[1])
 
 
 def test_a_diverging_case_has_no_figures(worm3d, tmp_path: Path) -> None:
