@@ -35,7 +35,7 @@ USES = ("friction", "hysteresis", "damping", "impact", "numerical", "gained")
 """What the work goes into, in the names of the summary: `work_friction_J` and so on."""
 
 NOT_IN_ALL = "hysteresis"
-"""That of `USES` which not all models have, and most worms are without."""
+"""Uses of the work among `USES` that not all models have, and that most worms are without."""
 
 DOUBTS = {
     "unconverged_steps": "Newton's iteration left {} above its tolerance: try a smaller run.dt_s",

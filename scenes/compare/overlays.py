@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Records = Mapping[str, Record]
 Overlay = Callable[[Records], "tuple[Figure, Axes] | None"]
 Curves = dict[str, tuple[FloatArray, FloatArray]]
-"""Of each record by label: instants, shape (T,) [s], and values, shape (T,)."""
+"""Curves by the label of their record: instants, shape (T,) [s], and values, shape (T,)."""
 
 MOST_ROWS = 12
 """Largest number of panels one above the other."""

@@ -58,7 +58,7 @@ class Solution:
     simulated: FloatArray
     """Channels of the run with these values, shape (C, T)."""
     at_bound: tuple[str, ...]
-    """Of each key the bound at which it is, "lowest" or "highest"; empty if at none."""
+    """Bound at which each key is, "lowest" or "highest"; empty if at none."""
     known: BoolArray
     """Keys that have an interval, shape (P,)."""
     uncertainty: Uncertainty

@@ -93,7 +93,7 @@ def test_a_fit_finds_a_segment_that_meets_it() -> None:
 
 
 def test_damping_cannot_give_its_loop() -> None:
-    """Of all springs and dampers the best are too far off on both ways, and lose a smaller share of the work."""
+    """The best springs and dampers miss the record on both ways, and lose a smaller share of the work."""
     data = measured.load(DATA)
 
     def away(logarithms: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ STEP = 100.0
 PLANES = {"pitch": 2, "yaw": 1}
 """The axis in which a rod along x is deflected: up, or to the left."""
 SHARE = {"joints": 0.4, "chambers": 0.6}
-"""Of the compliance in yaw."""
+"""Shares of joints and chambers in the compliance in yaw."""
 OFFSET = {"pitch": 0.5, "yaw": 0.5 * SHARE["joints"] + 0.25 * SHARE["chambers"]}
 """Where the clamp is, in segments behind the first joint that bends."""
 

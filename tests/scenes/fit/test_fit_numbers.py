@@ -53,7 +53,7 @@ def varied(key: str, start: float, low: float = -np.inf, high: float = np.inf) -
 
 
 def test_the_covariance_of_scores_is_that_of_the_autocovariance() -> None:
-    """Of two channels with AR(1) noise and correlated innovations, for which (F2)'s matrix G is known."""
+    """Covariance for two channels with AR(1) noise and correlated innovations, for which (F2)'s matrix G is known."""
     phi, own, length = np.array([0.9, -0.4]), np.array([[1.0, 0.6], [0.6, 2.0]]), 60
     slopes = np.random.default_rng(1).standard_normal((2, length, 3))
     expected = np.zeros((3, 3))
@@ -123,7 +123,7 @@ def test_intervals_of_many_channels_hold() -> None:
 @pytest.mark.parametrize("length", [51, 160, 600])
 @pytest.mark.parametrize("phi", [0.0, PHI])
 def test_noise_of_a_right_model_is_no_lack_of_fit(phi: float, length: int) -> None:
-    """Of 500 series alone at most 2 % are said to be, of 500 sets of four none; the ratio is a few at most."""
+    """A right model is said to lack fit in at most 2 % of 500 series and in none of 500 sets of four series."""
     series = autoregressive(np.random.default_rng(10), 500, 4, length, phi=phi)
     assert sum(lack_of(each[:1]).found for each in series) <= 10
     lacks = [lack_of(each) for each in series]
