@@ -1,14 +1,10 @@
 """Gaits: open-loop patterns of contraction, and the waves that controllers drive."""
 
 from control.gaits.extension_wave import ExtensionWave
+from control.gaits.gait import GAITS, Body, BoundGait, Direction, Gait
 from control.gaits.patterns import (
-    GAITS,
-    Body,
-    BoundGait,
     Breathing,
     ContractionEngine_segmentdriven,
-    Direction,
-    Gait,
     Pulse,
     TravellingWave,
     TwoAnchor,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.gaits.patterns import Direction, Gait, half_cosine
+from control.gaits.gait import Direction, Gait, half_cosine
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 

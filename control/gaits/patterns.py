@@ -1,10 +1,4 @@
-"""Gaits: open-loop patterns of contraction, bound to a worm to become its actuation.
-
-A gait is an activation A_i(t) in [-1, 1] of each segment i = 0 (tail) ... N-1 (head), and how it is applied:
-
-    contraction = amplitude A (1 + bias) left, amplitude A (1 - bias) right, clipped to the worm's stroke
-    force       = force A (1 + bias) left,     force A (1 - bias) right
-    hinge_j     = hinge max(0, A_j),           j = 1 ... N-1 (the joint belongs to its headward segment)
+"""Gaits that are waves and the gaits of crawlers that make no wave.
 
 `TravellingWave` is the paper's second scheme, `ContractionEngine_segmentdriven` its first (section III.C). The other
 gaits are of crawlers that make no wave.
@@ -25,26 +19,24 @@ at which x b = (1 - x) f. In a period with the contraction c the centre of mass 
 
 (Gidoni, Noselli, DeSimone: Crawling on directional surfaces, International Journal of Non-Linear Mechanics 61, 2014,
 65-73, "breathing-like" shape changes).
-
-To add a gait, derive a dataclass from `Gait` with the name that scenes call it by, `class Mine(Gait, name="mine")`; a
-gait in a module of its own has to be imported in `control/gaits/__init__.py`.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from typing import ClassVar, Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
-from worm3d import Command, Commands
+from control.gaits.gait import GAITS as GAITS
+from control.gaits.gait import Body as Body
+from control.gaits.gait import BoundGait as BoundGait
+from control.gaits.gait import Direction as Direction
+from control.gaits.gait import Gait as Gait
+from control.gaits.gait import half_cosine as half_cosine
 from worm3d.values.arrays import FloatArray
-from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.parameters import documented, parameter
 
-Direction = Literal["direct", "retrograde"]
 WaveDirection = Literal["direct", "retrograde", "standing"]
 Pulse = Literal["gaussian", "square", "dirac"]
 
@@ -53,96 +45,6 @@ GAUSSIAN_WIDTH = 0.15
 PARTS = 6
 REAR, BODY, FRONT = (3, 5), (1, 4), (0, 2)
 """Part of the period in which each group lets go (extends), and in which it contracts again."""
-
-GAITS: dict[str, type[Gait]] = {}
-"""Class of each gait, by its name."""
-
-
-class Body(Protocol):
-    """Properties of a worm that a gait needs."""
-
-    @property
-    def segments(self) -> int:
-        """Number of segments."""
-
-    @property
-    def stroke(self) -> tuple[float, float]:
-        """Least and greatest contraction of a chamber."""
-
-
-@documented
-@dataclass(frozen=True, kw_only=True)
-class Gait(ABC):
-    """An activation pattern and how it is applied to the chambers and hinges.
-
-    A subclass is found in `GAITS` under its `name`, and says whether it `lengthens`.
-    """
-
-    amplitude: float = parameter(0.2, meaning="contraction of a chamber at activation 1", aka=("contraction", "stroke"))
-    bias: float = parameter(
-        0.0,
-        meaning="imbalance: the left chambers shorten 1 + bias, the right ones 1 - bias times as much",
-        ge=-1,
-        le=1,
-        allowed="a number in [-1, 1]",
-    )
-    hinge: float = parameter(
-        0.0,
-        meaning="hinge angle of a joint at activation 1; positive yaws the headward segment to the left",
-        unit="rad",
-    )
-    force: float = parameter(
-        0.0,
-        meaning="force of a chamber at activation 1, beside its contraction; positive contracts",
-        unit="N",
-    )
-    name: ClassVar[str] = ""
-
-    def __init_subclass__(cls, name: str = "") -> None:
-        known = GAITS.get(name)
-        if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
-            raise ValueError(f"name: got {name!r}, must be another than those of the gaits that there are")
-        if name:  # a class that is defined again, as in a notebook, takes the place of the former one
-            cls.name, GAITS[name] = name, cls
-
-    def __post_init__(self) -> None:
-        check(self)
-
-    @property
-    @abstractmethod
-    def lengthens(self) -> bool:
-        """Whether the activation falls below 0 at some time."""
-
-    @abstractmethod
-    def activations(self, times: FloatArray, segments: int) -> FloatArray:
-        """Return the activation of each segment at K times [s], shape (K, segments), in [-1, 1]."""
-
-    def activation(self, t: float, segments: int) -> FloatArray:
-        """Return the activation of each segment at time t [s], shape (segments,), in [-1, 1]."""
-        activation: FloatArray = self.activations(np.array([t]), segments)[0]
-        return activation
-
-    def bind(self, worm: Body) -> BoundGait:
-        """Return the actuation of `worm`: time [s] -> `worm3d.Command`, clipped to the worm's stroke."""
-        return BoundGait(partial(self._commands, worm=worm))
-
-    def _commands(self, times: FloatArray, worm: Body) -> Commands:
-        activations = self.activations(times, worm.segments)
-        chambers = activations[..., None] * np.array([1.0 + self.bias, 1.0 - self.bias])
-        hinge = self.hinge * np.maximum(0.0, activations[..., 1:])
-        return Commands(np.clip(self.amplitude * chambers, *worm.stroke), hinge, self.force * chambers)
-
-
-class BoundGait:
-    """Gait as the actuation of one worm, time [s] -> `worm3d.Command`; `commands` takes times (K,)."""
-
-    def __init__(self, commands: Callable[[FloatArray], Commands]) -> None:
-        self.commands = commands
-
-    def __call__(self, t: float) -> Command:
-        """Return the command at time t [s]."""
-        contraction, hinge, force = self.commands(np.array([t]))
-        return Command(contraction[0], hinge[0], force[0])
 
 
 @documented
@@ -308,11 +210,6 @@ class TwoAnchor(Gait, name="two_anchor"):
         """Return the activation of a group, 1 until it lets go and from when it has contracted again, shape (K,)."""
         extended = half_cosine(part - release) - half_cosine(part - anchor)
         return 1.0 - (1.0 - self.extension) * extended
-
-
-def half_cosine(part: FloatArray) -> FloatArray:
-    """Return 0 where `part` is below 0, 1 where it is above 1, and half a cosine wave between."""
-    return (1.0 - np.cos(np.pi * np.clip(part, 0.0, 1.0))) / 2.0
 
 
 @documented

@@ -46,7 +46,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from control.gaits.patterns import Body, BoundGait, Direction
+from control.gaits.gait import Body, BoundGait, Direction
 from worm3d import Command, Commands
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray

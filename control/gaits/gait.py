@@ -1,0 +1,141 @@
+"""What every gait is: an activation of each segment over time, bound to a worm to become its actuation.
+
+A gait is an activation A_i(t) in [-1, 1] of each segment i = 0 (tail) ... N-1 (head), or of each of its two sides,
+and how it is applied:
+
+    contraction = amplitude A (1 + bias) left, amplitude A (1 - bias) right, clipped to the worm's stroke
+    force       = force A (1 + bias) left,     force A (1 - bias) right
+    hinge_j     = hinge max(0, A_j),           j = 1 ... N-1 (the joint belongs to its headward segment)
+
+with A_j the mean of the two sides where these differ.
+
+To add a gait, derive a dataclass from `Gait` with the name that scenes call it by, `class Mine(Gait, name="mine")`; a
+gait in a module of its own has to be imported in `control/gaits/__init__.py`. One that bends the joints otherwise
+overrides `commands`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar, Literal, Protocol
+
+import numpy as np
+
+from worm3d import Command, Commands
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
+
+Direction = Literal["direct", "retrograde"]
+"""Way in which waves run: direct from tail to head, retrograde from head to tail."""
+
+GAITS: dict[str, type[Gait]] = {}
+"""Class of each gait, by its name."""
+
+
+class Body(Protocol):
+    """Properties of a worm that a gait needs."""
+
+    @property
+    def segments(self) -> int:
+        """Number of segments."""
+
+    @property
+    def stroke(self) -> tuple[float, float]:
+        """Least and greatest contraction of a chamber."""
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Gait(ABC):
+    """An activation pattern and how it is applied to the chambers and hinges.
+
+    A subclass is found in `GAITS` under its `name`, and says whether it `lengthens`. Runs average over its `period` [s]
+    if it has one.
+    """
+
+    amplitude: float = parameter(0.2, meaning="contraction of a chamber at activation 1", aka=("contraction", "stroke"))
+    bias: float = parameter(
+        0.0,
+        meaning="imbalance: the left chambers shorten 1 + bias, the right ones 1 - bias times as much",
+        ge=-1,
+        le=1,
+        allowed="a number in [-1, 1]",
+    )
+    hinge: float = parameter(
+        0.0,
+        meaning="hinge angle of a joint at activation 1; positive yaws the headward segment to the left",
+        unit="rad",
+    )
+    force: float = parameter(
+        0.0,
+        meaning="force of a chamber at activation 1, beside its contraction; positive contracts",
+        unit="N",
+    )
+    name: ClassVar[str] = ""
+
+    def __init_subclass__(cls, name: str = "") -> None:
+        known = GAITS.get(name)
+        if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise ValueError(f"name: got {name!r}, must be another than those of the gaits that there are")
+        if name:  # a class that is defined again, as in a notebook, takes the place of the former one
+            cls.name, GAITS[name] = name, cls
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    @property
+    @abstractmethod
+    def lengthens(self) -> bool:
+        """Whether the activation falls below 0 at some time."""
+
+    @abstractmethod
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activation of each segment at K times [s], in [-1, 1].
+
+        Its shape is (K, segments) or, where the left and right sides differ, (K, segments, 2).
+        """
+
+    def activation(self, t: float, segments: int) -> FloatArray:
+        """Return the activation of each segment at time t [s], the mean of its sides, shape (segments,)."""
+        activation: FloatArray = sides(self.activations(np.array([t]), segments))[0].mean(axis=-1)
+        return activation
+
+    def bind(self, worm: Body) -> BoundGait:
+        """Return the actuation of `worm`: time [s] -> `worm3d.Command`, clipped to the worm's stroke."""
+        return BoundGait(partial(self.commands, worm=worm))
+
+    def commands(self, times: FloatArray, worm: Body) -> Commands:
+        """Return the commands to `worm` at K times [s]."""
+        return self.applied(self.activations(times, worm.segments), worm)
+
+    def applied(self, activations: FloatArray, worm: Body) -> Commands:
+        """Return the commands to `worm` for activations of shape (K, segments) or (K, segments, 2)."""
+        activation = sides(activations)
+        chambers = activation * np.array([1.0 + self.bias, 1.0 - self.bias])
+        hinge = self.hinge * np.maximum(0.0, activation[:, 1:].mean(axis=-1))
+        return Commands(np.clip(self.amplitude * chambers, *worm.stroke), hinge, self.force * chambers)
+
+
+class BoundGait:
+    """Gait as the actuation of one worm, time [s] -> `worm3d.Command`; `commands` takes times (K,)."""
+
+    def __init__(self, commands: Callable[[FloatArray], Commands]) -> None:
+        self.commands = commands
+
+    def __call__(self, t: float) -> Command:
+        """Return the command at time t [s]."""
+        contraction, hinge, force = self.commands(np.array([t]))
+        return Command(contraction[0], hinge[0], force[0])
+
+
+def sides(activations: FloatArray) -> FloatArray:
+    """Return activations of shape (K, N) as those of both sides, shape (K, N, 1); of shape (K, N, 2) as they are."""
+    return activations[..., None] if activations.ndim == 2 else activations
+
+
+def half_cosine(part: FloatArray) -> FloatArray:
+    """Return 0 where `part` is below 0, 1 where it is above 1, and half a cosine wave between."""
+    return (1.0 - np.cos(np.pi * np.clip(part, 0.0, 1.0))) / 2.0
