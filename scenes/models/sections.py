@@ -34,9 +34,12 @@ class Run(Section):
 
 
 def gait_keys(*without: str, **defaults: Any) -> Keys:
-    """Return the keys of a gait, but for some parameters; a dirac pulse lasts one time step."""
+    """Return the keys of a gait, but for some parameters; a dirac pulse lasts one time step.
+
+    The paper's wave is the gait of a scene that names none, and the first to declare a key that several gaits have.
+    """
     return keys_of(
-        GAITS,
+        {WAVE: GAITS[WAVE], **GAITS},
         by="kind",
         title=f"pattern of contraction; {meanings(GAITS)}",
         without=("impulse", *without),

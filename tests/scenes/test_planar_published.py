@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +12,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from control.gaits import GAITS
 from planar import metrics, published
 from scenes.commands.runner import simulate
+from scenes.language.parts import key_of
+from scenes.language.schema import only_for
 from scenes.models.loading import load_scene
-from scenes.models.planar.published import MODEL, PublishedScene, gait_of, parameters_of
+from scenes.models.planar.published import MODEL, PublishedGait, PublishedScene, gait_of, parameters_of
 from scenes.records.record import Record
+from worm3d.values.parameters import Parameter
+from worm3d.values.parameters import parameters_of as declared_in
 
 FIGURES = [
     "status", "duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J",
@@ -117,23 +122,27 @@ WAVE = {
     "run.dt_s": "0.008", "worm.segments": 5, "worm.length_m": 1.1, "worm.spring_N": 14, "worm.link_N": 9e3,
     "worm.mass_kg": 2e-8, "worm.connector_mass_kg": 1e-9, "friction.forward": 0.05, "friction.backward": 0.1,
     "friction.gravity_m_s2": 5, "friction.velocity_threshold_m_s": 0.05, "gait.kind": "segment_driven",
-    "gait.period_s": 1.6, "gait.direction": "retrograde", "gait.wavelength_m": 0.7, "gait.rectified": "false",
-    "gait.force_N": 9, "ground.clearance_m": 0.01, "solver.tolerance_N": 1e-3, "solver.max_iterations": 2,
-    "solver.elastic_sign": 1,
+    "gait.wavelength_m": 0.7, "gait.force_N": 9, "ground.clearance_m": 0.01, "solver.tolerance_N": 1e-3,
+    "solver.max_iterations": 2, "solver.elastic_sign": 1,
 }  # fmt: skip
-SEGMENTS = {
-    "gait.period_s": 1.6, "gait.direction": "retrograde", "gait.contract_time_s": 0.2, "gait.pulse": "square",
-    "gait.alternating": "false", "gait.force_N": 9,
-}  # fmt: skip
-ANCHORS = {"gait.extension": -0.2, "gait.anchors": 2, "gait.direction": "retrograde"}
-BREATHING = {"gait.contracting": 0.3}
-EXTENSIONS = {
-    "gait.moving": 0.4,
-    "gait.held": 0.5,
-    "gait.waves": 2,
-    "gait.extension": -0.2,
-    "gait.direction": "retrograde",
-}
+
+
+def gait_keys(kind: str) -> dict[str, str]:
+    """Return each key that this kind of gait has, with a value that is not its default."""
+    names = {key_of(known): known for known in declared_in(GAITS[kind]).values()}
+    own = {key: field for key, field in PublishedGait.model_fields.items() if kind in (only_for(field) or GAITS)}
+    return {f"gait.{key}": changed(names[key], field.default) for key, field in own.items() if key in names}
+
+
+def changed(known: Parameter, default: Any) -> str:
+    """Return another value of a parameter than its default in a scene, as an override has it."""
+    if known.choices:
+        return known.choices[known.choices.index(default) - 1]
+    if isinstance(default, bool):
+        return str(not default).lower()
+    return str(default + 1 if isinstance(default, int) else 0.8 * default or 0.1)
+
+
 LENGTH = "run.duration_s=0.8"
 
 
@@ -151,10 +160,7 @@ def references() -> dict[str, np.ndarray]:
     ("kind", "key", "value"),
     [
         *(("travelling_wave", key, value) for key, value in WAVE.items()),
-        *(("segment_driven", key, value) for key, value in SEGMENTS.items()),
-        *(("two_anchor", key, value) for key, value in ANCHORS.items()),
-        *(("breathing", key, value) for key, value in BREATHING.items()),
-        *(("extension_wave", key, value) for key, value in EXTENSIONS.items()),
+        *((kind, key, value) for kind in GAITS for key, value in gait_keys(kind).items()),
     ],
 )
 def test_every_key_of_a_scene_changes_the_run(references, kind: str, key: str, value: object) -> None:
@@ -167,10 +173,7 @@ def test_every_key_is_among_those_tested() -> None:
     sections = ("run", "worm", "friction", "gait", "ground", "solver")
     scene = PublishedScene(model="planar_published")
     keys = {f"{section}.{key}" for section in sections for key in type(getattr(scene, section)).model_fields}
-    assert (
-        keys - {"run.duration_s", "run.record_every"}
-        == WAVE.keys() | SEGMENTS.keys() | ANCHORS.keys() | BREATHING.keys() | EXTENSIONS.keys()
-    )
+    assert keys - {"run.duration_s", "run.record_every"} == set(WAVE).union(*map(gait_keys, GAITS))
 
 
 def test_the_dirac_pulse_lasts_one_time_step() -> None:
