@@ -78,10 +78,15 @@ class Commands(NamedTuple):
 
 @runtime_checkable
 class Gait(Protocol):
-    """A pattern that becomes a function of time once it knows the worm."""
+    """A pattern that becomes a function of time, or where it senses a controller, once it knows the worm."""
 
-    def bind(self, worm: Worm) -> Callable[[float], Command]:
-        """Return the commands over time [s]."""
+    def bind(self, worm: Worm) -> Callable[[float], Command] | Controller:
+        """Return the commands over time [s], or what gives them from step to step.
+
+        A controller that a gait returns is asked as the gait would be, for the command at the end of a step; what it
+        is given was measured at the step's beginning. Before a run's first step it is asked once, with the
+        measurement None, for the command at its start, from which the actuators' ramp begins.
+        """
 
 
 @runtime_checkable
@@ -109,12 +114,12 @@ class BadCommandError(ValueError):
 class Driver:
     """Commands of an actuation, as rows for the compiled steps; without one the worm is left alone.
 
-    A controller gets what `sensor` makes of an observation, or the observation itself.
+    A controller, or a gait that senses, gets what `sensor` makes of an observation, or the observation itself.
 
     Raises
     ------
     ValueError
-        No actuation, or a sensor for one that is no controller.
+        No actuation, or a sensor for one that takes no measurements.
     """
 
     def __init__(self, actuation: Actuation | None, worm: Worm, sensor: Sensor | None) -> None:
@@ -125,15 +130,15 @@ class Driver:
             raise ValueError(
                 f"actuation: got the class {actuation.__name__}, must be an object: {actuation.__name__}()"
             )
-        if isinstance(actuation, Gait):
-            self._at = actuation.bind(worm)
-        elif isinstance(actuation, Controller):
-            self.controller = actuation
-            actuation.reset()
+        self._is_gait = isinstance(actuation, Gait)
+        given = actuation.bind(worm) if isinstance(actuation, Gait) else actuation
+        if isinstance(given, Controller):
+            self.controller = given
+            given.reset()
             getattr(sensor, "reset", lambda: None)()
-        elif callable(actuation):
-            self._at = actuation
-        elif actuation is not None:
+        elif callable(given):
+            self._at = given
+        elif given is not None:
             raise ValueError(
                 f"actuation: got {type(actuation).__name__}, must be a gait (with bind), a controller (with reset and "
                 "step), or a function of time"
@@ -141,7 +146,10 @@ class Driver:
         if not (sensor is None or (callable(sensor) and not isinstance(sensor, type))):
             raise ValueError(f"sensor: got {type(sensor).__name__}, must be a function of an Observation, or None")
         if sensor is not None and self.controller is None:
-            raise ValueError("sensor: only a controller takes measurements; the actuation must have reset and step")
+            raise ValueError(
+                "sensor: only a controller, or a gait that senses, takes measurements; the actuation must have reset "
+                "and step"
+            )
 
     @property
     def tabular(self) -> bool:
@@ -163,11 +171,17 @@ class Driver:
         """Return the command at time t as a row, shape (5 N,)."""
         return self.row(self._at(t))
 
-    def decide(self, observation: Observation) -> FloatArray:
-        """Return what the controller commands now, as a row."""
+    def first(self, t: float) -> FloatArray | None:
+        """Return the command at the start of a run, as a row; None from a controller, which has decided nothing yet."""
+        if self.controller is None:
+            return self.at(t)
+        return self.row(self.controller.step(t, None)) if self._is_gait else None
+
+    def decide(self, observation: Observation, end: float) -> FloatArray:
+        """Return what the controller commands now, for a step until `end` [s], as a row."""
         assert self.controller is not None
         seen = observation if self._sensor is None else self._sensor(observation)
-        return self.row(self.controller.step(observation.time, seen))
+        return self.row(self.controller.step(end if self._is_gait else observation.time, seen))
 
     def row(self, command: Command) -> FloatArray:
         """Return a command as a row: contraction, force, and hinge angles behind one unused entry.

@@ -71,8 +71,9 @@ class Run:
             self.offset = 0.0  # a resumed run has the very times of one that went on
         self.remembers = bool(start.memory) and bool(start.memory.get("remembers", np.zeros(1))[0] == self.dt)
         try:
-            if not start.memory and self.driver.controller is None:
-                ask(self.core, self.driver.at(self.time(0)))  # from this command the actuators' ramp begins
+            first = None if start.memory else self.driver.first(self.time(0))
+            if first is not None:
+                ask(self.core, first)  # from this command the actuators' ramp begins
             self._forces(self.time(0))  # wrong shapes show before the first step
         except Exception as error:
             if _is_ours(error):
@@ -162,7 +163,7 @@ class Run:
         return np.array(commands).reshape(-1, 5 * self.n), forces[: len(commands)]
 
     def _command(self, t: float) -> FloatArray:
-        return self.driver.at(t) if self.driver.controller is None else self.driver.decide(self.observation())
+        return self.driver.at(t) if self.driver.controller is None else self.driver.decide(self.observation(), t)
 
     def _advance(self, commands: FloatArray, forces: list[FloatArray]) -> Status:
         table = np.array(forces) if self.external_force is not None else np.zeros((0, 3, self.n + 1))

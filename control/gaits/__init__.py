@@ -1,6 +1,7 @@
-"""Gaits: open-loop patterns of contraction, and the waves that controllers drive."""
+"""Gaits: patterns of contraction, with memory and senses or without, and the waves that controllers drive."""
 
 from control.gaits.extension_wave import ExtensionWave
+from control.gaits.feedback import Feedback, FeedbackGait, Felt, Memory
 from control.gaits.gait import GAITS, Body, BoundGait, Direction, Gait
 from control.gaits.patterns import (
     Breathing,
@@ -19,7 +20,11 @@ __all__ = [
     "ContractionEngine_segmentdriven",
     "Direction",
     "ExtensionWave",
+    "Feedback",
+    "FeedbackGait",
+    "Felt",
     "Gait",
+    "Memory",
     "Pulse",
     "TravellingWave",
     "TwoAnchor",

@@ -103,6 +103,10 @@ class Gait(ABC):
         activation: FloatArray = sides(self.activations(np.array([t]), segments))[0].mean(axis=-1)
         return activation
 
+    def require_body(self, segments: int) -> None:
+        """Raise ValueError unless a body of so many segments can have the gait."""
+        self.activations(np.zeros(1), segments)
+
     def bind(self, worm: Body) -> BoundGait:
         """Return the actuation of `worm`: time [s] -> `worm3d.Command`, clipped to the worm's stroke."""
         return BoundGait(partial(self.commands, worm=worm))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from control.gaits import GAITS, Gait
+from control.gaits import GAITS, FeedbackGait, Gait
 from scenes.language.checks import Check, Found, kind_checks
 from scenes.language.parts import key_of
 from scenes.language.schema import Section, each_of
@@ -123,10 +123,12 @@ RUN_CHECKS = (
 )
 
 
-def gait_checks(gait: type[Section], worm: type[Section], without: tuple[str, ...] = ()) -> tuple[Check, ...]:
+def gait_checks(
+    gait: type[Section], worm: type[Section], without: tuple[str, ...] = (), *, can_sense: bool = True
+) -> tuple[Check, ...]:
     """Return the checks that the section [gait] describes a gait, and that the body of a section [worm] can follow.
 
-    `without` are keys of the section that are not the gait's.
+    `without` are keys of the section that are not the gait's; `can_sense` says whether the model has anything to sense.
     """
     told = tuple(f"gait.{name}" for name in gait.model_fields if name not in without)
     body = (AMPLITUDE, *(("worm.stroke",) if "stroke" in worm.model_fields else ()), *BODY)
@@ -136,6 +138,7 @@ def gait_checks(gait: type[Section], worm: type[Section], without: tuple[str, ..
         Check(("run.dt_s", "gait.period_s"), _step_resolves_period),
         Check(("gait.contract_time_s", "run.dt_s", "gait.kind"), _contraction_resolved),
         Check(("worm.segments", *told), partial(_gait_fits, told=told)),
+        *([] if can_sense else [Check(told, partial(_senses_nothing, told=told))]),
         *([Check((*body, *told), partial(_links_reach, told=told, body=body))] if has_links else []),
     )
 
@@ -148,11 +151,22 @@ def _asked(told: tuple[str, ...], values: tuple[Any, ...]) -> Gait:
 def _gait_fits(segments: int, *values: Any, told: tuple[str, ...]) -> Found:
     """Tell what a gait refuses: what its parameters are together, or a worm with too few segments."""
     try:
-        _asked(told, values).activations(np.zeros(1), segments)
+        _asked(told, values).require_body(segments)
     except ValueError as error:
         gait = GAITS[values[told.index("gait.kind")]]
         return by_key(str(error), {name: f"gait.{key_of(known)}" for name, known in parameters_of(gait).items()})
     return None
+
+
+def _senses_nothing(*values: Any, told: tuple[str, ...]) -> Found:
+    """Tell of a gait that senses, where there is nothing to sense."""
+    try:
+        gait = _asked(told, values)
+    except ValueError:
+        return None  # `_gait_fits` tells
+    if not isinstance(gait, FeedbackGait) or not gait.senses:
+        return None
+    return {"gait.kind": f"got {gait.name!r}: it senses {', '.join(gait.senses)}; use model = 'worm_planar' or 'worm'"}
 
 
 def _links_reach(*values: Any, told: tuple[str, ...], body: tuple[str, ...]) -> Found:

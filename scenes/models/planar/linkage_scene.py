@@ -125,7 +125,7 @@ def _is_flattened(scene: LinkageScene) -> bool:
 
 RULES = (
     *RUN_CHECKS,
-    *gait_checks(LinkageGait, Worm),
+    *gait_checks(LinkageGait, Worm, can_sense=False),
     *list_checks(Worm, "worm"),
     *list_checks(Friction, "friction"),
 )
