@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from scenes.commands.arguments import Force, Out, Overrides, Quiet, SceneArgument, path_of
+from scenes.language.errors import SceneError
 
 studies = typer.Typer(rich_markup_mode=None)
 """Commands that stand beside `run` and the others."""
@@ -70,16 +71,36 @@ def sweep(
 
 @studies.command()
 def study(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="A scene with a section [sweep].")],
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[NAME]", help="A study, or a scene with a section [sweep]; without: a list."),
+    ] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Run all studies, and write one report of what they tell.")
+    ] = False,
     o: Overrides = None,
+    workers: Workers = None,
+    retry_failed: RetryFailed = False,
     out: Out = None,
     force: Anew = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run the sweep that a scene describes in its section [sweep]."""
-    from scenes.sweep.command import Options, run
+    """Run a study: a sweep, its table and figure, and what a designer learns from it in sentences.
 
-    raise typer.Exit(run(name, o or (), out, Options(force=force, quiet=quiet)))
+    Without a name the studies are listed. A scene with a section [sweep] is run too; [study] says what it is to tell.
+    Beside what 'worm3d sweep' writes there are study.md and study.png.
+    """
+    from scenes.studies import command
+    from scenes.sweep.command import Options
+
+    options = Options(workers=workers, retry_failed=retry_failed, force=force, quiet=quiet)
+    if every:
+        if name is not None or o:
+            raise SceneError("study: --all runs the studies as they are; leave out the name and -o")
+        raise typer.Exit(command.run_all(out, options))
+    if name is not None:
+        raise typer.Exit(command.run(name, o or (), out, options))
+    command.list_studies()
 
 
 @studies.command()

@@ -17,7 +17,7 @@ from scenes.language.errors import DiscError, SceneError, printable
 from scenes.language.mistakes import Mistake, did_you_mean, report, validated
 from scenes.language.overrides import apply_overrides
 from scenes.language.schema import Section, field_at, is_file, section_type
-from scenes.language.sweep_section import SWEEP, sweep_mistakes
+from scenes.language.sweep_section import OUTSIDE, STUDY, SWEEP, outside_mistakes
 from worm3d.values import regular_file
 
 SHIPPED = Path(__file__).parents[1]
@@ -72,10 +72,12 @@ class Scene(Generic[M]):
     model: M
     settings: Any
     sweep: Mapping[str, Any] = field(default_factory=dict)
-    """Its section [sweep], if it has one: keys `vary` and `random` (`scenes.language.sweep_section`)."""
+    """Its section [sweep], if it has one (`scenes.language.sweep_section`)."""
+    study: Mapping[str, Any] = field(default_factory=dict)
+    """Its section [study], if it has one."""
 
     def to_toml(self) -> str:
-        """Return the resolved scene as TOML, without a section [sweep]; it can be loaded again."""
+        """Return the resolved scene as TOML, without [sweep] and [study]; it can be loaded again."""
         return self._toml
 
     @cached_property
@@ -142,15 +144,15 @@ class Draft(Generic[M]):
         """
         data, overridden, mistakes = apply_overrides(self._data, overrides)
         overridden, mistakes = self._overridden + overridden, self._mistakes + mistakes
-        sweep = data.pop(SWEEP, {})
-        mistakes += sweep_mistakes(sweep) if sweep != {} else []
+        outside = {name: data.pop(name) for name in OUTSIDE if name in data}
+        mistakes += outside_mistakes(outside)
         model, model_mistakes = _model_of(self._models, data)
         data = _with_every_section(model, {**data, "model": model.name})
         settings, wrong = validated(model.schema, data, partial(_models_with, self._models))
         mistakes += model_mistakes + wrong
         passed = self._passed.setdefault(model.name, {})
         mistakes += cross_mistakes(model.checks, model.schema, data, mistakes, overridden, passed)
-        scene = Scene(printable(self._name), model, settings, sweep)
+        scene = Scene(printable(self._name), model, settings, outside.get(SWEEP, {}), outside.get(STUDY, {}))
         if mistakes:
             lines = report(mistakes, toml.key_lines(self._text), overridden)
             of_one_key = settings is None or any(_is_of_one_key(model.schema, mistake) for mistake in mistakes)

@@ -1,15 +1,17 @@
-"""The section [sweep] of a scene: the keys that are varied where the scene is not run once but as a sweep."""
+"""Sections of a scene that is not run once: [sweep], what is varied, and [study], what is learnt from it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import Field
 
 from scenes.language.mistakes import Mistake, schema_mistakes
 from scenes.language.schema import Section, quantity, setting
 
-SWEEP = "sweep"
-"""Name of the section."""
+SWEEP, STUDY = "sweep", "study"
+"""Names of the sections."""
 
 
 class Sweep(Section):
@@ -19,15 +21,47 @@ class Sweep(Section):
         title='keys and their values: { "gait.period_s" = [2, 3], "worm.segments" = "3:7:5" }', aka=("values", "keys")
     )
     random: int | None = quantity(ge=1, left_out="none are drawn", title="cases drawn from keys given as lo:hi")
+    choices: dict[str, dict[str, dict[str, Any]]] = Field(
+        default={},
+        title='names for values of several keys: { ground = { ice = { "friction.forward" = 0.01 }, felt = {} } }',
+    )
+    set: dict[str, Any] = Field(
+        default={}, title='keys that follow from varied ones by a formula: { "worm.mass_kg" = "= worm.segments / 60" }'
+    )
 
 
-class _Swept(Section):
-    sweep: Sweep
+class Study(Section):
+    """What a sweep is to tell."""
+
+    question: str = setting("", title="the question that it answers")
+    held: str = setting("", title="what is the same in all cases")
+    measures: dict[str, Literal["more", "less", ""]] = Field(
+        default={}, title='figures of the summary that matter, and which is better: { speed_bl_s = "more" }'
+    )
+    yes: dict[str, Literal["rises", "falls"]] = Field(
+        default={},
+        title='what a figure does along the first varied key if the answer is yes: { cost_of_transport = "falls" }',
+    )
+    by: str = setting("", title="varied key by which cases are brought to equal figures")
+    names: dict[str, str] = Field(default={}, title='words for keys, variables and figures: { ratio = "anisotropy" }')
+    equal: dict[str, float] = Field(default={}, title="figures at which cases are compared too: { speed_bl_s = 0.05 }")
+    marked: dict[str, str] = Field(
+        default={}, title='cases to mark, by a formula: { "tips over" = "= roll_margin_deg < 0" }'
+    )
 
 
-def sweep_mistakes(given: object) -> list[Mistake]:
-    """Return what is wrong with the section."""
-    return schema_mistakes(_Swept, {SWEEP: given})
+class _Outside(Section):
+    sweep: Sweep = Sweep(vary={})
+    study: Study = Study()
+
+
+OUTSIDE = tuple(_Outside.model_fields)
+"""Sections of a scene's file that do not belong to the scene itself."""
+
+
+def outside_mistakes(given: Mapping[str, object]) -> list[Mistake]:
+    """Return what is wrong with these sections."""
+    return schema_mistakes(_Outside, given)
 
 
 def varied_keys(vary: Mapping[str, Any], before: str = "") -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +12,7 @@ import typer
 
 from scenes.commands.runner import EXIT_CODES
 from scenes.commands.terminal import Interruption, busy, counted, progress
+from scenes.models.loading import Scene
 from scenes.records import folder as folders
 from scenes.sweep.design import Design, told
 from scenes.sweep.engine import Sweep, require_place
@@ -45,10 +46,16 @@ class Options:
     quiet: bool = False
 
 
-def run(scene: str | Path, overrides: Sequence[str], out: Path | None, options: Options) -> int:
+Then = Callable[[Path, Scene, Table], Iterable[str]]
+"""Writes more about the cases of a sweep into its folder, given its scene, and returns lines that end its report."""
+
+
+def run(
+    scene: str | Path, overrides: Sequence[str], out: Path | None, options: Options, then: Then = lambda *told: ()
+) -> int:
     """Run a sweep, or what is missing of it, write what it shows, and return the exit code.
 
-    Without a folder to write to it is `runs/<scene>-<time>`.
+    Without a folder to write to it is `runs/<scene>-<time>`. What is done `then` is left out if the sweep was stopped.
 
     Raises
     ------
@@ -61,7 +68,7 @@ def run(scene: str | Path, overrides: Sequence[str], out: Path | None, options: 
     if out is not None:
         require_place(out, force=options.force)
     with folders.prepared(out, source.name, force=True) as folder:
-        return _run_into(folder, plan, executor, options)
+        return _run_into(folder, plan, executor, options, then)
 
 
 def checked(source: Source, options: Options) -> Plan:
@@ -79,10 +86,10 @@ def checked(source: Source, options: Options) -> Plan:
         return planned(source, texts(options.vary), random=options.random, listed=listed, watch=watch)
 
 
-def _run_into(folder: Path, plan: Plan, executor: Executor, options: Options) -> int:
+def _run_into(folder: Path, plan: Plan, executor: Executor, options: Options, then: Then) -> int:
     name = plan.base.name
     try:
-        stopped, told_at_end, code = _run_and_write(folder, plan, executor, options)
+        stopped, told_at_end, code = _run_and_write(folder, plan, executor, options, then)
     except KeyboardInterrupt:
         stopped, told_at_end, code = True, (), INTERRUPTED
     if stopped:
@@ -93,7 +100,9 @@ def _run_into(folder: Path, plan: Plan, executor: Executor, options: Options) ->
     return code
 
 
-def _run_and_write(folder: Path, plan: Plan, executor: Executor, options: Options) -> tuple[bool, Sequence[str], int]:
+def _run_and_write(
+    folder: Path, plan: Plan, executor: Executor, options: Options, then: Then
+) -> tuple[bool, Sequence[str], int]:
     """Return whether Ctrl-C stopped it, the lines that end its report, and the exit code."""
     sweep, name, begun = Sweep(plan, folder, options.results), plan.base.name, time.monotonic()
     with Interruption() as interruption, shown(name, quiet=options.quiet) as show:
@@ -103,9 +112,10 @@ def _run_and_write(folder: Path, plan: Plan, executor: Executor, options: Option
     seconds = time.monotonic() - begun
     with busy("drawing", quiet=options.quiet):
         written = write_outputs(folder, plan.base, plan.design, sweep.ended())
+        more = () if interruption.requested else tuple(then(folder, plan.base, written.table))
     for line in failures(plan.design, written.table):
         typer.echo(line, err=True)
-    lines = (*report(plan.base, written.table), f"{'files':22}{folder}")
+    lines = (*report(plan.base, written.table), *more, f"{'files':22}{folder}")
     told_at_end = (f"{name}: {summed_up(far, seconds)}", *(f"  {line}" for line in lines))
     stopped = interruption.requested
     return stopped, told_at_end, INTERRUPTED if stopped else EXIT_CODES[written.status]

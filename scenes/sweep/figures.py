@@ -119,7 +119,7 @@ def _draw_points(axes: Axes, table: Table, keys: list[Varied], values: FloatArra
     """Draw cases as points in the plane of two numbers, coloured by a metric."""
     x, y = (_along(table, key) for key in keys)
     shown = np.isfinite(values)
-    points = axes.scatter(x[shown], y[shown], c=values[shown], s=28, **_colours(values))
+    points = axes.scatter(x[shown], y[shown], c=values[shown], s=28, **colours(values))
     axes.scatter(x[table.failed], y[table.failed], **FAILED)
     assert isinstance(axes.figure, Figure)
     axes.figure.colorbar(points, ax=axes, label=label)
@@ -136,7 +136,7 @@ def _draw_map(axes: Axes, table: Table, keys: list[Varied], values: FloatArray, 
     x, y = (each[order] for each, order in zip(marks, orders, strict=True))
     cells = values.reshape(sizes)[np.ix_(*orders)].T
     failed = table.failed.reshape(sizes)[np.ix_(*orders)].T
-    mesh = axes.pcolormesh(_edges(x), _edges(y), np.ma.masked_invalid(cells), **_colours(values))
+    mesh = axes.pcolormesh(edges(x), edges(y), np.ma.masked_invalid(cells), **colours(values))
     axes.set_facecolor("0.92")
     rows, columns = np.nonzero(failed)
     axes.scatter(x[columns], y[rows], **FAILED)
@@ -161,20 +161,20 @@ def _marks(varied: Varied) -> FloatArray:
     return np.array(varied.values if _is_axis(varied) else range(len(varied.values)), dtype=float)
 
 
-def _edges(marks: FloatArray) -> FloatArray:
+def edges(marks: FloatArray) -> FloatArray:
     """Return the edges of cells about ascending marks: half-way, on a logarithmic axis as it is seen there."""
     if len(marks) == 1:
         half = 0.5 * abs(float(marks[0])) or 0.5
         return np.array([marks[0] - half, marks[0] + half])
-    logarithmic = _is_logarithmic(marks)
+    logarithmic = is_logarithmic(marks)
     seen = np.log(marks) if logarithmic else marks
     inner = 0.5 * (seen[1:] + seen[:-1])
-    edges = np.concatenate([[2.0 * seen[0] - inner[0]], inner, [2.0 * seen[-1] - inner[-1]]])
-    found: FloatArray = np.exp(edges) if logarithmic else edges
+    ends = np.concatenate([[2.0 * seen[0] - inner[0]], inner, [2.0 * seen[-1] - inner[-1]]])
+    found: FloatArray = np.exp(ends) if logarithmic else ends
     return found
 
 
-def _is_logarithmic(values: FloatArray) -> bool:
+def is_logarithmic(values: FloatArray) -> bool:
     """Return whether values span much, and their middle is nearer to the geometric mean of the ends."""
     low, high = float(values.min()), float(values.max())
     if low <= 0.0 or high < LEAST_DECADES * low:
@@ -185,7 +185,7 @@ def _is_logarithmic(values: FloatArray) -> bool:
 
 def _scale(axes: Axes, which: str, values: FloatArray) -> None:
     """Choose the scale of an axis, and name all values along it if they are few and apart."""
-    distinct, logarithmic = np.unique(values), _is_logarithmic(values)
+    distinct, logarithmic = np.unique(values), is_logarithmic(values)
     places = np.log(distinct) if logarithmic else distinct
     if logarithmic:
         getattr(axes, f"set_{which}scale")("log")
@@ -204,7 +204,7 @@ def _ticks(axes: Axes, which: str, names: list[str]) -> None:
             text.set_horizontalalignment("right")
 
 
-def _colours(values: FloatArray) -> dict[str, Any]:
+def colours(values: FloatArray) -> dict[str, Any]:
     """Return colours that tell signs apart where a metric has both."""
     known = values[np.isfinite(values)]
     low, high = float(known.min()), float(known.max())

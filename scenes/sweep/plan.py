@@ -12,9 +12,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel
-from pydantic_core import to_jsonable_python
-
 from scenes.commands.terminal import counted
 from scenes.language import toml
 from scenes.language.errors import SceneError
@@ -25,6 +22,7 @@ from scenes.models.loading import Scene, draft
 from scenes.sweep.design import Design, told
 from scenes.sweep.job import Job
 from scenes.sweep.key import key_of
+from scenes.sweep.links import Links, value_at
 from scenes.sweep.vary import design_of
 
 SEED = "seed"
@@ -150,9 +148,13 @@ def planned(
     """
     base = source.base()
     if not vary and not listed:
-        vary, random = varied_keys(base.sweep.get("vary", {})), random or base.sweep.get("random")
+        sweep = base.sweep
+        vary, random = varied_keys(sweep.get("vary", {})), random or sweep.get("random")
+        links = Links(sweep.get("choices", {}), varied_keys(sweep.get("set", {})), base.settings)
+    else:
+        links = Links({}, {}, base.settings)
     schema, seed = base.model.schema, base.settings.seed
-    design = design_of(base.name, schema, vary or {}, random=random, listed=listed, seed=seed)
+    design = design_of(base.name, schema, links.axes(vary or {}), random=random, listed=listed, seed=seed)
     fixed = {override.partition("=")[0].strip() for override in source.overrides}
     keys = {each.key for each in design.varied}
     if twice := sorted(keys & fixed):
@@ -162,7 +164,7 @@ def planned(
     for done, values in enumerate(design.cases(), start=1):
         reasons: Sequence[str] = ()
         try:
-            scene = source.parse(f"{key}={toml.value(value)}" for key, value in values.items())
+            scene = source.parse(f"{key}={toml.value(value)}" for key, value in links.keys_of(values).items())
         except ImpossibleError as error:
             scene, reasons = error.scene, impossible.add(values, error.lines)
         except SceneError as error:
@@ -170,7 +172,7 @@ def planned(
             if wrong.number >= MOST_WRONG:
                 break
             continue
-        cases.append(_case(scene if given else _seeded(scene, seed, keys), values, "; ".join(reasons)))
+        cases.append(_case(scene if given else _seeded(scene, seed, keys, values), values, "; ".join(reasons)))
         watch(done, len(design))
     if wrong.number:
         raise SceneError(*wrong.report(len(design), done))
@@ -184,19 +186,11 @@ def _case(scene: Scene, values: Mapping[str, Any], refused: str) -> Case:
     return Case(values, key, scene.settings.seed, zlib.compress(scene.to_toml().encode()), refused)
 
 
-def _seeded(scene: Scene, base: int, keys: Iterable[str]) -> Scene:
+def _seeded(scene: Scene, base: int, keys: Iterable[str], values: Mapping[str, Any]) -> Scene:
     """Return a case's scene with a seed that follows from that of the sweep and the case's values alone."""
-    said = json.dumps([base, [(key, _value_at(scene.settings, key)) for key in sorted(keys)]])
+    said = json.dumps([base, [(key, value_at(scene.settings, key, values.get(key))) for key in sorted(keys)]])
     seed = int.from_bytes(hashlib.sha256(said.encode()).digest()[:8], "big") & LARGEST_SEED
     return replace(scene, settings=scene.settings.model_copy(update={SEED: seed}))
-
-
-def _value_at(settings: BaseModel, key: str) -> Any:
-    """Return the resolved value of a key as data for JSON: 2 and 2.0 seconds are the same."""
-    here: Any = settings
-    for name in key.split("."):
-        here = getattr(here, name)
-    return to_jsonable_python(here)
 
 
 class _Mistakes:

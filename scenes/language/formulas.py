@@ -1,0 +1,95 @@
+"""Formulas in scene files: arithmetic and comparisons of numbers by name, such as `= 0.1 * worm.segments / 6`."""
+
+from __future__ import annotations
+
+import ast
+import operator
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from scenes.language.errors import SceneError
+
+MARK = "="
+"""First character of a text that is a formula."""
+LONGEST = 200
+"""Largest number of characters of a formula."""
+
+_OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+}
+ALLOWED = "numbers, names, + - * / **, brackets, and one of < <= > >="
+
+
+def is_formula(value: object) -> bool:
+    """Return whether a value of a scene is a formula: a text that begins with `=`."""
+    return isinstance(value, str) and value.lstrip().startswith(MARK)
+
+
+def names_in(formula: str) -> set[str]:
+    """Return the names in a formula, dotted ones whole; SceneError if it cannot be read."""
+    return set(_names(_parsed(formula)))
+
+
+def evaluated(formula: str, value_of: Callable[[str], Any]) -> Any:
+    """Return the value of a formula.
+
+    Parameters
+    ----------
+    formula : str
+        With or without the mark before it.
+    value_of : callable
+        Value of a name: a number, or an array, for which the formula then holds element by element.
+
+    Raises
+    ------
+    SceneError
+        It cannot be read, or has no value: a division by 0, a number too large.
+    """
+    try:
+        return _value(_parsed(formula), value_of, formula)
+    except (ArithmeticError, TypeError) as error:
+        raise SceneError(f"formula '{formula.strip()}': has no value: {error}") from error
+
+
+def _parsed(formula: str) -> ast.expr:
+    text = formula.strip().removeprefix(MARK).strip()
+    if len(text) > LONGEST:
+        raise SceneError(f"formula '{text[:40]}...': {len(text)} characters, at most {LONGEST} are allowed")
+    try:
+        return ast.parse(text, mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise SceneError(f"formula '{formula.strip()}': cannot be read; allowed are {ALLOWED}") from error
+
+
+def _names(node: ast.AST) -> Iterator[str]:
+    if isinstance(node, ast.Name | ast.Attribute):
+        yield ast.unparse(node)
+    else:
+        for inner in ast.iter_child_nodes(node):
+            yield from _names(inner)
+
+
+def _value(node: ast.expr, value_of: Callable[[str], Any], formula: str) -> Any:
+    match node:
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            return float(number)
+        case ast.Name() | ast.Attribute():
+            return value_of(ast.unparse(node))
+        case ast.UnaryOp() if type(node.op) in _OPERATORS:
+            return _OPERATORS[type(node.op)](_value(node.operand, value_of, formula))
+        case ast.BinOp() if type(node.op) in _OPERATORS:
+            sides = (_value(side, value_of, formula) for side in (node.left, node.right))
+            return _OPERATORS[type(node.op)](*sides)
+        case ast.Compare(ops=[relation], comparators=[right]) if type(relation) in _OPERATORS:
+            return _OPERATORS[type(relation)](_value(node.left, value_of, formula), _value(right, value_of, formula))
+    raise SceneError(f"formula '{formula.strip()}': '{ast.unparse(node)}' is not allowed; allowed are {ALLOWED}")

@@ -1,0 +1,80 @@
+"""`worm3d study`: lists the studies, runs one, or runs all and writes what they tell together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import typer
+
+from scenes.commands.runner import EXIT_CODES
+from scenes.language.errors import SceneError
+from scenes.language.loader import SHIPPED, says
+from scenes.models.loading import Scene
+from scenes.records import folder as folders
+from scenes.records.drawing import save_figure
+from scenes.records.folder import write_bytes
+from scenes.studies.lessons import answers, lessons
+from scenes.studies.report import PICTURE, TEXT, document, together
+from scenes.studies.study import Grid
+from scenes.sweep import command as sweeps
+from scenes.sweep.table import Table
+
+REPORT = "report.md"
+
+
+def shipped_studies() -> dict[str, Path]:
+    """Return the files of the studies that come with the program, by name."""
+    return {path.stem: path for path in sorted((SHIPPED / "studies").glob("*.toml"))}
+
+
+def list_studies() -> None:
+    """Name the studies that come with the program, a line each."""
+    for name, path in shipped_studies().items():
+        typer.echo(f"{name}  {says(path)}")
+
+
+def run(name: str, overrides: Sequence[str], out: Path | None, options: sweeps.Options) -> int:
+    """Run a study, by its name or that of any scene with a section [sweep], and return the exit code."""
+    return _run(name, overrides, out, options, {})
+
+
+def _run(name: str, overrides: Sequence[str], out: Path | None, options: sweeps.Options, found: dict[str, Grid]) -> int:
+    def tell(folder: Path, scene: Scene, table: Table) -> Iterator[str]:
+        if not scene.study:
+            return
+        grid = found[name] = Grid(scene, table)
+        if not table.done.any():
+            return
+        from scenes.studies.figure import draw  # imports matplotlib
+
+        write_bytes(folder / TEXT, document(grid).encode())
+        save_figure(draw(grid), folder / PICTURE)
+        yield from (*answers(grid), *lessons(grid))
+
+    return sweeps.run(shipped_studies().get(name, name), overrides, out, options, tell)
+
+
+def run_all(out: Path | None, options: sweeps.Options) -> int:
+    """Run all studies that come with the program, each in a folder of its own, and write `report.md` beside them.
+
+    Started again on the same folder it runs what is missing. A study with cases that fail does not stop the others.
+
+    Raises
+    ------
+    SceneError
+        The folder holds something else, or a study cannot be run.
+    """
+    found: dict[str, Grid] = {}
+    if out is not None and out.is_dir() and any(out.iterdir()) and not (options.force or (out / REPORT).is_file()):
+        raise SceneError(f"{out} is not empty, and no folder of studies: choose another --out, or use it with --force")
+    codes = []
+    with folders.prepared(out, "studies", force=True) as folder:
+        write_bytes(folder / REPORT, b"The studies have not come to their end: start them again.\n")
+        for name in shipped_studies():
+            codes.append(_run(name, (), folder / name, options, found))
+            if codes[-1] == sweeps.INTERRUPTED:
+                return codes[-1]
+        write_bytes(folder / REPORT, together(found).encode())
+        typer.echo(f"{folder / REPORT} has what they tell together")
+    return EXIT_CODES["incomplete"] if any(codes) else 0

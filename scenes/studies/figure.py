@@ -1,0 +1,126 @@
+"""The figure of a study: a panel for each of its figures, with curves, bars or a map."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from scenes.studies.lessons import views
+from scenes.studies.study import Axis, Grid, Measure
+from scenes.sweep.figures import colours, edges, is_logarithmic
+from worm3d.values.arrays import FloatArray
+
+COLUMNS = 3
+PANEL = (4.2, 3.4)
+"""Size of a panel [inch]."""
+WIDE = 20.0
+"""Ratio of the largest to the smallest value from which on a scale is logarithmic."""
+HATCHES = ("///", "\\\\\\", "...")
+STYLES: dict[str, Any] = {"ms": 4, "lw": 1.5}
+MARKERS = "os^Dv"
+MOST_NUMBERS = 12
+"""Largest number of values of an axis that are all named."""
+
+
+def draw(grid: Grid) -> Figure:
+    """Return the figure of a study."""
+    panels = [panel for panel in views(grid) if np.isfinite(panel[2]).any()]
+    rows, columns = math.ceil(len(panels) / COLUMNS), min(COLUMNS, len(panels))
+    figure = Figure(figsize=(PANEL[0] * columns, PANEL[1] * rows + 0.8), layout="constrained", dpi=120)
+    places = figure.subplots(rows, columns, squeeze=False)
+    for axes, (where, measure, values) in zip(places.flat, panels, strict=False):
+        (_map if grid.is_map else _curves if grid.x.is_number else _bars)(axes, grid, measure, values)
+        axes.set_title(where, fontsize=8)
+    for axes in places.flat[len(panels) :]:
+        axes.set_axis_off()
+    handles, labels = places.flat[0].get_legend_handles_labels()
+    marks = [
+        Patch(facecolor="none", edgecolor="k", hatch=hatch, label=name)
+        for name, hatch in zip(grid.marked(), HATCHES, strict=False)
+    ]
+    if named := [*(h for h, label in zip(handles, labels, strict=True) if label), *marks]:
+        figure.legend(handles=named, loc="outside lower center", ncols=min(len(named), 5), fontsize=8)
+    title = getattr(grid.scene.settings, "title", "") or grid.scene.name
+    figure.suptitle(title, fontsize=11)
+    return figure
+
+
+def _curves(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> None:
+    x = np.array(grid.x.varied.values, dtype=float)
+    order = np.argsort(x, kind="stable")
+    for c, (name, y) in enumerate(zip(grid.curves, values.T, strict=True)):
+        axes.plot(x[order], y[order], f"{MARKERS[c % len(MARKERS)]}-", color=f"C{c}", label=name, **STYLES)
+    for marked in grid.marked().values():
+        rows, columns = np.nonzero(marked)
+        axes.plot(x[rows], values[rows, columns], "o", ms=9, mfc="none", color="k")
+    _number_axis(axes, "x", grid.x, x)
+    if (values[np.isfinite(values)] <= 0.0).any() and (values[np.isfinite(values)] >= 0.0).any():
+        axes.axhline(0.0, color="0.5", lw=0.8)
+    elif _spans_much(values):
+        axes.set_yscale("log")
+    axes.set_ylabel(measure.label, fontsize=9)
+    axes.grid(alpha=0.3)
+
+
+def _bars(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> None:
+    names, width = [grid.x.told(k) for k in range(len(values))], 0.8 / values.shape[1]
+    for c, (name, y) in enumerate(zip(grid.curves, values.T, strict=True)):
+        axes.barh(np.arange(len(values)) + (c + 0.5) * width - 0.4, y, height=width, color=f"C{c}", label=name)
+    axes.set_yticks(range(len(names)), names, fontsize=8)
+    axes.invert_yaxis()
+    axes.set_xlabel(measure.label, fontsize=9)
+    axes.grid(alpha=0.3, axis="x")
+    axes.set_axisbelow(True)
+
+
+def _map(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> None:
+    assert grid.other is not None
+    keys = (grid.x, grid.other)
+    marks = [np.array(each.varied.values, dtype=float) for each in keys]
+    orders = [np.argsort(each, kind="stable") for each in marks]
+    x, y = (each[order] for each, order in zip(marks, orders, strict=True))
+    cells = values[np.ix_(*orders)].T
+    corners = (edges(x), edges(y))
+    style = {"cmap": "viridis", "norm": LogNorm()} if _spans_much(values) else colours(values)
+    mesh = axes.pcolormesh(*corners, np.ma.masked_invalid(cells), **style)
+    axes.set_facecolor("0.92")
+    for marked, hatch in zip(grid.marked().values(), HATCHES, strict=False):
+        shown = np.ma.masked_equal(marked[np.ix_(*orders)].T.astype(float), 0.0)
+        axes.pcolor(*corners, shown, hatch=hatch, alpha=0.0)
+    assert isinstance(axes.figure, Figure)
+    axes.figure.colorbar(mesh, ax=axes, label=measure.label)
+    for which, key, along in (("x", grid.x, x), ("y", grid.other, y)):
+        _number_axis(axes, which, key, along)
+
+
+def _spans_much(values: FloatArray) -> bool:
+    """Return whether values are better seen on a logarithmic scale."""
+    known = values[np.isfinite(values)]
+    return bool(known.min() > 0.0 and known.max() > WIDE * known.min())
+
+
+def _number_axis(axes: Axes, which: str, axis: Axis, values: FloatArray) -> None:
+    """Label an axis, logarithmic where its values are, and name the values that have room."""
+    distinct = np.unique(values)
+    if is_logarithmic(distinct):
+        getattr(axes, f"set_{which}scale")("log")
+    shown = list(_apart(np.log(distinct) if is_logarithmic(distinct) else distinct))
+    getattr(axes, f"set_{which}ticks")(distinct[shown], [f"{distinct[k]:.3g}" for k in shown], fontsize=8)
+    getattr(axes, f"set_{which}ticks")([], minor=True)
+    getattr(axes, f"set_{which}label")(axis.label, fontsize=9)
+
+
+def _apart(places: FloatArray) -> Iterator[int]:
+    """Yield the values of an axis that can be named without touching."""
+    last = -np.inf
+    for k, place in enumerate(places):
+        if place - last >= np.ptp(places) / MOST_NUMBERS:
+            yield k
+            last = float(place)

@@ -1,0 +1,148 @@
+"""What a designer learns from a study: sentences that follow from the figures of its cases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from scenes.studies.curves import Shape, sentence
+from scenes.studies.study import Grid, Measure
+from worm3d.values.arrays import FloatArray
+
+VERDICTS = {"rises": ("rises", "falls"), "falls": ("falls", "rises")}
+"""Shape of a curve for yes, and for no."""
+
+
+def answers(grid: Grid) -> Iterator[str]:
+    """Yield the answer to a study's yes-or-no question, a sentence for each figure that decides it and each curve."""
+    for name, way in grid.asked.yes.items():
+        better = grid.asked.measures.get(name, "")
+        for where, measure, values in views(grid):
+            if measure.name == name:
+                for curve, y in zip(grid.curves, values.T, strict=True):
+                    told = _sentence(grid, measure, y)
+                    yield f"{_verdict(y, way, better)}{_where(where, curve)}: {told}."
+
+
+def _verdict(y: FloatArray, way: str, better: str) -> str:
+    kind = Shape.of(y).kind
+    if kind == "none":
+        return "Not known"
+    yes, no = VERDICTS[way]
+    turned = "Up to a point" if better and kind in ("dip" if better == "less" else "peak") else "Not throughout"
+    return {yes: "Yes", no: "No", "flat": "No"}.get(kind, turned)
+
+
+def lessons(grid: Grid) -> Iterator[str]:
+    """Yield what a study tells, a sentence each."""
+    for where, measure, values in views(grid):
+        if not grid.x.is_number:
+            yield from _ranking(grid, measure, values, where)
+            continue
+        if not grid.is_map:
+            for curve, y in zip(grid.curves, values.T, strict=True):
+                told = _sentence(grid, measure, y)
+                yield f"{_where(where, curve).strip(' ()') or 'In all'}: {told}." if curve or where else f"{told}."
+        if len(grid.curves) > 1:
+            yield from _moving(grid, measure, values, where)
+            yield from _overall(grid, measure, values, where)
+    for name, marked in grid.marked().items():
+        yield _extent(grid, name, marked)
+    if grid.failed.any():
+        yield f"{int(grid.failed.sum())} of {grid.failed.size} cases fail: sweep.csv says why."
+
+
+def views(grid: Grid) -> Iterator[tuple[str, Measure, FloatArray]]:
+    """Yield the figures of a study, shape (X, C): as they are, then at equal figures, and words for which it is."""
+    for measure in grid.measures:
+        yield grid.own, measure, grid.values(measure.name)
+    for figure, target in grid.asked.equal.items():
+        equal = grid.measure(figure)
+        for measure in grid.measures:
+            if measure.name != figure and measure.better and grid.by is not None:
+                values = grid.equal_values(measure.name, figure, target, measure.better)
+                yield f"at equal {equal.words} of {equal.told(target)}, by the {grid.by.words}", measure, values
+
+
+def _where(where: str, curve: str) -> str:
+    said = "; ".join(part for part in (curve, where) if part)
+    return f" ({said})" if said else ""
+
+
+def _sentence(grid: Grid, measure: Measure, y: FloatArray) -> str:
+    return sentence(y, f"the {measure.words}", f"the {grid.x.words}", grid.x.told, measure.told, measure.better)
+
+
+def _ranking(grid: Grid, measure: Measure, values: FloatArray, where: str) -> Iterator[str]:
+    """Yield the order of names, best first."""
+    for curve, y in zip(grid.curves, values.T, strict=True):
+        known = [int(k) for k in np.argsort(y, kind="stable") if np.isfinite(y[k])]
+        order = known if measure.better == "less" else known[::-1]
+        none = [grid.x.told(k) for k in range(len(y)) if k not in known]
+        told = ", ".join(f"{grid.x.told(k)} ({measure.told(float(y[k]))})" for k in order)
+        yield f"By {measure.words}{_where(where, curve)}: {told or 'none'}" + (
+            f"; without: {', '.join(none)}." if none else "."
+        )
+
+
+def _moving(grid: Grid, measure: Measure, values: FloatArray, where: str) -> Iterator[str]:
+    """Yield where the best of each curve, or row of a map, lies."""
+    if not measure.better:
+        return
+    known = [c for c in range(values.shape[1]) if np.isfinite(values[:, c]).any()]
+    best = [Shape.of(values[:, c]).best(measure.better) for c in known]
+    if not known or (not grid.is_map and len(set(best)) > 1 and len(known) <= 2):
+        return
+    said = f"{'least' if measure.better == 'less' else 'greatest'} {measure.words}{_where(where, '')}"
+    if len(set(best)) == 1:
+        yield f"The {said} is at {grid.x.words} {grid.x.told(best[0])} for every {_other(grid)}."
+    else:
+        places = ", ".join(f"{grid.x.told(b)} for {grid.curves[c]}" for b, c in zip(best, known, strict=True))
+        yield f"The {grid.x.words} of the {said}: {places}."
+
+
+def _overall(grid: Grid, measure: Measure, values: FloatArray, where: str) -> Iterator[str]:
+    """Yield which curve is best, and where."""
+    if not measure.better or not np.isfinite(values).any():
+        return
+    sign = -1.0 if measure.better == "less" else 1.0
+    rows = np.flatnonzero(np.isfinite(values).any(axis=1))
+    ahead = np.array([int(np.nanargmax(sign * values[k])) for k in rows])
+    x, c = np.unravel_index(int(np.nanargmax(sign * values)), values.shape)
+    leads = f"best of all is {measure.told(float(values[x, c]))} at {grid.x.told(int(x))} with {grid.curves[c]}"
+    first = max(set(ahead.tolist()), key=ahead.tolist().count)
+    yield (
+        f"By {measure.words}{_where(where, '')}, {grid.curves[first]} is ahead at "
+        f"{_places(grid, [int(k) for k in rows[ahead == first]])}; {leads}."
+    )
+
+
+def _extent(grid: Grid, name: str, marked: np.ndarray) -> str:
+    """Return a sentence on the cases that have a property."""
+    if not marked.any():
+        return f"In no case: {name}."
+    rows = [
+        f"{_places(grid, np.flatnonzero(column).tolist())}{_where('', curve)}"
+        for curve, column in zip(grid.curves, marked.T, strict=True)
+        if column.any()
+    ]
+    return f"In {int(marked.sum())} of {marked.size} cases, {name}: at {grid.x.words} {'; '.join(rows)}."
+
+
+def _places(grid: Grid, places: Sequence[int]) -> str:
+    """Return places along x as text, runs of them as ranges."""
+    if len(places) == len(grid.x.varied.values):
+        return f"every {grid.x.words}"
+    runs: list[list[int]] = []
+    for place in places:
+        if runs and place == runs[-1][-1] + 1:
+            runs[-1].append(place)
+        else:
+            runs.append([place])
+    return ", ".join(grid.x.told(r[0]) + (f" to {grid.x.told(r[-1])}" if len(r) > 1 else "") for r in runs)
+
+
+def _other(grid: Grid) -> str:
+    assert grid.other is not None
+    return grid.other.words
