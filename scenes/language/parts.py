@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 from pydantic import Field
 
 from scenes.language.schema import Each, Pair, Section, quantity, setting
-from worm3d.values.parameters import Parameter, in_degrees, parameters_of
+from worm3d.values.parameters import EACH, Parameter, in_degrees, parameters_of
 
 T = TypeVar("T")
 
@@ -183,7 +183,9 @@ def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...]) -> tuple[A
     kind: Any = int if known.hint is int else float
     if known.each:
         each: Any = Each
-        kind = each[Annotated[float, Field(**known.bounds)] if known.bounds else float]
+        kind = Annotated[float, Field(**known.bounds)] if known.bounds else float
+        for _ in range(EACH[known.each][0]):
+            kind = each[kind]
         common["each"] = known.each
     else:
         common |= known.bounds

@@ -11,6 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from scenes.language import toml
 from scenes.language.toml import KeyPath
+from worm3d.values.parameters import EACH
 
 N = TypeVar("N")
 
@@ -67,7 +68,7 @@ def quantity(
     lt: float | None = None,
     le: float | None = None,
     aka: tuple[str, ...] = (),
-    each: Literal["", "segment", "joint"] = "",
+    each: Literal["", "segment", "joint", "side", "sample"] = "",
     left_out: str = "",
     only: str | tuple[str, ...] = "",
 ) -> Any:
@@ -86,7 +87,7 @@ def quantity(
     aka : tuple of str
         Other names that people try, for "did you mean".
     each : str
-        Of what the worm has several, so that the key, an `Each`, takes a list too.
+        What the key, an `Each`, takes lists for; a key of `worm3d.values.parameters.EACH`.
     left_out : str
         What holds if the key is left out; it then has no default but None.
     only : str or tuple of str
@@ -164,9 +165,9 @@ def choices(field: FieldInfo) -> tuple[Any, ...]:
 
 def describe(field: FieldInfo, *, with_default: bool = True) -> str:
     """Return what an error line says of a key: ` [m], 0 < … <= 100 (default 1.0)`."""
-    unit, span, each = (_extra(field, "unit"), range_text(field), _extra(field, "each"))
+    unit, span, each = (_extra(field, "unit"), range_text(field), each_of(field))
     text = (f" [{unit}]" if unit else "") + (f", {span}" if span else "")
-    text += f", one for all or a list with one for each {each}" if each else ""
+    text += f", {EACH[each][2]}" if each else ""
     known = with_default and not field.is_required() and section_type(field) is None
     return text + (f" (default {default_text(field)})" if known else "")
 
@@ -199,7 +200,7 @@ def is_file(field: FieldInfo) -> bool:
 
 
 def each_of(field: FieldInfo) -> str:
-    """Return of what a key may have a list, "segment" or "joint"; empty if it is a single value."""
+    """Return what a key takes lists for, a key of `worm3d.values.parameters.EACH`; empty if it is a single value."""
     return str(_extra(field, "each") or "")
 
 

@@ -135,6 +135,7 @@ def gait_checks(
     has_links = "half_height_m" in worm.model_fields
     return (
         *kind_checks(gait),
+        *list_checks(gait, "gait"),
         Check(("run.dt_s", "gait.period_s"), _step_resolves_period),
         Check(("gait.contract_time_s", "run.dt_s", "gait.kind"), _contraction_resolved),
         Check(("worm.segments", *told), partial(_gait_fits, told=told)),
@@ -206,7 +207,7 @@ def list_checks(schema: type[Section], section: str, per: str = "") -> tuple[Che
     return tuple(
         Check((f"{section}.{name}", "worm.segments"), partial(_as_many, per=per or each))
         for name, field in schema.model_fields.items()
-        if (each := each_of(field))
+        if (each := each_of(field)) in ("segment", "joint")
     )
 
 

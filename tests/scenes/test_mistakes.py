@@ -109,7 +109,7 @@ def test_a_number_for_all_or_a_list_with_one_for_each(value: Any) -> None:
     ],
 )
 def test_each_number_of_a_list_is_checked(value: Any, found: str) -> None:
-    rest = " [N], 0 < …, one for all or a list with one for each segment (default 13.0)"
+    rest = " [N], 0 < …, a number or one for each segment (default 13.0)"
     assert line_about("wave.stiffness_N", value) == found + rest
 
 

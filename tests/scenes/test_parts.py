@@ -110,8 +110,8 @@ def test_some_parameters_in_other_units_and_ranges() -> None:
         ({"side": "both"}, "drive.side: got 'both': not for drive.kind = 'spring'; allowed here: 'left', 'right'"),
         (
             {"weights": [1.0, -1.0]},
-            "drive.weights[1]: got -1.0: input should be greater than or equal to 0, 0 <= …, one for all or a list "
-            "with one for each segment (default 1.0)",
+            "drive.weights[1]: got -1.0: input should be greater than or equal to 0, 0 <= …, a number or one "
+            "for each segment (default 1.0)",
         ),
         (
             {"pressure_Pa": 1.0},

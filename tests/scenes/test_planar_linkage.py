@@ -189,8 +189,8 @@ def test_eight_mistakes_give_eight_lines() -> None:
     assert lines_about(EIGHT, "ground.slope_deg=90") == [
         "line 4: run.dt_s: got 0.5 s: must be at most a 10th of gait.period_s (2.0 s), or the wave falls between "
         "the steps",
-        "line 7: worm.spring_N[2]: got -13.0: input should be greater than 0 [N], 0 < …, one for all or a list with "
-        "one for each segment (default 13.0)",
+        "line 7: worm.spring_N[2]: got -13.0: input should be greater than 0 [N], 0 < …, a number or one for "
+        "each segment (default 13.0)",
         "line 8: worm.torsion_J: got a list of 2: must be one number for all or 5 numbers, one for each of the 5 "
         "joints between the 6 segments",
         "line 9: worm.k_apex: unknown key; did you mean 'apex_hinge_N_m_rad'?",

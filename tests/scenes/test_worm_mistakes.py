@@ -66,7 +66,7 @@ def test_every_mistake_gives_its_line() -> None:
         "line 21: world.patches[1].along_m: got [1.0]: list should have at least 2 items after validation, not 1 [m] "
         "(default everywhere)",
         "line 24: friction.lateral[1]: got -0.2: input should be greater than or equal to 0, 0 <= … <= 1e+06, "
-        "one for all or a list with one for each segment (default 0.2)",
+        "a number or one for each segment (default 0.2)",
         "line 27: gait.bias: got 1.5: input should be less than or equal to 1, -1 <= … <= 1 (default 0.0)",
         "line 30: push.joint: got 7: the last joint, the head, is 6 (worm.segments)",
         "override start.lift_m: got -1: input should be greater than or equal to 0 [m], 0 <= … (default 0.0)",

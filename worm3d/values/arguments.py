@@ -132,13 +132,16 @@ def array(
     return found
 
 
-def one_or_each(name: str, value: Any, what: str, **bounds: Unpack[Bounds]) -> FloatArray:
-    """Return a number, shape (), or one `what`, shape (N,), as a read-only array of one's own; N is checked later."""
+def one_or_each(name: str, value: Any, form: str, depth: int = 1, **bounds: Unpack[Bounds]) -> FloatArray:
+    """Return a number, or an array of at most `depth` dimensions, as a read-only array of one's own.
+
+    `form` says in words what it may be. How many numbers there must be is checked later.
+    """
     found = floats(name, value)
     with np.errstate(invalid="ignore"):
         right = np.isfinite(found) & _within(found, bounds)
-    if found.ndim > 1 or found.size == 0 or not right.all():
-        raise ValueError(f"{name}: got {shown(value)}, must be {range_text(**bounds)}, a number or one {what}")
+    if found.ndim > depth or found.size == 0 or not right.all():
+        raise ValueError(f"{name}: got {shown(value)}, must be {range_text(**bounds)}, {form}")
     found.setflags(write=False)
     return found
 

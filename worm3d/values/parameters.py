@@ -30,6 +30,25 @@ T = TypeVar("T")
 PARAMETER = "parameter"
 """Name under which the metadata of a field hold its `Parameter`."""
 
+EACH: Mapping[str, tuple[int, str, str]] = MappingProxyType(
+    {
+        "": (0, "", ""),
+        "segment": (1, "float or ndarray, shape (N,)", "a number or one for each segment"),
+        "joint": (1, "float or ndarray, shape (N-1,)", "a number or one for each joint"),
+        "side": (
+            2,
+            "float or ndarray, shape (N,) or (N, 2)",
+            "a number, or one or a pair of left and right for each segment",
+        ),
+        "sample": (
+            3,
+            "ndarray, shape (M,), (N, M) or (N, 2, M)",
+            "a list, or one or a pair of left and right lists for each segment",
+        ),
+    }
+)
+"""By what an array has numbers for: its largest number of dimensions, its type and its form in words."""
+
 WIDTH = 110
 """Columns of a documented parameter."""
 
@@ -44,8 +63,8 @@ class Parameter:
     """Unit, SI and radians; empty for a pure number."""
     bounds: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     """Range: of gt, ge, lt, le those that it has."""
-    each: Literal["", "segment", "joint"] = ""
-    """What an array has one number for, unless one holds for all; empty: one number."""
+    each: Literal["", "segment", "joint", "side", "sample"] = ""
+    """What an array has numbers for, a key of `EACH`; empty: one number."""
     infinite: bool = False
     """Whether it may be infinite."""
     allowed: str = ""
@@ -98,7 +117,8 @@ class Parameter:
             words: dict[str, Any] = {"infinite": self.infinite, "allowed": self.allowed}
             return arguments.number(self.name, value, self.unit, largest=largest, **words, **self.bounds)
         if size is None:
-            return arguments.one_or_each(self.name, value, f"for each {self.each}", **self.bounds)
+            depth, _, form = EACH[self.each]
+            return arguments.one_or_each(self.name, value, form, depth, **self.bounds)
         return arguments.array(self.name, value, (size,), fill=True, **self.bounds)
 
 
@@ -170,7 +190,7 @@ def _described(known: Parameter) -> str:
 
 def _type_text(known: Parameter) -> str:
     if known.each:
-        return f"float or ndarray, shape ({'N' if known.each == 'segment' else 'N-1'},)"
+        return EACH[known.each][1]
     if known.choices:
         return " or ".join(map(repr, known.choices))
     return "tuple of float" if known.is_pair else "float" if known.optional else str(known.hint.__name__)
