@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,7 @@ class Energy(ReadOnly):
         total: FloatArray = np.sum([getattr(self, name) for name in names], axis=0)
         return total
 
-    @property
+    @cached_property
     def uses(self) -> dict[str, float]:
         """What the work of actuators and of external forces went into, by name: together it is that work [J].
 

@@ -10,6 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from worm3d import metrics
 from worm3d.energy import Energy
+from worm3d.measures import MEASURES, Metric
+from worm3d.measures.posture import Rolled, on_its_side
+from worm3d.measures.waves import Waves
+from worm3d.measures.way import distance
 from worm3d.series import Recorded, Steps, documented, variables_of
 from worm3d.state import State
 from worm3d.status import Status, Stop
@@ -55,13 +59,23 @@ class Result(Recorded, Steps):
 
     @cached_property
     def on_its_side(self) -> float | None:
-        """When the worm began to lie on its side [s]; None if it did not, or there is no ground (`metrics.roll`)."""
-        return metrics.on_its_side(self)
+        """When the worm began to lie on its side [s]; None if it did not, or there is no ground."""
+        return on_its_side(self)
 
-    @property
+    @cached_property
     def distance(self) -> float:
         """Displacement of the centre of mass along the initial heading, within the surface's tangent plane [m]."""
-        return metrics.distance(self.com, self.joints[0], self.world)
+        return distance(self.com, self.joints[0], self.world)
+
+    @cached_property
+    def rolled(self) -> Rolled:
+        """Roll of the worm at some or all of its rows."""
+        return Rolled.of(self)
+
+    @cached_property
+    def waves(self) -> Waves:
+        """Last whole periods of the run, over which measures of a gait are taken; NoValueError where there are none."""
+        return Waves(self)
 
     def variables(self) -> Iterator[Variable]:
         """Yield everything recorded as named arrays with dimensions and units: what files hold."""
@@ -155,9 +169,9 @@ class Result(Recorded, Steps):
         return {name: why for name, (value, why) in self._metrics.items() if value is None}
 
     @cached_property
-    def _metrics(self) -> dict[str, metrics.Metric]:
+    def _metrics(self) -> dict[str, Metric]:
         """Metrics of the run, and why one has no value."""
-        return metrics.metrics_of(self)
+        return {name: measure(self) for name, measure in MEASURES.items()}
 
 
 def load(path: str | PathLike[str], *, worm: Worm | None = None, world: Any = ...) -> Result:

@@ -12,7 +12,7 @@ from control.supervisor import Supervisor
 from control.tracking.paths import Circle, Line
 from control.tracking.references import Constant, Reference, Steps
 from worm3d import Command, Plane, Result, Worm, simulate
-from worm3d.metrics import on_its_side, roll
+from worm3d.measures.posture import on_its_side, roll
 
 WORM = Worm()
 FOUND = load(WORM)

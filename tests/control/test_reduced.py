@@ -9,7 +9,7 @@ from control.estimation.reduced import INPUTS, STATES, ReducedInput, ReducedMode
 from control.gaits.steering import GaitParameters, PlannedWave, Schedule, SteeredWave, WaveGenerator
 from control.identification.identified import Identified, load
 from worm3d import Plane, Worm, simulate
-from worm3d.metrics import averaged
+from worm3d.measures.way import averaged
 
 WORM = Worm()
 STATE = ReducedState(0.3, -0.2, 0.7, 0.06, 0.1, slip=0.1, yaw_bias=0.02, drift=0.005, steering=0.05)

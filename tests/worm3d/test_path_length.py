@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from control.gaits import TravellingWave
 from worm3d import Plane, State, Worm, simulate
-from worm3d.metrics import path_length
+from worm3d.measures.way import path_length
 
 DT = 0.01
 

@@ -1,0 +1,22 @@
+"""What a run is judged by: the table of measures, and the functions behind it.
+
+The order of the imports is the order of a summary.
+"""
+
+from worm3d.measures.table import MEASURES as MEASURES
+from worm3d.measures.table import Measure as Measure
+from worm3d.measures.table import Metric as Metric
+from worm3d.measures.table import NoValueError as NoValueError
+from worm3d.measures.table import measure as measure
+
+# isort: split
+from worm3d.measures import general as general
+
+# isort: split
+from worm3d.measures import gait as gait
+
+# isort: split
+from worm3d.measures import contact as contact
+
+# isort: split
+from worm3d.measures import stability as stability

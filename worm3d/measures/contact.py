@@ -1,0 +1,134 @@
+"""Measures of contact: how far loaded contacts slide, how long segments stand, how hard they press, how far they roll.
+
+Between two rows each contact point p slides by s_p and bears the mean N_p of its normal loads at both. Over the last
+whole waves, in which the worm makes the way D (`worm3d.measures.waves`):
+
+    slip_per_metre      = sum over rows of (sum_p N_p s_p / sum_p N_p) / D                          (J4)
+    backslide_per_metre = the same with s_p max(0, -cos a_p), a_p the angle between the point's displacement and its
+                          segment, towards the head                                               (J5)
+    anchoring_duty      = share of time in which a segment is anchored: bears load and slides by no more than
+                          `AT_REST` of the body length a period, mean over segments                (J6)
+
+A worm that is dragged along has a slip of 1 m/m, one whose loaded contacts all stick has none.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from worm3d.measures.gait import way_made
+from worm3d.measures.posture import ON_ITS_SIDE
+from worm3d.measures.table import NoValueError, measure
+from worm3d.measures.waves import Waves
+from worm3d.values.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from worm3d.result import Result
+
+AT_REST = 1e-3
+"""Slide of an anchored segment at most [body lengths a period]: what anchors yield elastically is no slide at all, and
+a worm that slides makes some 0.05 of it a period; half and double give the same anchoring duty of the default worm."""
+NO_GROUND = "the worm lies on no ground: there is none below it, or no gravity"
+
+
+class Contacts(NamedTuple):
+    """What contact points do in the time before each of R rows; P points: apexes, then end faces and inner joints."""
+
+    load: FloatArray
+    """Mean normal load, shape (R, P) [N]."""
+    slid: FloatArray
+    """Metres slid, shape (R, P)."""
+
+    def mean_slide(self, slid: FloatArray) -> FloatArray:
+        """Return the mean of slides (R, P), weighted by load, shape (R,) [m]; 0 where nothing bears load."""
+        total = self.load.sum(axis=1)
+        mean: FloatArray = (self.load * slid).sum(axis=1) / np.where(total > 0.0, total, 1.0)
+        return mean
+
+
+def contacts(result: Result, waves: Waves) -> Contacts:
+    """Return loads and slides of the rows that the waves have."""
+    rows = slice(waves.first, None)
+    apexes, joints = result.normal_load[rows].reshape(-1, 6 * result.worm.segments), result.joint_load[rows]
+    load = np.hstack([apexes, joints])
+    slid = np.hstack([result.slip[rows].reshape(apexes.shape), _joint_slides(result, rows)])
+    return Contacts((load[1:] + load[:-1]) / 2.0, slid[1:])
+
+
+def _joint_slides(result: Result, rows: slice) -> FloatArray:
+    if result.world is None or not result.world.clamped:
+        return result.joint_slip[rows]
+    moved = np.diff(result.joints[rows, :, :2], axis=0, prepend=result.joints[rows][:1, :, :2])
+    slides: FloatArray = np.linalg.norm(moved, axis=2)  # the clamped worm slides with its joints
+    return slides
+
+
+@measure("slip_per_metre", "metres that the contacts slide, mean weighted by load, for each metre of way")
+def _slip(result: Result) -> float:
+    waves = result.waves
+    found = contacts(result, waves)
+    return float(waves.weights @ found.mean_slide(found.slid)) / way_made(result, waves)
+
+
+@measure("backslide_per_metre", "part of the slip that goes towards the tail")
+def _backslide(result: Result) -> float:
+    waves = result.waves
+    found = contacts(result, waves)
+    backward = found.mean_slide(_backward(result, waves, found.slid))
+    return float(waves.weights @ backward) / way_made(result, waves)
+
+
+def _backward(result: Result, waves: Waves, slid: FloatArray) -> FloatArray:
+    """Return the part of slides (R, P) that goes towards the tail [m]."""
+    n = result.worm.segments
+    row, point = np.nonzero(slid)
+    k = waves.first + row  # the row before
+    at_apex = point < 6 * n
+    segment = np.where(at_apex, point // 6, np.clip(point - 6 * n, 0, n - 1))
+    along = result.joints[k, segment + 1] - result.joints[k, segment]
+    moved = np.empty((len(row), 3))
+    apex = point[at_apex] % 6
+    moved[at_apex] = (
+        result.points[k[at_apex] + 1, segment[at_apex], apex] - result.points[k[at_apex], segment[at_apex], apex]
+    )
+    joint = point[~at_apex] - 6 * n
+    moved[~at_apex] = result.joints[k[~at_apex] + 1, joint] - result.joints[k[~at_apex], joint]
+    size = np.linalg.norm(moved, axis=1) * np.linalg.norm(along, axis=1)
+    cosine = (moved * along).sum(axis=1) / np.where(size > 0.0, size, 1.0)
+    backward = np.zeros_like(slid)
+    backward[row, point] = slid[row, point] * np.maximum(0.0, -cosine)
+    return backward
+
+
+@measure("anchoring_duty", "share of time in which a segment is anchored: bears load and does not slide")
+def _duty(result: Result) -> float:
+    waves, n = result.waves, result.worm.segments
+    found = contacts(result, waves)
+    own = slice(6 * n, None) if result.world is not None and result.world.clamped else slice(6 * n)
+    load, slid = (each[:, own].reshape(len(each), -1, 1 if own.stop is None else 6) for each in found)
+    apart = float(result.time[1] - result.time[0])
+    still = AT_REST * result.worm.length * apart / waves.period
+    sliding = ((load > 0.0) & (slid > still)).any(axis=2)
+    anchored = (load > 0.0).any(axis=2) & ~sliding
+    return waves.mean(anchored.mean(axis=1))
+
+
+@measure("peak_wall_load_N", "greatest normal load of a segment's feet (or of a joint) over the run")
+def _peak(result: Result) -> float:
+    return float(max(result.normal_load.sum(axis=2).max(), result.joint_load.max()))
+
+
+@measure("roll_max_deg", "largest roll over the run, to either side")
+def roll_max(result: Result) -> float:
+    """Return the largest roll of a worm [deg]; NoValueError where there is no ground."""
+    largest = result.rolled.largest
+    if largest is None:
+        raise NoValueError(NO_GROUND)
+    return float(np.rad2deg(largest))
+
+
+@measure("roll_margin_deg", "how much less it rolls than a worm that lies on its side; negative where it tipped")
+def _margin(result: Result) -> float:
+    return float(np.rad2deg(ON_ITS_SIDE)) - roll_max(result)

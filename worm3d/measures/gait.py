@@ -1,0 +1,92 @@
+"""Measures of a gait, over the last whole periods of a run (`worm3d.measures.waves`): stride, turn, drift, effort.
+
+With the displacement d_k of the centre of mass in period k, along the ground, the mean heading e_k there (unit vectors
+in the tangent plane; n_k to the left of it), the turn phi_k, body length L and period T:
+
+    stride_bl           = mean d_k.e_k / L                                                        (J1)
+    degrees_per_wave    = mean phi_k
+    turning_radius_bl   = mean |d_k| / (2 L |sin(phi/2)|),  phi = mean phi_k                       (J2)
+    drift_per_metre     = sum d_k.n_k / sum |d_k|                                                 (J3)
+
+(J2) is the distance of the centre of mass from the point about which it turns: a chord of its circle. In a pipe d_k.e_k
+and |d_k| count along the centre line.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from worm3d.measures.table import NoValueError, measure
+from worm3d.measures.waves import Waves
+from worm3d.measures.way import NO_WAY
+
+if TYPE_CHECKING:
+    from worm3d.result import Result
+
+STRAIGHT = 1000.0
+"""Radius beyond which a worm crawls straight [body lengths]."""
+IN_A_PIPE = "in a pipe the wall decides which way the worm goes"
+
+
+@measure("stride_bl", "body lengths forward in a wave")
+def stride(result: Result) -> float:
+    """Return (J1) [body lengths]."""
+    waves = result.waves
+    forward = (waves.steps * waves.forward).sum(axis=1) if waves.course is None else waves.course
+    return float(forward.mean()) / result.worm.length
+
+
+@measure("speed_bl_s", "speed forward, of the last waves")
+def _speed(result: Result) -> float:
+    return stride(result) / result.waves.period
+
+
+@measure("degrees_per_wave_deg", "turn to the left in a wave")
+def _turn(result: Result) -> float:
+    return float(np.rad2deg(result.waves.turns.mean()))
+
+
+@measure("turning_radius_bl", "radius of the circle on which the centre of mass goes")
+def _radius(result: Result) -> float:
+    waves = result.waves
+    if waves.course is not None:
+        raise NoValueError(IN_A_PIPE)
+    sine = abs(float(np.sin(waves.turns.mean() / 2.0)))
+    chord = float(waves.path.mean()) / result.worm.length
+    if chord >= 2.0 * STRAIGHT * sine:
+        raise NoValueError(f"the worm crawls straight: on no circle of less than {STRAIGHT:g} body lengths")
+    return chord / (2.0 * sine)
+
+
+@measure("drift_per_metre", "metres sideways to the left, for each metre of way")
+def _drift(result: Result) -> float:
+    waves = result.waves
+    if waves.course is not None:
+        raise NoValueError(IN_A_PIPE)
+    up = np.array([0.0, 0.0, 1.0])
+    if result.world is not None:
+        up = result.world.normal(result.joints[-1].mean(axis=0), result.worm.length)
+    sideways = (waves.steps * np.cross(up, waves.forward)).sum()
+    return float(sideways) / way_made(result, waves)
+
+
+def way_made(result: Result, waves: Waves) -> float:
+    """Return the way of the centre of mass in the waves [m]; NoValueError where it made none."""
+    made = float(waves.path.sum())
+    if made <= NO_WAY * result.worm.length * waves.count:
+        raise NoValueError(f"the worm made no way in its last waves ({made:.4g} m)")
+    return made
+
+
+@measure("effort", "rms of the contraction that chambers give, as a fraction of their stroke")
+def _effort(result: Result) -> float:
+    """Root mean square of c + f/(k/2), over the greatest stroke; an extra force f counts as contraction."""
+    waves, worm = result.waves, result.worm
+    rows = slice(waves.first + 1, None)
+    stiffness = np.asarray(worm.k_spring, dtype=float)[:, None] / 2.0
+    given = result.contraction[rows] + result.force[rows] / stiffness
+    if worm.stroke[1] <= 0.0:
+        raise NoValueError("the chambers have no stroke")
+    return float(np.sqrt(waves.mean((given**2).mean(axis=(1, 2))))) / worm.stroke[1]

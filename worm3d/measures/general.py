@@ -1,0 +1,186 @@
+"""Measures of every run: how it ended, how far the worm came, and what became of the work."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from worm3d.energy import TERMS, Energy
+from worm3d.measures.table import NoValueError, measure
+from worm3d.measures.way import NO_HEADING, NO_PERIOD, NO_WAY, SHORT_RUN, along_the_ground, averaged, path_length, way
+
+if TYPE_CHECKING:
+    from worm3d.result import Result
+
+SPARSE = "the rows of the result lie further apart than a period of the gait: record more of them"
+NOT_SETTLED = (
+    "the worm was not brought to rest before the run: it touched nothing, moved, went on from an earlier run, or was "
+    "to start as it was"
+)
+NO_STEP = "no step was finished"
+
+USES = tuple(Energy.of(np.zeros((1, len(TERMS)))).uses)
+"""Names of what work goes into."""
+
+
+@measure("status", "how the run ended")
+def _status(result: Result) -> str:
+    return result.status.name.lower()
+
+
+@measure("duration_s", "time that was simulated")
+def _duration(result: Result) -> float:
+    return float(result.time[-1] - result.time[0])
+
+
+@measure("distance_m", "displacement of the centre of mass along the heading at the start")
+def _distance(result: Result) -> float:
+    if np.isnan(result.distance):
+        raise NoValueError(NO_HEADING)
+    return result.distance
+
+
+@measure("path_length_m", "length of the path of the centre of mass, averaged over a period")
+def _path_length(result: Result) -> float:
+    if result.period is None or _sparse(result):
+        raise NoValueError(_no_mean(result))
+    return path_length(along_the_ground(result), result.time, result.period)
+
+
+@measure("mean_speed_m_s", "mean speed along the heading at the start, of the centre of mass averaged over a period")
+def _mean_speed(result: Result) -> float:
+    window = 0
+    if result.period is not None and len(result.time) > 1:
+        window = round(result.period / float(result.time[1] - result.time[0]))
+    if not 1 <= window < len(result.time):
+        raise NoValueError(_no_mean(result))
+    ends = way(averaged(result.com, window)[[0, -1]], result.joints[0], result.world)
+    if ends is None:
+        raise NoValueError(NO_HEADING)
+    return float(ends[-1] - ends[0]) / float(result.time[-1] - result.time[window - 1])
+
+
+@measure("heading_change_deg", "turn to the left over the run")
+def _heading_change(result: Result) -> float:
+    turned = float(np.rad2deg(result.heading[-1] - result.heading[0]))
+    if np.isnan(turned):
+        raise NoValueError("the body is vertical: it has no heading")
+    return turned
+
+
+@measure("work_contract_J", "net work of the actuators")
+def _work(result: Result) -> float:
+    return float(result.energy.work_contract.sum())
+
+
+@measure("work_friction_J", "work that went into friction on the world")
+def _friction(result: Result) -> float:
+    return result.energy.uses["friction"]
+
+
+@measure("cost_of_transport", "net work of the actuators over weight and distance")
+def _cost(result: Result) -> float:
+    work = _work(result)
+    if work < -_rounding(result):
+        raise NoValueError(f"the net work of the contraction is negative ({work:.4g} J): the worm drove its actuators")
+    return max(0.0, work) / carried(result)
+
+
+@measure("energy_balance_error", "residual of the energy ledger over the sum of its absolute terms")
+def _balance(result: Result) -> float:
+    return result.energy.balance_error
+
+
+@measure("newton_iterations_mean", "iterations of Newton's method in a step")
+def _iterations(result: Result) -> float:
+    if not len(result.newton_iterations):
+        raise NoValueError(NO_STEP)
+    return float(result.newton_iterations.mean())
+
+
+@measure("real_time_factor", "simulated time over computing time")
+def _real_time(result: Result) -> float:
+    if not len(result.newton_iterations) or result.wall_s <= 0.0:
+        raise NoValueError(NO_STEP)
+    return len(result.newton_iterations) * result.dt / result.wall_s
+
+
+def _total(result: Result, term: str) -> float:
+    return float(getattr(result.energy, term).sum())
+
+
+def _use(result: Result, name: str) -> float:
+    return result.energy.uses[name]
+
+
+def _share(result: Result, name: str) -> float:
+    _cost(result)  # where there is none, its parts have no value either
+    return result.energy.uses[name] / carried(result)
+
+
+for _term in ("work_contract_positive", "work_contract_p11", "work_friction_p13"):
+    measure(f"{_term}_J", str(Energy.__dataclass_fields__[_term].metadata["series"].meaning))(
+        partial(_total, term=_term)
+    )
+
+
+@measure("halved_steps", "steps that were taken in parts")
+def _halved(result: Result) -> float:
+    return float(result.halved_steps)
+
+
+measure("work_external_J", "work of external forces")(partial(_total, term="work_external"))
+for _name in USES:
+    if _name != "friction":
+        measure(f"work_{_name}_J", f"work that went into {_name}")(partial(_use, name=_name))
+measure("work_damping_medium_J", "work that went into damping by the medium")(partial(_total, term="drag_loss"))
+
+
+@measure("work_damping_material_J", "work that went into damping of the material and in the actuators")
+def _material(result: Result) -> float:
+    return result.energy.uses["damping"] - float(result.energy.drag_loss.sum())
+
+
+for _name in USES:
+    measure(f"cost_of_transport_{_name}", f"part of the cost of transport: {_name}")(partial(_share, name=_name))
+
+
+@measure("settling_m", "largest motion of a joint while the worm was brought to rest before the run")
+def _settling(result: Result) -> float:
+    if result.settling is None:
+        raise NoValueError(NOT_SETTLED)
+    return result.settling
+
+
+def carried(result: Result) -> float:
+    """Return weight times distance, by which costs of transport divide [J].
+
+    Raises
+    ------
+    NoValueError
+        The worm made no way forward, or has no weight or no heading.
+    """
+    weight = result.worm.mass * float(np.linalg.norm(result.gravity))
+    if result.distance <= NO_WAY * result.worm.length:
+        raise NoValueError(f"the worm made no way forward ({result.distance:.4g} m)")
+    if weight == 0.0 or np.isnan(result.distance):
+        raise NoValueError("the worm has no weight, or no heading at the start")
+    return weight * result.distance
+
+
+def _no_mean(result: Result) -> str:
+    if result.period is None:
+        return NO_PERIOD
+    return SPARSE if _sparse(result) else SHORT_RUN
+
+
+def _sparse(result: Result) -> bool:
+    return len(result.time) > 1 and bool(result.time[1] - result.time[0] > 2.0 * (result.period or np.inf))
+
+
+def _rounding(result: Result) -> float:
+    """Return the work that may be rounding alone [J]."""
+    stored = float(np.sum(result.worm.k_spring)) * result.worm.l0  # the scale of the springs' energy
+    return 1e-12 * float(np.abs(result.energy.work_contract).sum()) + 1e-15 * stored

@@ -1,0 +1,90 @@
+"""How a worm lies: its roll, and whether it lies on its side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from worm3d.values.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from worm3d.result import Result
+    from worm3d.worlds import World
+
+ON_ITS_SIDE = float(np.deg2rad(35.0))
+"""Roll from which a worm lies on its side [rad]; lying there the default worm has 45 degrees. Crawling it has at most 5
+on the level and on slopes, 20 in the bend of a pipe, and for moments 18 on rubble and 30 in a tunnel."""
+
+LASTING = 0.5
+"""Time for which it has to, so that it does not merely rock [s]."""
+
+GROUND = 0.5
+"""Least cosine between a normal and up for which what is below is a ground: a pipe's wall beside the worm is none."""
+
+
+def roll(result: Result, rows: slice = slice(None)) -> FloatArray:
+    """Return by how much a worm is rolled to its left, the median of its segments, at rows of a result, (T,) [rad].
+
+    NaN where it touches nothing, and where what it touches is no ground: a wall, or without gravity.
+    """
+    joints, directors = result.joints[rows], result.directors[rows]
+    rolls, weight = np.full(len(joints), np.nan), float(np.linalg.norm(result.gravity))
+    if result.world is None or weight == 0.0:
+        return rolls
+    middle = joints[:1].mean(axis=1) if result.world.flat else (joints[:, 1:] + joints[:, :-1]) / 2.0
+    normal = np.broadcast_to(_normals(result.world, middle, result.worm.length), directors.shape)
+    load = result.normal_load[rows].sum(axis=(1, 2)) + result.joint_load[rows].sum(axis=1)
+    seen = (load > 0.0) & (normal @ (-result.gravity / weight) > GROUND).all(axis=1)
+    sine = (directors[seen] * normal[seen]).sum(axis=-1)
+    rolls[seen] = -np.median(np.arcsin(np.clip(sine, -1.0, 1.0)), axis=1)
+    return rolls
+
+
+@dataclass(frozen=True, eq=False)
+class Rolled:
+    """Roll of a worm at some rows of its run: all on a plane, elsewhere five in half a second (`LASTING`)."""
+
+    time: FloatArray
+    """Instants, shape (R,) [s]."""
+    roll: FloatArray
+    """Roll, shape (R,) [rad]; NaN as of `roll`."""
+    step: int
+    """Number of these rows from one to the next a tenth of a second later."""
+
+    @classmethod
+    def of(cls, result: Result) -> Rolled:
+        """Return the roll of a run's worm."""
+        apart = float(result.time[1] - result.time[0]) if len(result.time) > 1 else LASTING
+        step = max(1, int(LASTING / (5.0 * apart)))
+        even = result.world is not None and result.world.flat
+        rows = slice(None, None, 1 if even else step)
+        return cls(result.time[rows], roll(result, rows), step if even else 1)
+
+    @property
+    def largest(self) -> float | None:
+        """Largest roll to either side [rad]; None where there is no ground."""
+        return None if np.isnan(self.roll).all() else float(np.nanmax(np.abs(self.roll)))
+
+
+def on_its_side(result: Result) -> float | None:
+    """Return the first time from which a worm lies on its side for half a second [s]; None if it never does."""
+    if len(result.time) < 2:
+        return None
+    rolled = result.rolled
+    time, lies = rolled.time[:: rolled.step], np.abs(np.nan_to_num(rolled.roll[:: rolled.step])) > ON_ITS_SIDE
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], lies.astype(int), [0]])))
+    for begin, end in edges.reshape(-1, 2):
+        if time[end - 1] - time[begin] >= LASTING * (1.0 - 1e-9):
+            return float(time[begin])
+    return None
+
+
+def _normals(world: World, places: FloatArray, length: float) -> FloatArray:
+    """Return unit normals of the world at places (..., 3); zeros where there is none."""
+    gradient = world.normal(places, length)
+    size = np.linalg.norm(gradient, axis=-1, keepdims=True)
+    known = np.isfinite(size) & (size > 0.5)
+    normals: FloatArray = np.where(known, gradient / np.where(known, size, 1.0), 0.0)
+    return normals

@@ -1,0 +1,128 @@
+"""Measures of how a run settles: its return map, and how soon it has its speed.
+
+**Return map.** At instants a period apart, back from the end, the shape x_k is that of the joints relative to the
+centre of mass, and on level ground turned back by the heading: place and heading take no part, since a gait has none.
+Where the worm nears a limit cycle, |x_(k+1) - x_k| shrinks from period to period by the largest modulus of the
+multipliers that its start excites:
+
+    return_map_radius = exp(slope of log |x_(k+1) - x_k| over k, least squares)                          (J7)
+
+Differences of less than `REPEATS` are rounding and are left out; 0 where no more than one is left.
+
+**Response.** With the way w(t) in the period before t (at rest before the start), that of the last waves being D:
+
+    response_time = first t from which w >= 0.9 D for a period                                       (J8)
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from worm3d.measures.gait import way_made
+from worm3d.measures.table import NoValueError, measure
+from worm3d.measures.waves import Waves
+from worm3d.measures.way import along_the_ground
+from worm3d.values.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from worm3d.result import Result
+
+REPEATS = 1e-10
+"""Change of shape from period to period that is rounding, root mean square over the joints [body lengths]."""
+RISEN = 0.9
+"""Share of a new speed or heading at which a worm has responded."""
+ROWS_IN_A_PIPE = 32
+"""Rows of a period at which the place along a pipe is looked up, which takes long."""
+FEW_PERIODS = "the run has fewer than three whole periods"
+UNEVEN_ROWS = "a period of the gait is no whole number of recorded rows: choose dt and record_every so that it is"
+
+
+@measure("return_map_radius", "factor by which the change of shape from wave to wave shrinks; below 1 it is stable")
+def _return_map(result: Result) -> float:
+    change = _changes(result, result.waves)
+    large = np.flatnonzero(change > REPEATS)
+    if len(large) < 2:
+        return 0.0
+    return float(np.exp(np.polyfit(large, np.log(change[large]), 1)[0]))
+
+
+def _changes(result: Result, waves: Waves) -> FloatArray:
+    """Return the change of shape from each period's end to the next, oldest first, in body lengths."""
+    rows_per_period = waves.period / float(result.time[1] - result.time[0])
+    step = round(rows_per_period)
+    if abs(rows_per_period - step) > 1e-6 * step:
+        raise NoValueError(UNEVEN_ROWS)
+    rows = np.arange(len(result.time) - 1, -1, -step)[::-1]
+    if len(rows) < 4:
+        raise NoValueError(FEW_PERIODS)
+    shape = (result.joints[rows] - result.com[rows, None]) / result.worm.length
+    heading = result.heading[rows]
+    if np.isfinite(heading).all() and _is_level(result):
+        cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
+        x, y = shape[..., 0], shape[..., 1]
+        shape = np.stack([cos * x + sin * y, cos * y - sin * x, shape[..., 2]], axis=2)
+    change: FloatArray = np.sqrt((np.diff(shape, axis=0) ** 2).sum(axis=2).mean(axis=1))
+    return change
+
+
+def _is_level(result: Result) -> bool:
+    if result.world is None or not result.world.flat:
+        return result.world is None
+    normal = result.world.normal(result.joints[0].mean(axis=0), result.worm.length)
+    return bool(abs(abs(normal[2]) - 1.0) < 1e-9)
+
+
+@measure("response_time_s", "time from the start to 90 % of the last waves' speed")
+def _response(result: Result) -> float:
+    waves = result.waves
+    time, period = result.time - result.time[0], waves.period
+    if time[-1] < 3.0 * period * (1.0 - 1e-9):
+        raise NoValueError(FEW_PERIODS)
+    goal = way_made(result, waves) / waves.count
+    if waves.course is None:
+        way = along_the_ground(result)
+    else:
+        assert result.world is not None
+        rows = slice(None, None, max(1, int(period / (ROWS_IN_A_PIPE * (time[1] - time[0])))))
+        course = result.world.course(result.com[rows], result.joints[0])
+        assert course is not None
+        time, way = time[rows], course[:, None]
+    made = np.linalg.norm(way - _earlier(time, way, period), axis=1)
+    return rise_time(time, made, 0.0, goal, period)
+
+
+def _earlier(time: FloatArray, values: FloatArray, by: float) -> FloatArray:
+    """Return values (T, D) a time earlier, those of the start where that is before it."""
+    return np.column_stack([np.interp(time - by, time, column) for column in values.T])
+
+
+def rise_time(time: FloatArray, values: FloatArray, before: float, after: float, lasting: float) -> float:
+    """Return how long after time[0] values have covered 90 % of the way from one value to another, and stay there.
+
+    Parameters
+    ----------
+    time, values : ndarray, shape (T,)
+        Ascending times [s], and the values there.
+    before, after : float
+        Value from which, and to which, they go.
+    lasting : float
+        Time for which they have to stay [s]; the last of it may be beyond the end.
+
+    Raises
+    ------
+    NoValueError
+        They never get there.
+    """
+    share = (values - before) / (after - before)
+    risen = share >= RISEN
+    begins = np.flatnonzero(risen & ~np.concatenate([[False], risen[:-1]]))
+    for k in begins:
+        falls = np.flatnonzero(~risen[k:])
+        if len(falls) == 0 or time[k + falls[0]] - time[k] >= lasting:
+            if k == 0:
+                return 0.0
+            part = (RISEN - share[k - 1]) / (share[k] - share[k - 1])
+            return float(time[k - 1] + part * (time[k] - time[k - 1]) - time[0])
+    raise NoValueError(f"it does not keep {RISEN:.0%} of its new value")

@@ -1,0 +1,73 @@
+"""The table of measures: what a run is judged by, each declared once, with its name, its meaning and its function.
+
+Every summary of a run has all of them, and so have `summary.json`, `sweep.csv` and figures of sweeps. One of your own:
+
+    @measure("lift_m", "how far the head is above the tail at the end")
+    def lift(result):
+        return float(result.joints[-1, -1, 2] - result.joints[-1, 0, 2])
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from worm3d.result import Result
+
+Metric = tuple[float | str | None, str]
+"""A value, and why there is none if it is None."""
+
+Value = float | str
+Function = Callable[["Result"], Value]
+F = TypeVar("F", bound=Function)
+
+OVERFLOW = "it is too large for a number"
+
+
+class NoValueError(Exception):
+    """A run has no value of a measure; says why."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure of a run."""
+
+    name: str
+    """Name, which ends in its unit as `worm3d.metrics.UNITS` has them."""
+    meaning: str
+    """What it is, in a few words."""
+    function: Function
+    """Returns the value of a run, or raises NoValueError."""
+
+    def __call__(self, result: Result) -> Metric:
+        """Return the value of a run, None if it has none, and why."""
+        try:
+            value = self.function(result)
+        except NoValueError as none:
+            return None, str(none)
+        return (value, "") if isinstance(value, str) or isfinite(value) else (None, OVERFLOW)
+
+
+MEASURES: dict[str, Measure] = {}
+"""Measures by name, in the order of a summary."""
+
+
+def measure(name: str, meaning: str) -> Callable[[F], F]:
+    """Return a decorator that enters a function of a result in the table.
+
+    Raises
+    ------
+    ValueError
+        The name is taken.
+    """
+
+    def enter(function: F) -> F:
+        if name in MEASURES:
+            raise ValueError(f"measure: got {name!r}, which is taken ({MEASURES[name].meaning}); choose another name")
+        MEASURES[name] = Measure(name, meaning, function)
+        return function
+
+    return enter
