@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,15 +12,20 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from scenes.studies.lessons import views
 from scenes.studies.study import Axis, Grid, Measure
-from scenes.sweep.figures import colours, edges, is_logarithmic
+from scenes.sweep.figures import FAILED, colours, edges, is_logarithmic
 from worm3d.values.arrays import FloatArray
 
 COLUMNS = 3
 PANEL = (4.2, 3.4)
 """Size of a panel [inch]."""
+WRAPPED = 50
+"""Number of characters of a line above a panel."""
+FAINT = 0.05
+"""Magnitude of negative values, over the largest value, up to which colours need not tell signs apart."""
 WIDE = 20.0
 """Ratio of the largest to the smallest value from which on a scale is logarithmic."""
 HATCHES = ("///", "\\\\\\", "...")
@@ -37,7 +43,7 @@ def draw(grid: Grid) -> Figure:
     places = figure.subplots(rows, columns, squeeze=False)
     for axes, (where, measure, values) in zip(places.flat, panels, strict=False):
         (_map if grid.is_map else _curves if grid.x.is_number else _bars)(axes, grid, measure, values)
-        axes.set_title(where, fontsize=8)
+        axes.set_title(textwrap.fill(where, WRAPPED), fontsize=8)
     for axes in places.flat[len(panels) :]:
         axes.set_axis_off()
     handles, labels = places.flat[0].get_legend_handles_labels()
@@ -54,17 +60,19 @@ def draw(grid: Grid) -> Figure:
 
 def _curves(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> None:
     x = np.array(grid.x.varied.values, dtype=float)
-    order = np.argsort(x, kind="stable")
+    order, foot = np.argsort(x, kind="stable"), axes.get_xaxis_transform()
     for c, (name, y) in enumerate(zip(grid.curves, values.T, strict=True)):
         axes.plot(x[order], y[order], f"{MARKERS[c % len(MARKERS)]}-", color=f"C{c}", label=name, **STYLES)
     for marked in grid.marked().values():
         rows, columns = np.nonzero(marked)
         axes.plot(x[rows], values[rows, columns], "o", ms=9, mfc="none", color="k")
+    axes.scatter(x[grid.failed.any(axis=1)], np.full(grid.failed.any(axis=1).sum(), 0.03), transform=foot, **FAILED)
     _number_axis(axes, "x", grid.x, x)
     if (values[np.isfinite(values)] <= 0.0).any() and (values[np.isfinite(values)] >= 0.0).any():
         axes.axhline(0.0, color="0.5", lw=0.8)
     elif _spans_much(values):
         axes.set_yscale("log")
+        _plain_ticks(axes, "y")
     axes.set_ylabel(measure.label, fontsize=9)
     axes.grid(alpha=0.3)
 
@@ -88,14 +96,18 @@ def _map(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> None:
     x, y = (each[order] for each, order in zip(marks, orders, strict=True))
     cells = values[np.ix_(*orders)].T
     corners = (edges(x), edges(y))
-    style = {"cmap": "viridis", "norm": LogNorm()} if _spans_much(values) else colours(values)
+    style = {"cmap": "viridis", "norm": LogNorm()} if _spans_much(values) else colours(_without_faint(values))
     mesh = axes.pcolormesh(*corners, np.ma.masked_invalid(cells), **style)
     axes.set_facecolor("0.92")
+    columns, rows = np.nonzero(grid.failed[np.ix_(*orders)])
+    axes.scatter(x[columns], y[rows], **FAILED)
     for marked, hatch in zip(grid.marked().values(), HATCHES, strict=False):
         shown = np.ma.masked_equal(marked[np.ix_(*orders)].T.astype(float), 0.0)
         axes.pcolor(*corners, shown, hatch=hatch, alpha=0.0)
     assert isinstance(axes.figure, Figure)
-    axes.figure.colorbar(mesh, ax=axes, label=measure.label)
+    bar = axes.figure.colorbar(mesh, ax=axes, label=measure.label)
+    if _spans_much(values):
+        _plain_ticks(bar.ax, "y")
     for which, key, along in (("x", grid.x, x), ("y", grid.other, y)):
         _number_axis(axes, which, key, along)
 
@@ -104,6 +116,20 @@ def _spans_much(values: FloatArray) -> bool:
     """Return whether values are better seen on a logarithmic scale."""
     known = values[np.isfinite(values)]
     return bool(known.min() > 0.0 and known.max() > WIDE * known.min())
+
+
+def _without_faint(values: FloatArray) -> FloatArray:
+    """Return values without negative ones, if these are faint."""
+    known = values[np.isfinite(values)]
+    return np.maximum(values, 0.0) if -known.min() <= FAINT * known.max() else values
+
+
+def _plain_ticks(axes: Axes, which: str) -> None:
+    """Write numbers, not powers of ten, along a logarithmic axis."""
+    axis = getattr(axes, f"{which}axis")
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _number_axis(axes: Axes, which: str, axis: Axis, values: FloatArray) -> None:

@@ -35,22 +35,31 @@ def _verdict(y: FloatArray, way: str, better: str) -> str:
 
 
 def lessons(grid: Grid) -> Iterator[str]:
-    """Yield what a study tells, a sentence each."""
+    """Yield what a study tells, a sentence each: how each figure goes along each curve, then what is best where."""
+    if grid.x.is_number:
+        shown = {0, len(grid.curves) - 1} if grid.is_map else set(range(len(grid.curves)))
+        for where, measure, values in views(grid):
+            for c, (curve, y) in enumerate(zip(grid.curves, values.T, strict=True)):
+                if c in shown:
+                    told = _sentence(grid, measure, y)
+                    head = "; ".join(part for part in (curve, where) if part)
+                    yield f"{head}: {told}." if head else f"{told[0].upper()}{told[1:]}."
+    yield from verdicts(grid)
+
+
+def verdicts(grid: Grid) -> Iterator[str]:
+    """Yield what is best where, and what is marked or failed."""
     for where, measure, values in views(grid):
         if not grid.x.is_number:
             yield from _ranking(grid, measure, values, where)
-            continue
-        if not grid.is_map:
-            for curve, y in zip(grid.curves, values.T, strict=True):
-                told = _sentence(grid, measure, y)
-                yield f"{_where(where, curve).strip(' ()') or 'In all'}: {told}." if curve or where else f"{told}."
-        if len(grid.curves) > 1:
-            yield from _moving(grid, measure, values, where)
-            yield from _overall(grid, measure, values, where)
+        elif len(grid.curves) > 1 and measure.better and np.isfinite(values).any():
+            yield _moving(grid, measure, values, where)
+            yield _overall(grid, measure, values, where)
     for name, marked in grid.marked().items():
         yield _extent(grid, name, marked)
     if grid.failed.any():
-        yield f"{int(grid.failed.sum())} of {grid.failed.size} cases fail: sweep.csv says why."
+        reasons = [reason for reason, lost in zip(grid.table.reasons, grid.table.failed.tolist(), strict=True) if lost]
+        yield f"{len(reasons)} of {len(grid.table)} cases fail, the first because {reasons[0].rstrip('.')}."
 
 
 def views(grid: Grid) -> Iterator[tuple[str, Measure, FloatArray]]:
@@ -86,36 +95,39 @@ def _ranking(grid: Grid, measure: Measure, values: FloatArray, where: str) -> It
         )
 
 
-def _moving(grid: Grid, measure: Measure, values: FloatArray, where: str) -> Iterator[str]:
-    """Yield where the best of each curve, or row of a map, lies."""
-    if not measure.better:
-        return
-    known = [c for c in range(values.shape[1]) if np.isfinite(values[:, c]).any()]
-    best = [Shape.of(values[:, c]).best(measure.better) for c in known]
-    if not known or (not grid.is_map and len(set(best)) > 1 and len(known) <= 2):
-        return
-    said = f"{'least' if measure.better == 'less' else 'greatest'} {measure.words}{_where(where, '')}"
-    if len(set(best)) == 1:
-        yield f"The {said} is at {grid.x.words} {grid.x.told(best[0])} for every {_other(grid)}."
-    else:
-        places = ", ".join(f"{grid.x.told(b)} for {grid.curves[c]}" for b, c in zip(best, known, strict=True))
-        yield f"The {grid.x.words} of the {said}: {places}."
+def _moving(grid: Grid, measure: Measure, values: FloatArray, where: str) -> str:
+    """Return where the best of each curve, or row of a map, lies."""
+    runs: list[tuple[int, list[str]]] = []
+    for curve, y in zip(grid.curves, values.T, strict=True):
+        if np.isfinite(y).any():
+            best = Shape.of(y).best(measure.better)
+            if not runs or runs[-1][0] != best:
+                runs.append((best, []))
+            runs[-1][1].append(curve)
+    most = f"{'least' if measure.better == 'less' else 'greatest'} {measure.words}{_where(where, '')}"
+    if len(runs) == 1:
+        return f"The {most} is at {grid.x.words} {grid.x.told(runs[0][0])} in every case of {_other(grid)}."
+    places = "; ".join(f"{grid.x.told(best)} for {_span(grid, curves)}" for best, curves in runs)
+    return f"The {grid.x.words} of the {most}: {places}."
 
 
-def _overall(grid: Grid, measure: Measure, values: FloatArray, where: str) -> Iterator[str]:
-    """Yield which curve is best, and where."""
-    if not measure.better or not np.isfinite(values).any():
-        return
+def _span(grid: Grid, curves: Sequence[str]) -> str:
+    """Return the names of neighbouring curves, of numbers the first and the last one."""
+    if len(curves) < 3 or grid.other is None or not grid.other.is_number:
+        return " and ".join(curves)
+    return f"{curves[0]} to {curves[-1]}"
+
+
+def _overall(grid: Grid, measure: Measure, values: FloatArray, where: str) -> str:
+    """Return which curve is best, and where."""
     sign = -1.0 if measure.better == "less" else 1.0
     rows = np.flatnonzero(np.isfinite(values).any(axis=1))
     ahead = np.array([int(np.nanargmax(sign * values[k])) for k in rows])
     x, c = np.unravel_index(int(np.nanargmax(sign * values)), values.shape)
-    leads = f"best of all is {measure.told(float(values[x, c]))} at {grid.x.told(int(x))} with {grid.curves[c]}"
+    leads = f"best of all is {measure.told(float(values[x, c]))} at {grid.x.told(int(x))} with '{grid.curves[c]}'"
     first = max(set(ahead.tolist()), key=ahead.tolist().count)
-    yield (
-        f"By {measure.words}{_where(where, '')}, {grid.curves[first]} is ahead at "
-        f"{_places(grid, [int(k) for k in rows[ahead == first]])}; {leads}."
-    )
+    places = _places(grid, [int(k) for k in rows[ahead == first]])
+    return f"By {measure.words}{_where(where, '')}, '{grid.curves[first]}' is ahead at {places}; {leads}."
 
 
 def _extent(grid: Grid, name: str, marked: np.ndarray) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from scenes.records.text import markdown_table
-from scenes.studies.lessons import answers, lessons
+from scenes.studies.lessons import answers, lessons, verdicts
 from scenes.studies.study import Grid
 
 PICTURE, TEXT = "study.png", "study.md"
@@ -26,7 +26,7 @@ def together(grids: Mapping[str, Grid]) -> str:
     lines = ["# What the studies tell", "", "Each sentence follows from the numbers of the runs.", ""]
     for name, grid in grids.items():
         if grid.asked.question:
-            told = list(answers(grid)) or list(lessons(grid))
+            told = list(answers(grid)) or list(verdicts(grid))
             lines += [
                 f"## {grid.asked.question}",
                 "",

@@ -18,7 +18,7 @@ from scenes.models.loading import Scene
 from scenes.sweep.design import CASE, SAMPLE, Varied
 from scenes.sweep.links import value_at
 from scenes.sweep.table import Table, cell, is_numeric
-from worm3d.metrics import named, written
+from worm3d.metrics import ROUNDING, named, written
 from worm3d.values.arrays import FloatArray
 
 MOST_CURVES = 5
@@ -52,7 +52,7 @@ class Axis:
     def told(self, place: int) -> str:
         """Return a value with its unit."""
         value = cell(self.varied.values[place])
-        return f"{value:g} {self.unit}".strip() if isinstance(value, int | float) else str(value)
+        return f"{value:.3g} {self.unit}".strip() if isinstance(value, int | float) else str(value)
 
 
 @dataclass(frozen=True)
@@ -161,8 +161,10 @@ class Grid:
         return f"{self.other.words} {told}" if self.other.is_number else told
 
     def values(self, name: str) -> FloatArray:
-        """Return a figure at the scene's own value of `by`, shape (X, C); NaN where a case has none."""
-        return self._cube(self._column(name))[..., self._own]
+        """Return a figure at the scene's own value of `by`, shape (X, C); NaN where a case has none, 0 for rounding."""
+        column = self._column(name)
+        least = ROUNDING.get(named(name)[1], 0.0)
+        return self._cube(np.where(np.abs(column) < least, 0.0, column))[..., self._own]
 
     def equal_values(self, name: str, figure: str, target: float, better: str) -> FloatArray:
         """Return a figure where another one has a given value, on straight lines along `by`, shape (X, C).

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 from pydantic import BaseModel
@@ -47,13 +47,26 @@ class Links:
         given = dict(self.always)
         for axis, choices in self.choices.items():
             given |= varied_keys(choices[values[axis]])
-        formulas = {key: text for key, text in given.items() if is_formula(text)}
-        variables = set(self.choices).union(*map(names_in, formulas.values())) if formulas else set(self.choices)
-        own = {key: value for key, value in values.items() if not (key in variables and _is_no_key(self.settings, key))}
-        known = {**values, **{key: value for key, value in given.items() if key not in formulas}}
-        for key, text in formulas.items():
-            known[key] = own[key] = _plain(evaluated(text, partial(self._number, known, text)))
-        return {**own, **{key: value for key, value in given.items() if key not in formulas}}
+        own = {key: value for key, value in values.items() if key not in self._variables}
+        known = {**values, **{key: value for key, value in given.items() if not _names(value)}}
+        for key, value in given.items():
+            known[key] = own[key] = self._settled(value, known)
+        return own
+
+    @cached_property
+    def _variables(self) -> set[str]:
+        """Axes that are no keys of the scene: the choices, and names that stand in formulas alone."""
+        given = [*self.always.values()]
+        for choices in self.choices.values():
+            given += [value for keys in choices.values() for value in varied_keys(keys).values()]
+        named = set().union(*map(_names, given))
+        return {*self.choices, *(name for name in named if _is_no_key(self.settings, name))}
+
+    def _settled(self, value: Any, known: Mapping[str, Any]) -> Any:
+        """Return a value, or what its formulas give, one for each item of a list."""
+        if isinstance(value, list):
+            return [self._settled(item, known) for item in value]
+        return _plain(evaluated(value, partial(self._number, known, value))) if is_formula(value) else value
 
     def _number(self, known: Mapping[str, Any], formula: str, name: str) -> Any:
         value = known[name] if name in known else value_at(self.settings, name, None)
@@ -61,6 +74,13 @@ class Links:
             got = "is not known" if value is None else f"is {shown(value)}, no number"
             raise SceneError(f"formula '{formula}': {name} {got}; names are keys of the scene, varied ones and others")
         return float(value)
+
+
+def _names(value: Any) -> set[str]:
+    """Return the names in the formula that a value is, or in those of its items."""
+    if isinstance(value, list):
+        return set().union(*map(_names, value))
+    return names_in(value) if is_formula(value) else set()
 
 
 def value_at(settings: BaseModel, key: str, otherwise: Any) -> Any:
