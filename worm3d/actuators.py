@@ -2,5 +2,7 @@
 
 from worm3d.physics.actuators import ACTUATORS, Actuator, FirstOrder, Response
 from worm3d.physics.pneumatic import Pneumatic
+from worm3d.physics.technologies.law import Technology
+from worm3d.physics.technologies.presets import TECHNOLOGIES
 
-__all__ = ["ACTUATORS", "Actuator", "FirstOrder", "Pneumatic", "Response"]
+__all__ = ["ACTUATORS", "TECHNOLOGIES", "Actuator", "FirstOrder", "Pneumatic", "Response", "Technology"]

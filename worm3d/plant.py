@@ -125,7 +125,8 @@ class Plant:
         self.worm, self.world, self.friction, self.gravity = worm, world, friction, gravity
         self._weight = float(np.linalg.norm(gravity if scale is None else scale))
         self.n = worm.segments
-        chamber, hinge, own = type(worm.actuator), type(worm.hinge_actuator), type(worm.hysteresis)
+        chamber, hinge = worm.actuator.compiled(), worm.hinge_actuator.compiled()
+        own = type(worm.hysteresis)
         around = type(worm.medium)
         self._kernels = kernels(type(friction.law), chamber, hinge, own, around)
         width = max(vectors.WIDTH, *(kernel.width for kernel in self._kernels.values()))
@@ -267,8 +268,8 @@ class Plant:
     def _layouts(self) -> tuple[Layout, Layout]:
         """Return the layouts of the arrays "actuated" and "hinged"."""
         worm = self.worm
-        chambers = actuator.chambers(type(worm.actuator), type(worm.hysteresis))
-        return chambers, actuator.hinges(type(worm.hinge_actuator))
+        chambers = actuator.chambers(worm.actuator.compiled(), type(worm.hysteresis))
+        return chambers, actuator.hinges(worm.hinge_actuator.compiled())
 
     def refused(self, status: Status) -> tuple[int, str]:
         """Return the segment in which a step ended that was refused, and why, in words."""

@@ -15,7 +15,7 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from scenes.language.mistakes import Mistake, dotted
-from scenes.language.schema import Section, choices, default_text, field_at, only_for, words_of
+from scenes.language.schema import Section, choices, default_text, few, field_at, only_for, words_of
 from scenes.language.toml import KeyPath
 
 Found = str | Mapping[str, str] | None
@@ -171,7 +171,7 @@ def _of_this_kind(value: Any, kind: str, *, key: str, default: Any, only: tuple[
     # A key at its default does nothing: resolved scenes and templates hold all keys.
     if kind in only or value == default or (isinstance(value, list) and tuple(value) == default):
         return None
-    kinds = " or ".join(map(repr, only))
+    kinds = " or ".join(few([repr(each) for each in only]))
     return (
         f"only for {key} = {kinds}, which this scene is not ('{kind}'): leave it out (default {usual}), or change {key}"
     )

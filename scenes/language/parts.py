@@ -11,9 +11,9 @@
 
 A registry (a mapping of names to dataclasses) makes the key `by`, which names one of them, and the keys of all; a key
 that only some of them have is refused where another is chosen (`scenes.language.checks.kind_checks`). A key that
-several have is declared by the first of them. Keys end in their unit, angles are in degrees; a parameter that may be
-infinite, or None, is left out instead. `prefix` puts a word before each key, for several parts of one class in one
-section.
+several have is declared by the first of them, or has the default of each kind (`own_defaults`). Keys end in their
+unit, angles are in degrees; a parameter that may be infinite, or None, is left out instead. `prefix` puts a word before
+each key, for several parts of one class in one section.
 """
 
 from __future__ import annotations
@@ -75,6 +75,7 @@ def keys_of(
     prefix: str = "",
     about: str = "",
     only: tuple[str, ...] = (),
+    own_defaults: bool = False,
 ) -> Keys:
     """Return the keys of a section.
 
@@ -92,6 +93,8 @@ def keys_of(
         What stands before each key, and before each meaning.
     only : tuple of str
         Kinds of the section that the keys are for; empty for all.
+    own_defaults : bool
+        Whether a key whose defaults differ among the kinds has that of its kind, and not that of the first.
     """
     registry = parts if isinstance(parts, Mapping) else {"": parts}
     found: dict[str, dict[str, Parameter]] = {}
@@ -105,7 +108,7 @@ def keys_of(
     if by:
         keys[prefix + by] = (Literal[tuple(registry)], setting(next(iter(registry)), title=title, aka=aka))
     for key, owners in found.items():
-        keys[key] = _declared(owners, only or (tuple(owners) if len(owners) < len(registry) else ()))
+        keys[key] = _declared(owners, only or (tuple(owners) if len(owners) < len(registry) else ()), own_defaults)
     return keys
 
 
@@ -162,11 +165,14 @@ def _changes(name: str, **changes: Mapping[str, Any]) -> dict[str, Any]:
     return {field: values[name] for field, values in changes.items() if name in values}
 
 
-def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...]) -> tuple[Any, Any]:
+def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaults: bool) -> tuple[Any, Any]:
     """Return the type and the declaration of a key, from its parameter in each part that has it."""
     known = next(iter(owners.values()))
-    is_finite = known.default is not None and not (isinstance(known.default, float) and math.isinf(known.default))
-    left_out = "" if is_finite else known.left_out
+    agree = not own_defaults or len({own.default for own in owners.values()}) == 1
+    is_finite = (
+        agree and known.default is not None and not (isinstance(known.default, float) and math.isinf(known.default))
+    )
+    left_out = "" if is_finite else known.left_out if agree else "that of its kind"
     key = key_of(known)
     common: dict[str, Any] = {"title": known.meaning, "only": only, "left_out": left_out}
     common["aka"] = known.aka if key == known.name else (known.name, *known.aka)
@@ -176,7 +182,7 @@ def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...]) -> tuple[A
         whose = {word: tuple(owner for owner, own in owners.items() if word in own.choices) for word in words}
         return Literal[tuple(words)], setting(default, words={} if "" in owners else whose, **common)
     if known.hint is bool:
-        return bool, setting(default, **common)
+        return bool | None if left_out else bool, setting(default, **common)
     common["unit"] = known.unit
     if known.is_pair:
         return Pair, quantity(default, **common)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Strict, Tag
@@ -179,8 +179,13 @@ def default_text(field: FieldInfo) -> str:
 
 def meaning(field: FieldInfo) -> str:
     """Return what a key is, in a few words, and for which kinds of its section it is if it is not for all."""
-    only = ", ".join(only_for(field))
+    only = ", ".join(few(only_for(field)))
     return f"{only} only: {field.title}" if only else str(field.title)
+
+
+def few(words: Sequence[str]) -> list[str]:
+    """Return words, or of more than four the first two and how many others there are."""
+    return [*words] if len(words) <= 4 else [*words[:2], f"{len(words) - 2} others"]
 
 
 def only_for(field: FieldInfo) -> tuple[str, ...]:

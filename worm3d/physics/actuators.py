@@ -75,6 +75,11 @@ class Actuator(Part, registry=ACTUATORS):
     """Whether it may drive a hinge: it has neither potential nor energy, and needs no length."""
 
     @classmethod
+    def compiled(cls) -> type[Actuator]:
+        """Return the class that the kernels are made of: another one where only numbers differ from it."""
+        return cls
+
+    @classmethod
     def respond(cls, s: Symbols) -> Response:
         """Return what the actuator does in a time step.
 
@@ -146,9 +151,10 @@ class FirstOrder(Actuator, name="first_order"):
 
         command = ca.fmin(ca.fmax(s["command"], s["least"]), s["greatest"])
         most = s["rate_limit"] * s["dt"]
-        free = _lagged(command, s["command_n"], s["given_n"], s)
+        free = lagged(command, s["command_n"], s["given_n"], s["lag"], s["dt"])
         given = ca.fmin(ca.fmax(free, s["given_n"] - most), s["given_n"] + most)
-        return Response(command, given, _lagged(s["force_command"], s["force_command_n"], s["force_n"], s))
+        force = lagged(s["force_command"], s["force_command_n"], s["force_n"], s["lag"], s["dt"])
+        return Response(command, given, force)
 
     def values(self, worm: Worm, *, hinge: bool) -> Mapping[str, float | FloatArray]:
         """Return the parameters; what is left out is the worm's, and without limit for hinges."""
@@ -159,10 +165,10 @@ class FirstOrder(Actuator, name="first_order"):
         return {name: left_out[name] if value is None else value for name, value in given.items()}
 
 
-def _lagged(command: Symbol, command_n: Symbol, given_n: Symbol, s: Symbols) -> Symbol:
+def lagged(command: Symbol, command_n: Symbol, given_n: Symbol, lag: Symbol, dt: Symbol) -> Symbol:
     """Return the first-order response at the end of the step to a command that changes linearly in it."""
     import casadi as ca
 
-    ramp = s["lag"] * (command - command_n) / s["dt"]
-    late = command - ramp + (given_n - command_n + ramp) * ca.exp(-s["dt"] / s["lag"])
-    return ca.if_else(s["lag"] > 0.0, late, command)
+    ramp = lag * (command - command_n) / dt
+    late = command - ramp + (given_n - command_n + ramp) * ca.exp(-dt / lag)
+    return ca.if_else(lag > 0.0, late, command)

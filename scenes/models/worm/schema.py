@@ -17,7 +17,7 @@ from worm3d.physics.media import MEDIA
 from worm3d.worm import Worm as PlantWorm
 
 
-class Actuator(PartSection, keys=keys_of(ACTUATORS, by="kind", title="what drives the chambers")):
+class Actuator(PartSection, keys=keys_of(ACTUATORS, by="kind", title="what drives the chambers", own_defaults=True)):
     """Actuator of the chambers: their response to their commands."""
 
 

@@ -1,0 +1,292 @@
+"""The law of a technology: a slow drive, a spring that it moves, the force that it can hold, and what all that costs.
+
+Drive. A command c, the contraction asked of the chamber, is the share u = c/s of the free stroke s = strain lever. It
+comes with a delay, which is a lag of its own, and meets the drive d (the heat of a wire, the charge of a film, the
+pressure of a muscle, the angle of a motor), which follows it by first order, up and down at different speeds, and no
+faster than a rate:
+
+    d' = (target - d)/tau,   tau = rise or fall,   |d'| <= rate                                         (T1)
+
+The active share a follows the drive within a band, as austenite follows temperature (a play operator, which has minor
+loops), w = `hysteresis`:
+
+    (1 + w) d - w <= a <= (1 + w) d,   0 <= a <= 1                                                      (T2)
+
+and the target of (T1) is the drive at which a would be u, on that side of the band where it has to be moved. Actuators
+that are driven both ways have no band, and -1 <= d = a <= 1.
+
+Force. With the actuator's own contraction z = 1 - l/l0 (of one that lengthens, minus that), x = z/s, and the blocking
+force F_b = stress area/lever, it pulls by F = F_b f, held between what it can push and what it can pull:
+
+    f = max(-push, min(kappa (q - x), A (1 - droop max(x, 0)))),   kappa = `series`                     (T3)
+
+A drive that moves the free end of a spring (alloys, films, bellows, motors) has q = a and A = 1: at kappa = 1 it is the
+line from the blocking force to the free stroke, moved by the drive; a stiffer spring is a source of position whose
+force is limited. One that scales the force (`scales`: the pressure of braided muscles, the activation of natural ones)
+has q = 1 and A = a. f never grows with x: its potential Psi = - F_b l0 s (integral of f dx) is convex in the length.
+
+Energy. The end of the spring moves by dy = s l0 dx + (1 - scales) dF/K, K = kappa F_b/(s l0): the drive does the work
+W = F dy, of which (1 - scales) F^2/(2 K) is stored and the rest goes to the chamber. Beside it
+
+    kept in the drive       E |d|,   E = charge area l0          (heat, field, compressed air)           (T4)
+    leaking from it         leak E |d|                           (cooling, leakage)
+    holding                 stall F^2 lever/F_b                  (the current of a motor)
+    drawn from the source   D+/charging + W+/efficiency + holding,   D = E |d|' + leak E |d|
+    lost                    leak + D+ (1/charging - 1) + D- + W+ (1/efficiency - 1) + W- + holding
+
+D+ and D- are the positive and negative parts: what a drive that is let go has beyond what leaks is thrown away, and so
+is work that the chamber does on the drive; nothing returns to the source. Drawn is what is kept, stored, lost and given
+to the chamber. In a step, each term is a trapezoid of its own, and the ledger's numerical loss tells what they miss.
+
+Heat. The temperature above the room's is hot d and what the losses have left in a body of the heat capacity C =
+heat_capacity stress area, which cools by first order; near `hottest` the command is turned down to nothing:
+
+    T = hot d + T_l,   C T_l' = lost - C T_l/cooling,   u <= 10 (1 - T/hottest)                          (T5)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from worm3d.physics.actuators import Actuator, Response, lagged
+from worm3d.physics.part import Numbers, Symbol, Symbols
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import documented, parameter
+
+if TYPE_CHECKING:
+    from worm3d.worm import Worm
+
+MOST_STROKE = 0.9
+"""Largest free stroke, as a fraction of the chamber's rest length."""
+
+G = 9.81
+"""Gravity by which the default size reckons with the worm's weight [m/s^2]."""
+
+NO_LIMIT = float("inf")
+
+
+@documented
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Technology(Actuator):
+    """Base of the actuator technologies, whose numbers differ: (T1) to (T5). They act on the chambers' lengths.
+
+    The springs of the chambers stay at their rest lengths and pull back what the actuators have moved. An actuator that
+    can only pull (push = 0) shortens its chamber, or with `lengthens`, as hoops that squeeze a mesh do, lengthens it.
+    Its states are recorded: "asked", "drive" and "active" as shares of the full drive, "warmth", and "pull", its force
+    on the chamber, positive where it contracts.
+    """
+
+    states: ClassVar[Mapping[str, str]] = {"asked": "1", "drive": "1", "active": "1", "warmth": "K", "pull": "N"}
+    drives_hinges: ClassVar[bool] = False
+
+    strain: float = parameter(0.2, meaning="free strain of the active material", gt=0)
+    stress: float = parameter(1e5, meaning="blocking stress on its cross-section", unit="Pa", gt=0)
+    lever: Numbers = parameter(
+        1.0, meaning="transmission: the stroke is so many times larger, the force smaller", gt=0, each="segment"
+    )
+    area: Numbers | None = parameter(
+        None,
+        meaning="cross-section of the actuator of a chamber",
+        unit="m^2",
+        gt=0,
+        each="segment",
+        left_out="by reserve and room",
+    )
+    reserve: float = parameter(
+        2.0,
+        meaning="default size: blocking force over the half of what stretches a segment's springs by the stroke and of "
+        "the worm's weight",
+        gt=0,
+    )
+    room: float = parameter(
+        0.2,
+        meaning="default size: largest share of the chamber's cross-section 2 h0 (b + h0) that it may fill",
+        gt=0,
+        le=1,
+    )
+    series: float = parameter(
+        1.0, meaning="stiffness kappa of its spring, over blocking force per free stroke", ge=1, le=1e3
+    )
+    droop: float = parameter(1.0, meaning="share of the blocking force that is gone at the full stroke", ge=0, le=1)
+    push: float = parameter(0.0, meaning="largest force against its sense, over the blocking force", ge=0, le=1)
+    both_ways: bool = parameter(False, meaning="whether it is driven both ways, also against its sense")
+    lengthens: bool = parameter(False, meaning="whether it lengthens its chamber instead of shortening it")
+    scales: bool = parameter(
+        False, meaning="whether the drive scales the force; else it moves the free end of the spring"
+    )
+    delay: float = parameter(0.0, meaning="mean delay of the command", unit="s", ge=0)
+    rise: float = parameter(0.1, meaning="time constant while the drive grows", unit="s", ge=0)
+    fall: float = parameter(0.1, meaning="time constant while it falls", unit="s", ge=0)
+    rate: float = parameter(
+        NO_LIMIT, meaning="greatest speed of the drive", unit="1/s", gt=0, infinite=True, left_out="no limit"
+    )
+    hysteresis: float = parameter(0.0, meaning="width w of the band between drive and active share", ge=0, le=10)
+    charge: float = parameter(0.0, meaning="energy kept at full drive in its volume, area times l0", unit="J/m^3", ge=0)
+    leak: float = parameter(0.0, meaning="share of that energy that leaks away", unit="1/s", ge=0)
+    charging: float = parameter(1.0, meaning="efficiency of charging the drive", gt=0, le=1)
+    efficiency: float = parameter(1.0, meaning="efficiency of the work", gt=0, le=1)
+    stall: float = parameter(
+        0.0, meaning="power that holds the blocking force, over that force at lever 1", unit="W/N", ge=0
+    )
+    hot: float = parameter(0.0, meaning="temperature above the room's at full drive", unit="K", ge=0)
+    heat_capacity: float = parameter(
+        NO_LIMIT,
+        meaning="heat capacity of the body that losses warm, over the blocking force at lever 1",
+        unit="J/(K N)",
+        gt=0,
+        infinite=True,
+        left_out="no warming",
+    )
+    cooling: float = parameter(
+        NO_LIMIT, meaning="time constant of its cooling", unit="s", gt=0, infinite=True, left_out="no cooling"
+    )
+    hottest: float = parameter(
+        NO_LIMIT,
+        meaning="temperature above the room's at which it is switched off",
+        unit="K",
+        gt=0,
+        infinite=True,
+        left_out="no limit",
+    )
+    sources: ClassVar[Mapping[str, str]] = {}
+    """Where each number of the technology is from, by parameter."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.both_ways and self.scales:
+            raise ValueError("both_ways: got True, must be False where the drive scales the force (scales)")
+        if self.both_ways and self.hysteresis > 0.0:
+            raise ValueError(f"hysteresis: got {self.hysteresis!r}, must be 0 in an actuator that is driven both ways")
+
+    @classmethod
+    def compiled(cls) -> type[Actuator]:
+        """Return the class that the kernels are made of: technologies differ in their numbers alone."""
+        return Technology
+
+    @classmethod
+    def respond(cls, s: Symbols) -> Response:
+        """Return (T1) to (T5)."""
+        import casadi as ca  # parameters are wanted without it
+
+        asked, drive, active = _driven(s)
+        now, before = _shape(s, active, "length"), _shape(s, s["active_n"], "length_n")
+        blocking, path = s["stress"] * s["area"] / s["lever"], _stroke(s) * s["l0"]
+        pull, pull_n = blocking * now.force, blocking * before.force
+        soft = (1.0 - s["scales"]) * path / (s["series"] * blocking)  # 1/K, 0 where there is no spring
+        worked = (pull + pull_n) / 2.0 * (path * (now.x - before.x) + soft * (pull - pull_n))
+        held = s["charge"] * s["area"] * s["l0"]
+        charged, mean = held * (ca.fabs(drive) - ca.fabs(s["drive_n"])), held * (ca.fabs(drive) + ca.fabs(s["drive_n"]))
+        leaked = s["leak"] * s["dt"] * mean / 2.0
+        into, out = ca.fmax(charged + leaked, 0.0), ca.fmax(-charged - leaked, 0.0)
+        given, taken = ca.fmax(worked, 0.0), ca.fmax(-worked, 0.0)
+        holding = s["stall"] * s["lever"] / blocking * s["dt"] * (pull**2 + pull_n**2) / 2.0
+        heating = into * (1.0 / s["charging"] - 1.0) + out + given * (1.0 / s["efficiency"] - 1.0) + taken + holding
+        left = (s["warmth_n"] - s["hot"] * s["drive_n"]) * ca.exp(-s["dt"] / s["cooling"])
+        warmth = s["hot"] * drive + left + (leaked + heating) / (s["heat_capacity"] * s["stress"] * s["area"])
+        return Response(
+            command=_command(s),
+            given=_sense(s) * _stroke(s) * active,
+            force=s["force_command"],
+            spring=0.0,
+            potential=-blocking * path * now.integral,
+            states={"asked": asked, "drive": drive, "active": active, "warmth": warmth, "pull": _sense(s) * pull},
+            work=into / s["charging"] + given / s["efficiency"] + holding,
+            stored=charged + soft * (pull**2 - pull_n**2) / 2.0,
+            lost=leaked + heating,
+        )
+
+    @classmethod
+    def at_rest(cls, s: Symbols) -> Symbols:
+        """Return the states that a command which has long been there leads to."""
+        import casadi as ca
+
+        share = _share(s, s["command"])
+        drive = ca.if_else(share > 0.0, (share + s["hysteresis"]) / (1.0 + s["hysteresis"]), share)
+        blocking = s["stress"] * s["area"] / s["lever"]
+        pull = _sense(s) * blocking * _shape(s, share, "length").force
+        return {"asked": share, "drive": drive, "active": share, "warmth": s["hot"] * drive, "pull": pull}
+
+    def values(self, worm: Worm, *, hinge: bool) -> Mapping[str, float | FloatArray]:
+        """Return the parameters; a size that is left out follows from the worm."""
+        given = super().values(worm, hinge=hinge)
+        return {**given, "area": self.size(worm) if self.area is None else self.area}
+
+    def size(self, worm: Worm) -> FloatArray:
+        """Return the default cross-section of the actuator of each chamber, shape (N,) [m^2].
+
+        Its blocking force is `reserve` times what half of a segment's springs (a chamber's) needs for the stroke, and
+        half of the worm's weight; but it fills at most a share `room` of the chamber's cross-section.
+        """
+        wanted = -worm.stroke[0] if self.lengthens else worm.stroke[1]
+        stroke = np.minimum(np.minimum(self.strain * np.asarray(self.lever), MOST_STROKE), wanted or MOST_STROKE)
+        force = self.reserve * (np.asarray(worm.k_spring) * stroke + worm.mass * G) / 2.0
+        h0 = np.asarray(worm.half_height)
+        fits = self.room * 2.0 * h0 * (worm.chamber_offset + h0)
+        area: FloatArray = np.broadcast_to(np.minimum(force * self.lever / self.stress, fits), (worm.segments,)).copy()
+        return area
+
+
+class _Shape:
+    """Stroke x of an actuator, its force f over the blocking force, and the integral of f dx, (T3)."""
+
+    def __init__(self, s: Symbols, active: Symbol, length: str) -> None:
+        import casadi as ca
+
+        kappa, m = s["series"], s["scales"]
+        at, top = m + (1.0 - m) * active, 1.0 - m + m * active
+        self.x = x = _sense(s) * (1.0 - s[length] / s["l0"]) / _stroke(s)
+        early = at - top / kappa  # where the spring takes over from the limit, if that is before x = 0
+        slack = ca.fmax(kappa - top * s["droop"], 1e-9)
+        turn = ca.if_else(early < 0.0, early, (kappa * at - top) / slack)
+        droop = ca.if_else(early < 0.0, 0.0, top * s["droop"])
+        ramps = ((-droop, x), (droop - kappa, x - turn), (kappa, x - at - s["push"] / kappa))
+        self.force = top + sum(slope * ca.fmax(by, 0.0) for slope, by in ramps)
+        self.integral = top * x + sum(slope * ca.fmax(by, 0.0) ** 2 / 2.0 for slope, by in ramps)
+
+
+_shape = _Shape
+
+
+def _sense(s: Symbols) -> Symbol:
+    """Return 1 for an actuator that shortens its chamber, -1 for one that lengthens it."""
+    return 1.0 - 2.0 * s["lengthens"]
+
+
+def _stroke(s: Symbols) -> Symbol:
+    """Return the free stroke as a fraction of the chamber's rest length."""
+    import casadi as ca
+
+    return ca.fmin(s["strain"] * s["lever"], MOST_STROKE)
+
+
+def _share(s: Symbols, command: Symbol) -> Symbol:
+    """Return the commanded share of the full drive."""
+    import casadi as ca
+
+    return ca.fmin(ca.fmax(_sense(s) * command / _stroke(s), -s["both_ways"]), 1.0)
+
+
+def _command(s: Symbols) -> Symbol:
+    return _sense(s) * _stroke(s) * _share(s, s["command"])
+
+
+def _driven(s: Symbols) -> tuple[Symbol, Symbol, Symbol]:
+    """Return asked, drive and active share at the end of the step, (T1) and (T2); the drive's target is held in it."""
+    import casadi as ca
+
+    asked = lagged(_share(s, s["command"]), _share(s, s["command_n"]), s["asked_n"], s["delay"], s["dt"])
+    cool = ca.fmin(ca.fmax(10.0 * (1.0 - s["warmth_n"] / s["hottest"]), 0.0), 1.0)
+    wanted, w = ca.fmin((asked + s["asked_n"]) / 2.0, cool), s["hysteresis"]
+    above, below = (wanted + w) / (1.0 + w), wanted / (1.0 + w)
+    target = ca.if_else(s["active_n"] > wanted, below, ca.if_else(s["active_n"] < wanted, above, s["drive_n"]))
+    target = ca.if_else(w > 0.0, target, wanted)
+    lag = ca.if_else(ca.fabs(target) > ca.fabs(s["drive_n"]), s["rise"], s["fall"])
+    free = target + (s["drive_n"] - target) * ca.exp(-s["dt"] / lag)
+    most = s["rate"] * s["dt"]
+    drive = ca.fmin(ca.fmax(free, s["drive_n"] - most), s["drive_n"] + most)
+    active = ca.fmin(ca.fmax(s["active_n"], (1.0 + w) * drive - w), (1.0 + w) * drive)
+    return asked, drive, ca.fmin(ca.fmax(active, -s["both_ways"]), 1.0)
