@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import operator
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -56,9 +57,12 @@ def evaluated(formula: str, value_of: Callable[[str], Any]) -> Any:
         It cannot be read, or has no value: a division by 0, a number too large.
     """
     try:
-        return _value(_parsed(formula), value_of, formula)
+        value = _value(_parsed(formula), value_of, formula)
     except (ArithmeticError, TypeError) as error:
         raise SceneError(f"formula '{formula.strip()}': has no value: {error}") from error
+    if isinstance(value, complex) or (isinstance(value, float) and not math.isfinite(value)):
+        raise SceneError(f"formula '{formula.strip()}': has no value: it is no finite number")
+    return value
 
 
 def _parsed(formula: str) -> ast.expr:

@@ -44,7 +44,9 @@ class Study(Section):
     )
     by: str = setting("", title="varied key by which cases are brought to equal figures")
     names: dict[str, str] = Field(default={}, title='words for keys, variables and figures: { ratio = "anisotropy" }')
-    equal: dict[str, float] = Field(default={}, title="figures at which cases are compared too: { speed_bl_s = 0.05 }")
+    equal: dict[str, float] = Field(
+        default={}, title="figures at which costs (less is better) are compared too: { speed_bl_s = 0.05 }"
+    )
     marked: dict[str, str] = Field(
         default={}, title='cases to mark, by a formula: { "tips over" = "= roll_margin_deg < 0" }'
     )

@@ -80,7 +80,7 @@ def _turns(y: FloatArray, known: np.ndarray, tolerance: float) -> tuple[int, ...
         elif way and -way * ahead > tolerance:
             turns.append(extreme)
             way, extreme = -way, place
-    return (*turns, int(known[-1])) if extreme == known[-1] or way == 0 else (*turns, extreme, int(known[-1]))
+    return (*turns, int(known[-1]))
 
 
 def sentence(y: FloatArray, what: str, along: str, x: Callable[[int], str], told: Told, better: str = "") -> str:

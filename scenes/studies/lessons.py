@@ -63,13 +63,13 @@ def verdicts(grid: Grid) -> Iterator[str]:
 
 
 def views(grid: Grid) -> Iterator[tuple[str, Measure, FloatArray]]:
-    """Yield the figures of a study, shape (X, C): as they are, then at equal figures, and words for which it is."""
+    """Yield the figures of a study, shape (X, C): as they are, then costs at equal figures, and words for which."""
     for measure in grid.measures:
         yield grid.own, measure, grid.values(measure.name)
     for figure, target in grid.asked.equal.items():
         equal = grid.measure(figure)
         for measure in grid.measures:
-            if measure.name != figure and measure.better and grid.by is not None:
+            if measure.name != figure and measure.better == "less" and grid.by is not None:
                 values = grid.equal_values(measure.name, figure, target, measure.better)
                 yield f"at equal {equal.words} of {equal.told(target)}, by the {grid.by.words}", measure, values
 

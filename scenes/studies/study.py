@@ -23,6 +23,8 @@ from worm3d.values.arrays import FloatArray
 
 MOST_CURVES = 5
 """Largest number of values of a second number that are drawn as curves; more make a map."""
+NOTHING = 1e-9
+"""Magnitude of a figure, over its largest in the study, that is rounding."""
 DEFAULT: Mapping[str, Any] = {"mean_speed_m_s": "more", "cost_of_transport": "less"}
 """Figures of a study that names none, and which is better."""
 
@@ -163,7 +165,8 @@ class Grid:
     def values(self, name: str) -> FloatArray:
         """Return a figure at the scene's own value of `by`, shape (X, C); NaN where a case has none, 0 for rounding."""
         column = self._column(name)
-        least = ROUNDING.get(named(name)[1], 0.0)
+        known = np.abs(column[np.isfinite(column)])
+        least = max(ROUNDING.get(named(name)[1], 0.0), NOTHING * float(known.max(initial=0.0)))
         return self._cube(np.where(np.abs(column) < least, 0.0, column))[..., self._own]
 
     def equal_values(self, name: str, figure: str, target: float, better: str) -> FloatArray:

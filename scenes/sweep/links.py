@@ -50,7 +50,10 @@ class Links:
         own = {key: value for key, value in values.items() if key not in self._variables}
         known = {**values, **{key: value for key, value in given.items() if not _names(value)}}
         for key, value in given.items():
-            known[key] = own[key] = self._settled(value, known)
+            try:
+                known[key] = own[key] = self._settled(value, known)
+            except SceneError as error:
+                raise SceneError(*(f"sweep, {key}: {line}" for line in error.lines)) from error
         return own
 
     @cached_property
