@@ -1,5 +1,7 @@
 """Gaits: patterns of contraction, with memory and senses or without, and the waves that controllers drive."""
 
+from control.gaits.anchoring import Inchworm, TwoAnchor
+from control.gaits.discrete import Discrete
 from control.gaits.extension_wave import ExtensionWave
 from control.gaits.feedback import Feedback, FeedbackGait, Felt, Memory
 from control.gaits.gait import GAITS, Body, BoundGait, Direction, Gait
@@ -8,9 +10,9 @@ from control.gaits.patterns import (
     ContractionEngine_segmentdriven,
     Pulse,
     TravellingWave,
-    TwoAnchor,
     WaveDirection,
 )
+from control.gaits.periodic import Periodic, Spline
 
 __all__ = [
     "GAITS",
@@ -19,13 +21,17 @@ __all__ = [
     "Body",
     "ContractionEngine_segmentdriven",
     "Direction",
+    "Discrete",
     "ExtensionWave",
     "Feedback",
     "FeedbackGait",
     "Felt",
     "Gait",
+    "Inchworm",
     "Memory",
+    "Periodic",
     "Pulse",
+    "Spline",
     "TravellingWave",
     "TwoAnchor",
     "WaveDirection",

@@ -140,6 +140,29 @@ def sides(activations: FloatArray) -> FloatArray:
     return activations[..., None] if activations.ndim == 2 else activations
 
 
+def joined(activation: FloatArray) -> FloatArray:
+    """Return activations of shape (K, N, 1), alike on both sides, as of shape (K, N); others as they are."""
+    return activation[..., 0] if activation.shape[-1] == 1 else activation
+
+
+def for_segments(name: str, value: float | FloatArray, segments: int) -> FloatArray:
+    """Return a number, or one for each segment or each of its sides, as an array that fits shape (N, 2).
+
+    Raises
+    ------
+    ValueError
+        `value`, called `name`, is for another number of segments.
+    """
+    found = np.atleast_1d(value)
+    found = found if found.ndim == 2 else found[:, None]
+    if np.ndim(value) and found.shape not in ((segments, 1), (segments, 2)):
+        raise ValueError(
+            f"{name}: got shape {np.shape(value)}, must be a number, or one or a pair of left and right for each of "
+            f"the worm's {segments} segments"
+        )
+    return found
+
+
 def half_cosine(part: FloatArray) -> FloatArray:
     """Return 0 where `part` is below 0, 1 where it is above 1, and half a cosine wave between."""
     return (1.0 - np.cos(np.pi * np.clip(part, 0.0, 1.0))) / 2.0

@@ -1,14 +1,6 @@
-"""Gaits that are waves and the gaits of crawlers that make no wave.
+"""The paper's waves, and the breathing of a single actuator.
 
-`TravellingWave` is the paper's second scheme, `ContractionEngine_segmentdriven` its first (section III.C). The other
-gaits are of crawlers that make no wave.
-
-`TwoAnchor`, for pipes: two anchors press the wall in turn, and a body between them extends and shortens. A contracted
-segment is wide and presses the wall all round; an extended one is thin and slides. A period has six equal parts, in
-each of which an anchor holds; the worm begins with all segments contracted:
-
-    0  front lets go   1  body extends, front moves on   2  front anchors
-    3  rear lets go    4  body shortens, rear moves up   5  rear anchors
+`TravellingWave` is the paper's second scheme, `ContractionEngine_segmentdriven` its first (section III.C).
 
 `Breathing`, for a single actuator: all segments contract and lengthen again in unison. It crawls where friction is
 directional. A slow, uniform contraction moves the rear forward and the front backward, against the coefficients f and
@@ -28,6 +20,7 @@ from typing import Literal
 
 import numpy as np
 
+from control.gaits.anchoring import TwoAnchor as TwoAnchor
 from control.gaits.gait import GAITS as GAITS
 from control.gaits.gait import Body as Body
 from control.gaits.gait import BoundGait as BoundGait
@@ -42,9 +35,6 @@ Pulse = Literal["gaussian", "square", "dirac"]
 
 GAUSSIAN_WIDTH = 0.15
 """Standard deviation of the gaussian pulse as a fraction of the contraction's duration."""
-PARTS = 6
-REAR, BODY, FRONT = (3, 5), (1, 4), (0, 2)
-"""Part of the period in which each group lets go (extends), and in which it contracts again."""
 
 
 @documented
@@ -159,57 +149,6 @@ class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N80
                 return np.ones_like(elapsed)
             case "dirac":
                 return np.where(elapsed < self.impulse, 1.0, 0.0)
-
-
-@documented
-@dataclass(frozen=True, kw_only=True)
-class TwoAnchor(Gait, name="two_anchor"):
-    """Two anchors in turn, as in inchworms and burrowing earthworms; it climbs pipes of any tilt.
-
-    The command has no jumps: each change takes a part of the period, with the speed of a cosine. The amplitude is
-    more than the pipe's wall allows, so that anchored segments press it.
-    """
-
-    extension: float = parameter(
-        -0.5,
-        meaning="activation of an extended segment, -0.5 lengthens it by half the amplitude",
-        ge=-1,
-        le=0,
-        allowed="a number in [-1, 0]",
-    )
-    period: float = parameter(6.0, meaning="duration of the whole sequence", unit="s", gt=0)
-    anchors: int = parameter(1, meaning="segments of each anchor; those between them are the body", ge=1)
-    direction: Direction = parameter(
-        "retrograde", meaning="retrograde: the front is the head's end, and the worm moves that way; direct: the tail's"
-    )
-
-    @property
-    def lengthens(self) -> bool:
-        """Whether the activation falls below 0 at some time."""
-        return self.extension < 0.0
-
-    def activations(self, times: FloatArray, segments: int) -> FloatArray:
-        """Return the activation of each segment at K times [s], shape (K, segments), in [extension, 1].
-
-        Raises
-        ------
-        ValueError
-            The worm has no segment between the anchors.
-        """
-        body = segments - 2 * self.anchors
-        if body < 1:
-            raise ValueError(
-                f"anchors: got {self.anchors}, must leave a segment of the worm's {segments} between the two anchors"
-            )
-        part = np.mod(times / self.period, 1.0) * PARTS
-        order = (REAR, BODY, FRONT) if self.direction == "retrograde" else (FRONT, BODY, REAR)
-        groups = [self._group(part, *when) for when in order]
-        return np.repeat(np.array(groups).T, [self.anchors, body, self.anchors], axis=1)
-
-    def _group(self, part: FloatArray, release: int, anchor: int) -> FloatArray:
-        """Return the activation of a group, 1 until it lets go and from when it has contracted again, shape (K,)."""
-        extended = half_cosine(part - release) - half_cosine(part - anchor)
-        return 1.0 - (1.0 - self.extension) * extended
 
 
 @documented

@@ -1,0 +1,98 @@
+"""Crawling between two anchors, the groups of segments at the two ends, which hold in turn.
+
+A contracted segment is wide: in a pipe it presses the wall all round, on level ground it carries the worm and lifts
+its neighbours. An extended one is thin, and slides. The body between the anchors extends while the rear one holds,
+and shortens while the front one holds. The parts of a period are equal:
+
+    two_anchor, for pipes                             inchworm, for level ground
+    0  front lets go                                  0  rear anchors while the front lets go
+    1  body extends, front moves on                   1  body extends, front moves on
+    2  front anchors                                  2  front anchors while the rear lets go
+    3  rear lets go                                   3  body shortens, rear moves up
+    4  body shortens, rear moves up
+    5  rear anchors
+
+`two_anchor` begins with all segments contracted, and one of its anchors lets go only while the other holds, so that it
+climbs pipes of any tilt. The anchors of the inchworm change over in opposition, which takes no
+extra time and keeps the worm's length. In both the worm comes as far in a period as the body changes its length, if
+no anchor slips.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from control.gaits.gait import Direction, Gait, half_cosine
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import documented, parameter
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class TwoAnchor(Gait, name="two_anchor"):
+    """Two anchors in turn, as in inchworms and burrowing earthworms; it climbs pipes of any tilt.
+
+    The command has no jumps: each change takes a part of the period, with the speed of a cosine. The amplitude is
+    more than the pipe's wall allows, so that anchored segments press it.
+    """
+
+    extension: float = parameter(
+        -0.5,
+        meaning="activation of an extended segment, -0.5 lengthens it by half the amplitude",
+        ge=-1,
+        le=0,
+        allowed="a number in [-1, 0]",
+    )
+    period: float = parameter(6.0, meaning="duration of the whole sequence", unit="s", gt=0)
+    anchors: int = parameter(1, meaning="segments of each anchor; those between them are the body", ge=1)
+    direction: Direction = parameter(
+        "retrograde", meaning="retrograde: the front is the head's end, and the worm moves that way; direct: the tail's"
+    )
+
+    PARTS: ClassVar[int] = 6
+    REAR: ClassVar[tuple[int, int]] = (3, 5)
+    """Part of the period in which this group lets go (extends), and in which it contracts again."""
+    BODY: ClassVar[tuple[int, int]] = (1, 4)
+    FRONT: ClassVar[tuple[int, int]] = (0, 2)
+
+    @property
+    def lengthens(self) -> bool:
+        """Whether the activation falls below 0 at some time."""
+        return self.extension < 0.0
+
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activation of each segment at K times [s], shape (K, segments), in [extension, 1].
+
+        Raises
+        ------
+        ValueError
+            The worm has no segment between the anchors.
+        """
+        body = segments - 2 * self.anchors
+        if body < 1:
+            raise ValueError(
+                f"anchors: got {self.anchors}, must leave a segment of the worm's {segments} between the two anchors"
+            )
+        part = np.mod(times / self.period, 1.0) * self.PARTS
+        order = (self.REAR, self.BODY, self.FRONT)
+        groups = [self._group(part, *when) for when in (order if self.direction == "retrograde" else order[::-1])]
+        return np.repeat(np.array(groups).T, [self.anchors, body, self.anchors], axis=1)
+
+    def _group(self, part: FloatArray, release: int, anchor: int) -> FloatArray:
+        """Return the activation of a group, 1 until it lets go and from when it has contracted again, shape (K,)."""
+        extended = half_cosine(part - release) - half_cosine(part - anchor) + float(anchor < release)
+        return 1.0 - (1.0 - self.extension) * extended
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Inchworm(TwoAnchor, name="inchworm"):
+    """Two anchors that change over in opposition, for level ground."""
+
+    PARTS: ClassVar[int] = 4
+    REAR: ClassVar[tuple[int, int]] = (2, 0)
+    BODY: ClassVar[tuple[int, int]] = (1, 3)
+    FRONT: ClassVar[tuple[int, int]] = (0, 2)

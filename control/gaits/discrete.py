@@ -1,0 +1,126 @@
+"""Discrete gaits: each segment is relaxed, contracted, bent to the left or to the right, and steps along the body.
+
+The notation {n2, n3, n1 / nP} is that of Zhan, Fang, Xu, Wang: Planar locomotion of earthworm-like metameric robots,
+International Journal of Robotics Research, 2019. The segments have the states
+
+    0 relaxed: long    1 contracted: short on both sides    2 bent to the left: the left side short    3 to the right
+
+and a worm of N segments has n1 of them in state 1, n2 in state 2, n3 in state 3, and n0 + nP in state 0. In each step
+the whole pattern moves on by nP segments, and re-enters at the body's other end. Only abstracts and second-hand
+descriptions of the paper were read; this is our reading of them:
+
+* nP <= n1 + n2 + n3, so that a step takes the short segments no further than they reach, and n0 >= 1, so that besides
+  the nP segments that become short another one is long. For N = 5 this leaves 25 gaits: 4 rectilinear (n2 = n3 = 0),
+  3 sidewinding (n2 = n3 > 0), 18 circular (n2 != n3), as the paper counts them.                                  (DG1)
+* The pattern reads, from tail to head, n2 times 2, n3 times 3, n0 + nP times 0, n1 times 1: {1, 0, 1 / 1} begins as
+  20001 in five segments, {0, 0, 2 / 1} as 00011. It moves towards the tail (retrograde), so that a segment contracts
+  on both sides, then lets the one go, then the other.                                                            (DG2)
+* The pattern returns after N/gcd(N, nP) steps, a period.                                                         (DG3)
+
+Each step changes the activation of the sides along half a cosine, from the sides' activations in one state to those
+in the next: `extension` long, 1 short, `bend` the short side of a bent segment. A bent segment also turns the joint
+behind it, by `hinge` to its side, so that a worm can bend by unequal sides, by hinges, or by both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import gcd
+
+import numpy as np
+from numpy.typing import NDArray
+
+from control.gaits.gait import Body, Direction, Gait, half_cosine
+from worm3d import Commands
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import documented, parameter
+
+RELAXED, CONTRACTED, LEFT, RIGHT = range(4)
+"""States of a segment."""
+
+TURN = np.array([0.0, 0.0, 1.0, -1.0])
+"""Side to which a segment bends in each state, 1 for the left."""
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Discrete(Gait, name="discrete"):
+    """Gait {n2, n3, n1 / nP} of segments that are relaxed, contracted, or bent to a side, (DG1) to (DG3)."""
+
+    period: float = parameter(6.0, meaning="duration after which the pattern is back", unit="s", gt=0)
+    left_bends: int = parameter(0, meaning="number of segments bent to the left", ge=0, aka=("n2",))
+    right_bends: int = parameter(0, meaning="number of segments bent to the right", ge=0, aka=("n3",))
+    contracted: int = parameter(2, meaning="number of contracted segments", ge=0, aka=("n1",))
+    shift: int = parameter(1, meaning="segments by which a step moves the pattern", ge=1, aka=("nP", "step"))
+    moving: float = parameter(1.0, meaning="share of a step for which segments change their state", gt=0, le=1)
+    bend: float = parameter(1.0, meaning="activation of the shorter side of a bent segment", ge=0, le=1)
+    extension: float = parameter(
+        0.0,
+        meaning="activation of a relaxed side, -0.5 lengthens it by half the amplitude",
+        ge=-1,
+        le=0,
+        allowed="a number in [-1, 0]",
+    )
+    direction: Direction = parameter(
+        "retrograde", meaning="retrograde: the pattern moves towards the tail; direct: towards the head"
+    )
+
+    @property
+    def lengthens(self) -> bool:
+        """Whether the activation falls below 0 at some time."""
+        return self.extension < 0.0
+
+    @property
+    def family(self) -> str:
+        """Name of the way in which the gait moves a worm: rectilinear, sidewinding or circular."""
+        if self.left_bends != self.right_bends:
+            return "circular"
+        return "sidewinding" if self.left_bends else "rectilinear"
+
+    def pattern(self, segments: int) -> NDArray[np.int64]:
+        """Return the state of each segment at time 0, whole numbers, shape (segments,).
+
+        Raises
+        ------
+        ValueError
+            The worm has too few segments for the gait, or a step is longer than the pattern, (DG1).
+        """
+        short = self.left_bends + self.right_bends + self.contracted
+        if not self.shift <= short < segments - self.shift:
+            raise ValueError(
+                f"shift: got {self.shift}, must be at most the number of contracted and bent segments ({short}) and "
+                f"below that of relaxed ones ({max(0, segments - short)} of the worm's {segments}); these are set by "
+                "left_bends, right_bends and contracted"
+            )
+        counts = self.left_bends, self.right_bends, segments - short, self.contracted
+        return np.repeat([LEFT, RIGHT, RELAXED, CONTRACTED], counts)
+
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activation of the sides of each segment at K times [s], shape (K, segments, 2).
+
+        Raises
+        ------
+        ValueError
+            See `pattern`.
+        """
+        low, short, bent = self.extension, 1.0, self.bend
+        sides = np.array([[low, low], [short, short], [bent, low], [low, bent]])
+        return self._blended(sides, times, segments)
+
+    def commands(self, times: FloatArray, worm: Body) -> Commands:
+        """Return the commands to `worm` at K times [s]."""
+        hinge = self.hinge * self._blended(TURN, times, worm.segments)
+        return super().commands(times, worm)._replace(hinge=hinge[:, 1:])
+
+    def _blended(self, of_state: FloatArray, times: FloatArray, segments: int) -> FloatArray:
+        """Return a property of the states (4, ...) of each segment at K times [s], shape (K, segments, ...)."""
+        pattern, steps = self.pattern(segments), segments // gcd(segments, self.shift)
+        # Rounding must not decide in which step a time falls.
+        passed = times / self.period * steps + 1e-9
+        step = np.floor(passed)
+        moved = np.outer(step, [self.shift]).astype(int) * (1 if self.direction == "retrograde" else -1)
+        way = self.shift if self.direction == "retrograde" else -self.shift
+        now, then = (of_state[pattern[(np.arange(segments) + at) % segments]] for at in (moved, moved + way))
+        done = half_cosine((passed - step) / self.moving).reshape(-1, *[1] * (now.ndim - 1))
+        blended: FloatArray = now + done * (then - now)
+        return blended

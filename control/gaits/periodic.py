@@ -1,0 +1,160 @@
+"""Periodic gaits of which each segment, and each of its sides, may have its own phase and shape.
+
+With x = (i + 1/2)/N, the wave of segment i has come, in periods, to
+
+    phi = t/period + waves x + phase     retrograde, as in earthworms
+    phi = t/period - waves x + phase     direct                                                                   (PG1)
+
+`Periodic` is a sine whose half-waves have unequal durations, duty and 1 - duty, and flattened crests: of the part
+tau = phi mod 1 of the period that has passed,
+
+    theta = pi tau/duty                              while tau < duty
+    theta = pi (1 + (tau - duty)/(1 - duty))         after that
+    A     = weight tanh(sharpness sin theta)/tanh(sharpness),   weight sin theta for sharpness 0                 (PG2)
+
+A small duty makes it a train of pulses, and `waves` = 0 with phases of one's own any pattern of phases, such as equal
+steps from segment to segment, or one that is symmetric about the middle of the body (Fang, Li, Wang, Xu: Phase
+coordination and phase-velocity relationship in metameric robot locomotion, Bioinspiration & Biomimetics, 2015, where
+the latter is the fastest).
+
+`Spline` runs through values at equal intervals of the period, by the periodic cubic spline of which the second
+derivative is continuous: with M values y_j, the second derivatives m_j (in intervals) solve
+
+    (m_{j-1} + 4 m_j + m_{j+1})/6 = y_{j-1} - 2 y_j + y_{j+1}                                                    (PG3)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from control.gaits.gait import Direction, Gait, for_segments, joined
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import documented, parameter
+
+FEWEST = 3
+"""Least number of values of a spline."""
+
+SAMPLES = 64
+"""Places between two values of a spline at which its least value is sought."""
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class _Shaped(Gait):
+    """Wave whose segments follow one shape, each at its own phase (PG1)."""
+
+    period: float = parameter(2.0, meaning="duration after which the gait repeats", unit="s", gt=0, aka=("T_wave_s",))
+    waves: float = parameter(1.0, meaning="number of waves on the body", ge=0, aka=("number_of_waves",))
+    direction: Direction = parameter(
+        "retrograde", meaning="retrograde: waves run from head to tail, as in earthworms; direct: from tail to head"
+    )
+    phase: float | FloatArray = parameter(0.0, meaning="phase by which each is ahead, in periods", each="side")
+    rectified: bool = parameter(True, meaning="whether segments only contract, max(0, A), never lengthen")
+
+    def _phase(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the phase (PG1), in periods, at K times [s], shape (K, N, 1) or (K, N, 2)."""
+        x = (np.arange(segments) + 0.5) / segments
+        along = self.waves * (x if self.direction == "retrograde" else -x)
+        phase = along[:, None] + for_segments("phase", self.phase, segments)
+        return times[:, None, None] / self.period + phase
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Periodic(_Shaped, name="periodic"):
+    """Wave of which each segment and side may have its own phase, duty, sharpness and weight, (PG2)."""
+
+    duty: float | FloatArray = parameter(
+        0.5, meaning="share of the period for which each is contracted", gt=0, lt=1, each="side"
+    )
+    sharpness: float | FloatArray = parameter(
+        0.0, meaning="flatness of the crests: 0 is a sine, 10 nearly a square wave", ge=0, le=100, each="side"
+    )
+    weight: float | FloatArray = parameter(
+        1.0, meaning="share of the amplitude that each has, below 0 to lengthen", ge=-1, le=1, each="side"
+    )
+
+    @property
+    def lengthens(self) -> bool:
+        """Whether the activation falls below 0 at some time."""
+        return bool(np.any(np.less(self.weight, 0.0) if self.rectified else self.weight))
+
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activation of each segment at K times [s], in [-1, 1]; shape as of `Gait.activations`."""
+        duty, sharpness, weight = (
+            for_segments(name, getattr(self, name), segments) for name in ("duty", "sharpness", "weight")
+        )
+        tau = np.mod(self._phase(times, segments), 1.0)
+        theta = np.pi * np.where(tau < duty, tau / duty, 1.0 + (tau - duty) / (1.0 - duty))
+        flat = np.maximum(sharpness, 1e-6)  # where the tangent is that of the sine to 1e-12
+        wave = np.tanh(flat * np.sin(theta)) / np.tanh(flat)
+        return joined(weight * (np.maximum(0.0, wave) if self.rectified else wave))
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Spline(_Shaped, name="spline"):
+    """Wave of any shape: a smooth curve through values at equal intervals of the period, (PG3), clipped to [-1, 1]."""
+
+    values: tuple[float, ...] | FloatArray = parameter(
+        (0.0, 0.7, 1.0, 0.7, 0.0, 0.0),
+        meaning="activation at equal intervals of the period, at least 3 numbers",
+        ge=-1,
+        le=1,
+        each="sample",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        shape = np.shape(self.values)
+        if not (shape and shape[-1] >= FEWEST and (len(shape) < 3 or shape[1] == 2)):
+            raise ValueError(
+                f"values: got shape {shape}, must be a list of at least {FEWEST} numbers, or such a list or a pair of "
+                "them, left and right, for each segment"
+            )
+
+    @property
+    def lengthens(self) -> bool:
+        """Whether the activation falls below 0 at some time."""
+        samples = np.linspace(0.0, 1.0, SAMPLES * np.shape(self.values)[-1] + 1)
+        curves = np.reshape(self.values, (-1, np.shape(self.values)[-1]))
+        return not self.rectified and bool((_periodic_spline(curves, samples[:, None]) < 0.0).any())
+
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activation of each segment at K times [s], in [-1, 1]; shape as of `Gait.activations`."""
+        values = np.asarray(self.values)
+        curves = values if values.ndim == 3 else values[..., None, :]
+        if len(curves) not in (1, segments):
+            raise ValueError(f"values: got {len(curves)} lists, must be one for each of the worm's {segments} segments")
+        phase = self._phase(times, segments)
+        return joined(np.clip(_periodic_spline(curves, phase), 0.0 if self.rectified else -1.0, 1.0))
+
+
+def _periodic_spline(values: FloatArray, phase: FloatArray) -> FloatArray:
+    """Return periodic cubic splines (PG3) at phases in periods.
+
+    Their values (..., M) and the phases (K, ...) have shapes that fit each other, the result that of both.
+    """
+    count = values.shape[-1]
+    turn = np.cos(2.0 * np.pi * np.arange(count // 2 + 1) / count)
+    bends = np.fft.irfft(np.fft.rfft(values) * 6.0 * (turn - 1.0) / (turn + 2.0), count)
+    place = np.mod(phase, 1.0) * count
+    first = np.minimum(place.astype(int), count - 1)
+    after = place - first
+    before = 1.0 - after
+
+    def at(table: FloatArray, knot: NDArray[np.int64]) -> FloatArray:
+        """Return the number of each curve's table at a knot."""
+        wide = np.broadcast_to(table, (*np.broadcast_shapes(table.shape[:-1], knot.shape), count))
+        found: FloatArray = np.take_along_axis(wide, np.broadcast_to(knot, wide.shape[:-1])[..., None], axis=-1)
+        return found[..., 0]
+
+    second = (first + 1) % count
+    straight = before * at(values, first) + after * at(values, second)
+    curved: FloatArray = (
+        straight + ((before**3 - before) * at(bends, first) + (after**3 - after) * at(bends, second)) / 6.0
+    )
+    return curved
