@@ -13,6 +13,7 @@ from control.gaits.patterns import (
     WaveDirection,
 )
 from control.gaits.periodic import Periodic, Spline
+from control.gaits.steered import Steered
 
 __all__ = [
     "GAITS",
@@ -32,6 +33,7 @@ __all__ = [
     "Periodic",
     "Pulse",
     "Spline",
+    "Steered",
     "TravellingWave",
     "TwoAnchor",
     "WaveDirection",

@@ -121,21 +121,21 @@ class Schedule:
     def __post_init__(self) -> None:
         check(self)
 
-    def commands(self, phase: FloatArray, parameters: FloatArray, body: Body) -> Commands:
+    def commands_at(self, phase: FloatArray, parameters: FloatArray, body: Body) -> Commands:
         """Return the commands at K phases psi (K,) [rad], (S1) and (S2).
 
         The parameters (K, 4) are amplitude, frequency [Hz], bias and hinge [rad] at each of them.
         """
         amplitude, frequency, bias, hinge = parameters.T[:, :, None]
         ahead = phase[:, None] + 2.0 * np.pi * self.lead * frequency
-        pulse = np.maximum(0.0, self._wave(phase[:, None], self.wavelength, body))
-        unequal = bias * self._wave(ahead + self.bias_phase, self.steering_wavelength, body)
+        pulse = np.maximum(0.0, self._wave(phase[:, None], self.wavelength, body.segments))
+        unequal = bias * self._wave(ahead + self.bias_phase, self.steering_wavelength, body.segments)
         chambers = amplitude[..., None] * (pulse[..., None] + unequal[..., None] * LEFT_RIGHT)
-        bend = hinge * self._wave(ahead + self.hinge_phase, self.steering_wavelength, body)
+        bend = hinge * self._wave(ahead + self.hinge_phase, self.steering_wavelength, body.segments)
         return Commands(np.clip(chambers, *body.stroke), bend[:, 1:], np.zeros_like(chambers))
 
-    def _wave(self, phase: FloatArray, wavelength: float, body: Body) -> FloatArray:
-        x = (np.arange(body.segments) + 0.5) / body.segments
+    def _wave(self, phase: FloatArray, wavelength: float, segments: int) -> FloatArray:
+        x = (np.arange(segments) + 0.5) / segments
         sign = 1.0 if self.direction == "retrograde" else -1.0
         return np.sin(2.0 * np.pi * x / wavelength + sign * phase)
 
@@ -167,7 +167,7 @@ class SteeredWave:
         asked = self.parameters
         swell = 1.0 - np.exp(-asked.frequency / self.blend * times)
         parameters = asked.row() * np.column_stack([swell, np.ones_like(swell), swell, swell])
-        return self.schedule.commands(2.0 * np.pi * asked.frequency * times, parameters, worm)
+        return self.schedule.commands_at(2.0 * np.pi * asked.frequency * times, parameters, worm)
 
 
 class WaveGenerator:
@@ -204,7 +204,7 @@ class WaveGenerator:
         moved = GaitParameters(*(target.row() + (now.row() - target.row()) * left))
         self.phase += np.pi * (now.frequency + moved.frequency) * dt
         self.parameters = moved
-        given = self.schedule.commands(np.array([self.phase]), moved.row()[None], self._body)
+        given = self.schedule.commands_at(np.array([self.phase]), moved.row()[None], self._body)
         return Command(given.contraction[0], given.hinge[0])
 
     @property

@@ -18,7 +18,7 @@ ENOUGH = {"hinge": (0.03, 0.06, 0.09, 0.12), "bias": (0.015, 0.03, 0.045, 0.06)}
 
 
 def commands(phase: float, given: GaitParameters, schedule: Schedule = SCHEDULE) -> Commands:
-    return schedule.commands(np.array([phase]), given.row()[None], WORM)
+    return schedule.commands_at(np.array([phase]), given.row()[None], WORM)
 
 
 def motion_of(parameters: GaitParameters, waves: int = 8, skipped: int = 4) -> Motion:
