@@ -30,7 +30,7 @@ WIDE = 20.0
 """Ratio of the largest to the smallest value from which on a scale is logarithmic."""
 HATCHES = ("///", "\\\\\\", "...")
 STYLES: dict[str, Any] = {"ms": 4, "lw": 1.5}
-MARKERS = "os^Dv"
+MARKERS = "os^Dv<>ph*X"
 MOST_NUMBERS = 12
 """Largest number of values of an axis that are all named."""
 
@@ -62,7 +62,7 @@ def _curves(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> Non
     x = np.array(grid.x.varied.values, dtype=float)
     order, foot = np.argsort(x, kind="stable"), axes.get_xaxis_transform()
     for c, (name, y) in enumerate(zip(grid.curves, values.T, strict=True)):
-        axes.plot(x[order], y[order], f"{MARKERS[c % len(MARKERS)]}-", color=f"C{c}", label=name, **STYLES)
+        axes.plot(x[order], y[order], f"{MARKERS[c % len(MARKERS)]}-", color=_colour(c), label=name, **STYLES)
     for marked in grid.marked().values():
         rows, columns = np.nonzero(marked)
         axes.plot(x[rows], values[rows, columns], "o", ms=9, mfc="none", color="k")
@@ -75,6 +75,11 @@ def _curves(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> Non
         _plain_ticks(axes, "y")
     axes.set_ylabel(measure.label, fontsize=9)
     axes.grid(alpha=0.3)
+
+
+def _colour(curve: int) -> str:
+    """Return the colour of a curve: ten, then black."""
+    return f"C{curve}" if curve < 10 else "k"
 
 
 def _bars(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from scenes.studies.curves import Shape, sentence
-from scenes.studies.study import Grid, Measure
+from scenes.studies.study import MOST_CURVES, Grid, Measure
 from worm3d.values.arrays import FloatArray
 
 VERDICTS = {"rises": ("rises", "falls"), "falls": ("falls", "rises")}
@@ -37,7 +37,9 @@ def _verdict(y: FloatArray, way: str, better: str) -> str:
 def lessons(grid: Grid) -> Iterator[str]:
     """Yield what a study tells, a sentence each: how each figure goes along each curve, then what is best where."""
     if grid.x.is_number:
-        shown = {0, len(grid.curves) - 1} if grid.is_map else set(range(len(grid.curves)))
+        shown = set(range(len(grid.curves)))
+        if len(shown) > MOST_CURVES:
+            shown = {0, len(shown) - 1} if grid.is_map else set()
         for where, measure, values in views(grid):
             for c, (curve, y) in enumerate(zip(grid.curves, values.T, strict=True)):
                 if c in shown:
@@ -53,7 +55,7 @@ def verdicts(grid: Grid) -> Iterator[str]:
         if not grid.x.is_number:
             yield from _ranking(grid, measure, values, where)
         elif len(grid.curves) > 1 and measure.better and np.isfinite(values).any():
-            yield _moving(grid, measure, values, where)
+            yield (_moving if grid.other is not None and grid.other.is_number else _each)(grid, measure, values, where)
             yield _overall(grid, measure, values, where)
     for name, marked in grid.marked().items():
         yield _extent(grid, name, marked)
@@ -95,6 +97,18 @@ def _ranking(grid: Grid, measure: Measure, values: FloatArray, where: str) -> It
         )
 
 
+def _each(grid: Grid, measure: Measure, values: FloatArray, where: str) -> str:
+    """Return the best of each named curve, and where it lies, the best one first."""
+    found = []
+    for curve, y in zip(grid.curves, values.T, strict=True):
+        if np.isfinite(y).any():
+            place = Shape.of(y).best(measure.better)
+            found.append((float(y[place]), f"{curve} ({measure.told(float(y[place]))} at {grid.x.told(place)})"))
+    found.sort(key=lambda each: each[0], reverse=measure.better == "more")
+    most = f"{'least' if measure.better == 'less' else 'greatest'} {measure.words}{_where(where, '')}"
+    return f"The {most} of each: {', '.join(text for _, text in found)}."
+
+
 def _moving(grid: Grid, measure: Measure, values: FloatArray, where: str) -> str:
     """Return where the best of each curve, or row of a map, lies."""
     runs: list[tuple[int, list[str]]] = []
@@ -107,15 +121,13 @@ def _moving(grid: Grid, measure: Measure, values: FloatArray, where: str) -> str
     most = f"{'least' if measure.better == 'less' else 'greatest'} {measure.words}{_where(where, '')}"
     if len(runs) == 1:
         return f"The {most} is at {grid.x.words} {grid.x.told(runs[0][0])} in every case of {_other(grid)}."
-    places = "; ".join(f"{grid.x.told(best)} for {_span(grid, curves)}" for best, curves in runs)
+    places = "; ".join(f"{grid.x.told(best)} for {_span(curves)}" for best, curves in runs)
     return f"The {grid.x.words} of the {most}: {places}."
 
 
-def _span(grid: Grid, curves: Sequence[str]) -> str:
-    """Return the names of neighbouring curves, of numbers the first and the last one."""
-    if len(curves) < 3 or grid.other is None or not grid.other.is_number:
-        return " and ".join(curves)
-    return f"{curves[0]} to {curves[-1]}"
+def _span(names: Sequence[str]) -> str:
+    """Return one name, two, or the first and the last one."""
+    return names[0] if len(names) == 1 else f"{names[0]} {'and' if len(names) == 2 else 'to'} {names[-1]}"
 
 
 def _overall(grid: Grid, measure: Measure, values: FloatArray, where: str) -> str:

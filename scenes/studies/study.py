@@ -22,7 +22,8 @@ from worm3d.metrics import ROUNDING, named, written
 from worm3d.values.arrays import FloatArray
 
 MOST_CURVES = 5
-"""Largest number of values of a second number that are drawn as curves; more make a map."""
+"""Largest number of values of a second number that are drawn as curves, and of curves that are told one by one; more
+numbers make a map."""
 NOTHING = 1e-9
 """Magnitude of a figure, over its largest in the study, that is rounding."""
 DEFAULT: Mapping[str, Any] = {"mean_speed_m_s": "more", "cost_of_transport": "less"}
