@@ -171,3 +171,25 @@ def fit(
     from scenes.fit import command
 
     raise typer.Exit(command.run(scene, to, vary, o or (), out, runs=runs, force=force, quiet=quiet))
+
+
+@studies.command()
+def technologies(
+    scene: SceneArgument,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="NAME", help="One of the technologies; repeatable.")
+    ] = None,
+    o: Overrides = None,
+    out: Out = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run the worm of a scene, with its gait, on each actuator technology.
+
+    Speed, cost of transport, energy drawn, the best period, and what limits each (speed, force, stroke, heat), found by
+    taking one limit after the other away. Writes technologies.csv, technologies.md, also with the sources of the
+    numbers, and technologies.png. Takes half a minute. Keys of the section [actuator] hold for all of them.
+    """
+    from scenes.technologies import command
+
+    raise typer.Exit(command.run(scene, o or (), only or (), out, force=force, quiet=quiet))

@@ -1,0 +1,53 @@
+"""`worm3d technologies`: runs the worm of a scene on each technology, and writes a table, a text and a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import typer
+
+from scenes.commands.terminal import busy, each
+from scenes.language.errors import SceneError
+from scenes.records import folder as folders
+from scenes.records.drawing import save_figure
+from scenes.records.folder import write_bytes
+from scenes.technologies import report
+from scenes.technologies.limits import Verdict, judged
+from scenes.technologies.runs import Bench
+from worm3d.actuators import TECHNOLOGIES
+
+TABLE, TEXT, PICTURE = "technologies.csv", "technologies.md", "technologies.png"
+
+
+def run(
+    scene: str, overrides: Sequence[str], only: Sequence[str], out: Path | None, *, force: bool, quiet: bool
+) -> int:
+    """Run, write and report; return the exit code. Without a folder it is `runs/technologies-<scene>-<time>`.
+
+    Raises
+    ------
+    SceneError
+        The scene has no worm with a gait, a technology is none, or the folder cannot be used.
+    """
+    if unknown := [kind for kind in only if kind not in TECHNOLOGIES]:
+        raise SceneError(f"--only: got {unknown[0]!r}, must be one of {', '.join(TECHNOLOGIES)}")
+    bench = Bench(scene, overrides)
+    with folders.prepared(out, f"technologies-{bench.name}", force=force) as folder:
+        kinds = [kind for kind in TECHNOLOGIES if kind in only or not only]
+        found = each("technologies", kinds, lambda kind: judged(bench, kind), "actuator", quiet=quiet)
+        _keep(bench, list(found.values()), folder, quiet=quiet)
+    return 0
+
+
+def _keep(bench: Bench, verdicts: Sequence[Verdict], folder: Path, *, quiet: bool) -> None:
+    from scenes.technologies.figure import draw  # imports matplotlib
+
+    write_bytes(folder / TABLE, report.table(verdicts))
+    write_bytes(folder / TEXT, report.text(bench, verdicts).encode())
+    with busy("drawing", quiet=quiet):
+        save_figure(draw(bench, verdicts), folder / PICTURE)
+    if not quiet:
+        for one in verdicts:
+            typer.echo(one.sentence)
+        typer.echo(f"  written to {folder}: {TABLE}, {TEXT}, {PICTURE}")

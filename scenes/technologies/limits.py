@@ -1,0 +1,126 @@
+"""What limits a worm on a technology, found by taking one limit after the other from it, and said in a sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from scenes.technologies.runs import FACTORS, Bench, Trial, lifted, together
+from worm3d.physics.technologies.law import MOST_STROKE, Technology
+from worm3d.values.arrays import FloatArray
+
+MOVES = 0.002
+"""Way in a period above which a worm counts as moving [BL]."""
+
+COUNTS = 1.05
+"""Ratio of speeds from which on a limit counts."""
+
+ALL = "all"
+"""Name of the run without any limit."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a worm on a technology."""
+
+    kind: str
+    acting: Technology
+    area: FloatArray
+    """Cross-section of the actuator of a chamber, shape (N,) [m^2]."""
+    asked: float
+    """Swing of the contraction that the gait asks for."""
+    own: Trial
+    """With the scene's gait."""
+    periods: tuple[Trial, ...]
+    """At other periods."""
+    without: dict[str, Trial] = field(default_factory=dict)
+    """With the scene's gait and without a limit, by the limit; `ALL`: without any."""
+
+    @property
+    def best(self) -> Trial:
+        """The fastest of all periods."""
+        ran = [trial for trial in self.periods if np.isfinite(trial.speed)]
+        return max(ran, key=lambda trial: trial.speed, default=self.own)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the worm moves with the scene's gait."""
+        return bool(self.own.stride > MOVES)
+
+    @property
+    def blocking(self) -> float:
+        """Blocking force of the smallest actuator [N]."""
+        return float(np.min(self.acting.stress * self.area / self.acting.lever))
+
+    @property
+    def stroke(self) -> float:
+        """Smallest free stroke, as a fraction of a chamber's length."""
+        return min(float(np.min(self.acting.strain * np.asarray(self.acting.lever))), MOST_STROKE)
+
+    @property
+    def limit(self) -> str:
+        """The limit without which the worm would be fastest; empty if none counts, `ALL` if only all together do."""
+        ran = {name: trial.speed for name, trial in self.without.items() if np.isfinite(trial.speed)}
+        single = {name: speed for name, speed in ran.items() if name != ALL}
+        name = max(single, key=lambda each: single[each], default="")
+        if name and self._counts(single[name]):
+            return name
+        return ALL if self._counts(ran.get(ALL, -np.inf)) else ""
+
+    def _counts(self, speed: float) -> bool:
+        return bool(speed * self.own.period > max(MOVES, COUNTS * self.own.stride))
+
+    @property
+    def sentence(self) -> str:
+        """What the runs tell."""
+        if self.own.why:
+            return f"{self.kind}: the run did not come to its end: {self.own.why}"
+        name, speed = self.limit, f"{self.own.speed:.2g} BL/s with the gait of the scene"
+        if not name and not self.moves:
+            return f"{self.kind}: does not move the worm, and would not without its limits: gait and ground hold it"
+        if not name:
+            return f"{self.kind}: {speed}; gait and ground limit it, no limit of its own costs it 5 %{self._fastest}"
+        free = self.without[name].speed
+        what = "its limits together" if name == ALL else f"its {name}: {self._why(name)}"
+        if not self.moves:
+            return f"{self.kind}: does not move the worm; what holds it is {what}; without that {free:.2g} BL/s{self._fastest}"
+        return (
+            f"{self.kind}: {speed}, limited by {what}; without that {free / self.own.speed:.2g} times as "
+            f"fast{self._fastest}"
+        )
+
+    @property
+    def _fastest(self) -> str:
+        best = self.best
+        if best.period == self.own.period or best.stride <= MOVES:
+            return ""
+        return f"; fastest at a period of {best.period:g} s: {best.speed:.2g} BL/s"
+
+    def _why(self, name: str) -> str:
+        own, acting = self.own, self.acting
+        got = f"of the {self.asked:.2g} that the gait asks for in {own.period:g} s"
+        if name == "stroke":
+            return f"{got} it has {self.stroke:.2g}"
+        if name == "force":
+            return (
+                f"without load it would contract by {own.free:.2g}, on the worm by {own.made:.2g}, at {own.pull:.2g} N"
+            )
+        if name == "heat" and acting.hot == 0.0:
+            return f"it warms by {own.warmth:.3g} K, and is switched off at {acting.hottest:.3g} K"
+        if name == "heat":
+            return f"{got} it gives {own.free:.2g}: it cools with {acting.fall:.2g} s"
+        lags = [f"{max(acting.rise, 0.0 if acting.hot else acting.fall):.2g} s of lag"]
+        lags += [f"{acting.delay:.2g} s of delay"] if acting.delay else []
+        lags += [f"at most {acting.rate:.2g} of its stroke a second"] if np.isfinite(acting.rate) else []
+        return f"{got} it gives {own.free:.2g}, with {' and '.join(lags)}"
+
+
+def judged(bench: Bench, kind: str) -> Verdict:
+    """Return the verdict on a technology, from a dozen runs."""
+    acting, area = bench.technology(kind)
+    own, limits = bench.run(kind), lifted(bench, kind)
+    periods = tuple(own if f == 1.0 else bench.run(kind, f * bench.period) for f in FACTORS)
+    without = {name: bench.run(kind, changes=changes) for name, changes in limits.items()}
+    without[ALL] = bench.run(kind, changes=together(limits))
+    return Verdict(kind, acting, area, bench.asked, own, periods, without)

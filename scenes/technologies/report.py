@@ -1,0 +1,113 @@
+"""What `worm3d technologies` writes: a table as CSV, and a text with the table, the sentences and the sources."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from scenes.technologies.limits import Verdict
+from scenes.technologies.runs import Bench
+from worm3d.physics.technologies.presets import TABLE
+
+COLUMNS = (
+    ("technology", "technology"),
+    ("speed_bl_s", "speed [BL/s]"),
+    ("stride_bl", "way a wave [BL]"),
+    ("cost_of_transport_input", "cost of transport, energy drawn"),
+    ("cost_of_transport_given", "cost of transport, work on the worm"),
+    ("power_W", "power drawn [W]"),
+    ("efficiency", "efficiency"),
+    ("limit", "limit"),
+    ("best_period_s", "best period [s]"),
+    ("best_speed_bl_s", "speed at it [BL/s]"),
+    ("stroke", "free stroke"),
+    ("blocking_N", "blocking force of a chamber [N]"),
+    ("area_mm2", "cross-section [mm^2]"),
+    ("warmth_K", "warmth [K]"),
+)
+"""Columns of the CSV file, and their names in the text."""
+
+
+def row(of: Verdict) -> dict[str, Any]:
+    """Return the row of a technology by column; NaN where there is no number."""
+    own, best = of.own, of.best
+    return {
+        "technology": of.kind,
+        "speed_bl_s": own.speed,
+        "stride_bl": own.stride,
+        "cost_of_transport_input": own.drawn if of.moves else math.nan,
+        "cost_of_transport_given": own.given if of.moves else math.nan,
+        "power_W": own.power,
+        "efficiency": own.given / own.drawn if of.moves else math.nan,
+        "limit": of.limit or "-",
+        "best_period_s": best.period,
+        "best_speed_bl_s": best.speed,
+        "stroke": of.stroke,
+        "blocking_N": of.blocking,
+        "area_mm2": float(of.area.min()) * 1e6,
+        "warmth_K": own.warmth,
+    }
+
+
+def table(verdicts: Sequence[Verdict]) -> bytes:
+    """Return the table as a CSV file; no number is an empty cell."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [name for name, _ in COLUMNS], lineterminator="\n")
+    writer.writeheader()
+    for each in verdicts:
+        found = row(each)
+        writer.writerow({name: "" if isinstance(v, float) and math.isnan(v) else v for name, v in found.items()})
+    return text.getvalue().encode()
+
+
+def text(bench: Bench, verdicts: Sequence[Verdict]) -> str:
+    """Return the text, in Markdown."""
+    lines = [
+        f"# Technologies: {bench.name}",
+        "",
+        f"The worm of the scene with its gait, of a period of {bench.period:g} s, which asks for a contraction by "
+        f"{bench.asked:.2g}, on each technology. Each has the size that springs and weight ask for, within the room "
+        "that a chamber has (`actuator.reserve`, `actuator.room`), unless the scene gives `actuator.area_m2`.",
+        "",
+        "| " + " | ".join(title for _, title in COLUMNS) + " |",
+        "|---" * len(COLUMNS) + "|",
+        *("| " + " | ".join(map(_cell, row(each).values())) + " |" for each in verdicts),
+        "",
+        "## What limits each",
+        "",
+        *(f"* {each.sentence}." for each in verdicts),
+        "",
+        *_conclusion(verdicts),
+        "## Where the numbers are from",
+        "",
+    ]
+    for each in verdicts:
+        lines += [f"**{each.kind}**: {TABLE[each.kind][0]}.", ""]
+        sources = each.acting.sources
+        lines += [f"* {name} = {_cell(getattr(each.acting, name))}: {source}" for name, source in sources.items()]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _conclusion(verdicts: Sequence[Verdict]) -> list[str]:
+    """Return which is fastest and which needs least, from the numbers."""
+    moving = [each for each in verdicts if each.moves]
+    if not moving:
+        return ["None of them moves this worm with this gait.", ""]
+    fast, thrifty = max(moving, key=lambda each: each.own.speed), min(moving, key=lambda each: each.own.drawn)
+    still = [each.kind for each in verdicts if not each.moves]
+    return [
+        f"With this gait {fast.kind} is fastest ({fast.own.speed:.2g} BL/s), and {thrifty.kind} draws least for its "
+        f"way ({thrifty.own.drawn:.2g} times weight times distance)."
+        + (f" Not moved by: {', '.join(still)}." if still else ""),
+        "",
+    ]
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return "-" if math.isnan(value) else f"{value:.3g}"
+    return str(value)

@@ -1,0 +1,192 @@
+"""Runs of the worm of a scene on one technology: with its own gait, at other periods, and without one of its limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenes.commands.runner import simulate
+from scenes.language.errors import SceneError
+from scenes.models.loading import Scene, load_scene, parse_scene
+from scenes.models.worm.build import gait_of, worm_of
+from scenes.models.worm.schema import WormScene
+from scenes.records.record import Record
+from worm3d.physics.technologies.law import MOST_STROKE, Technology
+from worm3d.values.arrays import FloatArray
+
+PERIODS = 6
+"""Fewest periods of a run, of which the last half counts."""
+
+LAGS = 12.0
+"""Shortest run, over the time constant of the drive: in its first half a slow drive comes to where it stays."""
+
+FACTORS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+"""Periods that are tried, over that of the scene."""
+
+LONGEST_STEP = 2.0
+"""Largest time step of runs with long periods, over that of the scene."""
+
+STRONGER = 10.0
+"""By how much stronger actuators are whose force is not to limit them."""
+
+RIGID = ("actuator.series=100", "actuator.droop=0", "actuator.scales=false")
+"""Changes that make an actuator a source of position."""
+
+AT_ONCE = 1e6
+"""Rate of a drive that has no limit [1/s]."""
+
+Changes = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a run came to, over the periods of its second half; NaN where it did not come to its end."""
+
+    period: float
+    """[s]"""
+    speed: float = math.nan
+    """Speed towards the head [BL/s]."""
+    drawn: float = math.nan
+    """Energy drawn from the sources, over weight and distance: the cost of transport of the input."""
+    given: float = math.nan
+    """Energy given to the worm, over weight and distance."""
+    power: float = math.nan
+    """Mean power drawn [W]."""
+    free: float = math.nan
+    """Swing of the contraction that the actuators would have without load, a mean over the chambers that move."""
+    made: float = math.nan
+    """Swing of the contraction of these chambers."""
+    warmth: float = math.nan
+    """Highest temperature above the room's [K]."""
+    pull: float = math.nan
+    """Largest force of an actuator [N]."""
+    why: str = ""
+    """Why it did not come to its end."""
+
+    @property
+    def stride(self) -> float:
+        """Way in a period [BL]."""
+        return self.speed * self.period
+
+
+class Bench:
+    """The worm of a scene, to be run on technologies.
+
+    Raises
+    ------
+    SceneError
+        The scene is wrong, or has no gait with a period whose worm has actuators.
+    """
+
+    def __init__(self, scene: str, overrides: Sequence[str]) -> None:
+        self._scene, self._overrides = scene, tuple(overrides)
+        loaded = self.scene_of(())
+        settings = loaded.settings
+        if not isinstance(settings, WormScene):
+            raise SceneError(f"{scene}: must be a scene of the model 'worm', with a gait; is of {loaded.model.name!r}")
+        found = getattr(gait_of(settings), "period", None) or getattr(settings.gait, "period_s", None)
+        if found is None:
+            raise SceneError(f"{scene}: its gait has no period; choose a periodic one, such as travelling_wave")
+        self.name, self.period, self._dt = loaded.name, float(found), float(settings.run.dt_s)
+        self.asked = self._asked(settings)
+
+    def scene_of(self, changes: Changes) -> Scene:
+        """Return the scene with changes, which win over those of the user."""
+        return load_scene(self._scene, (*self._overrides, *changes))
+
+    def _asked(self, settings: Any) -> float:
+        """Return the swing of the contraction that the gait asks for, a mean over the chambers that it moves."""
+        bound = gait_of(settings).bind(worm_of(settings))
+        times = np.linspace(4.0, 5.0, 200, endpoint=False) * self.period
+        return _swing(np.array([bound(float(t)).contraction for t in times]))
+
+    def technology(self, kind: str) -> tuple[Technology, FloatArray]:
+        """Return the actuator of a kind with the scene's numbers, and its cross-sections [m^2]."""
+        worm = worm_of(self.scene_of((f"actuator.kind={kind}",)).settings)
+        assert isinstance(worm.actuator, Technology)
+        return worm.actuator, np.broadcast_to(worm.actuator.values(worm, hinge=False)["area"], (worm.segments,))
+
+    def run(self, kind: str, period: float | None = None, changes: Changes = ()) -> Trial:
+        """Run the worm on a technology, with the scene's gait or with another period."""
+        period = self.period if period is None else period
+        dt = self._dt * min(period / self.period, LONGEST_STEP)
+        acting, _ = self.technology(kind)
+        count = max(PERIODS, 2 * math.ceil(LAGS * max(acting.rise, acting.fall, acting.delay) / (2.0 * period)))
+        told = (
+            f"actuator.kind={kind}",
+            f"gait.period_s={period!r}",
+            f"run.dt_s={dt!r}",
+            f"run.duration_s={count * period!r}",
+            "run.record_every=1",
+        )
+        try:
+            record = simulate(self.scene_of((*told, *changes)))
+        except SceneError as error:
+            return Trial(period, why="; ".join(error.lines))
+        if record.status != "done":
+            return Trial(period, why=record.sentence)
+        return _measured(record, period)
+
+
+def lifted(bench: Bench, kind: str) -> dict[str, Changes]:
+    """Return the changes of the scene that take one limit from a technology, by the limit; those that it has.
+
+    speed: its drive follows at once (what is driven by heat, while it warms); heat: it cools at once, and may get hot;
+    force: it is ten times as strong, and goes where its drive says; stroke: its free stroke is what the gait asks for.
+    """
+    acting, area = bench.technology(kind)
+    thermal, stroke = acting.hot > 0.0, np.minimum(acting.strain * np.asarray(acting.lever), MOST_STROKE)
+    at_once: Changes = ("actuator.delay_s=0", "actuator.rise_s=0", f"actuator.rate_per_s={AT_ONCE!r}")
+    found: dict[str, Changes] = {
+        "speed": at_once if thermal else (*at_once, "actuator.fall_s=0"),
+        "force": (f"actuator.area_m2={[STRONGER * float(each) for each in area]!r}", *RIGID),
+    }
+    cool: Changes = ("actuator.hottest=1e9",) if math.isfinite(acting.hottest) else ()
+    if thermal or cool:
+        found["heat"] = (*cool, "actuator.fall_s=0") if thermal else cool
+    if (wanted := min(bench.asked, MOST_STROKE)) > float(np.min(stroke)):
+        strain = wanted / float(np.min(acting.lever))
+        kept = f"actuator.area_m2={[float(each) for each in area]!r}"
+        found["stroke"] = (f"actuator.strain={strain!r}", kept)
+    return found
+
+
+def together(limits: dict[str, Changes]) -> Changes:
+    """Return the changes that take all limits; of a key that two of them set, the larger actuator."""
+    order = ("stroke", "speed", "heat", "force")
+    keys = {change.partition("=")[0]: change for name in order for change in limits.get(name, ())}
+    return tuple(keys.values())
+
+
+def _measured(record: Record, period: float) -> Trial:
+    time, figures = record["time"], record.summary.metrics
+    speed = figures.get("speed_bl_s")
+    last = time > time[-1] * 0.5 + 1e-9 * period
+    worm = worm_of(parse_scene(record.scene, record.name).settings)
+    drawn, kept, lost = (float(record[name][last].sum()) for name in ("work_contract", "actuator", "actuator_loss"))
+    span, waves = float(time[-1] - time[~last][-1]), time > time[-1] - period * (1.0 + 1e-9)
+    v = float(speed) if isinstance(speed, float) else math.nan
+    way = v * worm.length * span
+    carried = worm.mass * 9.81 * way if way > 0.0 else math.nan
+    return Trial(
+        period=period,
+        speed=v,
+        drawn=drawn / carried,
+        given=(drawn - kept - lost) / carried,
+        power=drawn / span,
+        free=_swing(record["contraction"][waves]),
+        made=_swing(1.0 - record["chamber_length"][waves] / worm.l0),
+        warmth=float(record["actuator_warmth"].max()),
+        pull=float(np.abs(record["actuator_pull"][last]).max()),
+    )
+
+
+def _swing(values: FloatArray) -> float:
+    """Return largest less least value in time, a mean over the chambers that move at all; values of shape (T, N, 2)."""
+    swing = np.ptp(values, axis=0)
+    moves = swing > 1e-9
+    return float(swing[moves].mean()) if moves.any() else 0.0
