@@ -84,7 +84,8 @@ class Verdict:
         free = self.without[name].speed
         what = "its limits together" if name == ALL else f"its {name}: {self._why(name)}"
         if not self.moves:
-            return f"{self.kind}: does not move the worm; what holds it is {what}; without that {free:.2g} BL/s{self._fastest}"
+            held = f"does not move the worm; what holds it is {what}"
+            return f"{self.kind}: {held}; without that {free:.2g} BL/s{self._fastest}"
         return (
             f"{self.kind}: {speed}, limited by {what}; without that {free / self.own.speed:.2g} times as "
             f"fast{self._fastest}"
