@@ -1,0 +1,224 @@
+"""Stable heteroclinic cycles: saddles that are visited one after the other, for a time that noise sets.
+
+    da_i = (a_i (alpha_i - sum_j rho_ij a_j) + u_i) dt + eps dW_i,   i = 0 ... n-1, a_i >= 0,                (SH1)
+    rho_ii = alpha_i/beta_i,  rho_(i+1)i = (alpha_(i+1) - alpha_i/nu_i)/beta_i,
+    rho_ji = (alpha_j + alpha_i)/beta_i for the other j                                                     (SH2)
+
+(Horchler, Daltorio, Chiel, Quinn: Designing responsive pattern generators, Bioinspiration & Biomimetics 10, 2015,
+026001). Node i is the saddle at which a_i = beta_i and all others vanish. From it a_(i+1) grows with the rate
+lam_u = alpha_i/nu_i, all others decay with alpha_i, so that the cycle is stable if nu > 1; node 0 follows node n-1.
+A saddle is left when the noise, or the input u_(i+1), has grown to a share DELTA of beta.
+
+*Passage.* The state that leaves node i has waited for this at node i-1, where it decayed with lam_s = alpha_(i-1). So
+it begins with the standard deviation eps/sqrt(2 lam_s), and on average passes after
+
+    tau_p = [2 ln(DELTA beta_(i+1)/eps) + ln(4 lam_u) - ln(1 + lam_u/lam_s) + gamma_E]/(2 lam_u)            (SH3)
+
+(Stone, Holmes 1990) with the standard deviation pi/(2 sqrt(2) lam_u), whatever the noise is. *Transition.* A logistic
+growth from the share DELTA of beta to 1 - DELTA takes
+
+    tau_t = 2 ln(1/DELTA - 1)/alpha_(i+1).                                                                  (SH4)
+
+*Limit.* The sum of both is a few percent off, since the other states do not wait until a transition is over. In the
+limit of small noise the way from one saddle to the next is that without noise, started at a small share c of beta, and
+the state that leaves the next saddle obeys da = g(t) a dt + eps dW along it. With v its variance over eps^2 at the time
+t_e at which the way has come to the next saddle, whose rate is lam_u, and which is left at the share c again,
+
+    dv/dt = 2 g v + 1, v = 1/(2 alpha_i) before,
+    T = t_e + [2 ln(c beta_(i+2)/eps) - ln(v + 1/(2 lam_u)) + gamma_E + ln 2]/(2 lam_u).                    (SH5)
+
+The sum of T over the nodes is the period, with an error that vanishes with the noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.integrate import solve_ivp
+
+from control.gaits.shc.kernel import advance
+from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
+
+DELTA = 0.1
+"""Share of beta at which a passage ends and a transition begins, and 1 less which it ends."""
+EARLY = 1e-6
+"""Share c of beta at which the way to the next saddle begins in (SH5); its error is in proportion to it."""
+FEWEST = 3
+"""Fewest nodes of a cycle: each but the next suppresses the active one's follower."""
+LEAST_EXCURSION = 20.0
+"""Least 2 e^gamma_E lam_u (DELTA beta/eps)^2 at which (SH3) holds within 0.5 % of 1/lam_u."""
+STEP = 0.05
+"""Time step times the largest alpha; twice it moves the mean period by less than 0.1 %."""
+BLOCK = 4096
+"""Steps that are taken, and numbers that are drawn, at once."""
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Cycle:
+    """Cycle of n saddles.
+
+    Raises
+    ------
+    ValueError
+        Fewer than three nodes, numbers out of range, or noise for which there is no passage.
+    """
+
+    alpha: FloatArray
+    """Rate alpha of each node, shape (n,) [1/s]."""
+    beta: FloatArray
+    """Size beta of each state at its saddle, shape (n,)."""
+    nu: FloatArray
+    """Saddle value nu of each node, above 1, shape (n,)."""
+    noise: float
+    """Size eps of the noise, in units of a state a square root of a second."""
+
+    def __init__(
+        self, nodes: int, *, alpha: ArrayLike = 2.0, beta: ArrayLike = 1.0, nu: ArrayLike = 1.5, noise: float = 1e-8
+    ) -> None:
+        n = arguments.whole("nodes", nodes, ge=FEWEST)
+        given = {"alpha": (alpha, 0.0), "beta": (beta, 0.0), "nu": (nu, 1.0)}
+        for name, (value, least) in given.items():
+            object.__setattr__(self, name, arguments.array(name, value, (n,), fill=True, gt=least))
+        object.__setattr__(self, "noise", float(noise))
+        excursion = np.sqrt(2.0 * np.exp(np.euler_gamma) * self.leaving / LEAST_EXCURSION)
+        most = float(np.min(DELTA * np.roll(self.beta, -1) * excursion))
+        if not 0.0 < self.noise <= most:
+            raise ValueError(
+                f"noise: got {noise!r}, must be above 0 and at most {most:.3g}: with more of it there are no saddles at "
+                "which the cycle waits"
+            )
+
+    @property
+    def nodes(self) -> int:
+        """Number n of nodes."""
+        return len(self.alpha)
+
+    @property
+    def leaving(self) -> FloatArray:
+        """Rate lam_u = alpha/nu, at most the alpha of the next node, with which a saddle is left, shape (n,) [1/s]."""
+        rate: FloatArray = np.minimum(self.alpha / self.nu, np.roll(self.alpha, -1))
+        return rate
+
+    @cached_property
+    def rho(self) -> FloatArray:
+        """Matrix rho of (SH2), shape (n, n)."""
+        a, n = self.alpha, np.arange(self.nodes)
+        rho = (a[:, None] + a) / self.beta
+        following = (n + 1) % self.nodes
+        rho[n, n] = a / self.beta
+        rho[following, n] = (a[following] - self.leaving) / self.beta
+        return np.maximum(rho, 0.0)  # where a node is left faster than the next one's alpha
+
+    @property
+    def passage_times(self) -> FloatArray:
+        """Mean passage time of each saddle by (SH3), shape (n,) [s]."""
+        leaving, waited = self.leaving, np.roll(self.alpha, 1)
+        share = DELTA * np.roll(self.beta, -1) / self.noise
+        found = 2.0 * np.log(share) + np.log(4.0 * leaving) - np.log1p(leaving / waited) + np.euler_gamma
+        times: FloatArray = found / (2.0 * leaving)
+        return times
+
+    @property
+    def transition_times(self) -> FloatArray:
+        """Least time of the transition from each node to the next by (SH4), shape (n,) [s]."""
+        return 2.0 * np.log(1.0 / DELTA - 1.0) / np.roll(self.alpha, -1)
+
+    @property
+    def formula_period(self) -> float:
+        """Mean period as the sum of passages and transitions, (SH3) and (SH4) [s]."""
+        return float((self.passage_times + self.transition_times).sum())
+
+    @cached_property
+    def mean_times(self) -> FloatArray:
+        """Mean time from each saddle to the next in the limit of small noise, (SH5), shape (n,) [s].
+
+        The time at node i is counted from when a_(i+1), growing, passes a small share of its beta, to when a_(i+2) does.
+        """
+        return np.array([self._mean_time(node) for node in range(self.nodes)])
+
+    @property
+    def mean_period(self) -> float:
+        """Mean period in the limit of small noise, the sum of `mean_times` [s]."""
+        return float(self.mean_times.sum())
+
+    @property
+    def deviations(self) -> FloatArray:
+        """Standard deviation of the time that each saddle is left after, shape (n,) [s]."""
+        return np.pi / (2.0 * np.sqrt(2.0) * self.leaving)
+
+    def lasting(self, period: float) -> Cycle:
+        """Return the same cycle in another unit of time, so that its mean period is this one [s]."""
+        faster = self.mean_period / period
+        noise = self.noise * np.sqrt(faster)
+        return Cycle(self.nodes, alpha=self.alpha * faster, beta=self.beta, nu=self.nu, noise=noise)
+
+    def _mean_time(self, node: int) -> float:
+        here = (np.arange(3) + node) % self.nodes
+        alpha, beta, rho = self.alpha[here], self.beta[here], self.rho[np.ix_(here, here)]
+        leaving, then = float(self.leaving[here[0]]), float(self.leaving[here[1]])
+        # Along the eigenvector of the saddle: a_0 is behind by a_1 rho_01 beta_0/(alpha_0 + lam_u).
+        first = EARLY * beta[1]
+        start = [beta[0] - first * rho[0, 1] * beta[0] / (alpha[0] + leaving), first, 0.5 / alpha[0]]
+
+        def slope(_: float, y: FloatArray) -> list[float]:
+            rate = alpha - rho[:, 0] * y[0] - rho[:, 1] * y[1]
+            return [y[0] * rate[0], y[1] * rate[1], 2.0 * y[2] * rate[2] + 1.0]
+
+        end = -np.log(EARLY) * (1.0 / leaving + 2.0 / alpha[1])
+        variance = solve_ivp(slope, (0.0, end), start, method="DOP853", rtol=1e-10, atol=1e-14).y[2, -1]
+        passed = 2.0 * np.log(EARLY * beta[2] / self.noise) - np.log(variance + 0.5 / then)
+        return float(end + (passed + np.euler_gamma + np.log(2.0)) / (2.0 * then))
+
+
+class Walk:
+    """States of a cycle over time; the same seed gives the same walk, however it is cut into parts.
+
+    Parameters
+    ----------
+    cycle : Cycle
+    seed : int
+        Seed of the noise.
+    dt : float, optional
+        Time step [s]; by default `STEP` over the largest alpha.
+    """
+
+    def __init__(self, cycle: Cycle, seed: int = 0, dt: float | None = None) -> None:
+        self.cycle, self.dt = cycle, STEP / float(cycle.alpha.max()) if dt is None else dt
+        self._random = np.random.default_rng([seed, crc32(b"shc")])
+        waiting = cycle.noise / np.sqrt(2.0 * cycle.alpha)
+        self.states = waiting * np.abs(self._random.standard_normal(cycle.nodes))
+        self.states[0] = cycle.beta[0]
+        self.push = np.zeros(cycle.nodes)
+        """Input u of each node, shape (n,), at least 0 [1/s]."""
+
+    def advance(self, steps: int) -> FloatArray:
+        """Take steps and return the states after each, shape (steps, n)."""
+        path = np.empty((steps, self.cycle.nodes))
+        for first in range(0, steps, BLOCK):
+            part = path[first : first + BLOCK]
+            draws = self._random.standard_normal(part.shape)
+            advance(
+                self.states, self.cycle.alpha, self.cycle.rho, self.cycle.noise, self.push, self.dt, draws, part
+            )
+        return path
+
+
+def sojourns(walk: Walk, count: int) -> FloatArray:
+    """Return how long each of the next nodes is the one with the largest a/beta, shape (count,) [s].
+
+    The first one that is counted begins with the first switch.
+    """
+    active = [int(np.argmax(walk.states / walk.cycle.beta))]
+    switches: list[int] = []
+    taken = 0
+    while len(switches) <= count:
+        path = np.argmax(walk.advance(BLOCK) / walk.cycle.beta, axis=1)
+        changes = np.flatnonzero(np.diff(path, prepend=active[-1]))
+        switches.extend(taken + changes)
+        active, taken = [int(path[-1])], taken + BLOCK
+    return np.diff(switches[: count + 1]) * walk.dt
