@@ -1,0 +1,105 @@
+"""Network and mechanics of a crawling larva, with the published parameters (`kernel.Parameters`).
+
+Segment i = 1 ... n joins node i-1 and node i, node 0 is the head, n the tail; u are positions of nodes towards the head;
+lengths are in L, forces in k, times in tau_E, and l_i = u_(i-1) - u_i. With s_x(z) = (1 + tanh(g_x z))/2,
+
+    dE_i = -E_i + s_n(w_EE E_i + w_EI I_i + h_i - theta),
+    tau_I dI_i = -I_i + s_n(w_IE E_i + w_II I_i + w_Ip s_p(1 - felt - l_i) - theta),                        (LE1)
+    h_i = w_En E_(i+1) + w_Ep s_p(1 - felt - l_(i+1)), of the last segment with those of the first,         (LE2)
+    tau_f df_i = -f_i + f_max s_f(E_i - E_half),                                                            (LE3)
+    0 = l_i - l_(i+1) + c (dl_i - dl_(i+1)) + f_i - f_(i+1) - F_i,          i = 1 ... n-1,                  (LE4)
+    0 = l_n - l_1 + c (dl_n - dl_1) + f_n - f_1 - F_n - F_0,                du_0 = du_n,                    (LE5)
+    F_i = F_max sign(du_i) s_F(f_half - f_i), F_0 as F_n with f_n                                           (LE6)
+
+(Pehlevan, Paoletti, Mahadevan: Integrative neuromechanics of crawling in D. melanogaster larvae, eLife 5, 2016, e11031,
+equations 1 to 5 and table 1). Excitation spreads forward from the segment behind that is active and short; a segment's
+own shortening calls its inhibition and ends its activity. A segment that pulls hard enough lifts its hind node. Head
+and tail move as one, as the gut links them, and the body keeps its length: u_0 - u_n = n, the sign with which lengths
+are positive. (LE4) to (LE6) hold the condition for the least of a convex function of the velocities, which is found by
+Gauss-Seidel sweeps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from control.gaits.larva_ei.kernel import Parameters, crawl
+from worm3d.values import arguments
+from worm3d.values.arrays import BoolArray, FloatArray
+
+WAVES_PER_TAU = 0.0378
+"""Waves in a time tau_E of the larva with the published parameters."""
+DT = 1e-3
+"""Time step [tau_E]; a tenth of it changes the period, the speed and the contraction by less than 0.1 %."""
+RECORD = 20
+"""Steps from row to row of a record."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crawling:
+    """Record of a crawling larva of n segments, at T times."""
+
+    time: FloatArray
+    """Shape (T,) [tau_E]."""
+    excitation: FloatArray
+    """Excitation E of each segment, from head to tail, shape (T, n)."""
+    force: FloatArray
+    """Force f of each muscle, shape (T, n) [k]."""
+    nodes: FloatArray
+    """Position u of each node, shape (T, n + 1) [L]."""
+    parameters: Parameters
+
+    @property
+    def contraction(self) -> FloatArray:
+        """Shortening of each segment, shape (T, n), as a share of its length at rest."""
+        return 1.0 + np.diff(self.nodes, axis=1)
+
+    @property
+    def starts(self) -> FloatArray:
+        """Times at which the segment in the middle becomes active [tau_E]."""
+        active = self.excitation[:, self.excitation.shape[1] // 2 - 1] > self.parameters.E_half
+        return self.time[1:][active[1:] & ~active[:-1]]
+
+    @property
+    def _steady(self) -> BoolArray:
+        """The rows of whole waves, without the first two of these."""
+        starts = self.starts[2:]
+        if len(starts) < 2:
+            raise ValueError("the larva carries no waves, or the record is too short: it needs four of them")
+        return (self.time >= starts[0]) & (self.time <= starts[-1])
+
+    @property
+    def period(self) -> float:
+        """Time from wave to wave [tau_E]."""
+        return float(np.diff(self.time[self._steady][[0, -1]])[0] / (len(self.starts) - 3))
+
+    @property
+    def speed(self) -> float:
+        """Speed of the nodes, on average, over whole waves [L/tau_E]."""
+        rows = self._steady
+        ends = self.nodes[rows][[0, -1]].mean(axis=1)
+        return float(np.diff(ends)[0] / np.diff(self.time[rows][[0, -1]])[0])
+
+    @property
+    def peak_contraction(self) -> float:
+        """Largest shortening of a segment."""
+        return float(self.contraction[self._steady].max())
+
+    @property
+    def lifted(self) -> float:
+        """Median number of segments that pull hard enough to be lifted."""
+        return float(np.median((self.force[self._steady] > self.parameters.f_half).sum(axis=1)))
+
+
+def crawling(
+    duration: float = 200.0, segments: int = 10, parameters: Parameters | None = None, dt: float = DT
+) -> Crawling:
+    """Let the larva crawl from rest for a duration [tau_E]; a short input to the last segment begins the first wave."""
+    n = arguments.whole("segments", segments, ge=3)
+    p = Parameters() if parameters is None else parameters
+    rows = int(arguments.number("duration", duration, "tau_E", gt=0) / arguments.number("dt", dt, "tau_E", gt=0)) // RECORD
+    record = np.empty((rows, n)), np.empty((rows, n)), np.empty((rows, n + 1))
+    crawl(n, p, dt, rows * RECORD, RECORD, *record)
+    return Crawling((np.arange(rows) + 1.0) * RECORD * dt, *record, p)

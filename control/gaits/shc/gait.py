@@ -1,0 +1,139 @@
+"""Gait of a stable heteroclinic cycle: segments are active in turn, paced by noise and by what they feel.
+
+The cycle is that of `control.gaits.shc.cycle`, (SH1) and (SH2), with N/waves nodes, rounded up. Segment i is at node
+i mod nodes; its activation is the sum of a/beta over the `width` nodes that the wave has reached last, at most 1. The
+cycle's own unit of time is such that it lasts `period` on average, without feedback.
+
+*Feedback* sends the cycle on as soon as the active segments have done their part. Each node whose segments have
+shortened, on average over their chambers, by the share `strain_threshold` of the amplitude, or bear `load_threshold` on
+average, gives the next node j an input as long as it is active,
+
+    u_j = gain alpha_i beta_j a_i/beta_i,                                                                   (SH6)
+
+under which a_j reaches its saddle within ln(nu/gain) nu/alpha or so instead of (SH3). With little noise the cycle waits
+long for it: the mean time of (SH5) is how long it waits at most, on average, before it goes on all the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from control.gaits.feedback import Felt, FeedbackGait
+from control.gaits.gait import Body, Direction
+from worm3d.values.arrays import FloatArray, IntArray
+from worm3d.values.parameters import documented, parameter
+
+if TYPE_CHECKING:
+    from control.gaits.shc.cycle import Cycle
+
+FEWEST = 3
+"""Fewest nodes of a cycle."""
+
+
+@documented
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SHC(FeedbackGait, name="shc"):
+    """Stable heteroclinic cycle of the segments (Horchler, Daltorio, Chiel, Quinn 2015), with feedback, (SH6)."""
+
+    period: float = parameter(
+        2.0, meaning="mean time between two contractions of a segment, without feedback", unit="s", gt=0
+    )
+    direction: Direction = parameter(
+        "retrograde", meaning="retrograde: the segments are active from head to tail; direct: from tail to head"
+    )
+    waves: int = parameter(1, meaning="waves along the body; each has three segments or more", ge=1)
+    width: int = parameter(1, meaning="neighbouring nodes that are contracted at a time", ge=1)
+    alpha: float = parameter(
+        2.0, meaning="rate alpha of each node, in the cycle's own unit of time", gt=0, each="segment"
+    )
+    beta: float = parameter(1.0, meaning="size beta of each node's state", gt=0, each="segment")
+    nu: float = parameter(
+        1.5, meaning="saddle value nu of each node: how much faster states decay to it than leave", gt=1, each="segment"
+    )
+    noise: float = parameter(
+        1e-8, meaning="size of the noise, of a state in the square root of the cycle's own unit of time", gt=0
+    )
+    strain_gain: float = parameter(0.0, meaning="gain of the feedback by strain; 0: none", ge=0)
+    strain_threshold: float = parameter(
+        0.7, meaning="shortening at which a segment has done its part, as a share of the amplitude", gt=0
+    )
+    load_gain: float = parameter(0.0, meaning="gain of the feedback by contact load; 0: none", ge=0)
+    load_threshold: float = parameter(
+        1.0, meaning="contact load at which a segment has done its part", unit="N", gt=0
+    )
+    seed: int = parameter(0, meaning="seed of the noise", ge=0)
+    lengthens = False
+
+    @property
+    def senses(self) -> tuple[str, ...]:
+        """Channels of the feedback that has a gain."""
+        gains = {"strain": self.strain_gain, "contact_load": self.load_gain}
+        return tuple(name for name, gain in gains.items() if gain)
+
+    def cycle(self, segments: int) -> Cycle:
+        """Return the cycle of a body of so many segments, in seconds; its period is that of the gait.
+
+        Raises
+        ------
+        ValueError
+            Fewer than three segments a wave, arrays that do not fit, or too much noise.
+        """
+        from control.gaits.shc.cycle import Cycle
+
+        nodes = -(-segments // self.waves)
+        if nodes < FEWEST:
+            raise ValueError(
+                f"waves: got {self.waves}, must leave each wave {FEWEST} of the worm's {segments} segments or more"
+            )
+        if self.width >= nodes:
+            raise ValueError(f"width: got {self.width}, must be below the {nodes} nodes of the cycle")
+        own = Cycle(nodes, alpha=self.alpha, beta=self.beta, nu=self.nu, noise=self.noise)
+        return own.lasting(self.period)
+
+    def start(self, body: Body) -> Turns:
+        """Return a fresh memory: node 0 is active."""
+        return Turns(self, body.segments)
+
+
+class Turns:
+    """Memory of an `SHC`: the walk of its cycle, and which segment is at which node."""
+
+    def __init__(self, gait: SHC, segments: int) -> None:
+        from control.gaits.shc.cycle import Walk
+
+        self._gait, self._walk = gait, Walk(gait.cycle(segments), gait.seed)
+        order = np.arange(segments) if gait.direction == "direct" else np.arange(segments)[::-1]
+        self._node: IntArray = order % self._walk.cycle.nodes
+        self._begun: float | None = None
+        self._taken, self._before = 0, self._walk.states.copy()
+
+    def step(self, t: float, felt: Felt) -> FloatArray:
+        """Advance to time t [s] and return the activation of the segments, shape (N,); times ascend."""
+        self._begun = t if self._begun is None else self._begun
+        walk = self._walk
+        walk.push[:] = self._push(felt)
+        place = (t - self._begun) / walk.dt
+        if (steps := int(np.ceil(place - 1e-9)) - self._taken) > 0:
+            path = np.vstack([walk.states, walk.advance(steps)])
+            self._before, self._taken = path[-2], self._taken + steps
+        part = min(max(place - self._taken + 1.0, 0.0), 1.0)
+        share = ((1.0 - part) * self._before + part * walk.states) / walk.cycle.beta
+        reached = np.sum([np.roll(share, -k) for k in range(self._gait.width)], axis=0)
+        activation: FloatArray = np.clip(reached, 0.0, 1.0)[self._node]
+        return activation
+
+    def _push(self, felt: Felt) -> FloatArray:
+        """Return the input of each node by (SH6), shape (n,)."""
+        gait, cycle = self._gait, self._walk.cycle
+        gain = np.zeros(len(self._node))
+        if "strain" in felt:
+            short = -felt["strain"].mean(axis=1) >= gait.strain_threshold * gait.amplitude
+            gain += gait.strain_gain * short
+        if "contact_load" in felt:
+            gain += gait.load_gain * (felt["contact_load"].sum(axis=1) >= gait.load_threshold)
+        done = np.bincount(self._node, gain, cycle.nodes) / np.bincount(self._node, minlength=cycle.nodes)
+        push: FloatArray = np.roll(done * cycle.alpha * self._walk.states / cycle.beta, 1) * cycle.beta
+        return push
