@@ -5,6 +5,7 @@ from control.gaits.discrete import Discrete
 from control.gaits.extension_wave import ExtensionWave
 from control.gaits.feedback import Feedback, FeedbackGait, Felt, Memory
 from control.gaits.gait import GAITS, Body, BoundGait, Direction, Gait
+from control.gaits.larva_ei.gait import LarvaEI
 from control.gaits.patterns import (
     Breathing,
     ContractionEngine_segmentdriven,
@@ -14,6 +15,7 @@ from control.gaits.patterns import (
 )
 from control.gaits.periodic import Periodic, Spline
 from control.gaits.steered import Steered
+from control.gaits.shc.gait import SHC
 
 __all__ = [
     "GAITS",
@@ -29,11 +31,13 @@ __all__ = [
     "Felt",
     "Gait",
     "Inchworm",
+    "LarvaEI",
     "Memory",
     "Periodic",
     "Pulse",
     "Spline",
     "Steered",
+    "SHC",
     "TravellingWave",
     "TwoAnchor",
     "WaveDirection",

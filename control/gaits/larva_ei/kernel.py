@@ -1,4 +1,4 @@
-"""Compiled steps of the larva's network and mechanics; `control.gaits.larva_ei.network` has the equations, (LE1) to (LE6).
+"""Compiled steps of the larva's network and mechanics; equations (LE..) stand in `control.gaits.larva_ei.network`.
 
 Units of all: rest length of a segment L = 1, stiffness of a segment k = 1, time constant tau_E = 1.
 """
@@ -62,68 +62,71 @@ SWEEPS, TOLERANCE = 2000, 1e-12
 
 @inner
 def switch(z: float, gain: float) -> float:
-    return 0.5 * (1.0 + np.tanh(gain * z))
+    """Return (1 + tanh(gain z))/2."""
+    return 0.5 * (1.0 + np.tanh(gain * z))  # type: ignore[no-any-return]
 
 
 @inner
-def fire(E: FloatArray, I: FloatArray, f: FloatArray, contraction: FloatArray, start: float, p: Parameters, dt: float) -> None:
-    """Take a step of (LE1) to (LE3) with the contractions held; linear between switches, it is solved exactly."""
-    n = len(E)
-    first = E[0]
-    for i in range(n):
-        behind = (i + 1) % n
-        excited = first if behind == 0 else E[behind]
-        felt_behind = switch(contraction[behind] - p.felt, p.g)
-        drive = p.w_EE * E[i] + p.w_EI * I[i] + p.w_En * excited + p.w_Ep * felt_behind - p.theta
-        if i == n - 1:
-            drive += start
-        inhibit = p.w_IE * E[i] + p.w_II * I[i] + p.w_Ip * switch(contraction[i] - p.felt, p.g) - p.theta
-        to_E, to_I, to_f = switch(drive, p.g_n), switch(inhibit, p.g_n), p.f_max * switch(E[i] - p.E_half, p.g)
-        E[i] = to_E + (E[i] - to_E) * np.exp(-dt)
-        I[i] = to_I + (I[i] - to_I) * np.exp(-dt / p.tau_I)
-        f[i] = to_f + (f[i] - to_f) * np.exp(-dt / p.tau_f)
+def fire(network: FloatArray, contraction: FloatArray, start: float, p: Parameters, dt: float) -> None:
+    """Take a step of (LE1) to (LE3) with the contractions held; linear between switches, it is solved exactly.
 
-
-@njit
-def sense(
-    E: FloatArray, I: FloatArray, f: FloatArray, contraction: FloatArray, start: float, p: Parameters, dt: float, steps: int
-) -> None:
-    """Take steps of the network with the contractions held; E, I and f, shape (n,), are overwritten."""
-    for _ in range(steps):
-        fire(E, I, f, contraction, start, p, dt)
-
-
-@njit
-def crawl(n: int, p: Parameters, dt: float, steps: int, every: int, E_out: FloatArray, f_out: FloatArray, u_out: FloatArray) -> None:
-    """Let the larva crawl from rest; rows of the outputs are every so many steps.
-
-    Shapes: E_out and f_out (K, n), u_out (K, n + 1), K = steps / every.
+    `network`, shape (3, n), has the rows E, I and f, and is overwritten; `contraction` has shape (n,); `start` is an
+    input to the last segment.
     """
-    E, I, f, v = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    contraction, drive, friction = np.zeros(n), np.zeros(n), np.zeros(n)
-    u = -np.arange(n + 1) * 1.0
-    for step in range(steps):
-        # Ring of n nodes: the last one, n, moves as node 0.
+    n = network.shape[1]
+    keep_E, keep_I, keep_f = np.exp(-dt), np.exp(-dt / p.tau_I), np.exp(-dt / p.tau_f)
+    first = network[0, 0]
+    for i in range(n):
+        E, I, f = network[0, i], network[1, i], network[2, i]  # noqa: E741
+        behind = (i + 1) % n
+        E_behind = network[0, behind] if behind else first
+        excited = p.w_EE * E + p.w_EI * I + p.w_En * E_behind + p.w_Ep * switch(contraction[behind] - p.felt, p.g)
+        excited += start if behind == 0 else 0.0
+        inhibited = p.w_IE * E + p.w_II * I + p.w_Ip * switch(contraction[i] - p.felt, p.g)
+        to_E, to_I = switch(excited - p.theta, p.g_n), switch(inhibited - p.theta, p.g_n)
+        to_f = p.f_max * switch(E - p.E_half, p.g)
+        network[0, i] = to_E + (E - to_E) * keep_E
+        network[1, i] = to_I + (I - to_I) * keep_I
+        network[2, i] = to_f + (f - to_f) * keep_f
+
+
+@njit
+def advance(network: FloatArray, contraction: FloatArray, start: float, p: Parameters, dt: float, steps: int) -> None:
+    """Take steps of the network with the contractions held; arguments as of `fire`."""
+    for _ in range(steps):
+        fire(network, contraction, start, p, dt)
+
+
+@njit
+def crawl(p: Parameters, dt: float, every: int, networks: FloatArray, nodes: FloatArray) -> None:
+    """Let a larva of n segments crawl from rest, and record a row every so many steps.
+
+    Parameters
+    ----------
+    networks : ndarray, shape (T, 3, n)
+        Filled with E, I and f.
+    nodes : ndarray, shape (T, n + 1)
+        Filled with the positions u.
+    """
+    n = networks.shape[2]
+    network, u, v = np.zeros((3, n)), -1.0 * np.arange(n + 1), np.zeros(n)
+    f, contraction, drive, friction = network[2], np.zeros(n), np.zeros(n), np.zeros(n)
+    for step in range(len(nodes) * every):
+        # The last node moves as the first: a ring, of which segment i lies ahead of node i and i + 1 behind it.
         for i in range(n):
-            ahead, own = f[i - 1], f[i]  # forces of the segment whose hind node this is, and of the one behind
-            stretch = (u[i - 1] - u[i]) if i > 0 else (u[n - 1] - u[n])
-            drive[i] = stretch - (u[i] - u[i + 1]) + ahead - own
-            friction[i] = p.F_max * switch(p.f_half - ahead, p.g) * (2.0 if i == 0 else 1.0)
+            drive[i] = contraction[i] - contraction[i - 1] + f[i - 1] - f[i]
+            friction[i] = p.F_max * switch(p.f_half - f[i - 1], p.g) * (2.0 if i == 0 else 1.0)
         for _ in range(SWEEPS):
             change = 0.0
             for i in range(n):
                 pull = drive[i] + p.c * (v[i - 1] + v[(i + 1) % n])
-                new = np.sign(pull) * max(abs(pull) - friction[i], 0.0) / (2.0 * p.c)
-                change = max(change, abs(new - v[i]))
-                v[i] = new
+                before, v[i] = v[i], np.sign(pull) * max(abs(pull) - friction[i], 0.0) / (2.0 * p.c)
+                change = max(change, abs(v[i] - before))
             if change < TOLERANCE:
                 break
-        for i in range(n):
-            u[i] += dt * v[i]
+        u[:n] += dt * v
         u[n] += dt * v[0]
-        for i in range(n):
-            contraction[i] = 1.0 - (u[i] - u[i + 1])
-        fire(E, I, f, contraction, START_DRIVE if step * dt < START else 0.0, p, dt)
+        contraction[:] = 1.0 - (u[:n] - u[1:])
+        fire(network, contraction, START_DRIVE if step * dt < START else 0.0, p, dt)
         if (step + 1) % every == 0:
-            row = (step + 1) // every - 1
-            E_out[row], f_out[row], u_out[row] = E, f, u
+            networks[step // every], nodes[step // every] = network, u

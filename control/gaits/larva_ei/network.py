@@ -1,7 +1,7 @@
 """Network and mechanics of a crawling larva, with the published parameters (`kernel.Parameters`).
 
-Segment i = 1 ... n joins node i-1 and node i, node 0 is the head, n the tail; u are positions of nodes towards the head;
-lengths are in L, forces in k, times in tau_E, and l_i = u_(i-1) - u_i. With s_x(z) = (1 + tanh(g_x z))/2,
+Segment i = 1 ... n joins node i-1 and node i, node 0 is the head, n the tail; u are positions of nodes towards the
+head; lengths are in L, forces in k, times in tau_E, and l_i = u_(i-1) - u_i. With s_x(z) = (1 + tanh(g_x z))/2,
 
     dE_i = -E_i + s_n(w_EE E_i + w_EI I_i + h_i - theta),
     tau_I dI_i = -I_i + s_n(w_IE E_i + w_II I_i + w_Ip s_p(1 - felt - l_i) - theta),                        (LE1)
@@ -29,8 +29,6 @@ from control.gaits.larva_ei.kernel import Parameters, crawl
 from worm3d.values import arguments
 from worm3d.values.arrays import BoolArray, FloatArray
 
-WAVES_PER_TAU = 0.0378
-"""Waves in a time tau_E of the larva with the published parameters."""
 DT = 1e-3
 """Time step [tau_E]; a tenth of it changes the period, the speed and the contraction by less than 0.1 %."""
 RECORD = 20
@@ -68,7 +66,8 @@ class Crawling:
         starts = self.starts[2:]
         if len(starts) < 2:
             raise ValueError("the larva carries no waves, or the record is too short: it needs four of them")
-        return (self.time >= starts[0]) & (self.time <= starts[-1])
+        rows: BoolArray = (self.time >= starts[0]) & (self.time <= starts[-1])
+        return rows
 
     @property
     def period(self) -> float:
@@ -99,7 +98,9 @@ def crawling(
     """Let the larva crawl from rest for a duration [tau_E]; a short input to the last segment begins the first wave."""
     n = arguments.whole("segments", segments, ge=3)
     p = Parameters() if parameters is None else parameters
-    rows = int(arguments.number("duration", duration, "tau_E", gt=0) / arguments.number("dt", dt, "tau_E", gt=0)) // RECORD
-    record = np.empty((rows, n)), np.empty((rows, n)), np.empty((rows, n + 1))
-    crawl(n, p, dt, rows * RECORD, RECORD, *record)
-    return Crawling((np.arange(rows) + 1.0) * RECORD * dt, *record, p)
+    steps = arguments.number("duration", duration, "tau_E", gt=0) / arguments.number("dt", dt, "tau_E", gt=0)
+    rows = int(steps) // RECORD
+    networks, nodes = np.empty((rows, 3, n)), np.empty((rows, n + 1))
+    crawl(p, dt, RECORD, networks, nodes)
+    time = RECORD * dt * np.arange(1.0, rows + 1.0)
+    return Crawling(time, networks[:, 0], networks[:, 2], nodes, p)

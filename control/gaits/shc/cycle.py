@@ -27,13 +27,13 @@ t_e at which the way has come to the next saddle, whose rate is lam_u, and which
     dv/dt = 2 g v + 1, v = 1/(2 alpha_i) before,
     T = t_e + [2 ln(c beta_(i+2)/eps) - ln(v + 1/(2 lam_u)) + gamma_E + ln 2]/(2 lam_u).                    (SH5)
 
-The sum of T over the nodes is the period, with an error that vanishes with the noise.
+Their sum is the period, with an error that vanishes with the noise.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from zlib import crc32
 
 import numpy as np
@@ -89,8 +89,8 @@ class Cycle:
         most = float(np.min(DELTA * np.roll(self.beta, -1) * excursion))
         if not 0.0 < self.noise <= most:
             raise ValueError(
-                f"noise: got {noise!r}, must be above 0 and at most {most:.3g}: with more of it there are no saddles at "
-                "which the cycle waits"
+                f"noise: got {noise!r}, must be above 0 and at most {most:.3g}: with more of it the cycle "
+                "waits at no saddle"
             )
 
     @property
@@ -126,7 +126,8 @@ class Cycle:
     @property
     def transition_times(self) -> FloatArray:
         """Least time of the transition from each node to the next by (SH4), shape (n,) [s]."""
-        return 2.0 * np.log(1.0 / DELTA - 1.0) / np.roll(self.alpha, -1)
+        times: FloatArray = 2.0 * np.log(1.0 / DELTA - 1.0) / np.roll(self.alpha, -1)
+        return times
 
     @property
     def formula_period(self) -> float:
@@ -135,11 +136,10 @@ class Cycle:
 
     @cached_property
     def mean_times(self) -> FloatArray:
-        """Mean time from each saddle to the next in the limit of small noise, (SH5), shape (n,) [s].
-
-        The time at node i is counted from when a_(i+1), growing, passes a small share of its beta, to when a_(i+2) does.
-        """
-        return np.array([self._mean_time(node) for node in range(self.nodes)])
+        """Mean time that each node is the most active one in the limit of small noise, by (SH5), shape (n,) [s]."""
+        times, switches = np.array([self._way(node) for node in range(self.nodes)]).T
+        found: FloatArray = np.roll(times, 1) + switches - np.roll(switches, 1)
+        return found
 
     @property
     def mean_period(self) -> float:
@@ -149,7 +149,8 @@ class Cycle:
     @property
     def deviations(self) -> FloatArray:
         """Standard deviation of the time that each saddle is left after, shape (n,) [s]."""
-        return np.pi / (2.0 * np.sqrt(2.0) * self.leaving)
+        found: FloatArray = np.pi / (2.0 * np.sqrt(2.0) * self.leaving)
+        return found
 
     def lasting(self, period: float) -> Cycle:
         """Return the same cycle in another unit of time, so that its mean period is this one [s]."""
@@ -157,22 +158,45 @@ class Cycle:
         noise = self.noise * np.sqrt(faster)
         return Cycle(self.nodes, alpha=self.alpha * faster, beta=self.beta, nu=self.nu, noise=noise)
 
-    def _mean_time(self, node: int) -> float:
+    def _way(self, node: int) -> tuple[float, float]:
+        """Return the time T of (SH5) of the way from a node to the next, and when on it the next is as active [s]."""
         here = (np.arange(3) + node) % self.nodes
-        alpha, beta, rho = self.alpha[here], self.beta[here], self.rho[np.ix_(here, here)]
-        leaving, then = float(self.leaving[here[0]]), float(self.leaving[here[1]])
-        # Along the eigenvector of the saddle: a_0 is behind by a_1 rho_01 beta_0/(alpha_0 + lam_u).
-        first = EARLY * beta[1]
-        start = [beta[0] - first * rho[0, 1] * beta[0] / (alpha[0] + leaving), first, 0.5 / alpha[0]]
-
-        def slope(_: float, y: FloatArray) -> list[float]:
-            rate = alpha - rho[:, 0] * y[0] - rho[:, 1] * y[1]
-            return [y[0] * rate[0], y[1] * rate[1], 2.0 * y[2] * rate[2] + 1.0]
-
-        end = -np.log(EARLY) * (1.0 / leaving + 2.0 / alpha[1])
-        variance = solve_ivp(slope, (0.0, end), start, method="DOP853", rtol=1e-10, atol=1e-14).y[2, -1]
+        beta, then = self.beta[here], float(self.leaving[here[1]])
+        rho = tuple(map(tuple, self.rho[np.ix_(here, here)].tolist()))
+        leaving = float(self.leaving[here[0]])
+        end, switch, variance = _quiet_way(tuple(self.alpha[here].tolist()), tuple(beta.tolist()), rho, leaving)
         passed = 2.0 * np.log(EARLY * beta[2] / self.noise) - np.log(variance + 0.5 / then)
-        return float(end + (passed + np.euler_gamma + np.log(2.0)) / (2.0 * then))
+        return end + float(passed + np.euler_gamma + np.log(2.0)) / (2.0 * then), switch
+
+
+@lru_cache(maxsize=256)
+def _quiet_way(
+    alpha: tuple[float, ...], beta: tuple[float, ...], rho: tuple[tuple[float, ...], ...], leaving: float
+) -> tuple[float, float, float]:
+    """Follow the way from a saddle to the next without noise, of nodes 0, 1 and 2 of which 2 stays small.
+
+    Returns
+    -------
+    end, switch : float
+        Times t_e, and at which nodes 0 and 1 are equally active, since a_1 = EARLY beta_1 [s].
+    variance : float
+        v of node 2 at the end [s].
+    """
+    rates, coupling = np.array(alpha), np.array(rho)
+    # Along the eigenvector of the saddle: a_0 is behind by a_1 rho_01 beta_0/(alpha_0 + lam_u).
+    first = EARLY * beta[1]
+    start = [beta[0] - first * rho[0][1] * beta[0] / (alpha[0] + leaving), first, 0.5 / alpha[0]]
+
+    def slope(_: float, y: FloatArray) -> list[float]:
+        rate = rates - coupling[:, 0] * y[0] - coupling[:, 1] * y[1]
+        return [y[0] * rate[0], y[1] * rate[1], 2.0 * y[2] * rate[2] + 1.0]
+
+    def equal(_: float, y: FloatArray) -> float:
+        return float(y[0] * beta[1] - y[1] * beta[0])
+
+    end = -np.log(EARLY) * (1.0 / leaving + 2.0 / alpha[1])
+    way = solve_ivp(slope, (0.0, end), start, method="DOP853", rtol=1e-9, atol=1e-14, events=equal)
+    return end, float(way.t_events[0][0]), float(way.y[2, -1])
 
 
 class Walk:
@@ -202,9 +226,7 @@ class Walk:
         for first in range(0, steps, BLOCK):
             part = path[first : first + BLOCK]
             draws = self._random.standard_normal(part.shape)
-            advance(
-                self.states, self.cycle.alpha, self.cycle.rho, self.cycle.noise, self.push, self.dt, draws, part
-            )
+            advance(self.states, self.cycle.alpha, self.cycle.rho, self.cycle.noise, self.push, self.dt, draws, part)
         return path
 
 
@@ -221,4 +243,5 @@ def sojourns(walk: Walk, count: int) -> FloatArray:
         changes = np.flatnonzero(np.diff(path, prepend=active[-1]))
         switches.extend(taken + changes)
         active, taken = [int(path[-1])], taken + BLOCK
-    return np.diff(switches[: count + 1]) * walk.dt
+    times: FloatArray = np.diff(switches[: count + 1]) * walk.dt
+    return times

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from control.gaits.feedback import Felt, FeedbackGait
+from control.gaits.feedback import FeedbackGait, Felt
 from control.gaits.gait import Body, Direction
 from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.values.parameters import documented, parameter
@@ -61,9 +61,7 @@ class SHC(FeedbackGait, name="shc"):
         0.7, meaning="shortening at which a segment has done its part, as a share of the amplitude", gt=0
     )
     load_gain: float = parameter(0.0, meaning="gain of the feedback by contact load; 0: none", ge=0)
-    load_threshold: float = parameter(
-        1.0, meaning="contact load at which a segment has done its part", unit="N", gt=0
-    )
+    load_threshold: float = parameter(1.0, meaning="contact load at which a segment has done its part", unit="N", gt=0)
     seed: int = parameter(0, meaning="seed of the noise", ge=0)
     lengthens = False
 

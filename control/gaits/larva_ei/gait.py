@@ -1,0 +1,88 @@
+"""Gait of the larva's network: a wave that goes on from segment to segment as each has shortened.
+
+The network is that of `control.gaits.larva_ei.network`, (LE1) to (LE3), with the published parameters, of one unit for
+each segment; the worm's body is in the place of the larva's. What a segment feels is the shortening of its chambers,
+the mean of both sides; felt is a share `threshold` of the amplitude. The activation is the muscle's force f/f_max.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from control.gaits.feedback import FeedbackGait, Felt
+from control.gaits.gait import Body, Direction
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import documented, parameter
+
+TAU_PER_SEGMENT = 2.64
+"""Time in which a wave goes on by a segment, in the larva's own body, of eight segments or more [tau_E]."""
+LARGEST_STEP = 0.005
+"""Longest step of the network [tau_E]; half of it moves the larva's period by less than 0.1 %."""
+FEWEST = 3
+"""Fewest segments that carry a wave and rest behind it."""
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class LarvaEI(FeedbackGait, name="larva_ei"):
+    """Larva's excitatory-inhibitory network (Pehlevan, Paoletti, Mahadevan 2016) that feels the strain of segments."""
+
+    period: float = parameter(
+        2.0,
+        meaning="time from wave to wave in the larva's own body, which sets the network's unit of time; in the worm "
+        "it is the longer the slower the segments shorten",
+        unit="s",
+        gt=0,
+    )
+    direction: Direction = parameter(
+        "retrograde", meaning="retrograde: waves run from head to tail; direct: from tail to head, as in larvae"
+    )
+    threshold: float = parameter(
+        0.19,
+        meaning="shortening that is felt, as a share of the amplitude; in the larva 1/18 of a peak of 0.298",
+        gt=0,
+        lt=1,
+    )
+    senses = ("strain",)
+    lengthens = False
+
+    def require_body(self, segments: int) -> None:
+        """Raise ValueError unless a body of so many segments can have the gait."""
+        if segments < FEWEST:
+            raise ValueError(
+                f"kind: got 'larva_ei', needs {FEWEST} segments or more for a wave; the worm has {segments}"
+            )
+
+    def start(self, body: Body) -> Network:
+        """Return a fresh network at rest; a short input to its last segment begins the first wave."""
+        self.require_body(body.segments)
+        return Network(self, body.segments)
+
+
+class Network:
+    """Memory of a `LarvaEI`: its units in the order in which a larva has them, the last of which begins a wave."""
+
+    def __init__(self, gait: LarvaEI, segments: int) -> None:
+        from control.gaits.larva_ei.kernel import Parameters
+
+        self._along = slice(None) if gait.direction == "retrograde" else slice(None, None, -1)
+        self._tau = gait.period / (TAU_PER_SEGMENT * segments)
+        self._p = Parameters(felt=gait.threshold * gait.amplitude)
+        self._states = np.zeros((3, segments))
+        self._time: float | None = None
+        self._age = 0.0
+
+    def step(self, t: float, felt: Felt) -> FloatArray:
+        """Advance to time t [s] and return the activation of the segments, shape (N,); times ascend."""
+        from control.gaits.larva_ei.kernel import START, START_DRIVE, advance
+
+        contraction = np.ascontiguousarray(-felt["strain"].mean(axis=1)[self._along])
+        span = 0.0 if self._time is None else (t - self._time) / self._tau
+        if (steps := int(np.ceil(span / LARGEST_STEP))) > 0:
+            drive = START_DRIVE if self._age < START else 0.0
+            advance(self._states, contraction, drive, self._p, span / steps, steps)
+        self._time, self._age = t, self._age + span
+        activation: FloatArray = (self._states[2] / self._p.f_max)[self._along]
+        return activation
