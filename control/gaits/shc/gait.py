@@ -1,8 +1,8 @@
 """Gait of a stable heteroclinic cycle: segments are active in turn, paced by noise and by what they feel.
 
-The cycle is that of `control.gaits.shc.cycle`, (SH1) and (SH2), with N/waves nodes, rounded up. Segment i is at node
-i mod nodes; its activation is the sum of a/beta over the `width` nodes that the wave has reached last, at most 1. The
-cycle's own unit of time is such that it lasts `period` on average, without feedback.
+The cycle is that of `control.gaits.shc.cycle`, (SH1) and (SH2). The i-th segment in the direction of the wave is at
+node i mod nodes; it is active as long as its node or one of the `breadth` - 1 after it is, its activation being the sum
+of their a/beta, at most 1. The cycle's own unit of time is such that it lasts `period` on average, without feedback.
 
 *Feedback* sends the cycle on as soon as the active segments have done their part. Each node whose segments have
 shortened, on average over their chambers, by the share `strain_threshold` of the amplitude, or bear `load_threshold` on
@@ -44,8 +44,12 @@ class SHC(FeedbackGait, name="shc"):
     direction: Direction = parameter(
         "retrograde", meaning="retrograde: the segments are active from head to tail; direct: from tail to head"
     )
-    waves: int = parameter(1, meaning="waves along the body; each has three segments or more", ge=1)
-    width: int = parameter(1, meaning="neighbouring nodes that are contracted at a time", ge=1)
+    nodes: int = parameter(
+        0,
+        meaning="nodes of the cycle, 3 or more; there are segments/nodes waves on the body; 0: a node a segment",
+        ge=0,
+    )
+    breadth: int = parameter(1, meaning="neighbouring nodes that are contracted at a time", ge=1)
     alpha: float = parameter(
         2.0, meaning="rate alpha of each node, in the cycle's own unit of time", gt=0, each="segment"
     )
@@ -53,8 +57,8 @@ class SHC(FeedbackGait, name="shc"):
     nu: float = parameter(
         1.5, meaning="saddle value nu of each node: how much faster states decay to it than leave", gt=1, each="segment"
     )
-    noise: float = parameter(
-        1e-8, meaning="size of the noise, of a state in the square root of the cycle's own unit of time", gt=0
+    saddle_noise: float = parameter(
+        1e-8, meaning="size of the noise, of a state in the square root of the cycle's own unit of time", ge=0
     )
     strain_gain: float = parameter(0.0, meaning="gain of the feedback by strain; 0: none", ge=0)
     strain_threshold: float = parameter(
@@ -77,19 +81,27 @@ class SHC(FeedbackGait, name="shc"):
         Raises
         ------
         ValueError
-            Fewer than three segments a wave, arrays that do not fit, or too much noise.
+            Fewer than three nodes or more than segments, arrays that do not fit, or too much noise.
         """
         from control.gaits.shc.cycle import Cycle
 
-        nodes = -(-segments // self.waves)
-        if nodes < FEWEST:
+        nodes = self.nodes or segments
+        if not FEWEST <= nodes <= segments:
             raise ValueError(
-                f"waves: got {self.waves}, must leave each wave {FEWEST} of the worm's {segments} segments or more"
+                f"nodes: got {nodes}, must be {FEWEST} or more, and not more than the worm's {segments} segments"
             )
-        if self.width >= nodes:
-            raise ValueError(f"width: got {self.width}, must be below the {nodes} nodes of the cycle")
-        own = Cycle(nodes, alpha=self.alpha, beta=self.beta, nu=self.nu, noise=self.noise)
-        return own.lasting(self.period)
+        if self.breadth >= nodes:
+            raise ValueError(f"breadth: got {self.breadth}, must be below the {nodes} nodes of the cycle")
+        along = self.order(segments)[:nodes]
+        own = {name: np.broadcast_to(getattr(self, name), segments)[along] for name in ("alpha", "beta", "nu")}
+        try:
+            return Cycle(nodes, **own, noise=self.saddle_noise).lasting(self.period)
+        except ValueError as error:
+            raise ValueError(f"saddle_{error}" if str(error).startswith("noise") else str(error)) from None
+
+    def order(self, segments: int) -> IntArray:
+        """Return the segments in the direction of the wave, shape (segments,)."""
+        return np.arange(segments)[:: 1 if self.direction == "direct" else -1]
 
     def start(self, body: Body) -> Turns:
         """Return a fresh memory: node 0 is active."""
@@ -103,8 +115,7 @@ class Turns:
         from control.gaits.shc.cycle import Walk
 
         self._gait, self._walk = gait, Walk(gait.cycle(segments), gait.seed)
-        order = np.arange(segments) if gait.direction == "direct" else np.arange(segments)[::-1]
-        self._node: IntArray = order % self._walk.cycle.nodes
+        self._node = gait.order(segments) % self._walk.cycle.nodes  # the order is its own inverse
         self._begun: float | None = None
         self._taken, self._before = 0, self._walk.states.copy()
 
@@ -119,7 +130,7 @@ class Turns:
             self._before, self._taken = path[-2], self._taken + steps
         part = min(max(place - self._taken + 1.0, 0.0), 1.0)
         share = ((1.0 - part) * self._before + part * walk.states) / walk.cycle.beta
-        reached = np.sum([np.roll(share, -k) for k in range(self._gait.width)], axis=0)
+        reached = np.sum([np.roll(share, -k) for k in range(self._gait.breadth)], axis=0)
         activation: FloatArray = np.clip(reached, 0.0, 1.0)[self._node]
         return activation
 
