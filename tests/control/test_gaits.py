@@ -192,7 +192,7 @@ def test_gaits_are_found_by_name() -> None:
 @pytest.mark.parametrize(
     "gait",
     [
-        *(gait() for gait in GAITS.values()),
+        *(gait() for gait in GAITS.values() if not getattr(gait(), "senses", ())),
         *(TravellingWave(rectified=False, direction=way) for way in ("direct", "retrograde", "standing")),
         ContractionEngine_segmentdriven(alternating=False),
         TwoAnchor(extension=0.0),

@@ -52,7 +52,8 @@ def test_the_mechanics_balance_forces() -> None:
 def test_the_body_keeps_its_length_and_moves_to_the_head() -> None:
     nodes = larva().nodes
     assert_allclose(nodes[:, 0] - nodes[:, -1], 10.0, rtol=1e-12)
-    assert (np.diff(nodes, axis=0) > -1e-6).all()
+    ways = np.diff(nodes, axis=0)
+    assert (np.maximum(-ways, 0.0).sum(axis=0) < 1e-3 * ways.sum(axis=0)).all()  # as friction lets go or takes hold
 
 
 def test_waves_run_from_tail_to_head() -> None:
@@ -96,9 +97,9 @@ def test_slower_actuators_make_slower_waves() -> None:
 
 
 def test_bad_gaits() -> None:
-    with pytest.raises(ValueError, match="must have 3 or more to carry a wave"):
-        worm3d.simulate(worm3d.Worm(segments=2), worm3d.Plane(), actuation=LarvaEI(), duration=1.0, dt=0.01)
-    with pytest.raises(ValueError, match="feeling_threshold: got 1.5, must be above 0 and below 1"):
+    with pytest.raises(ValueError, match="needs 3 segments or more for a wave; the worm has 2"):
+        LarvaEI().require_body(2)
+    with pytest.raises(ValueError, match=r"feeling_threshold: got 1.5, must be above 0 and below 1"):
         LarvaEI(feeling_threshold=1.5)
     with pytest.raises(ValueError, match="senses strain"):
         LarvaEI().activations(np.zeros(1), 6)
