@@ -14,8 +14,8 @@ from control.gaits.patterns import (
     WaveDirection,
 )
 from control.gaits.periodic import Periodic, Spline
-from control.gaits.steered import Steered
 from control.gaits.shc.gait import SHC
+from control.gaits.steered import Steered
 
 __all__ = [
     "GAITS",

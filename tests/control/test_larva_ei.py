@@ -99,7 +99,7 @@ def test_slower_actuators_make_slower_waves() -> None:
 def test_bad_gaits() -> None:
     with pytest.raises(ValueError, match="needs 3 segments or more for a wave; the worm has 2"):
         LarvaEI().require_body(2)
-    with pytest.raises(ValueError, match=r"feeling_threshold: got 1.5, must be above 0 and below 1"):
+    with pytest.raises(ValueError, match=r"feeling_threshold: got 1.5, must be finite and in \(0, 1\)"):
         LarvaEI(feeling_threshold=1.5)
     with pytest.raises(ValueError, match="senses strain"):
         LarvaEI().activations(np.zeros(1), 6)
