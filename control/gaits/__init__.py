@@ -14,6 +14,7 @@ from control.gaits.patterns import (
     WaveDirection,
 )
 from control.gaits.periodic import Periodic, Spline
+from control.gaits.planned_turn import PlannedTurn
 from control.gaits.shc.gait import SHC
 from control.gaits.steered import Steered
 
@@ -34,6 +35,7 @@ __all__ = [
     "LarvaEI",
     "Memory",
     "Periodic",
+    "PlannedTurn",
     "Pulse",
     "Spline",
     "Steered",

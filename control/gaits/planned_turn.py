@@ -1,0 +1,278 @@
+"""Turning waves without slip: each wave is planned so that segments on the ground keep their places.
+
+Periodic waves that steer make standing segments slide: the body between two of them changes its shape as if they were
+not there. Kandhari, Wang, Chiel and Daltorio (Turning in worm-like robots: the geometry of slip elimination suggests
+nonperiodic waves, Soft Robotics 6, 2019, 560-577) plan waves wave by wave instead, such that neighbours which trade
+their lengths keep what is ahead of them and what is behind them in place. Their segments are trapezoids that trade
+sides two at a time. Here joints have hinges, several segments swing at a time, and the wave is planned as a whole.
+
+Lengths are in body lengths. The worm stands contracted and straight, joint j at x_j = (j - N/2) l_c. A wave runs from
+head to tail, and `swinging` = n segments of it are extended and off the ground. It moves the whole body by s along the
+mean of its headings before and after, and turns it about its middle by the angle phi; a place x of the body at the
+share p of that is at
+
+    X(p, x) = R(p phi) (x, 0) + p s (cos(p phi/2), sin(p phi/2)),  with the heading p phi               (N1)
+
+With the time tau since the wave began, in steps of period/N, segment i has the share of extension
+
+    f_i = h(tau - o_i) - h(tau - o_i - n),   o_i = N - 1 - i,  h half a cosine wave from 0 to 1          (N2)
+
+and the head and the tail the shares p = mean over k = 0 ... n - 1 of h(tau - k), and of h(tau - N - k). In a straight
+wave the lengths are l_c + f_i (l_e - l_c), the bends 0 and s = n (l_e - l_c). In a turn lengths l_i and bends b_j have
+to join tail and head:
+
+    X_tail + sum_i l_i e(a_i) = X_head,   a_i = heading of the tail + sum_{j <= i} b_j,   a_N = heading of the head
+
+Of all that do, the plan is the one next to the straight wave, where only what is in the air may give:
+
+    minimise sum_i ((l_i - l_c - f_i (l_e - l_c)) N)^2/f_i + sum_j b_j^2/g_j,   g_j = max(f_{j-1}, f_j)  (N3)
+
+(the tail's and the head's end may turn as their segments do). Segments that stand have f = 0: they neither bend nor
+change their length, and so keep their places. s is the longest step for which no length is beyond l_e. The next wave
+begins when this one reaches the tail, N steps after it, with standing segments between the two.
+
+A wave of no turn is an `ExtensionWave`. What is planned is exact for a worm without mass and springs. The default worm
+at amplitude 0.3 and extension -1/3, beside the `Steered` wave that turns about as fast (hinge 0.07 to 0.11 rad):
+
+    period   turn planned   turn a wave    slip per metre    the same of the steered wave
+    5 s      20 deg         13 deg         0.22              13 deg, 0.43
+    5 s      25 deg         16 deg         0.24              16 deg, 0.44
+    2.5 s    20 deg         15 deg         0.27              14 deg, 0.43
+    1.25 s   20 deg         11 deg         0.35              12 deg, 0.45
+
+So it halves the slip where waves are slow. Fast ones gain less: chambers are soft in bending and the body swings on
+behind its commands. Three swinging segments step further, 0.19 body lengths a wave, but leave two to stand on, and
+such a worm tips from 25 degrees a wave on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from control.gaits.gait import Body, Gait, half_cosine
+from worm3d import Commands
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
+
+SAMPLES, COARSE = 16, 4
+"""Number of instants of a step for which a wave is planned; between them commands are on straight lines. Standing
+segments are off their places by 1e-4 of a segment's length then, 4e-4 at half as many. Fewer are enough to find how far
+it steps."""
+ITERATIONS = 12
+"""Newton steps of (N3); 6 are enough for turns of 20 degrees."""
+LARGEST_CHANGE = 0.6
+"""Largest change of a bend in such a step [rad]."""
+JOINED = 1e-9
+"""Distance up to which tail and head are joined [body lengths]."""
+HALVINGS = 24
+"""Number of halvings of the range of the step s."""
+
+
+class Reach(NamedTuple):
+    """What a wave is made of: segments, those that swing, and their lengths [body lengths]."""
+
+    segments: int
+    swinging: int
+    contracted: float
+    extended: float
+
+    @property
+    def longest_step(self) -> float:
+        """The step s of a straight wave [body lengths]."""
+        return self.swinging * (self.extended - self.contracted)
+
+
+class Plan(NamedTuple):
+    """A wave at instants tau = 0, 1/SAMPLES, ... N + n: M of them."""
+
+    lengthened: FloatArray
+    """How much longer each segment is than contracted, shape (M, N) [body lengths]."""
+    bends: FloatArray
+    """Angle of each joint, shape (M, N - 1) [rad]."""
+    step: float
+    """How far the wave moves the worm, s [body lengths]."""
+
+    def at(self, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how much longer segments are, and the angles of joints, at K instants; 0 outside the wave."""
+        place = np.clip(tau * SAMPLES, 0.0, len(self.bends) - 1.0)
+        k = np.minimum(place.astype(int), len(self.bends) - 2)
+        share = (place - k)[:, None]
+        lengthened, bends = ((1.0 - share) * part[k] + share * part[k + 1] for part in self[:2])
+        return lengthened, bends
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class PlannedTurn(Gait, name="planned_turn"):
+    """Waves that turn the worm and let standing segments keep their places, (N1) to (N3).
+
+    Each wave turns it by `turn` until the `total` is reached; then it goes straight on.
+
+    Raises
+    ------
+    ValueError
+        The worm has no segment to stand on, or cannot turn so far within the reach of its segments.
+    """
+
+    amplitude: float = parameter(0.3, meaning="contraction of a standing segment", gt=0)
+    period: float = parameter(5.0, meaning="time between two waves", unit="s", gt=0)
+    turn: float = parameter(float(np.deg2rad(20.0)), meaning="turn of a wave, positive to the left", unit="rad")
+    total: float = parameter(
+        np.inf,
+        meaning="turn after which the worm goes straight on",
+        unit="rad",
+        gt=0,
+        infinite=True,
+        left_out="it turns on and on",
+    )
+    swinging: int = parameter(2, meaning="number of segments that are extended at a time", ge=1)
+    extension: float = parameter(
+        -1 / 3,
+        meaning="activation of an extended segment, -0.5 lengthens it by half the amplitude",
+        ge=-1,
+        le=0,
+        allowed="a number in [-1, 0]",
+    )
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    @property
+    def lengthens(self) -> bool:
+        """Whether the activation falls below 0 at some time."""
+        return self.extension < 0.0
+
+    def activations(self, times: FloatArray, segments: int) -> FloatArray:
+        """Return the activation of each segment at K times [s] in a straight wave, (K, segments), in [extension, 1]."""
+        extended = np.zeros((len(times), segments))
+        for wave, tau in _waves(times / self.period * segments, segments):
+            extended += _extended(np.where(wave >= 0, tau, 0.0), segments, self.swinging)
+        return 1.0 - (1.0 - self.extension) * extended
+
+    def require_body(self, segments: int) -> None:
+        """Raise ValueError unless a body of so many segments can have the gait."""
+        self._plan(self.turn, self._reach(segments, (-np.inf, np.inf)))
+
+    def commands(self, times: FloatArray, worm: Body) -> Commands:
+        """Return the commands to `worm` at K times [s]: lengths and bends as planned."""
+        n, reach = worm.segments, self._reach(worm.segments, worm.stroke)
+        lengths, bends = np.full((len(times), n), reach.contracted), np.zeros((len(times), n - 1))
+        for wave, tau in _waves(times / self.period * n, n):
+            turns = self._turn_of(wave)
+            for turn in np.unique(turns[wave >= 0]):
+                rows = (wave >= 0) & (turns == turn)
+                longer, bent = self._plan(float(turn), reach).at(tau[rows])
+                lengths[rows] += longer
+                bends[rows] += bent
+        given = self.applied((1.0 - n * lengths) / self.amplitude, worm)
+        return given._replace(hinge=given.hinge + bends)
+
+    def _turn_of(self, waves: FloatArray) -> FloatArray:
+        """Return by how much waves turn, counted from 0, shape (K,) [rad]."""
+        size = abs(self.turn)
+        return np.copysign(np.clip(self.total - size * waves, 0.0, size), self.turn)
+
+    def _reach(self, segments: int, stroke: tuple[float, float]) -> Reach:
+        if segments < self.swinging + 2:
+            raise ValueError(
+                f"swinging: got {self.swinging}, must be at most {segments - 2} in a worm of {segments} segments: one "
+                "more lands, and one stands"
+            )
+        least, greatest = max(self.amplitude * self.extension, stroke[0]), min(self.amplitude, stroke[1])
+        return Reach(segments, self.swinging, (1.0 - greatest) / segments, (1.0 - least) / segments)
+
+    def _plan(self, turn: float, reach: Reach) -> Plan:
+        found = plan(reach, turn)
+        if found is None:
+            raise ValueError(
+                f"turn: got {turn:.4g} rad, must be less: {reach.swinging} swinging segments of {reach.contracted:.4g} "
+                f"to {reach.extended:.4g} body lengths cannot turn the worm so far in a wave"
+            )
+        return found
+
+
+def _waves(tau: FloatArray, segments: int) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the latest wave and the one before at K instants [steps]: its number from 0 on, and the time since."""
+    number = np.floor(tau / segments)
+    return [(number - back, tau - (number - back) * segments) for back in (0, 1)]
+
+
+def _extended(tau: FloatArray, segments: int, swinging: int) -> FloatArray:
+    """Return the share of extension of each segment at K instants of a wave, (N2), shape (K, N)."""
+    since = tau[:, None] - np.arange(segments)[::-1]
+    extended: FloatArray = half_cosine(since) - half_cosine(since - swinging)
+    return extended
+
+
+@lru_cache(maxsize=64)
+def plan(reach: Reach, turn: float) -> Plan | None:
+    """Return the wave that turns a worm by an angle [rad] and steps as far as it can; None if it cannot turn so far."""
+    low, high = 0.0, reach.longest_step
+    if turn == 0.0:
+        low = high
+    for _ in range(HALVINGS if low < high else 0):
+        step = (low + high) / 2.0
+        found = _joined(reach, turn, step, COARSE)
+        longest = np.inf if found is None else found.lengthened.max() + reach.contracted
+        low, high = (step, high) if longest <= reach.extended + JOINED else (low, step)
+    return _joined(reach, turn, low, SAMPLES) if low > 0.0 else None
+
+
+def _joined(reach: Reach, turn: float, step: float, samples: int) -> Plan | None:
+    """Return the wave of a given turn and step, (N3); None if tail and head cannot be joined."""
+    n, k = reach.segments, np.arange(reach.swinging)
+    tau = np.arange(1, (n + reach.swinging) * samples) / samples  # at both ends of it all segments stand
+    free = _extended(tau, n, reach.swinging)
+    wide = np.pad(free, ((0, 0), (1, 1)))
+    give = np.hstack([free / n**2, np.maximum(wide[:, 1:], wide[:, :-1])])
+    straight = np.hstack([reach.contracted + free * (reach.extended - reach.contracted), np.zeros((len(tau), n + 1))])
+    tail, head = (
+        _end(half_cosine(tau[:, None] - begin - k).mean(axis=1), side, reach, turn, step)
+        for begin, side in ((n, -1.0), (0, 1.0))
+    )
+    shape = straight
+    for _ in range(ITERATIONS):
+        gap, slope = _gap(shape, tail, head)
+        back, weighted = straight - shape, slope * give[:, None]
+        missing = gap + np.einsum("kij,kj->ki", slope, back)
+        force = np.linalg.solve(weighted @ slope.transpose(0, 2, 1), -missing[..., None])
+        change = back + np.einsum("kij,ki->kj", weighted, force[..., 0])
+        largest = np.abs(change[:, n:]).max(axis=1, initial=LARGEST_CHANGE)
+        shape = shape + change * (LARGEST_CHANGE / largest)[:, None]
+    if np.abs(_gap(shape, tail, head)[0]).max() > JOINED:
+        return None
+    still = np.pad(shape, ((1, 1), (0, 0)), constant_values=0.0)
+    still[[0, -1], :n] = reach.contracted
+    return Plan(still[:, :n] - reach.contracted, still[:, n + 1 : -1], step)
+
+
+def _end(share: FloatArray, side: float, reach: Reach, turn: float, step: float) -> FloatArray:
+    """Return where the tail (side -1) or the head (1) is at shares p of the way, (N1): x, y, heading, shape (K, 3)."""
+    x, angle = side * reach.segments * reach.contracted / 2.0, share * turn
+    ahead, across = x * np.cos(angle), x * np.sin(angle)
+    return np.column_stack(
+        [ahead + share * step * np.cos(angle / 2.0), across + share * step * np.sin(angle / 2.0), angle]
+    )
+
+
+def _gap(shape: FloatArray, tail: FloatArray, head: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return by how much a chain from the tail misses the head, (K, 3), and its derivatives, (K, 3, 2 N + 1).
+
+    Its shape (K, 2 N + 1) are N lengths, and N + 1 bends.
+    """
+    n = shape.shape[1] // 2
+    heading = tail[:, 2:] + np.cumsum(shape[:, n:], axis=1)
+    cosine, sine = np.cos(heading[:, :n]), np.sin(heading[:, :n])
+    forward, left = shape[:, :n] * cosine, shape[:, :n] * sine
+    gap = np.column_stack([forward.sum(axis=1), left.sum(axis=1), heading[:, n]])
+    gap[:, :2] += tail[:, :2]
+    slope = np.zeros((len(shape), 3, 2 * n + 1))
+    slope[:, 0, :n], slope[:, 1, :n] = cosine, sine
+    slope[:, 0, n:-1] = -np.cumsum(left[:, ::-1], axis=1)[:, ::-1]  # a bend turns all segments ahead of it
+    slope[:, 1, n:-1] = np.cumsum(forward[:, ::-1], axis=1)[:, ::-1]
+    slope[:, 2, n:] = 1.0
+    return gap - head, slope
