@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
+from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
@@ -108,7 +108,7 @@ def _map(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> None:
     axes.scatter(x[columns], y[rows], **FAILED)
     for marked, hatch in zip(grid.marked().values(), HATCHES, strict=False):
         shown = np.ma.masked_equal(marked[np.ix_(*orders)].T.astype(float), 0.0)
-        axes.pcolor(*corners, shown, hatch=hatch, alpha=0.0)
+        axes.pcolor(*corners, shown, hatch=hatch, cmap=ListedColormap([(0.0, 0.0, 0.0, 0.0)]))
     assert isinstance(axes.figure, Figure)
     bar = axes.figure.colorbar(mesh, ax=axes, label=measure.label)
     if _spans_much(values):

@@ -50,15 +50,18 @@ def lessons(grid: Grid) -> Iterator[str]:
 
 
 def verdicts(grid: Grid) -> Iterator[str]:
-    """Yield what is best where, and what is marked or failed."""
-    for where, measure, values in views(grid):
+    """Yield what is marked or failed, and what is best where; cases that are marked are not recommended."""
+    marks = grid.marked()
+    for name, marked in marks.items():
+        yield _extent(grid, name, marked)
+    left_out = np.logical_or.reduce(list(marks.values())) if marks else np.zeros(grid.failed.shape, dtype=bool)
+    for where, measure, every in views(grid):
+        values = np.where(left_out, np.nan, every)
         if not grid.x.is_number:
             yield from _ranking(grid, measure, values, where)
         elif len(grid.curves) > 1 and measure.better and np.isfinite(values).any():
             yield (_moving if grid.other is not None and grid.other.is_number else _each)(grid, measure, values, where)
             yield _overall(grid, measure, values, where)
-    for name, marked in grid.marked().items():
-        yield _extent(grid, name, marked)
     if grid.failed.any():
         reasons = [reason for reason, lost in zip(grid.table.reasons, grid.table.failed.tolist(), strict=True) if lost]
         yield f"{len(reasons)} of {len(grid.table)} cases fail, the first because {reasons[0].rstrip('.')}."
@@ -151,7 +154,8 @@ def _extent(grid: Grid, name: str, marked: np.ndarray) -> str:
         for curve, column in zip(grid.curves, marked.T, strict=True)
         if column.any()
     ]
-    return f"In {int(marked.sum())} of {marked.size} cases, {name}: at {grid.x.words} {'; '.join(rows)}."
+    begin = f"In {int(marked.sum())} of {marked.size} cases, {name}: at {grid.x.words} {'; '.join(rows)}."
+    return f"{begin} The best is looked for among the others."
 
 
 def _places(grid: Grid, places: Sequence[int]) -> str:

@@ -90,8 +90,8 @@ def test_lessons_name_who_is_ahead_and_what_is_marked() -> None:
     told = list(
         lessons(grid(lambda n, period, body: n * (2.0 if body == "thin" else 1.0), lambda n, period, body: None))
     )
-    assert "By speed (period 2 s), 'thin' is ahead at every segments; best of all is 12 BL/s at 6 with 'thin'." in told
-    assert "In 1 of 6 cases, it tips: at segments 6 (thin)." in told
+    assert "By speed (period 2 s), 'thin' is ahead at 4 to 5; best of all is 10 BL/s at 5 with 'thin'." in told
+    assert "In 1 of 6 cases, it tips: at segments 6 (thin). The best is looked for among the others." in told
 
 
 def test_the_report_has_question_sentences_figure_and_table(tmp_path: Path) -> None:
