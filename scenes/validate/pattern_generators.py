@@ -1,0 +1,63 @@
+"""Pattern generators beside what was published of them: the larva's network, and stable heteroclinic cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from control.gaits.larva_ei.network import crawling
+from control.gaits.shc.cycle import Cycle, Walk, sojourns
+from scenes.validate.rows import Row
+
+PEHLEVAN = "Pehlevan, Paoletti, Mahadevan, eLife 5 (2016) e11031, table 1, computed anew from its equations"
+HORCHLER = "Horchler, Daltorio, Chiel, Quinn, Bioinspir. Biomim. 10 (2015) 026001; passage time of Stone and Holmes"
+CYCLES = ((3, 2.0, 1.5, 1e-8), (6, 2.0, 1.5, 1e-8), (3, 2.0, 3.0, 1e-8), (4, 1.0, 6.0, 1e-12))
+"""Nodes, alpha, nu and noise of some cycles."""
+NOISE = np.geomspace(1e-8, 1e-4, 5)
+SOJOURNS = 3000
+"""Sojourns at nodes of which the mean is taken."""
+
+
+def rows(quick: bool) -> Iterator[Row]:
+    """Run the generators; see `scenes.validate.rows.Chapter`. All are quick."""
+    yield from larva()
+    yield from cycles()
+
+
+def larva() -> Iterator[Row]:
+    """Yield the figures of the larva on its own mechanics."""
+    found = crawling(200.0)
+    note = "ten segments on their own mechanics; about 0.04 and 0.04, 30 % and 3 in the text"
+    given = {"source": PEHLEVAN, "trust": "C", "scene": "control.gaits.larva_ei.network.crawling()"}
+    yield Row("Larva's network: waves", 1.0 / found.period, 0.0378, 0.02, unit="1/tau_E", note=note, **given)
+    yield Row("Larva's network: speed", found.speed, 0.0368, 0.02, unit="L/tau_E", **given)
+    yield Row("Larva's network: largest contraction", found.peak_contraction, 0.298, 0.02, **given)
+    yield Row("Larva's network: segments that are lifted, median", found.lifted, 3.0, 0.02, **given)
+
+
+def cycles() -> Iterator[Row]:
+    """Yield the times from saddle to saddle of cycles, and how they grow with the noise."""
+    for nodes, alpha, nu, noise in CYCLES:
+        cycle = Cycle(nodes, alpha=alpha, nu=nu, noise=noise)
+        found, what = sample(cycle), f"alpha = {alpha:g}, nu = {nu:g}, noise {noise:g}, N = {nodes}"
+        yield Row(
+            f"SHC: sub-period, {what}",
+            found,
+            cycle.formula_period / nodes,
+            0.03,
+            HORCHLER,
+            "passage time and least transition time; the limit of small noise, derived here, gives "
+            f"{cycle.mean_period / nodes:.4g} s",
+            unit="s",
+            scene=f"control.gaits.shc.cycle.Cycle({nodes}, ...)",
+        )
+    times = [sample(Cycle(3, noise=each), seed) for seed, each in enumerate(NOISE)]
+    slope = float(np.polyfit(-np.log(NOISE), times, 1)[0])
+    what = "SHC: sub-period over -ln(noise), alpha = 2, nu = 1.5, noise 1e-8 to 1e-4"
+    yield Row(what, slope, 0.75, 0.02, HORCHLER, "nu/alpha", unit="s", scene="control.gaits.shc.cycle.Cycle(3, ...)")
+
+
+def sample(cycle: Cycle, seed: int = 1) -> float:
+    """Return the mean time from saddle to saddle [s]; its standard error is 0.1 to 0.2 %."""
+    return float(sojourns(Walk(cycle, seed), SOJOURNS).mean())
