@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +91,11 @@ def entries() -> dict[str, Any]:
     return {name: cfunc(SIGNATURE, function, missed=announce) for name, function in functions.items()}
 
 
+def _twice(history: FloatArray, rows: FloatArray) -> None:
+    """Write rows (R, ...) as both instants of a history (2 R, ...)."""
+    history[: len(rows)] = history[len(rows) :] = rows
+
+
 def _addresses(world: WorldKernel, made: Mapping[str, Kernel]) -> NDArray[np.int64]:
     """Return the addresses of `worm3d.solver.arrays.KERNELS`; 0 for what these actuators do without."""
     addresses = {"world": world.address, **{name: kernel.address for name, kernel in made.items()}}
@@ -104,6 +109,18 @@ def _roll_damping(worm: Worm) -> FloatArray:
     stiffness = sum(float(np.max(k, initial=0.0)) for k in (worm.k_spring * worm.l0, worm.k_torsion, worm.k_twist))
     damping: FloatArray = ROLL_DAMPING * stiffness * np.maximum(0.0, 1.0 - share)
     return damping
+
+
+class Pose(NamedTuple):
+    """What a plant is put into: the fields of a State of these names, not verified."""
+
+    joints: FloatArray
+    directors: FloatArray
+    bend: FloatArray
+    joint_velocity: FloatArray
+    roll_rate: FloatArray
+    bend_rate: FloatArray
+    contraction: FloatArray
 
 
 class Plant:
@@ -318,7 +335,7 @@ class Plant:
                 )
             view[...] = value
 
-    def set_pose(self, state: State) -> None:
+    def set_pose(self, state: State | Pose) -> None:
         """Put the worm there, moving as the state says, uncommanded and without stored friction."""
         n, x = self.n, self.arrays["x"].reshape(-1, BLOCK)
         x[:, :3], x[:n, 3], x[:n, 4] = state.joints, 0.0, state.bend
@@ -351,23 +368,23 @@ class Plant:
     def _run(self, name: str, inputs: FloatArray, outputs: FloatArray, count: int) -> None:
         evaluate(self.memory_of_core.kernels[list(arrays.KERNELS).index(name)], inputs, outputs, count)
 
-    def _begin_histories(self, state: State) -> None:
+    def _begin_histories(self, state: State | Pose) -> None:
         n, a = self.n, self.arrays
         rate = np.zeros((n + 1, BLOCK))
         rate[:, :3], rate[:n, 3], rate[:n, 4] = state.joint_velocity, state.roll_rate, state.bend_rate
         rate[a["held"].reshape(-1, BLOCK) != 0.0] = 0.0
-        a["joints"][:, : n + 1] = np.tile(state.joints.T, (2, 1))
-        a["joint_velocity"][:, : n + 1] = np.tile(rate[:, :3].T, (2, 1))
+        _twice(a["joints"][:, : n + 1], state.joints.T)
+        _twice(a["joint_velocity"][:, : n + 1], rate[:, :3].T)
         for r, row in enumerate(self._segment_row("dq")):
             row[:] = rate.ravel()[r : r + BLOCK * n : BLOCK]
         terms = len(segment.LEDGER_TERMS)
         self._run("segment_ledger", a["segment_in"], a["segment_ledger"], n)
         self._run("joint_angles", a["joint_in"], a["joint_out"][:4], n - 1)
-        a["points"][:] = np.tile(a["point_in"][:3], (2, 1))
-        a["point_velocity"][:] = np.tile(self._point_row("first").reshape(3, -1), (2, 1))
-        a["lengths"][:] = np.tile(a["rest"][:2], (2, 1))
-        a["hinges"][:] = np.tile(a["segment_ledger"][terms : terms + 2], (2, 1))
-        a["joint_angles"][:] = np.tile(a["joint_out"][:4], (2, 1))
+        _twice(a["points"], a["point_in"][:3])
+        _twice(a["point_velocity"], self._point_row("first").reshape(3, -1))
+        _twice(a["lengths"], a["rest"][:2])
+        _twice(a["hinges"], a["segment_ledger"][terms : terms + 2])
+        _twice(a["joint_angles"], a["joint_out"][:4])
         a["asked"][:] = 0.0
         a["asked"][0, : 2 * n] = state.contraction.ravel()
         a["given"][:] = a["asked"]
@@ -391,8 +408,8 @@ class Plant:
 
     def reset_at_pose(self) -> None:
         """Set the present pose anew, at rest: anchors move to the points, histories begin anew, loads are kept."""
-        load = self.loads().copy()
-        self.set_pose(self.state(0.0).with_changes(joint_velocity=0.0))
+        load, pose = self.loads().copy(), self.pose()
+        self.set_pose(pose._replace(joint_velocity=np.zeros_like(pose.joints)))
         self.loads()[:] = load
 
     def set_loads(self, load: FloatArray) -> None:
@@ -413,20 +430,23 @@ class Plant:
         """Return the normal load of each contact point at the end of the last step, not a copy, shape (8, N) [N]."""
         return self._point_row("load_n")[0, :, : self.n]
 
-    def state(self, time: float, dt: float = np.inf, **more: FloatArray) -> State:
-        """Return the state, with memory and `more` in it; `dt` is the last step's, for the rates of roll and bend."""
-        n, rates = self.n, self.arrays["last"].reshape(-1, BLOCK)[: self.n] / dt
-        return State(
-            joints=self.arrays["joints"][:3, : n + 1].T,
-            directors=self._segment_row("d_ref").T,
-            bend=self.arrays["x"].reshape(-1, BLOCK)[:n, 4],
-            joint_velocity=self.arrays["joint_velocity"][:3, : n + 1].T,
+    def pose(self, dt: float = np.inf) -> Pose:
+        """Return pose and velocities, copies; `dt` is the last step's, for the rates of roll and bend."""
+        n, a = self.n, self.arrays
+        rates = a["last"].reshape(-1, BLOCK)[:n] / dt
+        return Pose(
+            joints=a["joints"][:3, : n + 1].T.copy(),
+            directors=self._segment_row("d_ref").T.copy(),
+            bend=a["x"].reshape(-1, BLOCK)[:n, 4].copy(),
+            joint_velocity=a["joint_velocity"][:3, : n + 1].T.copy(),
             roll_rate=rates[:, 3],
             bend_rate=rates[:, 4],
-            contraction=np.minimum(self.arrays["given"][0, : 2 * n].reshape(n, 2), GREATEST_CONTRACTION),
-            time=time,
-            memory=self.memory() | more,
+            contraction=np.minimum(a["given"][0, : 2 * n].reshape(n, 2), GREATEST_CONTRACTION),
         )
+
+    def state(self, time: float, dt: float = np.inf, **more: FloatArray) -> State:
+        """Return the state, with memory and `more` in it; `dt` as of `pose`."""
+        return State(**self.pose(dt)._asdict(), time=time, memory=self.memory() | more)
 
     def gap(self) -> float:
         """Return the least distance of a contact point that may touch from the world, infinite without any [m]."""

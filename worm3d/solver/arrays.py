@@ -11,6 +11,7 @@ past.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, Literal, NamedTuple
 
 import casadi as ca
@@ -26,7 +27,7 @@ from worm3d.physics.hysteresis import Hysteresis, chamber_states
 from worm3d.physics.kernels import COMMANDS, actuator, joint, medium, node, point, regime, segment
 from worm3d.physics.kernels.layout import Layout
 from worm3d.physics.media import Medium
-from worm3d.solver.block import Block, Memory
+from worm3d.solver.block import Block, Memory, Plan
 from worm3d.values.arrays import FloatArray
 
 POINTS = segment.POINTS
@@ -140,28 +141,34 @@ class Sizes(NamedTuple):
 
     def of(self, name: str) -> int:
         """Return one of these sizes, or one that follows from them."""
-        size = BLOCK * (self.n + 1)
-        parts = self.chamber, self.hysteresis
-        chamber, hinge = 2 * actuator.SIDES * len(chamber_states(*parts)), 2 * len(self.hinge.states)
-        derived = {
-            "chamber_rows": actuator.chambers(*parts).rows,
-            "hinge_rows": actuator.hinges(self.hinge).rows,
-            "medium_rows": medium.layout(self.medium).rows,
-            "chamber_past": chamber,  # states at t_n and t_{n-1}
-            "hinge_past": hinge,
-            "chamber_states": chamber // 2,
-            "chamber_out": actuator.LEDGER_ROWS + actuator.SIDES + chamber // 2,
-            "hinge_out": actuator.HINGE_ROWS + hinge // 2,
-            "coordinates": size,  # with two unused ones of the last block
-            "band_rows": size + B,
-            "commands": 5 * self.n,
-            "joints": self.n + 1,
-            "vectors": self.lanes // vectors.WIDTH,
-            "points": POINTS * self.lanes,
-            "mass_points": max(POINTS * self.lanes, self.node_lanes),
-            "moved": BLOCK * (self.lanes + 1) + vectors.WIDTH,
-        }
+        derived = _derived(self)
         return derived[name] if name in derived else int(getattr(self, name))
+
+
+@cache
+def _derived(sizes: Sizes) -> dict[str, int]:
+    """Return the sizes that follow from others, by name."""
+    size = BLOCK * (sizes.n + 1)
+    parts = sizes.chamber, sizes.hysteresis
+    chamber, hinge = 2 * actuator.SIDES * len(chamber_states(*parts)), 2 * len(sizes.hinge.states)
+    return {
+        "chamber_rows": actuator.chambers(*parts).rows,
+        "hinge_rows": actuator.hinges(sizes.hinge).rows,
+        "medium_rows": medium.layout(sizes.medium).rows,
+        "chamber_past": chamber,  # states at t_n and t_{n-1}
+        "hinge_past": hinge,
+        "chamber_states": chamber // 2,
+        "chamber_out": actuator.LEDGER_ROWS + actuator.SIDES + chamber // 2,
+        "hinge_out": actuator.HINGE_ROWS + hinge // 2,
+        "coordinates": size,  # with two unused ones of the last block
+        "band_rows": size + B,
+        "commands": 5 * sizes.n,
+        "joints": sizes.n + 1,
+        "vectors": sizes.lanes // vectors.WIDTH,
+        "points": POINTS * sizes.lanes,
+        "mass_points": max(POINTS * sizes.lanes, sizes.node_lanes),
+        "moved": BLOCK * (sizes.lanes + 1) + vectors.WIDTH,
+    }
 
 
 Extent = int | str | Layout
@@ -338,6 +345,17 @@ class Core(NamedTuple):
     handle: int
 
 
+@cache
+def plan(sizes: Sizes) -> Plan:
+    """Return where the arrays of cores of these sizes stand."""
+    inside = {}
+    for name, row in ARRAYS.items():
+        if row.inside is not None:
+            host = ARRAYS[row.inside[0]]
+            inside[name] = row.inside[0], host.first(row.inside[1]) * host.shape(sizes)[1]
+    return Plan.of(list(ARRAYS), [row.shape(sizes) for row in ARRAYS.values()], inside)
+
+
 class CoreMemory:
     """Owner of a core with arrays of zeros.
 
@@ -350,12 +368,7 @@ class CoreMemory:
 
     def __init__(self, sizes: Sizes, kernels: NDArray[np.int64]) -> None:
         self._sizes = sizes
-        inside = {}
-        for name, row in ARRAYS.items():
-            if row.inside is not None:
-                host = ARRAYS[row.inside[0]]
-                inside[name] = row.inside[0], host.first(row.inside[1]) * host.shape(sizes)[1]
-        self._memory = Memory(list(ARRAYS), [row.shape(sizes) for row in ARRAYS.values()], inside=inside)
+        self._memory = Memory(plan(sizes))
         block, self.counters, self.kernels = self._memory.block, np.zeros(COUNTERS, dtype=np.int64), kernels
         at = (*block, kernels.ctypes.data, self.counters.ctypes.data)
         self._handle = np.array([sizes.n, *at], dtype=np.int64)

@@ -32,29 +32,33 @@ class Block(NamedTuple):
     """Address of (begin, rows, columns) of each array."""
 
 
-class Memory:
-    """A block of arrays of zeros, each on a cache line.
+class Plan(NamedTuple):
+    """Where arrays stand in a block, each on a cache line."""
 
-    Parameters
-    ----------
-    names : sequence of str
-    shapes : sequence of tuple of int
-        Rows and columns of each array.
-    inside : mapping of str to (str, int), optional
-        Arrays that share memory: the array before them in which they begin, and how many numbers behind its beginning.
-    cleared : bool
-        False leaves in them what the memory holds: all of it is to be written before it is read.
-    """
+    names: tuple[str, ...]
+    table: NDArray[np.int64]
+    """Begin, rows and columns of each array, shape (A, 3)."""
+    size: int
+    """Doubles of the block."""
 
-    def __init__(
-        self,
+    @classmethod
+    def of(
+        cls,
         names: Sequence[str],
         shapes: Sequence[tuple[int, int]],
-        *,
         inside: Mapping[str, tuple[str, int]] = MappingProxyType({}),
-        cleared: bool = True,
-    ) -> None:
-        self._names = tuple(names)
+    ) -> Plan:
+        """Return the plan of arrays.
+
+        Parameters
+        ----------
+        names : sequence of str
+        shapes : sequence of tuple of int
+            Rows and columns of each array.
+        inside : mapping of str to (str, int), optional
+            Arrays that share memory: the array before them in which they begin, and how many numbers behind its
+            beginning.
+        """
         places: dict[str, tuple[str, int]] = {}  # array with memory of its own, and the offset in it
         room = dict.fromkeys((name for name in names if name not in inside), 0)
         for name, (rows, columns) in zip(names, shapes, strict=True):
@@ -66,10 +70,18 @@ class Memory:
         for name in room:
             begins[name], size = size, size + -(-room[name] // LINE) * LINE
         starts = [begins[places[name][0]] + places[name][1] for name in names]
-        self.table = np.array([(start, *shape) for start, shape in zip(starts, shapes, strict=True)], dtype=np.int64)
-        raw = np.zeros(size + LINE) if cleared else np.empty(size + LINE)
+        table = np.array([(start, *shape) for start, shape in zip(starts, shapes, strict=True)], dtype=np.int64)
+        return cls(tuple(names), table, size)
+
+
+class Memory:
+    """A block of arrays of zeros, or with `cleared` False of what the memory holds: to be written before it is read."""
+
+    def __init__(self, plan: Plan, *, cleared: bool = True) -> None:
+        self._names, self.table = plan.names, plan.table
+        raw = np.zeros(plan.size + LINE) if cleared else np.empty(plan.size + LINE)
         first = -raw.ctypes.data % (8 * LINE) // 8
-        self._numbers = raw[first : first + size]
+        self._numbers = raw[first : first + plan.size]
 
     @property
     def block(self) -> Block:

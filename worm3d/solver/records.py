@@ -22,7 +22,7 @@ from worm3d.machine.vectors import doubles_at
 from worm3d.series import Entries, Points, Recorded, Rows, Series, series_of, states_of
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import POINTS, Core, CoreMemory
-from worm3d.solver.block import Block, Memory, address, fill, integers, matrix, vector
+from worm3d.solver.block import Block, Memory, Plan, address, fill, integers, matrix, vector
 from worm3d.solver.entry import kernel
 from worm3d.values.arrays import FloatArray
 
@@ -71,7 +71,7 @@ class Records:
         pieces["energy"] = [_Piece("terms", 0, (len(TERMS), 1, 1), (1, 0, 0))]
         sizes = [(sum(map(len, pieces.values())), ENTRY), (1, MOMENTUM_SIZE)]
         sizes += [(rows, prod(shape)) for shape in self._shapes.values()]
-        self._memory = Memory(("plan", "momenta", *self._shapes), sizes, cleared=False)
+        self._memory = Memory(Plan.of(("plan", "momenta", *self._shapes), sizes), cleared=False)
         self.block, own = self._memory.block, self._memory.arrays()
         own["plan"].view(np.int64)[:] = [
             [

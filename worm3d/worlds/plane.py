@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -12,6 +12,7 @@ import numpy as np
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.read_only import read_only
 from worm3d.worlds.base import World
 from worm3d.worlds.kernels import Formula, WorldKernel
 
@@ -70,13 +71,14 @@ class Plane(World):
         arguments.number("heading", self.heading, "rad")
         object.__setattr__(self, "patches", patches_of(self.patches))
 
-    @property
+    @cached_property
     def axes(self) -> FloatArray:
         """Rows: steepest ascent, to the left of it, and outward normal, shape (3, 3)."""
         up, turn = (np.array([np.cos(a), np.sin(a)]) for a in (self.slope, self.heading))
         ascent = np.array([up[0] * turn[0], up[0] * turn[1], up[1]])
         left = np.array([-turn[1], turn[0], 0.0])
-        return np.array([ascent, left, np.cross(ascent, left)])
+        axes: FloatArray = read_only(np.array([ascent, left, np.cross(ascent, left)]))
+        return axes
 
     @property
     def uneven(self) -> bool:
