@@ -174,6 +174,18 @@ def test_effort(still: Result) -> None:
     assert_allclose(run.summary()["effort"], 0.1 / run.worm.stroke[1], rtol=1e-9)
 
 
+def test_energy_drawn_from_a_source() -> None:
+    """What pneumatic chambers draw went into the worm, or is kept or lost in them; plain ones have no source."""
+    gait = TravellingWave(period=PERIOD, amplitude=0.3)
+    run = simulate(Worm(actuator=worm3d.Pneumatic()), Plane(), Friction(0.1, 0.6, 0.6), gait, duration=3.0, dt=DT)
+    summary, weight = run.summary(), run.worm.mass * 9.81
+    assert_allclose(summary["work_input_J"], sum(run.energy.uses.values()), rtol=1e-9)
+    assert_allclose(summary["cost_of_transport_input"] * weight * summary["distance_m"], summary["work_input_J"])
+    plain = simulate(Worm(), Plane(), actuation=gait, duration=1.0, dt=DT)
+    assert plain.summary()["work_input_J"] is None
+    assert "no source of energy" in plain.reasons()["cost_of_transport_input"]
+
+
 def test_left_and_right_are_mirror_images() -> None:
     left, right = (
         simulate(Worm(), Plane(), actuation=TravellingWave(period=PERIOD, hinge=hinge), duration=2.0, dt=DT).summary()

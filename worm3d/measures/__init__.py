@@ -16,6 +16,9 @@ from worm3d.measures import general as general
 from worm3d.measures import gait as gait
 
 # isort: split
+from worm3d.measures import actuation as actuation
+
+# isort: split
 from worm3d.measures import contact as contact
 
 # isort: split

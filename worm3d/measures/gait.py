@@ -1,4 +1,4 @@
-"""Measures of a gait, over the last whole periods of a run (`worm3d.measures.waves`): stride, turn, drift, effort.
+"""Measures of a gait, over the last whole periods of a run (`worm3d.measures.waves`): stride, turn and drift.
 
 With the displacement d_k of the centre of mass in period k, along the ground, the mean heading e_k there (unit vectors
 in the tangent plane; n_k to the left of it), the turn phi_k, body length L and period T:
@@ -78,15 +78,3 @@ def way_made(result: Result, waves: Waves) -> float:
     if made <= NO_WAY * result.worm.length * waves.count:
         raise NoValueError(f"the worm made no way in its last waves ({made:.4g} m)")
     return made
-
-
-@measure("effort", "rms of the contraction that chambers give, as a fraction of their stroke")
-def _effort(result: Result) -> float:
-    """Root mean square of c + f/(k/2), over the greatest stroke; an extra force f counts as contraction."""
-    waves, worm = result.waves, result.worm
-    rows = slice(waves.first + 1, None)
-    stiffness = np.asarray(worm.k_spring, dtype=float)[:, None] / 2.0
-    given = result.contraction[rows] + result.force[rows] / stiffness
-    if worm.stroke[1] <= 0.0:
-        raise NoValueError("the chambers have no stroke")
-    return float(np.sqrt(waves.mean((given**2).mean(axis=(1, 2))))) / worm.stroke[1]

@@ -73,6 +73,8 @@ class Actuator(Part, registry=ACTUATORS):
     known: ClassVar[tuple[str, ...]] = KNOWN
     drives_hinges: ClassVar[bool] = True
     """Whether it may drive a hinge: it has neither potential nor energy, and needs no length."""
+    has_source: ClassVar[bool] = False
+    """Whether its `Response.work` is the energy that it draws from a source: then its springs' rest lengths stay."""
 
     @classmethod
     def compiled(cls) -> type[Actuator]:

@@ -61,6 +61,7 @@ class Pneumatic(Actuator, name="pneumatic"):
 
     states: ClassVar[Mapping[str, str]] = {"pressure": "Pa", "air": "kg"}
     drives_hinges: ClassVar[bool] = False
+    has_source: ClassVar[bool] = True
 
     width: Numbers = parameter(0.04, meaning="width w of the air in a chamber", unit="m", gt=0, each="segment")
     dead_volume: Numbers = parameter(

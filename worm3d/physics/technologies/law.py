@@ -82,6 +82,7 @@ class Technology(Actuator):
 
     states: ClassVar[Mapping[str, str]] = {"asked": "1", "drive": "1", "active": "1", "warmth": "K", "pull": "N"}
     drives_hinges: ClassVar[bool] = False
+    has_source: ClassVar[bool] = True
 
     strain: float = parameter(0.2, meaning="free strain of the active material", gt=0)
     stress: float = parameter(1e5, meaning="blocking stress on its cross-section", unit="Pa", gt=0)

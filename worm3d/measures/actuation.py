@@ -1,0 +1,39 @@
+"""Measures of what actuators do and draw."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from worm3d.measures.general import carried
+from worm3d.measures.table import NoValueError, measure
+
+if TYPE_CHECKING:
+    from worm3d.result import Result
+
+
+@measure("effort", "rms of the contraction that chambers give, as a fraction of their stroke")
+def _effort(result: Result) -> float:
+    """Root mean square of c + f/(k/2), over the greatest stroke; an extra force f counts as contraction."""
+    waves, worm = result.waves, result.worm
+    rows = slice(waves.first + 1, None)
+    stiffness = np.asarray(worm.k_spring, dtype=float)[:, None] / 2.0
+    given = result.contraction[rows] + result.force[rows] / stiffness
+    stroke = max(abs(end) for end in worm.stroke)
+    if stroke == 0.0:
+        raise NoValueError("the chambers have no stroke")
+    return float(np.sqrt(waves.mean((given**2).mean(axis=(1, 2))))) / stroke
+
+
+@measure("work_input_J", "energy that the actuators drew from their sources")
+def _input(result: Result) -> float:
+    actuator = result.worm.actuator
+    if not actuator.has_source:
+        raise NoValueError(f"the actuator {actuator.name!r} has no source of energy: its work is all that is known")
+    return float(result.energy.work_contract.sum())
+
+
+@measure("cost_of_transport_input", "energy that the actuators drew, over weight and distance")
+def _cost_of_input(result: Result) -> float:
+    return _input(result) / carried(result)
