@@ -14,11 +14,18 @@ descriptions of the paper were read; this is our reading of them:
   3 sidewinding (n2 = n3 > 0), 18 circular (n2 != n3), as the paper counts them.                                  (DG1)
 * The pattern reads, from tail to head, n2 times 2, n3 times 3, n0 + nP times 0, n1 times 1: {1, 0, 1 / 1} begins as
   20001 in five segments, {0, 0, 2 / 1} as 00011. It moves towards the tail (retrograde), so that a segment contracts
-  on both sides, then lets the one go, then the other.                                                            (DG2)
+  on both sides, then lets the one go, then the other. With `first` the bends to the right come first, which gives
+  every gait its mirror image.                                                                                    (DG2)
 * The pattern returns after N/gcd(N, nP) steps, a period.                                                         (DG3)
 
+The families are named by the kinematics of anchors that never slip. On the default worm (amplitude 0.3, hinge 0.1 rad,
+N = 6, nP = 1) rectilinear gaits crawl straight. Circular ones turn it by 35 to 125 degrees a period to the side to
+which two or more segments bend; with a single bent segment by 17 at most, and {1, 0, 0 / 1} hardly at all. Sidewinding
+ones still turn it by up to 9 degrees a period, since its feet slip; {2, 2, 0 / 1} with `bend` 0.3 goes aside by 30
+degrees and turns by less than 1 degree a period, for hinges from 0 to 0.15 rad.
+
 Each step changes the activation of the sides along half a cosine, from the sides' activations in one state to those
-in the next: `extension` long, 1 short, `bend` the short side of a bent segment. A bent segment also turns the joint
+in the next: `relaxed` long, 1 short, `bend` the short side of a bent segment. A bent segment also turns the joint
 behind it, by `hinge` to its side, so that a worm can bend by unequal sides, by hinges, or by both.
 """
 
@@ -26,6 +33,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import gcd
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,9 +60,10 @@ class Discrete(Gait, name="discrete"):
     right_bends: int = parameter(0, meaning="number of segments bent to the right", ge=0, aka=("n3",))
     contracted: int = parameter(2, meaning="number of contracted segments", ge=0, aka=("n1",))
     shift: int = parameter(1, meaning="segments by which a step moves the pattern", ge=1, aka=("nP", "step"))
+    first: Literal["left", "right"] = parameter("left", meaning="bends that come first, from the tail, in the pattern")
     moving: float = parameter(1.0, meaning="share of a step for which segments change their state", gt=0, le=1)
     bend: float = parameter(1.0, meaning="activation of the shorter side of a bent segment", ge=0, le=1)
-    extension: float = parameter(
+    relaxed: float = parameter(
         0.0,
         meaning="activation of a relaxed side, -0.5 lengthens it by half the amplitude",
         ge=-1,
@@ -68,7 +77,7 @@ class Discrete(Gait, name="discrete"):
     @property
     def lengthens(self) -> bool:
         """Whether the activation falls below 0 at some time."""
-        return self.extension < 0.0
+        return self.relaxed < 0.0
 
     @property
     def family(self) -> str:
@@ -92,8 +101,9 @@ class Discrete(Gait, name="discrete"):
                 f"below that of relaxed ones ({max(0, segments - short)} of the worm's {segments}); these are set by "
                 "left_bends, right_bends and contracted"
             )
-        counts = self.left_bends, self.right_bends, segments - short, self.contracted
-        return np.repeat([LEFT, RIGHT, RELAXED, CONTRACTED], counts)
+        bends = [LEFT] * self.left_bends, [RIGHT] * self.right_bends
+        leading = bends if self.first == "left" else bends[::-1]
+        return np.array([*leading[0], *leading[1], *[RELAXED] * (segments - short), *[CONTRACTED] * self.contracted])
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of the sides of each segment at K times [s], shape (K, segments, 2).
@@ -103,7 +113,7 @@ class Discrete(Gait, name="discrete"):
         ValueError
             See `pattern`.
         """
-        low, short, bent = self.extension, 1.0, self.bend
+        low, short, bent = self.relaxed, 1.0, self.bend
         sides = np.array([[low, low], [short, short], [bent, low], [low, bent]])
         return self._blended(sides, times, segments)
 

@@ -44,7 +44,7 @@ def gait_keys(*without: str, **defaults: Any) -> Keys:
         title=f"pattern of contraction; {meanings(GAITS)}",
         without=("impulse", *without),
         defaults=defaults,
-        bounds={"amplitude": {"ge": 0, "lt": 1}, "hinge": {"gt": -180, "lt": 180}},
+        bounds={"amplitude": {"ge": 0, "lt": 1}, "hinge": {"gt": -180, "lt": 180}, "waves": {"ge": 0}},
     )
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from control.gaits import GAITS
 from scenes.language.errors import SceneError
 from scenes.language.loader import SHIPPED, shipped_scenes
 from scenes.models.loading import load_scene, parse_scene
@@ -31,6 +32,10 @@ forward = 0.03
 """
 
 
+*MOST, LAST = map(repr, ("travelling_wave", *(kind for kind in GAITS if kind != "travelling_wave")))
+GAIT_KINDS = f"{', '.join(MOST)} or {LAST}"
+
+
 def lines_about(text: str, *overrides: str) -> tuple[str, ...]:
     with pytest.raises(SceneError) as caught:
         parse_scene(text, "test", overrides)
@@ -47,8 +52,8 @@ def test_eight_mistakes_give_eight_lines() -> None:
         "line 10: worm.segments: got 6.5: input should be a valid integer, 1 <= … <= 200 (default 6)",
         "line 11: worm.connector_mass_kg: got 1.0 kg: must be below worm.mass_kg (1e-08 kg), of which it is a part",
         "line 14: gait.lamda_m: unknown key; did you mean 'wavelength_m'?",
-        "line 15: gait.kind: got 'traveling_wave': input should be 'travelling_wave', 'segment_driven', "
-        "'two_anchor', 'breathing' or 'extension_wave'; did you mean 'travelling_wave'? (default 'travelling_wave')",
+        f"line 15: gait.kind: got 'traveling_wave': input should be {GAIT_KINDS}; did you mean 'travelling_wave'? "
+        "(default 'travelling_wave')",
         "line 17: frictoin: unknown section; did you mean 'friction'?",
     )
 

@@ -129,7 +129,7 @@ MISTAKES = [
     ("[start]\nposition_m = [0.0, 0.1]", "line 5: start.position_m: got [0.0, 0.1]: in a pipe it is"),
     ("[start]\nazimuth_deg = 30.0", "line 5: start.azimuth_deg: got 30.0: in a pipe it is 0"),
     ("[gait]\nkind = 'two_anchor'\nanchors = 3", "line 6: gait.anchors: got 3, must leave a segment of the worm's 6"),
-    ("[gait]\nanchors = 2", "line 5: gait.anchors: only for gait.kind = 'two_anchor', which this scene is not"),
+    ("[gait]\nanchors = 2", "line 5: gait.anchors: only for gait.kind = 'two_anchor' or 'inchworm', which"),
     ("tilt_deg = 100.0", "line 4: world.tilt_deg: got 100.0: input should be less than or equal to 90"),
     ("pieces = [{ bend_deg = 90.0, bend_radius_m = 0.1 }]", "line 2: world: radius: got 0.12 m in a bend of 0.1 m at"),
 ]  # fmt: skip
