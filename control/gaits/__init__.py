@@ -15,14 +15,15 @@ from control.gaits.patterns import (
 )
 from control.gaits.periodic import Periodic, Spline
 from control.gaits.planned_turn import PlannedTurn
+from control.gaits.reflexes import REFLEXES, Reach, Reflex, Wait, WallLoad
+from control.gaits.reflexive import Reflexive
 from control.gaits.shc.gait import SHC
 from control.gaits.steered import Steered
 
 __all__ = [
-    "GAITS",
+    "Body",
     "BoundGait",
     "Breathing",
-    "Body",
     "ContractionEngine_segmentdriven",
     "Direction",
     "Discrete",
@@ -30,6 +31,7 @@ __all__ = [
     "Feedback",
     "FeedbackGait",
     "Felt",
+    "GAITS",
     "Gait",
     "Inchworm",
     "LarvaEI",
@@ -37,10 +39,16 @@ __all__ = [
     "Periodic",
     "PlannedTurn",
     "Pulse",
+    "REFLEXES",
+    "Reach",
+    "Reflex",
+    "Reflexive",
+    "SHC",
     "Spline",
     "Steered",
-    "SHC",
     "TravellingWave",
     "TwoAnchor",
+    "Wait",
+    "WallLoad",
     "WaveDirection",
 ]

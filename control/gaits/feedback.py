@@ -205,6 +205,14 @@ class _Activating:
         return Command(*(each[0] for each in given))
 
 
+def commanding(gait: Gait, worm: Any) -> Callable[[float, Felt], Command]:
+    """Return a gait for one run of a worm, whether it senses or not: time [s] and what is felt -> command."""
+    if isinstance(gait, FeedbackGait):
+        return _Activating(gait, worm).command
+    bound = gait.bind(worm)
+    return lambda t, felt: bound(t)
+
+
 class _Segments(NamedTuple):
     """Body of which no more than the number of its segments is known."""
 

@@ -13,13 +13,13 @@ from control.controllers import controller
 from control.identification import identified as kept
 from control.identification.identified import Identified
 from control.loop import WaveController
-from control.sensing.sensors import QUANTITIES, Channel, Sensors
+from control.sensing.sensors import QUANTITIES, Sensors
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Profile, Reference, Sine, Steps
 from scenes.language.errors import SceneError
-from scenes.language.parts import part_of
-from scenes.models.control.schema import ControlScene, units_of
+from scenes.models.control.schema import ControlScene
 from scenes.models.control.schema import Reference as Asked
+from scenes.models.sensors import channels_of
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import friction_of, start_of, worm_of
 from worm3d.values.arrays import FloatArray
@@ -148,8 +148,6 @@ def _farthest(scene: ControlScene) -> float:
 
 def sensors_of(scene: ControlScene) -> Sensors:
     """Return the sensors; their errors follow from the scene's seed."""
-    asked = (name for name in QUANTITIES if getattr(scene.sensor, name, True))
-    channels: dict[str, Any] = {
-        name: part_of(Channel, scene.sensor, prefix=f"{name}_", units=units_of(name)) for name in asked
-    }
+    asked = [name for name in QUANTITIES if getattr(scene.sensor, name, True)]
+    channels: dict[str, Any] = dict(channels_of(scene.sensor, asked))
     return Sensors(seed=scene.seed, **channels)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Literal
 
 from control.controllers import CONTROLLERS
-from control.sensing.sensors import QUANTITIES, Channel
-from scenes.language.parts import Keys, PartSection, keys_of
+from scenes.language.parts import Keys, PartSection
 from scenes.language.schema import Pair, Section, Tables, quantity, setting, tables
+from scenes.models.sensors import channel_keys
 from scenes.models.worm.schema import SpatialScene
 
 HEADING, LINE, CIRCLE, S_CURVE, SPLINE, WAY_POINTS = "heading", "line", "circle", "s_curve", "spline", "way_points"
@@ -34,23 +33,7 @@ class Controller(PartSection, keys=_which_controller()):
     )
 
 
-def units_of(name: str) -> dict[str, str]:
-    """Return the units of the parameters of a channel that have that of its quantity."""
-    return dict.fromkeys(("noise", "bias"), QUANTITIES[name].unit)
-
-
-def _channel_keys() -> Keys:
-    """Return the keys of all channels; a sensor that a robot need not have is asked for by its name."""
-    keys: Keys = {}
-    for name, what in QUANTITIES.items():
-        if not what.standard:
-            keys[name] = bool, setting(False, title=f"{what.meaning}: whether there is a sensor")
-        usual, about = asdict(what.default), f"{what.meaning}: "
-        keys |= keys_of(Channel, prefix=f"{name}_", defaults=usual, units=units_of(name), about=about)
-    return keys
-
-
-class Sensor(PartSection, keys=_channel_keys()):
+class Sensor(PartSection, keys=channel_keys()):
     """Quality of the sensors, channel by channel."""
 
 

@@ -12,10 +12,14 @@ from numpy.typing import NDArray
 
 import worm3d
 from control.gaits import Gait
+from control.gaits.reflexes import REFLEXES
+from control.gaits.reflexive import Reflexive
+from control.sensing.sensors import Channel, Sensors
 from planar.linkage import Linkage
 from scenes.language.parts import keys_by_parameter, part_of
 from scenes.models.base import Observer
 from scenes.models.sections import gait_from
+from scenes.models.sensors import channels_of
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.schema import (
     AimedStart,
@@ -86,7 +90,7 @@ def problem_of(
 ) -> Problem:
     """Return what a scene simulates; parameters as of `simulate`."""
     worm, world, run = worm_of(scene), world_of(scene.world), scene.run
-    actuation, sensor = (gait_of(scene), None) if drive is None else drive
+    actuation, sensor = (gait_of(scene), sensor_of(scene)) if drive is None else drive
     return Problem(
         worm=worm,
         world=world,
@@ -119,10 +123,21 @@ def friction_of(scene: AnyWormScene) -> worm3d.Friction:
     return part_of(worm3d.Friction, scene.friction, law=part_of(LAWS[scene.friction.law], scene.friction))
 
 
-def gait_of(scene: AnyWormScene) -> Gait:
-    """Return the gait of a scene that has one."""
+def gait_of(scene: AnyWormScene) -> Gait | Reflexive:
+    """Return the gait of a scene that has one, with the reflexes that it asks for."""
     assert isinstance(scene, GaitScene)
-    return gait_from(scene.gait, scene.run.dt_s)
+    gait, asked = gait_from(scene.gait, scene.run.dt_s), scene.reflexes
+    reflexes = [part_of(part, asked, prefix=f"{name}_") for name, part in REFLEXES.items() if getattr(asked, name)]
+    return Reflexive(gait, tuple(reflexes)) if reflexes else gait
+
+
+def sensor_of(scene: AnyWormScene) -> Sensor | None:
+    """Return what makes the measurements that a gait with senses gets; None where it feels exactly, or nothing."""
+    assert isinstance(scene, GaitScene)
+    channels: dict[str, Any] = dict(channels_of(scene.sensor, getattr(gait_of(scene), "senses", ())))
+    if all(each == Channel(noise=0.0) for each in channels.values()):
+        return None
+    return Sensors(seed=scene.seed, **{"strain": None, "com": None, **channels})
 
 
 def gravity_of(scene: AnyWormScene) -> NDArray[np.float64]:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from control.gaits import GAITS, FeedbackGait
+from control.gaits.reflexes import REFLEXES
 from scenes.language.checks import Check, Found, kind_checks
 from scenes.language.toml import shown
 from scenes.models.checks import RUN_CHECKS, gait_checks, in_keys, list_checks, too_much_memory
@@ -24,6 +27,8 @@ from scenes.models.worm.schema import (
     PlanarGait,
     PlanarWorm,
     PlanarWormScene,
+    Reflexes,
+    Senses,
     Surroundings,
     Worm,
     WormGait,
@@ -98,6 +103,32 @@ def _fits_into_memory(dt_s: float, duration_s: float, segments: int, record_ever
     return too_much_memory(needed, steps, segments, remedy)
 
 
+def _reflex_is_asked_for(value: Any, asked: bool, *, name: str, default: Any) -> Found:
+    """Tell of a parameter of a reflex that is not asked for; at its default it says nothing, as in resolved scenes."""
+    return (
+        None if asked or value == default else f"there is no such reflex: set reflexes.{name} = true, or leave it out"
+    )
+
+
+def _errors_are_felt(sensor: Mapping[str, Any], reflexes: Mapping[str, Any], kind: str) -> Found:
+    """Tell of errors of sensors where nothing senses."""
+    wrong = [key for key, value in sensor.items() if value != Senses.model_fields[key].default]
+    if not wrong or any(reflexes.get(name) for name in REFLEXES) or issubclass(GAITS[kind], FeedbackGait):
+        return None
+    return f"got {wrong[0]}: neither the gait {kind!r} nor a reflex senses anything; leave this section out"
+
+
+REFLEX_CHECKS = (
+    *(
+        Check((f"reflexes.{key}", f"reflexes.{name}"), partial(_reflex_is_asked_for, name=name, default=field.default))
+        for name in REFLEXES
+        for key, field in Reflexes.model_fields.items()
+        if key.startswith(f"{name}_")
+    ),
+    Check(("sensor", "reflexes", "gait.kind"), _errors_are_felt),
+)
+"""Checks of what a gait and its reflexes sense."""
+
 WORLD_CHECKS = (
     *RUN_CHECKS,
     *kind_checks(World, "world"),
@@ -130,6 +161,7 @@ SPATIAL_CHECKS = (
 WORM_CHECKS = (
     *SPATIAL_CHECKS,
     *gait_checks(WormGait, Worm),
+    *REFLEX_CHECKS,
     start_check("worm", WormScene),
 )
 
@@ -139,5 +171,6 @@ PLANAR_CHECKS = (
     *list_checks(PlanarFriction, "friction"),
     *kind_checks(PlanarFriction, "friction", "law"),
     *gait_checks(PlanarGait, PlanarWorm),
+    *REFLEX_CHECKS,
     start_check("worm_planar", PlanarWormScene, STARTS_WITH),
 )

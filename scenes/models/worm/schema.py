@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Literal
 
+from control.gaits.reflexes import REFLEXES
 from planar.linkage import Linkage
-from scenes.language.parts import PartSection, keys_of
+from scenes.language.parts import Keys, PartSection, keys_of
 from scenes.language.schema import Each, Pair, Section, Triple, quantity, setting
 from scenes.models.sections import BODY_BOUNDS, Run, Settings, gait_keys
+from scenes.models.sensors import channel_keys
 from scenes.models.worlds.schema import World
 from worm3d.actuators import ACTUATORS
 from worm3d.physics.friction import Friction as PlantFriction
@@ -68,6 +70,24 @@ class WormGait(PartSection, keys=gait_keys()):
 
 class PlanarGait(PartSection, keys=gait_keys("bias", "hinge")):
     """Commands of the chambers, to shorten by amplitude x activation."""
+
+
+def _reflex_keys() -> Keys:
+    """Return the keys of all reflexes; one acts if it is asked for by its name."""
+    keys: Keys = {}
+    for name, part in REFLEXES.items():
+        what = (part.__doc__ or "").split(", (")[0]
+        keys[name] = bool, setting(False, title=f"whether {what[:1].lower()}{what[1:]}")
+        keys |= keys_of(part, prefix=f"{name}_")
+    return keys
+
+
+class Reflexes(PartSection, keys=_reflex_keys()):
+    """Reflexes, which change the gait's contractions by what is felt, in this order; any that are asked for by name."""
+
+
+class Senses(PartSection, keys=channel_keys(exact=True)):
+    """Errors of what the gait and its reflexes feel; without any they feel exactly."""
 
 
 class PlanarStart(Section):
@@ -148,6 +168,8 @@ class WormScene(SpatialScene):
 
     model: Literal["worm"] = setting(title="which simulation the scene is for")
     gait: WormGait = WormGait()
+    reflexes: Reflexes = Reflexes()
+    sensor: Senses = Senses()
     start: Start = Start()
 
 
@@ -158,6 +180,8 @@ class PlanarWormScene(Surroundings):
     worm: PlanarWorm = PlanarWorm()
     friction: PlanarFriction = PlanarFriction()
     gait: PlanarGait = PlanarGait()
+    reflexes: Reflexes = Reflexes()
+    sensor: Senses = Senses()
     start: PlanarStart = PlanarStart()
 
 

@@ -1,0 +1,231 @@
+"""Reflexes: parts that change what a gait commands by what the segments feel.
+
+A reflex changes the contraction of each segment that the gait wants, or that the reflexes before it have left. It acts
+on both sides of a segment alike: it neither steers nor takes away what steers. `Reflexive`
+(`control.gaits.reflexive`) puts reflexes on any gait.
+
+With the mean contraction wanted of a segment's sides w, that given c, and the load on the segment F (the sum over its
+apexes), both functions of time:
+
+`WallLoad`, with the threshold F*. From when F reaches F*, and until c has come up to w again,
+
+    c' = rate (1 - F/F*),   c_min <= c <= w;              else c = w                                          (GR1)
+
+with the least contraction of the worm's stroke c_min, so that the segment widens no further, gives way to a greater
+load and follows a wall that recedes. A chamber is a spring: load beyond what the hold takes is lost to friction where
+anchored segments slide.
+
+`Reach`, with the load F0 that counts as contact:
+
+    c = w (1 + e);   e' = 1/time  where w > 0 and F < F0,   -1/time where w <= 0,   else 0;   0 <= e <= most  (GR2)
+
+`Wait`, with the strain s_j of the neighbour j that is next to contract. While w falls and the neighbour is to be the
+more contracted of the two, but is not yet, -s_j < share w_j, the segment does not let go, c' = 0, for at most
+`patience`; after that it catches up with w in as long a time.                                                (GR3)
+
+To add one, derive a dataclass from `Reflex` with the name that scenes call it by, `class Mine(Reflex, name="mine")`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from control.gaits.feedback import Felt
+from control.gaits.gait import Direction
+from worm3d import Worm
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
+
+REFLEXES: dict[str, type[Reflex]] = {}
+"""Class of each reflex, by its name."""
+
+GRAVITY = 9.81
+"""Acceleration of free fall by which thresholds are multiples of the worm's weight [m/s^2]."""
+
+HOLD = 10.0
+"""Default threshold of `WallLoad`, in weights of the worm."""
+
+TOUCH = 0.25
+"""Default load that counts as contact, in weights of a segment."""
+
+
+class ReflexMemory(Protocol):
+    """State of a reflex during one run."""
+
+    def step(self, t: float, wanted: FloatArray, felt: Felt) -> FloatArray:
+        """Advance to time t [s] and return the contraction of the chambers [left, right], shape (N, 2).
+
+        `wanted` is the contraction asked for, of the same shape. The first call tells when the memory begins.
+        """
+
+
+@dataclass(frozen=True)
+class Reflex(ABC):
+    """A change of the commanded contraction by what is felt; a subclass is found in `REFLEXES` under its `name`."""
+
+    senses: ClassVar[tuple[str, ...]]
+    """Names of the channels of `control.sensing.QUANTITIES` that it senses."""
+    name: ClassVar[str] = ""
+
+    def __init_subclass__(cls, name: str = "") -> None:
+        known = REFLEXES.get(name)
+        if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise ValueError(f"name: got {name!r}, must be another than those of the reflexes that there are")
+        if name:
+            cls.name, REFLEXES[name] = name, cls
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    @abstractmethod
+    def start(self, worm: Worm) -> ReflexMemory:
+        """Return a fresh memory for one run of a worm."""
+
+
+class _Segmentwise(ABC):
+    """Memory that changes the mean contraction of each segment."""
+
+    def __init__(self) -> None:
+        self._time = np.nan
+
+    def step(self, t: float, wanted: FloatArray, felt: Felt) -> FloatArray:
+        """Advance to time t [s] and return the contraction of the chambers, shape (N, 2)."""
+        mean = wanted.mean(axis=1)
+        dt = 0.0 if np.isnan(self._time) else t - self._time
+        self._time = t
+        change: FloatArray = self.advanced(dt, mean, felt) - mean
+        return wanted + change[:, None]
+
+    @abstractmethod
+    def advanced(self, dt: float, wanted: FloatArray, felt: Felt) -> FloatArray:
+        """Return the contraction of the segments after a time dt [s], both of shape (N,)."""
+
+
+def load_of(felt: Felt) -> FloatArray:
+    """Return the load on each segment, the sum over its apexes, shape (N,) [N]."""
+    total: FloatArray = felt["contact_load"].sum(axis=1)
+    return total
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class WallLoad(Reflex, name="wall_load"):
+    """A segment that presses the wall hard enough stops widening, (GR1).
+
+    The threshold is for worms that may have to hold their weight, as in steep pipes. Where that rests on the ground, a
+    lower one loses less to slip.
+    """
+
+    load: float | None = parameter(
+        None,
+        meaning="load on a segment at which it stops widening",
+        unit="N",
+        gt=0,
+        left_out="10 times the worm's weight",
+    )
+    rate: float = parameter(
+        10.0, meaning="speed at which an unloaded segment widens again, and one of twice the load gives way", gt=0
+    )
+    senses = ("contact_load",)
+
+    def start(self, worm: Worm) -> ReflexMemory:
+        """Return a fresh memory for one run of a worm."""
+        load = HOLD * worm.mass * GRAVITY if self.load is None else self.load
+        return _Stopping(load, self.rate, worm)
+
+
+class _Stopping(_Segmentwise):
+    def __init__(self, load: float, rate: float, worm: Worm) -> None:
+        super().__init__()
+        self._load, self._rate, self._least = load, rate, worm.stroke[0]
+        self._given, self._stopped = np.zeros(worm.segments), np.zeros(worm.segments, dtype=bool)
+
+    def advanced(self, dt: float, wanted: FloatArray, felt: Felt) -> FloatArray:
+        over = load_of(felt) / self._load - 1.0
+        moved = self._given - self._rate * dt * over
+        held = np.minimum(np.maximum(moved, self._least), wanted)
+        self._stopped = (over >= 0.0) | (self._stopped & (moved < wanted))
+        self._given = np.where(self._stopped & (dt > 0.0), held, wanted)
+        return self._given
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Reach(Reflex, name="reach"):
+    """A segment that is to be wide but touches nothing contracts further, (GR2)."""
+
+    contact: float | None = parameter(
+        None,
+        meaning="load on a segment that counts as contact",
+        unit="N",
+        gt=0,
+        left_out="a quarter of a segment's weight",
+    )
+    most: float = parameter(1.0, meaning="greatest further contraction, as a share of what is wanted", gt=0)
+    time: float = parameter(0.3, meaning="time in which what is wanted is doubled", unit="s", gt=0)
+    senses = ("contact_load",)
+
+    def start(self, worm: Worm) -> ReflexMemory:
+        """Return a fresh memory for one run of a worm."""
+        contact = TOUCH * worm.mass * GRAVITY / worm.segments if self.contact is None else self.contact
+        return _Reaching(contact, self.most, self.time, worm.segments)
+
+
+class _Reaching(_Segmentwise):
+    def __init__(self, contact: float, most: float, time: float, segments: int) -> None:
+        super().__init__()
+        self._contact, self._most, self._doubling, self._further = contact, most, time, np.zeros(segments)
+
+    def advanced(self, dt: float, wanted: FloatArray, felt: Felt) -> FloatArray:
+        to_be_wide, touches = wanted > 0.0, load_of(felt) >= self._contact
+        way = np.where(to_be_wide, np.where(touches, 0.0, 1.0), -1.0)
+        self._further = np.clip(self._further + way * dt / self._doubling, 0.0, self._most)
+        return np.where(to_be_wide, wanted * (1.0 + self._further), wanted)
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Wait(Reflex, name="wait"):
+    """A segment does not let go before the next one to contract has contracted, (GR3)."""
+
+    share: float = parameter(0.5, meaning="share of what is wanted of the neighbour that is enough", gt=0, le=1)
+    patience: float = parameter(0.5, meaning="longest time for which a segment waits", unit="s", gt=0)
+    towards: Direction = parameter(
+        "retrograde",
+        meaning="way in which the gait's waves run: retrograde, the next segment is that behind; direct, that ahead",
+    )
+    senses = ("strain",)
+
+    def start(self, worm: Worm) -> ReflexMemory:
+        """Return a fresh memory for one run of a worm."""
+        return _Waiting(self, worm.segments)
+
+
+class _Waiting(_Segmentwise):
+    def __init__(self, asked: Wait, segments: int) -> None:
+        super().__init__()
+        self._share, self._patience = asked.share, asked.patience
+        self._next = np.arange(segments) - 1 if asked.towards == "retrograde" else np.arange(segments) + 1
+        self._has_next = (self._next >= 0) & (self._next < segments)
+        self._next = np.clip(self._next, 0, segments - 1)
+        self._given, self._wanted = np.full(segments, -np.inf), np.full(segments, np.inf)
+        self._waited, self._excess = np.zeros(segments), np.zeros(segments)
+
+    def advanced(self, dt: float, wanted: FloatArray, felt: Felt) -> FloatArray:
+        reached = -felt["strain"].mean(axis=1)
+        next_wanted = wanted[self._next]
+        is_late = self._has_next & (next_wanted > wanted) & (reached[self._next] < self._share * next_wanted)
+        lets_go = wanted < self._given
+        waits = lets_go & is_late & (self._waited < self._patience)
+        self._waited = np.where(waits, self._waited + dt, np.where(lets_go & is_late, self._waited, 0.0))
+        left = np.maximum(0.0, self._given - wanted) if np.isfinite(self._given).all() else np.zeros_like(wanted)
+        falling = left * max(0.0, 1.0 - 3.0 * dt / self._patience)  # no jump when the wait ends
+        catching = (self._excess > 0.0) & ~waits
+        self._excess = np.where(waits, left, np.where(catching, np.minimum(self._excess, falling), 0.0))
+        self._excess[self._excess < 1e-6] = 0.0
+        self._given = wanted + self._excess
+        return self._given
