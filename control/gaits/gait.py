@@ -75,6 +75,8 @@ class Gait(ABC):
         unit="N",
     )
     name: ClassVar[str] = ""
+    turning: ClassVar[tuple[str, ...]] = ("bias", "hinge")
+    """Parameters that do nothing but turn a worm."""
 
     def __init_subclass__(cls, name: str = "") -> None:
         known = GAITS.get(name)

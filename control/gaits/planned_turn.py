@@ -120,7 +120,7 @@ class PlannedTurn(Gait, name="planned_turn"):
 
     amplitude: float = parameter(0.3, meaning="contraction of a standing segment", gt=0)
     period: float = parameter(5.0, meaning="time between two waves", unit="s", gt=0)
-    turn: float = parameter(float(np.deg2rad(20.0)), meaning="turn of a wave, positive to the left", unit="rad")
+    turn: float = parameter(0.0, meaning="turn of a wave, positive to the left", unit="rad")
     total: float = parameter(
         np.inf,
         meaning="turn after which the worm goes straight on",
@@ -140,6 +140,8 @@ class PlannedTurn(Gait, name="planned_turn"):
 
     def __post_init__(self) -> None:
         check(self)
+
+    turning = (*Gait.turning, "turn", "total")
 
     @property
     def lengthens(self) -> bool:

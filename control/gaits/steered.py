@@ -58,6 +58,8 @@ class Steered(Schedule, Gait, name="steered"):
     def __post_init__(self) -> None:
         check(self)
 
+    turning = (*Gait.turning, "steering_wavelength", "hinge_phase", "bias_phase", "lead")
+
     @property
     def lengthens(self) -> bool:
         """Whether a chamber is longer than at rest at some time, which unequal chambers make it."""

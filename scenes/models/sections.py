@@ -48,6 +48,11 @@ def gait_keys(*without: str, **defaults: Any) -> Keys:
     )
 
 
+def planar_gait_keys(*without: str, **defaults: Any) -> Keys:
+    """Return the keys of a gait of a worm that cannot turn, but for some parameters."""
+    return gait_keys(*{name for gait in GAITS.values() for name in gait.turning}, *without, **defaults)
+
+
 def gait_from(section: Any, dt: float, **given: Any) -> Gait:
     """Return the gait of a section; `given` are parameters that the section does not have, dt is the time step [s]."""
     return part_of(GAITS[section.kind], section, impulse=dt, **given)

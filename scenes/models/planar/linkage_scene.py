@@ -16,7 +16,7 @@ from scenes.language.parts import PartSection, keys_by_parameter, keys_of, part_
 from scenes.language.schema import Section, quantity, setting
 from scenes.models.base import Observer
 from scenes.models.checks import RUN_CHECKS, gait_checks, in_keys, list_checks, memory_check
-from scenes.models.sections import BODY_BOUNDS, Settings, gait_from, gait_keys
+from scenes.models.sections import BODY_BOUNDS, Settings, gait_from, planar_gait_keys
 
 _RUN: dict[str, Any] = {name: given.default for name, given in signature(linkage.simulate).parameters.items()}
 
@@ -46,7 +46,7 @@ class Ground(Section):
     gravity_m_s2: float = quantity(_RUN["gravity"], unit="m/s^2", ge=0, title="g")
 
 
-class LinkageGait(PartSection, keys=gait_keys("bias", "hinge", "force")):
+class LinkageGait(PartSection, keys=planar_gait_keys("force")):
     """The commanded contraction: rest lengths are l0 (1 - amplitude x activation)."""
 
 

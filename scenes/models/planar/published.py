@@ -17,7 +17,7 @@ from scenes.language.schema import Sign, quantity, setting
 from scenes.models.base import Model, Movie, Observer, Outcome, pictures
 from scenes.models.checks import RUN_CHECKS, gait_checks, memory_check
 from scenes.models.planar.merit import NO_STEP, SHORT_RUN, Travel, common, movie, no_cost_because, status_word
-from scenes.models.sections import BODY_BOUNDS, WAVE, Settings, gait_from, gait_keys
+from scenes.models.sections import BODY_BOUNDS, WAVE, Settings, gait_from, planar_gait_keys
 from scenes.records import overview
 from scenes.records.record import Record
 from worm3d.values.variable import Variable
@@ -43,7 +43,7 @@ class Friction(PartSection, keys=keys_of(Parameters, these=FRICTION)):
 
 class PublishedGait(
     PartSection,
-    keys=gait_keys("amplitude", "bias", "hinge", "force", "wavelength", direction="direct")
+    keys=planar_gait_keys("amplitude", "force", "wavelength", direction="direct")
     | keys_of(Parameters, these=("wavelength",), only=(WAVE,))
     | keys_of(Parameters, these=FORCE, bounds=FORCE),
 ):
