@@ -28,12 +28,16 @@ def rows(quick: bool) -> Iterator[Row]:
 def larva() -> Iterator[Row]:
     """Yield the figures of the larva on its own mechanics."""
     found = crawling(200.0)
-    note = "ten segments on their own mechanics; about 0.04 and 0.04, 30 % and 3 in the text"
-    given = {"source": PEHLEVAN, "trust": "C", "scene": "control.gaits.larva_ei.network.crawling()"}
-    yield Row("Larva's network: waves", 1.0 / found.period, 0.0378, 0.02, unit="1/tau_E", note=note, **given)
-    yield Row("Larva's network: speed", found.speed, 0.0368, 0.02, unit="L/tau_E", **given)
-    yield Row("Larva's network: largest contraction", found.peak_contraction, 0.298, 0.02, **given)
-    yield Row("Larva's network: segments that are lifted, median", found.lifted, 3.0, 0.02, **given)
+    figures = (
+        ("waves", 1.0 / found.period, 0.0378, "1/tau_E"),
+        ("speed", found.speed, 0.0368, "L/tau_E"),
+        ("largest contraction", found.peak_contraction, 0.298, "1"),
+        ("segments that are lifted, median", found.lifted, 3.0, "1"),
+    )
+    note = "ten segments on their own mechanics; the text has about 0.04, 0.04, 30 % and 3"
+    command = "control.gaits.larva_ei.network.crawling()"
+    for name, model, published, unit in figures:
+        yield Row(f"Larva's network: {name}", model, published, 0.02, PEHLEVAN, note, unit=unit, scene=command)
 
 
 def cycles() -> Iterator[Row]:
