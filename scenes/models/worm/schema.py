@@ -8,12 +8,8 @@ from control.gaits.reflexes import REFLEXES
 from planar.linkage import Linkage
 from scenes.language.parts import Keys, PartSection, keys_of
 from scenes.language.schema import Each, Pair, Section, Triple, quantity, setting
-<<<<<<< HEAD
-from scenes.models.sections import BODY_BOUNDS, Run, Settings, gait_keys
-from scenes.models.sensors import channel_keys
-=======
 from scenes.models.sections import BODY_BOUNDS, Run, Settings, gait_keys, planar_gait_keys
->>>>>>> 2f7baa4 (Scenes that turn: steered and planned waves; planar models go without the keys of gaits that only turn)
+from scenes.models.sensors import channel_keys
 from scenes.models.worlds.schema import World
 from worm3d.actuators import ACTUATORS
 from worm3d.physics.friction import Friction as PlantFriction
