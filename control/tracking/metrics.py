@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 from control.tracking.paths import offset, track
 from control.tracking.references import Reference, Steps
+from control.tracking.response import response_time
+from worm3d.measures import NoValueError
 from worm3d.values.arrays import FloatArray
 
 Bools = NDArray[np.bool_]
@@ -36,7 +38,8 @@ SPEED_METRICS = ("speed_bias_relative", "speed_error_rms_relative")
 SETTLED_METRICS = ("speed_bias_settled_relative", "speed_error_rms_settled_relative")
 HEADING_METRICS = ("heading_error_mean_deg", "heading_error_rms_deg")
 PATH_METRICS = ("cross_track_rms_bl", "cross_track_max_bl")
-METRICS = (*SPEED_METRICS, *SETTLED_METRICS, *HEADING_METRICS, *PATH_METRICS, "settling_periods")
+RESPONSE_METRICS = ("speed_response_time_s", "heading_response_time_s")
+METRICS = (*SPEED_METRICS, *SETTLED_METRICS, *HEADING_METRICS, *PATH_METRICS, "settling_periods", *RESPONSE_METRICS)
 """Names of the metrics that `summary` returns."""
 TOO_SHORT = f"the run is shorter than the {DROPPED:g} periods that are left out and one more"
 UNSETTLED = f"no window lies beyond the {DROPPED:g} periods after each step of the reference speed"
@@ -147,8 +150,23 @@ def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dic
     if np.isfinite(aside).all():
         metrics |= zip(PATH_METRICS, (_rms(aside), float(np.abs(aside).max())), strict=True)
     metrics["settling_periods"], why = settling_periods(tracked, reference)
+    late = _responses(tracked, reference, metrics)
     unsettled = {} if tracked.settled.any() else dict.fromkeys(SETTLED_METRICS, UNSETTLED)
-    return metrics, {**REASONS, "settling_periods": why, **unsettled}
+    return metrics, {**REASONS, "settling_periods": why, **late, **unsettled}
+
+
+def _responses(tracked: Tracking, reference: Reference, metrics: dict[str, float | None]) -> dict[str, str]:
+    """Enter the response times (V2), and return why some have no value."""
+    waves = float(tracked.waves[-1] - tracked.waves[0])
+    period = float(tracked.time[-1] - tracked.time[0]) / waves if waves > 0.0 else 0.0
+    asked = ((reference.speed, tracked.speed), (reference.heading, tracked.heading))
+    reasons = {}
+    for name, (profile, values) in zip(RESPONSE_METRICS, asked, strict=True):
+        try:
+            metrics[name] = response_time(profile, tracked.time, values, period)
+        except NoValueError as none:
+            reasons[name] = str(none)
+    return reasons
 
 
 def _of_speed(tracked: Tracking, taken: Bools) -> tuple[float | None, float | None]:

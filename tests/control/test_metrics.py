@@ -164,3 +164,28 @@ def test_short_runs_have_reasons() -> None:
     assert all(found[name] is None and "3 periods" in reasons[name] for name in METRICS)
     with pytest.raises(ValueError, match="shorter than one commanded period"):
         tracking(Motion(TIME[:50], along_x(0.08)[:50], np.zeros(50), TIME[:50]), Reference(Constant(0.08)))
+
+
+@pytest.mark.parametrize("lag", [0.5, 3.0])
+def test_response_times_of_speeds_and_headings_that_rise(lag: float) -> None:
+    """A worm that follows a step by first order: the mean over a period T reaches 90 % at a known time."""
+    begin = 10.0
+    since = np.maximum(0.0, TIME - begin)
+    way = 0.04 * TIME + 0.04 * (since - lag * (1.0 - np.exp(-since / lag)))
+    heading = 0.2 + 0.5 * (1.0 - np.exp(-since / lag))
+    place = np.column_stack([way, 0.0 * way])
+    expected = lag * np.log(lag * np.expm1(PERIOD / lag) / (0.1 * PERIOD))
+    straight = figures(motion(place), Reference(Steps(0.04, (begin,), (0.08,)), heading=Constant(0.0)))
+    assert straight["speed_response_time_s"] == pytest.approx(expected, abs=1e-3)
+    assert straight["heading_response_time_s"] is None
+    turning = figures(motion(place, heading), Reference(Constant(0.04), heading=Steps(0.2, (begin,), (0.7,))))
+    assert turning["heading_response_time_s"] == pytest.approx(expected, abs=1e-3)
+    assert turning["speed_response_time_s"] is None
+
+
+def test_a_worm_that_does_not_answer_has_no_response_time() -> None:
+    made, reference = motion(along_x(0.04)), Reference(Steps(0.04, (10.0, 20.0), (0.08, 0.04)), path=Line())
+    found, reasons = summary(tracking(made, reference), reference, 1.0)
+    assert found["speed_response_time_s"] is None
+    assert "after the step at 10 s it does not keep 90% of its new value" in reasons["speed_response_time_s"]
+    assert "no step" in reasons["heading_response_time_s"]

@@ -1,0 +1,53 @@
+"""How soon a worm answers to a step of its reference: time to 90 % of a new speed or heading.
+
+With the mean y over the last commanded period (`control.tracking.metrics`), and the reference going from a to b at t_0,
+the response is over at the first t from which (y - a)/(b - a) is at least 0.9 for a period (or until the next step):
+
+    response time = t - t_0, of the slowest step                                                       (V2)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from control.tracking.references import Profile, Steps
+from worm3d.measures import NoValueError
+from worm3d.measures.stability import rise_time
+from worm3d.values.arrays import FloatArray
+
+
+def response_time(profile: Profile | None, time: FloatArray, values: FloatArray, period: float) -> float:
+    """Return (V2) [s].
+
+    Parameters
+    ----------
+    profile : callable or None
+        What is asked for, with steps if it is a `control.tracking.references.Steps`.
+    time, values : ndarray, shape (K,)
+        Ends of the windows [s], and means over them.
+    period : float
+        Length of a window [s].
+
+    Raises
+    ------
+    NoValueError
+        There is no step that begins within the time, or the values do not get there.
+    """
+    if not isinstance(profile, Steps):
+        raise NoValueError("what is asked for has no step")
+    slowest: float | None = None
+    edges = zip(
+        profile.times, (*profile.times[1:], np.inf), (profile.first, *profile.values), profile.values, strict=False
+    )
+    for begin, end, before, after in edges:
+        rows = (time >= begin) & (time < end)
+        if before == after or not rows.any():
+            continue
+        try:
+            risen = rise_time(time[rows], values[rows], before, after, period)
+        except NoValueError as none:
+            raise NoValueError(f"after the step at {begin:g} s {none}") from None
+        slowest = max(slowest or 0.0, float(time[rows][0]) - begin + risen)
+    if slowest is None:
+        raise NoValueError("no step lies within the run")
+    return slowest
