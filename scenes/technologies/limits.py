@@ -119,7 +119,7 @@ class Verdict:
 
 def judged(bench: Bench, kind: str) -> Verdict:
     """Return the verdict on a technology, from a dozen runs."""
-    acting, area = bench.technology(kind)
+    acting, area, _ = bench.technology(kind)
     own, limits = bench.run(kind), lifted(bench, kind)
     periods = tuple(own if f == 1.0 else bench.run(kind, f * bench.period) for f in FACTORS)
     without = {name: bench.run(kind, changes=changes) for name, changes in limits.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,7 @@ LONGEST_STEP = 2.0
 """Largest time step of runs with long periods, over that of the scene."""
 
 STRONGER = 10.0
-"""By how much stronger actuators are whose force is not to limit them."""
+"""By how much stronger than they are, or need to be, actuators are whose force is not to limit them."""
 
 RIGID = ("actuator.series=100", "actuator.droop=0", "actuator.scales=false")
 """Changes that make an actuator a source of position."""
@@ -73,6 +73,16 @@ class Trial:
         return self.speed * self.period
 
 
+class Acting(NamedTuple):
+    """The actuators of a worm."""
+
+    technology: Technology
+    area: FloatArray
+    """Cross-section of the actuator of a chamber, shape (N,) [m^2]."""
+    needed: FloatArray
+    """That of actuators with enough force, shape (N,) [m^2]."""
+
+
 class Bench:
     """The worm of a scene, to be run on technologies.
 
@@ -84,7 +94,7 @@ class Bench:
 
     def __init__(self, scene: str, overrides: Sequence[str]) -> None:
         self._scene, self._overrides = scene, tuple(overrides)
-        loaded = self.scene_of(())
+        loaded = load_scene(scene, [change for change in overrides if not change.startswith("actuator.")])
         settings = loaded.settings
         if not isinstance(settings, WormScene):
             raise SceneError(f"{scene}: must be a scene of the model 'worm', with a gait; is of {loaded.model.name!r}")
@@ -104,17 +114,19 @@ class Bench:
         times = np.linspace(4.0, 5.0, 200, endpoint=False) * self.period
         return _swing(np.array([bound(float(t)).contraction for t in times]))
 
-    def technology(self, kind: str) -> tuple[Technology, FloatArray]:
-        """Return the actuator of a kind with the scene's numbers, and its cross-sections [m^2]."""
+    def technology(self, kind: str) -> Acting:
+        """Return the actuators of a kind, with the scene's numbers."""
         worm = worm_of(self.scene_of((f"actuator.kind={kind}",)).settings)
-        assert isinstance(worm.actuator, Technology)
-        return worm.actuator, np.broadcast_to(worm.actuator.values(worm, hinge=False)["area"], (worm.segments,))
+        acting = worm.actuator
+        assert isinstance(acting, Technology)
+        area = np.broadcast_to(acting.values(worm, hinge=False)["area"], (worm.segments,))
+        return Acting(acting, area, acting.needed(worm))
 
     def run(self, kind: str, period: float | None = None, changes: Changes = ()) -> Trial:
         """Run the worm on a technology, with the scene's gait or with another period."""
         period = self.period if period is None else period
         dt = self._dt * min(period / self.period, LONGEST_STEP)
-        acting, _ = self.technology(kind)
+        acting = self.technology(kind).technology
         count = max(PERIODS, 2 * math.ceil(LAGS * max(acting.rise, acting.fall, acting.delay) / (2.0 * period)))
         told = (
             f"actuator.kind={kind}",
@@ -138,19 +150,19 @@ def lifted(bench: Bench, kind: str) -> dict[str, Changes]:
     speed: its drive follows at once (what is driven by heat, while it warms); heat: it cools at once, and may get hot;
     force: it is ten times as strong, and goes where its drive says; stroke: its free stroke is what the gait asks for.
     """
-    acting, area = bench.technology(kind)
+    acting, area, needed = bench.technology(kind)
     thermal, stroke = acting.hot > 0.0, np.minimum(acting.strain * np.asarray(acting.lever), MOST_STROKE)
     at_once: Changes = ("actuator.delay_s=0", "actuator.rise_s=0", f"actuator.rate_per_s={AT_ONCE!r}")
     found: dict[str, Changes] = {
         "speed": at_once if thermal else (*at_once, "actuator.fall_s=0"),
-        "force": (f"actuator.area_m2={[STRONGER * float(each) for each in area]!r}", *RIGID),
+        "force": (f"actuator.area_m2={(STRONGER * np.maximum(area, needed)).tolist()!r}", *RIGID),
     }
     cool: Changes = ("actuator.hottest=1e9",) if math.isfinite(acting.hottest) else ()
     if thermal or cool:
         found["heat"] = (*cool, "actuator.fall_s=0") if thermal else cool
     if (wanted := min(bench.asked, MOST_STROKE)) > float(np.min(stroke)):
         strain = wanted / float(np.min(acting.lever))
-        kept = f"actuator.area_m2={[float(each) for each in area]!r}"
+        kept = f"actuator.area_m2={area.tolist()!r}"
         found["stroke"] = (f"actuator.strain={strain!r}", kept)
     return found
 

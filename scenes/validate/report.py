@@ -14,13 +14,14 @@ from scenes.records import folder as folders
 from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes, markdown_table
-from scenes.validate import animals, closed_forms, pattern_generators, robots
+from scenes.validate import animals, closed_forms, pattern_generators, powered, robots
 from scenes.validate.figure import draw
 from scenes.validate.rows import TRUST, Chapter, Row
 
 CHAPTERS: Mapping[str, Chapter] = {
     "Closed forms of crawling": closed_forms.rows,
     "Robots": robots.rows,
+    "Robots on their actuators": powered.rows,
     "Animals": animals.rows,
     "Pattern generators": pattern_generators.rows,
 }

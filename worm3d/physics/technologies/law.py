@@ -219,16 +219,21 @@ class Technology(Actuator):
     def size(self, worm: Worm) -> FloatArray:
         """Return the default cross-section of the actuator of each chamber, shape (N,) [m^2].
 
+        It is what the worm needs, but at most a share `room` of the chamber's cross-section.
+        """
+        h0 = np.asarray(worm.half_height)
+        return np.minimum(self.needed(worm), self.room * 2.0 * h0 * (worm.chamber_offset + h0))
+
+    def needed(self, worm: Worm) -> FloatArray:
+        """Return the cross-section of the actuator of each chamber that the worm needs, shape (N,) [m^2].
+
         Its blocking force is `reserve` times what half of a segment's springs (a chamber's) needs for the stroke, and
-        half of the worm's weight; but it fills at most a share `room` of the chamber's cross-section.
+        half of the worm's weight.
         """
         wanted = -worm.stroke[0] if self.lengthens else worm.stroke[1]
         stroke = np.minimum(np.minimum(self.strain * np.asarray(self.lever), MOST_STROKE), wanted or MOST_STROKE)
         force = self.reserve * (np.asarray(worm.k_spring) * stroke + worm.mass * G) / 2.0
-        h0 = np.asarray(worm.half_height)
-        fits = self.room * 2.0 * h0 * (worm.chamber_offset + h0)
-        area: FloatArray = np.broadcast_to(np.minimum(force * self.lever / self.stress, fits), (worm.segments,)).copy()
-        return area
+        return np.broadcast_to(force * self.lever / self.stress, (worm.segments,)).copy()
 
 
 class _Shape:

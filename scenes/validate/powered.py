@@ -1,0 +1,110 @@
+"""Robots on the actuators that they are built with, at the period at which they are fastest, beside published speeds.
+
+The actuators are those of `worm3d.physics.technologies`, of the size that they give themselves; of the robots their
+scenes say what was published and what is assumed. `scenes.validate.robots` says how to read the rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scenes.validate.comparison import Comparison, chapter, friction, within
+from scenes.validate.measures import Changes, Figure, StoppedError
+from scenes.validate.robots import CMMWORM, SOFT_TO_STIFF
+
+BRAID_TABLE = "the table of robots of Active Braid Crawler's authors"
+FACTORS = (0.25, 0.35, 0.5, 0.7, 1.0)
+"""Periods that are tried, over that of the scene."""
+PERIODS = 8
+"""Periods of a run, of which the last half counts."""
+STRONG = ("actuator.reserve=10", "actuator.room=0.3")
+"""Actuators with five times the default force."""
+FASTER_COILS = ("actuator.rise_s=0.17", "actuator.fall_s=0.67")
+SLOWER_COILS = ("actuator.rise_s=0.34", "actuator.fall_s=1.7")
+"""Coils at the ends of what is told of their times, 0.5 and 2 s or 1 and 5 s to 90 %."""
+GROUNDS = (friction(0.2), friction(0.8))
+
+
+@dataclass(frozen=True)
+class Fastest:
+    """Largest speed of a scene over the periods of its gait [BL/s]."""
+
+    scene: str
+    period: float
+    """Period of the scene's gait [s]."""
+
+    def __call__(self, changes: Changes = ()) -> float:
+        """Return the speed, with further changes of the scene.
+
+        Raises
+        ------
+        StoppedError
+            None of the runs came to its end.
+        """
+        found, why = [], ""
+        for factor in FACTORS:
+            period = factor * self.period
+            told = (
+                f"gait.period_s={period!r}",
+                f"run.duration_s={PERIODS * period!r}",
+                f"run.dt_s={period / 400.0!r}",
+            )
+            try:
+                found.append(Figure("speed_BL_s", self.scene, told)(changes))
+            except StoppedError as stopped:
+                why = str(stopped)
+        if not found:
+            raise StoppedError(why)
+        return max(found)
+
+
+COMPARISONS = (
+    Comparison(
+        "CMMWorm, servos and cables: fastest",
+        Fastest("cmmworm_cable", 10.2),
+        0.0036,
+        within(2.0, 0.0036),
+        CMMWORM,
+        "R",
+        "Assumed: friction 0.4 (0.2 to 0.8), springs of 100 N (50 to 5000), two moving segments (or three). The joints "
+        "of the mesh do not rub here.",
+        unit="BL/s",
+        unknown=(*SOFT_TO_STIFF, *GROUNDS, ("gait.moving=0.5",)),
+    ),
+    Comparison(
+        "Meshworm, coils of NiTi: fastest",
+        Fastest("meshworm", 10.0),
+        0.017,
+        within(2.0, 0.017),
+        BRAID_TABLE,
+        "R2",
+        "Missing in the model: the coils along the body, which pull back what those around it have squeezed long; here "
+        "the mesh's springs do. Assumed: mass, friction, springs, coils of the default size (or five times as strong), "
+        "times of the coils, moving segments.",
+        unit="BL/s",
+        unknown=(STRONG, FASTER_COILS, SLOWER_COILS, (*STRONG, *FASTER_COILS), *GROUNDS, ("gait.moving=0.6",)),
+    ),
+    Comparison(
+        "Origami worm, coils of NiTi: fastest",
+        Fastest("origami_worm", 10.0),
+        0.0031,
+        within(2.0, 0.0031),
+        BRAID_TABLE,
+        "R2",
+        "The published speed may not be the fastest: its gait and its times are not known. Assumed: amplitude and "
+        "times of the coils, which decide most, friction, springs, number of segments.",
+        unit="BL/s",
+        unknown=(
+            SLOWER_COILS,
+            FASTER_COILS,
+            ("gait.amplitude=0.2",),
+            ("worm.segments=4",),
+            ("friction.forward=0.3",),
+            ("worm.spring_N=3.0",),
+            ("gait.amplitude=0.2", "friction.forward=0.3", *SLOWER_COILS),
+        ),
+    ),
+)
+
+rows = chapter(COMPARISONS)
+"""The rows, each as soon as it is known: called with whether it is to be quick, that is without spreads."""

@@ -1,0 +1,82 @@
+"""`worm3d technologies`: what it finds follows from its runs, and what cannot be compared is refused in words."""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from scenes.commands.app import app
+from scenes.language.errors import SceneError
+from scenes.technologies import limits, runs
+from scenes.technologies.limits import ALL, Verdict, judged
+from scenes.technologies.runs import Bench, Trial
+from worm3d.actuators import TECHNOLOGIES
+
+RIGHT = ["run.dt_s=0.02"]
+
+
+@pytest.fixture
+def one_period(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "FACTORS", (1.0, 2.0))
+    monkeypatch.setattr(runs, "PERIODS", 4)
+
+
+@pytest.mark.usefixtures("one_period")
+def test_files_sentences_and_a_weak_worm(tmp_path: Path) -> None:
+    told = ["technologies", "flat", "--only", "dea_stack", "--only", "hydraulic", "--out", str(tmp_path / "a")]
+    done = CliRunner().invoke(app, [*told, "-o", "run.dt_s=0.02"])
+    assert done.exit_code == 0, done.output
+    lines = (tmp_path / "a/technologies.csv").read_text().splitlines()
+    rows = {row["technology"]: row for row in csv.DictReader(lines)}
+    assert list(rows) == ["dea_stack", "hydraulic"]
+    assert rows["dea_stack"]["limit"] == "stroke"
+    assert float(rows["hydraulic"]["speed_bl_s"]) > 2.0 * float(rows["dea_stack"]["speed_bl_s"]) > 0.0
+    assert (
+        float(rows["hydraulic"]["cost_of_transport_input"]) > float(rows["hydraulic"]["cost_of_transport_given"]) > 0.0
+    )
+    text = (tmp_path / "a/technologies.md").read_text()
+    assert "limited by its stroke: of the 0.2 that the gait asks for in 2 s it has 0.033" in text
+    assert "estimate" in text
+    assert (tmp_path / "a/technologies.png").stat().st_size > 20_000
+
+
+@pytest.mark.usefixtures("one_period")
+def test_a_worm_that_its_actuators_cannot_move_says_which_limit_holds_it() -> None:
+    weak = judged(Bench("flat", [*RIGHT, "actuator.area_m2=1e-9"]), "hydraulic")
+    assert not weak.moves
+    assert weak.limit == "force"
+    assert "does not move the worm; what holds it is its force" in weak.sentence
+    slow = judged(Bench("flat", [*RIGHT, "actuator.rise_s=60"]), "magnetic")
+    assert (slow.moves, slow.limit) == (False, "speed")
+
+
+def test_the_sentence_follows_from_the_numbers() -> None:
+    acting = TECHNOLOGIES["servo_cable"]()
+    own = Trial(period=2.0, speed=0.05, free=0.2, made=0.1, pull=1.0, warmth=50.0)
+    verdict = Verdict("servo_cable", acting, np.full(6, 1e-4), 0.2, own, (own, Trial(period=1.0, speed=0.08)))
+    said = {
+        "force": "without load it would contract by 0.2, on the worm by 0.1, at 1 N",
+        "speed": "with 0.02 s of lag and at most 1 of its stroke a second",
+        "heat": "it warms by 50 K, and is switched off at 55 K",
+        "stroke": "of the 0.2 that the gait asks for in 2 s it has 0.35",
+        ALL: "limited by its limits together",
+    }
+    for name, words in said.items():
+        without = {"speed": own, "force": own, name: Trial(period=2.0, speed=0.1)}
+        sentence = replace(verdict, without=without).sentence
+        assert words in sentence
+        assert sentence.endswith("without that 2 times as fast; fastest at a period of 1 s: 0.08 BL/s")
+    assert "no limit of its own costs it 5 %" in replace(verdict, without={"force": Trial(2.0, 0.052)}).sentence
+    still = replace(verdict, own=Trial(2.0, 0.0), without={"force": Trial(2.0, 0.0)}, periods=())
+    assert "would not without its limits" in still.sentence
+    assert "did not come to its end: it burst" in replace(verdict, own=Trial(2.0, why="it burst")).sentence
+
+
+def test_what_cannot_be_compared_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"planar_wave: must be a scene of the model 'worm', with a gait"):
+        Bench("planar_wave", ())
+    done = CliRunner().invoke(app, ["technologies", "flat", "--only", "steam"])
+    assert "must be one of sma_wire" in str(done.exception or done.output)
