@@ -12,9 +12,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import worm3d
 from control.gaits import TravellingWave
-from worm3d import Friction, Plane, Result, State, Worm, simulate
+from worm3d import Friction, Plane, Problem, Result, State, Worm, simulate
 from worm3d.measures import MEASURES, general, measure
 from worm3d.measures.posture import ON_ITS_SIDE
+from worm3d.measures.recovery import recovery
 from worm3d.metrics import UNITS, named
 
 PERIOD, DT = 0.5, 0.01
@@ -145,6 +146,35 @@ def test_return_map_of_actuators_that_lag() -> None:
     worm = Worm(actuator_lag=lag, kelvin_voigt_time=0.01)
     run = simulate(worm, None, actuation=gait, gravity=(0.0, 0.0, 0.0), duration=12 * PERIOD, dt=DT)
     assert_allclose(run.summary()["return_map_radius"], np.exp(-PERIOD / lag), rtol=5e-3)
+
+
+@pytest.mark.parametrize("slow", [0.3, 1.0])
+def test_a_damped_body_recovers_from_pushes_at_the_rate_of_its_damping(slow: float) -> None:
+    """All springs have the damping K tau: without inertia what a push leaves shrinks by exp(-T/tau) a period."""
+    worm = Worm(kelvin_voigt_time=slow, mass=1e-5)
+    still = TravellingWave(period=PERIOD, amplitude=0.0)
+    held = np.tile([False, True, True], (7, 1))  # or a push makes it spin, for good
+    still_there = {"gravity": (0.0, 0.0, 0.0), "held": held, "duration": PERIOD, "dt": DT}
+    problem = Problem(worm=worm, world=None, actuation=still, **still_there)
+    assert_allclose(recovery(problem, pushes=2, periods=4, size=1e-4), np.exp(-PERIOD / slow), rtol=0.01)
+
+
+def test_a_crawling_worm_recovers_from_pushes() -> None:
+    gait = TravellingWave(period=PERIOD, amplitude=0.2)
+    problem = Problem(worm=Worm(), world=Plane(), actuation=gait, duration=2.0, dt=DT)
+    factors = recovery(problem, pushes=2, periods=3)
+    assert_array_equal(factors, recovery(problem, pushes=2, periods=3))
+    assert (factors < 0.5).all()
+
+
+def test_recovery_refuses_what_has_no_period() -> None:
+    plain = Problem(worm=Worm(), world=Plane(), duration=1.0)
+    with pytest.raises(ValueError, match="actuation: has no `period`"):
+        recovery(plain)
+    with pytest.raises(ValueError, match="whole number"):
+        recovery(replace(plain, actuation=TravellingWave(period=0.505)))
+    with pytest.raises(ValueError, match="periods: got 1, must be at least 2"):
+        recovery(replace(plain, actuation=TravellingWave()), periods=1)
 
 
 def test_return_map_of_a_motion_that_repeats_itself(still: Result) -> None:

@@ -22,9 +22,8 @@ import numpy as np
 
 from worm3d.measures.gait import way_made
 from worm3d.measures.table import NoValueError, measure
-from worm3d.measures.waves import Waves
 from worm3d.measures.way import along_the_ground
-from worm3d.values.arrays import FloatArray
+from worm3d.values.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
     from worm3d.result import Result
@@ -41,30 +40,35 @@ UNEVEN_ROWS = "a period of the gait is no whole number of recorded rows: choose 
 
 @measure("return_map_radius", "factor by which the change of shape from wave to wave shrinks; below 1 it is stable")
 def _return_map(result: Result) -> float:
-    change = _changes(result, result.waves)
-    large = np.flatnonzero(change > REPEATS)
-    if len(large) < 2:
-        return 0.0
-    return float(np.exp(np.polyfit(large, np.log(change[large]), 1)[0]))
-
-
-def _changes(result: Result, waves: Waves) -> FloatArray:
-    """Return the change of shape from each period's end to the next, oldest first, in body lengths."""
-    rows_per_period = waves.period / float(result.time[1] - result.time[0])
-    step = round(rows_per_period)
-    if abs(rows_per_period - step) > 1e-6 * step:
+    waves, apart = result.waves, float(result.time[1] - result.time[0])
+    step = round(waves.period / apart)
+    if abs(waves.period / apart - step) > 1e-6 * step:
         raise NoValueError(UNEVEN_ROWS)
     rows = np.arange(len(result.time) - 1, -1, -step)[::-1]
     if len(rows) < 4:
         raise NoValueError(FEW_PERIODS)
-    shape = (result.joints[rows] - result.com[rows, None]) / result.worm.length
+    return decay(np.diff(shapes(result, rows), axis=0))
+
+
+def shapes(result: Result, rows: IntArray) -> FloatArray:
+    """Return the shape of the body at R rows, without its place, and on the level without its heading.
+
+    Joints relative to the centre of mass, shape (R, N+1, 3) [body lengths].
+    """
+    shape: FloatArray = (result.joints[rows] - result.com[rows, None]) / result.worm.length
     heading = result.heading[rows]
     if np.isfinite(heading).all() and _is_level(result):
         cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
         x, y = shape[..., 0], shape[..., 1]
         shape = np.stack([cos * x + sin * y, cos * y - sin * x, shape[..., 2]], axis=2)
-    change: FloatArray = np.sqrt((np.diff(shape, axis=0) ** 2).sum(axis=2).mean(axis=1))
-    return change
+    return shape
+
+
+def decay(changes: FloatArray) -> float:
+    """Return the factor (J7) by which changes of shape, (K, N+1, 3), shrink; 0 where one at most is above rounding."""
+    size = np.sqrt((changes**2).sum(axis=2).mean(axis=1))
+    large = np.flatnonzero(size > REPEATS)
+    return float(np.exp(np.polyfit(large, np.log(size[large]), 1)[0])) if len(large) > 1 else 0.0
 
 
 def _is_level(result: Result) -> bool:
