@@ -72,10 +72,11 @@ class _Pushing:
 
     def __call__(self, t: float) -> FloatArray:
         part = (t - self._begin) / self._period
-        force: FloatArray = self._push * (np.sin(np.pi * part) if 0.0 < part < 1.0 else 0.0)
-        if self._own is not None:
-            force = force + np.asarray(self._own(t), dtype=float)
-        return force
+        force: FloatArray = self._push * float(np.sin(np.pi * part) if 0.0 < part < 1.0 else 0.0)
+        if self._own is None:
+            return force
+        total: FloatArray = force + np.asarray(self._own(t), dtype=float)
+        return total
 
 
 def _forces(rng: np.random.Generator, result: Result) -> FloatArray:
