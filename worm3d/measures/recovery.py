@@ -83,7 +83,7 @@ def _forces(rng: np.random.Generator, result: Result) -> FloatArray:
     """Return random forces on the joints without resultant and moment about z, shape (N+1, 3)."""
     joints = result.joints[-1]
     arm = joints[:, :2] - joints[:, :2].mean(axis=0)
-    force = np.zeros_like(joints)
+    force: FloatArray = np.zeros_like(joints)
     force[:, :2] = rng.standard_normal(arm.shape)
     force -= force.mean(axis=0)
     moment = float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum())
