@@ -32,13 +32,13 @@ change their length, and so keep their places. s is the longest step for which n
 begins when this one reaches the tail, N steps after it, with standing segments between the two.
 
 A wave of no turn is an `ExtensionWave`. What is planned is exact for a worm without mass and springs. The default worm
-at amplitude 0.3 and extension -1/3, beside the `Steered` wave that turns about as fast (hinge 0.07 to 0.11 rad):
+at amplitude 0.3 and extension -1/3, beside the `Steered` wave that turns about as fast (hinge 0.06 to 0.12 rad):
 
     period   turn planned   turn a wave    slip per metre    the same of the steered wave
     5 s      20 deg         13 deg         0.22              13 deg, 0.43
     5 s      25 deg         16 deg         0.24              16 deg, 0.44
-    2.5 s    20 deg         15 deg         0.27              14 deg, 0.43
-    1.25 s   20 deg         11 deg         0.35              12 deg, 0.45
+    2.5 s    20 deg         15 deg         0.27              15 deg, 0.44
+    1.25 s   20 deg         11 deg         0.35              11 deg, 0.44
 
 So it halves the slip where waves are slow. Fast ones gain less: chambers are soft in bending and the body swings on
 behind its commands. Three swinging segments step further, 0.19 body lengths a wave, but leave two to stand on, and

@@ -104,7 +104,7 @@ def figures(gait: Gait) -> dict[str, Any]:
 def test_planned_waves_slip_half_as_much_as_periodic_ones_that_turn_as_fast() -> None:
     planned, periodic = (
         figures(PlannedTurn(turn=np.deg2rad(20.0))),
-        figures(Steered(amplitude=0.3, period=5.0, hinge=0.09)),
+        figures(Steered(amplitude=0.3, period=5.0, hinge=0.1)),
     )
     assert planned["degrees_per_wave_deg"] > periodic["degrees_per_wave_deg"] > 12.0
     assert planned["slip_per_metre"] < 0.6 * periodic["slip_per_metre"]
