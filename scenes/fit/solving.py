@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 
 from scenes.fit.dips import dips
 from scenes.fit.identifiability import LOST, Determined, Relation, axes_of, determined, vague
+from scenes.fit.lack import lack_of
 from scenes.fit.slopes import HALVINGS, Slopes, slopes_at
 from scenes.fit.trials import SpentError, Trials
 from scenes.fit.uncertainty import DRAWS, MOST_CHANNELS, Uncertainty, uncertainty_of
@@ -45,6 +46,13 @@ DEEPER = 0.01
 """Least part of the sum of squares by which a minimum must be lower than another to be taken for it at the end."""
 VALLEYS = 3
 """Largest number of minima that are left for a lower one."""
+SUSPECT = 4.0
+"""Lack of fit from which on a minimum may be wrong. Of 100 series of six channels of pure noise none has it with a
+correlation of neighbours of 0.5, one with 0.8; one in a wrong valley had 7."""
+STARTS = 6
+"""Number of further places around such a minimum from which the search begins anew."""
+AROUND = 0.02
+"""Standard deviation of their distances, as a fraction of the scale of each key."""
 AT_BOUND = 1e-3
 """Distance to a bound, as a fraction of a key's scale, at which a value is on it."""
 
@@ -98,6 +106,7 @@ def solve(trials: Trials) -> Solution:
         tiny = np.full(len(u), STEPS[0])  # chords lead past the bottom of a small valley
         u = problem.minimum(u, weights, tiny, FINE)
         before, u = u, problem.beside(u, weights, tiny)
+        u = problem.elsewhere(u, weights, tiny)
         weights = problem.weights(u)
         if np.any(u != before):
             steps = np.clip(STEP_PER_ERROR * problem.errors(u, weights, tiny), *STEPS)
@@ -171,6 +180,21 @@ class _Problem:
                 break
             u = other
         return u
+
+    def elsewhere(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
+        """Return the lowest of the minima from places around a minimum at which the residuals are no noise."""
+        if lack_of(self._residuals(u)).ratio < SUSPECT:
+            return u
+        random = np.random.default_rng(0)
+        lowest = u
+        for _ in range(STARTS):
+            start = np.clip(u + AROUND * random.standard_normal(len(u)), self.low, self.high)
+            if np.isfinite(self._squares(start, weights)):
+                other = self.minimum(start, weights, steps, COARSE)
+                lowest = min(lowest, other, key=lambda place: self._squares(place, weights))
+        if self._squares(lowest, weights) >= (1.0 - DEEPER) * self._squares(u, weights):
+            return u
+        return self.minimum(lowest, weights, steps, FINE)
 
     def _floor(self, u: FloatArray, factor: FloatArray, basis: FloatArray) -> float:
         """Return the sum (F3) without what lies in a space, given by an orthonormal basis, shape (M, K)."""

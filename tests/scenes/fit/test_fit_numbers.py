@@ -258,3 +258,18 @@ def test_a_valley_beside_the_right_one_is_left() -> None:
     noise = 0.01 * np.random.default_rng(7).standard_normal(len(TIME))
     found = solve(Analytic(model, model(1.0) + noise, varied("a", 0.8)))
     assert found.values[0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_valley_whose_residuals_are_no_noise_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All values but those near 1 look best at 0.9915; 1 lies between the distances that `dips` looks at."""
+
+    def model(a: float) -> np.ndarray:
+        if abs(a - 1.0) < 0.002:
+            return np.array([a * TIME])
+        return np.array([(a + 0.0085) * TIME + 0.03 * np.sin(9.0 * TIME)])
+
+    noise = 0.01 * np.random.default_rng(9).standard_normal(len(TIME))
+    trials = Analytic(model, model(1.0) + noise, varied("a", 0.95))
+    assert solve(trials).values[0] == pytest.approx(1.0, abs=0.001)
+    monkeypatch.setattr("scenes.fit.solving.SUSPECT", np.inf)
+    assert solve(trials).values[0] == pytest.approx(0.9915, abs=0.001)
