@@ -15,6 +15,7 @@ from scenes.validate.formulas import (
     drift_in_medium,
     elastic,
     of_pulse,
+    of_quantiles,
     of_stroke,
     of_swimming,
     of_swings,
@@ -238,6 +239,26 @@ ISOTROPIC = [
     for n, step in ((4, 0.7), (6, 1.0), (8, 2.0))
 ]
 
+LAW = [
+    Case(
+        f"Velocity law, phases without order, q = {forward / (forward + backward):.3g}",
+        "phase_steps",
+        of_quantiles,
+        of_swings,
+        1e-3,
+        (
+            "gait.kind=periodic",
+            "gait.wavelength=1.0",
+            "gait.waves=0",
+            "gait.phase=[0, 0.13, 0, 0.71, 0, 0.36, 0, 0.92, 0, 0.55, 0, 0.28, 0, 0.81, 0, 0.44, 0]",
+            "gait.duty=0.4",
+            *friction(forward, backward, 9),
+        ),
+        source="Gidoni, Noselli, DeSimone 2014 (the quantile law); derived here",
+    )
+    for forward, backward in ((0.1, 0.3), (0.1, 0.18))
+]
+
 PULSES = [
     Case("Pulse of contraction, with it", "pulse", constant(1.0), of_pulse, 1e-5),
     Case("Pulse of contraction from the head", "pulse", constant(-1.0), of_pulse, 1e-5, (RETROGRADE,)),
@@ -266,7 +287,7 @@ MEDIUM = [
     ),
 ]
 
-CASES = [*BREATHING, *ELASTIC, *LOADS, *SINE, *STEPS, *ISOTROPIC, *PULSES, *MEDIUM]
+CASES = [*BREATHING, *ELASTIC, *LOADS, *SINE, *STEPS, *LAW, *ISOTROPIC, *PULSES, *MEDIUM]
 """All closed forms of the report."""
 
 

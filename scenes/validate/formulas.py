@@ -39,6 +39,8 @@ floor(N q) feet slip back, and the next one holds. Ways are per cycle of the gai
      cos(k X - w t), the forces add up to 0, and
 
          V = (A B/2) c cos(phi) (k l0/2) cot(k l0/2),   for N -> infinity (A B/2) c cos(phi)
+
+(Y11) Any gait: the integral of V over a cycle, of the lengths that the gait gives the muscles.
 """
 
 from __future__ import annotations
@@ -47,6 +49,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from scenes.models.worm.build import gait_of
 from scenes.validate.chain import Chain, Crawl
 
 
@@ -155,6 +158,16 @@ def swimming(chain: Chain) -> float:
     half = np.pi / (s.gait.wavelength * s.worm.segments)
     along = 1.0 if s.gait.direction == "direct" else -1.0
     return float(along * s.medium.gain * s.gait.amplitude / 2.0 * half / np.tan(half))
+
+
+def of_quantiles(chain: Chain) -> float:
+    """Return (Y11) over n a."""
+    gait = gait_of(chain.settings)
+    times = np.linspace(0.0, chain.settings.gait.period_s, 20_001)
+    lengths = chain.l0 * (1.0 - gait.amplitude * gait.activations(times, chain.settings.worm.segments))
+    places = np.cumsum(np.where(chain.is_foot, chain.l0, lengths), axis=1)[:, chain.is_foot]
+    velocities = np.sort(np.diff(places - places.mean(axis=1, keepdims=True), axis=0), axis=1)
+    return float(-velocities[:, chain.slipping_back].sum() / (chain.muscles * chain.swing))
 
 
 def constant(value: float) -> Callable[[Chain], float]:
