@@ -110,7 +110,7 @@ class Spline(_Shaped, name="spline"):
     def __post_init__(self) -> None:
         super().__post_init__()
         shape = np.shape(self.values)
-        if not (shape and shape[-1] >= FEWEST and (len(shape) < 3 or shape[1] == 2)):
+        if not (shape and shape[-1] >= FEWEST):
             raise ValueError(
                 f"values: got shape {shape}, must be a list of at least {FEWEST} numbers, or such a list or a pair of "
                 "them, left and right, for each segment"

@@ -49,7 +49,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from scenes.models.worm.build import gait_of
+from scenes.models.sections import gait_from
 from scenes.validate.chain import Chain, Crawl
 
 
@@ -162,7 +162,7 @@ def swimming(chain: Chain) -> float:
 
 def of_quantiles(chain: Chain) -> float:
     """Return (Y11) over n a."""
-    gait = gait_of(chain.settings)
+    gait = gait_from(chain.settings.gait, chain.settings.run.dt_s)
     times = np.linspace(0.0, chain.settings.gait.period_s, 20_001)
     lengths = chain.l0 * (1.0 - gait.amplitude * gait.activations(times, chain.settings.worm.segments))
     places = np.cumsum(np.where(chain.is_foot, chain.l0, lengths), axis=1)[:, chain.is_foot]

@@ -135,12 +135,15 @@ def array(
 def one_or_each(name: str, value: Any, form: str, depth: int = 1, **bounds: Unpack[Bounds]) -> FloatArray:
     """Return a number, or an array of at most `depth` dimensions, as a read-only array of one's own.
 
-    `form` says in words what it may be. How many numbers there must be is checked later.
+    Of two or more, the second one of all `depth` is for left and right. `form` says in words what the array may be. How
+    many numbers there must be is checked later.
     """
     found = floats(name, value)
     with np.errstate(invalid="ignore"):
         right = np.isfinite(found) & _within(found, bounds)
-    if found.ndim > depth or found.size == 0 or not right.all():
+        right &= _of_a_likely_size(found, bounds)
+    of_pairs = found.ndim == depth > 1
+    if found.ndim > depth or found.size == 0 or not right.all() or (of_pairs and found.shape[1] != 2):
         raise ValueError(f"{name}: got {shown(value)}, must be {range_text(**bounds)}, {form}")
     found.setflags(write=False)
     return found
