@@ -68,8 +68,10 @@ LARGEST_CHANGE = 0.6
 """Largest change of a bend in such a step [rad]."""
 JOINED = 1e-9
 """Distance up to which tail and head are joined [body lengths]."""
-HALVINGS = 24
-"""Number of halvings of the range of the step s."""
+SHORTER = (*(2.0**-k for k in range(20, 1, -1)), *(k / 10 for k in range(5, 10)))
+"""Shares by which a turning step may be shorter than a straight one: the first that is within reach is refined."""
+HALVINGS = 12
+"""Number of halvings of the interval before it."""
 
 
 class Reach(NamedTuple):
@@ -213,15 +215,25 @@ def _extended(tau: FloatArray, segments: int, swinging: int) -> FloatArray:
 @lru_cache(maxsize=64)
 def plan(reach: Reach, turn: float) -> Plan | None:
     """Return the wave that turns a worm by an angle [rad] and steps as far as it can; None if it cannot turn so far."""
-    low, high = 0.0, reach.longest_step
+    straight = reach.longest_step
     if turn == 0.0:
-        low = high
-    for _ in range(HALVINGS if low < high else 0):
-        step = (low + high) / 2.0
-        found = _joined(reach, turn, step, COARSE)
-        longest = np.inf if found is None else found.lengthened.max() + reach.contracted
-        low, high = (step, high) if longest <= reach.extended + JOINED else (low, step)
-    return _joined(reach, turn, low, SAMPLES) if low > 0.0 else None
+        return _joined(reach, turn, straight, SAMPLES)
+    # From above: the shape of a chain that is pressed far together is not the one that is looked for.
+    fitting = (k for k, share in enumerate(SHORTER) if _fits(reach, turn, (1.0 - share) * straight))
+    first = next(fitting, None)
+    if first is None:
+        return None
+    low, high = (0.0, *SHORTER)[first : first + 2]
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2.0
+        low, high = (low, middle) if _fits(reach, turn, (1.0 - middle) * straight) else (middle, high)
+    return _joined(reach, turn, (1.0 - high) * straight, SAMPLES)
+
+
+def _fits(reach: Reach, turn: float, step: float) -> bool:
+    """Return whether a wave of a given turn and step is within reach."""
+    found = _joined(reach, turn, step, COARSE)
+    return found is not None and found.lengthened.max() <= reach.extended - reach.contracted + JOINED
 
 
 def _joined(reach: Reach, turn: float, step: float, samples: int) -> Plan | None:
