@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import worm3d
-from control.gaits import TravellingWave
+from control.gaits import GAITS, TravellingWave
 from worm3d import Friction, Plane, Problem, Result, State, Worm, simulate
 from worm3d.measures import MEASURES, general, measure
 from worm3d.measures.posture import ON_ITS_SIDE
@@ -165,6 +165,15 @@ def test_a_crawling_worm_recovers_from_pushes() -> None:
     factors = recovery(problem, pushes=2, periods=3)
     assert_array_equal(factors, recovery(problem, pushes=2, periods=3))
     assert (factors < 0.5).all()
+
+
+def test_small_pushes_agree_and_a_large_one_leaves_the_worm_on_its_side() -> None:
+    gait = GAITS["steered"](amplitude=0.3, period=1.25)
+    problem = Problem(worm=Worm(), world=Plane(), actuation=gait, duration=6.25, dt=DT)
+    small = recovery(problem, pushes=2)
+    assert_allclose(small, small[0], rtol=0.01)
+    assert small[0] < 0.5
+    assert_allclose(recovery(problem, pushes=2, size=0.1).max(), 1.0, rtol=1e-3)
 
 
 def test_recovery_refuses_what_has_no_period() -> None:

@@ -2,9 +2,10 @@
 
 From the end of a run, where the worm has come to its cycle, it goes on twice, once as before and once pushed during the
 first period. The distance of the two shapes (`worm3d.measures.stability.shapes`) after each further period shrinks by
-the largest modulus of the return map's multipliers that the push excites, as in (J7). A push is random forces on the
-joints along x and y without resultant and moment about z, over half a wave of the sine; it leaves the worm as a whole
-where it is.
+the largest modulus of the return map's multipliers that the push excites, as in (J7). It stays, and the factor is 1,
+where the push has brought the worm to another cycle, as on its side: pushes of a tenth of the weight tip the default
+worm. A push is random forces on the joints along x and y without resultant and moment about z, over half a wave of the
+sine; it leaves the worm as a whole where it is.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
 
-def recovery(problem: Problem, *, pushes: int = 3, periods: int = 5, size: float = 0.1, seed: int = 0) -> FloatArray:
+def recovery(problem: Problem, *, pushes: int = 3, periods: int = 5, size: float = 0.01, seed: int = 0) -> FloatArray:
     """Return the factor by which what each push has left shrinks a period, shape (pushes,): below 1 the gait is stable.
+
+    About 1 means that the push was so large that the worm has come to another cycle, or that it does not recover.
 
     Parameters
     ----------

@@ -7,7 +7,8 @@ multipliers that its start excites:
 
     return_map_radius = exp(slope of log |x_(k+1) - x_k| over k, least squares)                          (J7)
 
-Differences of less than `REPEATS` are rounding and are left out; 0 where no more than one is left.
+over the later half of the differences that are above rounding, `REPEATS`, and two at least; 0 where there is one at
+most.
 
 **Response.** With the way w(t) in the period before t (at rest before the start), that of the last waves being D:
 
@@ -68,7 +69,10 @@ def decay(changes: FloatArray) -> float:
     """Return the factor (J7) by which changes of shape, (K, N+1, 3), shrink; 0 where one at most is above rounding."""
     size = np.sqrt((changes**2).sum(axis=2).mean(axis=1))
     large = np.flatnonzero(size > REPEATS)
-    return float(np.exp(np.polyfit(large, np.log(size[large]), 1)[0])) if len(large) > 1 else 0.0
+    if len(large) < 2:
+        return 0.0
+    later = large[-max(2, (len(large) + 1) // 2) :]
+    return float(np.exp(np.polyfit(later, np.log(size[later]), 1)[0]))
 
 
 def _is_level(result: Result) -> bool:
