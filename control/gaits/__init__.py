@@ -6,6 +6,7 @@ from control.gaits.extension_wave import ExtensionWave
 from control.gaits.feedback import Feedback, FeedbackGait, Felt, Memory
 from control.gaits.gait import GAITS, Body, BoundGait, Direction, Gait
 from control.gaits.larva_ei.gait import LarvaEI
+from control.gaits.neural.chain import EiChain
 from control.gaits.patterns import (
     Breathing,
     ContractionEngine_segmentdriven,
@@ -27,6 +28,7 @@ __all__ = [
     "ContractionEngine_segmentdriven",
     "Direction",
     "Discrete",
+    "EiChain",
     "ExtensionWave",
     "Feedback",
     "FeedbackGait",

@@ -1,0 +1,1 @@
+"""Networks of neurons as gaits, and what real larvae tell about them."""

@@ -1,0 +1,181 @@
+"""The larva's chain of neurons as a gait: `EiChain`.
+
+The equations are those of `control.gaits.neural.network`. Of the input h, the end at which waves begin gets the
+constant `drive`, above the threshold: it bursts again and again, by itself, and each burst runs along the body. The
+tail's end makes direct waves, as in a larva that crawls forward, the head's retrograde ones; nothing else differs. All
+populations of one side get `turn` times TURNING more, those of the other as much less.
+
+The pace is one input as well. It shortens the time constants, those of I as the period T demands, which follows, and
+those of E less, with the exponent p:
+
+    tau_E = tau_2 (T/2 s)^p                                                                                   (EI4)
+
+Delays from segment to segment follow tau_E: p = 1 keeps the phases at every pace, p = 0 the delays.
+
+Feeling: F = -strain/(FELT amplitude), clipped to [0, 1], is the share of the contraction that a chamber shows. With
+`feedback` = phi > 0 a segment's burst goes on until its chambers have contracted, its neighbour waits for that, and
+the next burst for their return: the wave becomes as slow as the actuators and the load demand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from control.gaits.feedback import FeedbackGait, Felt
+from control.gaits.gait import Body, Direction
+from control.gaits.neural.network import Network, advance, onsets
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import documented, parameter
+
+ITSELF, ACROSS, WIDTH = 1.5, 1.0, 0.2
+"""Weights of E on itself and on the other side, and width of the sigmoid, in thresholds. With ITSELF above 1 a burst
+outlasts what set it off; ACROSS of the size of the threshold lets a side that has failed be set off by the other."""
+FELT = 0.5
+"""Share of the commanded contraction at which a chamber feels wholly contracted: friction may deny it the rest."""
+TURNING = 0.4
+"""Input of each side at turn 1, in thresholds: below 1, so that it sets nothing off by itself."""
+TAUS = ("tau_tail", "tau_rear", "tau_middle", "tau_front", "tau_head")
+PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Values of tau_2 along the body, and their places, tail 0 and head 1; between them it is linear."""
+REFERENCE = 2.0
+"""Period at which tau_E is tau_e [s]."""
+ROUNDS, TOLERANCE = 20, 1e-4
+"""Most rounds in which tau_I is sought, and error of the period that ends them."""
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class EiChain(FeedbackGait, name="ei_chain"):
+    """Waves of a chain of excitatory and inhibitory neurons, trained on larvae."""
+
+    period: float = parameter(
+        2.0, meaning="pace: time between two waves where nothing is felt", unit="s", gt=0, le=1e3
+    )
+    direction: Direction = parameter(
+        "direct", meaning="end that begins the waves, direct the tail, as larvae crawl forward; retrograde the head"
+    )
+    turn: float = parameter(
+        0.0, meaning="input to the left side, as much less to the right", ge=-1, le=1, allowed="a number in [-1, 1]"
+    )
+    feedback: float = parameter(
+        0.0, meaning="share of a segment's activity that is felt, by its strain, in place of known", ge=0, le=1
+    )
+    coupling: float = parameter(2.5, meaning="weight of a neighbour, in thresholds", gt=1)
+    drive: float = parameter(2.0, meaning="input of the end that begins the waves, in thresholds", gt=1)
+    inhibition: float = parameter(8.0, meaning="weight of inhibition on excitation, in thresholds", gt=0)
+    tau_tail: float = parameter(0.08, meaning="tau_2, time constant of excitation, at the tail", unit="s", gt=0)
+    tau_rear: float = parameter(0.08, meaning="tau_2 at a quarter of the body", unit="s", gt=0)
+    tau_middle: float = parameter(0.08, meaning="tau_2 in the middle", unit="s", gt=0)
+    tau_front: float = parameter(0.08, meaning="tau_2 at three quarters", unit="s", gt=0)
+    tau_head: float = parameter(0.08, meaning="tau_2 at the head", unit="s", gt=0)
+    pace_exponent: float = parameter(0.6, meaning="exponent p with which delays follow the period", ge=0, le=2)
+    lengthens = False
+
+    @property
+    def senses(self) -> tuple[str, ...]:
+        """Names of the channels that it senses: strain, if any."""
+        return ("strain",) if self.feedback and self.amplitude else ()
+
+    def network(self, segments: int) -> Network:
+        """Return the network of a body; ValueError if it makes no waves."""
+        return network(self, segments)
+
+    def drives(self, segments: int) -> FloatArray:
+        """Return the input h of each population E, shape (segments, 2)."""
+        drives = np.zeros((segments, 2))
+        drives[self.source] = self.drive
+        return drives + TURNING * self.turn * np.array([1.0, -1.0])
+
+    @property
+    def source(self) -> int:
+        """Index of the segment that begins the waves."""
+        return 0 if self.direction == "direct" else -1
+
+    def start(self, body: Body) -> Chain:
+        """Return a fresh memory for one run of a body."""
+        return Chain(self, body.segments)
+
+
+class Chain:
+    """State of an `EiChain` during a run."""
+
+    def __init__(self, gait: EiChain, segments: int) -> None:
+        network = gait.network(segments)
+        self._share, self._per_strain = (gait.feedback, -1.0 / (FELT * gait.amplitude)) if gait.senses else (0.0, 0.0)
+        self._constants, self._drives, self._dt = network.packed(), gait.drives(segments), network.step
+        self._rates, self._before = network.start(), network.start()
+        self._begin, self._steps = np.nan, 0
+
+    def step(self, t: float, felt: Felt) -> FloatArray:
+        """Advance to time t [s] on a grid of its own, and return E on straight lines between, shape (N, 2)."""
+        if np.isnan(self._begin):
+            self._begin = t
+        strain = felt.get("strain")
+        contracted = np.zeros_like(self._drives) if strain is None else np.clip(self._per_strain * strain, 0.0, 1.0)
+        ahead = (t - self._begin) / self._dt
+        if (missing := int(np.ceil(ahead)) - self._steps) > 0:
+            given = (self._constants, self._drives, self._share, contracted, self._dt)
+            advance(self._rates, *given, missing - 1)
+            self._before = self._rates.copy()
+            advance(self._rates, *given, 1)
+            self._steps += missing
+        part = ahead - (self._steps - 1)
+        return self._before[0] + part * (self._rates[0] - self._before[0])
+
+
+@lru_cache(maxsize=256)
+def network(gait: EiChain, segments: int) -> Network:
+    """Return the network of a gait whose waves have its period, forward and unturned.
+
+    Raises
+    ------
+    ValueError
+        It makes no waves, or none of this period.
+    """
+    places = (np.arange(segments) + 0.5) / segments
+    taus = np.interp(places, PLACES, [getattr(gait, name) for name in TAUS])
+    taus *= (gait.period / REFERENCE) ** gait.pace_exponent
+    drives = np.zeros((segments, 2))
+    drives[gait.source] = gait.drive
+    tau_i = 0.35 * gait.period
+    for _ in range(ROUNDS):
+        made = chain(taus, tau_i, gait.coupling, gait.inhibition)
+        found = period_of(made, drives, gait.source)
+        if not np.isfinite(found):
+            break
+        if abs(found / gait.period - 1.0) < TOLERANCE:
+            return made
+        tau_i *= gait.period / found
+    raise ValueError(
+        f"period: got {gait.period} s, must be one at which waves run along all segments; these couplings, inhibition "
+        "and drive make none, or tau_e is too large for it"
+    )
+
+
+def chain(tau_e: FloatArray, tau_i: float, coupling: float, inhibition: float) -> Network:
+    """Return a network alike on both sides; `tau_e` are the time constants of E from the tail on, shape (N,) [s]."""
+    ones = np.ones((len(tau_e), 2))
+    headward, tailward = coupling * ones, coupling * ones
+    headward[0], tailward[-1] = 0.0, 0.0
+    return Network(
+        tau_e=tau_e[:, None] * ones,
+        tau_i=tau_i * ones,
+        itself=ITSELF * ones,
+        across=ACROSS * ones,
+        headward=headward,
+        tailward=tailward,
+        inhibition=inhibition * ones,
+        threshold=ones,
+        width=WIDTH * ones,
+    )
+
+
+def period_of(network: Network, drives: FloatArray, source: int) -> float:
+    """Return the time between the last two bursts at the source [s]; NaN if there are none."""
+    rates, dt = network.start(), network.step
+    times = onsets(rates, network.packed(), drives, dt, int(14.0 * network.tau_i.mean() / dt))[0][source, 0]
+    times = times[np.isfinite(times)]
+    return float(times[-1] - times[-2]) if len(times) > 2 else np.nan

@@ -1,0 +1,136 @@
+"""A chain of excitatory and inhibitory populations, a pair of them in each segment and side (Wilson, Cowan 1972).
+
+Rates of the populations of segment i (0 at the tail) and side s, with the opposite side s':
+
+    tau_E dE_is/dt = -E_is + S(w_s E_is + w_x E_is' + c_i X_i-1,s + c_i+1 X_i+1,s + h_is - w_i I_is - theta)  (EI1)
+    tau_I dI_is/dt = -I_is + X_is                                                                             (EI2)
+    X_is = (1 - phi) E_is + phi F_is,      S(z) = 1/(1 + exp(-z/width))                                       (EI3)
+
+E in (0, 1) excites itself, the other side and both neighbours; the slower I follows the segment's activity X and ends
+it. X is what the segment does: its own E, or to the share phi what its body does, the contraction F that is felt.
+c_i couples the segments i - 1 and i either way, so that a wave runs from wherever the input h starts one, and what
+stays inhibited behind it keeps it from turning back. Thresholds are the unit of all inputs: theta = 1. The structure
+(segmental E and I populations, neighbours coupled either way, sides coupled by excitation, both directions from one
+network) is that of Gjorgjieva, Berni, Evers, Eglen: Neural circuits for peristaltic wave propagation in crawling
+Drosophila larvae, Frontiers in Computational Neuroscience 7:24 (2013); the constants are not theirs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from worm3d.machine.compiled import njit
+from worm3d.values.arrays import FloatArray
+
+STEPS_PER_TAU = 6.0
+"""Integration steps (Runge-Kutta, fourth order) in the shortest time constant; at twice as many the onsets of waves move
+by less than 1e-4 of the period."""
+ONSET = 0.5
+"""Rate E at which a segment counts as active."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """Constants of the chain, each an array over N segments and two sides [left, right], shape (N, 2)."""
+
+    tau_e: FloatArray
+    """Time constant of E [s]."""
+    tau_i: FloatArray
+    """Time constant of I [s]."""
+    itself: FloatArray
+    """Weight w_s of E on itself."""
+    across: FloatArray
+    """Weight w_x of the other side's E."""
+    headward: FloatArray
+    """Weight c of the tailward neighbour, by which waves run towards the head; 0 in segment 0."""
+    tailward: FloatArray
+    """Weight c of the headward neighbour, by which waves run towards the tail; 0 in segment N-1."""
+    inhibition: FloatArray
+    """Weight w_i of I."""
+    threshold: FloatArray
+    """Threshold theta."""
+    width: FloatArray
+    """Width of the sigmoid."""
+
+    def noisy(self, relative: float, random: np.random.Generator) -> Network:
+        """Return the network with each constant of each population times 1 + relative N(0, 1), at least a tenth."""
+        drawn = (getattr(self, each.name) for each in fields(self))
+        return Network(*(a * np.maximum(0.1, 1.0 + relative * random.standard_normal(a.shape)) for a in drawn))
+
+    def start(self) -> FloatArray:
+        """Return the rates E, I at rest, shape (2, N, 2)."""
+        return np.zeros((2, *self.tau_e.shape))
+
+    def packed(self) -> FloatArray:
+        """Return the constants in one array, shape (9, N, 2), for `advance`."""
+        return np.array([getattr(self, each.name) for each in fields(self)])
+
+    @property
+    def step(self) -> float:
+        """Longest integration step [s]."""
+        return float(min(self.tau_e.min(), self.tau_i.min())) / STEPS_PER_TAU
+
+
+@njit
+def slope(rates, constants, drive, share, felt, out):  # type: ignore[no-untyped-def]
+    """Write the time derivative of the rates, (EI1) to (EI3), shape (2, N, 2), into `out`."""
+    n = rates.shape[1]
+    for i in range(n):
+        for s in range(2):
+            e, own = rates[0, i, s], (1.0 - share) * rates[0, i, s] + share * felt[i, s]
+            z = constants[2, i, s] * e + constants[3, i, s] * rates[0, i, 1 - s] + drive[i, s]
+            if i > 0:
+                z += constants[4, i, s] * ((1.0 - share) * rates[0, i - 1, s] + share * felt[i - 1, s])
+            if i < n - 1:
+                z += constants[5, i, s] * ((1.0 - share) * rates[0, i + 1, s] + share * felt[i + 1, s])
+            z -= constants[6, i, s] * rates[1, i, s] + constants[7, i, s]
+            out[0, i, s] = (1.0 / (1.0 + math.exp(-z / constants[8, i, s])) - e) / constants[0, i, s]
+            out[1, i, s] = (own - rates[1, i, s]) / constants[1, i, s]
+
+
+@njit
+def advance(rates, constants, drive, share, felt, dt, steps):  # type: ignore[no-untyped-def]
+    """Advance the rates in place by steps of dt [s], while input and what is felt stay as they are."""
+    at, k, total = np.empty_like(rates), np.empty_like(rates), np.empty_like(rates)
+    y, at_, k_, total_ = rates.ravel(), at.ravel(), k.ravel(), total.ravel()
+    for _ in range(steps):
+        at_[:], total_[:] = y, 0.0
+        for stage in range(4):
+            slope(at, constants, drive, share, felt, k)
+            weight = 1.0 if stage in (0, 3) else 2.0
+            ahead = dt if stage == 2 else 0.5 * dt
+            for j in range(y.size):
+                total_[j] += weight * k_[j]
+                at_[j] = y[j] + ahead * k_[j]
+        for j in range(y.size):
+            y[j] += dt / 6.0 * total_[j]
+
+
+@njit
+def onsets(rates, constants, drive, dt, steps):  # type: ignore[no-untyped-def]
+    """Return when each E rose above `ONSET` in `steps` steps of a network that feels nothing.
+
+    Returns
+    -------
+    times : ndarray, shape (N, 2, M)
+        Times [s], ascending, on straight lines between steps; NaN behind the last one.
+    on : ndarray, shape (N, 2)
+        Share of the time for which E was above it.
+    """
+    n, most = rates.shape[1], 64
+    times, counts, on = np.full((n, 2, most), np.nan), np.zeros((n, 2), np.int64), np.zeros((n, 2))
+    felt, before = np.zeros((n, 2)), np.zeros((n, 2))
+    for step in range(steps):
+        advance(rates, constants, drive, 0.0, felt, dt, 1)
+        for i in range(n):
+            for s in range(2):
+                e, was = rates[0, i, s], before[i, s]
+                on[i, s] += (e > ONSET) / steps
+                if was <= ONSET < e and counts[i, s] < most:
+                    times[i, s, counts[i, s]] = (step + (ONSET - was) / (e - was)) * dt
+                    counts[i, s] += 1
+                before[i, s] = e
+    return times, on

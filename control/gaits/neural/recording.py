@@ -1,0 +1,169 @@
+"""Waves in recordings of crawling animals: when each of a row of bands was pulled along, and with what delays.
+
+A trough is a least value below -DEPTH robust standard deviations (1.4826 times the median of the absolute deviation,
+of what was measured; values that are exactly 0 were not), LEAST_GAP from deeper ones; its time is that of the least
+value of the parabola through three samples. A wave is a trough of the middle band and, from band to band outwards, the
+deepest trough within REACH, on the side on which the wave comes or a little on the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from worm3d.values.arrays import FloatArray
+
+DEPTH = 2.0
+"""Depth of a trough, in robust standard deviations; 1.5 or 3 change no median delay by more than 7 ms."""
+LEAST_GAP = 1.0
+"""Least time between the waves [s]."""
+REACH, BACK = 0.4, 0.1
+"""Longest delay of neighbouring bands with the wave, and against it [s]."""
+QUIET, PAUSE = 1.0, 1.5
+"""A pause is a time of at least PAUSE [s] in which all bands stay within QUIET robust deviations: flashes stop a larva
+for 2 to 12 s, between two waves of slow crawling it is quiet for less than 1 s."""
+RESAMPLED, CONFIDENCE = 2000, 0.9
+"""Number of bootstrap samples and level of the intervals."""
+
+
+@dataclass(frozen=True)
+class Waves:
+    """Waves of a recording whose bands are ordered as waves reach them."""
+
+    bands: tuple[str, ...]
+    """Names of the bands, the first one moves first."""
+    times: FloatArray
+    """Time of each band's trough [s], shape (K, bands), NaN where a band has none."""
+    periods: FloatArray
+    """Times from one wave to the next, without those with a pause between [s]."""
+
+    @property
+    def middle(self) -> int:
+        """Index of the band from which delays are counted."""
+        return len(self.bands) // 2
+
+    @property
+    def period(self) -> float:
+        """Median period [s]."""
+        return float(np.median(self.periods))
+
+    @property
+    def delays(self) -> FloatArray:
+        """Delay of each band behind the middle one in each wave [s], shape (K, bands)."""
+        delays: FloatArray = self.times - self.times[:, [self.middle]]
+        return delays
+
+    def median(self) -> FloatArray:
+        """Return the median delay of each band [s], shape (bands,)."""
+        median: FloatArray = np.nanmedian(self.delays, axis=0)
+        return median
+
+    def interval(self, seed: int = 0) -> FloatArray:
+        """Return the bootstrap interval of each median delay, waves drawn with replacement [s], shape (2, bands)."""
+        random, delays = np.random.default_rng(seed), self.delays
+        draws = random.integers(0, len(delays), (RESAMPLED, len(delays)))
+        medians = np.array([_median(delays[draw]) for draw in draws])
+        ends: FloatArray = np.nanpercentile(medians, [50 * (1 - CONFIDENCE), 50 * (1 + CONFIDENCE)], axis=0)
+        return ends
+
+
+def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
+    """Return the waves of a recording.
+
+    Parameters
+    ----------
+    time : ndarray, shape (T,)
+        Evenly spaced times [s].
+    values : ndarray, shape (T, bands)
+        What was recorded, its troughs being the events; in any unit. 0 and NaN stand for what was not measured.
+    bands : tuple of str
+        Name of each column, in the order in which a wave reaches them.
+
+    Raises
+    ------
+    ValueError
+        Fewer than three bands, uneven times, or fewer than four waves.
+    """
+    dt = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if len(bands) < 3 or len(time) < 10 or not np.allclose(np.diff(time), dt, rtol=0.01):
+        raise ValueError(
+            f"recording: got {len(bands)} bands at {len(time)} times, must be 3 bands or more at 10 evenly spaced times"
+        )
+    scaled = _scaled(np.nan_to_num(values))
+    middle, times = len(bands) // 2, []
+    for k in _troughs(scaled[:, middle], round(LEAST_GAP / dt)):
+        wave = np.full(len(bands), np.nan)
+        wave[middle] = _refined(scaled[:, middle], k)
+        for side in (-1, 1):
+            _follow(scaled, wave, k, middle, side, (round(REACH / dt), round(BACK / dt)))
+        times.append(time[0] + dt * wave)
+    starts = np.array([wave[middle] for wave in times])
+    calm = np.abs(scaled).max(axis=1) < QUIET
+    spans = list(zip(starts[:-1], starts[1:], strict=True))
+    periods = [b - a for a, b in spans if _longest(calm[(time > a) & (time < b)]) * dt < PAUSE]
+    if len(times) < 4 or len(periods) < 3:
+        raise ValueError(
+            f"recording: found {len(times)} waves in it, must be 4 or more, three of them without a pause before"
+        )
+    return Waves(bands, np.array(times), np.array(periods))
+
+
+def _scaled(values: FloatArray) -> FloatArray:
+    """Return each column over its robust standard deviation; one that never moves as zeros."""
+    scaled = np.zeros_like(values)
+    for j, column in enumerate(values.T):
+        measured = column[column != 0.0]
+        spread = 1.4826 * np.median(np.abs(measured - np.median(measured))) if len(measured) else 0.0
+        if spread > 0.0:
+            scaled[:, j] = column / spread
+    return scaled
+
+
+def _least(x: FloatArray) -> FloatArray:
+    """Return at which samples there is a trough, deep enough."""
+    inner = (x[1:-1] < -DEPTH) & (x[1:-1] <= x[:-2]) & (x[1:-1] < x[2:])
+    return 1 + np.flatnonzero(inner)
+
+
+def _troughs(x: FloatArray, gap: int) -> list[int]:
+    """Return the troughs that lie at least `gap` samples from any deeper one, in ascending order."""
+    found: list[int] = []
+    for k in sorted(_least(x), key=lambda k: float(x[k])):
+        if all(abs(k - other) >= gap for other in found):
+            found.append(int(k))
+    return sorted(found)
+
+
+def _follow(x: FloatArray, wave: FloatArray, k: int, band: int, side: int, reach: tuple[int, int]) -> None:
+    """Enter the troughs of the bands on one side of band `band`, whose own is at sample k, as far as there are any."""
+    candidates = [_least(column) for column in x.T]
+    for j in range(band + side, len(wave) if side > 0 else -1, side):
+        near = [q for q in candidates[j] if -reach[1] <= side * (q - k) <= reach[0]]
+        if not near:
+            return
+        k = int(min(near, key=lambda q: float(x[q, j])))
+        wave[j] = _refined(x[:, j], k)
+
+
+def _refined(x: FloatArray, k: int) -> float:
+    """Return the place of the least value of the parabola through sample k and its neighbours."""
+    bend = x[k - 1] - 2.0 * x[k] + x[k + 1]
+    return k + (0.5 * float((x[k - 1] - x[k + 1]) / bend) if bend > 0.0 else 0.0)
+
+
+def _longest(flags: FloatArray) -> int:
+    """Return the length of the longest run of true flags."""
+    longest = run = 0
+    for flag in flags:
+        run = run + 1 if flag else 0
+        longest = max(longest, run)
+    return longest
+
+
+def _median(values: FloatArray) -> FloatArray:
+    """Return the median of each column of what is not NaN; NaN of a column without any."""
+    some = np.isfinite(values).any(axis=0)
+    median = np.full(values.shape[1], np.nan)
+    median[some] = np.nanmedian(values[:, some], axis=0)
+    return median

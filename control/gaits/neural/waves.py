@@ -1,0 +1,90 @@
+"""Waves of a chain of neurons that feels nothing: their timing, and how often noisy networks carry them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import get_args
+
+import numpy as np
+
+from control.gaits.gait import Direction
+from control.gaits.neural.chain import EiChain
+from control.gaits.neural.network import Network, onsets
+from worm3d.values.arrays import FloatArray
+
+WATCHED = 6.0
+"""Periods over which a network is watched; noisy ones keep their own."""
+FEWEST = 3
+"""Fewest bursts of the source in that time."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Timing of waves."""
+
+    period: float
+    """Time between the last two bursts of the segment that begins them [s]."""
+    delays: FloatArray
+    """Delay of each segment behind the middle one in the last wave [s], in the order of the wave, shape (N,)."""
+    duty: float
+    """Mean share of the time for which a segment is active."""
+
+
+def timing_of(gait: EiChain, segments: int) -> Timing:
+    """Return the timing of a chain's waves; ValueError if none run along all segments."""
+    times, duty = _watched(gait, gait.network(segments), gait.drives(segments))
+    if not _runs(times):
+        raise ValueError(
+            f"period: got {gait.period} s, must be one at which waves run along all segments; tau_e or the couplings "
+            "are too small or too large for it"
+        )
+    last = int(np.isfinite(times[:, 0]).sum(axis=-1).min()) - 1
+    wave = times[:, 0, last]
+    return Timing(float(times[0, 0, last] - times[0, 0, last - 1]), wave - wave[segments // 2], duty)
+
+
+def carrying(gait: EiChain, segments: int, noise: float, draws: int, seed: int = 0) -> float:
+    """Return the share of noisy networks that carry waves, both direct and retrograde ones.
+
+    Each constant of each population, and the drive, is multiplied by 1 + noise N(0, 1).
+
+    Parameters
+    ----------
+    gait : EiChain
+    segments : int
+    noise : float
+        Standard deviation.
+    draws, seed : int
+        Number of networks and seed of their noise.
+    """
+    random = np.random.default_rng(seed)
+    ways = [replace(gait, direction=direction) for direction in get_args(Direction)]
+    networks = [(way, way.network(segments), way.drives(segments)) for way in ways]
+    good = 0
+    for _ in range(draws):
+        state = random.bit_generator.state
+        for way, network, drives in networks:  # one network, and another input
+            random.bit_generator.state = state
+            noisy = network.noisy(noise, random)
+            driven = drives * (1.0 + noise * random.standard_normal(drives.shape))
+            if not _runs(_watched(way, noisy, driven)[0]):
+                break
+        else:
+            good += 1
+    return good / draws
+
+
+def _watched(gait: EiChain, network: Network, drives: FloatArray) -> tuple[FloatArray, float]:
+    """Return the onsets of bursts, segments in the order of the wave, shape (N, 2, M) [s], and the mean duty."""
+    dt = network.step
+    times, on = onsets(network.start(), network.packed(), drives, dt, int(WATCHED * gait.period / dt))
+    return times[:: 1 if gait.source == 0 else -1], float(on.mean())
+
+
+def _runs(times: FloatArray) -> bool:
+    """Return whether all bursts, but the last that may be under way, run along both sides, one segment after another."""
+    counts = np.isfinite(times).sum(axis=-1)
+    if counts[0].min() < FEWEST or (np.diff(counts, axis=0) > 0).any() or (counts[0] - counts[-1]).max() > 1:
+        return False
+    behind, ahead = times[1:], times[:-1]
+    return bool(((behind > ahead) | np.isnan(behind)).all())
