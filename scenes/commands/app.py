@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from scenes.commands.arguments import Force, Out, Overrides, Quiet, ResultArgument, SceneArgument, path_of
+from scenes.commands.gait_app import gait
 from scenes.commands.study_app import studies
 from scenes.language.errors import SceneError
 
@@ -24,6 +25,7 @@ app = typer.Typer(
 
 bench = typer.Typer(help="Measure how fast, and how good, it is.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(bench, name="bench")
+app.add_typer(gait, name="gait")
 app.add_typer(studies)
 
 

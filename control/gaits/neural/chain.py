@@ -37,12 +37,11 @@ FELT = 0.5
 """Share of the commanded contraction at which a chamber feels wholly contracted: friction may deny it the rest."""
 TURNING = 0.4
 """Input of each side at turn 1, in thresholds: below 1, so that it sets nothing off by itself."""
-TAUS = ("tau_tail", "tau_rear", "tau_middle", "tau_front", "tau_head")
-PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Values of tau_2 along the body, and their places, tail 0 and head 1; between them it is linear."""
+TAU_E = (0.1204, 0.0999, 0.0788, 0.0688, 0.0814, 0.1009, 0.0967)
+"""Time constants tau_2 of the segments A7 to A1 [s]."""
 REFERENCE = 2.0
 """Period at which tau_E is tau_e [s]."""
-ROUNDS, TOLERANCE = 20, 1e-4
+ROUNDS, TOLERANCE = 20, 1e-5
 """Most rounds in which tau_I is sought, and error of the period that ends them."""
 
 
@@ -51,9 +50,7 @@ ROUNDS, TOLERANCE = 20, 1e-4
 class EiChain(FeedbackGait, name="ei_chain"):
     """Waves of a chain of excitatory and inhibitory neurons, trained on larvae."""
 
-    period: float = parameter(
-        2.0, meaning="pace: time between two waves where nothing is felt", unit="s", gt=0, le=1e3
-    )
+    period: float = parameter(2.0, meaning="pace: time between two waves where nothing is felt", unit="s", gt=0, le=1e3)
     direction: Direction = parameter(
         "direct", meaning="end that begins the waves, direct the tail, as larvae crawl forward; retrograde the head"
     )
@@ -63,16 +60,24 @@ class EiChain(FeedbackGait, name="ei_chain"):
     feedback: float = parameter(
         0.0, meaning="share of a segment's activity that is felt, by its strain, in place of known", ge=0, le=1
     )
-    coupling: float = parameter(2.5, meaning="weight of a neighbour, in thresholds", gt=1)
+    coupling: float = parameter(1.8, meaning="weight of a neighbour, in thresholds", gt=1)
     drive: float = parameter(2.0, meaning="input of the end that begins the waves, in thresholds", gt=1)
-    inhibition: float = parameter(8.0, meaning="weight of inhibition on excitation, in thresholds", gt=0)
-    tau_tail: float = parameter(0.08, meaning="tau_2, time constant of excitation, at the tail", unit="s", gt=0)
-    tau_rear: float = parameter(0.08, meaning="tau_2 at a quarter of the body", unit="s", gt=0)
-    tau_middle: float = parameter(0.08, meaning="tau_2 in the middle", unit="s", gt=0)
-    tau_front: float = parameter(0.08, meaning="tau_2 at three quarters", unit="s", gt=0)
-    tau_head: float = parameter(0.08, meaning="tau_2 at the head", unit="s", gt=0)
-    pace_exponent: float = parameter(0.6, meaning="exponent p with which delays follow the period", ge=0, le=2)
+    inhibition: float = parameter(5.118, meaning="weight of inhibition on excitation, in thresholds", gt=0)
+    tau_e: FloatArray = parameter(
+        TAU_E,
+        meaning="tau_2, time constant of excitation, in parts of the body of equal length from tail to head",
+        unit="s",
+        gt=0,
+        each="sample",
+        allowed="above 0, a list of numbers from tail to head",
+    )
+    pace_exponent: float = parameter(0.583, meaning="exponent p with which delays follow the period", ge=0, le=2)
     lengthens = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.tau_e.ndim > 1:
+            raise ValueError(f"tau_e: got shape {self.tau_e.shape}, must be a list of numbers from tail to head")
 
     @property
     def senses(self) -> tuple[str, ...]:
@@ -80,8 +85,11 @@ class EiChain(FeedbackGait, name="ei_chain"):
         return ("strain",) if self.feedback and self.amplitude else ()
 
     def network(self, segments: int) -> Network:
-        """Return the network of a body; ValueError if it makes no waves."""
-        return network(self, segments)
+        """Return the network of a body whose waves have the period; ValueError if it makes none."""
+        places, known = (np.arange(segments) + 0.5) / segments, np.atleast_1d(self.tau_e)
+        tau_e = np.interp(places, (np.arange(len(known)) + 0.5) / len(known), known)
+        tau_e *= (self.period / REFERENCE) ** self.pace_exponent
+        return pace(tuple(tau_e.tolist()), self.coupling, self.drive, self.inhibition, self.source, self.period)
 
     def drives(self, segments: int) -> FloatArray:
         """Return the input h of each population E, shape (segments, 2)."""
@@ -117,41 +125,41 @@ class Chain:
         contracted = np.zeros_like(self._drives) if strain is None else np.clip(self._per_strain * strain, 0.0, 1.0)
         ahead = (t - self._begin) / self._dt
         if (missing := int(np.ceil(ahead)) - self._steps) > 0:
-            given = (self._constants, self._drives, self._share, contracted, self._dt)
-            advance(self._rates, *given, missing - 1)
+            held = (self._constants, self._drives, self._share, contracted, self._dt)
+            advance(self._rates, *held, missing - 1)
             self._before = self._rates.copy()
-            advance(self._rates, *given, 1)
+            advance(self._rates, *held, 1)
             self._steps += missing
         part = ahead - (self._steps - 1)
-        return self._before[0] + part * (self._rates[0] - self._before[0])
+        given: FloatArray = self._before[0] + part * (self._rates[0] - self._before[0])
+        return given
 
 
 @lru_cache(maxsize=256)
-def network(gait: EiChain, segments: int) -> Network:
-    """Return the network of a gait whose waves have its period, forward and unturned.
+def pace(
+    tau_e: tuple[float, ...], coupling: float, drive: float, inhibition: float, source: int, period: float
+) -> Network:
+    """Return the network, alike on both sides, whose waves have a period [s], unturned and with nothing felt.
 
     Raises
     ------
     ValueError
         It makes no waves, or none of this period.
     """
-    places = (np.arange(segments) + 0.5) / segments
-    taus = np.interp(places, PLACES, [getattr(gait, name) for name in TAUS])
-    taus *= (gait.period / REFERENCE) ** gait.pace_exponent
-    drives = np.zeros((segments, 2))
-    drives[gait.source] = gait.drive
-    tau_i = 0.35 * gait.period
+    drives = np.zeros((len(tau_e), 2))
+    drives[source] = drive
+    tau_i = 0.35 * period
     for _ in range(ROUNDS):
-        made = chain(taus, tau_i, gait.coupling, gait.inhibition)
-        found = period_of(made, drives, gait.source)
+        made = chain(np.array(tau_e), tau_i, coupling, inhibition)
+        found = period_of(made, drives, source)
         if not np.isfinite(found):
             break
-        if abs(found / gait.period - 1.0) < TOLERANCE:
+        if abs(found / period - 1.0) < TOLERANCE:
             return made
-        tau_i *= gait.period / found
+        tau_i *= period / found
     raise ValueError(
-        f"period: got {gait.period} s, must be one at which waves run along all segments; these couplings, inhibition "
-        "and drive make none, or tau_e is too large for it"
+        f"period: got {period:g} s, must be one at which waves run along all segments; this coupling, inhibition and "
+        "drive make none, or tau_e is too large for it"
     )
 
 

@@ -9,8 +9,10 @@ deepest trough within REACH, on the side on which the wave comes or a little on 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from worm3d.values.arrays import FloatArray
 
@@ -56,8 +58,7 @@ class Waves:
 
     def median(self) -> FloatArray:
         """Return the median delay of each band [s], shape (bands,)."""
-        median: FloatArray = np.nanmedian(self.delays, axis=0)
-        return median
+        return _median(self.delays)
 
     def interval(self, seed: int = 0) -> FloatArray:
         """Return the bootstrap interval of each median delay, waves drawn with replacement [s], shape (2, bands)."""
@@ -100,8 +101,7 @@ def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
         times.append(time[0] + dt * wave)
     starts = np.array([wave[middle] for wave in times])
     calm = np.abs(scaled).max(axis=1) < QUIET
-    spans = list(zip(starts[:-1], starts[1:], strict=True))
-    periods = [b - a for a, b in spans if _longest(calm[(time > a) & (time < b)]) * dt < PAUSE]
+    periods = [b - a for a, b in pairwise(starts) if _longest(calm[(time > a) & (time < b)]) * dt < PAUSE]
     if len(times) < 4 or len(periods) < 3:
         raise ValueError(
             f"recording: found {len(times)} waves in it, must be 4 or more, three of them without a pause before"
@@ -120,7 +120,7 @@ def _scaled(values: FloatArray) -> FloatArray:
     return scaled
 
 
-def _least(x: FloatArray) -> FloatArray:
+def _least(x: FloatArray) -> NDArray[np.intp]:
     """Return at which samples there is a trough, deep enough."""
     inner = (x[1:-1] < -DEPTH) & (x[1:-1] <= x[:-2]) & (x[1:-1] < x[2:])
     return 1 + np.flatnonzero(inner)
@@ -152,7 +152,7 @@ def _refined(x: FloatArray, k: int) -> float:
     return k + (0.5 * float((x[k - 1] - x[k + 1]) / bend) if bend > 0.0 else 0.0)
 
 
-def _longest(flags: FloatArray) -> int:
+def _longest(flags: NDArray[np.bool_]) -> int:
     """Return the length of the longest run of true flags."""
     longest = run = 0
     for flag in flags:

@@ -59,7 +59,10 @@ def carrying(gait: EiChain, segments: int, noise: float, draws: int, seed: int =
     """
     random = np.random.default_rng(seed)
     ways = [replace(gait, direction=direction) for direction in get_args(Direction)]
-    networks = [(way, way.network(segments), way.drives(segments)) for way in ways]
+    try:
+        networks = [(way, way.network(segments), way.drives(segments)) for way in ways]
+    except ValueError:  # without noise there are no waves either
+        return 0.0
     good = 0
     for _ in range(draws):
         state = random.bit_generator.state
@@ -82,7 +85,7 @@ def _watched(gait: EiChain, network: Network, drives: FloatArray) -> tuple[Float
 
 
 def _runs(times: FloatArray) -> bool:
-    """Return whether all bursts, but the last that may be under way, run along both sides, one segment after another."""
+    """Return whether all bursts, but the last that may be under way, run from segment to segment on both sides."""
     counts = np.isfinite(times).sum(axis=-1)
     if counts[0].min() < FEWEST or (np.diff(counts, axis=0) > 0).any() or (counts[0] - counts[-1]).max() > 1:
         return False

@@ -1,0 +1,160 @@
+"""`worm3d gait fit`: writes `gait.toml`, a scene of the fitted chain, `gait.csv`, `gait.json` and `gait.png`."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from control.gaits.neural.chain import EiChain
+from control.gaits.neural.training import StoppedError, Target, Training, fit, uniform
+from scenes.commands.terminal import Interruption, busy
+from scenes.gait_fit import recordings
+from scenes.gait_fit.comparison import Comparison, Row, compared, sentences
+from scenes.gait_fit.recordings import Recording
+from scenes.language.errors import SceneError
+from scenes.language.parts import key_of
+from scenes.language.toml import value
+from scenes.records import folder as folders
+from scenes.records.drawing import save_figure
+from scenes.records.folder import write_bytes
+from scenes.records.text import aligned, json_bytes
+from worm3d.values.parameters import parameters_of
+
+SCENE, TABLE, CONTENT, PICTURE = "gait.toml", "gait.csv", "gait.json", "gait.png"
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
+DIGITS = 4
+"""Significant digits of the constants in the scene."""
+
+
+def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: bool) -> int:
+    """Fit, write and report; return the exit code. Without a folder it is `runs/gait-<file>-<time>`.
+
+    Raises
+    ------
+    SceneError
+        No recordings of waves in the file, none of a name in `use`, or the folder cannot be used.
+    """
+    direction, found = recordings.load(to)
+    names = [each.name for each in found]
+    if unknown := [name for name in use if name not in names]:
+        raise SceneError(f"--use: got '{unknown[0]}', must be one of {', '.join(names)}, the recordings in {to}")
+    fitted = list(use) or names
+    targets = [Target(each.waves.period, each.waves.median()) for each in found if each.name in fitted]
+    with folders.prepared(out, f"gait-{to.stem}", force=force) as folder:
+        try:
+            training = _trained(targets, EiChain(direction=direction), quiet=quiet)
+        except StoppedError:
+            typer.echo(f"{to}: stopped by Ctrl-C; nothing of this fit was kept", err=True)
+            return INTERRUPTED
+        comparison = compared(training.gait, uniform(targets), found, fitted)
+        with busy("drawing", quiet=quiet):
+            _write(training, comparison, found, fitted, to, folder)
+    if not quiet:
+        _tell(training, comparison, to, folder)
+    return 0
+
+
+def _trained(targets: Sequence[Target], like: EiChain, *, quiet: bool) -> Training:
+    with Interruption() as interruption, busy("fitting", quiet=quiet):
+        return fit(targets, like, lambda tried: not interruption.requested)
+
+
+def _write(
+    training: Training, comparison: Comparison, found: list[Recording], fitted: list[str], to: Path, folder: Path
+) -> None:
+    from scenes.gait_fit import figure  # imports matplotlib
+
+    write_bytes(folder / SCENE, scene(training.gait, comparison, fitted, to).encode())
+    write_bytes(folder / TABLE, _table(comparison).encode())
+    write_bytes(folder / CONTENT, json_bytes(_content(training, comparison, fitted, to)))
+    title = f"A chain of neurons fitted to {', '.join(fitted[:4])} of {to.name}"
+    save_figure(figure.draw(comparison, found, title)[0], folder / PICTURE)
+
+
+def scene(gait: EiChain, comparison: Comparison, fitted: Sequence[str], to: Path) -> str:
+    """Return a scene in which the default worm has a gait, as TOML, with what was fitted on top."""
+    known = parameters_of(EiChain)
+    common = {key: value(_short(getattr(gait, key))) for key in ("direction", "coupling", "drive", "inhibition")}
+    rest = {key_of(known[key]): value(_short(getattr(gait, key))) for key in ("period", "tau_e", "pace_exponent")}
+    lines = [f"# A chain of neurons fitted to {', '.join(fitted)} of {to.name}."]
+    lines += [f"# {sentence}" for sentence in sentences(comparison)]
+    lines += ["", 'model = "worm"', 'title = "A worm with a fitted chain of neurons"', "", "[run]"]
+    lines += [f"duration_s = {5.0 * round(max(10.0, 5.0 * gait.period) / 5.0)}", "dt_s = 0.01", "", "[gait]"]
+    lines += ['kind = "ei_chain"', *(f"{key} = {text}" for key, text in {**common, **rest}.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _short(number: Any) -> Any:
+    """Return a number, or a list of them, of few digits; other values as they are."""
+    if isinstance(number, str):
+        return number
+    given = number.tolist() if hasattr(number, "tolist") else number
+    return [_short(each) for each in given] if isinstance(given, list) else float(f"{given:.{DIGITS}g}")
+
+
+COLUMNS = ("recording", "use", "band", "delay_s", "low_s", "high_s")
+ERRORS = ("network_s", "network_error_s", "uniform_s", "uniform_error_s")
+"""Columns of the table."""
+
+
+def _table(comparison: Comparison) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow((*COLUMNS, *ERRORS))
+    writer.writerows([_cell(getattr(row, name)) for name in (*COLUMNS, *ERRORS)] for row in comparison.rows)
+    return text.getvalue()
+
+
+def _cell(item: Any) -> str:
+    return f"{item:.4f}" if isinstance(item, float) else str(item)
+
+
+def _content(training: Training, comparison: Comparison, fitted: Sequence[str], to: Path) -> dict[str, Any]:
+    gait = {name: getattr(training.gait, name) for name in parameters_of(EiChain)}
+    return {
+        "status": "done",
+        "measured": str(to),
+        "fitted": list(fitted),
+        "gait": {name: _short(item) if hasattr(item, "tolist") else item for name, item in gait.items()},
+        "cost": training.cost,
+        "networks_tried": training.tried,
+        "carried": comparison.carried,
+        "paces": [{field.name: getattr(pace, field.name) for field in fields(pace)} for pace in comparison.paces],
+        "rows": [
+            {name: getattr(row, name) for name in (*COLUMNS, *ERRORS, "inner", "kept")} for row in comparison.rows
+        ],
+        "sentences": list(sentences(comparison)),
+    }
+
+
+def _tell(training: Training, comparison: Comparison, to: Path, folder: Path) -> None:
+    typer.echo(f"{to}: {training.tried} networks tried")
+    paces = ("recording", "use", "waves", "period [s]", "network's")
+    rows = [
+        (each.recording, each.use, str(each.waves), f"{each.period_s:.2f}", f"{each.network_s:.2f}")
+        for each in comparison.paces
+    ]
+    for line in aligned(paces, rows):
+        typer.echo(f"  {line}")
+    delays = ("delay [ms] of", "in", "recorded", "90 % interval", "network", "off", "uniform", "off")
+    for line in aligned(delays, map(_row, comparison.rows)):
+        typer.echo(f"  {line}")
+    for sentence in sentences(comparison):
+        typer.echo(f"  {sentence}")
+    typer.echo(f"  written to {folder}: {SCENE}, {TABLE}, {CONTENT}, {PICTURE}")
+
+
+def _row(row: Row) -> tuple[str, ...]:
+    delay, low, high, network, uniform_ = (
+        f"{1e3 * number:.0f}" for number in (row.delay_s, row.low_s, row.high_s, row.network_s, row.uniform_s)
+    )
+    off, uniform_off = f"{1e3 * row.network_error_s:+.0f}", f"{1e3 * row.uniform_error_s:+.0f}"
+    band = row.band if row.inner else f"{row.band} (not fitted)"
+    return band, row.recording, delay, f"{low} to {high}", network, off, uniform_, uniform_off

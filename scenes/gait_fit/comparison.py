@@ -1,0 +1,116 @@
+"""A fitted chain beside the recordings that it was fitted to, beside others, and beside a wave of uniform delays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from control.gaits.neural.chain import EiChain
+from control.gaits.neural.training import FRAME
+from control.gaits.neural.waves import carrying, timing_of
+from scenes.gait_fit.recordings import Recording
+
+NOISE, DRAWS, SEED = 0.1, 40, 20261122
+"""Relative noise of all constants, networks drawn and seed of the draws, which are not those of the fit."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Delay of a band behind the middle one in a recording."""
+
+    recording: str
+    use: str
+    """What the recording was used for: fitted or predicted."""
+    band: str
+    delay_s: float
+    """Median of the recording's waves [s]."""
+    low_s: float
+    high_s: float
+    """Bootstrap interval of 90 % of the median [s]."""
+    network_s: float
+    """Delay of the fitted chain at the recording's pace [s]."""
+    uniform_s: float
+    """Delay of a wave of uniform phase [s]."""
+    inner: bool
+    """Whether it is neither the first nor the last band."""
+
+    @property
+    def network_error_s(self) -> float:
+        """Error of the network [s]."""
+        return self.network_s - self.delay_s
+
+    @property
+    def uniform_error_s(self) -> float:
+        """Error of the uniform wave [s]."""
+        return self.uniform_s - self.delay_s
+
+    @property
+    def kept(self) -> bool:
+        """Whether the network is within a frame, or of a prediction within 1.5 or the recording's own interval."""
+        close = abs(self.network_error_s) <= (1.0 if self.use == "fitted" else 1.5) * FRAME
+        return close or (self.use == "predicted" and self.low_s <= self.network_s <= self.high_s)
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Period of the waves of a recording, and of the chain at its pace."""
+
+    recording: str
+    use: str
+    waves: int
+    period_s: float
+    network_s: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All that is told of a fit."""
+
+    rows: tuple[Row, ...]
+    paces: tuple[Pace, ...]
+    carried: float
+    """Share of noisy chains that carry waves both ways, at the middle pace of the recordings."""
+
+    def worst(self, use: str, attribute: str) -> float:
+        """Return the largest error of the inner bands of the recordings of a use [s]; NaN if there are none."""
+        errors = [abs(getattr(row, attribute)) for row in self.rows if row.use == use and row.inner]
+        return max(errors, default=float("nan"))
+
+
+def compared(gait: EiChain, phase: float, recordings: Sequence[Recording], fitted: Sequence[str]) -> Comparison:
+    """Return how a chain and a wave of uniform `phase` from band to band compare with recordings."""
+    rows, paces = [], []
+    for each in recordings:
+        waves, use = each.waves, "fitted" if each.name in fitted else "predicted"
+        timing = timing_of(replace(gait, period=waves.period), len(waves.bands))
+        medians, (low, high) = waves.median(), waves.interval()
+        uniform = phase * waves.period * (np.arange(len(waves.bands)) - waves.middle)
+        for k, band in enumerate(waves.bands):
+            if k != waves.middle:
+                numbers = (float(series[k]) for series in (medians, low, high, timing.delays, uniform))
+                delay, least, most, network, even = numbers
+                inner = 0 < k < len(waves.bands) - 1
+                rows.append(Row(each.name, use, band, delay, least, most, network, even, inner))
+        paces.append(Pace(each.name, use, len(waves.times), waves.period, timing.period))
+    middling = replace(gait, period=float(np.exp(np.mean([np.log(pace.period_s) for pace in paces]))))
+    carried = carrying(middling, len(recordings[0].waves.bands), NOISE, DRAWS, SEED)
+    return Comparison(tuple(rows), tuple(paces), carried)
+
+
+def sentences(found: Comparison) -> Iterator[str]:
+    """Yield what the comparison says."""
+    for use, allowed in (("fitted", "one frame"), ("predicted", "1.5 frames or the recording's own interval")):
+        rows = [row for row in found.rows if row.use == use and row.inner]
+        if rows:
+            kept = sum(row.kept for row in rows)
+            yield (
+                f"recordings {use}: {kept} of {len(rows)} delays of inner bands within {allowed}, the worst "
+                f"{1e3 * found.worst(use, 'network_error_s'):.0f} ms off; uniform delays "
+                f"{1e3 * found.worst(use, 'uniform_error_s'):.0f} ms"
+            )
+    yield (
+        f"noise of {NOISE:.0%} in all constants: {round(found.carried * DRAWS)} of {DRAWS} networks, none of them of "
+        "the fit, carry waves forward and backward"
+    )

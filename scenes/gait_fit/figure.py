@@ -1,0 +1,65 @@
+"""The figure of a fitted chain: delays along the body, and a stretch of each recording with the waves in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from scenes.gait_fit.comparison import Comparison
+from scenes.gait_fit.recordings import Recording
+
+SHOWN = 25.0
+"""Time of a recording that is drawn, around its middle wave [s]."""
+MOST = 8
+"""Largest number of recordings that are drawn."""
+
+
+def draw(found: Comparison, recordings: Sequence[Recording], title: str) -> tuple[Figure, Axes]:
+    """Return the figure: a row for each recording."""
+    shown = recordings[:MOST]
+    figure = Figure(figsize=(13.0, 1.0 + 2.6 * len(shown)), layout="constrained", dpi=110)
+    grid = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(1.0, 2.2))
+    for (left, right), each in zip(grid, shown, strict=True):
+        _draw_delays(left, found, each)
+        _draw_stretch(right, each)
+    grid[0][0].legend(fontsize=8)
+    grid[-1][0].set_xlabel("band, in the order of the wave")
+    grid[-1][1].set_xlabel("time [s]")
+    grid[0][1].set_title("recorded bands, and their troughs that make waves", fontsize=9)
+    figure.suptitle(title, fontsize=11)
+    return figure, grid[0][0]
+
+
+def _draw_delays(axes: Axes, found: Comparison, each: Recording) -> None:
+    waves = each.waves
+    rows = {row.band: row for row in found.rows if row.recording == each.name}
+    places = [k for k in range(len(waves.bands)) if k != waves.middle]
+    own = [rows[waves.bands[k]] for k in places]
+    middle = [row.delay_s for row in own]
+    reach = np.array([[row.delay_s - row.low_s, row.high_s - row.delay_s] for row in own]).T
+    axes.axhline(0.0, color="0.8", lw=0.8)
+    axes.errorbar(places, middle, np.abs(reach), fmt="o", color="k", ms=4, capsize=3, label="recorded, 90 % interval")
+    axes.plot(places, [row.network_s for row in own], "C3.-", label="network")
+    axes.plot(places, [row.uniform_s for row in own], "C0--", lw=1.0, label="uniform delays")
+    axes.set_xticks(range(len(waves.bands)), waves.bands)
+    axes.set_ylabel(f"delay after {waves.bands[waves.middle]} [s]", fontsize=8)
+    use = own[0].use
+    axes.set_title(f"{each.name}: {use}, {len(waves.times)} waves, {waves.period:.2f} s", fontsize=9)
+    axes.grid(alpha=0.25)
+
+
+def _draw_stretch(axes: Axes, each: Recording) -> None:
+    waves = each.waves
+    centre = float(waves.times[len(waves.times) // 2, waves.middle])
+    near = np.abs(each.time - centre) < SHOWN / 2
+    scale = 0.4 / max(float(np.nanmax(np.abs(each.values[near]))), 1e-300)
+    for k in range(len(waves.bands)):
+        axes.plot(each.time[near], k + 2.0 * scale * each.values[near, k], color="0.4", lw=0.8)
+    for wave in waves.times:
+        if abs(wave[waves.middle] - centre) < SHOWN / 2:
+            axes.plot(wave, np.arange(len(wave)), "C3.-", lw=1.0, ms=5)
+    axes.set_yticks(range(len(waves.bands)), waves.bands)
+    axes.set_xlim(centre - SHOWN / 2, centre + SHOWN / 2)
