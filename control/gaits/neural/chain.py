@@ -41,6 +41,8 @@ TAU_E = (0.1204, 0.0999, 0.0788, 0.0688, 0.0814, 0.1009, 0.0967)
 """Time constants tau_2 of the segments A7 to A1 [s]."""
 REFERENCE = 2.0
 """Period at which tau_E is tau_e [s]."""
+MOST_RATIO = 1000.0
+"""Largest ratio of the period to the shortest time constant."""
 ROUNDS, TOLERANCE = 20, 1e-5
 """Most rounds in which tau_I is sought, and error of the period that ends them."""
 
@@ -146,6 +148,11 @@ def pace(
     ValueError
         It makes no waves, or none of this period.
     """
+    if min(tau_e) < period / MOST_RATIO:
+        raise ValueError(
+            f"tau_e: got {min(tau_e):g} s at a period of {period:g} s, must be at least a {MOST_RATIO:g}th of it: the "
+            "time steps follow it"
+        )
     drives = np.zeros((len(tau_e), 2))
     drives[source] = drive
     tau_i = 0.35 * period

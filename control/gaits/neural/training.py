@@ -9,8 +9,8 @@ recordings, each at its own pace, and that noise disturbs little. What is made l
     (second difference of ln tau_e)/ROUGH   along the body                                                        (ET4)
 
 and of CARRIED times the share of DRAWS noisy networks that do not carry waves, direct and retrograde ones (ET5).
-g(e) is e^2, with the sign of e, for nobody sees a small part of a frame; beyond COARSE frames it is a straight line. The
-first and the last band have a neighbour on one side only, in the network as in the animal, and are not fitted.
+g(e) is e^2, with the sign of e, for nobody sees a small part of a frame, and straight beyond COARSE frames. The first
+and the last band have a neighbour on one side only, in the network as in the animal, and are not fitted.
 (ET1) to (ET4) are smooth: least squares over tau_e, inhibition and pace exponent, for each of `COUPLINGS`, of which
 that with the least sum is taken. A recording's period is no result: the pace is set to it.
 """
@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from scipy.optimize import least_squares
