@@ -289,7 +289,8 @@ def test_the_gait_turns() -> None:
 def test_every_gait_is_found_by_name(name: str) -> None:
     gait = gait_of(worm_scene(f"gait.kind={name}", "gait.period_s=3"))
     assert type(gait) is gaits.GAITS[name]
-    assert_allclose(gait.activation(3.4, 6), gait.activation(6.4, 6), atol=1e-12)
+    if not isinstance(gait, gaits.FeedbackGait):  # those with memory have noise, or senses
+        assert_allclose(gait.activation(3.4, 6), gait.activation(6.4, 6), atol=1e-12)
     assert gaits.Breathing(contracting=0.3, period=3.0) == gait_of(
         worm_scene("gait.kind=breathing", "gait.contracting=0.3", "gait.period_s=3")
     )
