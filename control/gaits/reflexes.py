@@ -46,7 +46,7 @@ REFLEXES: dict[str, type[Reflex]] = {}
 GRAVITY = 9.81
 """Acceleration of free fall by which thresholds are multiples of the worm's weight [m/s^2]."""
 
-HOLD = 10.0
+HOLD = 12.0
 """Default threshold of `WallLoad`, in weights of the worm."""
 
 TOUCH = 0.25
@@ -125,7 +125,7 @@ class WallLoad(Reflex, name="wall_load"):
         meaning="load on a segment at which it stops widening",
         unit="N",
         gt=0,
-        left_out="10 times the worm's weight",
+        left_out="12 times the worm's weight",
     )
     rate: float = parameter(
         10.0, meaning="speed at which an unloaded segment widens again, and one of twice the load gives way", gt=0

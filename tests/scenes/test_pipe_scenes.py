@@ -154,3 +154,21 @@ def test_a_pipe_that_does_not_lead_into_the_hill() -> None:
     text = 'model = "worm"\n[world]\nkind = "slope_into_pipe"\nslope_deg = 5.0\ntilt_deg = 5.0\n'
     with pytest.raises(SceneError, match=r"line 5: world.tilt_deg: got 5.0: must be below world.slope_deg \(5.0\)"):
         parse_scene(text, "test", [])
+
+
+@pytest.mark.parametrize("scene", ["pipe_reflex", "pipe_reflex_vertical"])
+def test_the_reflex_gains_what_the_scene_says(scene: str) -> None:
+    felt = run_of(scene)
+    plain = simulate(load_scene(scene, ["reflexes.wall_load=false"]).settings, lambda done: True)  # type: ignore[arg-type]
+    lost, lost_plain = (run.energy.friction_loss.sum() / run.distance for run in (felt, plain))
+    assert f"{felt.distance:.2f} m in 15 s, {felt.distance / plain.distance - 1.0:.0%}".replace("%", " %") in says(
+        scene
+    )
+    assert f"loses {1.0 - lost / lost_plain:.0%}".replace("%", " %") in says(scene)
+
+
+def test_reflexes_that_are_not_asked_for_and_errors_that_nothing_feels() -> None:
+    with pytest.raises(SceneError, match=r"wall_load_rate: there is no such reflex: set reflexes.wall_load = true"):
+        load_scene("flat", ["reflexes.wall_load_rate=3"])
+    with pytest.raises(SceneError, match=r"neither the gait 'travelling_wave' nor a reflex senses anything"):
+        load_scene("flat", ["sensor.contact_load_noise_N=0.1"])
