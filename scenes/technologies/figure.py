@@ -58,7 +58,7 @@ def _periods(axes: Axes, bench: Bench, verdicts: Sequence[Verdict]) -> None:
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())
-    axes.legend(fontsize=7, ncols=2)
+    axes.legend(fontsize=7, ncols=2, handlelength=3.5)
 
 
 def _costs(axes: Axes, verdicts: Sequence[Verdict]) -> None:
@@ -72,6 +72,6 @@ def _costs(axes: Axes, verdicts: Sequence[Verdict]) -> None:
     axes.set_xscale("log")
     axes.set_yticks(rows, [each.kind for each in verdicts])
     axes.invert_yaxis()
-    axes.set_xlabel("energy over weight and distance, at the scene's period")
+    axes.set_xlabel("energy over weight and distance")
     axes.legend(fontsize=8)
     axes.grid(axis="x", alpha=0.3)
