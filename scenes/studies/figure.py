@@ -31,14 +31,15 @@ WIDE = 20.0
 HATCHES = ("///", "\\\\\\", "...")
 STYLES: dict[str, Any] = {"ms": 4, "lw": 1.5}
 MARKERS = "os^Dv<>ph*X"
-MOST_NUMBERS = 12
+MOST_NUMBERS = 9
 """Largest number of values of an axis that are all named."""
 
 
 def draw(grid: Grid) -> Figure:
     """Return the figure of a study."""
     panels = [panel for panel in views(grid) if np.isfinite(panel[2]).any()]
-    rows, columns = math.ceil(len(panels) / COLUMNS), min(COLUMNS, len(panels))
+    columns = min(len(panels), 2 if len(panels) == 4 else COLUMNS)
+    rows = math.ceil(len(panels) / columns)
     figure = Figure(figsize=(PANEL[0] * columns, PANEL[1] * rows + 0.8), layout="constrained", dpi=120)
     places = figure.subplots(rows, columns, squeeze=False)
     for axes, (where, measure, values) in zip(places.flat, panels, strict=False):
