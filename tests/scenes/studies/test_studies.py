@@ -139,3 +139,32 @@ def test_the_command_lists_and_runs_studies(worm3d, tmp_path: Path) -> None:
     assert worm3d("study", "flat", "--all").complaints == [
         "study: --all runs the studies as they are; leave out the name and -o"
     ]
+
+
+def test_a_map_hatches_what_is_marked_and_the_best_is_looked_for_elsewhere(tmp_path: Path) -> None:
+    text = """
+model = "worm"
+[sweep]
+vary = { "gait.amplitude" = [0.1, 0.2, 0.3], "gait.wavelength" = [0.5, 0.7, 1.0, 1.5, 2.0, 3.0] }
+[study]
+measures = { speed_bl_s = "more" }
+marked = { "it tips" = "= roll_margin_deg < 0" }
+"""
+    plan = planned(Source(text, "map"))
+    results = []
+    for number, case in enumerate(plan.cases):
+        amplitude, wavelength = case.values["gait.amplitude"], case.values["gait.wavelength"]
+        figures = {"speed_bl_s": amplitude * wavelength, "roll_margin_deg": 10.0 - 40.0 * amplitude}
+        results.append(CaseResult(str(number), "map", "worm", "done", "ran", number, summary=figures))
+    tried = Grid(parse_scene(text, "map"), Table.of(plan.design, results))
+    assert tried.is_map
+    told = list(lessons(tried))
+    assert any(
+        line.startswith("In 6 of 18 cases, it tips: at amplitude 0.3 (wavelength 0.5 body lengths)") for line in told
+    )
+    best = "By speed, 'wavelength 3 body lengths' is ahead at 0.1 to 0.2; best of all is 0.6 BL/s at 0.2"
+    assert any(line.startswith(best) for line in told)
+    axes = draw(tried).axes[0]
+    hatched = [mesh for mesh in axes.collections if mesh.get_hatch()]
+    assert len(hatched) == 1
+    assert np.ma.count(hatched[0].get_array()) == 6
