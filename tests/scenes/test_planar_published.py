@@ -130,7 +130,7 @@ WAVE = {
 TIMED = [kind for kind in GAITS if not getattr(GAITS[kind](), "senses", ())]
 """Gaits that are functions of time; the program has nothing to sense."""
 STEERING = ("steering_wavelength", "bias_phase_deg", "hinge_phase_deg", "lead_s", "bend", "first")
-FEEDBACK = ("strain_gain", "strain_threshold", "load_gain", "load_threshold_N")
+FEEDBACK = ("feedback", "strain_gain", "strain_threshold", "load_gain", "load_threshold_N")
 IDLE = {f"gait.{key}" for key in (*STEERING, *FEEDBACK)}
 """Keys of gaits that are of no use in a program that has one side and senses nothing."""
 OTHERS = {"gait.nodes": "4", "gait.relaxed": "-0.5"}

@@ -3,7 +3,7 @@
 The equations are those of `control.gaits.neural.network`. Of the input h, the end at which waves begin gets the
 constant `drive`, above the threshold: it bursts again and again, by itself, and each burst runs along the body. The
 tail's end makes direct waves, as in a larva that crawls forward, the head's retrograde ones; nothing else differs. All
-populations of one side get `turn` times TURNING more, those of the other as much less.
+populations of one side get `asymmetry` times TURNING more, those of the other as much less.
 
 The pace is one input as well. It shortens the time constants, those of I as the period T demands, which follows, and
 those of E less, with the exponent p:
@@ -36,7 +36,7 @@ outlasts what set it off; ACROSS of the size of the threshold lets a side that h
 FELT = 0.5
 """Share of the commanded contraction at which a chamber feels wholly contracted: friction may deny it the rest."""
 TURNING = 0.4
-"""Input of each side at turn 1, in thresholds: below 1, so that it sets nothing off by itself."""
+"""Input of each side at asymmetry 1, in thresholds: below 1, so that it sets nothing off by itself."""
 TAU_E = (0.1204, 0.0999, 0.0788, 0.0688, 0.0814, 0.1009, 0.0967)
 """Time constants tau_2 of the segments A7 to A1 [s]."""
 REFERENCE = 2.0
@@ -56,7 +56,7 @@ class EiChain(FeedbackGait, name="ei_chain"):
     direction: Direction = parameter(
         "direct", meaning="end that begins the waves, direct the tail, as larvae crawl forward; retrograde the head"
     )
-    turn: float = parameter(
+    asymmetry: float = parameter(
         0.0, meaning="input to the left side, as much less to the right", ge=-1, le=1, allowed="a number in [-1, 1]"
     )
     feedback: float = parameter(
@@ -97,7 +97,7 @@ class EiChain(FeedbackGait, name="ei_chain"):
         """Return the input h of each population E, shape (segments, 2)."""
         drives = np.zeros((segments, 2))
         drives[self.source] = self.drive
-        return drives + TURNING * self.turn * np.array([1.0, -1.0])
+        return drives + TURNING * self.asymmetry * np.array([1.0, -1.0])
 
     @property
     def source(self) -> int:

@@ -31,7 +31,7 @@ FRAME = 0.05
 """Unit of the errors of delays: a frame of 20 pictures a second [s]."""
 COARSE = 3.0
 """Error beyond which g is straight, in frames."""
-PACE_SPREAD = 0.4
+PACE_SPREAD = 0.37
 """Standard deviation of the exponent that is expected: larvae that crawl slower have slower waves (the L1 larvae of
 `L1`, 5 s a wave, take five times as long from segment to segment as third-instar larvae at 1 s a wave). Recordings of
 few paces tell little of it: the shipped fit has 0.60; with a spread of 0.25 it is 0.70, with 0.5 it is 0.45."""
