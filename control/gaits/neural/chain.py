@@ -8,9 +8,9 @@ populations of one side get `asymmetry` times TURNING more, those of the other a
 The pace is one input as well. It shortens the time constants, those of I as the period T demands, which follows, and
 those of E less, with the exponent p:
 
-    tau_E = tau_2 (T/2 s)^p                                                                                   (EI4)
+    tau_E = tau_2 (T/2 s)^p  for T >= FASTEST,  in proportion to T below                                      (EI4)
 
-Delays from segment to segment follow tau_E: p = 1 keeps the phases at every pace, p = 0 the delays.
+Delays from segment to segment follow tau_E: p = 1 keeps the phases at every pace, a small p the delays.
 
 Feeling: F = -strain/(FELT amplitude), clipped to [0, 1], is the share of the contraction that a chamber shows. With
 `feedback` = phi > 0 a segment's burst goes on until its chambers have contracted, its neighbour waits for that, and
@@ -37,8 +37,12 @@ FELT = 0.5
 """Share of the commanded contraction at which a chamber feels wholly contracted: friction may deny it the rest."""
 TURNING = 0.4
 """Input of each side at asymmetry 1, in thresholds: below 1, so that it sets nothing off by itself."""
-TAU_E = (0.1204, 0.0999, 0.0788, 0.0688, 0.0814, 0.1009, 0.0967)
-"""Time constants tau_2 of the segments A7 to A1 [s]."""
+TAU_E = (0.1287, 0.1062, 0.088, 0.07622, 0.0847, 0.1072, 0.1147)
+"""Time constants tau_2 of the segments A7 to A1 [s]; these and the other defaults are what `worm3d gait fit` finds for
+the recordings 3a and 3c of `scenes/data/larva_denticle_bands.csv`."""
+FASTEST = 1.5
+"""Period below which all time constants are shortened alike [s]: larvae of third instar at their fastest, from whom no
+more of the exponent is known."""
 REFERENCE = 2.0
 """Period at which tau_E is tau_e [s]."""
 MOST_RATIO = 1000.0
@@ -64,7 +68,7 @@ class EiChain(FeedbackGait, name="ei_chain"):
     )
     coupling: float = parameter(1.8, meaning="weight of a neighbour, in thresholds", gt=1)
     drive: float = parameter(2.0, meaning="input of the end that begins the waves, in thresholds", gt=1)
-    inhibition: float = parameter(5.118, meaning="weight of inhibition on excitation, in thresholds", gt=0)
+    inhibition: float = parameter(5.02, meaning="weight of inhibition on excitation, in thresholds", gt=0)
     tau_e: FloatArray = parameter(
         TAU_E,
         meaning="tau_2, time constant of excitation, in parts of the body of equal length from tail to head",
@@ -73,7 +77,7 @@ class EiChain(FeedbackGait, name="ei_chain"):
         each="sample",
         allowed="above 0, a list of numbers from tail to head",
     )
-    pace_exponent: float = parameter(0.583, meaning="exponent p with which delays follow the period", ge=0, le=2)
+    pace_exponent: float = parameter(0.5347, meaning="exponent p with which delays follow the period", ge=0, le=2)
     lengthens = False
 
     def __post_init__(self) -> None:
@@ -90,7 +94,8 @@ class EiChain(FeedbackGait, name="ei_chain"):
         """Return the network of a body whose waves have the period; ValueError if it makes none."""
         places, known = (np.arange(segments) + 0.5) / segments, np.atleast_1d(self.tau_e)
         tau_e = np.interp(places, (np.arange(len(known)) + 0.5) / len(known), known)
-        tau_e *= (self.period / REFERENCE) ** self.pace_exponent
+        slower = max(self.period, FASTEST)
+        tau_e *= (slower / REFERENCE) ** self.pace_exponent * (self.period / slower)
         return pace(tuple(tau_e.tolist()), self.coupling, self.drive, self.inhibition, self.source, self.period)
 
     def drives(self, segments: int) -> FloatArray:

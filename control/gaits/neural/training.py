@@ -33,8 +33,10 @@ COARSE = 3.0
 """Error beyond which g is straight, in frames."""
 PACE_SPREAD = 0.37
 """Standard deviation of the exponent that is expected: larvae that crawl slower have slower waves (the L1 larvae of
-`L1`, 5 s a wave, take five times as long from segment to segment as third-instar larvae at 1 s a wave). Recordings of
-few paces tell little of it: the shipped fit has 0.60; with a spread of 0.25 it is 0.70, with 0.5 it is 0.45."""
+`L1`, 5 s a wave, take five times as long from segment to segment as third-instar larvae at 1 s a wave). It matters:
+the recordings 3a and 3c have nearly the same delays at paces of 3.2 and 2.1 s, and alone would give an exponent near 0,
+with which the slower 5b is missed. At 1/3 the worst delay of 3a and 3c is 51 ms off and that of 3b and 5b 54 ms, at
+0.37 48 and 63 ms, at 0.4 44 and 77 ms."""
 DUTY, DUTY_SPREAD = 0.4, 0.1
 """Share of the period for which a segment is active: 0.32 to 0.48 in the larvae of `L1`."""
 ROUGH = 1.0
