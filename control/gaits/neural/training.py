@@ -36,7 +36,8 @@ PACE_SPREAD = 0.37
 `L1`, 5 s a wave, take five times as long from segment to segment as third-instar larvae at 1 s a wave). It matters:
 the recordings 3a and 3c have nearly the same delays at paces of 3.2 and 2.1 s, and alone would give an exponent near 0,
 with which the slower 5b is missed. At 1/3 the worst delay of 3a and 3c is 51 ms off and that of 3b and 5b 54 ms, at
-0.37 48 and 63 ms, at 0.4 44 and 77 ms."""
+0.37 48 and 63 ms, at 0.4 44 and 77 ms. 0.37 was chosen in view of all four recordings, so that 3b and 5b are no blind
+test of it."""
 DUTY, DUTY_SPREAD = 0.4, 0.1
 """Share of the period for which a segment is active: 0.32 to 0.48 in the larvae of `L1`."""
 ROUGH = 1.0
