@@ -153,7 +153,7 @@ def test_picker_finds_waves_that_are_known() -> None:
 
 
 def test_default_chain_has_the_timing_of_larvae(larvae) -> None:
-    """It was fitted to 3a and 3c; 3b and 5b are of another pace and another animal (see `PACE_SPREAD`: no blind test)."""
+    """It was fitted to 3a and 3c; 3b and 5b are of another pace and animal, but no blind test (`PACE_SPREAD`)."""
     for name in (*FITTED, *PREDICTED):
         waves, chain = larvae[name], gaits.EiChain(period=larvae[name].period)
         timing = timing_of(chain, 7)
