@@ -186,26 +186,40 @@ def given_to_the_worm(run: worm3d.Result) -> np.ndarray:
     return np.asarray(run.energy.work_contract - run.energy.actuator - run.energy.actuator_loss)
 
 
+def given_by_hand(run: worm3d.Result) -> np.ndarray:
+    """Return the mean pull of each step times the shortening, of all chambers, from what the run recorded [J]."""
+    pull, length = run.actuator_states["pull"], run.chamber_length
+    return np.asarray(((pull[1:] + pull[:-1]) / 2.0 * -np.diff(length, axis=0)).sum(axis=(1, 2)))
+
+
+@pytest.mark.parametrize("world", [None, Plane()], ids=["air", "plane"])
 @pytest.mark.parametrize("integrator", ["bdf2", "implicit_euler"])
 @pytest.mark.parametrize("seed", range(8))
-def test_the_ledger_closes_for_random_worms_and_commands(seed: int, integrator: Any) -> None:
-    run = random_run(seed, Plane(), integrator, 0.005)
-    energy = run.energy
-    assert abs(energy.residual.sum()) < 1e-11 * (np.abs(given_to_the_worm(run)).sum() + energy.friction_loss.sum())
+def test_the_ledger_closes_for_random_worms_and_commands(seed: int, integrator: Any, world: Any) -> None:
+    """What is drawn is kept, lost, or given to the chambers as pull times shortening: to rounding, in every step."""
+    run = random_run(seed, world, integrator, 0.005)
+    energy, given = run.energy, given_to_the_worm(run)
+    assert abs(energy.residual.sum()) < 1e-11 * (np.abs(given).sum() + energy.friction_loss.sum())
+    assert_allclose(given[1:], given_by_hand(run), rtol=0, atol=1e-11 * energy.work_contract.max())
     assert energy.work_contract.min() > -1e-12
     assert energy.actuator_loss.min() > -1e-12
     assert all(np.isfinite(values).all() for values in run.actuator_states.values())
 
 
+@pytest.mark.parametrize("integrator", ["bdf2", "implicit_euler"])
 @pytest.mark.parametrize("seed", range(4))
-def test_what_the_terms_of_a_step_miss_falls_with_it(seed: int) -> None:
-    """What is drawn is kept, lost or given, each computed on its own: the rest falls with the step, with kinks too."""
-    missed = []
-    for dt in (0.008, 0.001):
-        run = random_run(seed, None, "implicit_euler", dt)
+def test_what_the_integrator_misses_falls_with_the_step(seed: int, integrator: Any) -> None:
+    """In the air, by first order: a step takes the pull at its end, and its kinks are few.
+
+    From a step to its quarter, of which a first-order error leaves a fourth; one term too much would stay as it is.
+    """
+    missed, drawn = [], []
+    for dt in (0.004, 0.001):
+        run = random_run(seed, None, integrator, dt)
         missed.append(float(np.abs(run.energy.numerical_loss).sum() / np.abs(given_to_the_worm(run)).sum()))
-    assert missed[1] < missed[0] / 4.0
-    assert missed[1] < 0.02
+        drawn.append(run.energy.work_contract.sum())
+    assert missed[1] < missed[0] / 2.8
+    assert drawn[1] == pytest.approx(drawn[0], rel=3e-3)
 
 
 def test_gradient_and_hessian_of_a_segment() -> None:

@@ -5,7 +5,7 @@ comes with a delay, which is a lag of its own, and meets the drive d (the heat o
 pressure of a muscle, the angle of a motor), which follows it by first order, up and down at different speeds, and no
 faster than a rate:
 
-    d' = (target - d)/tau,   tau = rise or fall,   |d'| <= rate                                         (T1)
+    d' = (target - d)/tau,   tau = rise where |target| > |d|, else fall,   |d'| <= rate                 (T1)
 
 The active share a follows the drive within a band, as austenite follows temperature (a play operator, which has minor
 loops), w = `hysteresis`:
@@ -36,12 +36,13 @@ W = F dy, of which (1 - scales) F^2/(2 K) is stored and the rest goes to the cha
 
 D+ and D- are the positive and negative parts: what a drive that is let go has beyond what leaks is thrown away, and so
 is work that the chamber does on the drive; nothing returns to the source. Drawn is what is kept, stored, lost and given
-to the chamber. In a step, each term is a trapezoid of its own, and the ledger's numerical loss tells what they miss.
+to the chamber. In a step, W and the holding are trapezoids and what leaks follows from the drive's exponential; then
+what is given to the chamber is its mean pull times its shortening, of which the ledger's numerical loss is the rest.
 
 Heat. The temperature above the room's is hot d and what the losses have left in a body of the heat capacity C =
 heat_capacity stress area, which cools by first order; near `hottest` the command is turned down to nothing:
 
-    T = hot d + T_l,   C T_l' = lost - C T_l/cooling,   u <= 10 (1 - T/hottest)                          (T5)
+    T = hot |d| + T_l,   C T_l' = lost - C T_l/cooling,   |u| <= 10 (1 - T/hottest)                     (T5)
 """
 
 from __future__ import annotations
@@ -173,21 +174,22 @@ class Technology(Actuator):
         """Return (T1) to (T5)."""
         import casadi as ca  # parameters are wanted without it
 
-        asked, drive, active = _driven(s)
+        asked, drive, active, time = _driven(s)
         now, before = _shape(s, active, "length"), _shape(s, s["active_n"], "length_n")
         blocking, path = s["stress"] * s["area"] / s["lever"], _stroke(s) * s["l0"]
         pull, pull_n = blocking * now.force, blocking * before.force
         soft = (1.0 - s["scales"]) * path / (s["series"] * blocking)  # 1/K, 0 where there is no spring
         worked = (pull + pull_n) / 2.0 * (path * (now.x - before.x) + soft * (pull - pull_n))
         held = s["charge"] * s["area"] * s["l0"]
-        charged, mean = held * (ca.fabs(drive) - ca.fabs(s["drive_n"])), held * (ca.fabs(drive) + ca.fabs(s["drive_n"]))
-        leaked = s["leak"] * s["dt"] * mean / 2.0
+        charged, leaked = held * (ca.fabs(drive) - ca.fabs(s["drive_n"])), s["leak"] * held * time
         into, out = ca.fmax(charged + leaked, 0.0), ca.fmax(-charged - leaked, 0.0)
         given, taken = ca.fmax(worked, 0.0), ca.fmax(-worked, 0.0)
         holding = s["stall"] * s["lever"] / blocking * s["dt"] * (pull**2 + pull_n**2) / 2.0
         heating = into * (1.0 / s["charging"] - 1.0) + out + given * (1.0 / s["efficiency"] - 1.0) + taken + holding
-        left = (s["warmth_n"] - s["hot"] * s["drive_n"]) * ca.exp(-s["dt"] / s["cooling"])
-        warmth = s["hot"] * drive + left + (leaked + heating) / (s["heat_capacity"] * s["stress"] * s["area"])
+        kept = ca.exp(-s["dt"] / (2.0 * s["cooling"]))  # over half a step, in whose middle the losses come
+        warmed = (leaked + heating) / (s["heat_capacity"] * s["stress"] * s["area"])
+        left = ((s["warmth_n"] - s["hot"] * ca.fabs(s["drive_n"])) * kept + warmed) * kept
+        warmth = s["hot"] * ca.fabs(drive) + left
         return Response(
             command=_command(s),
             given=_sense(s) * _stroke(s) * active,
@@ -209,7 +211,7 @@ class Technology(Actuator):
         drive = ca.if_else(share > 0.0, (share + s["hysteresis"]) / (1.0 + s["hysteresis"]), share)
         blocking = s["stress"] * s["area"] / s["lever"]
         pull = _sense(s) * blocking * _shape(s, share, "length").force
-        return {"asked": share, "drive": drive, "active": share, "warmth": s["hot"] * drive, "pull": pull}
+        return {"asked": share, "drive": drive, "active": share, "warmth": s["hot"] * ca.fabs(drive), "pull": pull}
 
     def values(self, worm: Worm, *, hinge: bool) -> Mapping[str, float | FloatArray]:
         """Return the parameters; a size that is left out follows from the worm."""
@@ -280,13 +282,16 @@ def _command(s: Symbols) -> Symbol:
     return _sense(s) * _stroke(s) * _share(s, s["command"])
 
 
-def _driven(s: Symbols) -> tuple[Symbol, Symbol, Symbol]:
-    """Return asked, drive and active share at the end of the step, (T1) and (T2); the drive's target is held in it."""
+def _driven(s: Symbols) -> tuple[Symbol, Symbol, Symbol, Symbol]:
+    """Return asked, drive and active share at the end of the step, (T1) and (T2), and the time integral of |drive|.
+
+    The drive's target is held in the step. The integral is exact unless the drive changes its sign.
+    """
     import casadi as ca
 
     asked = lagged(_share(s, s["command"]), _share(s, s["command_n"]), s["asked_n"], s["delay"], s["dt"])
     cool = ca.fmin(ca.fmax(10.0 * (1.0 - s["warmth_n"] / s["hottest"]), 0.0), 1.0)
-    wanted, w = ca.fmin((asked + s["asked_n"]) / 2.0, cool), s["hysteresis"]
+    wanted, w = ca.fmax(ca.fmin((asked + s["asked_n"]) / 2.0, cool), -cool), s["hysteresis"]
     above, below = (wanted + w) / (1.0 + w), wanted / (1.0 + w)
     target = ca.if_else(s["active_n"] > wanted, below, ca.if_else(s["active_n"] < wanted, above, s["drive_n"]))
     target = ca.if_else(w > 0.0, target, wanted)
@@ -295,4 +300,7 @@ def _driven(s: Symbols) -> tuple[Symbol, Symbol, Symbol]:
     most = s["rate"] * s["dt"]
     drive = ca.fmin(ca.fmax(free, s["drive_n"] - most), s["drive_n"] + most)
     active = ca.fmin(ca.fmax(s["active_n"], (1.0 + w) * drive - w), (1.0 + w) * drive)
-    return asked, drive, ca.fmin(ca.fmax(active, -s["both_ways"]), 1.0)
+    line = s["dt"] * (ca.fabs(drive) + ca.fabs(s["drive_n"])) / 2.0
+    curve = ca.fabs(target * s["dt"] - lag * (drive - s["drive_n"]))
+    follows = ca.logic_and(drive == free, drive * s["drive_n"] >= 0.0)
+    return asked, drive, ca.fmin(ca.fmax(active, -s["both_ways"]), 1.0), ca.if_else(follows, curve, line)
