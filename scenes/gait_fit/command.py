@@ -53,7 +53,7 @@ def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: b
         except StoppedError:
             typer.echo(f"{to}: stopped by Ctrl-C; nothing of this fit was kept", err=True)
             return INTERRUPTED
-        comparison = compared(training.gait, uniform(targets), found, fitted)
+        comparison = compared(training.gait, uniform(targets, training.gait.pace_exponent), found, fitted)
         with busy("drawing", quiet=quiet):
             _write(training, comparison, found, fitted, to, folder)
     if not quiet:
@@ -127,9 +127,7 @@ def _content(training: Training, comparison: Comparison, fitted: Sequence[str], 
         "networks_tried": training.tried,
         "carried": comparison.carried,
         "paces": [{field.name: getattr(pace, field.name) for field in fields(pace)} for pace in comparison.paces],
-        "rows": [
-            {name: getattr(row, name) for name in (*COLUMNS, *ERRORS, "inner", "kept")} for row in comparison.rows
-        ],
+        "rows": [{name: getattr(row, name) for name in (*COLUMNS, *ERRORS, "kept")} for row in comparison.rows],
         "sentences": list(sentences(comparison)),
     }
 
@@ -156,5 +154,4 @@ def _row(row: Row) -> tuple[str, ...]:
         f"{1e3 * number:.0f}" for number in (row.delay_s, row.low_s, row.high_s, row.network_s, row.uniform_s)
     )
     off, uniform_off = f"{1e3 * row.network_error_s:+.0f}", f"{1e3 * row.uniform_error_s:+.0f}"
-    band = row.band if row.inner else f"{row.band} (not fitted)"
-    return band, row.recording, delay, f"{low} to {high}", network, off, uniform_, uniform_off
+    return row.band, row.recording, delay, f"{low} to {high}", network, off, uniform_, uniform_off

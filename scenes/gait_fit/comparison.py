@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from control.gaits.neural.chain import EiChain
-from control.gaits.neural.training import FRAME
+from control.gaits.neural.training import FRAME, Target
 from control.gaits.neural.waves import carrying, timing_of
 from scenes.gait_fit.recordings import Recording
+from worm3d.values.arrays import FloatArray
 
 NOISE, DRAWS, SEED = 0.1, 40, 20261122
 """Relative noise of all constants, networks drawn and seed of the draws, which are not those of the fit."""
@@ -32,9 +33,7 @@ class Row:
     network_s: float
     """Delay of the fitted chain at the recording's pace [s]."""
     uniform_s: float
-    """Delay of a wave of uniform phase [s]."""
-    inner: bool
-    """Whether it is neither the first nor the last band."""
+    """Delay of a wave of uniform delays [s]."""
 
     @property
     def network_error_s(self) -> float:
@@ -74,25 +73,25 @@ class Comparison:
     """Share of noisy chains that carry waves both ways, at the middle pace of the recordings."""
 
     def worst(self, use: str, attribute: str) -> float:
-        """Return the largest error of the inner bands of the recordings of a use [s]; NaN if there are none."""
-        errors = [abs(getattr(row, attribute)) for row in self.rows if row.use == use and row.inner]
+        """Return the largest error of the recordings of a use [s]; NaN if there are none."""
+        errors = [abs(getattr(row, attribute)) for row in self.rows if row.use == use]
         return max(errors, default=float("nan"))
 
 
-def compared(gait: EiChain, phase: float, recordings: Sequence[Recording], fitted: Sequence[str]) -> Comparison:
-    """Return how a chain and a wave of uniform `phase` from band to band compare with recordings."""
+def compared(
+    gait: EiChain, even: Callable[[Target], FloatArray], recordings: Sequence[Recording], fitted: Sequence[str]
+) -> Comparison:
+    """Return how a chain and a wave of uniform delays, `even`, compare with recordings."""
     rows, paces = [], []
     for each in recordings:
         waves, use = each.waves, "fitted" if each.name in fitted else "predicted"
         timing = timing_of(replace(gait, period=waves.period), len(waves.bands))
         medians, (low, high) = waves.median(), waves.interval()
-        uniform = phase * waves.period * (np.arange(len(waves.bands)) - waves.middle)
+        uniform = even(Target(waves.period, medians))
         for k, band in enumerate(waves.bands):
             if k != waves.middle:
                 numbers = (float(series[k]) for series in (medians, low, high, timing.delays, uniform))
-                delay, least, most, network, even = numbers
-                inner = 0 < k < len(waves.bands) - 1
-                rows.append(Row(each.name, use, band, delay, least, most, network, even, inner))
+                rows.append(Row(each.name, use, band, *numbers))
         paces.append(Pace(each.name, use, len(waves.times), waves.period, timing.period))
     middling = replace(gait, period=float(np.exp(np.mean([np.log(pace.period_s) for pace in paces]))))
     carried = carrying(middling, len(recordings[0].waves.bands), NOISE, DRAWS, SEED)
@@ -102,11 +101,11 @@ def compared(gait: EiChain, phase: float, recordings: Sequence[Recording], fitte
 def sentences(found: Comparison) -> Iterator[str]:
     """Yield what the comparison says."""
     for use, allowed in (("fitted", "one frame"), ("predicted", "1.5 frames or the recording's own interval")):
-        rows = [row for row in found.rows if row.use == use and row.inner]
+        rows = [row for row in found.rows if row.use == use]
         if rows:
             kept = sum(row.kept for row in rows)
             yield (
-                f"recordings {use}: {kept} of {len(rows)} delays of inner bands within {allowed}, the worst "
+                f"recordings {use}: {kept} of {len(rows)} delays within {allowed}, the worst "
                 f"{1e3 * found.worst(use, 'network_error_s'):.0f} ms off; uniform delays "
                 f"{1e3 * found.worst(use, 'uniform_error_s'):.0f} ms"
             )

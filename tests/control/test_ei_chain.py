@@ -41,7 +41,7 @@ def test_integrator_against_equations_written_anew() -> None:
     start = random.uniform(0.0, 0.5, (2, 4, 2))
     exact = solve_ivp(slope, (0.0, 1.0), start.ravel(), rtol=1e-10, atol=1e-12).y[:, -1].reshape(2, 4, 2)
     errors = []
-    for steps in (100, 200):
+    for steps in (200, 400):
         rates = start.copy()
         network.advance(rates, chain.packed(), drive, share, felt, 1.0 / steps, steps)
         errors.append(np.abs(rates - exact).max())
@@ -158,21 +158,23 @@ def test_default_chain_has_the_timing_of_larvae(larvae) -> None:
         waves, chain = larvae[name], gaits.EiChain(period=larvae[name].period)
         timing = timing_of(chain, 7)
         assert timing.period == pytest.approx(waves.period, rel=0.05)
-        off, (low, high) = np.abs(timing.delays - waves.median())[1:-1], waves.interval()[:, 1:-1]
-        inside = (low <= timing.delays[1:-1]) & (timing.delays[1:-1] <= high)
-        assert ((off <= 0.05) if name in FITTED else ((off <= 0.075) | inside)).all()
+        off, (low, high) = np.abs(timing.delays - waves.median()), waves.interval()
+        inside = (low <= timing.delays) & (timing.delays <= high)
+        frame = np.array([*[0.05] * 6, 0.06])  # the last band is slower at the slower pace than in 3a
+        assert ((off <= frame) if name in FITTED else ((off <= 0.075) | inside)).all()
 
 
 def test_fitted_delays_are_better_than_uniform_ones(larvae) -> None:
     targets = [training.Target(larvae[name].period, larvae[name].median()) for name in FITTED]
-    phase = training.uniform(targets)
+    uniform = training.uniform(targets, gaits.EiChain().pace_exponent)
     worst = {"network": 0.0, "uniform": 0.0}
     for target in targets:
         network_delays = timing_of(gaits.EiChain(period=target.period), 7).delays
-        even = phase * target.period * (np.arange(7) - 3)
+        even = uniform(target)
+        assert np.ptp(np.diff(even)) < 1e-12
         for name, delays in (("network", network_delays), ("uniform", even)):
-            worst[name] = max(worst[name], np.abs(delays - target.delays)[1:-1].max())
-    assert worst["network"] < 0.75 * worst["uniform"]
+            worst[name] = max(worst[name], np.abs(delays - target.delays).max())
+    assert worst["network"] < 0.6 * worst["uniform"]
 
 
 @pytest.mark.parametrize("segments", [6, 7])
@@ -183,12 +185,12 @@ def test_noisy_chains_carry_waves(segments: int) -> None:
 
 def test_training_finds_what_made_the_delays(monkeypatch) -> None:
     """Delays of a known chain, at one pace and one coupling."""
-    monkeypatch.setattr(training, "COUPLINGS", (1.8,))
+    monkeypatch.setattr(training, "COUPLINGS", (2.0,))
     made = gaits.EiChain(period=2.0, tau_e=[0.1, 0.08, 0.1, 0.12, 0.1])
     delays = timing_of(made, 5).delays
     found = training.fit([training.Target(2.0, delays)])
     assert found.carried > 0.7
-    assert_allclose(timing_of(found.gait, 5).delays[1:-1], delays[1:-1], atol=0.015)
+    assert_allclose(timing_of(found.gait, 5).delays, delays, atol=0.015)
     with pytest.raises(training.StoppedError):
         training.fit([training.Target(2.0, delays)], go_on=lambda tried: tried < 5)
     with pytest.raises(ValueError, match=r"targets: got delays of \[4, 5\] segments, must be of one number"):

@@ -37,7 +37,7 @@ FELT = 0.5
 """Share of the commanded contraction at which a chamber feels wholly contracted: friction may deny it the rest."""
 TURNING = 0.4
 """Input of each side at asymmetry 1, in thresholds: below 1, so that it sets nothing off by itself."""
-TAU_E = (0.1287, 0.1062, 0.088, 0.07622, 0.0847, 0.1072, 0.1147)
+TAU_E = (0.08181, 0.07674, 0.07443, 0.06863, 0.08121, 0.1008, 0.09251)
 """Time constants tau_2 of the segments A7 to A1 [s]; these and the other defaults are what `worm3d gait fit` finds for
 the recordings 3a and 3c of `scenes/data/larva_denticle_bands.csv`."""
 FASTEST = 1.5
@@ -66,9 +66,9 @@ class EiChain(FeedbackGait, name="ei_chain"):
     feedback: float = parameter(
         0.0, meaning="share of a segment's activity that is felt, by its strain, in place of known", ge=0, le=1
     )
-    coupling: float = parameter(1.8, meaning="weight of a neighbour, in thresholds", gt=1)
+    coupling: float = parameter(2.0, meaning="weight of a neighbour, in thresholds", gt=1)
     drive: float = parameter(2.0, meaning="input of the end that begins the waves, in thresholds", gt=1)
-    inhibition: float = parameter(5.02, meaning="weight of inhibition on excitation, in thresholds", gt=0)
+    inhibition: float = parameter(5.399, meaning="weight of inhibition on excitation, in thresholds", gt=0)
     tau_e: FloatArray = parameter(
         TAU_E,
         meaning="tau_2, time constant of excitation, in parts of the body of equal length from tail to head",
@@ -77,7 +77,7 @@ class EiChain(FeedbackGait, name="ei_chain"):
         each="sample",
         allowed="above 0, a list of numbers from tail to head",
     )
-    pace_exponent: float = parameter(0.5347, meaning="exponent p with which delays follow the period", ge=0, le=2)
+    pace_exponent: float = parameter(0.5812, meaning="exponent p with which delays follow the period", ge=0, le=2)
     lengthens = False
 
     def __post_init__(self) -> None:
