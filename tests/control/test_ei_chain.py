@@ -84,6 +84,12 @@ def test_left_and_right_mirror() -> None:
     assert left[..., 0].mean() > 1.1 * left[..., 1].mean()
 
 
+def test_more_input_to_the_left_turns_the_worm_to_the_left() -> None:
+    chain = gaits.EiChain(amplitude=0.3, direction="retrograde", asymmetry=0.8, period=1.25)
+    run = worm3d.simulate(worm3d.Worm(), worm3d.Plane(), actuation=chain, duration=7.5)
+    assert np.degrees(run.heading[-1] - run.heading[250]) > 4.0 * 5.0  # of four waves
+
+
 def test_sides_are_kept_together_by_their_coupling() -> None:
     random = np.random.default_rng(0)
     chain, drives = gaits.EiChain(), gaits.EiChain().drives(6)
