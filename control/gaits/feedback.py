@@ -98,6 +98,7 @@ class FeedbackGait(Gait):
         """Return the actuation of `worm`: a `Feedback` where the gait senses, else a `BoundGait`."""
         if self.senses:
             return Feedback(worm, self.senses, partial(_Activating, self, worm))
+        self.require_body(worm.segments)
         played = Played(partial(self.start, worm))
         return BoundGait(lambda times: self.applied(played(times), worm))
 

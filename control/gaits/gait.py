@@ -110,7 +110,14 @@ class Gait(ABC):
         self.activations(np.zeros(1), segments)
 
     def bind(self, worm: Body) -> BoundGait:
-        """Return the actuation of `worm`: time [s] -> `worm3d.Command`, clipped to the worm's stroke."""
+        """Return the actuation of `worm`: time [s] -> `worm3d.Command`, clipped to the worm's stroke.
+
+        Raises
+        ------
+        ValueError
+            The worm has not the segments that the gait needs.
+        """
+        self.require_body(worm.segments)
         return BoundGait(partial(self.commands, worm=worm))
 
     def commands(self, times: FloatArray, worm: Body) -> Commands:

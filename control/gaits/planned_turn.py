@@ -193,7 +193,8 @@ class PlannedTurn(Gait, name="planned_turn"):
         found = plan(reach, turn)
         if found is None:
             raise ValueError(
-                f"turn: got {turn:.4g} rad, must be less: {reach.swinging} swinging segments of {reach.contracted:.4g} "
+                f"turn: got {turn:.4g} rad ({np.degrees(turn):.4g} degrees), must be less: {reach.swinging} swinging "
+                f"segments of {reach.contracted:.4g} "
                 f"to {reach.extended:.4g} body lengths cannot turn the worm so far in a wave"
             )
         return found

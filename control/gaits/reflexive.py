@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 
@@ -34,6 +35,7 @@ class Reflexive:
 
     def __post_init__(self) -> None:
         arguments.instance("gait", self.gait, Gait, "a control.gaits.Gait such as control.gaits.TravellingWave()")
+        arguments.instance("reflexes", self.reflexes, Iterable, "several in a tuple, such as (WallLoad(),)")
         object.__setattr__(self, "reflexes", tuple(self.reflexes))
         for each in self.reflexes:
             arguments.instance("reflexes", each, Reflex, "control.gaits.reflexes such as (WallLoad(),)")

@@ -71,7 +71,7 @@ def _picked(name: str, table: FloatArray, bands: tuple[str, ...], way: Direction
     try:
         return Recording(name, time, values, pick(time, values, bands[order])), ""
     except ValueError as error:
-        return None, f"{name}: {error}"
+        return None, f"recording '{name}': {str(error).removeprefix('recording: ')}"
 
 
 def _ordered(found: Recording | None) -> int:

@@ -20,7 +20,7 @@ STYLES = ("-", "--", ":")
 
 def draw(bench: Bench, verdicts: Sequence[Verdict]) -> Figure:
     """Return the figure."""
-    figure = Figure(figsize=(15, 0.36 * len(verdicts) + 2.2), layout="constrained", dpi=120)
+    figure = Figure(figsize=(15, max(0.36 * len(verdicts) + 2.2, 3.6)), layout="constrained", dpi=120)
     left, middle, right = figure.subplots(1, 3)
     _speeds(left, bench, verdicts)
     _periods(middle, bench, verdicts)
@@ -39,7 +39,7 @@ def _speeds(axes: Axes, bench: Bench, verdicts: Sequence[Verdict]) -> None:
         if not each.moves:
             axes.text(0.0, k, "  does not move it", va="center", fontsize=8, color=COLOURS[each.limit])
     axes.set_yticks(rows, [each.kind for each in verdicts])
-    axes.invert_yaxis()
+    axes.set_ylim(len(verdicts) - 0.4, -0.6)
     axes.set_xlabel(f"speed at the scene's period of {bench.period:g} s [BL/s]")
     shown = [name for name in COLOURS if any(each.limit == name for each in verdicts)]
     marks = [Patch(color=COLOURS[name], label=MEANINGS.get(name, "no limit of its own")) for name in shown]
@@ -71,7 +71,7 @@ def _costs(axes: Axes, verdicts: Sequence[Verdict]) -> None:
     axes.barh(rows + 0.18, given, height=0.36, color="C2", label="work on the worm")
     axes.set_xscale("log")
     axes.set_yticks(rows, [each.kind for each in verdicts])
-    axes.invert_yaxis()
+    axes.set_ylim(len(verdicts) - 0.4, -0.6)
     axes.set_xlabel("energy over weight and distance")
     axes.legend(fontsize=8)
     axes.grid(axis="x", alpha=0.3)

@@ -109,5 +109,5 @@ def _conclusion(verdicts: Sequence[Verdict]) -> list[str]:
 
 def _cell(value: Any) -> str:
     if isinstance(value, float):
-        return "-" if math.isnan(value) else f"{value:.3g}"
+        return "-" if math.isnan(value) else f"{round(value, 12) + 0.0:.3g}"  # a worm that stands has rounding errors
     return str(value)

@@ -158,6 +158,22 @@ def test_picker_finds_waves_that_are_known() -> None:
         pick(time, np.zeros_like(values), tuple("abcdef"))
 
 
+def test_picker_takes_smooth_lengths_that_stay_above_zero() -> None:
+    """Sines about a length, one of which was not measured at times; what makes no wave is told."""
+    time, bands = np.arange(0.0, 20.0, 0.05), np.arange(7)
+    values = 10.0 + np.cos(np.pi * time[:, None] - 0.2 * np.pi * bands)
+    values[::50, 2] = np.nan
+    waves = pick(time, values, tuple("abcdefg"))
+    assert waves.period == pytest.approx(2.0, abs=1e-3)
+    assert_allclose(waves.median(), 0.2 * (bands - 3), atol=1e-3)
+    with pytest.raises(ValueError, match="recording: all bands have their troughs at once"):
+        pick(time, np.tile(values[:, :1], 7), tuple("abcdefg"))
+    with pytest.raises(ValueError, match="recording: no wave reaches a;"):
+        pick(time, np.hstack([np.zeros((len(time), 1)), values[:, 1:]]), tuple("abcdefg"))
+    with pytest.raises(ValueError, match="evenly spaced times, which ascend"):
+        pick(time[::-1], values, tuple("abcdefg"))
+
+
 def test_default_chain_has_the_timing_of_larvae(larvae) -> None:
     """It was fitted to 3a and 3c; 3b and 5b are of another pace and animal, but no blind test (`PACE_SPREAD`)."""
     for name in (*FITTED, *PREDICTED):

@@ -1,6 +1,7 @@
 """Gaits: directions, variants, and how an activation becomes a command."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import given, seed
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from control import gaits
 from control.gaits import GAITS, Breathing, ContractionEngine_segmentdriven, Gait, TravellingWave, TwoAnchor
 from control.gaits.gait import sides
 from planar import published
@@ -237,3 +239,24 @@ def test_a_gait_that_is_defined_again_takes_the_place_of_the_former_one() -> Non
             define("Other")
     finally:
         GAITS.pop("defined_again", None)
+
+
+@pytest.mark.parametrize(
+    ("gait", "told"),
+    [
+        (gaits.Periodic(phase=[0.0, 0.5]), r"phase: got shape \(2,\)"),
+        (gaits.Inchworm(anchors=4), "anchors: got 4, must leave a segment"),
+        (gaits.SHC(nu=[2.0, 3.0]), r"nu: got shape \(2,\), must be a number, or one for each of the worm's 6 segments"),
+        (gaits.SHC(nodes=2), "nodes: got 2, must be 3 or more"),
+        (gaits.Reflexive(gaits.Inchworm(anchors=4), (gaits.WallLoad(),)), "anchors: got 4, must leave a segment"),
+    ],
+)
+def test_a_gait_that_does_not_suit_the_worm_is_refused_before_the_run(gait: Any, told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        simulate(Worm(), Plane(), actuation=gait, duration=1.0)
+
+
+def test_reflexes_come_in_a_tuple() -> None:
+    alone: Any = gaits.WallLoad()
+    with pytest.raises(ValueError, match=r"reflexes: got WallLoad, must be several in a tuple, such as \(WallLoad"):
+        gaits.Reflexive(TravellingWave(), alone)

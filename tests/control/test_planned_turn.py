@@ -118,7 +118,10 @@ def test_planned_waves_slip_half_as_much_as_periodic_ones_that_turn_as_fast() ->
     ("build", "sentence"),
     [
         (lambda: PlannedTurn(swinging=5).require_body(6), "swinging: got 5, must be at most 4 in a worm of 6 segments"),
-        (lambda: PlannedTurn(turn=2.0).require_body(6), r"turn: got 2 rad, must be less: 2 swinging segments of 0\.1"),
+        (
+            lambda: PlannedTurn(turn=2.0).require_body(6),
+            r"turn: got 2 rad \(114.6 degrees\), must be less: 2 swinging segments of 0\.1",
+        ),
         (lambda: PlannedTurn(amplitude=0.0), r"amplitude: got 0\.0, must be finite and above 0"),
         (lambda: PlannedTurn(total=0.0), r"total: got 0\.0 rad, must be above 0"),
     ],

@@ -1,7 +1,9 @@
 """Waves in recordings of crawling animals: when each of a row of bands was pulled along, and with what delays.
 
 A trough is a least value below -DEPTH robust standard deviations (1.4826 times the median of the absolute deviation,
-of what was measured; values that are exactly 0 were not), LEAST_GAP from deeper ones; its time is that of the least
+of what was measured; values that are exactly 0 were not), or below two thirds of the band's deepest value, if that is
+less, and LEAST_GAP from deeper ones. A band whose values have hardly two signs, such as a length, is counted from its
+median. The time of a trough is that of the least
 value of the parabola through three samples. A wave is a trough of the middle band and, from band to band outwards, the
 deepest trough within REACH, on the side on which the wave comes or a little on the other.
 """
@@ -18,6 +20,8 @@ from worm3d.values.arrays import FloatArray
 
 DEPTH = 2.0
 """Depth of a trough, in robust standard deviations; 1.5 or 3 change no median delay by more than 7 ms."""
+ONE_SIDED = 0.05
+"""Share of values of the rarer sign below which a band is counted from its median."""
 LEAST_GAP = 1.0
 """Least time between the waves [s]."""
 REACH, BACK = 0.4, 0.1
@@ -84,12 +88,13 @@ def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
     Raises
     ------
     ValueError
-        Fewer than three bands, uneven times, or fewer than four waves.
+        Fewer than three bands, uneven times, fewer than four waves, none that reaches a band, or none that runs.
     """
     dt = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    if len(bands) < 3 or len(time) < 10 or not np.allclose(np.diff(time), dt, rtol=0.01):
+    if len(bands) < 3 or len(time) < 10 or not (dt > 0.0 and np.allclose(np.diff(time), dt, rtol=0.01)):
         raise ValueError(
-            f"recording: got {len(bands)} bands at {len(time)} times, must be 3 bands or more at 10 evenly spaced times"
+            f"recording: got {len(bands)} bands at {len(time)} times, must be 3 bands or more at 10 evenly spaced "
+            "times, which ascend"
         )
     scaled = _scaled(np.nan_to_num(values))
     middle, times = len(bands) // 2, []
@@ -104,19 +109,32 @@ def pick(time: FloatArray, values: FloatArray, bands: tuple[str, ...]) -> Waves:
     periods = [b - a for a, b in pairwise(starts) if _longest(calm[(time > a) & (time < b)]) * dt < PAUSE]
     if len(times) < 4 or len(periods) < 3:
         raise ValueError(
-            f"recording: found {len(times)} waves in it, must be 4 or more, three of them without a pause before"
+            f"recording: found {len(times)} waves in it, must be 4 or more, three of them without a pause before; a "
+            f"wave is a trough of each band in turn, {LEAST_GAP:g} s or more after the last one, and within {REACH:g} "
+            "s from band to band"
         )
-    return Waves(bands, np.array(times), np.array(periods))
+    waves = Waves(bands, np.array(times), np.array(periods))
+    median = waves.median()
+    if missed := [band for band, delay in zip(bands, median, strict=True) if not np.isfinite(delay)]:
+        raise ValueError(f"recording: no wave reaches {', '.join(missed)}; each band must be part of some")
+    if np.ptp(median) < dt:
+        raise ValueError("recording: all bands have their troughs at once, must have waves that run along the body")
+    return waves
 
 
 def _scaled(values: FloatArray) -> FloatArray:
-    """Return each column over its robust standard deviation; one that never moves as zeros."""
+    """Return each column over its robust standard deviation, or a fraction of its depth; what never moves as zeros."""
     scaled = np.zeros_like(values)
     for j, column in enumerate(values.T):
         measured = column[column != 0.0]
-        spread = 1.4826 * np.median(np.abs(measured - np.median(measured))) if len(measured) else 0.0
+        if not len(measured):
+            continue
+        middle = np.median(measured)
+        share = np.mean(measured < 0.0)
+        base = middle if min(share, 1.0 - share) < ONE_SIDED else 0.0
+        spread = min(1.4826 * np.median(np.abs(measured - middle)), (base - measured.min()) / (1.5 * DEPTH))
         if spread > 0.0:
-            scaled[:, j] = column / spread
+            scaled[:, j] = np.where(column != 0.0, column - base, 0.0) / spread
     return scaled
 
 

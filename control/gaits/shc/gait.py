@@ -51,14 +51,14 @@ class SHC(FeedbackGait, name="shc"):
     )
     breadth: int = parameter(1, meaning="neighbouring nodes that are contracted at a time", ge=1)
     alpha: float = parameter(
-        2.0, meaning="rate alpha of each node, in the cycle's own unit of time", gt=0, each="segment"
+        2.0, meaning="rate alpha of each node, in the cycle's own unit of time", ge=0, each="segment"
     )
     beta: float = parameter(1.0, meaning="size beta of each node's state", gt=0, each="segment")
     nu: float = parameter(
         1.5, meaning="saddle value nu of each node: how much faster states decay to it than leave", gt=1, each="segment"
     )
     saddle_noise: float = parameter(
-        1e-8, meaning="size of the noise, of a state in the square root of the cycle's own unit of time", ge=0
+        1e-8, meaning="size of the noise, of a state in the square root of the cycle's own unit of time", gt=0
     )
     strain_gain: float = parameter(0.0, meaning="gain of the feedback by strain; 0: none", ge=0)
     strain_threshold: float = parameter(
@@ -93,7 +93,15 @@ class SHC(FeedbackGait, name="shc"):
         if self.breadth >= nodes:
             raise ValueError(f"breadth: got {self.breadth}, must be below the {nodes} nodes of the cycle")
         along = self.order(segments)[:nodes]
-        own = {name: np.broadcast_to(getattr(self, name), segments)[along] for name in ("alpha", "beta", "nu")}
+        own = {}
+        for name in ("alpha", "beta", "nu"):
+            given = np.asarray(getattr(self, name))
+            if given.ndim and given.shape != (segments,):
+                raise ValueError(
+                    f"{name}: got shape {given.shape}, must be a number, or one for each of the worm's {segments} "
+                    "segments"
+                )
+            own[name] = np.broadcast_to(given, segments)[along]
         try:
             return Cycle(nodes, **own, noise=self.saddle_noise).lasting(self.period)
         except ValueError as error:
