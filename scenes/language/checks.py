@@ -15,7 +15,7 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from scenes.language.mistakes import Mistake, dotted
-from scenes.language.schema import Section, choices, default_text, few, field_at, only_for, words_of
+from scenes.language.schema import Section, choices, default_text, few, field_at, only_for, own_defaults, words_of
 from scenes.language.toml import KeyPath
 
 Found = str | Mapping[str, str] | None
@@ -54,12 +54,15 @@ def cross_mistakes(
     found: Iterable[Mistake],
     overridden: Iterable[KeyPath] = (),
     passed: Passed | None = None,
+    filled: Mapping[str, Any] | None = None,
 ) -> Iterator[Mistake]:
     """Yield what the checks find; a check that reads a key already known to be wrong stays silent.
 
     So does one whose written keys include all that another complains of: to mend that one may mend it too. A check is
     not made again that has `passed` in the very same data of its sections, and is noted there if it passes now.
+    `filled` are the data with what keys are by default in the kinds that were chosen (`with_own_defaults`).
     """
+    filled = data if filled is None else filled
     passed = {} if passed is None else passed
     untrusted = {mistake.untrusted for mistake in found}
     around = {path[:n] for path in untrusted for n in range(len(path))}
@@ -73,7 +76,7 @@ def cross_mistakes(
             continue
         if failing and any(blamed <= _written(data, paths) for blamed, _ in failing):
             continue
-        text = check.test(*(_value(schema, data, path) for path in paths))
+        text = check.test(*(_value(schema, filled, path) for path in paths))
         if text is None:
             passed[check] = read
         else:
@@ -148,7 +151,13 @@ def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") 
     return tuple(
         Check(
             (f"{section}.{name}", f"{section}.{by}"),
-            partial(_of_this_kind, key=f"{section}.{by}", default=field.default, only=only, usual=default_text(field)),
+            partial(
+                _of_this_kind,
+                key=f"{section}.{by}",
+                defaults=(field.default, next(iter(own_defaults(field).values()), None)),
+                only=only,
+                usual=default_text(field),
+            ),
         )
         for name, field in schema.model_fields.items()
         if (only := only_for(field))
@@ -167,9 +176,11 @@ def _word_of_this_kind(value: Any, kind: str, *, key: str, field: FieldInfo) -> 
     return f"got {value!r}: not for {key} = {kind!r}; allowed here: {', '.join(map(repr, allowed))}"
 
 
-def _of_this_kind(value: Any, kind: str, *, key: str, default: Any, only: tuple[str, ...], usual: str) -> Found:
+def _of_this_kind(
+    value: Any, kind: str, *, key: str, defaults: tuple[Any, ...], only: tuple[str, ...], usual: str
+) -> Found:
     # A key at its default does nothing: resolved scenes and templates hold all keys.
-    if kind in only or value == default or (isinstance(value, list) and tuple(value) == default):
+    if kind in only or (tuple(value) if isinstance(value, list) else value) in defaults:
         return None
     kinds = " or ".join(few([repr(each) for each in only]))
     return (

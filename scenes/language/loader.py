@@ -16,7 +16,7 @@ from scenes.language.checks import Check, Passed, cross_mistakes
 from scenes.language.errors import DiscError, SceneError, printable
 from scenes.language.mistakes import Mistake, did_you_mean, report, validated
 from scenes.language.overrides import apply_overrides
-from scenes.language.schema import Section, field_at, is_file, section_type
+from scenes.language.schema import Section, field_at, is_file, section_type, with_own_defaults
 from scenes.language.sweep_section import OUTSIDE, STUDY, SWEEP, outside_mistakes
 from worm3d.values import regular_file
 
@@ -148,10 +148,11 @@ class Draft(Generic[M]):
         mistakes += outside_mistakes(outside)
         model, model_mistakes = _model_of(self._models, data)
         data = _with_every_section(model, {**data, "model": model.name})
-        settings, wrong = validated(model.schema, data, partial(_models_with, self._models))
+        filled = with_own_defaults(model.schema, data)
+        settings, wrong = validated(model.schema, filled, partial(_models_with, self._models))
         mistakes += model_mistakes + wrong
         passed = self._passed.setdefault(model.name, {})
-        mistakes += cross_mistakes(model.checks, model.schema, data, mistakes, overridden, passed)
+        mistakes += cross_mistakes(model.checks, model.schema, data, mistakes, overridden, passed, filled)
         scene = Scene(printable(self._name), model, settings, outside.get(SWEEP, {}), outside.get(STUDY, {}))
         if mistakes:
             lines = report(mistakes, toml.key_lines(self._text), overridden)

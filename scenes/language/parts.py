@@ -26,7 +26,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import Field
 
-from scenes.language.schema import Each, Pair, Section, quantity, setting
+from scenes.language import toml
+from scenes.language.schema import Each, Pair, Section, few, quantity, setting
 from worm3d.values.parameters import EACH, Parameter, in_degrees, parameters_of
 
 T = TypeVar("T")
@@ -165,16 +166,30 @@ def _changes(name: str, **changes: Mapping[str, Any]) -> dict[str, Any]:
     return {field: values[name] for field, values in changes.items() if name in values}
 
 
+def _is_value(default: Any) -> bool:
+    return default is not None and not (isinstance(default, float) and math.isinf(default))
+
+
+def _of_kinds(owners: Mapping[str, Parameter]) -> str:
+    """Return what holds where each kind has a default of its own: the kinds of each, where there are few."""
+    kinds: dict[str, list[str]] = {}
+    for owner, own in owners.items():
+        text = f"{own.default:.4g}" if type(own.default) is float else toml.shown(own.default)
+        kinds.setdefault(text if _is_value(own.default) else own.left_out, []).append(owner)
+    listed = "; ".join(f"{text} for {', '.join(few(of))}" for text, of in kinds.items())
+    return f"that of its kind: {listed}" if len(kinds) <= 4 else "that of its kind"
+
+
 def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaults: bool) -> tuple[Any, Any]:
     """Return the type and the declaration of a key, from its parameter in each part that has it."""
     known = next(iter(owners.values()))
     agree = not own_defaults or len({own.default for own in owners.values()}) == 1
-    is_finite = (
-        agree and known.default is not None and not (isinstance(known.default, float) and math.isinf(known.default))
-    )
-    left_out = "" if is_finite else known.left_out if agree else "that of its kind"
+    is_finite = agree and _is_value(known.default)
+    left_out = "" if is_finite else known.left_out if agree else _of_kinds(owners)
     key = key_of(known)
     common: dict[str, Any] = {"title": known.meaning, "only": only, "left_out": left_out}
+    if not agree:
+        common["own"] = {owner: each.default for owner, each in owners.items() if _is_value(each.default)}
     common["aka"] = known.aka if key == known.name else (known.name, *known.aka)
     default = known.default if is_finite else None
     if known.choices:

@@ -71,6 +71,7 @@ def quantity(
     each: Literal["", "segment", "joint", "side", "sample"] = "",
     left_out: str = "",
     only: str | tuple[str, ...] = "",
+    own: Mapping[str, Any] | None = None,
 ) -> Any:
     """Declare a number, or several.
 
@@ -92,9 +93,11 @@ def quantity(
         What holds if the key is left out; it then has no default but None.
     only : str or tuple of str
         The `kind`, or kinds, of its section that the key is for; empty for all.
+    own : mapping, optional
+        Defaults by kind, where kinds have their own; the key's is then None (`with_own_defaults`).
     """
     extra: dict[str, Any] = {"unit": unit, "aka": list(aka), "number": True, "each": each, "left_out": left_out}
-    extra["only"] = _kinds(only)
+    extra |= {"only": _kinds(only), "own": dict(own or {})}
     given = ... if default is None and not left_out else default
     return Field(given, title=title, gt=gt, ge=ge, lt=lt, le=le, json_schema_extra=extra)
 
@@ -108,6 +111,7 @@ def setting(
     only: str | tuple[str, ...] = "",
     is_file: bool = False,
     words: Mapping[str, tuple[str, ...]] | None = None,
+    own: Mapping[str, Any] | None = None,
 ) -> Any:
     """Declare a choice, a switch or a text (`is_file`: a path); without a default it must be given. See `quantity`.
 
@@ -115,6 +119,7 @@ def setting(
     """
     given = ... if default is None and not left_out else default
     extra: dict[str, Any] = {"aka": list(aka), "left_out": left_out, "only": _kinds(only), "file": is_file}
+    extra["own"] = dict(own or {})
     extra["words"] = {word: list(kinds) for word, kinds in (words or {}).items()}
     return Field(given, title=title, json_schema_extra=extra)
 
@@ -191,6 +196,30 @@ def few(words: Sequence[str]) -> list[str]:
 def only_for(field: FieldInfo) -> tuple[str, ...]:
     """Return the kinds of its section that a key is for; empty for all."""
     return tuple(_extra(field, "only") or ())
+
+
+def own_defaults(field: FieldInfo) -> Mapping[str, Any]:
+    """Return the defaults of a key by the kinds of its section; empty where it has one for all."""
+    return _extra(field, "own") or {}
+
+
+def with_own_defaults(schema: type[Section], data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the data of a scene with the defaults that keys have in the kinds that its sections choose.
+
+    A kind that is wrong, of which others tell, counts as the first.
+    """
+    filled = dict(data)
+    for name, declared in schema.model_fields.items():
+        section, keys = section_type(declared), data.get(name, {})
+        if section is None or "kind" not in section.model_fields or not isinstance(keys, Mapping):
+            continue
+        kinds = section.model_fields["kind"]
+        kind = keys["kind"] if keys.get("kind") in choices(kinds) else kinds.default
+        known = {key: own_defaults(field) for key, field in section.model_fields.items() if key not in keys}
+        added = {key: own[kind] for key, own in known.items() if kind in own}
+        if added:
+            filled[name] = {**keys, **added}
+    return filled
 
 
 def words_of(field: FieldInfo, kind: str) -> tuple[str, ...]:

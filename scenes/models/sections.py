@@ -36,7 +36,7 @@ class Run(Section):
 def gait_keys(*without: str, **defaults: Any) -> Keys:
     """Return the keys of a gait, but for some parameters; a dirac pulse lasts one time step.
 
-    The paper's wave is the gait of a scene that names none, and the first to declare a key that several gaits have.
+    The paper's wave is the gait of a scene that names none. A key whose default differs among gaits has that of its.
     """
     return keys_of(
         {WAVE: GAITS[WAVE], **GAITS},
@@ -44,6 +44,7 @@ def gait_keys(*without: str, **defaults: Any) -> Keys:
         title=f"pattern of contraction; {meanings(GAITS)}",
         without=("impulse", *without),
         defaults=defaults,
+        own_defaults=True,
         bounds={"amplitude": {"ge": 0, "lt": 1}, "hinge": {"gt": -180, "lt": 180}, "waves": {"ge": 0}},
     )
 

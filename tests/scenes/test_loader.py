@@ -9,6 +9,8 @@ from control.gaits import GAITS
 from scenes.language.errors import SceneError
 from scenes.language.loader import SHIPPED, shipped_scenes
 from scenes.models.loading import load_scene, parse_scene
+from scenes.models.sections import gait_from
+from worm3d.values.parameters import parameters_of
 
 EIGHT = """\
 model = "planar_published"
@@ -204,7 +206,7 @@ def test_a_section_written_twice_is_named_as_it_is_written(key: str) -> None:
 @pytest.mark.parametrize(
     ("override", "line"),
     [
-        ("gait.period_s=0", "override gait.period_s: got 0: input should be greater than 0 [s], 0 < … (default 2.0)"),
+        ("gait.period_s=0", "override gait.period_s: got 0: input should be greater than 0 [s], 0 < … (default that"),
         ("gait.period_s=2 s", "override gait.period_s: got '2 s': input should be a valid number [s], 0 < …"),
         ("gait.perido_s=3", "override gait.perido_s: unknown key; did you mean 'period_s'?"),
         ("gaits.period_s=3", "override gaits.period_s: gaits: unknown section; did you mean 'gait'?"),
@@ -318,3 +320,22 @@ def test_the_resolved_scene_is_a_scene_and_resolves_to_itself(name: str) -> None
     again = parse_scene(scene.to_toml(), name)
     assert again.settings == scene.settings
     assert again.to_toml() == scene.to_toml()
+
+
+@pytest.mark.parametrize("kind", GAITS)
+def test_what_a_scene_leaves_out_is_the_default_of_its_gait(kind: str) -> None:
+    scene = parse_scene(f'model = "worm"\n[gait]\nkind = "{kind}"\n', "mine")
+    made, usual = gait_from(scene.settings.gait, 0.01), GAITS[kind]()
+    for name in parameters_of(GAITS[kind]).keys() - {"impulse"}:
+        assert getattr(made, name) == pytest.approx(getattr(usual, name)), name
+    assert parse_scene(scene.to_toml(), "mine").settings == scene.settings
+
+
+def test_checks_know_the_default_of_the_kind() -> None:
+    """The period of `steered` is 1.25 s: a step of 0.16 s is too long for it, and not for one of 2 s."""
+    written = 'model = "worm"\n[gait]\nkind = "{}"\n[run]\ndt_s = 0.16\n'
+    with pytest.raises(SceneError, match=r"line 5: run.dt_s: got 0.16 s: must be at most a 10th .* \(1.25 s\)"):
+        parse_scene(written.format("steered"), "mine")
+    assert parse_scene(written.format("travelling_wave"), "mine").settings.gait.period_s == 2.0
+    with pytest.raises(SceneError, match=r"that of its kind: 2 for travelling_wave, .*; 1.25 for steered"):
+        parse_scene('model = "worm"\n[gait]\nperiod_s = -1\n', "mine")

@@ -271,6 +271,8 @@ def test_the_size_follows_from_the_worm() -> None:
     size = ACTUATORS["muscle"](reserve=3.0).size(worm)
     assert_allclose(size * 0.35e6, 3.0 * (20.0 * 0.4 + 0.2 * 9.81) / 2.0)
     assert_allclose(ACTUATORS["magnetic"](room=0.01).size(worm), 0.01 * 2.0 * 0.05 * 0.08)
+    hoops = technology(strain=0.9, lengthens=True).needed(Worm(k_spring=20.0, mass=0.2, stroke=(-0.1, 0.4)))
+    assert_allclose(hoops * 2e4, 2.0 * (20.0 * 0.1 + 0.2 * 9.81) / 2.0)
     wire, levered = ACTUATORS["sma_wire"](), ACTUATORS["sma_wire"](lever=4.0)
     assert_allclose(levered.size(worm) / 4.0 * (20.0 * 0.04 + 1.962), wire.size(worm) * (20.0 * 0.16 + 1.962))
 

@@ -294,7 +294,6 @@ def _driven(s: Symbols) -> tuple[Symbol, Symbol, Symbol, Symbol]:
     wanted, w = ca.fmax(ca.fmin((asked + s["asked_n"]) / 2.0, cool), -cool), s["hysteresis"]
     above, below = (wanted + w) / (1.0 + w), wanted / (1.0 + w)
     target = ca.if_else(s["active_n"] > wanted, below, ca.if_else(s["active_n"] < wanted, above, s["drive_n"]))
-    target = ca.if_else(w > 0.0, target, wanted)
     lag = ca.if_else(ca.fabs(target) > ca.fabs(s["drive_n"]), s["rise"], s["fall"])
     free = target + (s["drive_n"] - target) * ca.exp(-s["dt"] / lag)
     most = s["rate"] * s["dt"]
