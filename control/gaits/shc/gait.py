@@ -66,7 +66,7 @@ class SHC(FeedbackGait, name="shc"):
     )
     load_gain: float = parameter(0.0, meaning="gain of the feedback by contact load; 0: none", ge=0)
     load_threshold: float = parameter(1.0, meaning="contact load at which a segment has done its part", unit="N", gt=0)
-    seed: int = parameter(0, meaning="seed of the noise", ge=0)
+    seed: int = parameter(0, meaning="seed of the noise; the seed of a scene does not change it", ge=0)
     lengthens = False
 
     @property
