@@ -7,13 +7,15 @@ on both sides of a segment alike: it neither steers nor takes away what steers. 
 With the mean contraction wanted of a segment's sides w, that given c, and the load on the segment F (the sum over its
 apexes), both functions of time:
 
-`WallLoad`, with the threshold F*. From when F reaches F*, and until c has come up to w again,
+`WallLoad`, with the threshold F* and the least contraction of the worm's stroke c_min:
 
-    c' = rate (1 - F/F*),   c_min <= c <= w;              else c = w                                          (GR1)
+    c = w - e;   e' = rate min(F/F* - 1, 1)  where F >= F*,  -recovery (1 - F/F*)  else;   0 <= e <= w - c_min    (GR1)
 
-with the least contraction of the worm's stroke c_min, so that the segment widens no further, gives way to a greater
-load and follows a wall that recedes. A chamber is a spring: load beyond what the hold takes is lost to friction where
-anchored segments slide.
+so that a segment which presses hard enough widens no further and gives way to a greater load; not faster than `rate`,
+or a worm that starts wedged, with many times the load, would let go of the wall altogether. The segment lets go when
+the wave turns, not only when w has come down to c: anchors hold for as long in a narrow pipe as in a wide one, the
+worm steps as far, and no two groups of anchors pull against each other through segments that move. At c_min it has
+forgotten what it held, and widens with the wave again.
 
 `Reach`, with the load F0 that counts as contact:
 
@@ -127,30 +129,29 @@ class WallLoad(Reflex, name="wall_load"):
         gt=0,
         left_out="12 times the worm's weight",
     )
-    rate: float = parameter(
-        10.0, meaning="speed at which an unloaded segment widens again, and one of twice the load gives way", gt=0
+    rate: float = parameter(10.0, meaning="speed at which a segment of at least twice the load gives way", gt=0)
+    recovery: float = parameter(
+        1.0, meaning="speed at which an unloaded segment comes back to the contraction wanted", ge=0
     )
     senses = ("contact_load",)
 
     def start(self, worm: Worm) -> ReflexMemory:
         """Return a fresh memory for one run of a worm."""
         load = HOLD * worm.mass * GRAVITY if self.load is None else self.load
-        return _Stopping(load, self.rate, worm)
+        return _Stopping(load, self.rate, self.recovery, worm)
 
 
 class _Stopping(_Segmentwise):
-    def __init__(self, load: float, rate: float, worm: Worm) -> None:
+    def __init__(self, load: float, rate: float, recovery: float, worm: Worm) -> None:
         super().__init__()
-        self._load, self._rate, self._least = load, rate, worm.stroke[0]
-        self._given, self._stopped = np.zeros(worm.segments), np.zeros(worm.segments, dtype=bool)
+        self._load, self._rate, self._recovery, self._least = load, rate, recovery, worm.stroke[0]
+        self._less = np.zeros(worm.segments)
 
     def advanced(self, dt: float, wanted: FloatArray, felt: Felt) -> FloatArray:
-        over = load_of(felt) / self._load - 1.0
-        moved = self._given - self._rate * dt * over
-        held = np.minimum(np.maximum(moved, self._least), wanted)
-        self._stopped = (over >= 0.0) | (self._stopped & (moved < wanted))
-        self._given = np.where(self._stopped & (dt > 0.0), held, wanted)
-        return self._given
+        over = np.minimum(load_of(felt) / self._load - 1.0, 1.0)
+        grown = self._less + np.where(over >= 0.0, self._rate, self._recovery) * over * dt
+        self._less = np.clip(grown, 0.0, np.maximum(0.0, wanted - self._least))
+        return wanted - self._less
 
 
 @documented
