@@ -17,7 +17,8 @@ same wave without the reflex loses beside it with the reflex, and its speed:
     level, 10 deg up   79 % +0.7 %     +43 %  -28 %        80 deg up          45 %  +21 %     gets stuck
 
 75 degrees up was looked at with other waves before the steep one was chosen; 10 and 80 degrees up were added before
-anything was run in them; the bound of the rate came last, for the falls, when all pipes had been seen. The search is at a step of 10 ms; at 5 ms the savings are 41 to 79 %, at most 7 points less.
+anything was run in them. The bound of the rate came last, for the falls, when all pipes had been seen (without it 43 to
+82 %). The search is at a step of 10 ms; at 5 ms the savings are 41 to 79 %, at most 7 points less.
 Then come falls: steep pipes, worms, frictions, time steps and noisy sensors around the shipped case.
 """
 
