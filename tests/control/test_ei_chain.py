@@ -205,6 +205,12 @@ def test_noisy_chains_carry_waves(segments: int) -> None:
     assert carrying(gaits.EiChain(), segments, 0.4, 20, seed=7) < 0.5
 
 
+def test_the_drive_is_noisy_as_well(monkeypatch) -> None:
+    monkeypatch.setattr(network.Network, "noisy", lambda self, relative, random: self)
+    assert carrying(gaits.EiChain(), 6, 0.0, 1) == 1.0
+    assert carrying(gaits.EiChain(), 6, 2.0, 10, seed=2) < 1.0
+
+
 def test_training_finds_what_made_the_delays(monkeypatch) -> None:
     """Delays of a known chain, at one pace and one coupling."""
     monkeypatch.setattr(training, "COUPLINGS", (2.0,))
