@@ -76,7 +76,9 @@ def test_mistakes_are_lines_and_no_traceback(console, tmp_path: Path) -> None:
         assert (ended.code, ended.out) == (2, "")
         assert ended.complaints == [
             "line 3: gait.lamda_m: unknown key; did you mean 'wavelength_m'?",
-            "line 4: gait.period_s: got '2 s': input should be a valid number [s], 0 < … (default 2.0)",
+            "line 4: gait.period_s: got '2 s': input should be a valid number [s], 0 < … "
+            "(default that of its kind: 2 for travelling_wave, larva_ei, 6 others; 6 for two_anchor, inchworm, "
+            "discrete, extension_wave; 5 for planned_turn; 1.25 for steered)",
             "override worm.segments: got 0: input should be greater than or equal to 1, 1 <= … <= 200 (default 6)",
         ]
     assert not (tmp_path / "x").exists()

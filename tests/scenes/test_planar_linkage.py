@@ -197,7 +197,8 @@ def test_eight_mistakes_give_eight_lines() -> None:
         "line 10: worm.apex_mass_fraction: got 1.5: input should be less than or equal to 1, 0 <= … <= 1 (default 0.5)",
         "line 13: friction.law: got 'anchord': input should be 'anchored' or 'threshold'; did you mean 'anchored'? "
         "(default 'anchored')",
-        "line 16: gait.amplitude: got 1.0: input should be less than 1, 0 <= … < 1 (default 0.2)",
+        "line 16: gait.amplitude: got 1.0: input should be less than 1, 0 <= … < 1 "
+        "(default that of its kind: 0.2 for travelling_wave, two_anchor, 11 others; 0.3 for planned_turn)",
         "override ground.slope_deg: got 90: input should be less than 90 [deg], -90 < … < 90 (default 0.0)",
     ]
 

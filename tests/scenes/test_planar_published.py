@@ -13,7 +13,7 @@ from control.gaits import GAITS
 from planar import metrics, published
 from scenes.commands.runner import simulate
 from scenes.language.parts import key_of
-from scenes.language.schema import only_for
+from scenes.language.schema import only_for, own_defaults
 from scenes.models.loading import load_scene
 from scenes.models.planar.published import MODEL, PublishedGait, PublishedScene, gait_of, parameters_of
 from scenes.records.record import Record
@@ -141,8 +141,10 @@ def gait_keys(kind: str) -> dict[str, str]:
     """Return each key that this kind of gait has, with a value that is not its default."""
     names = {key_of(known): known for known in declared_in(GAITS[kind]).values()}
     own = {key: field for key, field in PublishedGait.model_fields.items() if kind in (only_for(field) or GAITS)}
-    values = {f"gait.{key}": changed(names[key], field.default) for key, field in own.items() if key in names}
-    return {key: OTHERS.get(key, value) for key, value in values.items() if key not in IDLE}
+    usual = {key: own_defaults(field).get(kind, field.default) for key, field in own.items()}
+    values = {f"gait.{key}": changed(names[key], usual[key]) for key in own if key in names}
+    idle = {*IDLE, "gait.pace_exponent"}  # which tells at other periods than the default
+    return {key: OTHERS.get(key, value) for key, value in values.items() if key not in idle}
 
 
 def changed(known: Parameter, default: Any) -> str:
