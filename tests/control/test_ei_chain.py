@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import worm3d
 from control import gaits
-from control.gaits.neural import network, training
+from control.gaits.neural import kernel, network, training
 from control.gaits.neural.recording import pick
 from control.gaits.neural.waves import carrying, timing_of
 from scenes.gait_fit.recordings import load
@@ -43,7 +43,7 @@ def test_integrator_against_equations_written_anew() -> None:
     errors = []
     for steps in (200, 400):
         rates = start.copy()
-        network.advance(rates, chain.packed(), drive, share, felt, 1.0 / steps, steps)
+        kernel.advance(rates, chain.packed(), drive, share, felt, 1.0 / steps, steps)
         errors.append(np.abs(rates - exact).max())
     assert errors[1] < 1e-6
     assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.5)  # fourth order
@@ -96,7 +96,7 @@ def test_sides_are_kept_together_by_their_coupling() -> None:
     noisy = chain.network(6).noisy(0.1, random)
     for across, least in ((noisy.across, 0.0), (0.0 * noisy.across, 0.1)):
         alone = replace(noisy, across=across)
-        times, _ = network.onsets(alone.start(), alone.packed(), drives, alone.step, int(12.0 / alone.step))
+        times, _ = kernel.onsets(alone.start(), alone.packed(), drives, alone.step, int(12.0 / alone.step))
         apart = np.abs(times[0, 0, 4] - times[0, 1, 4])
         assert (apart < 0.1) if least == 0.0 else (apart > least)
 

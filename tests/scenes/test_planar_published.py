@@ -131,8 +131,8 @@ TIMED = [kind for kind in GAITS if not getattr(GAITS[kind](), "senses", ())]
 """Gaits that are functions of time; the program has nothing to sense."""
 STEERING = ("steering_wavelength", "bias_phase_deg", "hinge_phase_deg", "lead_s", "bend", "first")
 FEEDBACK = ("feedback", "strain_gain", "strain_threshold", "load_gain", "load_threshold_N")
-IDLE = {f"gait.{key}" for key in (*STEERING, *FEEDBACK)}
-"""Keys of gaits that are of no use in a program that has one side and senses nothing."""
+IDLE = {f"gait.{key}" for key in (*STEERING, *FEEDBACK, "pace_exponent")}
+"""Keys of gaits that are of no use in a program that has one side and senses nothing, or at the default period."""
 OTHERS = {"gait.nodes": "4", "gait.relaxed": "-0.5"}
 """Values of keys of which the next to the default is refused."""
 
@@ -143,8 +143,7 @@ def gait_keys(kind: str) -> dict[str, str]:
     own = {key: field for key, field in PublishedGait.model_fields.items() if kind in (only_for(field) or GAITS)}
     usual = {key: own_defaults(field).get(kind, field.default) for key, field in own.items()}
     values = {f"gait.{key}": changed(names[key], usual[key]) for key in own if key in names}
-    idle = {*IDLE, "gait.pace_exponent"}  # which tells at other periods than the default
-    return {key: OTHERS.get(key, value) for key, value in values.items() if key not in idle}
+    return {key: OTHERS.get(key, value) for key, value in values.items() if key not in IDLE}
 
 
 def changed(known: Parameter, default: Any) -> str:

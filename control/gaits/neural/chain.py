@@ -26,7 +26,7 @@ import numpy as np
 
 from control.gaits.feedback import FeedbackGait, Felt
 from control.gaits.gait import Body, Direction
-from control.gaits.neural.network import Network, advance, onsets
+from control.gaits.neural.network import Network
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
@@ -126,6 +126,8 @@ class Chain:
 
     def step(self, t: float, felt: Felt) -> FloatArray:
         """Advance to time t [s] on a grid of its own, and return E on straight lines between, shape (N, 2)."""
+        from control.gaits.neural.kernel import advance
+
         if np.isnan(self._begin):
             self._begin = t
         strain = felt.get("strain")
@@ -195,6 +197,8 @@ def chain(tau_e: FloatArray, tau_i: float, coupling: float, inhibition: float) -
 
 def period_of(network: Network, drives: FloatArray, source: int) -> float:
     """Return the time between the last two bursts at the source [s]; NaN if there are none."""
+    from control.gaits.neural.kernel import onsets
+
     rates, dt = network.start(), network.step
     times = onsets(rates, network.packed(), drives, dt, int(14.0 * network.tau_i.mean() / dt))[0][source, 0]
     times = times[np.isfinite(times)]

@@ -9,7 +9,8 @@ import numpy as np
 
 from control.gaits.gait import Direction
 from control.gaits.neural.chain import EiChain
-from control.gaits.neural.network import Network, onsets
+from control.gaits.neural.kernel import onsets
+from control.gaits.neural.network import Network
 from worm3d.values.arrays import FloatArray
 
 WATCHED = 6.0

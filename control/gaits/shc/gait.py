@@ -58,7 +58,7 @@ class SHC(FeedbackGait, name="shc"):
         1.5, meaning="saddle value nu of each node: how much faster states decay to it than leave", gt=1, each="segment"
     )
     saddle_noise: float = parameter(
-        1e-8, meaning="size of the noise, of a state in the square root of the cycle's own unit of time", gt=0
+        1e-8, meaning="size of the noise, of a state in the square root of the cycle's own unit of time", ge=0
     )
     strain_gain: float = parameter(0.0, meaning="gain of the feedback by strain; 0: none", ge=0)
     strain_threshold: float = parameter(
