@@ -80,7 +80,7 @@ class Acting(NamedTuple):
     area: FloatArray
     """Cross-section of the actuator of a chamber, shape (N,) [m^2]."""
     needed: FloatArray
-    """That of actuators with enough force, shape (N,) [m^2]."""
+    """Cross-section of actuators with enough force for the worm, shape (N,) [m^2]."""
 
 
 class Bench:

@@ -42,7 +42,7 @@ def test_a_random_gait_repeats_stays_in_range_and_a_phase_is_a_time(number: int,
 @seed(2)
 @given(number=st.integers(0, 10**6))
 def test_a_direct_wave_is_the_retrograde_one_from_the_other_end(number: int) -> None:
-    """And it is the later by the phase of the wave between the ends, waves."""
+    """The direct wave is the later one, by the phase of the wave between the ends, `waves`."""
     rng = np.random.default_rng(number)
     shape = {"duty": rng.uniform(0.2, 0.8), "sharpness": rng.uniform(0.0, 5.0), "waves": rng.uniform(0.0, 3.0)}
     head = Periodic(period=1.0, **shape)

@@ -115,7 +115,7 @@ def friction_of(values: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def test_friction_of_hard_contacts_is_inside_the_ellipse_and_on_it_far_out() -> None:
-    """And it is that of the equations: (C3), written out."""
+    """The friction is also that of (C3), written out here."""
     for reach in (1.0, 1e6):
         v = hard_states(3)
         v |= {"anchor": v["x"] - reach * (v["x"] - v["anchor"])}

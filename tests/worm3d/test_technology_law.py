@@ -40,7 +40,7 @@ SPANS = {
     "command_n": (-0.6, 0.9),
 }
 SUBSTEPS = 400
-"""Of the midpoint rule: within (2/400)^2/12 of a share of the drive."""
+"""Number of steps of the midpoint rule, whose error is below (2/400)^2/12 of a share of the drive."""
 
 Values = dict[str, np.ndarray]
 
