@@ -10,6 +10,9 @@ without a path along the mean heading; the reference speed is averaged over the 
 Windows that reach into the first three periods of the run are left out of bias, rms and greatest values. The speed has
 a second bias and rms, `..._settled_relative`, which leave out those that reach into the three periods after a step of
 the reference speed, too; the step itself is measured by the periods until the speed has come within 10 % for good.
+
+The head is the worm's foremost point; its offset is taken like that of the centre of mass, (L2), by a projection of its
+own: a straight body of length L that is tangent to a circle of radius R has its head sqrt(R^2 + L^2/4) - R outside.
 """
 
 from __future__ import annotations
@@ -37,16 +40,22 @@ SETTLED = 0.10
 SPEED_METRICS = ("speed_bias_relative", "speed_error_rms_relative")
 SETTLED_METRICS = ("speed_bias_settled_relative", "speed_error_rms_settled_relative")
 HEADING_METRICS = ("heading_error_mean_deg", "heading_error_rms_deg")
-PATH_METRICS = ("cross_track_rms_bl", "cross_track_max_bl")
+PATH_METRICS = ("cross_track_rms_bl", "cross_track_max_bl", "cross_track_mean_bl")
+HEAD_METRICS = ("head_offset_rms_bl", "head_offset_max_bl")
+WITHIN = 0.02
+"""Offset from the path within which a worm has joined it [body lengths]."""
 RESPONSE_METRICS = ("speed_response_time_s", "heading_response_time_s")
-METRICS = (*SPEED_METRICS, *SETTLED_METRICS, *HEADING_METRICS, *PATH_METRICS, "settling_periods", *RESPONSE_METRICS)
+METRICS = (
+    *(*SPEED_METRICS, "speed_bias_m_s", *SETTLED_METRICS, *HEADING_METRICS, *PATH_METRICS, *HEAD_METRICS),
+    *("joining_periods", "settling_periods", *RESPONSE_METRICS),
+)
 """Names of the metrics that `summary` returns."""
 TOO_SHORT = f"the run is shorter than the {DROPPED:g} periods that are left out and one more"
 UNSETTLED = f"no window lies beyond the {DROPPED:g} periods after each step of the reference speed"
 REASONS = {
     **dict.fromkeys((*SPEED_METRICS, *SETTLED_METRICS), "the reference speed is 0"),
     **dict.fromkeys(HEADING_METRICS, "there is no heading and no path to keep to"),
-    **dict.fromkeys(PATH_METRICS, "there is no path to follow"),
+    **dict.fromkeys((*PATH_METRICS, *HEAD_METRICS, "joining_periods"), "there is no path to follow"),
 }
 """Why a metric of a run that is long enough may have no value."""
 
@@ -63,6 +72,8 @@ class Motion:
     """True azimuth of the chord, unwrapped [rad], shape (T,)."""
     waves: FloatArray
     """Commanded phase, not falling [waves], shape (T,)."""
+    head: FloatArray | None = None
+    """True place of the head [m], shape (T, 2); None: nothing is said of its offset."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +96,8 @@ class Tracking:
     """Heading to keep to [rad], shape (K,); NaN without a path or heading."""
     cross_track: FloatArray
     """Mean offset to the left of the path [m], shape (K,); NaN without a path."""
+    head_offset: FloatArray
+    """Mean offset of the head to the left of the path [m], shape (K,); NaN without a path or a head."""
     counted: Bools
     """Windows that the metrics take, shape (K,)."""
     settled: Bools
@@ -101,7 +114,7 @@ def tracking(motion: Motion, reference: Reference) -> Tracking:
     window = _Window(motion)
     velocity = (motion.com[window.rows] - window.at_begin(motion.com)) / (window.time - window.began)[:, None]
     place, heading = window.mean(motion.com), window.mean(motion.heading)
-    wanted_heading, along, cross_track = _course(motion, reference, window, place, heading)
+    wanted_heading, along = _course(motion, reference, window, place, heading)
     return Tracking(
         time=window.time,
         waves=window.waves,
@@ -110,7 +123,8 @@ def tracking(motion: Motion, reference: Reference) -> Tracking:
         wanted_speed=window.mean(np.asarray(reference.speed(motion.time), dtype=float)),
         heading=heading,
         wanted_heading=wanted_heading,
-        cross_track=cross_track,
+        cross_track=_offset(motion.com, reference, window),
+        head_offset=_offset(motion.head, reference, window),
         counted=_beyond(window, motion, ()),
         settled=_beyond(window, motion, _step_times(reference)),
     )
@@ -118,15 +132,21 @@ def tracking(motion: Motion, reference: Reference) -> Tracking:
 
 def _course(
     motion: Motion, reference: Reference, window: _Window, place: FloatArray, heading: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the wanted heading, the direction in which speed counts, and the offset from the path, each (K,)."""
-    none = np.full(len(place), np.nan)
+) -> tuple[FloatArray, FloatArray]:
+    """Return the wanted heading, NaN if there is none, and the direction in which speed counts, each (K,)."""
     if reference.path is not None:
         azimuth = reference.path.heading(track(reference.path, place))
-        return azimuth, azimuth, window.mean(offset(reference.path, motion.com, track(reference.path, motion.com)))
+        return azimuth, azimuth
     if reference.heading is not None:
-        return window.mean(np.asarray(reference.heading(motion.time), dtype=float)), heading, none
-    return none, heading, none
+        return window.mean(np.asarray(reference.heading(motion.time), dtype=float)), heading
+    return np.full(len(place), np.nan), heading
+
+
+def _offset(places: FloatArray | None, reference: Reference, window: _Window) -> FloatArray:
+    """Return the mean offsets of places (T, 2) from the path, (K,); NaN without a path or places."""
+    if places is None or reference.path is None:
+        return np.full(len(window.time), np.nan)
+    return window.mean(offset(reference.path, places, track(reference.path, places)))
 
 
 def measured(motion: Motion, reference: Reference, length: float) -> tuple[dict[str, float | None], dict[str, str]]:
@@ -144,15 +164,22 @@ def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dic
         return metrics, dict.fromkeys(METRICS, TOO_SHORT)
     metrics |= dict(zip(SPEED_METRICS, _of_speed(tracked, taken), strict=True))
     metrics |= dict(zip(SETTLED_METRICS, _of_speed(tracked, tracked.settled), strict=True))
+    metrics["speed_bias_m_s"] = float((tracked.speed - tracked.wanted_speed)[taken].mean())
     error, aside = np.rad2deg(tracked.heading_error[taken]), tracked.cross_track[taken] / length
+    head = tracked.head_offset[taken] / length
+    apart: dict[str, str] = {}
     if np.isfinite(error).all():
         metrics |= zip(HEADING_METRICS, (float(error.mean()), _rms(error)), strict=True)
     if np.isfinite(aside).all():
-        metrics |= zip(PATH_METRICS, (_rms(aside), float(np.abs(aside).max())), strict=True)
+        metrics |= zip(PATH_METRICS, (_rms(aside), float(np.abs(aside).max()), float(aside.mean())), strict=True)
+        metrics["joining_periods"] = joining_periods(tracked, length)
+        apart = {"joining_periods": f"the worm does not come within {WITHIN:g} body lengths of its path for good"}
+    if np.isfinite(head).all():
+        metrics |= zip(HEAD_METRICS, (_rms(head), float(np.abs(head).max())), strict=True)
     metrics["settling_periods"], why = settling_periods(tracked, reference)
     late = _responses(tracked, reference, metrics)
     unsettled = {} if tracked.settled.any() else dict.fromkeys(SETTLED_METRICS, UNSETTLED)
-    return metrics, {**REASONS, "settling_periods": why, **late, **unsettled}
+    return metrics, {**REASONS, **apart, "settling_periods": why, **late, **unsettled}
 
 
 def _responses(tracked: Tracking, reference: Reference, metrics: dict[str, float | None]) -> dict[str, str]:
@@ -197,6 +224,18 @@ def settling_periods(tracked: Tracking, reference: Reference) -> tuple[float | N
         began = float(np.interp(begin, tracked.time, tracked.waves))
         longest = max(longest, float(waves[off[-1] + 1]) - began if len(off) else 0.0)
     return longest, ""
+
+
+def joining_periods(tracked: Tracking, length: float) -> float | None:
+    """Return the commanded periods after which the offset stays within `WITHIN`; None if it does not to the end.
+
+    They are counted from the begin of the run to the end of the first window of which all later ones are within, so
+    that a worm that begins on its path has joined it after 1.
+    """
+    off = np.flatnonzero(~(np.abs(tracked.cross_track) <= WITHIN * length))
+    if len(off) == 0:
+        return float(tracked.waves[0])
+    return None if off[-1] == len(tracked.waves) - 1 else float(tracked.waves[off[-1] + 1])
 
 
 def _step_times(reference: Reference) -> Sequence[float]:

@@ -56,6 +56,40 @@ def test_a_circle_of_another_radius_has_that_offset() -> None:
     assert found["speed_bias_relative"] == pytest.approx(chord * 1.45 / 1.5 - 1.0, abs=1e-6)
 
 
+def test_the_head_of_a_straight_worm_on_a_circle_is_outside() -> None:
+    radius, length = 0.6, 0.8
+    turn = 0.08 / radius * TIME
+    com = radius * np.column_stack([np.sin(turn), 1.0 - np.cos(turn)])
+    head = com + length / 2.0 * np.column_stack([np.cos(turn), np.sin(turn)])
+    made = Motion(TIME, com, turn, TIME / PERIOD, head)
+    found = figures(made, Reference(Constant(0.08), path=Circle(radius)), length)
+    outside = (np.hypot(radius, length / 2.0) - radius) / length
+    assert found["head_offset_rms_bl"] == pytest.approx(outside, abs=1e-9)
+    assert found["head_offset_max_bl"] == pytest.approx(outside, abs=1e-9)
+    assert found["cross_track_mean_bl"] == pytest.approx(0.0, abs=1e-9)
+    assert figures(motion(com, turn), Reference(Constant(0.08), path=Circle(radius)))["head_offset_rms_bl"] is None
+
+
+def test_a_worm_joins_its_path_when_it_stays_there() -> None:
+    """It comes towards the path by 0.01 m/s from 0.2 m, so that the mean over a period is half a period late."""
+    place = np.column_stack([0.08 * TIME, np.maximum(0.2 - 0.01 * TIME, -0.05)])
+    reference = Reference(Constant(0.08), path=Line())
+    within = 0.02 * 2.0
+    found = figures(motion(place), reference, 2.0)
+    assert found["joining_periods"] is None  # it goes on to -0.05
+    place[:, 1] = np.maximum(place[:, 1], 0.0)
+    found = figures(motion(place), reference, 2.0)
+    assert found["joining_periods"] == pytest.approx((0.2 - within) / 0.01 / PERIOD + 0.5, abs=0.02)
+    assert figures(motion(along_x(0.08)), reference, 2.0)["joining_periods"] == pytest.approx(1.0)
+    assert figures(motion(along_x(0.08)), Reference(Constant(0.08)))["joining_periods"] is None
+
+
+def test_the_bias_of_a_speed_of_zero_has_a_value() -> None:
+    found = figures(motion(along_x(0.002)), Reference(Constant(0.0), path=Line()))
+    assert found["speed_bias_m_s"] == pytest.approx(0.002)
+    assert found["speed_bias_relative"] is None
+
+
 def test_speed_without_a_path_counts_along_the_heading() -> None:
     azimuth = 0.3
     place = np.outer(0.08 * TIME, [np.cos(0.5), np.sin(0.5)])

@@ -17,7 +17,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import Variable
 
 PARAMETERS = "amplitude, frequency [Hz], bias, hinge [rad]"
-SERIES = ("time", "com", "heading")
+SERIES = ("time", "com", "heading", "joints")
 STATE = ", ".join(ReducedState._fields)
 
 
@@ -86,8 +86,8 @@ def timing_of(decisions: Sequence[Decision], control_period: float) -> tuple[Var
 
 def motion_of(result: worm3d.Result | Record, waves: FloatArray) -> Motion:
     """Return what the worm did, for the metrics; `waves` is the commanded phase at its instants, shape (T,)."""
-    time, com, heading = (result[n] if isinstance(result, Record) else getattr(result, n) for n in SERIES)
-    return Motion(time, com[:, :2], heading, waves)
+    time, com, heading, joints = (result[n] if isinstance(result, Record) else getattr(result, n) for n in SERIES)
+    return Motion(time, com[:, :2], heading, waves, joints[:, -1, :2])
 
 
 def tracked(record: Record, reference: Reference) -> Tracking | None:
