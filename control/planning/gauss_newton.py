@@ -1,9 +1,14 @@
 """Least squares in a box, by Gauss and Newton, with a certificate.
 
-    minimise 1/2 |r(z)|^2,  lower <= z <= upper                                                              (O1)
+    minimise 1/2 |r(z)|^2 + 1/2 |max(0, c(z))|^2,  lower <= z <= upper                                      (O1)
 
-Each iteration solves the quadratic programme of the linearised residuals exactly (DAQP, a dual active-set method that
-comes with CasADi) and goes along its step as far as the true cost falls. Every iterate lies in the box and is no worse
+r and c follow each other in one vector; the `limits` last ones, c, count only where they are above 0. Each iteration
+solves the quadratic programme of the linearised residuals exactly (DAQP, a dual active-set method that comes with
+CasADi), with the step d and slacks s,
+
+    minimise 1/2 |r + R d|^2 + 1/2 |s|^2,  c + C d <= s,  0 <= s,                                            (O6)
+
+and goes along its step as far as the true cost falls. Every iterate lies in the box and is no worse
 than the one before, so that any of them can be used. Of a mirrored problem the iterates are mirrored too.
 """
 
@@ -12,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache, partial
 from math import inf
 
 import casadi as ca
@@ -64,11 +70,16 @@ class GaussNewton:
 
     def __init__(self, n: int, iterations: int) -> None:
         self.n, self.iterations = n, iterations
-        shapes = {"h": ca.Sparsity.dense(n, n), "a": ca.Sparsity(0, n)}
-        self._programme = ca.conic("programme", "daqp", shapes, {"error_on_fail": False})
+        self._programme = cache(partial(_programme, n))
 
     def minimise(
-        self, residuals: Residuals, linearised: Linearised, start: FloatArray, lower: FloatArray, upper: FloatArray
+        self,
+        residuals: Residuals,
+        linearised: Linearised,
+        start: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray,
+        limits: int = 0,
     ) -> Solution:
         """Solve (O1) from `start` on, all of shape (n,)."""
         z, cost, certificate = np.clip(start, lower, upper), inf, inf
@@ -76,43 +87,64 @@ class GaussNewton:
             r, jacobian = linearised(z)
             if not (np.isfinite(r).all() and np.isfinite(jacobian).all()):
                 return Solution(z, cost, Outcome.NOT_FINITE, iteration, certificate)
-            cost, gradient = half_square(r), jacobian.T @ r
+            cost, gradient = half_square(r, limits), jacobian.T @ _counted(r, limits)
             certificate = float(np.abs(z - np.clip(z - gradient, lower, upper)).max())
-            step = self._step(jacobian, gradient, lower - z, upper - z)
+            step = self._step(r, jacobian, lower - z, upper - z, limits)
             if step is None:
                 return Solution(z, cost, Outcome.NO_STEP, iteration, certificate)
-            promised = -float(gradient @ step) - half_square(jacobian @ step)
+            promised = cost - half_square(r + jacobian @ step, limits)
             if promised <= NEGLIGIBLE * (1.0 + cost):
                 return Solution(z, cost, Outcome.CONVERGED, iteration + 1, certificate)
-            moved = _better(residuals, z, step, cost, promised)
+            moved = _better(residuals, z, step, cost, promised, limits)
             if moved is None:
                 return Solution(z, cost, Outcome.STUCK, iteration + 1, certificate)
             z, cost = np.clip(moved[0], lower, upper), moved[1]
         return Solution(z, cost, Outcome.IMPROVED, self.iterations, certificate)
 
     def _step(
-        self, jacobian: FloatArray, gradient: FloatArray, lower: FloatArray, upper: FloatArray
+        self, r: FloatArray, jacobian: FloatArray, lower: FloatArray, upper: FloatArray, limits: int
     ) -> FloatArray | None:
-        hessian = jacobian.T @ jacobian
-        hessian[np.diag_indices(self.n)] += SHIFT * hessian.trace() / self.n
-        found = self._programme(h=hessian, g=gradient, lbx=lower, ubx=upper)
-        step = np.array(found["x"]).ravel()
-        solved = self._programme.stats()["success"] and np.isfinite(step).all()
+        """Return the step of (O6); None if that was not solved."""
+        n, equal = self.n, len(r) - limits
+        hessian, gradient = np.eye(n + limits), np.zeros(n + limits)
+        hessian[:n, :n] = jacobian[:equal].T @ jacobian[:equal]
+        hessian[range(n), range(n)] += SHIFT * hessian[:n, :n].trace() / n
+        gradient[:n] = jacobian[:equal].T @ r[:equal]
+        programme, given = self._programme(limits), {"h": hessian, "g": gradient}
+        if limits:
+            given |= {"a": np.hstack([jacobian[equal:], -np.eye(limits)]), "uba": -r[equal:]}
+        given["lbx"] = np.concatenate([lower, np.zeros(limits)])
+        given["ubx"] = np.concatenate([upper, np.full(limits, inf)])
+        step = np.array(programme(**given)["x"]).ravel()[:n]
+        solved = programme.stats()["success"] and np.isfinite(step).all()
         return np.clip(step, lower, upper) if solved else None
 
 
-def half_square(r: FloatArray) -> float:
+def half_square(r: FloatArray, limits: int = 0) -> float:
     """Return the cost, (O1), of residuals."""
-    return 0.5 * float(r @ r)
+    counted = _counted(r, limits)
+    return 0.5 * float(counted @ counted)
+
+
+def _counted(r: FloatArray, limits: int) -> FloatArray:
+    """Return the residuals, those of the limits that are kept as 0."""
+    equal = len(r) - limits
+    return np.concatenate([r[:equal], np.maximum(r[equal:], 0.0)]) if limits else r
+
+
+def _programme(n: int, limits: int) -> ca.Function:
+    """Return the solver of (O6)."""
+    shapes = {"h": ca.Sparsity.dense(n + limits, n + limits), "a": ca.Sparsity.dense(limits, n + limits)}
+    return ca.conic("programme", "daqp", shapes, {"error_on_fail": False})
 
 
 def _better(
-    residuals: Residuals, z: FloatArray, step: FloatArray, cost: float, promised: float
+    residuals: Residuals, z: FloatArray, step: FloatArray, cost: float, promised: float, limits: int
 ) -> tuple[FloatArray, float] | None:
     """Return the first part of a step that makes the cost fall enough, and that cost."""
     for share in SHARES:
         trial = z + share * step
-        reached = half_square(residuals(trial))
+        reached = half_square(residuals(trial), limits)
         if reached <= cost - ENOUGH * share * promised:  # false for NaN
             return trial, reached
     return None

@@ -1,12 +1,14 @@
 """Model predictive control of the gait's parameters: amplitude, frequency and steering over some waves ahead.
 
-What a plan is to achieve is its cost, (O2), `control.planning.cost`. Slip, yaw bias and drift are those of the estimate
-and constant over the horizon: what they stand for leaves no lasting error. The search begins at the better of two
-waves, the plan before and the plain wave of the feed-forward, and is never worse than either.
+What a plan is to achieve is its cost, (O2), made of `control.planning.terms` and `control.planning.constraints`. Slip,
+yaw bias and drift are those of the estimate and constant over the horizon: what they stand for leaves no lasting error.
+The search begins at the better of two waves, the plan before and the plain wave of the feed-forward, and is never worse
+than either.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from math import isfinite, nan
@@ -19,9 +21,11 @@ from control.estimation.estimate import Estimate
 from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters
 from control.identification.identified import Identified
-from control.planning.cost import Prediction, Problem, Scale, Tolerances, misses_of
+from control.planning.constraints import Constraint, default_constraints
+from control.planning.cost import Cost, Prediction, Problem, Scale
 from control.planning.feed_forward import FeedForward
 from control.planning.gauss_newton import GaussNewton, Outcome, Solution, half_square
+from control.planning.terms import CostTerm, default_terms
 from control.tracking.references import Preview, Reference, look_ahead, turn_rate
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
@@ -97,7 +101,10 @@ class GaitMPC:
     identified : Identified
         Maps of the worm, from which `model` was made.
     model : ReducedModel
-    tolerances : Tolerances, optional
+    terms : sequence of CostTerm, optional
+        What a plan is to achieve; those that ship, `control.planning.terms.default_terms`, if left out.
+    constraints : sequence of Constraint, optional
+        What it has to keep to; those of `control.planning.constraints.default_constraints` if left out.
     step : float
         Time step of the prediction [s].
     steps : int
@@ -109,7 +116,7 @@ class GaitMPC:
     Raises
     ------
     ValueError
-        A step that is not above 0, fewer than two steps, or no iteration.
+        A step that is not above 0, fewer than two steps, no iteration, or something that is no term or constraint.
     """
 
     def __init__(
@@ -117,7 +124,8 @@ class GaitMPC:
         worm: Worm,
         identified: Identified,
         model: ReducedModel,
-        tolerances: Tolerances | None = None,
+        terms: Sequence[CostTerm] | None = None,
+        constraints: Sequence[Constraint] | None = None,
         step: float = 0.4,
         steps: int = 16,
         iterations: int = 2,
@@ -126,9 +134,12 @@ class GaitMPC:
             if value < least:
                 raise ValueError(f"{name}: got {value!r}, must be at least {least}")
         found = identified.maps[model.mechanism]
-        self.feed_forward, self.tolerances = FeedForward(found, worm.length), tolerances or Tolerances()
-        self._model, self._length = model, worm.length
-        self._prediction, self._scale = Prediction(model, misses_of(model), step, steps), Scale(found.ranges)
+        self.feed_forward, self._model, self._scale = FeedForward(found, worm.length), model, Scale(found.ranges)
+        terms = default_terms() if terms is None else terms
+        self.cost = Cost.of(
+            model, found, worm.length, terms, default_constraints() if constraints is None else constraints
+        )
+        self._prediction = Prediction(model, self.cost.function, step, steps, self._scale)
         self._search = GaussNewton(INPUTS * steps, iterations)
         self.reset()
 
@@ -190,21 +201,20 @@ class GaitMPC:
         preferred = self._scale.scaled(np.array([[0.0, self.feed_forward.frequency, 0.0]]))[1]
         return Problem(
             prediction=self._prediction,
-            scale=self._scale,
-            tolerances=self.tolerances,
-            length=self._length,
+            cost=self.cost,
             state=np.array(state, dtype=float),
             preview=preview,
             slowest=self.feed_forward.slowest,
             before=self._scale.scaled(plain[:1] if self._last is None else self._last.at(t)),
-            preferred=float(preferred),
+            frequency=np.full(self._prediction.steps, preferred),
         )
 
     def _searched(self, problem: Problem, waves: list[FloatArray]) -> tuple[Solution, float]:
         starts = [self._scale.scaled(wave) for wave in waves]
-        costs = [half_square(problem.residuals(start)) for start in starts]
+        costs = [half_square(problem.residuals(start), problem.limits) for start in starts]
         best, bound = int(np.argmin(costs)), np.ones(starts[0].size)
-        found = self._search.minimise(problem.residuals, problem.linearised, starts[best], -bound, bound)
+        search = problem.residuals, problem.linearised, starts[best], -bound, bound, problem.limits
+        found = self._search.minimise(*search)
         return found, costs[best]
 
     def _made(self, t: float, problem: Problem, found: Solution, plain_cost: float, began: float) -> Plan:
@@ -213,7 +223,7 @@ class GaitMPC:
             time=t,
             step=self._prediction.step,
             inputs=inputs,
-            horizon=problem.states(inputs)[:, :2],
+            horizon=problem.states(found.z)[:, :2],
             status=STATUS[found.outcome],
             seconds=perf_counter() - began,
             parameters=self._model.parameters(ReducedInput(*inputs[0])),

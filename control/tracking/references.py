@@ -117,6 +117,10 @@ class Preview:
     """Whether there is a heading."""
     progress: float
     """Arc length of the path's point nearest to the worm [m]; 0 without a path."""
+    left: FloatArray
+    """Greatest offset to the left of the path that is allowed [m], shape (K,); infinite without a bound."""
+    right: FloatArray
+    """Greatest offset to the right, as a positive number [m], shape (K,)."""
 
 
 def look_ahead(
@@ -139,7 +143,8 @@ def look_ahead(
     elif reference.heading is not None:
         heading = np.asarray(reference.heading(ends), dtype=float)
         heading = _on_turn(heading, float(heading[0]), azimuth)
-    return Preview(speed, point, heading, follows, follows or reference.heading is not None, progress)
+    free = np.full(steps, np.inf)
+    return Preview(speed, point, heading, follows, follows or reference.heading is not None, progress, free, free)
 
 
 def turn_rate(reference: Reference, t: float, progress: float) -> float:

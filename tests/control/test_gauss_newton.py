@@ -110,3 +110,19 @@ def test_it_says_how_it_failed() -> None:
     assert_array_equal(wrong_way.z, start)
     short = GaussNewton(2, 1).minimise(rosenbrock, rosenbrock_slopes, np.array([-1.2, 1.0]), *BOX)
     assert (short.outcome, short.iterations) == (Outcome.IMPROVED, 1)
+
+
+@pytest.mark.parametrize(("bound", "expected"), [(1.0, 1.1), (5.0, 2.0)])
+def test_what_exceeds_a_limit_weighs_like_a_miss_and_what_keeps_it_weighs_nothing(bound, expected) -> None:
+    """(z - 2)^2 + max(0, 3 (z - bound))^2 is least at z = (2 + 9 bound) / 10 if that exceeds the bound, else at 2."""
+    slopes = np.array([[1.0], [3.0]])
+
+    def residuals(z):
+        return np.array([z[0] - 2.0, 3.0 * (z[0] - bound)])
+
+    box = np.array([-10.0]), np.array([10.0])
+    found = GaussNewton(1, 3).minimise(residuals, lambda z: (residuals(z), slopes), np.array([-4.0]), *box, limits=1)
+    assert found.outcome is Outcome.CONVERGED
+    assert_allclose(found.z, expected, rtol=1e-7)
+    assert found.cost == pytest.approx(half_square(residuals(found.z), 1))
+    assert found.certificate < 1e-6

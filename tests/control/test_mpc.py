@@ -3,6 +3,7 @@
 import time
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -10,8 +11,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from control.estimation.estimator import Estimate
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
 from control.identification.identified import Identified, load
-from control.planning.cost import Problem, Tolerances
+from control.planning.constraints import Constraint
+from control.planning.cost import Problem
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
+from control.planning.terms import Change, CostTerm, Frequency, Heading, Moment, Offset, Speed, Steering, default_terms
 from control.tracking.paths import Circle, Line, SCurve, offset, track
 from control.tracking.references import Constant, Reference, Steps
 from worm3d import Worm
@@ -99,28 +102,29 @@ def test_slopes_of_the_residuals_against_central_differences(reference: Referenc
 )
 def test_the_cost_is_the_sum_of_its_terms(reference: Reference) -> None:
     """(O2) term by term, of a worm of length 1 m, from the states that the problem predicts."""
-    problem, a = problem_of(mpc(steps=4), MOVING, reference), Tolerances()
+    controller = mpc(steps=4)
+    problem, change = problem_of(controller, MOVING, reference), Change()
     u = np.random.default_rng(7).uniform(-0.9, 0.9, (4, 3))
-    inputs, ahead = problem.scale.inputs(u.ravel()), problem.preview
-    states = problem.states(inputs)[1:]
+    inputs, ahead = controller._scale.inputs(u.ravel()), problem.preview
+    states = problem.states(u.ravel())[1:]
     output = model().output
     vx, vy, _ = np.array([np.array(output(*given)).ravel() for given in zip(states, inputs, strict=True)]).T
     x, y, h = states[:, :3].T
-    terms = [(vx * np.cos(h) + vy * np.sin(h) - ahead.speed) / a.speed]
+    terms = [(vx * np.cos(h) + vy * np.sin(h) - ahead.speed) / Speed().tolerance]
     if reference.path is not None:
         normal = np.column_stack([-np.sin(ahead.heading), np.cos(ahead.heading)])
-        terms.append(np.sum(([x, y] - ahead.point.T).T * normal, axis=1) / a.offset)
+        terms.append(np.sum(([x, y] - ahead.point.T).T * normal, axis=1) / Offset().tolerance)
         crab = np.clip((vy * np.cos(h) - vx * np.sin(h)) / ahead.speed, -0.3, 0.3)
-        terms.append((h - ahead.heading + crab) / a.heading)
+        terms.append((h - ahead.heading + crab) / Heading().tolerance)
     elif reference.heading is not None:
-        terms.append((h - ahead.heading) / a.heading)
+        terms.append((h - ahead.heading) / Heading().tolerance)
     else:
-        terms.append(u[:, 2] / a.steering)
-    plain = problem.scale.scaled(np.array([mpc().plain(0.0, MOVING.slip, reference)]))
+        terms.append(u[:, 2] / Steering().tolerance)
+    plain = controller._scale.scaled(np.array([mpc().plain(0.0, MOVING.slip, reference)]))
     changes = np.diff(np.vstack([plain, u]), axis=0)
-    terms += list((changes / [a.amplitude_rate, a.frequency_rate, a.steering_rate]).T)
+    terms += list((changes / [change.amplitude, change.frequency, change.steering]).T)
     low, high = FOUND["hinge"].frequency
-    terms.append((inputs[:, 1] - 0.8) / ((high - low) / 2.0) / a.frequency)
+    terms.append((inputs[:, 1] - 0.8) / ((high - low) / 2.0) / Frequency().tolerance)
     residuals = problem.residuals(u.ravel())
     assert residuals @ residuals == pytest.approx(np.sum(np.square(terms)))
 
@@ -138,7 +142,7 @@ def test_the_search_begins_at_the_better_of_the_plan_before_and_the_plain_wave()
         preview, waves = controller._preview(t, estimate, CIRCLE), controller._candidates(t, estimate, CIRCLE)
         assert preview is not None
         problem = controller._problem(t, state, preview, waves[-1])
-        residuals = [problem.residuals(problem.scale.scaled(wave)) for wave in waves]
+        residuals = [problem.residuals(controller._scale.scaled(wave)) for wave in waves]
         costs = [0.5 * float(each @ each) for each in residuals]
         assert controller.plan(t, estimate, CIRCLE).plain_cost == pytest.approx(min(costs), rel=1e-12)
         better.add((len(costs), int(np.argmin(costs))))
@@ -154,7 +158,7 @@ def test_an_optimal_plan_has_no_better_neighbour(mechanism) -> None:
     problem = problem_of(mpc(mechanism), MOVING, CIRCLE)
     elsewhere, slopes = problem.linearised(np.random.default_rng(0).uniform(-0.9, 0.9, plan.inputs.size))
     assert plan.certificate < 5e-4 * np.abs(slopes.T @ elsewhere).max()
-    z, random = problem.scale.scaled(plan.inputs), np.random.default_rng(6)
+    z, random = controller._scale.scaled(plan.inputs), np.random.default_rng(6)
     assert np.abs(z).max() <= 1.0 + 1e-12
     assert 0.5 * problem.residuals(z) @ problem.residuals(z) == pytest.approx(plan.cost)
     for size in (1e-3, 1e-2, 1e-1):
@@ -195,26 +199,25 @@ def test_paths_are_followed_whatever_slips_turns_and_drifts(path, within: float,
 
 
 @pytest.mark.parametrize(
-    ("aside", "tolerances", "steps"),
+    ("aside", "tolerance", "steps"),
     [
-        (0.01, Tolerances(), 16),
-        (0.03, Tolerances(), 16),
-        (0.1, Tolerances(), 16),
-        (0.03, Tolerances(offset=0.02), 24),
-        (0.03, Tolerances(offset=0.035), 40),
+        (0.01, 0.015, 16),
+        (0.03, 0.015, 16),
+        (0.1, 0.015, 16),
+        (0.03, 0.02, 24),
+        (0.03, 0.035, 40),
     ],
 )
-def test_an_offset_dies_away_over_the_way_that_the_tolerances_say(
-    aside: float, tolerances: Tolerances, steps: int
-) -> None:
+def test_an_offset_dies_away_over_the_way_that_the_tolerances_say(aside: float, tolerance: float, steps: int) -> None:
     """With e' = V delta and the course delta free, (e/a_e)^2 + (delta/a_h)^2 is least for e ~ exp(-s/L), L = a_e/a_h.
 
     A horizon of the way T lengthens L to L/tanh(T/L), by 2 % or less here. Two seconds are what the worm turns in.
     """
     line, begin = Reference(Constant(0.08), path=Line()), REST._replace(y=aside, speed=0.08)
-    run = closed_loop(line, begin, 12.0, tolerances=tolerances, steps=steps)
+    terms = [Offset(tolerance) if isinstance(term, Offset) else term for term in default_terms()]
+    run = closed_loop(line, begin, 12.0, terms=terms, steps=steps)
     x, y = run.states[10:, :2].T
-    way = tolerances.offset / tolerances.heading
+    way = tolerance / Heading().tolerance
     expected = way / np.tanh(0.4 * steps * 0.08 / way)
     assert -1.0 / np.polyfit(x, np.log(y), 1)[0] == pytest.approx(expected, rel=0.05)
 
@@ -298,10 +301,39 @@ def test_the_same_question_has_the_same_answer_after_a_reset() -> None:
     assert_array_equal(controller.plan(0.0, estimate, CIRCLE).inputs, first.inputs)
 
 
+class Pair(CostTerm):
+    def misses(self, at: Moment) -> ca.SX:
+        return ca.horzcat(at.speed, at.speed)
+
+
+class Slow(Constraint):
+    """At most 0.05 m/s."""
+
+    def excesses(self, at: Moment) -> ca.SX:
+        return (at.speed - 0.05) / 1e-4
+
+
+class Lively(CostTerm):
+    """At 1.1 Hz, whatever the speed."""
+
+    def misses(self, at: Moment) -> ca.SX:
+        return (at.given.frequency - 1.1) / 1e-3
+
+
+def test_terms_and_constraints_of_ones_own() -> None:
+    run = closed_loop(Reference(Constant(0.08)), REST, 8.0, terms=[*default_terms(), Lively()], constraints=[Slow()])
+    assert_allclose(run.inputs[:, 1], 1.1, atol=0.01)
+    assert_allclose(run.speed[-5:], 0.05, rtol=0.01)
+    assert all(plan.status.ok for plan in run.plans)
+
+
 @pytest.mark.parametrize(
     ("build", "sentence"),
     [
-        (lambda: Tolerances(speed=0.0), "speed: got 0.0 body lengths/s, must be finite and above 0"),
+        (lambda: Speed(0.0), "tolerance: got 0.0 body lengths/s, must be finite and above 0"),
+        (lambda: mpc(terms=["speed"]), "terms: got str, must be each a control.planning.terms.CostTerm"),
+        (lambda: mpc(terms=[Pair()]), r"Pair: got misses of shape \(1, 2\), must be a column of CasADi's SX"),
+        (lambda: mpc(constraints=[Speed()]), "constraints: got Speed, must be each a control.planning.constraints"),
         (lambda: mpc(steps=1), "steps: got 1, must be at least 2"),
         (lambda: mpc(iterations=0), "iterations: got 0, must be at least 1"),
         (lambda: mpc(step=-0.1), "dt: got -0.1 s, must be above 0"),

@@ -4,22 +4,36 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from control.estimation.reduced import ReducedModel, ReducedState
-from control.identification.identified import load
-from control.planning.cost import Prediction, misses_of
+from control.identification.identified import Identified, load
+from control.planning.constraints import default_constraints
+from control.planning.cost import WANTED, Cost, Prediction, Scale
+from control.planning.terms import CostTerm, Heading, Offset, Speed, default_terms
 from worm3d import Worm
 
 STEPS = 5
 STATE = np.array(ReducedState(0.3, -0.2, 0.7, 0.06, 0.1, slip=0.1, yaw_bias=0.02, drift=0.005))
 
 
-def model() -> ReducedModel:
+def known() -> Identified:
     found = load(Worm())
     assert found is not None
-    return ReducedModel.of(Worm(), found)
+    return found
 
 
-def predicted(steps: int = STEPS) -> Prediction:
-    return Prediction(model(), misses_of(model()), 0.4, steps)
+def model() -> ReducedModel:
+    return ReducedModel.of(Worm(), known())
+
+
+FOUND = known().maps["hinge"]
+SCALE = Scale(FOUND.ranges)
+
+
+def predicted(steps: int = STEPS, terms: list[CostTerm] | None = None) -> Prediction:
+    cost = Cost.of(model(), FOUND, 1.0, terms or default_terms(), default_constraints())
+    return Prediction(model(), cost.function, 0.4, steps, SCALE)
+
+
+BEFORE = np.array([0.1, -0.2, 0.3])
 
 
 def inputs() -> np.ndarray:
@@ -27,12 +41,12 @@ def inputs() -> np.ndarray:
 
 
 def wanted() -> np.ndarray:
-    return np.random.default_rng(2).normal(size=(STEPS, 5))
+    return np.random.default_rng(2).normal(size=(STEPS, WANTED))
 
 
 def test_states_are_those_of_the_models_own_steps() -> None:
     step, state = model().step(0.4), STATE
-    states = predicted().states(STATE, inputs())
+    states = predicted().states(STATE, SCALE.scaled(inputs()))
     assert_allclose(states[0], STATE)
     for k, given in enumerate(inputs(), start=1):
         state = np.array(step(state, given)).ravel()
@@ -40,20 +54,20 @@ def test_states_are_those_of_the_models_own_steps() -> None:
 
 
 def test_slopes_against_central_differences() -> None:
-    prediction, u, h = predicted(), inputs(), 1e-6
+    prediction, u, h = predicted(), SCALE.scaled(inputs()), 1e-6
 
     def misses(given: np.ndarray) -> np.ndarray:
-        return prediction.misses(prediction.states(STATE, given), given, wanted())
+        return prediction.misses(prediction.states(STATE, given), given, BEFORE, wanted())
 
-    slopes = prediction.miss_slopes(prediction.states(STATE, u), u, wanted())
+    slopes = prediction.miss_slopes(prediction.states(STATE, u), u, BEFORE, wanted())
     for column in range(u.size):
-        shift = h * np.eye(u.size)[column].reshape(u.shape)
-        assert_allclose(slopes[:, :, column], (misses(u + shift) - misses(u - shift)) / (2.0 * h), atol=1e-7)
+        shift = h * np.eye(u.size)[column]
+        assert_allclose(slopes[:, :, column], (misses(u + shift) - misses(u - shift)) / (2.0 * h), atol=2e-6)
 
 
 def test_later_inputs_change_nothing_before() -> None:
-    prediction, u = predicted(), inputs()
-    slopes = prediction.miss_slopes(prediction.states(STATE, u), u, wanted())
+    prediction, u = predicted(), SCALE.scaled(inputs())
+    slopes = prediction.miss_slopes(prediction.states(STATE, u), u, BEFORE, wanted())
     for k in range(STEPS):
         assert_allclose(slopes[k, :, 3 * (k + 1) :], 0.0, atol=0.0)
         assert np.abs(slopes[k, :, 3 * k]).max() > 0.0
@@ -66,9 +80,10 @@ def test_misses_of_a_worm_beside_its_path() -> None:
     0.3 rad.
     """
     state = np.array(ReducedState(0.0, 1.3, np.pi / 2 + 0.2, 0.08, 0.0, slip=0.25, drift=-0.016))
-    upwards = [0.05, 0.1, 1.0, np.pi / 2, 0.0]  # along y, a tenth to the right of the worm
+    upwards = [0.05, 0.1, 1.0, np.pi / 2, *[0.0] * (WANTED - 4)]  # along y, a tenth to the right of the worm
     wanted = np.tile(upwards, (3, 1))
     wanted[:, 4] = [0.0, 1.0 / 0.08, 1.0 / 0.01]
-    states, given = np.tile(state, (4, 1)), np.tile([0.3, 0.8, 0.0], (3, 1))
-    seen = predicted(3).misses(states, given, wanted)
-    assert_allclose(seen, [[0.75 * 0.08 - 0.05, 0.1, heading] for heading in (0.2, 0.0, -0.1)], atol=1e-12)
+    states, given = np.tile(state, (4, 1)), SCALE.scaled(np.tile([0.3, 0.8, 0.0], (3, 1)))
+    terms = [Speed(1.0), Offset(1.0), Heading(1.0)]
+    seen = predicted(3, terms).misses(states, given, BEFORE, wanted)
+    assert_allclose(seen[:, :3], [[0.75 * 0.08 - 0.05, 0.1, heading] for heading in (0.2, 0.0, -0.1)], atol=1e-12)

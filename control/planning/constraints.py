@@ -1,0 +1,81 @@
+"""Constraints on a plan, found by name; all are soft, so that there is always a plan.
+
+A constraint is a frozen dataclass with its tolerances as fields and its excesses c as symbols of CasADi: at the end of
+each step c <= 0 is wanted, and what exceeds it weighs like a miss: the cost grows by
+
+    1/2 max(0, c)^2,   c over its tolerance                                                                  (O5)
+
+the least of s^2/2 over slacks s >= 0, c <= s. Write one of your own as you write a term, `control.planning.terms`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from control.planning.terms import Moment
+from control.tracking.references import Preview
+from worm3d.values.parameters import check, documented, parameter
+
+
+class Constraint(ABC):
+    """A soft constraint of a plan."""
+
+    @abstractmethod
+    def excesses(self, at: Moment) -> ca.SX:
+        """Return what exceeds over its tolerance, shape (M,); at most 0 where the constraint is kept."""
+
+    def weight(self, ahead: Preview) -> ArrayLike:
+        """Return factors of the excesses, one or one for each step: 0 where it does not apply."""
+        return 1.0
+
+
+@documented
+@dataclass(frozen=True)
+class Corridor(Constraint):
+    """Offset within the corridor of the reference, and on one side of its obstacles."""
+
+    tolerance: float = parameter(0.005, unit="body lengths", gt=0, meaning="excess that weighs 1")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def excesses(self, at: Moment) -> ca.SX:
+        """Return the excesses to the left and to the right; see `Constraint`."""
+        excess = ca.vertcat(at.offset - at.wanted.left, -at.offset - at.wanted.right)
+        return excess / (self.tolerance * at.length)
+
+    def weight(self, ahead: Preview) -> ArrayLike:
+        """Return whether the path has a bound there."""
+        return np.isfinite(ahead.left) | np.isfinite(ahead.right)
+
+
+@documented
+@dataclass(frozen=True)
+class Roll(Constraint):
+    """Roll of the body within a wave, where the identified map knows it."""
+
+    limit: float = parameter(0.105, unit="rad", gt=0, meaning="greatest roll")
+    tolerance: float = parameter(0.02, unit="rad", gt=0, meaning="excess that weighs 1")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def excesses(self, at: Moment) -> ca.SX:
+        """Return the excess; see `Constraint`."""
+        return (at.roll - self.limit) / self.tolerance
+
+
+CONSTRAINTS: Mapping[str, type[Constraint]] = MappingProxyType({"corridor": Corridor, "roll": Roll})
+"""Constraints by name; a plan has all of them unless others are given."""
+
+
+def default_constraints() -> tuple[Constraint, ...]:
+    """Return the constraints that ship, each with its default tolerances."""
+    return tuple(constraint() for constraint in CONSTRAINTS.values())

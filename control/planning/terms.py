@@ -1,0 +1,232 @@
+"""Terms of the cost of a plan, found by name: what a plan is to achieve, and how much each miss weighs.
+
+A term is a frozen dataclass with its tolerances as fields and its misses as symbols of CasADi. A cost of your own:
+
+    @dataclass(frozen=True)
+    class Thrift(CostTerm):  # fast waves cost energy
+        tolerance: float = parameter(0.5, unit="Hz", gt=0, meaning="frequency that weighs 1")
+
+        def misses(self, at: Moment) -> ca.SX:
+            return at.given.frequency / self.tolerance
+
+    GaitMPC(worm, identified, model, terms=[*default_terms(), Thrift()])
+
+With the speed V_ref, point r, heading psi and frequency f_0 that are wanted, the terms that ship are
+
+    speed    (V - V_ref)/a_V            heading   (h - psi + crab)/a_h,  crab = u / V_ref
+    offset   e/a_e,  e = (p - r) . n                                                                          (O4)
+    change   (u_k - u_{k-1})/a_rate     frequency (f - f_0)/a_f             steering  s/a_s
+
+V being the speed along the heading, less what slips, and n(psi) = (-sin psi, cos psi) the left of the path. The body
+stands across its path by the angle crab, so that its centre of mass follows the path although it is carried to the left
+by u. Steering itself carries it so, hence u is that of the state: with the u of an earlier plan, crab and plan chase
+each other, and a worm comes back to its line along another way than the cost says.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
+
+import casadi as ca
+from numpy.typing import ArrayLike
+
+from control.estimation.reduced import ReducedInput, ReducedState
+from control.tracking.references import Preview
+from worm3d.values.parameters import check, documented, parameter
+
+MAX_CRAB = 0.3
+"""Largest angle by which the body may stand across its path [rad]."""
+
+
+class Wanted(NamedTuple):
+    """What the reference asks for at the end of a step; each is an SX of one entry."""
+
+    speed: ca.SX
+    """Speed forward [m/s]."""
+    x: ca.SX
+    """Point of the path [m]; 0 without a path."""
+    y: ca.SX
+    heading: ca.SX
+    """Heading of the path, or the one asked for [rad]; 0 without either."""
+    crab: ca.SX
+    """Angle by which the body is to stand to the right of that heading, for each m/s of speed to the left [s/m]."""
+    frequency: ca.SX
+    """Frequency that suits the speed, scaled like the inputs."""
+    left: ca.SX
+    """Greatest offset to the left of the path that is allowed [m]."""
+    right: ca.SX
+    """Greatest offset to the right, as a positive number [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """The worm at the end of a step and what is wanted of it there, in symbols of CasADi."""
+
+    state: ReducedState
+    given: ReducedInput
+    """Inputs during the step: amplitude, frequency [Hz] and steering."""
+    scaled: ca.SX
+    """The inputs scaled to [-1, 1] over the ranges of the map, shape (3,)."""
+    before: ca.SX
+    """Scaled inputs of the step before, shape (3,)."""
+    speed: ca.SX
+    """Speed along the heading, less what slips [m/s]."""
+    sideways: ca.SX
+    """Speed to the left of the heading [m/s]."""
+    turn_rate: ca.SX
+    """Turn rate to the left [rad/s]."""
+    roll: ca.SX
+    """Greatest roll in a wave by the identified map [rad]; 0 where the map does not say."""
+    wanted: Wanted
+    length: float
+    """Length of the body [m]."""
+
+    @property
+    def offset(self) -> ca.SX:
+        """Distance to the left of the path [m], e of (O4)."""
+        wanted, state = self.wanted, self.state
+        return (state.y - wanted.y) * ca.cos(wanted.heading) - (state.x - wanted.x) * ca.sin(wanted.heading)
+
+
+class CostTerm(ABC):
+    """A term of the cost: half the sum of squares of its misses at the end of each step."""
+
+    @abstractmethod
+    def misses(self, at: Moment) -> ca.SX:
+        """Return the misses over their tolerances, shape (M,)."""
+
+    def weight(self, ahead: Preview) -> ArrayLike:
+        """Return factors of the misses, one or one for each step: 0 where the reference does not ask for it."""
+        return 1.0
+
+
+@documented
+@dataclass(frozen=True)
+class Speed(CostTerm):
+    """Miss of the speed."""
+
+    tolerance: float = parameter(0.004, unit="body lengths/s", gt=0, meaning="a_V, miss of the speed that weighs 1")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def misses(self, at: Moment) -> ca.SX:
+        """Return the miss; see `CostTerm`."""
+        return (at.speed - at.wanted.speed) / (self.tolerance * at.length)
+
+
+@documented
+@dataclass(frozen=True)
+class Offset(CostTerm):
+    """Offset from the path."""
+
+    tolerance: float = parameter(0.015, unit="body lengths", gt=0, meaning="a_e, offset that weighs 1")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def misses(self, at: Moment) -> ca.SX:
+        """Return the miss; see `CostTerm`."""
+        return at.offset / (self.tolerance * at.length)
+
+    def weight(self, ahead: Preview) -> ArrayLike:
+        """Return whether there is a path."""
+        return float(ahead.follows)
+
+
+@documented
+@dataclass(frozen=True)
+class Heading(CostTerm):
+    """Miss of the heading, the body standing across its path as far as it is carried sideways."""
+
+    tolerance: float = parameter(0.07, unit="rad", gt=0, meaning="a_h, miss of the heading that weighs 1")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def misses(self, at: Moment) -> ca.SX:
+        """Return the miss; see `CostTerm`."""
+        crab = ca.fmax(-MAX_CRAB, ca.fmin(MAX_CRAB, at.wanted.crab * at.sideways))
+        return (at.state.heading - at.wanted.heading + crab) / self.tolerance
+
+    def weight(self, ahead: Preview) -> ArrayLike:
+        """Return whether there is a path or a heading."""
+        return float(ahead.heads)
+
+
+@documented
+@dataclass(frozen=True)
+class Change(CostTerm):
+    """Change of the inputs from step to step, each as a share of half its range."""
+
+    amplitude: float = parameter(0.3, gt=0, meaning="a_rate, change of the amplitude that weighs 1")
+    frequency: float = parameter(0.2, gt=0, meaning="a_rate, change of the frequency that weighs 1")
+    steering: float = parameter(0.25, gt=0, meaning="a_rate, change of the steering that weighs 1")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def misses(self, at: Moment) -> ca.SX:
+        """Return the misses; see `CostTerm`."""
+        return (at.scaled - at.before) / ca.DM([self.amplitude, self.frequency, self.steering])
+
+
+@documented
+@dataclass(frozen=True)
+class Frequency(CostTerm):
+    """Distance of the frequency from the preferred one, as a share of half its range."""
+
+    tolerance: float = parameter(1.0, gt=0, meaning="a_f, distance that weighs 1")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def misses(self, at: Moment) -> ca.SX:
+        """Return the miss; see `CostTerm`."""
+        return (at.scaled[1] - at.wanted.frequency) / self.tolerance
+
+
+@documented
+@dataclass(frozen=True)
+class Steering(CostTerm):
+    """Steering where nothing is to be followed, as a share of the greatest."""
+
+    tolerance: float = parameter(0.2, gt=0, meaning="a_s, steering that weighs 1")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def misses(self, at: Moment) -> ca.SX:
+        """Return the miss; see `CostTerm`."""
+        return at.scaled[2] / self.tolerance
+
+    def weight(self, ahead: Preview) -> ArrayLike:
+        """Return whether there is neither path nor heading."""
+        return float(not ahead.heads)
+
+
+TERMS: Mapping[str, type[CostTerm]] = MappingProxyType(
+    {
+        "speed": Speed,
+        "offset": Offset,
+        "heading": Heading,
+        "change": Change,
+        "frequency": Frequency,
+        "steering": Steering,
+    }
+)
+"""Terms by name; a plan's cost has all of them unless others are given.
+
+Tolerances of offset (0.01 to 0.02), heading (0.05 to 0.1) and change of the steering (0.25 to 1) were tuned on the
+default worm with the sensors' default noise: seven triples in runs of a minute on line, circle and S-curve with the
+seeds 10 and 11, as many as `control.baselines.Gains` had; mean rms offsets are 0.0017 (chosen) to 0.0021 body lengths.
+"""
+
+
+def default_terms() -> tuple[CostTerm, ...]:
+    """Return the terms that ship, each with its default tolerances."""
+    return tuple(term() for term in TERMS.values())
