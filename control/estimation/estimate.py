@@ -101,7 +101,7 @@ class Estimate:
     state: ReducedState
     """Mean, in numbers."""
     covariance: FloatArray
-    """Covariance of the state, in the order of its fields, shape (9, 9)."""
+    """Covariance of the state, in the order of its fields, shape (S, S)."""
     nis: float | None
     """Normalised innovation squared, of 2 degrees of freedom, of the last sample of the centre of mass; None before."""
     slope: FloatArray = field(default_factory=lambda: np.zeros(2))
@@ -133,7 +133,7 @@ class Estimate:
 
     @property
     def deviations(self) -> FloatArray:
-        """Standard deviations of the state, shape (9,)."""
+        """Standard deviations of the state, shape (S,)."""
         return np.sqrt(np.diagonal(self.covariance))
 
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.estimation.estimate import HEADING, Belief, Estimate, merged, pruned
+from control.estimation.estimate import Belief, Estimate, merged, pruned
 from control.estimation.ground import Ground, GroundTrust, Standing
 from control.estimation.kalman import IMPOSSIBLE, ROCKING, SIZE, Corrected, Kalman, Noise, Uncertainty
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
@@ -47,8 +47,8 @@ ROCKED = 0.016
 """Standard deviation by which a wave rocks the chord's azimuth about the heading [rad]."""
 NOISIEST = 0.2
 """Largest noise of the centre of mass that is believed [body lengths]."""
-BEGIN = {"speed": 0.02, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01}
-"""Standard deviations at the start, of a worm at rest that obeys its map [m/s], [rad/s], [1], [rad/s]."""
+BEGIN = {"speed": 0.02, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01, "turn_gain": 0.2}
+"""Standard deviations at the start, of a worm at rest that obeys its map [m/s], [rad/s], [1], [rad/s], [1]."""
 BEGIN_ROCKING = 0.05
 """Standard deviation of the entries of C at the start [m]."""
 
@@ -284,7 +284,7 @@ def _beginning(trust: Uncertainty, heading: float | None, deviation: float) -> l
 
 def _believed(trust: Uncertainty, heading: float, deviation: float) -> Belief:
     mean, deviations = np.zeros(SIZE), np.zeros(SIZE)
-    mean[HEADING] = heading
+    mean[:STATES] = ReducedState(0.0, 0.0, heading, 0.0, 0.0)
     known = {"x": ANYWHERE, "y": ANYWHERE, "heading": deviation, "drift": trust.drift, **BEGIN}
     for name, each in known.items():
         deviations[ReducedState._fields.index(name)] = each

@@ -92,6 +92,7 @@ class Uncertainty:
     )
     slip: float = parameter(0.01, unit="1/sqrt(s)", ge=0, meaning="noise of the slip")
     yaw_bias: float = parameter(0.003, unit="rad/s/sqrt(s)", ge=0, meaning="noise of the yaw bias")
+    turn_gain: float = parameter(0.01, unit="1/sqrt(s)", ge=0, meaning="noise of the gain of turning")
     drift: float = parameter(0.0018, unit="m/s", ge=0, meaning="standard deviation of the drift that no slope explains")
     drift_time: float = parameter(2.0, unit="s", gt=0, meaning="correlation time tau of that drift")
     rocking: float = parameter(0.001, unit="m/sqrt(s)", ge=0, meaning="noise of the entries of C")
@@ -201,6 +202,7 @@ def _noise(s: ReducedState, trust: Uncertainty) -> ca.SX:
         slip=trust.slip**2,
         yaw_bias=trust.yaw_bias**2,
         drift=2.0 * trust.drift**2 / trust.drift_time,
+        turn_gain=trust.turn_gain**2,
     )
     return ca.vertcat(*of_state, *[trust.rocking**2] * 4)
 

@@ -12,7 +12,8 @@ from worm3d import Plane, Worm, simulate
 from worm3d.measures.way import averaged
 
 WORM = Worm()
-STATE = ReducedState(0.3, -0.2, 0.7, 0.06, 0.1, slip=0.1, yaw_bias=0.02, drift=0.005, steering=0.05)
+REST = np.array(ReducedState(0.0, 0.0, 0.0, 0.0, 0.0))
+STATE = ReducedState(0.3, -0.2, 0.7, 0.06, 0.1, slip=0.1, yaw_bias=0.02, drift=0.005, steering=0.05, turn_gain=1.1)
 INPUT = ReducedInput(0.27, 0.9, 0.05)
 
 
@@ -37,7 +38,7 @@ def test_the_dynamics_are_their_formula() -> None:
     c, s = np.cos(0.7), np.sin(0.7)
     assert_allclose(rate[:3], [v * c - u * s, v * s + u * c, 0.12], atol=1e-15)
     assert rate[3] == pytest.approx((found.speed(*INPUT) - 0.06) * f / lags.amplitude)
-    assert rate[4] == pytest.approx((found.turn_rate(*INPUT) - 0.1) / lags.steering)
+    assert rate[4] == pytest.approx((1.1 * found.turn_rate(*INPUT) - 0.1) / lags.steering)
     assert_allclose(rate[5:], 0.0, atol=0.0)
     assert_allclose(values(model().output, STATE, INPUT), rate[:3])
 
@@ -76,20 +77,20 @@ def test_motion_fades_with_an_amplitude_below_those_identified() -> None:
     least = known().maps["hinge"].ranges.amplitude[0]
     at = [values(model().dynamics, STATE, (share * least, 0.9, 0.05)) for share in (0.0, 0.5, 1.0)]
     assert_allclose(at[1], (at[0] + at[2]) / 2.0, atol=1e-15)
-    resting = values(model().step(60.0), np.zeros(STATES), (0.0, 0.9, 0.05))
-    assert_allclose(resting[:-1], np.zeros(STATES - 1), atol=0.0)
-    assert resting[-1] == pytest.approx(0.05), "the steering in force moves nothing"
+    resting = ReducedState(*values(model().step(60.0), REST, (0.0, 0.9, 0.05)))
+    assert_allclose(resting._replace(steering=0.0), REST, atol=0.0)
+    assert resting.steering == pytest.approx(0.05), "the steering in force moves nothing"
 
 
 def test_it_settles_on_the_map() -> None:
-    reduced, found, state = model(), known().maps["hinge"], np.zeros(STATES)
+    reduced, found, state = model(), known().maps["hinge"], REST
     for _ in range(200):
         state = values(reduced.step(0.1), state, INPUT)
     assert_allclose(state[3:5], [found.speed(*INPUT), found.turn_rate(*INPUT)], rtol=1e-9)
 
 
 def test_the_steering_in_force_is_the_generators() -> None:
-    generator, target, state = WaveGenerator(Schedule(), WORM), GaitParameters(0.3, 0.8, 0.0, 0.06), np.zeros(STATES)
+    generator, target, state = WaveGenerator(Schedule(), WORM), GaitParameters(0.3, 0.8, 0.0, 0.06), REST
     generator.step(0.0, GaitParameters(0.3, 0.8))
     for _ in range(20):
         generator.step(0.05, target)
@@ -101,7 +102,7 @@ def test_the_steering_in_force_is_the_generators() -> None:
 
 def test_mirrored_input_gives_the_mirrored_path() -> None:
     step = model("bias").step(0.2)
-    sides = np.array([1, -1, -1, 1, -1, 1, -1, -1, -1.0])
+    sides = np.array([1, -1, -1, 1, -1, 1, -1, -1, -1, 1.0])
     left, right = np.array(STATE), sides * STATE
     for _ in range(50):
         left, right = values(step, left, [0.3, 0.8, 0.03]), values(step, right, [0.3, 0.8, -0.03])
@@ -151,7 +152,7 @@ def test_it_foretells_half_a_minute_of_the_plant() -> None:
     )
     rows, dt = 25, 0.05
     com, h = averaged(run.com, rows), np.convolve(run.heading, np.full(rows, 1.0 / rows), "valid")
-    state, step = np.array([*run.com[0, :2], *np.zeros(STATES - 2)]), model().step(dt)
+    state, step = np.array([*run.com[0, :2], *REST[2:]]), model().step(dt)
     states = [state]
     for k in range(640):
         given = plan(k * dt)
