@@ -165,7 +165,9 @@ class Supervisor(WaveController):
         """Return a plan, if one is made, and why it is not accepted."""
         plan, complaint = _tried(self.planner.plan, t, estimate, self.reference)
         if not complaint:
-            complaint = " ".join(filter(None, _tried(_fault, plan, self.planner.feed_forward.ranges)))
+            complaint = " ".join(
+                filter(None, _tried(_fault, plan, self.planner.feed_forward.ranges, self._model.mechanism))
+            )
         if complaint:
             _LOG.warning("no plan at %.3f s: %s", t, complaint)
             return None, complaint
@@ -204,7 +206,7 @@ def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:
         return None, complaint_of(error)
 
 
-def _fault(plan: Any, ranges: Ranges) -> str:
+def _fault(plan: Any, ranges: Ranges, mechanism: Mechanism) -> str:
     """Return what is wrong with what should be a plan; nothing if it is one that says itself that it cannot be used."""
     if not isinstance(plan, Plan) or not isinstance(plan.status, PlanStatus):
         return NO_PLAN
@@ -220,5 +222,5 @@ def _fault(plan: Any, ranges: Ranges) -> str:
     if not (np.isfinite(inputs).all() and np.isfinite(horizon).all() and plan.step > 0.0 and plan.seconds >= 0.0):
         return NOT_NUMBERS
     first = plan.parameters
-    waves = np.vstack([inputs, [first.amplitude, first.frequency, max(first.bias, first.hinge, key=abs)]])
+    waves = np.vstack([inputs, [first.amplitude, first.frequency, first.steering(mechanism)]])
     return OUTSIDE if np.abs(ranges.scaled(*waves.T)).max() > 1.0 + ROUNDING else ""

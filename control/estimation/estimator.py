@@ -143,7 +143,7 @@ class Estimator:
 
         The parameters were asked for since then; the phase is the commanded one [rad].
         """
-        steering = getattr(parameters, self._mechanism)
+        steering = parameters.steering(self._mechanism)
         self._history.add(t, np.array([parameters.amplitude, parameters.frequency, steering]), phase)
         if not self._past:
             self._past = [_Fused(_Sample(t), self._begin, Ground.unknown(self._trust_ground), None)]

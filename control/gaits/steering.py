@@ -52,8 +52,10 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 
-Mechanism = Literal["hinge", "bias"]
+Mechanism = Literal["hinge", "bias", "both"]
 MECHANISMS: tuple[Mechanism, ...] = get_args(Mechanism)
+UNITS: dict[Mechanism, tuple[float, float]] = {"hinge": (1.0, 0.0), "bias": (0.0, 1.0), "both": (0.08, 0.04)}
+"""Hinge [rad] and bias that a steering of 1 makes; that by both is a share of the greatest."""
 
 LEFT_RIGHT = np.array([1.0, -1.0])
 BLEND = 0.25
@@ -90,9 +92,14 @@ class GaitParameters:
         arguments.number("frequency", self.frequency, "Hz", gt=0.0, allowed=standing)
 
     def steered(self, mechanism: Mechanism, steering: float) -> GaitParameters:
-        """Return the same wave, steered by one mechanism only."""
-        turning = {name: steering if name == mechanism else 0.0 for name in MECHANISMS}
-        return GaitParameters(self.amplitude, self.frequency, **turning)
+        """Return the same wave, steered by one mechanism only: a hinge [rad], a bias, or a share of both."""
+        hinge, bias = UNITS[mechanism]
+        return GaitParameters(self.amplitude, self.frequency, bias=steering * bias, hinge=steering * hinge)
+
+    def steering(self, mechanism: Mechanism) -> float:
+        """Return the steering by a mechanism, so that `steered` gives this wave; nearest by least squares."""
+        hinge, bias = UNITS[mechanism]
+        return (self.hinge * hinge + self.bias * bias) / (hinge**2 + bias**2)
 
     def row(self) -> FloatArray:
         """Return amplitude, frequency, bias and hinge as an array, shape (4,)."""

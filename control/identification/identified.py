@@ -38,10 +38,10 @@ from worm3d import Friction, Worm
 from worm3d.machine import cache
 from worm3d.values.arrays import FloatArray
 
-QUANTITIES: Mapping[str, Parity] = MappingProxyType({"distance": "even", "turn": "odd", "drift": "odd"})
+QUANTITIES: Mapping[str, Parity] = MappingProxyType({"distance": "even", "turn": "odd", "drift": "odd", "roll": "even"})
 """Quantities that are mapped, and their parity in the steering."""
 
-MAX_STEERING: dict[Mechanism, float] = {"hinge": 0.12, "bias": 0.06}
+MAX_STEERING: dict[Mechanism, float] = {"hinge": 0.12, "bias": 0.06, "both": 1.0}
 """Steering up to which the default worm is identified: it stays on its feet with room to spare."""
 
 FORMAT = 3
@@ -62,6 +62,8 @@ class Motion:
     """Turn to the left [rad]."""
     drift: float
     """Way to the left [body lengths]."""
+    roll: float = np.nan
+    """Greatest mean roll of the segments in a wave, its magnitude [rad]; NaN where it was not measured."""
 
 
 @dataclass(frozen=True)
@@ -101,10 +103,10 @@ class Design:
 
 @dataclass(frozen=True)
 class SteeringMap:
-    """What one mechanism of steering does: distance, turn and drift a wave over amplitude, frequency and steering."""
+    """What one mechanism of steering does: distance, turn, drift and roll over amplitude, frequency and steering."""
 
     mechanism: Mechanism
-    """What the steering is: "hinge" [rad] or "bias" [1]."""
+    """What the steering is: "hinge" [rad], "bias" [1], or "both" as a share of the greatest."""
     ranges: Ranges
     distance: Polynomial
     """Way forward [body lengths a wave]."""
@@ -116,6 +118,8 @@ class SteeringMap:
     """Misfit of each of them over the runs that it was fitted to."""
     checks: Mapping[str, Misfit]
     """Misfit of each of them over other runs."""
+    roll: Polynomial | None = None
+    """Greatest mean roll of the segments in a wave [rad]; None where it is not known."""
 
     def speed(self, amplitude: Any, frequency: Any, steering: Any) -> Any:
         """Return the forward speed [body lengths/s]; numbers, arrays or CasADi's symbols."""
@@ -133,7 +137,7 @@ class SteeringMap:
         """Return the map as JSON can hold it."""
         return {
             "ranges": asdict(self.ranges),
-            "coefficients": {name: list(getattr(self, name).coefficients) for name in QUANTITIES},
+            "coefficients": {name: list(each.coefficients) for name in QUANTITIES if (each := getattr(self, name))},
             "misfits": {name: asdict(misfit) for name, misfit in self.misfits.items()},
             "checks": {name: asdict(misfit) for name, misfit in self.checks.items()},
         }
@@ -144,7 +148,9 @@ class SteeringMap:
         given = content["ranges"]
         ranges = Ranges(tuple(given["amplitude"]), tuple(given["frequency"]), given["steering"])
         terms = content["coefficients"]
-        found = {name: Polynomial(ranges, parity, tuple(terms[name])) for name, parity in QUANTITIES.items()}
+        found = {
+            name: Polynomial(ranges, parity, tuple(terms[name])) for name, parity in QUANTITIES.items() if name in terms
+        }
         misfits, checks = ({n: Misfit(**m) for n, m in content[key].items()} for key in ("misfits", "checks"))
         return cls(mechanism, ranges, **found, misfits=MappingProxyType(misfits), checks=MappingProxyType(checks))
 
@@ -232,7 +238,8 @@ def fit_map(mechanism: Mechanism, ranges: Ranges, samples: Sequence[Sample], che
     """Return the map of one mechanism, fitted to samples and compared with others; ValueError if they are too few."""
     where, seen = _table(mechanism, samples)
     other, there = _table(mechanism, checks)
-    found = {name: surrogate.fit(ranges, parity, where, seen[name]) for name, parity in QUANTITIES.items()}
+    known = {name: parity for name, parity in QUANTITIES.items() if np.isfinite([*seen[name], *there[name]]).all()}
+    found = {name: surrogate.fit(ranges, parity, where, seen[name]) for name, parity in known.items()}
     return SteeringMap(
         mechanism,
         ranges,
@@ -244,7 +251,7 @@ def fit_map(mechanism: Mechanism, ranges: Ranges, samples: Sequence[Sample], che
 
 def _table(mechanism: Mechanism, samples: Sequence[Sample]) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Return amplitude, frequency and steering of samples, shape (M, 3), and each quantity, shape (M,)."""
-    given = [(s.parameters.amplitude, s.parameters.frequency, getattr(s.parameters, mechanism)) for s in samples]
+    given = [(s.parameters.amplitude, s.parameters.frequency, s.parameters.steering(mechanism)) for s in samples]
     return np.array(given), {name: np.array([getattr(s.motion, name) for s in samples]) for name in QUANTITIES}
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.gaits.steering import MECHANISMS, GaitParameters, Schedule, SteeredWave
+from control.gaits.steering import GaitParameters, Schedule, SteeredWave
 from control.identification import identified
 from control.identification.identified import (
     SHIPPED,
@@ -137,7 +137,7 @@ def test_only_the_default_worm_is_shipped() -> None:
     assert Identified.from_dict(json.loads((SHIPPED / names[0]).read_text("utf-8"))) == load(Worm())
 
 
-@pytest.mark.parametrize("mechanism", MECHANISMS)
+@pytest.mark.parametrize("mechanism", ["hinge", "bias"])
 def test_the_shipped_map_agrees_with_fresh_runs(mechanism) -> None:
     default = load(Worm())
     assert default is not None

@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from control.gaits import TravellingWave
-from control.gaits.steering import MECHANISMS, GaitParameters, PlannedWave, Schedule, SteeredWave, WaveGenerator
+from control.gaits.steering import MECHANISMS, UNITS, GaitParameters, PlannedWave, Schedule, SteeredWave, WaveGenerator
 from control.identification.identified import Motion, steady_motion
 from worm3d import Commands, Plane, Status, Worm, simulate
 
 WORM = Worm()
 SCHEDULE = Schedule()
 STRAIGHT = GaitParameters(0.3, 0.8)
-ENOUGH = {"hinge": (0.03, 0.06, 0.09, 0.12), "bias": (0.015, 0.03, 0.045, 0.06)}
+ENOUGH = {"hinge": (0.03, 0.06, 0.09, 0.12), "bias": (0.015, 0.03, 0.045, 0.06), "both": (0.25, 0.5, 0.75)}
 
 
 def commands(phase: float, given: GaitParameters, schedule: Schedule = SCHEDULE) -> Commands:
@@ -124,6 +124,22 @@ def test_each_mechanism_turns_ten_degrees_a_wave_at_amplitude_0_3(mechanism) -> 
     assert turns[-1] > 12.0
     assert min(motion.distance for motion in found) > straight.distance > 0.09
     assert max(abs(motion.drift) for motion in found) < 0.015
+
+
+@pytest.mark.parametrize("mechanism", MECHANISMS)
+def test_steering_is_the_inverse_of_steered(mechanism) -> None:
+    wave = STRAIGHT.steered(mechanism, -0.7)
+    assert wave.steering(mechanism) == pytest.approx(-0.7, rel=1e-14)
+    assert (wave.amplitude, wave.frequency) == (STRAIGHT.amplitude, STRAIGHT.frequency)
+    assert STRAIGHT.steering(mechanism) == 0.0
+
+
+def test_steering_of_a_wave_that_a_mechanism_cannot_make_is_the_nearest() -> None:
+    wave, s = GaitParameters(0.3, 0.8, bias=0.01, hinge=0.07), np.linspace(-1.0, 1.0, 20001)
+    nearest = s[np.argmin((s * UNITS["both"][0] - wave.hinge) ** 2 + (s * UNITS["both"][1] - wave.bias) ** 2)]
+    assert wave.steering("both") == pytest.approx(nearest, abs=1e-4)
+    assert wave.steering("hinge") == wave.hinge
+    assert wave.steering("bias") == wave.bias
 
 
 @pytest.mark.parametrize("mechanism", MECHANISMS)

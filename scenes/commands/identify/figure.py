@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from control.gaits.steering import MECHANISMS
 from control.identification.identified import Identified
 from scenes.commands.identify import study
 from scenes.commands.identify.study import Curve, Phases
@@ -26,8 +25,8 @@ LABELS = {"hinge": "hinges [rad]", "bias": "bias"}
 def draw(curves: Sequence[Curve], phases: Sequence[Phases], identified: Identified) -> Figure:
     """Return the figure."""
     figure = Figure(figsize=(15.5, 7.4), layout="constrained", dpi=110)
-    grid = figure.subplots(len(MECHANISMS), len(PANELS) + 1, squeeze=False)
-    for row, mechanism in zip(grid, MECHANISMS, strict=True):
+    grid = figure.subplots(len(study.STEERINGS), len(PANELS) + 1, squeeze=False)
+    for row, mechanism in zip(grid, study.STEERINGS, strict=True):
         for axes, (quantity, label) in zip(row[:-1], PANELS, strict=True):
             for curve in curves:
                 if curve.mechanism == mechanism:

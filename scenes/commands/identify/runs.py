@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -87,8 +87,8 @@ def steady(worm: worm3d.Worm, ground: worm3d.Friction, gait: Gait, waves: int, s
     if run.status is not worm3d.Status.DONE:
         return Steady(None, float("nan"), float("nan"))
     first = skipped * rows + 1
-    motion = steady_motion(run.com, run.heading, rows, skipped, worm.length)
     roll = float(np.abs(np.arcsin(np.clip(run.directors[first:, :, 2], -1.0, 1.0)).mean(axis=1)).max())
+    motion = replace(steady_motion(run.com, run.heading, rows, skipped, worm.length), roll=roll)
     return Steady(motion, float(run.slip[first:].sum()) / (waves - skipped) / worm.length, roll)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 import worm3d
 from control.gaits import TravellingWave
-from control.gaits.steering import MECHANISMS, GaitParameters, Mechanism, Schedule, SteeredWave
+from control.gaits.steering import GaitParameters, Mechanism, Schedule, SteeredWave
 from control.identification.identified import Motion
 from scenes.commands.identify.runs import Gait, Steady, steady
 
@@ -27,7 +27,7 @@ STEERINGS: dict[Mechanism, tuple[float, ...]] = {
 YAW_FACTORS = {"soft yaw joints (k_yaw / 10)": 0.1, "its own yaw joints": 1.0, "stiff yaw joints (k_yaw x 10)": 10.0}
 """Factors of the stiffness of the yaw joints."""
 IN_STEP = "the default wave, bent in step with its contraction"
-CURVES = len(MECHANISMS) * (1 + len(YAW_FACTORS))
+CURVES = len(STEERINGS) * (1 + len(YAW_FACTORS))
 """Number of curves."""
 GOAL_DEG = 10.0
 """Turn that a schedule should reach [deg a wave]."""
@@ -36,7 +36,7 @@ STEERING: dict[Mechanism, float] = {"hinge": 0.06, "bias": 0.04}
 """Steering of the runs over the phase."""
 PHASES_DEG = tuple(range(0, 180, 15))
 """Phases of half a turn [deg]: the other half is the mirror image."""
-PHASE_STUDIES = 2 * len(MECHANISMS)
+PHASE_STUDIES = 2 * len(STEERINGS)
 """Number of bending waves that are run over the phase."""
 
 
@@ -118,7 +118,7 @@ def curves(
 
 
 def _plans(worm: worm3d.Worm, schedule: Schedule) -> Iterator[tuple[Mechanism, str, worm3d.Worm, list[Gait]]]:
-    for mechanism in MECHANISMS:
+    for mechanism in STEERINGS:
         steerings = STEERINGS[mechanism]
         wave = TravellingWave(amplitude=AMPLITUDE, period=PERIOD)
         yield mechanism, IN_STEP, worm, [replace(wave, **{mechanism: s}) for s in steerings]  # type: ignore[arg-type]
@@ -147,7 +147,7 @@ def phases(
 ) -> tuple[Phases, ...]:
     """Run every phase with the schedule's bending wave and with one as long as its contraction wave."""
     found: list[Phases] = []
-    for mechanism in MECHANISMS:
+    for mechanism in STEERINGS:
         for wavelength in (schedule.steering_wavelength, schedule.wavelength):
             found.append(_phases(worm, ground, replace(schedule, steering_wavelength=wavelength), mechanism))
             watch(len(found))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from control.controllers import CONTROLLERS
+from control.gaits.steering import Mechanism
 from scenes.language.parts import Keys, PartSection
 from scenes.language.schema import Pair, Section, Tables, quantity, setting, tables
 from scenes.models.sensors import channel_keys
@@ -24,7 +25,7 @@ def _which_controller() -> Keys:
 class Controller(PartSection, keys=_which_controller()):
     """Controller that drives the worm."""
 
-    mechanism: Literal["hinge", "bias"] = setting("hinge", title="what steers: hinges, or unequal chambers")
+    mechanism: Mechanism = setting("hinge", title="what steers: hinges, unequal chambers, or both at once")
     period_s: float = quantity(0.2, unit="s", gt=0, title="time between two decisions", aka=("control_period_s",))
     map: Literal["own", "default"] = setting(
         "own",
