@@ -19,7 +19,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Self
 
 from control.estimation.estimate import Estimate
 from control.estimation.estimator import Estimator
@@ -61,7 +61,6 @@ class _Baseline(WaveController):
     """
 
     source: Source
-    estimates: ClassVar[bool] = False
 
     def __init__(
         self,
@@ -78,20 +77,6 @@ class _Baseline(WaveController):
         self.mechanism, self.found = mechanism, identified.maps[mechanism]
         self.feed_forward = FeedForward(self.found, worm.length)
         super().__init__(worm, reference, identified.schedule, self.feed_forward, control_period, estimator)
-
-    @classmethod
-    def of(
-        cls,
-        worm: Worm,
-        reference: Reference,
-        identified: Identified,
-        mechanism: Mechanism = "hinge",
-        control_period: float = 0.2,
-        sensors: Mapping[str, Channel] | None = None,
-    ) -> Self:
-        """Return the controller of a worm that was identified; see `WaveController.of`."""
-        estimator = _estimator(worm, identified, mechanism, sensors or {}) if cls.estimates else None
-        return cls(worm, identified, reference, mechanism, control_period, estimator)
 
     def _wave(self, speed: float, turn_rate: float) -> GaitParameters:
         """Return the wave of a speed [m/s] and turn rate [rad/s]; below the slowest one the worm stands."""
@@ -111,6 +96,19 @@ class OpenLoop(_Baseline):
     """Feed-forward alone: it looks at nothing, so that whatever the map does not know goes uncorrected."""
 
     source: Source = "open_loop"
+
+    @classmethod
+    def of(
+        cls,
+        worm: Worm,
+        reference: Reference,
+        identified: Identified,
+        mechanism: Mechanism = "hinge",
+        control_period: float = 0.2,
+        sensors: Mapping[str, Channel] | None = None,
+    ) -> Self:
+        """Return the controller of a worm that was identified; see `WaveController.of`."""
+        return cls(worm, identified, reference, mechanism, control_period)
 
     def reset(self) -> None:
         """Begin anew."""
@@ -148,7 +146,6 @@ class PiLineOfSight(_Baseline):
     """PI on amplitude and frequency, line-of-sight steering: (B1) to (B3), by default with `Estimator` and `Gains`."""
 
     source: Source = "pi_los"
-    estimates = True
 
     def __init__(
         self,
@@ -162,8 +159,28 @@ class PiLineOfSight(_Baseline):
     ) -> None:
         self.gains = gains or Gains()
         if estimator is None:
-            estimator = _estimator(worm, identified, mechanism, {})
+            model = ReducedModel.of(worm, identified, mechanism)
+            estimator = Estimator.for_sensors(worm, model, identified.schedule, {})
         super().__init__(worm, identified, reference, mechanism, control_period, estimator)
+
+    @classmethod
+    def of(
+        cls,
+        worm: Worm,
+        reference: Reference,
+        identified: Identified,
+        mechanism: Mechanism = "hinge",
+        control_period: float = 0.2,
+        sensors: Mapping[str, Channel] | None = None,
+        *,
+        model: type[ReducedModel] = ReducedModel,
+        estimator: type[Estimator] = Estimator,
+        gains: Gains | None = None,
+    ) -> Self:
+        """Return the controller of a worm that was identified; see `WaveController.of`."""
+        reduced = model.of(worm, identified, mechanism)
+        estimates = estimator.for_sensors(worm, reduced, identified.schedule, sensors or {})
+        return cls(worm, identified, reference, mechanism, control_period, estimates, gains)
 
     def reset(self) -> None:
         """Begin anew."""
@@ -205,8 +222,3 @@ class PiLineOfSight(_Baseline):
             return 0.0
         # The remainder lies in [-pi, pi]; opposite angles have opposite ones.
         return turn_rate(reference, t, s) + self.gains.heading * math.remainder(wanted - estimate.heading, math.tau)
-
-
-def _estimator(worm: Worm, identified: Identified, mechanism: Mechanism, sensors: Mapping[str, Channel]) -> Estimator:
-    model = ReducedModel.of(worm, identified, mechanism)
-    return Estimator.for_sensors(worm, model, identified.schedule, sensors)

@@ -1,19 +1,31 @@
-"""Controllers by name, as scenes choose them.
+"""Controllers and their parts by name, as scenes choose them: those that ship, and a user's own as `module:Class`.
 
-A new controller is a class with the methods of `control.loop.WaveController` and a row in `CONTROLLERS`.
+A controller of your own is a class with the class method `of`, which takes what `control.loop.WaveController.of` takes,
+and returns an object with the methods of `worm3d.actuation.Controller`: `reset()` and `step(t, measurement)`, which
+returns a `worm3d.Command`. If it is a `control.loop.WaveController`, runs also record its decisions and estimates. What
+ships has a row in `CONTROLLERS`, `ESTIMATORS` or `MODELS`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, NamedTuple
+from inspect import Parameter, signature
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from control.gaits.steering import Mechanism
+from control.identification.identified import Identified
+from control.sensing.sensors import Channel
+from control.tracking.references import Reference
+from worm3d import Worm
+from worm3d.values import named
 
 if TYPE_CHECKING:
     from control.loop import WaveController
 
 
 class Listed(NamedTuple):
-    """A controller that can be named."""
+    """A part that can be named."""
 
     title: str
     """What it is, for help texts."""
@@ -28,10 +40,93 @@ CONTROLLERS = {
     "open_loop": Listed("the wave that the identified map says, without looking", "control.baselines", "OpenLoop"),
 }
 """Controllers by the name that scenes use."""
+ESTIMATORS = {"kalman": Listed("a Kalman filter with several beliefs", "control.estimation.estimator", "Estimator")}
+"""Estimators by the name that scenes use."""
+MODELS = {"reduced": Listed("the worm averaged over a wave, (R1)", "control.estimation.reduced", "ReducedModel")}
+"""Models of planners and estimators by the name that scenes use."""
+
+CONTROLLER_FORM = "a class with of(worm, reference, identified, mechanism, control_period, sensors)"
+ESTIMATOR_FORM = "a class with for_sensors(worm, model, schedule, sensors)"
+MODEL_FORM = "a class with of(worm, identified, mechanism), such as control.estimation.reduced.ReducedModel"
 
 
-def controller(name: str) -> type[WaveController]:
-    """Return the class of a controller, which is imported only now: its solvers take a while."""
-    listed = CONTROLLERS[name]
-    found: type[WaveController] = getattr(import_module(listed.module), listed.name)
-    return found
+def controller(name: str) -> Any:
+    """Return the class of a controller, which is imported only now: its solvers take a while.
+
+    Raises
+    ------
+    ValueError
+        There is no such controller, or what has that name is none.
+    """
+    return _found(CONTROLLERS, name, "a controller", _has("of"), CONTROLLER_FORM)
+
+
+def estimator(name: str) -> Any:
+    """Return the class of an estimator; ValueError as of `controller`."""
+    return _found(ESTIMATORS, name, "an estimator", _has("for_sensors"), ESTIMATOR_FORM)
+
+
+def model(name: str) -> Any:
+    """Return the class of a reduced model; ValueError as of `controller`."""
+    return _found(MODELS, name, "a model", _has("of"), MODEL_FORM)
+
+
+def refused(name: str, parts: Mapping[str, Any]) -> str | None:
+    """Return which of some parts, arguments of its `of`, a controller does not take; None if it takes all.
+
+    Raises
+    ------
+    ValueError
+        As of `controller`.
+    """
+    taken = signature(controller(name).of).parameters.values()
+    if any(each.kind is Parameter.VAR_KEYWORD for each in taken):
+        return None
+    return next((part for part in parts if part not in [each.name for each in taken]), None)
+
+
+def made(
+    name: str,
+    worm: Worm,
+    reference: Reference,
+    identified: Identified,
+    mechanism: Mechanism = "hinge",
+    control_period: float = 0.2,
+    sensors: Mapping[str, Channel] | None = None,
+    **parts: Any,
+) -> WaveController:
+    """Return a controller by its name.
+
+    Parameters
+    ----------
+    name
+        Of `CONTROLLERS`, or `module:Class`.
+    worm, reference, identified, mechanism, control_period, sensors
+        See `control.loop.WaveController.of`.
+    **parts
+        Further arguments of its `of`, such as `terms` of the cost.
+
+    Raises
+    ------
+    ValueError
+        There is no such controller, it has no such part, or what it returns is no controller.
+    """
+    from control.guest import hosted  # imports the solvers
+
+    wrong = refused(name, parts)
+    if wrong is not None:
+        raise ValueError(f"the controller {name!r} has no part {wrong!r}")
+    built = controller(name).of(worm, reference, identified, mechanism, control_period, sensors, **parts)
+    return hosted(name, built, worm, reference, identified, mechanism, control_period)
+
+
+def _found(known: Mapping[str, Listed], name: str, what: str, fits: Callable[[Any], bool], form: str) -> Any:
+    if name in known:
+        return getattr(import_module(known[name].module), known[name].name)
+    if not named.is_own(name):
+        raise ValueError(named.unknown(name, known))
+    return named.own(name, what, fits, form)
+
+
+def _has(method: str) -> Callable[[Any], bool]:
+    return lambda part: isinstance(part, type) and callable(getattr(part, method, None))

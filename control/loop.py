@@ -28,7 +28,7 @@ from worm3d import Command, Worm
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
-Source = Literal["mpc", "shifted plan", "gait", "stop", "pi_los", "open_loop"]
+Source = Literal["mpc", "shifted plan", "gait", "stop", "pi_los", "open_loop", "own"]
 SOURCES: tuple[Source, ...] = get_args(Source)
 
 MOST_HELD = 5
@@ -64,7 +64,7 @@ class Decision:
     """Time from which on the parameters are in force [s]."""
     source: Source
     """Where they come from: an accepted plan ("mpc"), the plan before ("shifted plan"), the feed-forward or the last
-    parameters ("gait"), rest ("stop"), or a baseline ("pi_los", "open_loop")."""
+    parameters ("gait"), rest ("stop"), a baseline ("pi_los", "open_loop"), or a user's own controller ("own")."""
     parameters: GaitParameters
     estimate: Estimate | None
     """Estimate of that time; None for a controller without estimator."""
@@ -173,6 +173,11 @@ class WaveController(ABC):
     def period(self) -> float:
         """Period of the wave at the preferred frequency [s], over which `worm3d.simulate` averages."""
         return 1.0 / self._frequency
+
+    @property
+    def waves(self) -> float:
+        """Commanded phase since the beginning [waves]."""
+        return self.generator.waves
 
     @property
     def faults(self) -> list[Fault]:

@@ -17,7 +17,7 @@ raises it and of whatever type, is a failure of what was asked for, and the next
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite, nan
 from typing import Any, Literal, Protocol, get_args
 
@@ -30,8 +30,10 @@ from control.gaits.steering import GaitParameters, Mechanism, Schedule
 from control.identification.identified import Identified
 from control.identification.surrogate import Ranges
 from control.loop import LOST, MOST_HELD, Choice, Estimates, KnownHeading, WaveController, complaint_of, rest
+from control.planning.constraints import Constraint
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
+from control.planning.terms import CostTerm
 from control.sensing.sensors import Channel
 from control.tracking.references import Reference, turn_of_path
 from worm3d import Worm
@@ -121,12 +123,20 @@ class Supervisor(WaveController):
         control_period: float = 0.2,
         sensors: Mapping[str, Channel] | None = None,
         deadline: Deadline = "iterations",
+        *,
+        model: type[ReducedModel] = ReducedModel,
+        estimator: type[Estimator] = Estimator,
+        terms: Sequence[CostTerm] | None = None,
+        constraints: Sequence[Constraint] | None = None,
     ) -> Supervisor:
-        """Return the supervisor of a worm that was identified; see `WaveController.of`."""
-        model = ReducedModel.of(worm, identified, mechanism)
-        estimator = Estimator.for_sensors(worm, model, identified.schedule, sensors or {})
-        mpc = GaitMPC(worm, identified, model)
-        return cls(worm, reference, model, estimator, mpc, identified.schedule, control_period, deadline)
+        """Return the supervisor of a worm that was identified; see `WaveController.of`.
+
+        Model, estimator, terms of the cost and constraints are those that ship unless others are given.
+        """
+        reduced = model.of(worm, identified, mechanism)
+        estimates = estimator.for_sensors(worm, reduced, identified.schedule, sensors or {})
+        mpc = GaitMPC(worm, identified, reduced, terms, constraints)
+        return cls(worm, reference, reduced, estimates, mpc, identified.schedule, control_period, deadline)
 
     def reset(self) -> None:
         """Begin anew."""

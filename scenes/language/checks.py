@@ -15,8 +15,9 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from scenes.language.mistakes import Mistake, dotted
-from scenes.language.schema import Section, choices, default_text, few, field_at, only_for, own_defaults, words_of
+from scenes.language.schema import OWN, Section, choices, default_text, few, field_at, only_for, own_defaults, words_of
 from scenes.language.toml import KeyPath
+from worm3d.values.named import is_own
 
 Found = str | Mapping[str, str] | None
 """Finding of a check: a text about its first key, texts by key of which one is told, or nothing."""
@@ -170,8 +171,8 @@ def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") 
 
 def _word_of_this_kind(value: Any, kind: str, *, key: str, field: FieldInfo) -> Found:
     allowed = words_of(field, kind)
-    # A kind without the key has no words; `_of_this_kind` tells.
-    if not allowed or value in allowed:
+    # A kind without the key has no words; `_of_this_kind` tells. A part of the user's own is for all.
+    if not allowed or value in allowed or value not in choices(field):
         return None
     return f"got {value!r}: not for {key} = {kind!r}; allowed here: {', '.join(map(repr, allowed))}"
 
@@ -180,7 +181,8 @@ def _of_this_kind(
     value: Any, kind: str, *, key: str, defaults: tuple[Any, ...], only: tuple[str, ...], usual: str
 ) -> Found:
     # A key at its default does nothing: resolved scenes and templates hold all keys.
-    if kind in only or (tuple(value) if isinstance(value, list) else value) in defaults:
+    chosen = kind in only or (OWN in only and is_own(kind))
+    if chosen or (tuple(value) if isinstance(value, list) else value) in defaults:
         return None
     kinds = " or ".join(few([repr(each) for each in only]))
     return (

@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Strict, Tag
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Strict, Tag
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
 from scenes.language import toml
 from scenes.language.toml import KeyPath
+from worm3d.values import named
 from worm3d.values.parameters import EACH
 
 N = TypeVar("N")
+
+OWN = "module:NAME"
+"""Stands, among the kinds that a key is for, for all kinds of the user's own."""
 
 FORMS = ("<number>", "<list>")
 """Tags of the two forms of an `Each`; pydantic puts them into the place of a mistake."""
@@ -124,6 +128,40 @@ def setting(
     return Field(given, title=title, json_schema_extra=extra)
 
 
+def part(
+    names: Sequence[str], *, title: str, aka: tuple[str, ...] = (), only: str | tuple[str, ...] = ""
+) -> tuple[Any, Any]:
+    """Return type and declaration of a key that names a part: one of `names`, the first by default, or `module:NAME`.
+
+    See `worm3d.values.named`. With `OWN` among the kinds that a key is `only` for, it is for a user's own kinds too.
+    """
+    return _name_type(tuple(names)), _names(names[0], names, title, aka, only)
+
+
+def parts(
+    names: Sequence[str], *, title: str, aka: tuple[str, ...] = (), only: str | tuple[str, ...] = ""
+) -> tuple[Any, Any]:
+    """Return type and declaration of a key that lists parts, all of `names` by default. See `part`."""
+    each: Any = tuple
+    listed = each[_name_type(tuple(names)), ...]
+    return Annotated[listed, Strict(False)], _names(tuple(names), names, title, aka, only)
+
+
+def _names(default: Any, names: Sequence[str], title: str, aka: tuple[str, ...], only: str | tuple[str, ...]) -> Any:
+    extra: dict[str, Any] = {"aka": list(aka), "only": _kinds(only), "left_out": "", "file": False, "own": {}}
+    return Field(default, title=title, json_schema_extra=extra | {"words": {}, "choices": list(names)})
+
+
+def _name_type(names: tuple[str, ...]) -> Any:
+    def known(name: str) -> str:
+        if name in names or named.is_own(name):
+            return name
+        allowed = ", ".join(map(repr, names))
+        raise PydanticCustomError("name", "input should be one of {allowed}, or module:NAME", {"allowed": allowed})
+
+    return Annotated[str, AfterValidator(known)]
+
+
 def tables(*, title: str, only: str | tuple[str, ...] = "") -> Any:
     """Declare an array of tables, none by default. See `quantity`."""
     return Field((), title=title, json_schema_extra={"aka": [], "only": _kinds(only)})
@@ -164,7 +202,10 @@ def names(schema: type[Section]) -> Iterator[tuple[str, str]]:
 
 
 def choices(field: FieldInfo) -> tuple[Any, ...]:
-    """Return the allowed values of a choice, empty for anything else."""
+    """Return the allowed values of a choice, or the names of parts that ship; empty for anything else."""
+    listed = _extra(field, "choices")
+    if listed:
+        return tuple(listed)
     return get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
 
 

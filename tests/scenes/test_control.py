@@ -15,6 +15,7 @@ from PIL import Image
 import worm3d as plant
 from control.baselines import OpenLoop, PiLineOfSight
 from control.estimation.estimator import Estimator
+from control.estimation.reduced import STATES
 from control.identification import identified as kept
 from control.loop import SOURCES
 from control.sensing.sensors import Measurement, Sensors
@@ -146,7 +147,7 @@ def test_a_run_holds_what_was_decided_and_believed(circle: Record) -> None:
     assert set(circle["decision_source"]) <= {SOURCES.index("mpc"), SOURCES.index("gait")}
     assert "0: mpc; 1: shifted plan" in circle.variable("decision_source").long_name
     assert circle["decision_parameters"].shape == (decisions, 4)
-    assert circle["estimate"].shape == circle["estimate_deviation"].shape == (decisions, 9)
+    assert circle["estimate"].shape == circle["estimate_deviation"].shape == (decisions, STATES)
     assert circle["horizon"].shape[0] == decisions
     assert circle["waves"].shape == circle["time"].shape
     frequency = circle["decision_parameters"][:, 1]
@@ -279,7 +280,7 @@ def test_baselines_run_too() -> None:
     assert blind.summary["mpc_failures"] is None
     assert "horizon" not in {v.name for v in blind.variables}
     sighted = simulate(load_scene("path_circle", (*BRIEF, "controller.kind=pi_los")))
-    assert sighted["estimate"].shape == (40, 9)
+    assert sighted["estimate"].shape == (40, STATES)
     for draw in MODEL.figures.values():
         draw(blind)
 

@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 import worm3d
-from control.controllers import controller
+from control.baselines import Gains
+from control.controllers import estimator, made, model
 from control.identification import identified as kept
 from control.identification.identified import Identified
 from control.loop import WaveController
+from control.planning.constraints import CONSTRAINTS, Constraint
+from control.planning.terms import TERMS, CostTerm
 from control.sensing.sensors import QUANTITIES, Sensors
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Profile, Reference, Sine, Steps
 from scenes.language.errors import SceneError
-from scenes.models.control.schema import ControlScene
+from scenes.language.parts import part_of
+from scenes.models.control.schema import Constraints, Controller, ControlScene, Cost
 from scenes.models.control.schema import Reference as Asked
 from scenes.models.sensors import channels_of
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import friction_of, start_of, worm_of
+from worm3d.values import named
 from worm3d.values.arrays import FloatArray
 
 NOT_IDENTIFIED = (
@@ -37,13 +42,54 @@ def controller_of(scene: ControlScene) -> WaveController:
     Raises
     ------
     SceneError
-        The worm has not been identified.
+        The worm has not been identified, or a part of the user's own cannot be used.
     """
     worm, found, asked = worm_of(scene), identified_of(scene), scene.controller
     if found is None:
         raise SceneError(f"worm: {NOT_IDENTIFIED}")
-    make = controller(asked.kind).of
-    return make(worm, reference_of(scene), found, asked.mechanism, asked.period_s, sensors_of(scene).channels)
+    told = sensors_of(scene).channels if asked.told else {}
+    try:
+        return made(
+            asked.kind, worm, reference_of(scene), found, asked.mechanism, asked.period_s, told, **parts_of(scene)
+        )
+    except Exception as error:
+        if not named.is_own(asked.kind):
+            raise
+        raise SceneError(f"controller.kind: {asked.kind}: {named.told(error)}") from error
+
+
+def parts_of(scene: ControlScene) -> dict[str, Any]:
+    """Return the parts of the controller that are not the default ones, by the arguments of its `of`.
+
+    Raises
+    ------
+    ValueError
+        There is no such part.
+    """
+    asked, usual, parts = scene.controller, Controller(), {}
+    for name, find in (("estimator", estimator), ("model", model)):
+        if getattr(asked, name) != getattr(usual, name):
+            parts[name] = find(getattr(asked, name))
+    gains = part_of(Gains, asked, prefix="gain_")
+    if gains != part_of(Gains, usual, prefix="gain_"):
+        parts["gains"] = gains
+    for key, given, registry, kind in (
+        ("terms", scene.cost, TERMS, CostTerm),
+        ("constraints", scene.constraints, CONSTRAINTS, Constraint),
+    ):
+        if given != type(given)():
+            parts[key] = _listed(given, registry, kind)
+    return parts
+
+
+def _listed(section: Cost | Constraints, registry: Mapping[str, Any], kind: type) -> list[Any]:
+    """Return the parts of a section: those of a registry with the section's parameters, and the user's own."""
+    return [
+        part_of(registry[name], section, prefix=f"{name}_")
+        if name in registry
+        else named.ready(name, kind, f"a {kind.__module__}.{kind.__qualname__}")
+        for name in section.parts
+    ]
 
 
 def identified_of(scene: ControlScene) -> Identified | None:
@@ -79,7 +125,11 @@ def _profile(first: float, steps: list[tuple[float, float]]) -> Profile:
 
 def path_of(scene: ControlScene) -> Path | None:
     """Return the path, if there is one; ValueError if there can be no such path."""
-    make = PATHS.get(scene.reference.kind)
+    kind = scene.reference.kind
+    if named.is_own(kind):
+        path: Path = named.ready(kind, Path, "a path, with all that control.tracking.paths.Path has")
+        return path
+    make = PATHS.get(kind)
     return None if make is None else make(scene)
 
 

@@ -7,9 +7,10 @@ from functools import partial
 from itertools import pairwise
 from typing import Any
 
+from control import controllers
 from control.sensing.sensors import QUANTITIES
 from scenes.language.checks import Check, Found, kind_checks
-from scenes.models.control.build import NOT_IDENTIFIED, identified_of, path_of
+from scenes.models.control.build import NOT_IDENTIFIED, identified_of, parts_of, path_of
 from scenes.models.control.schema import Controller, ControlScene, Reference, Sensor
 from scenes.models.worm.build import PARTS, worm_of
 from scenes.models.worm.checks import SPATIAL_CHECKS, start_check
@@ -61,6 +62,27 @@ def _steps_or_a_sine(speed_steps: Sequence[Any], speed_sine_m_s: float) -> Found
     return dict.fromkeys(("reference.speed_steps", "reference.speed_sine_m_s"), text)
 
 
+def _there_is_such_a_controller(kind: str) -> Found:
+    try:
+        controllers.controller(kind)
+    except ValueError as error:
+        return str(error)
+    return None
+
+
+def _there_are_such_parts(*sections: Mapping[str, Any]) -> Found:
+    scene = _scene(("controller", "cost", "constraints"), sections)
+    try:
+        strange = controllers.refused(scene.controller.kind, parts_of(scene))
+    except ValueError as error:
+        return str(error)
+    if strange is None:
+        return None
+    section = {"terms": "cost", "constraints": "constraints"}.get(strange, "controller")
+    said = f"the controller {scene.controller.kind!r} takes no {strange}: leave out what is said of them, or change it"
+    return {section: said, "controller": said} if section != "controller" else said
+
+
 def _never_backwards(speed_sine_m_s: float, speed_m_s: float) -> Found:
     if speed_sine_m_s <= speed_m_s:
         return None
@@ -95,6 +117,8 @@ CONTROL_CHECKS = (
     *SPATIAL_CHECKS,
     *kind_checks(Reference, "reference"),
     *kind_checks(Controller, "controller"),
+    Check(("controller.kind",), _there_is_such_a_controller),
+    Check(("controller", "cost", "constraints"), _there_are_such_parts),
     Check(("controller.period_s", "run.dt_s"), _decides_no_more_than_once_a_step),
     *(Check((key, "run.duration_s"), partial(_steps_in_turn, key=key)) for key in STEPS),
     Check(("reference.speed_steps", "reference.speed_sine_m_s"), _steps_or_a_sine),

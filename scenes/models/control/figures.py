@@ -21,7 +21,7 @@ from scenes.models.worm.view import scene_of
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
-COLOURS = dict(zip(SOURCES, ("C0", "C1", "C2", "C3", "C4", "C5"), strict=True))
+COLOURS = {name: f"C{k}" for k, name in enumerate(SOURCES)}
 
 BOUND = 2.0
 """Width of a bound that is drawn [standard deviations]."""

@@ -53,7 +53,7 @@ class Phased:
     def step(self, t: float, measurement: Measurement) -> worm3d.Command:
         """Return the command from time t [s] on."""
         command = self.controller.step(t, measurement)
-        self.waves.append(self.controller.generator.waves)
+        self.waves.append(self.controller.waves)
         return command
 
     def at_rows(self, rows: int, every: int) -> FloatArray:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
-from control.controllers import CONTROLLERS
+from control.baselines import Gains
+from control.controllers import CONTROLLERS, ESTIMATORS, MODELS, Listed
 from control.gaits.steering import Mechanism
-from scenes.language.parts import Keys, PartSection
-from scenes.language.schema import Pair, Section, Tables, quantity, setting, tables
+from control.planning.constraints import CONSTRAINTS
+from control.planning.terms import TERMS
+from scenes.language.parts import Keys, PartSection, keys_of, meanings
+from scenes.language.schema import OWN, Pair, Section, Tables, part, parts, quantity, setting, tables
 from scenes.models.sensors import channel_keys
 from scenes.models.worm.schema import SpatialScene
 
@@ -16,13 +20,29 @@ BEGUN = (LINE, CIRCLE, S_CURVE)
 """Kinds of paths that have a start and a direction there; others are where their points are."""
 
 
-def _which_controller() -> Keys:
-    """Return the key that names one of `CONTROLLERS`; the first is the default."""
-    title = "; ".join(f"{name}: {listed.title}" for name, listed in CONTROLLERS.items())
-    return {"kind": (Literal[tuple(CONTROLLERS)], setting(next(iter(CONTROLLERS)), title=title, aka=("type",)))}
+def _listed(registry: Mapping[str, Listed], what: str = "") -> tuple[Any, Any]:
+    """Return the key that names one of a registry; the first is the default."""
+    title = "; ".join(f"{name}: {listed.title}" for name, listed in registry.items())
+    return part(tuple(registry), title=what + title, aka=() if what else ("type",))
 
 
-class Controller(PartSection, keys=_which_controller()):
+def _parts_keys(registry: Mapping[str, type], what: str) -> Keys:
+    """Return the keys of a section with the parts of a registry: which of them count, and the parameters of each."""
+    keys: Keys = {"parts": parts(tuple(registry), title=f"which {what} count, in any order: {meanings(registry)}")}
+    for name, each in registry.items():
+        keys |= keys_of(each, prefix=f"{name}_", about=f"{name}: ")
+    return keys
+
+
+class Controller(
+    PartSection,
+    keys={
+        "kind": _listed(CONTROLLERS),
+        "estimator": _listed(ESTIMATORS, "what finds the state from measurements: "),
+        "model": _listed(MODELS, "what planner and estimator take the worm for: "),
+        **keys_of(Gains, prefix="gain_", only=("pi_los", OWN)),
+    },
+):
     """Controller that drives the worm."""
 
     mechanism: Mechanism = setting("hinge", title="what steers: hinges, unequal chambers, or both at once")
@@ -32,6 +52,15 @@ class Controller(PartSection, keys=_which_controller()):
         title="which identified map it goes by: that of this worm on this friction, or the default worm's, whatever "
         "the worm is",
     )
+    told: bool = setting(True, title="whether it is told how good the sensors are; false: it takes them for usual ones")
+
+
+class Cost(PartSection, keys=_parts_keys(TERMS, "terms")):
+    """Cost of a plan: its terms, and what weighs 1 in each."""
+
+
+class Constraints(PartSection, keys=_parts_keys(CONSTRAINTS, "constraints")):
+    """Soft constraints of a plan, and what weighs 1 in each."""
 
 
 class Sensor(PartSection, keys=channel_keys()):
@@ -59,12 +88,17 @@ class Point(Section):
     y_m: float = quantity(unit="m", title="y")
 
 
-class Reference(Section):
+KINDS = (LINE, CIRCLE, S_CURVE, SPLINE, WAY_POINTS, "pipe", HEADING, "none")
+KIND = part(
+    KINDS,
+    title="what to keep to: a path, such as the centre line of the pipe, a heading, or nothing",
+    aka=("path", "type"),
+)
+
+
+class Reference(PartSection, keys={"kind": KIND}):
     """Task of the worm: how fast to go, and where to."""
 
-    kind: Literal["none", "heading", "line", "circle", "s_curve", "spline", "way_points", "pipe"] = setting(
-        LINE, title="what to keep to: nothing, a heading, a path, or the centre line of the pipe", aka=("path", "type")
-    )
     speed_m_s: float = quantity(0.08, unit="m/s", ge=0, title="speed forward, at first")
     speed_steps: Tables[SpeedStep] = tables(title="steps of the speed, each a table of at_s and speed_m_s")
     speed_sine_m_s: float = quantity(0.0, unit="m/s", ge=0, title="amplitude of a sine that is added to the speed")
@@ -98,5 +132,7 @@ class ControlScene(SpatialScene):
 
     model: Literal["worm_control"] = setting(title="which simulation the scene is for")
     controller: Controller = Controller()
+    cost: Cost = Cost()
+    constraints: Constraints = Constraints()
     sensor: Sensor = Sensor()
     reference: Reference = Reference()

@@ -1,0 +1,181 @@
+"""Parts of a user's own in scenes: controllers, costs, estimators and paths by `module:NAME`, and mistakes in them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenes.commands.runner import simulate
+from scenes.language.errors import SceneError
+from scenes.models.control.build import controller_of, path_of
+from scenes.models.loading import load_scene
+
+MODULE = """
+from dataclasses import dataclass
+
+import worm3d
+from control.estimation.estimator import Estimator
+from control.gaits import steering
+from control.planning.terms import CostTerm
+from control.tracking.paths import Line
+
+
+class Blind:
+    @classmethod
+    def of(cls, worm, reference, identified, mechanism, control_period, sensors):
+        made = cls()
+        made.generator = steering.WaveGenerator(identified.schedule, worm)
+        return made
+
+    def reset(self):
+        self.generator.reset()
+        self.t = 0.0
+
+    @property
+    def waves(self):
+        return self.generator.waves
+
+    def step(self, t, measurement):
+        before, self.t = self.t, t
+        return self.generator.step(t - before, steering.GaitParameters(0.3, 0.8))
+
+
+class Stops(Blind):
+    def step(self, t, measurement):
+        return 3 if t > 1.0 else super().step(t, measurement)
+
+
+class NoOf:
+    pass
+
+
+class Raises(Blind):
+    @classmethod
+    def of(cls, *given):
+        raise KeyError("nothing")
+
+
+class No(Blind):
+    @classmethod
+    def of(cls, *given):
+        return 3
+
+
+@dataclass(frozen=True)
+class Thrift(CostTerm):
+    tolerance: float = 0.5
+
+    def misses(self, at):
+        return at.given.frequency / self.tolerance
+
+
+DIAGONAL = Line(azimuth=0.5)
+
+
+class Own(Estimator):
+    pass
+"""
+
+
+@pytest.fixture(autouse=True)
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    (tmp_path / "own_parts.py").write_text(MODULE)
+    (tmp_path / "own_broken.py").write_text("import nothing_of_that_name\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield
+    for name in ("own_parts", "own_broken"):
+        sys.modules.pop(name, None)
+
+
+def line(*overrides: str):
+    return load_scene("path_line", ("run.duration_s=4", "run.record_every=4", *overrides))
+
+
+def test_a_controller_that_is_no_wave_controller_drives_the_worm_and_is_timed() -> None:
+    record = simulate(line("controller.kind=own_parts:Blind"))
+    assert record.status == "done"
+    assert record["com"][-1, 0] > 0.6
+    assert len(record["decision_time"]) == 20
+    np.testing.assert_allclose(record["waves"], 0.8 * record["time"], atol=1e-9)
+    assert record.summary.faults == []
+    assert any(each.name == "control_step_ms_p99" for each in record.timing)
+
+
+def test_what_a_controller_raises_is_told_and_the_worm_rests() -> None:
+    record = simulate(line("controller.kind=own_parts:Stops"))
+    assert record.status == "done"
+    (fault,) = record.summary.faults
+    assert "step returned int, must be a worm3d.Command" in str(fault["what"])
+    assert np.abs(record["contraction"][-1]).max() < 1e-3
+
+
+def test_an_own_term_of_the_cost_slows_the_wave() -> None:
+    usual, thrifty = (
+        simulate(line("run.duration_s=8", *more))
+        for more in ((), ('cost.parts=["speed", "offset", "own_parts:Thrift"]',))
+    )
+    assert thrifty["decision_parameters"][-1, 1] < usual["decision_parameters"][-1, 1] - 0.03
+
+
+def test_tolerances_and_gains_of_scenes_arrive() -> None:
+    (term, *_) = controller_of(line("cost.speed_tolerance=0.01", 'cost.parts=["speed"]').settings).planner.cost.terms
+    assert term.tolerance == 0.01
+    gains = controller_of(line("controller.kind=pi_los", "controller.gain_reach=0.4").settings).gains
+    assert (gains.reach, gains.heading) == (0.4, 1.2)
+    (limit,) = controller_of(line('constraints.parts=["corridor"]').settings).planner.cost.constraints or (None,)
+    assert limit is None or type(limit).__name__ == "Corridor"
+
+
+def test_own_paths_and_estimators_are_used() -> None:
+    assert path_of(line("reference.kind=own_parts:DIAGONAL").settings).azimuth == 0.5
+    found = controller_of(line("controller.estimator=own_parts:Own").settings).estimator
+    assert type(found).__name__ == "Own"
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("controller.kind=mpd", "did you mean 'mpc'?"),
+        ("controller.kind=own_ports:Blind", "there is no module 'own_ports'"),
+        ("controller.kind=own_broken:Blind", "cannot be imported: No module named 'nothing_of_that_name'"),
+        ("controller.kind=own_parts:Blnd", "has no 'Blnd'; did you mean 'Blind'?"),
+        ("controller.kind=own_parts:NoOf", "must be a controller: a class with of("),
+        ("controller.kind=own_parts:", "or module:NAME"),
+        ("reference.kind=own_parts:NoOf", "must be a path"),
+        ('cost.parts=["speed", "own_parts:NoOf"]', "must be a control.planning.terms.CostTerm"),
+        ('cost.parts=["sped"]', "did you mean 'speed'?"),
+        ("controller.estimator=own_parts:NoOf", "a class with for_sensors"),
+        ("controller.gain_reach=0.3", "only for controller.kind = 'pi_los' or 'module:NAME'"),
+    ],
+)
+def test_wrong_names_give_one_sentence(override: str, said: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        line(override)
+    (sentence,) = caught.value.lines
+    assert said in sentence
+
+
+def test_parts_that_a_controller_does_not_take_are_refused() -> None:
+    with pytest.raises(SceneError, match="'pi_los' takes no terms"):
+        line("controller.kind=pi_los", "cost.speed_tolerance=0.01")
+    with pytest.raises(SceneError, match="takes no estimator"):
+        line("controller.kind=own_parts:Blind", "controller.estimator=own_parts:Own")
+
+
+@pytest.mark.parametrize(("name", "said"), [("Raises", "KeyError: 'nothing'"), ("No", "returned int, must have reset")])
+def test_what_makes_no_controller_is_told(name: str, said: str) -> None:
+    with pytest.raises(SceneError, match=said):
+        simulate(line(f"controller.kind=own_parts:{name}"))
+
+
+def test_who_is_not_told_takes_the_sensors_for_usual_ones() -> None:
+    told, untold = (
+        controller_of(line("sensor.com_noise_m=0.02", *more).settings) for more in ((), ("controller.told=false",))
+    )
+    assert told.estimator.noise.told == 0.02
+    assert untold.estimator.noise.told == 0.005
