@@ -30,7 +30,8 @@ from control.loop import Choice, Estimates, KnownHeading, Source, WaveController
 from control.planning.feed_forward import FeedForward
 from control.sensing.sensors import Channel
 from control.tracking.paths import offset
-from control.tracking.references import Reference, turn_of_path, turn_rate
+from control.tracking.preview import turn_of_path, turn_rate
+from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values.parameters import check, documented, parameter
 

@@ -8,7 +8,7 @@ The wave that it asks for is the first of these that is available:
 3. the plain wave, the feed-forward of the identified map ("gait"), and nothing else until the heading is known: it
    turns as the path does, or goes straight;
 4. the parameters in force ("gait"), at most five times in a row;
-5. rest ("stop"), as also where the reference asks for (almost) no speed.
+5. rest ("stop"), as also where the reference asks for (almost) no speed, and at the end of a path that ends.
 
 After three failures in a row the search forgets its last plan. The reference's clock never stops. An exception, whoever
 raises it and of whatever type, is a failure of what was asked for, and the next best follows.
@@ -35,7 +35,8 @@ from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.planning.terms import CostTerm
 from control.sensing.sensors import Channel
-from control.tracking.references import Reference, turn_of_path
+from control.tracking.preview import turn_of_path
+from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values import arguments
 
@@ -48,7 +49,10 @@ FORGET = 3
 ROUNDING = 1e-6
 """Distance by which a plan may be outside the identified ranges, as a share of them."""
 UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
+THERE, STAYS = 0.004, 0.02
+"""Ways to the end of a path below which the worm rests, and beyond which it goes on again [body lengths]."""
 STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
+ARRIVED = "the worm is at the end of its path"
 LATE = "the plan came too late"
 NO_PLAN = "what was planned is no plan"
 NOT_NUMBERS = "the plan is of another shape, or not finite"
@@ -144,12 +148,16 @@ class Supervisor(WaveController):
         self.planner.reset()
         self._accepted: Plan | None = None
         self._failures = self._kept = 0
+        self._near: float | None = None
+        self._is_there = False
         self._heading_is_known = KnownHeading()
 
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
         assert estimate is not None
         if self._speed(t) < self.planner.feed_forward.slowest:
             return Choice("stop", rest(self._target), STANDS)
+        if _tried(self._arrived, estimate)[0]:
+            return Choice("stop", rest(self._target), ARRIVED)
         if not self._heading_is_known(estimate, self.generator.waves):
             blind = self._blind(t, estimate)
             if blind is not None:
@@ -160,6 +168,16 @@ class Supervisor(WaveController):
         assert plan.parameters is not None
         self._accepted, self._failures, self._kept = plan, 0, 0
         return Choice("mpc", plan.parameters, plan.status.value, plan)
+
+    def _arrived(self, estimate: Estimate) -> bool:
+        """Return whether the worm is at the end of its path; from there on it may be pushed back a little."""
+        path = self.reference.path
+        if path is None or not self.reference.ends:
+            return False
+        self._near = float(path.project(estimate.position, self._near))
+        left = (path.length - self._near) / self.worm.length
+        self._is_there = left < (STAYS if self._is_there else THERE)
+        return self._is_there
 
     def _blind(self, t: float, estimate: Estimate) -> GaitParameters | None:
         """Return the wave that turns as the path does, if there is one."""
@@ -233,4 +251,5 @@ def _fault(plan: Any, ranges: Ranges, mechanism: Mechanism) -> str:
         return NOT_NUMBERS
     first = plan.parameters
     waves = np.vstack([inputs, [first.amplitude, first.frequency, first.steering(mechanism)]])
-    return OUTSIDE if np.abs(ranges.scaled(*waves.T)).max() > 1.0 + ROUNDING else ""
+    (low, high), slack = ranges.bounds, ROUNDING * np.ptp(ranges.bounds, axis=0)
+    return OUTSIDE if ((waves < low - slack) | (waves > high + slack)).any() else ""

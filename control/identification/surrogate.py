@@ -30,6 +30,8 @@ DEGREE = 4
 """Degree in amplitude and frequency together."""
 START = 0.08
 """Steering below which feet stick, s_0, as a share of the greatest."""
+SLOWEST = 0.01
+"""Least frequency that a wave is given where it is to be slower than any that was identified [Hz]."""
 STICKING = 0
 """Stands for tanh(s/s_0) among the powers of odd quantities."""
 POWERS: dict[Parity, tuple[int, ...]] = {"even": (0, 2, 4), "odd": (STICKING, 1, 3, 5)}
@@ -59,6 +61,17 @@ class Ranges:
         """Return the three scaled to [-1, 1]; numbers, arrays or CasADi's symbols."""
         return (_centred(amplitude, self.amplitude), _centred(frequency, self.frequency), steering / self.steering)
 
+    @property
+    def middle(self) -> float:
+        """Middle of the frequencies [Hz]."""
+        return sum(self.frequency) / 2.0
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Least and greatest inputs that a controller may choose, shape (2, 3), frequencies from `SLOWEST` on."""
+        (weak, strong), (_, fast), sharp = self.amplitude, self.frequency, self.steering
+        return np.array([[weak, SLOWEST, -sharp], [strong, fast, sharp]])
+
     def contain(self, amplitude: float, frequency: float, steering: float) -> bool:
         """Return whether the surrogate holds there."""
         return all(abs(value) <= 1.0 + 1e-9 for value in self.scaled(amplitude, frequency, steering))
@@ -84,8 +97,17 @@ class Polynomial:
         a, g, s = self.ranges.scaled(amplitude, frequency, steering)
         plane = dict.fromkeys(POWERS[self.parity], 0.0)  # apart: a graph of many steerings then has it once
         for c, (i, j, k) in zip(self.coefficients, exponents(self.parity), strict=True):
-            plane[k] = plane[k] + c * a**i * g**j
+            if c != 0.0:
+                plane[k] = plane[k] + c * a**i * g**j
         return sum(plane[k] * of_steering for k, of_steering in _of_steering(self.parity, s).items())
+
+    def rise(self, begin: float, end: float) -> Polynomial:
+        """Return how much it rises from one frequency to another [Hz], over amplitude and steering alone."""
+        terms, (_, (low, high), _) = exponents(self.parity), self.ranges.scaled(0.0, np.array([begin, end]), 0.0)
+        risen = dict.fromkeys(terms, 0.0)
+        for c, (i, j, k) in zip(self.coefficients, terms, strict=True):
+            risen[i, 0, k] += c * float(high**j - low**j)
+        return Polynomial(self.ranges, self.parity, tuple(risen[term] for term in terms))
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from control.planning.terms import Moment
-from control.tracking.references import Preview
+from control.tracking.preview import Preview
 from worm3d.values.parameters import check, documented, parameter
 
 

@@ -5,8 +5,8 @@ and c the excesses of the reduced model at the end of each step, each over its t
 
     minimise 1/2 sum_k [ |m_k|^2 + |max(0, c_k)|^2 ],   -1 <= u <= 1                                           (O2)
 
-where terms drop out that the reference does not ask for. States and their derivatives follow the reduced model over
-inputs that are constant in each step:
+(frequencies may be lower than any that was identified) where terms drop out that the reference does not ask for. States
+and their derivatives follow the reduced model over inputs that are constant in each step:
 
     X_{k+1} = F(X_k, U_k),   dX_{k+1}/dU = A_k dX_k/dU + B_k dU_k/dU,   A_k = dF/dX, B_k = dF/dU at (X_k, U_k)   (O3)
 """
@@ -26,7 +26,7 @@ from control.identification.identified import SteeringMap
 from control.identification.surrogate import Ranges
 from control.planning.constraints import Constraint
 from control.planning.terms import CostTerm, Moment, Wanted
-from control.tracking.references import Preview
+from control.tracking.preview import Preview
 from worm3d.machine.buffered import Buffered
 from worm3d.values.arrays import FloatArray
 
@@ -39,9 +39,11 @@ class Scale:
     """Inputs scaled to [-1, 1] over the ranges of a map."""
 
     def __init__(self, ranges: Ranges) -> None:
-        bounds = np.array([ranges.amplitude, ranges.frequency, (-ranges.steering, ranges.steering)])
-        self.half: FloatArray = (bounds[:, 1] - bounds[:, 0]) / 2.0
-        self.centre: FloatArray = (bounds[:, 1] + bounds[:, 0]) / 2.0
+        ends = np.array([ranges.amplitude, ranges.frequency, (-ranges.steering, ranges.steering)])
+        self.half: FloatArray = (ends[:, 1] - ends[:, 0]) / 2.0
+        self.centre: FloatArray = (ends[:, 1] + ends[:, 0]) / 2.0
+        self.bounds: FloatArray = (ranges.bounds - self.centre) / self.half
+        """Least and greatest scaled inputs that may be chosen, shape (2, 3)."""
 
     def inputs(self, z: FloatArray) -> FloatArray:
         """Return inputs, shape (K, 3), of scaled ones, shape (3 K,)."""
@@ -116,7 +118,7 @@ def _moment(
     scale = Scale(found.ranges)
     given = ca.DM(scale.centre) + ca.DM(scale.half) * scaled
     velocity, heading = model.output(state, given), state[2]
-    roll = getattr(found, "roll", None)
+    least = found.ranges.frequency[0]
     return Moment(
         state=ReducedState(*ca.vertsplit(state)),
         given=ReducedInput(*ca.vertsplit(given)),
@@ -125,7 +127,7 @@ def _moment(
         speed=velocity[0] * ca.cos(heading) + velocity[1] * ca.sin(heading),
         sideways=velocity[1] * ca.cos(heading) - velocity[0] * ca.sin(heading),
         turn_rate=velocity[2],
-        roll=ca.SX(0) if roll is None else roll(given[0], given[1], state[STEERING]),
+        roll=ca.SX(0) if found.roll is None else found.roll(given[0], ca.fmax(given[1], least), state[STEERING]),
         wanted=Wanted(*ca.vertsplit(wanted)),
         length=length,
     )
@@ -228,7 +230,7 @@ class Problem:
     """Estimated state of the reduced model."""
     preview: Preview
     slowest: float
-    """Speed below which the worm had better stand [m/s]; it bounds the crab angle of a slow worm."""
+    """Speed [m/s] that bounds the crab angle of a slower worm."""
     before: FloatArray
     """Scaled inputs in force, u_{-1}, shape (3,)."""
     frequency: FloatArray

@@ -1,16 +1,19 @@
 """Feed-forward: the wave that by the identified map has a wanted speed and turn rate.
 
 Two parameters make the speed. The frequency stays at a preferred one and the amplitude does the work; only where that
-ends, at the least or greatest amplitude, the frequency moves too: a line through the map, along which speed rises.
+ends, at the least or greatest amplitude, the frequency moves too: a line through the map, along which speed rises from
+(almost) nothing.
 """
 
 from __future__ import annotations
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from control.estimation.reduced import ReducedInput
 from control.identification.identified import SteeringMap
+from control.identification.surrogate import SLOWEST
 from worm3d.values.arrays import FloatArray
 
 PREFERRED = 0.8
@@ -21,6 +24,8 @@ STEERINGS = 97
 """Number of values of the steering: weak steering hardly turns the worm, so that they have to be close."""
 RISE = 1e-6
 """Turn rate that a unit of steering adds to the map's [rad/s], so that only no steering at all has none."""
+SPARE = 0.1
+"""Share of the greatest turn rate that is left to corrections where a path is sharp."""
 REPEATS = 3
 """Number of times that steering and speed are found in turns, since each changes the other a little."""
 
@@ -33,7 +38,9 @@ class FeedForward:
     frequency : float
         The preferred one [Hz].
     slowest, fastest : float
-        Half of the least speed of the map [m/s], below which the worm had better stand, and its greatest one.
+        Speed of the slowest wave [m/s], below which the worm stands, and the greatest one.
+    swift : float
+        Half of the least speed that was identified [m/s].
     """
 
     def __init__(self, found: SteeringMap, length: float) -> None:
@@ -41,17 +48,22 @@ class FeedForward:
         self.frequency = PREFERRED if low <= PREFERRED <= high else (low + high) / 2.0
         self.ranges = found.ranges
         (least, greatest), preferred = found.ranges.amplitude, self.frequency
-        amplitudes = [np.full(POINTS, least), np.linspace(least, greatest, POINTS), np.full(POINTS, greatest)]
+        amplitudes = [np.full(2 * POINTS, least), np.linspace(least, greatest, POINTS), np.full(POINTS, greatest)]
         up, on = np.linspace(low, preferred, POINTS), np.linspace(preferred, high, POINTS)
+        slow = np.linspace(SLOWEST, low, POINTS)
         self._amplitudes = np.concatenate(amplitudes)
-        self._frequencies = np.concatenate([up, np.full(POINTS, preferred), on])
+        self._frequencies = np.concatenate([slow, up, np.full(POINTS, preferred), on])
         self._steerings = np.linspace(0.0, found.ranges.steering, STEERINGS)
         wave = ca.SX.sym("amplitude"), ca.SX.sym("frequency"), ca.SX.sym("steering")
         speed, rate = length * found.speed(*wave), found.turn_rate(*wave)
         self._speed = ca.Function("speed", [*wave], ca.cse([speed])).map(len(self._amplitudes))
         self._turn_rate = ca.Function("turn_rate", [*wave], ca.cse([rate])).map(STEERINGS)
         self._straight = self._speeds(0.0)
-        self.slowest, self.fastest = 0.5 * float(self._straight[0]), float(self._straight[-1])
+        self.slowest, self.fastest = float(self._straight[0]), float(self._straight[-1])
+        self.swift = 0.5 * float(self._straight[POINTS])
+        along = zip(self._amplitudes, self._frequencies, strict=True)
+        sharpest = np.array([self._turn_rates(*place).max() for place in along])
+        self._sharpest = np.minimum.accumulate((1.0 - SPARE) * sharpest / self._straight)
 
     def __call__(self, speed: float, turn_rate: float) -> ReducedInput:
         """Return the wave of a steady speed [m/s] and turn rate [rad/s], or the nearest that there is."""
@@ -65,6 +77,14 @@ class FeedForward:
     def sharpest(self, speed: float) -> float:
         """Return the greatest turn rate of the map at a speed straight ahead [rad/s]."""
         return float(self._turn_rates(*self._on_line(speed, self._straight)).max())
+
+    def frequencies(self, speeds: FloatArray) -> FloatArray:
+        """Return the frequencies that suit speeds straight ahead, shape (K,) each [m/s, Hz]."""
+        return np.asarray(np.interp(speeds, self._straight, self._frequencies))
+
+    def reach(self, curvature: ArrayLike) -> FloatArray:
+        """Return the greatest speeds [m/s] at which paths of curvatures (...) [1/m] can be followed by the map."""
+        return np.asarray(np.interp(np.abs(curvature), self._sharpest[::-1], self._straight[::-1]))
 
     def _on_line(self, speed: float, speeds: FloatArray) -> tuple[float, float]:
         """Return amplitude and frequency at a speed, given the speeds along the line [m/s]."""

@@ -26,7 +26,8 @@ from control.planning.cost import Cost, Prediction, Problem, Scale
 from control.planning.feed_forward import FeedForward
 from control.planning.gauss_newton import GaussNewton, Outcome, Solution, half_square
 from control.planning.terms import CostTerm, default_terms
-from control.tracking.references import Preview, Reference, look_ahead, turn_rate
+from control.tracking.preview import Preview, Reach, look_ahead, speed_at, turn_rate
+from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
@@ -175,15 +176,22 @@ class GaitMPC:
 
     def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
         """Return the plain wave: the feed-forward of what is asked for at time t [s], at an estimated slip."""
+        kept, reach = max(1.0 - slip, LEAST_SHARE), self._reach(slip)
+        speed = float(speed_at(reference, t, self.progress, reach))
+        return self.feed_forward(speed / kept, turn_rate(reference, t, self.progress, reach))
+
+    def _reach(self, slip: float, turn_gain: float = 1.0) -> Reach:
+        """Return the greatest speeds over the curvature, of a worm that slips and turns otherwise than its map."""
         kept = max(1.0 - slip, LEAST_SHARE)
-        return self.feed_forward(float(reference.speed(t)) / kept, turn_rate(reference, t, self.progress))
+        return lambda curvature: kept * self.feed_forward.reach(kept / turn_gain * curvature)
 
     def _preview(self, t: float, estimate: Estimate, reference: Reference) -> Preview | None:
         """Return what the reference asks for; None if that, or the estimate, is not finite."""
         if not all(isfinite(part) for part in estimate.state):
             return None
         step, steps = self._prediction.step, self._prediction.steps
-        preview = look_ahead(reference, t, step, steps, estimate.position, estimate.heading, self._near)
+        reach = self._reach(float(estimate.state.slip), max(float(estimate.state.turn_gain), LEAST_SHARE))
+        preview = look_ahead(reference, t, step, steps, estimate.position, estimate.heading, self._near, reach)
         if not all(np.isfinite(part).all() for part in (preview.speed, preview.point, preview.heading)):
             return None
         self._near = preview.progress
@@ -198,22 +206,23 @@ class GaitMPC:
 
     def _problem(self, t: float, state: ReducedState, preview: Preview, plain: FloatArray) -> Problem:
         """Return (O2); `plain` is the plain wave, shape (H, 3)."""
-        preferred = self._scale.scaled(np.array([[0.0, self.feed_forward.frequency, 0.0]]))[1]
+        kept = max(1.0 - float(state.slip), LEAST_SHARE)
+        frequency = self.feed_forward.frequencies(preview.speed / kept)
         return Problem(
             prediction=self._prediction,
             cost=self.cost,
             state=np.array(state, dtype=float),
             preview=preview,
-            slowest=self.feed_forward.slowest,
+            slowest=self.feed_forward.swift,
             before=self._scale.scaled(plain[:1] if self._last is None else self._last.at(t)),
-            frequency=np.full(self._prediction.steps, preferred),
+            frequency=(frequency - self._scale.centre[1]) / self._scale.half[1],
         )
 
     def _searched(self, problem: Problem, waves: list[FloatArray]) -> tuple[Solution, float]:
         starts = [self._scale.scaled(wave) for wave in waves]
         costs = [half_square(problem.residuals(start), problem.limits) for start in starts]
-        best, bound = int(np.argmin(costs)), np.ones(starts[0].size)
-        search = problem.residuals, problem.linearised, starts[best], -bound, bound, problem.limits
+        best, bounds = int(np.argmin(costs)), np.tile(self._scale.bounds, self._prediction.steps)
+        search = problem.residuals, problem.linearised, starts[best], *bounds, problem.limits
         found = self._search.minimise(*search)
         return found, costs[best]
 

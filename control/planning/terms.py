@@ -35,7 +35,7 @@ import casadi as ca
 from numpy.typing import ArrayLike
 
 from control.estimation.reduced import ReducedInput, ReducedState
-from control.tracking.references import Preview
+from control.tracking.preview import Preview
 from worm3d.values.parameters import check, documented, parameter
 
 MAX_CRAB = 0.3

@@ -1,10 +1,11 @@
-"""References: how fast to go, and where to, along a path or at a heading; and what they ask for ahead of a worm."""
+"""References: how fast to go, and where to, along a path or at a heading, between what bounds, and to what end."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +16,6 @@ from worm3d.values.arrays import FloatArray
 
 Profile = Callable[[Any], Any]
 """Function of the time [s], a number or an array, that gives as many speeds [m/s] or headings [rad]."""
-
-MOMENT = 0.05
-"""Time over which the rate of a heading is taken [s]."""
 
 
 @dataclass(frozen=True)
@@ -80,15 +78,37 @@ class Sine:
         return self.mean + self.amplitude * wave
 
 
+class Disc(NamedTuple):
+    """An obstacle on the ground."""
+
+    x: float
+    """Its middle [m]."""
+    y: float
+    radius: float
+    """Its radius, that of the body added [m]."""
+
+
 @dataclass(frozen=True)
 class Reference:
-    """What the worm is to do: a speed, and at most one of heading and path."""
+    """What the worm is to do: a speed, and at most one of heading and path; all of it holds for its centre of mass.
+
+    Raises
+    ------
+    ValueError
+        Both heading and path; an end, a corridor or obstacles without a path that can have them.
+    """
 
     speed: Profile
     """Time [s] -> speed forward, along the path if there is one [m/s]; takes arrays."""
     heading: Profile | None = None
     """Time [s] -> heading [rad]; takes arrays."""
     path: Path | None = None
+    ends: bool = False
+    """Whether the worm stops at the end of the path and stays there."""
+    corridor: float = math.inf
+    """Distance that it may go to either side of the path [m]."""
+    obstacles: tuple[Disc, ...] = ()
+    """What it goes around, by the shorter way if the corridor is wide enough there."""
 
     def __post_init__(self) -> None:
         if self.heading is not None and self.path is not None:
@@ -99,74 +119,21 @@ class Reference:
                 arguments.function(name, given, "a function of time: control.tracking.references.Constant(0.08)")
         if not (self.path is None or isinstance(self.path, Path)):
             raise ValueError(f"path: got {type(self.path).__name__}, must be a path, as control.tracking.paths.Line()")
+        self._check_bounds()
 
-
-@dataclass(frozen=True, eq=False)
-class Preview:
-    """What a reference asks for at K instants."""
-
-    speed: FloatArray
-    """Speed forward [m/s], shape (K,)."""
-    point: FloatArray
-    """Points of the path [m], shape (K, 2); zeros without a path."""
-    heading: FloatArray
-    """Heading of the path, or as asked for, on the turn of the worm's own [rad], shape (K,); zeros if there is none."""
-    follows: bool
-    """Whether there is a path."""
-    heads: bool
-    """Whether there is a heading."""
-    progress: float
-    """Arc length of the path's point nearest to the worm [m]; 0 without a path."""
-    left: FloatArray
-    """Greatest offset to the left of the path that is allowed [m], shape (K,); infinite without a bound."""
-    right: FloatArray
-    """Greatest offset to the right, as a positive number [m], shape (K,)."""
-
-
-def look_ahead(
-    reference: Reference, begin: float, step: float, steps: int, place: FloatArray, azimuth: float, near: float | None
-) -> Preview:
-    """Return what is asked for at the ends of the steps of a horizon that begins at a time [s].
-
-    The point of the path advances at the reference speed from where the worm is, whatever the worm does. The worm is at
-    a place (2,) [m] with an azimuth [rad]; its progress is looked for near the one before [m].
-    """
-    ends = begin + step * np.arange(1, steps + 1)
-    speed = np.asarray(reference.speed(ends), dtype=float)
-    point, heading, progress = np.zeros((steps, 2)), np.zeros(steps), 0.0
-    follows = reference.path is not None
-    if reference.path is not None:
-        progress = float(reference.path.project(place, near))
-        ahead = progress + np.cumsum(np.asarray(reference.speed(ends - step / 2.0), dtype=float)) * step
-        point, heading = reference.path.point(ahead), reference.path.heading(ahead)
-        heading = _on_turn(heading, float(reference.path.heading(progress)), azimuth)
-    elif reference.heading is not None:
-        heading = np.asarray(reference.heading(ends), dtype=float)
-        heading = _on_turn(heading, float(heading[0]), azimuth)
-    free = np.full(steps, np.inf)
-    return Preview(speed, point, heading, follows, follows or reference.heading is not None, progress, free, free)
-
-
-def turn_rate(reference: Reference, t: float, progress: float) -> float:
-    """Return the turn rate that a reference asks for at time t [s], `progress` [m] along its path, in rad/s."""
-    if reference.path is not None:
-        return float(reference.path.curvature(progress)) * float(reference.speed(t))
-    if reference.heading is not None:
-        return (float(reference.heading(t + MOMENT)) - float(reference.heading(t))) / MOMENT
-    return 0.0
-
-
-def turn_of_path(reference: Reference, t: float, place: FloatArray) -> float:
-    """Return the turn rate of the path at its point nearest to a place (2,) [m], in rad/s; 0 without a path."""
-    if reference.path is None or not np.isfinite(place).all():
-        return 0.0
-    return turn_rate(reference, t, float(reference.path.project(place)))
-
-
-def _on_turn(heading: FloatArray, first: float, azimuth: float) -> FloatArray:
-    """Return headings counted on or back by whole turns, so that `first` comes nearest to an azimuth [rad]."""
-    turns = float(np.round((first - azimuth) / (2.0 * np.pi)))
-    return np.asarray(heading - 2.0 * np.pi * turns)
+    def _check_bounds(self) -> None:
+        arguments.flag("ends", self.ends)
+        arguments.number("corridor", self.corridor, "m", gt=0.0, infinite=True)
+        object.__setattr__(self, "obstacles", tuple(Disc(*map(float, disc)) for disc in self.obstacles))
+        for k, disc in enumerate(self.obstacles):
+            arguments.number(f"obstacles[{k}].radius", disc.radius, "m", gt=0.0)
+            arguments.array(f"obstacles[{k}]", disc, (3,))
+        asked = [name for name in ("ends", "obstacles") if getattr(self, name)]
+        asked += ["corridor"] if math.isfinite(self.corridor) else []
+        if self.path is None and asked:
+            raise ValueError(f"{asked[0]}: got one without a path, must be left out")
+        if self.ends and self.path is not None and (self.path.closed or not math.isfinite(self.path.length)):
+            raise ValueError("ends: got true for a path without end; give one that has a length and is not closed")
 
 
 def _require_finite(profile: Constant | Sine) -> None:

@@ -1,9 +1,11 @@
 """The feed-forward: the identified map there and back."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from control.identification.identified import SteeringMap, load
+from control.identification.surrogate import SLOWEST
 from control.planning.feed_forward import FeedForward
 from worm3d import Worm
 
@@ -36,7 +38,7 @@ def test_beyond_the_map_it_gives_its_edge() -> None:
     forward = FeedForward(found("hinge"), 1.0)
     ranges = found("hinge").ranges
     assert forward(1.0, 0.0) == (ranges.amplitude[1], ranges.frequency[1], 0.0)
-    assert forward(0.0, 0.0) == (ranges.amplitude[0], ranges.frequency[0], 0.0)
+    assert forward(0.0, 0.0) == (ranges.amplitude[0], SLOWEST, 0.0)
     assert forward(0.08, 9.0).steering == ranges.steering
 
 
@@ -51,3 +53,37 @@ def test_speeds_grow_with_the_body() -> None:
     small, large = FeedForward(found("hinge"), 1.0), FeedForward(found("hinge"), 2.0)
     assert large(0.16, 0.03) == pytest.approx(small(0.08, 0.03))
     assert large.slowest == pytest.approx(2.0 * small.slowest)
+
+
+def test_slow_speeds_are_those_of_slow_waves_down_to_almost_nothing() -> None:
+    forward, known = FeedForward(found("hinge"), 1.0), found("hinge")
+    for speed in (0.001, 0.004, 0.015):
+        wave = forward(speed, 0.0)
+        assert wave.amplitude == known.ranges.amplitude[0]
+        assert wave.frequency < known.ranges.frequency[0]
+        assert known.speed(*wave) == pytest.approx(speed, rel=1e-2)
+    assert forward.slowest < 0.001
+
+
+def test_slow_waves_go_on_where_the_map_ends_and_as_the_plant_does() -> None:
+    """(I4): continuous at the least frequency; at 0.05 Hz the plant goes 0.0574 and 0.1253 body lengths a wave."""
+    known = found("hinge")
+    low = known.ranges.frequency[0]
+    for amplitude, plant in ((0.15, 0.0574), (0.3, 0.1253)):
+        ends = [known.speed(amplitude, low + side, 0.05) for side in (-1e-9, 1e-9)]
+        assert ends[0] == pytest.approx(ends[1], rel=1e-6)
+        assert known.speed(amplitude, 0.05, 0.0) / 0.05 == pytest.approx(plant, rel=0.1)
+        symbols = [ca.SX(value) for value in (amplitude, 0.05, 0.02)]
+        for quantity in (known.speed, known.turn_rate, known.drift_speed):
+            assert float(quantity(*symbols)) == pytest.approx(float(quantity(amplitude, 0.05, 0.02)), rel=1e-12)
+
+
+def test_how_fast_a_curve_can_be_followed() -> None:
+    """At the speed that is given the worm turns as sharply as the curve, a tenth of its turn rate to spare."""
+    forward = FeedForward(found("hinge"), 1.0)
+    curvatures = np.array([0.0, 1.0, -2.5, 2.5, 4.0])
+    speeds = forward.reach(curvatures)
+    assert speeds[0] == forward.fastest
+    assert speeds[2] == speeds[3] > speeds[4]
+    for speed, curvature in zip(speeds[3:], curvatures[3:], strict=True):
+        assert forward.sharpest(float(speed)) * 0.9 == pytest.approx(speed * curvature, rel=0.02)

@@ -16,7 +16,8 @@ from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.sensing.sensors import Measurement
 from control.supervisor import FORGET, LATE, MOST_SHIFTED, STANDS, UNKNOWN, Supervisor
 from control.tracking.paths import Circle, Line
-from control.tracking.references import Constant, Reference, Steps, turn_rate
+from control.tracking.preview import turn_rate
+from control.tracking.references import Constant, Reference, Steps
 from worm3d import Worm
 
 WORM = Worm()
