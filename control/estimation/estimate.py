@@ -33,6 +33,8 @@ HOPELESS = 12.0
 """Logarithm of the likelihood ratio to the best belief at which another is dropped, a hundred thousand."""
 NARROW = 0.25
 """Standard deviation of the heading of all beliefs below which they become one [rad]."""
+NIS = ("nis_mean", "nis_low", "nis_high")
+"""Names of mean and interval of (KF7) in the summary of a run."""
 PROBABILITY = 0.95
 """Probability of the interval in (KF7)."""
 
@@ -49,6 +51,8 @@ class Belief:
     """Logarithm of its weight, up to a constant that all beliefs share."""
     refused: int = 0
     """Number of samples of the centre of mass in a row that were refused as impossible."""
+    trend: FloatArray = field(default_factory=lambda: np.zeros(2))
+    """Mean of the latest innovations of the centre of mass, shape (2,) [m]."""
     turned: int = 0
     """Number of samples of the heading in a row that were refused as impossible."""
 

@@ -49,6 +49,9 @@ NOISIEST = 0.2
 """Largest noise of the centre of mass that is believed [body lengths]."""
 BEGIN = {"speed": 0.02, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01, "turn_gain": 0.2}
 """Standard deviations at the start, of a worm at rest that obeys its map [m/s], [rad/s], [1], [rad/s], [1]."""
+CRAB_NOISE, BEGIN_CRAB = 0.01, 0.1
+"""Noise of the crab angle, and its standard deviation at the start, where a sensor of the heading shows it
+[rad/sqrt(s)], [rad]."""
 BEGIN_ROCKING = 0.05
 """Standard deviation of the entries of C at the start [m]."""
 
@@ -162,7 +165,11 @@ class Estimator:
         """Return the estimator for sensors of known quality, `control.sensing.sensors.Sensors.channels`."""
         noise = {name: channel.noise for name, channel in sensors.items()}
         place, heading = noise.get("com", COM.noise), noise.get("heading", HEADING_SENSOR.noise)
-        uncertainty = Uncertainty(com=max(place, RIPPLE), heading_sample=float(np.hypot(heading, ROCKED)))
+        uncertainty = Uncertainty(
+            com=max(place, RIPPLE),
+            heading_sample=float(np.hypot(heading, ROCKED)),
+            crab=CRAB_NOISE if "heading" in sensors else 0.0,
+        )
         ground = GroundTrust(height=max(place, RIPPLE))
         return cls(worm, model, schedule, uncertainty=uncertainty, ground=ground, span=span_of(sensors))
 
@@ -226,10 +233,11 @@ class Estimator:
         self, beliefs: list[Belief], given: tuple[FloatArray, FloatArray], deviation: float, gated: bool
     ) -> list[Corrected]:
         """Return the beliefs after a sample of the centre of mass and its wave; a gated one may be refused."""
-        corrected = [self._filter.with_com(each, *given, False, deviation) for each in beliefs]
         # Beliefs for which it is impossible lose their weight; the sample is refused if all of them would.
-        if not gated or min(each.nis for each in corrected) <= IMPOSSIBLE:
-            return corrected
+        if not gated or len(beliefs) > 1:
+            corrected = [self._filter.with_com(each, *given, False, deviation) for each in beliefs]
+            if not gated or min(each.nis for each in corrected) <= IMPOSSIBLE:
+                return corrected
         return [self._filter.with_com(each, *given, True, deviation) for each in beliefs]
 
     def _with_heading(self, beliefs: list[Belief], heading: float) -> tuple[list[Belief], bool]:
@@ -285,7 +293,8 @@ def _beginning(trust: Uncertainty, heading: float | None, deviation: float) -> l
 def _believed(trust: Uncertainty, heading: float, deviation: float) -> Belief:
     mean, deviations = np.zeros(SIZE), np.zeros(SIZE)
     mean[:STATES] = ReducedState(0.0, 0.0, heading, 0.0, 0.0)
-    known = {"x": ANYWHERE, "y": ANYWHERE, "heading": deviation, "drift": trust.drift, **BEGIN}
+    crab = BEGIN_CRAB if trust.crab > 0.0 else 0.0
+    known = {"x": ANYWHERE, "y": ANYWHERE, "heading": deviation, "drift": trust.drift, "crab": crab, **BEGIN}
     for name, each in known.items():
         deviations[ReducedState._fields.index(name)] = each
     deviations[ROCKING] = BEGIN_ROCKING

@@ -21,7 +21,13 @@ Jacobians F and H of prediction and sample, noise Q dt and R, innovation e, S = 
 
 Observability. Position, speed and course (the direction of motion) follow from the samples of the centre of mass within
 a wave, the heading from course and drift: a constant drift that no known slope explains looks like a heading, and is
-taken for one, since the filter expects drift to pass with tau. At rest, neither heading nor slip shows.
+taken for one, since the filter expects drift to pass with tau. Only a sensor of the heading shows it; it is the crab
+angle then, which changes slowly. The gain of turning and the yaw bias are told apart by steering that changes. At rest,
+neither heading nor slip shows.
+
+Pushes. What pushes a worm aside looks like a turn, since both change its course; but then the innovations of some time
+have a trend m, their mean with forgetting over n samples, of variance S / (2 n - 1). Where it is too large for chance
+the drift is made uncertain, and explains it.
 
 Noise of the samples. The innovations e_k of a filter that knows its model are uncorrelated, so that, with what it is
 unsure of, H P H^T, and the noise R of a sample,
@@ -36,6 +42,7 @@ the mean it does not mind a few wrong samples.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import log, sqrt
 from typing import NamedTuple
@@ -52,12 +59,21 @@ from worm3d.values.parameters import check, documented, parameter
 ROCKING = slice(STATES, STATES + 4)
 SIZE = STATES + 4
 DRIFT = ReducedState._fields.index("drift")
+GAIN = ReducedState._fields.index("turn_gain")
 IMPOSSIBLE = 25.0
 """NIS beyond which a sample of the centre of mass is refused; of two normal numbers, one pair in 270 000 has more."""
 IMPOSSIBLE_HEADING = 21.0
 """NIS beyond which a sample of the heading is refused."""
 PATIENCE = 3
 """Number of refused samples in a row after which the belief is taken to be wrong, and the worm to have been moved."""
+TREND = 8
+"""Number of samples over which innovations are averaged to their trend, 0.4 s of the default sensors."""
+UNEXPLAINED = 16.0
+"""NIS of that trend beyond which the worm is taken to be pushed; a probability of 0.0003."""
+PUSHED = {"drift": 0.05, "slip": 0.3, "yaw_bias": 0.01}
+"""Standard deviations that are added where it is pushed [m/s], [1], [rad/s]."""
+GAINS = (0.3, 3.0)
+"""Least and greatest gain of turning that is believed: steering that turns a worm the other way round is none."""
 MOVED = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
 """Standard deviations that are added where the worm was moved [rad], [m/s], [rad/s]."""
 NOISE_WINDOW = 100
@@ -93,6 +109,7 @@ class Uncertainty:
     slip: float = parameter(0.01, unit="1/sqrt(s)", ge=0, meaning="noise of the slip")
     yaw_bias: float = parameter(0.003, unit="rad/s/sqrt(s)", ge=0, meaning="noise of the yaw bias")
     turn_gain: float = parameter(0.01, unit="1/sqrt(s)", ge=0, meaning="noise of the gain of turning")
+    crab: float = parameter(0.0, unit="rad/sqrt(s)", ge=0, meaning="noise of the crab angle")
     drift: float = parameter(0.0018, unit="m/s", ge=0, meaning="standard deviation of the drift that no slope explains")
     drift_time: float = parameter(2.0, unit="s", gt=0, meaning="correlation time tau of that drift")
     rocking: float = parameter(0.001, unit="m/sqrt(s)", ge=0, meaning="noise of the entries of C")
@@ -143,14 +160,25 @@ class Kalman:
         sigma = self._deviation if deviation is None else deviation
         mean, covariance, nis, log_det, e, spread = self._com(belief.mean, belief.covariance, com, wave, sigma)
         found = float(nis[0]), e, float(spread[0])
+        trend = belief.trend + (e - belief.trend) / TREND
+        if gated and (2 * TREND - 1) * float(trend @ trend) > UNEXPLAINED * (found[2] + sigma**2):
+            trend = np.zeros(2)
+            widened = _widened(belief.covariance, PUSHED)
+            widened[GAIN, :GAIN] = widened[:GAIN, GAIN] = 0.0  # the gain has no part in it
+            mean, covariance, *_ = self._com(belief.mean, widened, com, wave, sigma)
         if not _usable(nis, mean, covariance):
             return Corrected(belief, *found, refused=True)
         if gated and nis[0] > IMPOSSIBLE:
             if belief.refused < PATIENCE:
                 return Corrected(replace(belief, refused=belief.refused + 1), *found, refused=True)
-            mean, covariance, *_ = self._com(belief.mean, _widened(belief, com), com, wave, sigma)
+            widened = _widened(belief.covariance, MOVED)
+            widened[[0, 1], [0, 1]] += (
+                float(np.hypot(*(com - belief.mean[:2]))) ** 2
+            )  # to about the place of the sample
+            mean, covariance, *_ = self._com(belief.mean, widened, com, wave, sigma)
         log_weight = belief.log_weight - 0.5 * float(nis[0] + log_det[0])
-        after = replace(belief, mean=mean, covariance=covariance, log_weight=log_weight, refused=0)
+        mean[GAIN] = min(max(mean[GAIN], GAINS[0]), GAINS[1])
+        after = replace(belief, mean=mean, covariance=covariance, log_weight=log_weight, refused=0, trend=trend)
         return Corrected(after, *found)
 
     def with_heading(self, belief: Belief, heading: float, gated: bool = False) -> tuple[Belief, bool]:
@@ -203,6 +231,7 @@ def _noise(s: ReducedState, trust: Uncertainty) -> ca.SX:
         yaw_bias=trust.yaw_bias**2,
         drift=2.0 * trust.drift**2 / trust.drift_time,
         turn_gain=trust.turn_gain**2,
+        crab=trust.crab**2,
     )
     return ca.vertcat(*of_state, *[trust.rocking**2] * 4)
 
@@ -238,11 +267,10 @@ def _correction(X: ca.SX, P: ca.SX, sample: ca.SX, expected: ca.SX, deviations: 
     return [X + K @ e, ca.densify((spread + spread.T) / 2.0), e.T @ inverse @ e, ca.log(ca.det(S))]
 
 
-def _widened(belief: Belief, com: FloatArray) -> FloatArray:
-    """Return the covariance of a worm that was moved to about the place of a sample."""
-    widened = belief.covariance.copy()
-    widened[[0, 1], [0, 1]] += float(np.hypot(*(com - belief.mean[:2]))) ** 2
-    for name, deviation in MOVED.items():
+def _widened(covariance: FloatArray, deviations: Mapping[str, float]) -> FloatArray:
+    """Return a covariance to which the squares of some standard deviations are added."""
+    widened = covariance.copy()
+    for name, deviation in deviations.items():
         index = ReducedState._fields.index(name)
         widened[index, index] += deviation**2
     return widened

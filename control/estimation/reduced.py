@@ -5,15 +5,15 @@ lags n_v in waves and T_w in seconds, f the frequency, L the body length:
 
     x'  = (1 - slip) v cos(h) - u sin(h)        v' = (L f d(A, f, s) - v) f / n_v
     y'  = (1 - slip) v sin(h) + u cos(h)        w' = (gain f omega(A, f, s) - w) / T_w                        (R1)
-    h'  = w + yaw_bias                          u  = L f c(A, f, s) + drift
+    h'  = w + yaw_bias                          u  = L f c(A, f, s) + crab (1 - slip) v + drift
                                                 s' = (s_asked - s) f / blend
 
 s is the steering in force, which `control.gaits.steering.WaveGenerator` leads to the steering asked for: before the
 map, since weak steering turns a worm out of proportion (`control.identification.surrogate`). On paths of the default
 worm (R1) misses the turn rate by 0.005 rad/s; one lag of 0.95 s after a map in odd powers of the steering, by 0.008.
 Below the least amplitude that was identified d, c and omega fade in proportion to it: without contraction a worm rests.
-slip, yaw_bias, drift and the gain of turning are what the map does not know (a slope, another ground, a worm that is
-somewhat different); they are constant in the model, and estimated.
+slip, yaw_bias, drift, crab and the gain of turning are what the map does not know (a slope, another ground, a worm that
+is somewhat different); they are constant in the model, and estimated.
 
 x, y is the centre of mass and h the heading, both without the rocking of a wave. That is a matter of the body's shape,
 which the strains give: with the inverse of (E2) and no strain in yaw (E5),
@@ -48,7 +48,8 @@ class ReducedState(NamedTuple):
 
     Centre of mass x, y [m] and azimuth [rad]; speed v along it [m/s] and turn rate w [rad/s] that the gait makes; the
     share of v that is lost; turn rate [rad/s] and speed to the left [m/s] that the gait does not make; the steering s
-    in force, a hinge [rad] or a bias; the worm's turn rate over that of the map.
+    in force, a hinge [rad] or a bias; the worm's turn rate over that of the map; the angle to the left of the heading
+    at which it lastingly goes [rad].
     """
 
     x: float | ca.SX
@@ -61,6 +62,7 @@ class ReducedState(NamedTuple):
     drift: float | ca.SX = 0.0
     steering: float | ca.SX = 0.0
     turn_gain: float | ca.SX = 1.0
+    crab: float | ca.SX = 0.0
 
 
 STATES = len(ReducedState._fields)
@@ -145,7 +147,7 @@ def _rate(s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, 
     least = found.ranges.amplitude[0]
     known, fading = (ca.fmax(u.amplitude, least), u.frequency, s.steering), ca.fmin(1.0, u.amplitude / least)
     forward = (1.0 - s.slip) * s.speed
-    sideways = fading * worm.length * found.drift_speed(*known) + s.drift
+    sideways = fading * worm.length * found.drift_speed(*known) + s.crab * forward + s.drift
     speed_rate = (fading * worm.length * found.speed(*known) - s.speed) * u.frequency / lags.amplitude
     turn_acceleration = (s.turn_gain * fading * found.turn_rate(*known) - s.turn_rate) / lags.steering
     return ca.vertcat(
@@ -156,7 +158,7 @@ def _rate(s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, 
         turn_acceleration,
         ca.SX.zeros(3),
         (u.steering - s.steering) * u.frequency / BLEND,
-        0.0,
+        ca.SX.zeros(2),
     )
 
 

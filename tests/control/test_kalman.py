@@ -11,10 +11,10 @@ from control.identification.identified import load
 from worm3d import Worm
 
 WORM = Worm()
-TRUST = Uncertainty()
+TRUST = Uncertainty(crab=0.01)
 GIVEN = np.array([0.27, 0.9, 0.05])
 SLOPE = np.array([0.04, -0.02])
-MEAN = np.array([0.3, -0.2, 0.7, 0.06, 0.1, 0.1, 0.02, 0.005, 0.04, 1.1, 0.02, -0.01, 0.005, 0.01])
+MEAN = np.array([0.3, -0.2, 0.7, 0.06, 0.1, 0.1, 0.02, 0.005, 0.04, 1.1, 0.06, 0.02, -0.01, 0.005, 0.01])
 WAVE = np.array([0.1, -0.07])
 
 
@@ -44,7 +44,7 @@ def noise(seconds: float) -> np.ndarray:
     heading = t.heading**2 + (t.turning * MEAN[4]) ** 2
     drift = 2.0 * t.drift**2 / t.drift_time
     rates = [t.place**2, t.place**2, heading, t.speed**2, t.turn_rate**2, t.slip**2, t.yaw_bias**2, drift]
-    return np.diag([*rates, 0.0, t.turn_gain**2, *[t.rocking**2] * 4]) * seconds
+    return np.diag([*rates, 0.0, t.turn_gain**2, t.crab**2, *[t.rocking**2] * 4]) * seconds
 
 
 def test_the_prediction_is_that_of_the_reduced_model_with_a_drift_that_yields_to_the_slope() -> None:

@@ -13,7 +13,9 @@ from worm3d.measures.way import averaged
 
 WORM = Worm()
 REST = np.array(ReducedState(0.0, 0.0, 0.0, 0.0, 0.0))
-STATE = ReducedState(0.3, -0.2, 0.7, 0.06, 0.1, slip=0.1, yaw_bias=0.02, drift=0.005, steering=0.05, turn_gain=1.1)
+STATE = ReducedState(
+    0.3, -0.2, 0.7, 0.06, 0.1, slip=0.1, yaw_bias=0.02, drift=0.005, steering=0.05, turn_gain=1.1, crab=0.04
+)
 INPUT = ReducedInput(0.27, 0.9, 0.05)
 
 
@@ -34,7 +36,8 @@ def values(function: ca.Function, *given) -> np.ndarray:
 def test_the_dynamics_are_their_formula() -> None:
     found, rate = known().maps["hinge"], values(model().dynamics, STATE, INPUT)
     lags, f = known().lags["hinge"], INPUT.frequency
-    v, u = 0.9 * 0.06, found.drift_speed(*INPUT) + 0.005
+    v = 0.9 * 0.06
+    u = found.drift_speed(*INPUT) + 0.04 * v + 0.005
     c, s = np.cos(0.7), np.sin(0.7)
     assert_allclose(rate[:3], [v * c - u * s, v * s + u * c, 0.12], atol=1e-15)
     assert rate[3] == pytest.approx((found.speed(*INPUT) - 0.06) * f / lags.amplitude)
@@ -102,7 +105,7 @@ def test_the_steering_in_force_is_the_generators() -> None:
 
 def test_mirrored_input_gives_the_mirrored_path() -> None:
     step = model("bias").step(0.2)
-    sides = np.array([1, -1, -1, 1, -1, 1, -1, -1, -1, 1.0])
+    sides = np.array([1, -1, -1, 1, -1, 1, -1, -1, -1, 1, -1.0])
     left, right = np.array(STATE), sides * STATE
     for _ in range(50):
         left, right = values(step, left, [0.3, 0.8, 0.03]), values(step, right, [0.3, 0.8, -0.03])

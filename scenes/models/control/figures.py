@@ -26,7 +26,7 @@ COLOURS = {name: f"C{k}" for k, name in enumerate(SOURCES)}
 BOUND = 2.0
 """Width of a bound that is drawn [standard deviations]."""
 
-UNITS = ("m", "m", "deg", "m/s", "deg/s", "1", "deg/s", "m/s")
+UNITS = ("m", "m", "deg", "m/s", "deg/s", "1", "deg/s", "m/s", "", "1", "deg")
 """Units of the estimated state, as drawn."""
 
 
@@ -137,8 +137,8 @@ def commands(record: Record) -> tuple[Figure, Axes]:
 
 def estimates(record: Record) -> tuple[Figure, Axes]:
     """Draw the errors of the estimated pose, the other estimates, all with bounds, and the normalised innovations."""
-    figure = Figure(figsize=(9.0, 7.0), layout="constrained", dpi=120)
-    grid = figure.subplots(3, 3, sharex=True)
+    figure = Figure(figsize=(11.0, 7.0), layout="constrained", dpi=120)
+    grid = figure.subplots(3, 4, sharex=True)
     if "estimate" not in record:
         grid[0, 0].set_title(f"{record.title}: this controller estimates nothing", fontsize=9)
         return figure, grid[0, 0]
@@ -151,9 +151,9 @@ def estimates(record: Record) -> tuple[Figure, Axes]:
             values, name = values - _true(record, seen, time, k, values), f"{name}, error"
         _band(axes, time, scale * values, scale * bound[:, k])
         axes.axhline(0.0, color="0.6", lw=0.8)
-        axes.set_ylabel(f"{name.replace('_', ' ')} [{unit}]", fontsize=8)
+        axes.set_ylabel(f"{name.replace('_', ' ')}{unit and f' [{unit}]'}", fontsize=8)
         axes.set_ylim(*_around(scale * values[len(values) // 4 :], float(scale * np.median(bound[:, k]))))
-    last: Axes = grid[2, 2]
+    last: Axes = grid[2, 3]
     last.plot(time, record["estimate_nis"], ".", ms=2, color="C3")
     last.axhline(5.99, color="0.4", lw=0.8)  # of chi squared with two degrees of freedom
     last.set_ylabel("normalised innovation\nsquared; line: 95 %", fontsize=8)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 import worm3d
+from control.estimation.estimate import NIS, consistency
 from control.loop import WaveController
 from control.sensing.sensors import Measurement
 from control.tracking.metrics import measured
@@ -30,6 +31,8 @@ OF_THE_WORM = ("body", "contraction", "loads_and_slip", "energy_ledger")
 """Pictures of the worm that a controlled run has too."""
 
 NO_MPC = "this controller plans nothing"
+START, NO_NIS = 3.0, "this controller estimates nothing from innovations, or none came after its start"
+"""Waves of the start, in which a heading is sought; they have no part in `nis_mean`."""
 
 
 class Phased:
@@ -80,22 +83,35 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
     result = worm.simulated(scene, observer, live=live, drive=(driver, sensors_of(scene)))
     waves = driver.at_rows(len(result.time), scene.run.record_every)
     plain, controller, decisions = worm.outcome(result), driver.controller, driver.controller.decisions
+    found, unfounded = innovations(controller)
     figures, reasons = measured(motion_of(result, waves), reference_of(scene), result.worm.length)
     merits: dict[str, Metric] = {
         **plain.summary,
         **figures,
         "mpc_failures": controller.failures if controller.plans else None,
         "measurements_refused": refused(controller),
+        **found,
         "faults": in_turn([*of_plant(result), *of_controller(controller)]),
     }
     return replace(
         plain,
         variables=(*plain.variables, *variables_of(decisions, waves)),
         summary=merits,
-        reasons={**plain.reasons, **reasons, "mpc_failures": NO_MPC},
+        reasons={**plain.reasons, **reasons, "mpc_failures": NO_MPC, **unfounded},
         checkpoint=(),
         timing=timing_of(decisions, controller.control_period) if decisions else (),
     )
+
+
+def innovations(controller: WaveController) -> tuple[dict[str, float | None], dict[str, str]]:
+    """Return (KF7) of a controller's estimator after its start, and why there is none."""
+    start = START * controller.period
+    seen: list[tuple[float, float]] = getattr(controller.estimator, "innovations", [])
+    nis = [value for t, value in seen if t >= start]
+    if not nis:
+        return dict.fromkeys(NIS), dict.fromkeys(NIS, NO_NIS)
+    found = consistency(nis)
+    return dict(zip(NIS, (found.mean, found.low, found.high), strict=True)), {}
 
 
 def _map_of(scene: ControlScene) -> object:
