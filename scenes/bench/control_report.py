@@ -6,6 +6,7 @@ import csv
 import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from control import controllers
 from scenes.bench import control
 from scenes.bench.control import BLIND, CONTROLLERS, METRICS, PERIOD, Found, Plan, Row, Study
 from scenes.bench.control_bars import BROKEN, MPC, RIVAL, Verdict, verdicts
+from scenes.bench.control_score import HEADER, cells, names
+from scenes.bench.control_trials import METRIC, QUICK, chosen
 from scenes.commands.packages import machine
 from scenes.commands.terminal import counted, progress
 from scenes.language.errors import SceneError
@@ -38,19 +42,18 @@ SAYS = (
 NAMES = tuple(METRICS)
 TABLES = {
     "Speed [%], and its settling [periods]": NAMES[:5],
-    "Heading [deg], and offset from the path [BL]": NAMES[5:9],
-    "Control steps [ms], and how many failed or took too long": NAMES[9:],
+    "Heading [deg], and offset from the path [BL]": NAMES[5:10],
+    "Offset of the head [BL], joining the path [periods], bias of the speed [mm/s]": NAMES[10:14],
+    "Control steps [ms], and how many failed or took too long": NAMES[14:],
 }
 """Title and metrics of each table."""
 KEYS = ("scene", "controller", "seeds")
 """Columns of every table before its metrics."""
-SHORT = {
-    "cross_track_rms_bl": "offset from the path, rms",
-    "heading_error_rms_deg": "heading error, rms",
-    "speed_error_rms_relative": "speed error, rms",
-}
-"""What a trial is about: the first of these that its MPC has, but of those of the velocity the last."""
 TOLD = {MPC: "MPC", RIVAL: "line-of-sight", BLIND: "open loop"}
+SCORED = (
+    "score: geometric mean over the trials of the error (rms of offset, heading or speed, whichever a trial is about, "
+    "worst seed) over that of line-of-sight; a lost trial counts 10."
+)
 VERDICTS = ("scene", "what", "found", "at most", "")
 NO_VERDICTS = "These runs are too short to be held to any bar."
 
@@ -62,9 +65,13 @@ PANELS = {
 }
 """Label of each panel of the figure, and where its logarithmic scale begins; below it is linear down to zero."""
 COLOURS = dict(zip(CONTROLLERS, ("#1f5a94", "#d9793a", "#a0a0a0"), strict=True))
+GUESTS = ("#4f9d5d", "#8a5fa8", "#b8433f", "#4fa6a6")
+"""Colours of further controllers, in turn."""
 
 
-def run(out: Path | None, *, seeds: int, quick: bool, quiet: bool) -> int:
+def run(
+    out: Path | None, *, seeds: int, quick: bool, quiet: bool, guests: Sequence[str] = (), trials: Sequence[str] = ()
+) -> int:
     """Run what is not in the folder yet, write what was found and return the exit code; options as of the command.
 
     It is 5 if runs failed, else 6 if a bar is not kept, else 0; short runs are not held to bars.
@@ -78,7 +85,9 @@ def run(out: Path | None, *, seeds: int, quick: bool, quiet: bool) -> int:
         raise SceneError(f"--seeds: got {seeds}, must be at least 1")
     with folders.prepared(out, "bench-control", force=True) as folder:
         folders.made(folder / "cases")
-        plan = Plan(control.QUICK if quick else control.FULL, 1 if quick else seeds)
+        asked = QUICK if quick and not trials else chosen(trials)
+        plan = Plan(asked, 1 if quick else seeds, tuple(dict.fromkeys((*CONTROLLERS, *guests))))
+        _require_controllers(guests)
         with progress("control", len(plan.cases()), quiet=quiet, what="run") as show:
             study = control.study(plan, folder, show)
         rows = list(control.rows(study.found))
@@ -93,6 +102,15 @@ def run(out: Path | None, *, seeds: int, quick: bool, quiet: bool) -> int:
     if any(each.status != "done" for each in study.found):
         return FAILED
     return BAR_BROKEN if not quick and any(verdict.word == BROKEN for verdict in verdicts(rows)) else 0
+
+
+def _require_controllers(names: Sequence[str]) -> None:
+    """Raise SceneError for what is no controller."""
+    for name in names:
+        try:
+            controllers.controller(name)
+        except ValueError as error:
+            raise SceneError(f"--controller: {error}") from error
 
 
 def _of_the_folder(study: Study) -> str:
@@ -122,7 +140,8 @@ def markdown(rows: Sequence[Row], machine: dict[str, Any], picture: str, *, judg
     lines = (
         *("# How well worms keep to their references", "", SAYS, "", f"![the worst of the seeds]({picture})", ""),
         *(line for title in TABLES for line in (f"## {title}", "", *markdown_table(*_table(title, rows)), "")),
-        *("## In short", "", *markdown_table(("scene", "what", *TOLD.values()), _short(rows))),
+        *("## In one line each", "", SCORED, "", *markdown_table(HEADER, cells(rows)), ""),
+        *("## In short", "", *markdown_table(("scene", "what", *(_told(name) for name in names(rows))), _short(rows))),
         *("", "## What the MPC is held to", "", *bars),
         *("", f"{machine['cpu']}, {machine['system']}, {machine['date']}, one core."),
     )
@@ -134,6 +153,7 @@ def terminal_lines(rows: Sequence[Row], *, judged: bool = True) -> Iterator[str]
     for title in TABLES:
         yield from (title, *aligned(*_table(title, rows)), "")
     yield from aligned(VERDICTS, map(_verdict_cells, verdicts(rows))) if judged else (NO_VERDICTS,)
+    yield from ("", *aligned(HEADER, cells(rows)), *wrap(SCORED, 100))
 
 
 def _table(title: str, rows: Sequence[Row]) -> tuple[Cells, Iterator[Cells]]:
@@ -148,14 +168,16 @@ def _cells(row: Row, names: Sequence[str]) -> Cells:
 
 
 def _short(rows: Sequence[Row]) -> Iterator[Cells]:
-    """Yield one metric of each trial, of every controller."""
+    """Yield what each trial is about, of every controller."""
     of = {(row.trial, row.controller): row.metrics for row in rows}
-    last = next(reversed(SHORT))
     for trial in dict.fromkeys(row.trial for row in rows):
-        mine = {} if trial.startswith("velocity") else of.get((trial, MPC), {})
-        name = next((name for name in SHORT if mine.get(name) is not None), last)
-        values = (of.get((trial, controller), {}).get(name) for controller in TOLD)
-        yield trial, SHORT[name], *map(METRICS[name].text, values)
+        name = METRIC[trial]
+        values = (of.get((trial, controller), {}).get(name) for controller in names(rows))
+        yield trial, METRICS[name].says, *map(METRICS[name].text, values)
+
+
+def _told(controller: str) -> str:
+    return TOLD.get(controller, controller)
 
 
 def _verdict_cells(verdict: Verdict) -> Cells:
@@ -174,22 +196,30 @@ def draw(found: Sequence[Found]) -> Figure:
         _draw_panel(axes, found, trials, name)
     figure.axes[0].set_yticks(range(len(trials)), trials)
     figure.axes[0].set_ylim(len(trials) - 0.4, -0.6)
-    there = [name for name in CONTROLLERS if name in {each.controller for each in found}]
-    handles = [Patch(color=COLOURS[name], alpha=0.6, label=name) for name in there]
+    handles = [Patch(color=colour, alpha=0.6, label=name) for name, colour in _colours(found).items()]
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=9)
     return figure
 
 
+def _colours(found: Sequence[Found]) -> dict[str, str]:
+    """Return the colour of each controller that was run."""
+    there = dict.fromkeys(each.controller for each in found)
+    others = (name for name in there if name not in COLOURS)
+    more = {name: GUESTS[k % len(GUESTS)] for k, name in enumerate(others)}
+    return {name: (COLOURS | more)[name] for name in (*COLOURS, *more) if name in there}
+
+
 def _draw_panel(axes: Axes, found: Sequence[Found], trials: list[str], name: str) -> None:
     label, linear = PANELS[name]
-    height = 0.8 / len(CONTROLLERS)
-    for k, controller in enumerate(CONTROLLERS):
-        aside = (k - 0.5 * (len(CONTROLLERS) - 1)) * height
+    colours = _colours(found)
+    height = 0.8 / len(colours)
+    for k, (controller, colour) in enumerate(colours.items()):
+        aside = (k - 0.5 * (len(colours) - 1)) * height
         for place, trial in enumerate(trials):
             of = (each.metrics[name] for each in found if (each.trial, each.controller) == (trial, controller))
             seen = METRICS[name].scale * np.abs([value for value in of if value is not None])
             if len(seen):
-                axes.barh(place + aside, seen.max(), height, color=COLOURS[controller], alpha=0.6)
+                axes.barh(place + aside, seen.max(), height, color=colour, alpha=0.6)
                 axes.plot(seen, np.full(len(seen), place + aside), ".", color="black", ms=2.5, clip_on=False)
     axes.set_xscale("symlog", linthresh=linear, linscale=0.4)
     axes.set_xlim(left=0.0)

@@ -314,18 +314,26 @@ def bench_control(
     out: Out = None,
     seeds: Annotated[int, typer.Option("--seeds", help="Runs of each scene and controller.")] = 5,
     quick: Annotated[bool, typer.Option("--quick", help="Two short scenes only.")] = False,
+    controllers: Annotated[
+        list[str] | None,
+        typer.Option("--controller", help="A controller of yours beside those that ship, module:Class; several."),
+    ] = None,
+    trials: Annotated[list[str] | None, typer.Option("--trial", help="Only this trial; several.")] = None,
     quiet: Quiet = False,
 ) -> None:
     """Measure the controllers.
 
-    All scenes with a controller, by model predictive control and by the baselines: how well speed, heading and path
-    are kept to, and how long the control steps take. Takes half an hour; started again on the same --out it goes on
+    All scenes with a controller, and harder variants, by model predictive control, by the baselines and by controllers
+    of yours: how well speed, heading and path are kept to, how long the control steps take, and a score, one line for
+    each controller (rules: scenes/bench/CONTROL.md). Takes an hour; started again on the same --out it goes on
     with what the same programs, scenes and map of the worm have not run yet. Ends with 5 if runs failed, or else with
     6 if a bar is not kept (with --quick there are no bars).
     """
     from scenes.bench import control_report
 
-    raise typer.Exit(control_report.run(out, seeds=seeds, quick=quick, quiet=quiet))
+    raise typer.Exit(
+        control_report.run(out, seeds=seeds, quick=quick, quiet=quiet, guests=controllers or (), trials=trials or ())
+    )
 
 
 @app.command()

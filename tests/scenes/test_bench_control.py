@@ -9,9 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from scenes.bench import control, control_bars, control_report
-from scenes.bench.control import FULL, QUICK, SCENES, Found, Plan, Row, Trial
+from scenes.bench import control, control_bars, control_report, control_score, control_trials
+from scenes.bench.control import Found, Plan, Row
+from scenes.bench.control_trials import FULL, QUICK, SCENES, Trial
 from scenes.commands import packages
+from scenes.language.errors import SceneError
 from scenes.language.loader import shipped_scenes
 from scenes.models.control.model import MODEL
 from scenes.models.loading import load_scene
@@ -26,7 +28,7 @@ def found(trial: str, controller: str, seed: int, **figures: float | None) -> Fo
 
 def test_every_scene_with_a_controller_is_in_it() -> None:
     shipped = [name for name in shipped_scenes() if load_scene(name).model is MODEL]
-    assert sorted(SCENES) == sorted(shipped)
+    assert sorted(trial.scene for trial in SCENES) == sorted(shipped)
 
 
 def test_the_cases_are_all_seeds_but_of_the_blind_controller() -> None:
@@ -118,18 +120,23 @@ def test_bars_are_kept_or_not() -> None:
         control.rows(
             [
                 found(
-                    "path_line", "mpc", 0, cross_track_rms_bl=0.004, speed_bias_relative=-0.03, control_step_ms_p99=25.0
+                    "path_line",
+                    "mpc",
+                    0,
+                    cross_track_rms_bl=0.0011,
+                    speed_bias_relative=-0.03,
+                    control_step_ms_p99=65.0,
                 ),
-                found("path_line", "pi_los", 0, cross_track_rms_bl=0.003),
+                found("path_line", "pi_los", 0, cross_track_rms_bl=0.0007),
             ]
         )
     )
-    assert verdict(rows, "path_line", "rms offset from the line").word == "kept"
-    assert verdict(rows, "path_line", "below that of line-of-sight").word == "NOT KEPT"
+    assert verdict(rows, "path_line", "rms offset from the path").word == "kept"
+    assert verdict(rows, "path_line", "below line-of-sight").word == "NOT KEPT"
     assert verdict(rows, "path_line", "bias of the speed").word == "NOT KEPT"
-    assert verdict(rows, "path_line", "control steps").bar.most == pytest.approx(20.0)
+    assert verdict(rows, "path_line", "control steps").bar.most == pytest.approx(60.0)
     assert verdict(rows, "path_line", "control steps").word == "NOT KEPT"
-    assert verdict(rows, "path_circle", "rms offset from the circle").word == "not run"
+    assert verdict(rows, "path_circle", "rms offset from the path").word == "not run"
 
 
 def test_what_never_settles_and_what_does_not_reach_its_end_keeps_no_bar() -> None:
@@ -138,7 +145,7 @@ def test_what_never_settles_and_what_does_not_reach_its_end_keeps_no_bar() -> No
     stopped = replace(found("path_line", "mpc", 0, cross_track_rms_bl=0.001), status="diverged")
     rows = list(control.rows([unsettled, stopped]))
     assert verdict(rows, "velocity_step", "settled").word == "NOT KEPT"
-    assert verdict(rows, "path_line", "rms offset from the line").word == "NOT KEPT"
+    assert verdict(rows, "path_line", "rms offset from the path").word == "NOT KEPT"
 
 
 def test_trials_without_a_bar_say_so_with_their_figures() -> None:
@@ -147,6 +154,83 @@ def test_trials_without_a_bar_say_so_with_their_figures() -> None:
     assert "heading_hold rms error of the heading 2.35 deg - no bar" in lines
     assert "heading_hold bias of the speed 1.00 % - no bar" in lines
     assert not any("heading_hold" in line and "offset" in line for line in lines)
+
+
+def test_a_score_is_the_geometric_mean_of_the_errors_over_line_of_sights() -> None:
+    errors = {"mpc": (0.002, 1.0), "pi_los": (0.004, 8.0), "mine:C": (0.0001, None), "open_loop": (0.04, 80.0)}
+    runs = [
+        each
+        for name, (offset, heading) in errors.items()
+        for each in (
+            found("path_circle", name, 0, cross_track_rms_bl=offset, control_step_ms_p99=7.0),
+            found("heading_hold", name, 0, heading_error_rms_deg=heading),
+        )
+    ]
+    found_scores = control_score.scores(list(control.rows(runs)))
+    assert [each.controller for each in found_scores] == ["mpc", "pi_los", "mine:C", "open_loop"]
+    best, line_of_sight, own, blind = found_scores
+    assert best.score == pytest.approx((0.5 * 0.125) ** 0.5)
+    assert line_of_sight.score == pytest.approx(1.0)
+    assert own.score == pytest.approx((0.25 * control_score.LOST) ** 0.5), (
+        "no less than can be told apart, and one lost"
+    )
+    assert (own.lost, own.trials, own.errors["heading_error_rms_deg"]) == (1, 2, None)
+    assert blind.score == pytest.approx(10.0)
+    assert next(control_score.cells(list(control.rows(runs)))) == (
+        *("mpc", "0.250", "0 of 2", "0.0020", "1.00", "-", "7.00"),
+    )
+    stopped = [replace(each, status="diverged") if each.controller == "mpc" else each for each in runs]
+    assert {each.controller: each.lost for each in control_score.scores(list(control.rows(stopped)))}["mpc"] == 2
+
+
+def test_outside_controllers_run_beside_those_that_ship(
+    worm3d, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They run again each time, since nobody knows what they depend on."""
+    (tmp_path / "outside.py").write_text(
+        "from control.baselines import OpenLoop\n\n\nclass Mine(OpenLoop):\n    pass\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    tiny = Trial("path_line", "path_line", ("run.duration_s=6",))
+    monkeypatch.setattr(control_report, "chosen", lambda names: (tiny,))
+    options = (
+        "bench",
+        "control",
+        "--trial",
+        "path_line",
+        "--seeds",
+        "1",
+        "--controller",
+        "outside:Mine",
+        "--out",
+        "it",
+    )
+    for new, kept in ((4, 0), (0, 3)):
+        ended = worm3d(*options)
+        assert f"Of 4 runs {kept} kept from before" in ended.out, ended.out
+        assert f"{new} new" in ended.out
+        lines = {line.split()[0]: line.split()[1] for line in ended.out.splitlines() if " of 1 " in line}
+        assert set(lines) == {"mpc", "pi_los", "open_loop", "outside:Mine"}
+        assert lines["outside:Mine"] == lines["open_loop"]
+    assert (tmp_path / "it" / "cases" / "path_line-outside.Mine-0.json").is_file()
+    wrong = worm3d("bench", "control", "--controller", "outside:Mien")
+    assert (wrong.code, wrong.complaints) == (
+        2,
+        ["--controller: the module 'outside' has no 'Mien'; did you mean 'Mine'?"],
+    )
+
+
+def test_trials_are_chosen_by_name() -> None:
+    assert [trial.name for trial in control_trials.chosen(["corner", "path_line", "corner"])] == ["corner", "path_line"]
+    assert control_trials.chosen([]) == FULL
+    with pytest.raises(SceneError, match="did you mean 'corner'"):
+        control_trials.chosen(["cornr"])
+
+
+def test_every_trial_is_a_scene() -> None:
+    assert len({trial.name for trial in FULL}) == len(FULL)
+    for trial in control_trials.HARD:
+        assert load_scene(trial.scene, trial.overrides).model is MODEL
 
 
 def test_the_report_has_every_row_and_every_run() -> None:
@@ -170,7 +254,7 @@ def test_the_report_has_every_row_and_every_run() -> None:
 
 def test_the_tables_fit_a_terminal_and_have_every_figure() -> None:
     figures = dict.fromkeys(control.METRICS, 123.456)
-    runs = [found(trial.name, name, 0, **figures) for trial in control.FULL for name in control.CONTROLLERS]
+    runs = [found(trial.name, name, 0, **figures) for trial in FULL for name in control.CONTROLLERS]
     lines = list(control_report.terminal_lines(list(control.rows(runs)), judged=False))
     assert max(map(len, lines)) <= 100
     assert [name for names in control_report.TABLES.values() for name in names] == list(figures)
@@ -185,9 +269,9 @@ def test_in_short_each_trial_has_its_own_figure() -> None:
         found("velocity_sine", "mpc", 0, speed_error_rms_relative=0.05, cross_track_rms_bl=0.001),
     ]
     text = control_report.markdown(list(control.rows(runs)), {"cpu": "", "system": "", "date": ""}, "control.png")
-    assert "| path_line | offset from the path, rms | 0.0040 BL | 0.0123 BL | - |" in text
-    assert "| heading_hold | heading error, rms | 2.00 deg | - | 20.00 deg |" in text
-    assert "| velocity_sine | speed error, rms | 5.00 % | - | - |" in text
+    assert "| path_line | rms offset from the path | 0.0040 BL | 0.0123 BL | - |" in text
+    assert "| heading_hold | rms error of the heading | 2.00 deg | - | 20.00 deg |" in text
+    assert "| velocity_sine | rms error of the speed | 5.00 % | - | - |" in text
 
 
 def test_the_figure_shows_every_controller() -> None:

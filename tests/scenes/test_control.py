@@ -22,7 +22,7 @@ from control.sensing.sensors import Measurement, Sensors
 from control.supervisor import Supervisor
 from control.tracking.paths import Circle, Line, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Sine, Steps
-from scenes.bench.control import SCENES
+from scenes.bench.control_trials import SCENES
 from scenes.commands import terminal
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
@@ -65,7 +65,7 @@ def circle() -> Record:
     return simulate(load_scene("path_circle", BRIEF))
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [trial.scene for trial in SCENES])
 def test_every_shipped_scene_has_a_controller_and_says_what_to_see(name: str) -> None:
     loaded = load_scene(name)
     assert loaded.model is MODEL
