@@ -61,7 +61,7 @@ METRICS = {
     "heading_error_rms_deg": Metric("heading rms", "rms error of the heading", "deg"),
     "cross_track_rms_bl": Metric("offset rms", "rms offset from the path", "BL", ".4f"),
     "cross_track_max_bl": Metric("offset max", "greatest offset from the path", "BL", ".4f"),
-    "cross_track_mean_bl": Metric("offset mean", "steady offset from the path", "BL", ".4f"),
+    "cross_track_mean_bl": Metric("steady", "steady offset from the path", "BL", ".4f"),
     "head_offset_rms_bl": Metric("head rms", "rms offset of the head from the path", "BL", ".4f"),
     "head_offset_max_bl": Metric("head max", "greatest offset of the head from the path", "BL", ".4f"),
     "joining_periods": Metric("joining", "periods until it stays within 0.02 BL of the path", "periods"),
