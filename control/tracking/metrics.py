@@ -7,9 +7,10 @@ w(t) in waves, the window that ends at t begins at b with w(b) = w(t) - 1, and
 
 for centre of mass x, heading h and offset e from the path. Speed is V along the path's tangent at the mean place, or
 without a path along the mean heading; the reference speed is averaged over the same window, and so is that heading.
-Windows that reach into the first three periods of the run are left out of bias, rms and greatest values. The speed has
-a second bias and rms, `..._settled_relative`, which leave out those that reach into the three periods after a step of
-the reference speed, too; the step itself is measured by the periods until the speed has come within 10 % for good.
+Windows that reach into the first three periods of the run are left out of bias, rms and greatest values, and so are
+those from three periods before the end of a path at which the worm is to stop. The speed has a second bias and rms,
+`..._settled_relative`, which leave out those that reach into the three periods after a step of the reference speed,
+too; the step itself is measured by the periods until the speed has come within 10 % for good.
 
 The head is the worm's foremost point; its offset is taken like that of the centre of mass, (L2), by a projection of its
 own: a straight body of length L that is tangent to a circle of radius R has its head sqrt(R^2 + L^2/4) - R outside.
@@ -47,7 +48,7 @@ WITHIN = 0.02
 RESPONSE_METRICS = ("speed_response_time_s", "heading_response_time_s")
 METRICS = (
     *(*SPEED_METRICS, "speed_bias_m_s", *SETTLED_METRICS, *HEADING_METRICS, *PATH_METRICS, *HEAD_METRICS),
-    *("joining_periods", "settling_periods", *RESPONSE_METRICS),
+    *("joining_periods", "end_error_bl", "settling_periods", *RESPONSE_METRICS),
 )
 """Names of the metrics that `summary` returns."""
 TOO_SHORT = f"the run is shorter than the {DROPPED:g} periods that are left out and one more"
@@ -98,6 +99,8 @@ class Tracking:
     """Mean offset to the left of the path [m], shape (K,); NaN without a path."""
     head_offset: FloatArray
     """Mean offset of the head to the left of the path [m], shape (K,); NaN without a path or a head."""
+    arriving: Bools
+    """Windows in which it stops at the end of its path, shape (K,)."""
     counted: Bools
     """Windows that the metrics take, shape (K,)."""
     settled: Bools
@@ -115,6 +118,7 @@ def tracking(motion: Motion, reference: Reference) -> Tracking:
     velocity = (motion.com[window.rows] - window.at_begin(motion.com)) / (window.time - window.began)[:, None]
     place, heading = window.mean(motion.com), window.mean(motion.heading)
     wanted_heading, along = _course(motion, reference, window, place, heading)
+    arriving = _arriving(motion, reference, window, place)
     return Tracking(
         time=window.time,
         waves=window.waves,
@@ -125,8 +129,9 @@ def tracking(motion: Motion, reference: Reference) -> Tracking:
         wanted_heading=wanted_heading,
         cross_track=_offset(motion.com, reference, window),
         head_offset=_offset(motion.head, reference, window),
-        counted=_beyond(window, motion, ()),
-        settled=_beyond(window, motion, _step_times(reference)),
+        arriving=arriving,
+        counted=_beyond(window, motion, ()) & ~arriving,
+        settled=_beyond(window, motion, _step_times(reference)) & ~arriving,
     )
 
 
@@ -176,6 +181,7 @@ def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dic
         apart = {"joining_periods": f"the worm does not come within {WITHIN:g} body lengths of its path for good"}
     if np.isfinite(head).all():
         metrics |= zip(HEAD_METRICS, (_rms(head), float(np.abs(head).max())), strict=True)
+    metrics["end_error_bl"], apart["end_error_bl"] = end_error(tracked, reference, length)
     metrics["settling_periods"], why = settling_periods(tracked, reference)
     late = _responses(tracked, reference, metrics)
     unsettled = {} if tracked.settled.any() else dict.fromkeys(SETTLED_METRICS, UNSETTLED)
@@ -236,6 +242,30 @@ def joining_periods(tracked: Tracking, length: float) -> float | None:
     if len(off) == 0:
         return float(tracked.waves[0])
     return None if off[-1] == len(tracked.waves) - 1 else float(tracked.waves[off[-1] + 1])
+
+
+def end_error(tracked: Tracking, reference: Reference, length: float) -> tuple[float | None, str]:
+    """Return how far the worm is at most from the end of its path in the last three periods [body lengths], or why not.
+
+    It has no value where the worm is not to stop there, or has not come there: its speed then is still asked for.
+    """
+    if not reference.ends or reference.path is None:
+        return None, "the reference has no end"
+    last = tracked.waves >= tracked.waves[-1] - DROPPED
+    if not (tracked.arriving & last)[last].all():
+        return None, "the worm has not come to the end of its path for three periods"
+    off = np.linalg.norm(tracked.place[last] - reference.path.point(reference.path.length), axis=1)
+    return float(off.max()) / length, ""
+
+
+def _arriving(motion: Motion, reference: Reference, window: _Window, place: FloatArray) -> Bools:
+    """Return which windows end within the way of three periods before the end of the path, or beyond it."""
+    path = reference.path
+    if path is None or not reference.ends:
+        return np.zeros(len(place), dtype=bool)
+    wanted = np.abs(window.mean(np.asarray(reference.speed(motion.time), dtype=float)))
+    near: Bools = track(path, place) >= path.length - DROPPED * wanted * (window.time - window.began)
+    return np.logical_or.accumulate(near)
 
 
 def _step_times(reference: Reference) -> Sequence[float]:

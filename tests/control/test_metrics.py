@@ -84,6 +84,23 @@ def test_a_worm_joins_its_path_when_it_stays_there() -> None:
     assert figures(motion(along_x(0.08)), Reference(Constant(0.08)))["joining_periods"] is None
 
 
+def test_a_worm_that_stops_beside_the_end_of_its_path() -> None:
+    """It stops 0.03 m short of the end, 0.04 m to the left: 0.05 m off. What it does there is not held against it."""
+    reference = Reference(Constant(0.08), path=Line(length=1.03), ends=True)
+    place = np.column_stack([np.minimum(0.08 * TIME, 1.0), np.where(TIME < 12.5, 0.0, 0.04)])
+    found = figures(motion(place), reference, 2.0)
+    assert found["end_error_bl"] == pytest.approx(0.025)
+    assert found["speed_error_rms_relative"] == pytest.approx(0.0, abs=1e-9)
+    assert found["cross_track_max_bl"] == pytest.approx(0.0, abs=1e-9)
+    made, endless = motion(along_x(0.02)), Reference(Constant(0.08), path=Line())
+    far, why = summary(tracking(made, reference), reference, 2.0)
+    assert (far["end_error_bl"], why["end_error_bl"]) == (
+        None,
+        "the worm has not come to the end of its path for three periods",
+    )
+    assert summary(tracking(made, endless), endless, 2.0)[1]["end_error_bl"] == "the reference has no end"
+
+
 def test_the_bias_of_a_speed_of_zero_has_a_value() -> None:
     found = figures(motion(along_x(0.002)), Reference(Constant(0.0), path=Line()))
     assert found["speed_bias_m_s"] == pytest.approx(0.002)

@@ -367,3 +367,15 @@ def test_another_worm_may_be_driven_by_the_default_worms_map() -> None:
 def test_the_default_worm_is_identified() -> None:
     assert kept.load(plant.Worm()) is not None
     assert kept.load(replace(plant.Worm(), mass=0.11)) is None
+
+
+def test_references_have_ends_corridors_obstacles_and_go_backwards() -> None:
+    asked = ("length_m=2.0", "ends=true", "corridor_m=0.1", "obstacles=[{x_m=1.0, y_m=0.1, radius_m=0.2}]")
+    found = reference_of(scene("path_line", *(f"reference.{each}" for each in asked), "reference.speed_m_s=-0.02"))
+    assert (found.ends, found.corridor, found.obstacles) == (True, 0.1, ((1.0, 0.1, 0.2),))
+    assert (found.path.length, float(found.speed(0.0))) == (2.0, -0.02)
+    usual = reference_of(scene("path_line"))
+    assert (usual.ends, usual.corridor, usual.obstacles) == (False, math.inf, ())
+    for wrong, said in (("path_line", "a path without end"), ("path_circle", "only for reference.kind = 'line'")):
+        with pytest.raises(SceneError, match=said):
+            scene(wrong, "reference.ends=true")

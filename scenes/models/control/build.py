@@ -18,7 +18,7 @@ from control.planning.constraints import CONSTRAINTS, Constraint
 from control.planning.terms import TERMS, CostTerm
 from control.sensing.sensors import QUANTITIES, Sensors
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
-from control.tracking.references import Constant, Profile, Reference, Sine, Steps
+from control.tracking.references import Constant, Disc, Profile, Reference, Sine, Steps
 from scenes.language.errors import SceneError
 from scenes.language.parts import part_of
 from scenes.models.control.schema import Constraints, Controller, ControlScene, Cost
@@ -106,7 +106,14 @@ def reference_of(scene: ControlScene) -> Reference:
     if asked.kind == "heading":
         steps = [(step.at_s, math.radians(step.heading_deg)) for step in asked.heading_steps]
         heading = _profile(math.radians(asked.heading_deg), steps)
-    return Reference(speed_of(asked), heading, path_of(scene))
+    return Reference(
+        speed_of(asked),
+        heading,
+        path_of(scene),
+        ends=asked.ends,
+        corridor=math.inf if asked.corridor_m is None else asked.corridor_m,
+        obstacles=tuple(Disc(each.x_m, each.y_m, each.radius_m) for each in asked.obstacles),
+    )
 
 
 def speed_of(asked: Asked) -> Profile:
@@ -134,7 +141,8 @@ def path_of(scene: ControlScene) -> Path | None:
 
 
 def _line(scene: ControlScene) -> Path:
-    return Line(*_begin(scene))
+    length = scene.reference.length_m
+    return Line(*_begin(scene), math.inf if length is None else length)
 
 
 def _circle(scene: ControlScene) -> Path:

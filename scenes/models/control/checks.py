@@ -10,7 +10,7 @@ from typing import Any
 from control import controllers
 from control.sensing.sensors import QUANTITIES
 from scenes.language.checks import Check, Found, kind_checks
-from scenes.models.control.build import NOT_IDENTIFIED, identified_of, parts_of, path_of
+from scenes.models.control.build import NOT_IDENTIFIED, identified_of, parts_of, reference_of
 from scenes.models.control.schema import Controller, ControlScene, Reference, Sensor
 from scenes.models.worm.build import PARTS, worm_of
 from scenes.models.worm.checks import SPATIAL_CHECKS, start_check
@@ -25,7 +25,7 @@ def _is_identified(*sections: Mapping[str, Any]) -> Found:
 
 def _there_is_such_a_path(*sections: Mapping[str, Any]) -> Found:
     try:
-        path_of(_scene(("reference", "world", "worm", "start", "run"), sections))
+        reference_of(_scene(("reference", "world", "worm", "start", "run"), sections))
     except ValueError as error:
         return str(error)
     return None
@@ -84,9 +84,9 @@ def _there_are_such_parts(*sections: Mapping[str, Any]) -> Found:
 
 
 def _never_backwards(speed_sine_m_s: float, speed_m_s: float) -> Found:
-    if speed_sine_m_s <= speed_m_s:
+    if speed_sine_m_s == 0.0 or speed_sine_m_s <= speed_m_s:
         return None
-    text = "the sine's amplitude is at most reference.speed_m_s: a speed of less than 0 cannot be asked for"
+    text = "the sine's amplitude is at most reference.speed_m_s: a sine goes forward"
     return {
         "reference.speed_sine_m_s": f"got {speed_sine_m_s} m/s: {text}",
         "reference.speed_m_s": f"got {speed_m_s} m/s, with a sine of {speed_sine_m_s} m/s: {text}",

@@ -71,7 +71,7 @@ class SpeedStep(Section):
     """Step of the speed that is asked for."""
 
     at_s: float = quantity(unit="s", gt=0, title="when")
-    speed_m_s: float = quantity(unit="m/s", ge=0, title="speed from then on")
+    speed_m_s: float = quantity(unit="m/s", title="speed from then on, below 0 backwards")
 
 
 class HeadingStep(Section):
@@ -81,6 +81,14 @@ class HeadingStep(Section):
     heading_deg: float = quantity(unit="deg", title="heading from then on")
 
 
+class Obstacle(Section):
+    """A disc on the ground that the centre of mass goes around."""
+
+    x_m: float = quantity(unit="m", title="x of its middle")
+    y_m: float = quantity(unit="m", title="y of its middle")
+    radius_m: float = quantity(unit="m", gt=0, title="its radius, with room for the body")
+
+
 class Point(Section):
     """A point of a path."""
 
@@ -88,7 +96,10 @@ class Point(Section):
     y_m: float = quantity(unit="m", title="y")
 
 
-KINDS = (LINE, CIRCLE, S_CURVE, SPLINE, WAY_POINTS, "pipe", HEADING, "none")
+ENDING = (LINE, S_CURVE, SPLINE, WAY_POINTS, "pipe", OWN)
+"""Kinds of paths that may have an end."""
+PATHS = (*ENDING, CIRCLE)
+KINDS = (*(kind for kind in PATHS if kind != OWN), HEADING, "none")
 KIND = part(
     KINDS,
     title="what to keep to: a path, such as the centre line of the pipe, a heading, or nothing",
@@ -99,7 +110,7 @@ KIND = part(
 class Reference(PartSection, keys={"kind": KIND}):
     """Task of the worm: how fast to go, and where to."""
 
-    speed_m_s: float = quantity(0.08, unit="m/s", ge=0, title="speed forward, at first")
+    speed_m_s: float = quantity(0.08, unit="m/s", title="speed forward, at first; below 0 backwards")
     speed_steps: Tables[SpeedStep] = tables(title="steps of the speed, each a table of at_s and speed_m_s")
     speed_sine_m_s: float = quantity(0.0, unit="m/s", ge=0, title="amplitude of a sine that is added to the speed")
     speed_sine_period_s: float = quantity(20.0, unit="s", gt=0, title="its period")
@@ -119,6 +130,12 @@ class Reference(PartSection, keys={"kind": KIND}):
         left_out="where the worm looks as it starts",
         title="direction of the path where it begins",
     )
+    length_m: float | None = quantity(unit="m", gt=0, only=LINE, left_out="without end", title="length of the line")
+    ends: bool = setting(False, only=ENDING, title="whether the worm stops at the end of the path and stays there")
+    corridor_m: float | None = quantity(
+        unit="m", gt=0, only=PATHS, left_out="any", title="how far the middle may go to either side of the path"
+    )
+    obstacles: Tables[Obstacle] = tables(only=PATHS, title="discs to go around, each a table of x_m, y_m and radius_m")
     radius_m: float = quantity(1.5, unit="m", gt=0, only=(CIRCLE, WAY_POINTS), title="radius, or that of the corners")
     towards: Literal["left", "right"] = setting("left", only=(CIRCLE, S_CURVE), title="to which side it turns first")
     amplitude_m: float = quantity(0.4, unit="m", gt=0, only=S_CURVE, title="amplitude of its sine")
