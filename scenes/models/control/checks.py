@@ -86,7 +86,7 @@ def _there_are_such_parts(*sections: Mapping[str, Any]) -> Found:
 def _never_backwards(speed_sine_m_s: float, speed_m_s: float) -> Found:
     if speed_sine_m_s == 0.0 or speed_sine_m_s <= speed_m_s:
         return None
-    text = "the sine's amplitude is at most reference.speed_m_s: a sine goes forward"
+    text = "the sine's amplitude is at most reference.speed_m_s: with it a speed of less than 0 cannot be asked for"
     return {
         "reference.speed_sine_m_s": f"got {speed_sine_m_s} m/s: {text}",
         "reference.speed_m_s": f"got {speed_m_s} m/s, with a sine of {speed_sine_m_s} m/s: {text}",
