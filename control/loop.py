@@ -90,8 +90,8 @@ class Estimates(Protocol):
     def take(self, t: float, measurement: Measurement, parameters: GaitParameters, phase: float) -> None:
         """Take a measurement at time t [s]; the parameters were asked for since the call before."""
 
-    def estimate(self, t: float) -> Estimate:
-        """Return the estimate of time t [s], that of the last measurement; it is seldom asked for."""
+    def estimate(self, t: float) -> Estimate | None:
+        """Return the estimate of time t [s], that of the last measurement, if there is one; it is seldom asked for."""
 
 
 class WaveController(ABC):

@@ -1,63 +1,95 @@
-"""A worm as an environment of Gymnasium: an agent decides the parameters of its wave, a scene says where it is to go.
+"""A worm, or many at once, as an environment of Gymnasium: an agent decides the parameters of its wave.
 
     env = WormEnv("path_circle", control_period=0.2)
+    envs = WormVectorEnv(8, "path_s_curve", vary={"reference.amplitude_m": "0.05:0.6", "sensor.com_noise_m": "0:0.01"})
 
-It needs the optional part `gym` (pip install 'worm3d[gym]').
+They need the optional part `gym` (pip install 'worm3d[gym]').
 
-An action is amplitude, frequency and steering, each scaled to [-1, 1] over the range in which the worm was identified,
-for a control period. What the agent observes is measured by the scene's sensors, with their noise; L is the body
-length:
+A scene says where the worm is to go. An action, numbers in [-1, 1] for a control period, means what `acts` names among
+`control.learned.acts`: speed and turn rate beside those asked for ("course"), or amplitude, frequency and steering
+("wave"). The agent observes what `control.learned.senses` says, measured by the scene's sensors with their noise; the
+reward, of the true motion, is (LE1) of `scenes.learn.episode`.
 
-    place      2N strains of the chambers (the latest)
-    2N, +1     sine and cosine of the commanded phase
-    2N+2, 3    offset to the left of the path / L (0 without a path), speed asked for, in L/s
-    2N+4, 5    sine and cosine of the azimuth that is asked for
-    2N+6, 7    how far the measured centre of mass came in the last period, x and y, over what was asked for
-    2N+8       curvature of the path x L
-    2N+9 ...   the action before
-
-The reward of a period is 1 - (speed/asked for - 1)^2 - (offset/0.1 L)^2 of the true centre of mass, no less than -1;
-the speed is that over the last commanded wave, which rocks the worm, along the path or heading that is asked for.
 An episode ends with the scene's duration (truncated), or when the run diverges (terminated). Samples that cannot be are
-not used (`control.sensing.gate`); `info["measurements_refused"]` counts them.
+not used (`control.sensing.gate`); `info["measurements_refused"]` counts them. Of many worms, each begins its next
+episode at once (`AutoresetMode.SAME_STEP`), in a scene in which the varied keys are drawn anew.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-import worm3d
-from control.estimation.estimator import span_of
-from control.estimation.reduced import INPUTS
-from control.gaits.steering import GaitParameters, WaveGenerator
-from control.sensing.gate import Gate
-from control.sensing.sensors import Measurement
-from control.tracking.paths import offset
+from control.learned.acts import ACTS
+from control.learned.senses import MOST, Senses
 from scenes.language.errors import MissingPartError, SceneError
-from scenes.models.control.build import identified_of, reference_of, sensors_of
+from scenes.language.toml import shown
+from scenes.learn.episode import Episode, Terms
+from scenes.models.control.build import reference_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.loading import load_scene
-from scenes.models.worm.build import problem_of, worm_of
-from worm3d.run import Run
-from worm3d.status import Status
-from worm3d.values.arrays import FloatArray
+from scenes.models.worm.build import worm_of
+from scenes.sweep.vary import design_of, is_drawn
+from worm3d.values import arguments
 
 try:
     import gymnasium
+    from gymnasium.vector import AutoresetMode, VectorEnv
+    from gymnasium.vector.utils import batch_space
 except ImportError as error:
     raise MissingPartError("scenes.gym_env needs Gymnasium: pip install 'worm3d[gym]'") from error
 
 Seen = NDArray[np.float32]
+Info = dict[str, Any]
 
-LARGEST = 10.0
-"""Observations are clipped to this."""
+MOST_SEED = 2**31
+"""Seeds of episodes are below this."""
 
-WIDE = 0.1
-"""Offset that costs as much as standing still [body lengths]."""
+
+class _Worm:
+    """What single and many environments share: a scene, whose variants are drawn, and its spaces.
+
+    Raises
+    ------
+    SceneError
+        The scene is wrong, or has no reference, or its worm has not been identified, or a key cannot be varied.
+    ValueError
+        A control period of less than a time step, or no such meaning of actions or channel.
+    """
+
+    def __init__(
+        self,
+        scene: str,
+        overrides: Sequence[str],
+        vary: Mapping[str, Any] | None,
+        how: Terms,
+    ) -> None:
+        self._scene, self._overrides, self._vary, self._how = scene, tuple(overrides), dict(vary or {}), how
+        plain = self._settings(())
+        self.episode(np.random.default_rng(0))
+        actions = ACTS[how.acts].size
+        size = Senses(worm_of(plain), reference_of(plain), actions, how.channels).size
+        self.actions = gymnasium.spaces.Box(-1.0, 1.0, (actions,), np.float32)
+        self.observations = gymnasium.spaces.Box(-MOST, MOST, (size,), np.float32)
+
+    def episode(self, random: np.random.Generator) -> Episode:
+        """Return an episode, its noise and the values of the varied keys drawn."""
+        seed, keys = int(random.integers(MOST_SEED)), []
+        if self._vary:
+            drawn = 1 if any(map(is_drawn, self._vary.values())) else None
+            cases = list(design_of(self._scene, ControlScene, self._vary, random=drawn, seed=seed).cases())
+            keys = [f"{key}={shown(value)}" for key, value in cases[int(random.integers(len(cases)))].items()]
+        return Episode(self._settings(keys), self._how, seed)
+
+    def _settings(self, more: Sequence[str]) -> ControlScene:
+        settings = load_scene(self._scene, (*self._overrides, *more)).settings
+        if not isinstance(settings, ControlScene):
+            raise SceneError(f"{self._scene}: a scene of the model '{settings.model}', must be of 'worm_control'")
+        return settings
 
 
 class WormEnv(gymnasium.Env[Seen, Seen]):
@@ -67,149 +99,119 @@ class WormEnv(gymnasium.Env[Seen, Seen]):
     ----------
     scene : str
         A name from `worm3d list` or a file; its controller is not used.
-    overrides : tuple of str
+    overrides : sequence of str
         As after -o.
     control_period : float
         Between two actions [s].
+    acts : str
+        What an action means, "course" or "wave".
+    channels : sequence of str
+        Further channels of the sensors that are observed, such as "strain".
+    vary : mapping, optional
+        Keys of the scene that are drawn for each episode, by name: "lo:hi" or "lo:hi:log", or the values to draw from.
 
     Raises
     ------
     SceneError
-        The scene is wrong, or has no reference, or its worm has not been identified.
+        The scene is wrong, or has no reference, or its worm has not been identified, or a key cannot be varied.
     ValueError
-        A control period of less than a time step.
+        A control period of less than a time step, or no such meaning of actions or channel.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata: ClassVar[Info] = {"render_modes": []}
 
-    def __init__(self, scene: str = "path_line", overrides: tuple[str, ...] = (), control_period: float = 0.2) -> None:
-        settings = load_scene(scene, overrides).settings
-        if not isinstance(settings, ControlScene):
-            raise SceneError(f"{scene}: a scene of the model '{settings.model}', must be of 'worm_control'")
-        found = identified_of(settings)
-        assert found is not None  # the scene was checked
-        if not control_period >= settings.run.dt_s:
-            raise ValueError(
-                f"control_period: got {control_period!r} s, must be at least {settings.run.dt_s} s, a step"
-            )
-        self._scene, self._mechanism = settings, settings.controller.mechanism
-        self._ranges, self._schedule = found.maps[self._mechanism].ranges, found.schedule
-        self._reference, self._worm = reference_of(settings), worm_of(settings)
-        self._every = round(control_period / settings.run.dt_s)
-        self.control_period = self._every * settings.run.dt_s
-        size = 2 * self._worm.segments + 9 + INPUTS
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (INPUTS,), np.float32)
-        self.observation_space = gymnasium.spaces.Box(-LARGEST, LARGEST, (size,), np.float32)
+    def __init__(
+        self,
+        scene: str = "path_line",
+        overrides: Sequence[str] = (),
+        control_period: float = 0.2,
+        acts: str = "course",
+        channels: Sequence[str] = (),
+        vary: Mapping[str, Any] | None = None,
+    ) -> None:
+        self._worm = _Worm(scene, overrides, vary, Terms(control_period, acts, tuple(channels)))
+        self.action_space, self.observation_space = self._worm.actions, self._worm.observations
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Seen, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Seen, Info]:
         """Begin an episode; without a seed the next noise is drawn."""
         super().reset(seed=seed)
-        errors = int(self.np_random.integers(2**31))
-        self._sensors = sensors_of(self._scene.model_copy(update={"seed": errors}))
-        self._gate = Gate(self._worm, span_of(self._sensors.channels))
-        self._wave = _Wave(WaveGenerator(self._schedule, self._worm), self._scene.run.dt_s)
-        self._run = self._begun()
-        self._action, self._strain = np.zeros(INPUTS, dtype=np.float32), np.zeros((self._worm.segments, 2))
-        self._near: float | None = None
-        true = self._run.observation()
-        self._measured, self._way = true.com[:2], [(true.time, 0.0, *true.com[:2])]
-        self._listen(self._wave.measurement or self._sensors(true))
-        self._measured_before = self._measured
+        self._episode = self._worm.episode(self.np_random)
+        return self._episode.observed().astype(np.float32), {}
+
+    def step(self, action: Seen) -> tuple[Seen, float, bool, bool, Info]:
+        """Crawl for a control period."""
+        reward, terminated, truncated, facts = self._episode.crawl(action)
+        return self._episode.observed().astype(np.float32), reward, terminated, truncated, facts
+
+
+class WormVectorEnv(VectorEnv[Seen, Seen, Any]):
+    """Many worms at once, each in an episode of its own.
+
+    Parameters
+    ----------
+    count : int
+        Number of worms.
+    scene, overrides, control_period, acts, channels, vary
+        As of `WormEnv`.
+    threads : int
+        Worms that crawl at once; the compiled steps need no lock of Python's.
+
+    Raises
+    ------
+    SceneError, ValueError
+        As of `WormEnv`; ValueError also for a number of worms or threads below 1.
+    """
+
+    metadata: ClassVar[Info] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
+
+    def __init__(
+        self,
+        count: int,
+        scene: str = "path_line",
+        overrides: Sequence[str] = (),
+        control_period: float = 0.2,
+        acts: str = "course",
+        channels: Sequence[str] = (),
+        vary: Mapping[str, Any] | None = None,
+        threads: int = 1,
+    ) -> None:
+        arguments.whole("count", count, ge=1)
+        arguments.whole("threads", threads, ge=1)
+        self._worm, self.num_envs = _Worm(scene, overrides, vary, Terms(control_period, acts, tuple(channels))), count
+        self.render_mode = None
+        self.single_action_space, self.single_observation_space = self._worm.actions, self._worm.observations
+        self.action_space = batch_space(self._worm.actions, count)
+        self.observation_space = batch_space(self._worm.observations, count)
+        self._pool = ThreadPoolExecutor(threads)
+
+    def reset(self, *, seed: int | list[int | None] | None = None, options: Info | None = None) -> tuple[Seen, Info]:
+        """Begin an episode of each; worm k draws with the seed `seed + k`, or with the k-th of a list."""
+        if isinstance(seed, int):
+            seed = [seed + k for k in range(self.num_envs)]
+        seeds = [None] * self.num_envs if seed is None else seed
+        self._random = [np.random.default_rng(each) for each in seeds]
+        self._episodes = list(self._pool.map(self._worm.episode, self._random))
         return self._observed(), {}
 
-    def step(self, action: Seen) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
-        """Crawl for a control period."""
-        self._action = np.clip(np.asarray(action, dtype=np.float32), -1.0, 1.0)
-        self._wave.target, self._measured_before = self._parameters(), self._measured
-        status = self._crawled()
-        true = self._run.observation()
-        self._way.append((true.time, self._wave.generator.waves, *true.com[:2]))
-        reward, info = self._reward()
-        info |= {"status": status.value, "measurements_refused": self._gate.refused.total()}
-        return self._observed(), reward, status is not Status.DONE, self._run.done >= self._run.steps, info
+    def step(self, actions: Seen) -> tuple[Seen, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], Info]:
+        """Crawl for a control period; where an episode has ended `info` has "final_obs" and "final_info"."""
+        found = list(self._pool.map(self._stepped, range(self.num_envs), actions))
+        rewards, terminated, truncated, facts = zip(*found, strict=True)
+        info: Info = {}
+        for k, each in enumerate(facts):
+            info = self._add_info(info, each, k)
+        return self._observed(), np.array(rewards), np.array(terminated), np.array(truncated), info
 
-    def _begun(self) -> Run:
-        """Return the run before its first step."""
-        problem = problem_of(self._scene, drive=(self._wave, self._sensors))
-        steps = max(1, problem.steps // self._every) * self._every
-        return Run(replace(problem, duration=steps * problem.dt, record_every=self._every))
-
-    def _crawled(self) -> Status:
-        """Take the steps of a control period; return how the run stands."""
-        for _ in range(self._every):
-            status = self._run.take()
-            if status is not Status.DONE:
-                return status
-            assert self._wave.measurement is not None
-            self._listen(self._wave.measurement)
-        return Status.DONE
-
-    def _listen(self, measurement: Measurement) -> None:
-        seen = self._gate(measurement.time, measurement)
-        if seen.strain is not None:
-            self._strain = np.where(np.isfinite(seen.strain), seen.strain, self._strain)
-        if seen.com is not None:
-            self._measured = seen.com[:2]
-
-    def _parameters(self) -> GaitParameters:
-        """Return the wave that the action means."""
-        amplitude, frequency, steering = (0.5 * (1.0 + float(a)) for a in self._action)
-        low, high = self._ranges.amplitude, self._ranges.frequency
-        wave = GaitParameters(low[0] + amplitude * (low[1] - low[0]), high[0] + frequency * (high[1] - high[0]))
-        return wave.steered(self._mechanism, (2.0 * steering - 1.0) * self._ranges.steering)
-
-    def _asked(self, place: FloatArray) -> tuple[float, float, float, float]:
-        """Return speed [m/s], azimuth [rad], offset [m] and curvature [1/m] at a place."""
-        t, reference = self._run.time(self._run.done), self._reference
-        speed = float(reference.speed(t))
-        if reference.path is None:
-            return speed, 0.0 if reference.heading is None else float(reference.heading(t)), 0.0, 0.0
-        self._near = s = float(reference.path.project(place, self._near))
-        path = reference.path
-        return speed, float(path.heading(s)), float(offset(path, place, s)), float(path.curvature(s))
+    def _stepped(self, k: int, action: Seen) -> tuple[float, bool, bool, Info]:
+        reward, terminated, truncated, facts = self._episodes[k].crawl(action)
+        if terminated or truncated:
+            facts = {"final_obs": self._episodes[k].observed().astype(np.float32), "final_info": facts}
+            self._episodes[k] = self._worm.episode(self._random[k])
+        return reward, terminated, truncated, facts
 
     def _observed(self) -> Seen:
-        length = self._worm.length
-        speed, azimuth, aside, curvature = self._asked(self._measured)
-        phase, way = self._wave.generator.phase, max(speed * self.control_period, 1e-3 * length)
-        parts = (
-            self._strain.ravel(),
-            [np.sin(phase), np.cos(phase), aside / length, speed / length, np.sin(azimuth), np.cos(azimuth)],
-            (self._measured - self._measured_before) / way,
-            [curvature * length],
-            self._action,
-        )
-        return np.clip(np.concatenate(parts), -LARGEST, LARGEST).astype(np.float32)
+        return np.array([episode.observed() for episode in self._episodes], dtype=np.float32)
 
-    def _reward(self) -> tuple[float, dict[str, Any]]:
-        """Return the reward for the last period, of the true centre of mass, and what it is made of."""
-        way = np.array(self._way)
-        speed, azimuth, aside, _ = self._asked(way[-1, 2:])
-        before = np.array([np.interp(way[-1, 1] - 1.0, way[:, 1], column) for column in way.T])
-        along = (way[-1, 2:] - before[2:]) @ np.array([np.cos(azimuth), np.sin(azimuth)])
-        made = float(along) / float(way[-1, 0] - before[0])
-        miss = made / max(speed, 1e-3 * self._worm.length) - 1.0
-        reward = 1.0 - miss**2 - (aside / (WIDE * self._worm.length)) ** 2
-        return max(-1.0, reward), {"speed_m_s": made, "offset_m": aside}
-
-
-class _Wave:
-    """The controller that the agent decides for: it keeps the latest measurement, and drives the wave asked for."""
-
-    def __init__(self, generator: WaveGenerator, dt: float) -> None:
-        self.generator, self._dt = generator, dt
-        self.target = GaitParameters(0.0, 1.0)
-        self.measurement: Measurement | None = None
-        self._begun = False
-
-    def reset(self) -> None:
-        """Begin anew."""
-        self.generator.reset()
-        self.measurement, self._begun = None, False
-
-    def step(self, t: float, measurement: Measurement) -> worm3d.Command:
-        """Return the command from time t [s] on."""
-        self.measurement = measurement
-        command = self.generator.step(self._dt if self._begun else 0.0, self.target)
-        self._begun = True
-        return command
+    def close_extras(self, **_: Any) -> None:
+        """End the threads."""
+        self._pool.shutdown()

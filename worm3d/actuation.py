@@ -161,11 +161,14 @@ class Driver:
         if not self.tabular:
             return None
         given: Commands = self._at.commands(times)  # type: ignore[attr-defined]
-        k = len(times)
+        return self.rows(given, len(times))  # if they are wrong it is told one by one which is
+
+    def rows(self, given: Commands, k: int) -> FloatArray | None:
+        """Return K commands as rows, shape (K, 5 N); None if any of them cannot be applied."""
         parts = (given.contraction.reshape(k, -1), given.force.reshape(k, -1), np.zeros((k, 1)), given.hinge)
         rows = np.hstack(parts)
         fits = rows.shape == (k, 5 * self.n) and np.isfinite(rows).all() and (given.contraction < 1.0).all()
-        return rows if fits else None  # one by one it is told which is wrong
+        return rows if fits else None
 
     def at(self, t: float) -> FloatArray:
         """Return the command at time t as a row, shape (5 N,)."""

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from worm3d.actuation import Driver
+from worm3d.actuation import Commands, Driver
 from worm3d.energy import Energy
 from worm3d.physics.hysteresis import chamber_states
 from worm3d.plant import HISTORIES
@@ -56,6 +56,7 @@ class Run:
         plant, start, self.begun, self.settling, reason = placing(problem)
         plant.arrays["numbers"][0, TOLERANCE] = problem.tolerance
         self.driver = Driver(problem.actuation, problem.worm, problem.sensor)
+        self.holds = self.driver.controller is not None  # commands are held where a step is taken in parts
         self.plant, self.external_force, self.period = plant, problem.external_force, problem.period
         self.dt, self.bdf2 = problem.dt, problem.integrator == "bdf2"
         self.every, self.steps = problem.record_every, problem.steps
@@ -114,6 +115,26 @@ class Run:
     def take(self) -> Status:
         """Take the next step of a controlled run (some steps of another), and return how the run stands."""
         return self.begun if self.begun is not Status.DONE else self._chunk(CHUNK)
+
+    def follow(self, commands: Commands) -> Status:
+        """Take a step for each of K commands from outside, in the place of its own; return how the run stands.
+
+        Raises
+        ------
+        ValueError
+            The run has fewer steps left, or the commands cannot be applied to this worm.
+        """
+        count = len(commands.contraction)
+        if count > self.steps - self.done:
+            raise ValueError(f"commands: got {count}, must be at most the {self.steps - self.done} steps left")
+        rows = self.driver.rows(commands, count)
+        if rows is None:
+            raise ValueError(f"commands: must be finite, with contractions below 1, for {self.n} segments")
+        if self.begun is not Status.DONE:
+            return self.begun
+        self.holds = True
+        forces = [] if self.external_force is None else [self._forces(t) for t in self.times(self.done + 1, 1, count)]
+        return self._advance(rows, forces)
 
     def _until_seen(self, observers: tuple[Observer, ...]) -> int:
         """Return the number of steps to the next observer's turn, or that may be taken at once if that is less."""
@@ -220,7 +241,7 @@ class Run:
     def _part(self, held: FloatArray, begin: float, share: float, halvings: int) -> Status:
         """Take a part of a step; `begin` and `share` count in steps, `held` is the command of a controller."""
         t = self.time(begin + share)
-        command = held if self.driver.controller is not None else self.driver.at(t)
+        command = held if self.holds else self.driver.at(t)
         force = self._forces(t)[None] if self.external_force is not None else np.zeros((0, 3, self.n + 1))
         _, end = advance(
             self.core, self.records.block, self.counters, command[None], force, 0, 0, share * self.dt, False, False

@@ -39,7 +39,7 @@ clipped to the stroke, side = +1 left, -1 right; joint j belongs to its headward
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from typing import Literal, get_args
@@ -206,13 +206,21 @@ class WaveGenerator:
 
     def step(self, dt: float, target: GaitParameters) -> Command:
         """Return the command after another `dt` [s] of approaching `target`."""
-        now = self.parameters or GaitParameters(0.0, target.frequency)
-        left = np.exp(-dt * now.frequency / self.blend)
-        moved = GaitParameters(*(target.row() + (now.row() - target.row()) * left))
-        self.phase += np.pi * (now.frequency + moved.frequency) * dt
-        self.parameters = moved
-        given = self.schedule.commands_at(np.array([self.phase]), moved.row()[None], self._body)
+        given = self.steps((dt,), target)
         return Command(given.contraction[0], given.hinge[0])
+
+    def steps(self, elapsed: Sequence[float], target: GaitParameters) -> Commands:
+        """Return the commands after each of K further times of approaching `target` [s]."""
+        goal, now = target.row(), (self.parameters or GaitParameters(0.0, target.frequency)).row()
+        phases, rows = [], []
+        for dt in elapsed:
+            moved = goal + (now - goal) * np.exp(-dt * now[1] / self.blend)
+            self.phase += float(np.pi * (now[1] + moved[1]) * dt)
+            now = moved
+            phases.append(self.phase)
+            rows.append(now)
+        self.parameters = GaitParameters(*now.tolist())
+        return self.schedule.commands_at(np.array(phases), np.array(rows), self._body)
 
     @property
     def waves(self) -> float:

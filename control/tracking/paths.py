@@ -254,9 +254,12 @@ class WayPoints(PlanView):
         super().__init__(_rounded(self.points, self.radius))
 
 
-def offset(path: Path, xy: ArrayLike, s: ArrayLike) -> FloatArray:
-    """Return how far places (..., 2) lie to the left of a path at their projections s (...), (L2) [m]."""
-    azimuth = path.heading(s)
+def offset(path: Path, xy: ArrayLike, s: ArrayLike, azimuth: ArrayLike | None = None) -> FloatArray:
+    """Return how far places (..., 2) lie to the left of a path at their projections s (...), (L2) [m].
+
+    The azimuths of the path there [rad] are taken as given where they are known.
+    """
+    azimuth = path.heading(s) if azimuth is None else azimuth
     off = np.asarray(xy, dtype=float) - path.point(s)
     return np.asarray(off[..., 1] * np.cos(azimuth) - off[..., 0] * np.sin(azimuth))
 

@@ -193,3 +193,27 @@ def technologies(
     from scenes.technologies import command
 
     raise typer.Exit(command.run(scene, o or (), only or (), out, force=force, quiet=quiet))
+
+
+@studies.command()
+def learn(
+    scene: SceneArgument,
+    to: Annotated[Path, typer.Option("--to", metavar="FILE", parser=path_of, help="Policy to write, ending in .npz.")],
+    minutes: Annotated[float, typer.Option("--minutes", help="Time to train.")] = 10.0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of what is drawn.")] = 0,
+    vary: Vary = None,
+    o: Overrides = None,
+    worms: Annotated[int, typer.Option("--worms", min=1, help="Worms at once.")] = 16,
+    threads: Annotated[int, typer.Option("--threads", min=1, help="Worms that crawl at the same time.")] = 1,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Train a controller by reinforcement (PPO), on many worms at once.
+
+    For each episode, of the scene's duration, the keys given by --vary are drawn anew. Prints the mean reward as it
+    goes. Needs the optional part 'learn'; the policy that is written needs numpy only (control/README.md says how to
+    use it). Ctrl-C ends the training early, and keeps what was learned.
+    """
+    from scenes.learn.command import Options, run
+
+    raise typer.Exit(run(scene, to, vary or (), o or (), Options(minutes, seed, worms, threads, force, quiet)))

@@ -166,6 +166,11 @@ def _described(schema: type[Section], key: str, dim: str, values: Sequence[Any])
     return Varied(key, dim, tuple(values), unit, title)
 
 
+def is_drawn(given: Any) -> bool:
+    """Return whether values of a key are given as limits to draw between, `lo:hi` or `lo:hi:log`."""
+    return _limits(given) is not None
+
+
 def _limits(given: Any) -> tuple[str, str, bool] | None:
     """Return the limits between which a key is drawn, and whether by its logarithm; None if it is not."""
     match = _RANGE.fullmatch(given) if isinstance(given, str) else None

@@ -1,4 +1,4 @@
-"""The environment for agents passes Gymnasium's own checker, and rewards what it says."""
+"""The environments for agents pass Gymnasium's own checker, and reward what they say."""
 
 import numpy as np
 import pytest
@@ -9,12 +9,14 @@ pytest.importorskip("gymnasium", reason="Gymnasium is not installed (extra 'gym'
 from gymnasium.utils.env_checker import check_env
 
 from control.sensing.sensors import Measurement, Sensors
-from scenes.gym_env import WormEnv
+from scenes.gym_env import WormEnv, WormVectorEnv
 from scenes.language.errors import SceneError
 from worm3d import Observation
 
-STRAIGHT = np.array([0.29, -0.2, 0.0], dtype=np.float32)
-"""About 0.08 m/s."""
+STRAIGHT = np.zeros(2, dtype=np.float32)
+"""The wave of the map, straight ahead."""
+NOISELESS = ("run.duration_s=12", "sensor.com_noise_m=0")
+KNOWN, MISS, ASIDE, CURVATURE, STEERED, BEFORE = 0, 2, 3, 6, 12, slice(13, 15)
 
 
 def test_it_passes_the_checker() -> None:
@@ -32,6 +34,8 @@ def test_an_episode_lasts_as_long_as_the_scene_and_pays_for_keeping_to_the_refer
         assert not terminated
         assert info["offset_m"] == pytest.approx(0.0, abs=1e-6)
     assert ends == [False] * 49 + [True]
+    miss = info["speed_m_s"] / 0.08 - 1.0
+    assert rewards[-1] == pytest.approx(1.0 - 0.5 * np.log1p((miss / 0.05) ** 2), abs=1e-6), "(LE1)"
     assert np.mean(rewards[25:]) > 0.8
 
 
@@ -41,40 +45,63 @@ def test_leaving_the_path_and_creeping_along_it_pay_less_than_keeping_to_it() ->
         env.reset(seed=0)
         return sum(env.step(action)[1] for _ in range(60))
 
-    turning = np.array([0.29, -0.2, 0.3], dtype=np.float32)
-    assert earned(turning) > earned(STRAIGHT) + 5.0
-    assert earned(turning) > earned(np.array([-1.0, -1.0, 0.3], dtype=np.float32)) + 5.0
+    kept = earned(STRAIGHT)
+    assert kept > earned(np.array([0.0, 0.2], dtype=np.float32)) + 5.0
+    assert kept > earned(np.array([-1.0, 0.0], dtype=np.float32)) + 5.0
 
 
 def test_seeds_are_noise_and_nothing_else() -> None:
-    env = WormEnv("path_line", ("run.duration_s=2",))
-    seen = []
+    env = WormEnv("path_line", ("run.duration_s=2",), channels=("strain",))
+    seen, way = [], []
     for seed in (3, 3, 4):
         first, _ = env.reset(seed=seed)
-        seen.append(np.array([first, *(env.step(STRAIGHT)[0] for _ in range(5))]))
+        steps = [env.step(STRAIGHT) for _ in range(5)]
+        seen.append(np.array([first, *(step[0] for step in steps)]))
+        way.append([step[4]["offset_m"] for step in steps])
     assert_array_equal(seen[0], seen[1])
-    assert np.abs(seen[0] - seen[2])[:, :12].max() > 0.005
-    assert_allclose(seen[0][:, 12:14], seen[2][:, 12:14])
+    assert np.abs(seen[0] - seen[2])[:, 15:].max() > 0.005, "strains"
+    assert np.abs(seen[0] - seen[2])[:, ASIDE].max() > 0.005
+    assert_allclose(way[0], way[2], atol=1e-12)
 
 
 def test_the_left_is_to_the_left() -> None:
-    env = WormEnv("path_line", ("run.duration_s=12", "sensor.com_noise_m=0"))
+    env = WormEnv("path_line", NOISELESS)
     env.reset(seed=0)
     for _ in range(60):
-        seen, *_, info = env.step(np.array([0.3, 0.0, 0.5], dtype=np.float32))
+        seen, *_, info = env.step(np.array([0.1, 0.15], dtype=np.float32))
     assert info["offset_m"] > 0.05
-    assert seen[14] == pytest.approx(info["offset_m"], abs=0.01)
+    assert seen[KNOWN] == 1.0
+    assert seen[ASIDE] == pytest.approx(10.0 * info["offset_m"], abs=1e-3)
+    assert seen[STEERED] == pytest.approx(0.15, abs=1e-6)
+    assert seen[MISS] == pytest.approx(info["speed_m_s"] / 0.08 - 1.0, abs=0.05)
+    assert_allclose(seen[BEFORE], (0.1, 0.15), atol=1e-6)
 
 
-def test_other_scenes_are_refused() -> None:
+def test_other_scenes_and_senses_are_refused() -> None:
     with pytest.raises(SceneError, match="flat: a scene of the model 'worm', must be of 'worm_control'"):
         WormEnv("flat")
     with pytest.raises(ValueError, match=r"control_period: got 0.001 s, must be at least 0.01 s"):
         WormEnv("path_line", control_period=0.001)
+    with pytest.raises(ValueError, match=r"channels: got 'strian', must be among strain, com"):
+        WormEnv("path_line", channels=("strian",))
+    with pytest.raises(SceneError, match="channels: got 'heading', must be measured in the scene"):
+        WormEnv("path_line", channels=("heading",))
+    with pytest.raises(ValueError, match="acts: got 'force', must be one of 'course', 'wave'"):
+        WormEnv("path_line", acts="force")
+
+
+def test_actions_may_be_amplitude_frequency_and_steering() -> None:
+    env = WormEnv("path_line", NOISELESS, acts="wave")
+    assert env.action_space.shape == (3,)
+    env.reset(seed=0)
+    for _ in range(30):
+        *_, info = env.step(np.array([0.29, -0.2, 0.4], dtype=np.float32))
+    assert info["speed_m_s"] == pytest.approx(0.08, rel=0.1)
+    assert info["offset_m"] > 0.01
 
 
 def test_samples_that_cannot_be_are_not_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    env = WormEnv("path_line", ("run.duration_s=4",))
+    env = WormEnv("path_line", ("run.duration_s=4",), channels=("strain",))
     env.reset(seed=1)
     look = Sensors.__call__
 
@@ -89,4 +116,46 @@ def test_samples_that_cannot_be_are_not_seen(monkeypatch: pytest.MonkeyPatch) ->
         observed, reward, *_, info = env.step(STRAIGHT)
         assert np.isfinite(observed).all()
         assert np.isfinite(reward)
-    assert info["measurements_refused"] == 100 + 19, "strains at each step, and places 20 times a second"
+    assert info["measurements_refused"] == 100 + 20, "strains at each step, and places 20 times a second"
+
+
+VARIED = {"reference.radius_m": "0.8:3", "reference.towards": "left,right"}
+
+
+def test_many_worms_are_those_of_single_environments_whatever_the_threads() -> None:
+    actions = np.random.default_rng(5).uniform(-0.5, 0.5, (12, 3, 2)).astype(np.float32)
+    many = [WormVectorEnv(3, "path_circle", ("run.duration_s=2",), vary=VARIED, threads=threads) for threads in (1, 2)]
+    seen = [env.reset(seed=7)[0] for env in many]
+    assert_array_equal(seen[0], seen[1])
+    assert len({float(each) for each in seen[0][:, CURVATURE]}) == 3, "each in a scene of its own"
+    ended = 0
+    for action in actions:
+        (first, rewards, _, over, info), (second, *_) = (env.step(action) for env in many)
+        assert_array_equal(first, second)
+        ended += int(over.sum())
+        if over.any():
+            assert rewards.shape == (3,)
+            assert all(each.shape == (15,) for each in info["final_obs"])
+            assert (first[:, KNOWN] == 0.0).all(), "the next episodes have begun"
+    assert ended == 3
+    single = WormEnv("path_circle", ("run.duration_s=2",), vary=VARIED)
+    for k in range(3):
+        single.reset(seed=7 + k)  # the generator of Gymnasium is numpy's default one
+        assert_array_equal(single.step(actions[0][k])[0], _stepped(7 + k, actions[0][k]))
+    for env in many:
+        env.close()
+
+
+def _stepped(seed: int, action: np.ndarray) -> np.ndarray:
+    env = WormVectorEnv(1, "path_circle", ("run.duration_s=2",), vary=VARIED)
+    env.reset(seed=seed)
+    seen = env.step(action[None])[0][0]
+    env.close()
+    return seen
+
+
+def test_keys_that_cannot_be_varied_are_told_at_once() -> None:
+    with pytest.raises(SceneError, match=r"reference\.radius_n"):
+        WormVectorEnv(2, "path_circle", vary={"reference.radius_n": "1:2"})
+    with pytest.raises(ValueError, match="count: got 0"):
+        WormVectorEnv(0)

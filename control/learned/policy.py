@@ -1,0 +1,98 @@
+"""A policy: a small network from what is seen to an action, kept as a file of plain arrays.
+
+z_0 = seen,    z_{k+1} = tanh(W_k z_k + b_k),    action = clip(W_n z_n + b_n, -1, 1)                      (LP1)
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from control.learned.acts import ACTS
+from control.learned.senses import OWN
+from worm3d.values.arrays import FloatArray
+
+SHIPPED = Path(__file__).with_name("policy.npz")
+"""The policy that comes with the program."""
+ABOUT = "about"
+"""Name of the text in a file that says how the policy was trained."""
+
+
+@dataclass(frozen=True, eq=False)
+class Policy:
+    """A network (LP1), and how it was trained.
+
+    Raises
+    ------
+    ValueError
+        The layers do not fit together, end in another number than its actions have, or are not finite.
+    """
+
+    layers: tuple[tuple[FloatArray, FloatArray], ...]
+    """Weights (outputs, inputs) and offsets (outputs,) of each layer."""
+    about: Mapping[str, Any] = field(default_factory=dict)
+    """How it was trained; "acts" names what its actions mean, "channels" what is seen beyond `senses.OWN` numbers."""
+
+    def __post_init__(self) -> None:
+        sizes = [weights.shape for weights, _ in self.layers]
+        fits = all(len(size) == 2 for size in sizes) and all(b.shape == w.shape[:1] for w, b in self.layers)
+        if not (sizes and fits and all(a[0] == b[1] for a, b in pairwise(sizes))):
+            raise ValueError(f"layers: got {sizes}, must fit to one another, (outputs, inputs) of each")
+        if self.acts not in ACTS:
+            raise ValueError(f"acts: got {self.acts!r}, must be one of {', '.join(ACTS)}")
+        wanted = OWN + ACTS[self.acts].size
+        if sizes[-1][0] != ACTS[self.acts].size or self.inputs < wanted:
+            got = f"{self.inputs} inputs and {sizes[-1][0]} outputs"
+            raise ValueError(f"layers: got {got}, must be {wanted} inputs or more, and {ACTS[self.acts].size} outputs")
+        if not all(np.isfinite(part).all() for layer in self.layers for part in layer):
+            raise ValueError("layers: got values that are not finite; the training has failed")
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs."""
+        return int(self.layers[0][0].shape[1])
+
+    @property
+    def acts(self) -> str:
+        """What its actions mean, a name among `control.learned.acts.ACTS`."""
+        return str(self.about.get("acts", "course"))
+
+    @property
+    def channels(self) -> Sequence[str]:
+        """Channels that it sees beyond the numbers of its own."""
+        return tuple(self.about.get("channels", ()))
+
+    def __call__(self, seen: FloatArray) -> FloatArray:
+        """Return the action, (LP1), shape (A,)."""
+        (*hidden, (weights, offsets)) = self.layers
+        for inner, aside in hidden:
+            seen = np.tanh(inner @ seen + aside)
+        return np.clip(weights @ seen + offsets, -1.0, 1.0)
+
+    def save(self, path: Path) -> None:
+        """Write it to a file, as numpy's .npz."""
+        arrays = {
+            f"{name}{k}": part for k, layer in enumerate(self.layers) for name, part in zip("Wb", layer, strict=True)
+        }
+        with path.open("wb") as file:
+            np.savez_compressed(file, **arrays, **{ABOUT: np.array(json.dumps(dict(self.about)))})  # type: ignore[arg-type]
+
+    @classmethod
+    def load(cls, path: Path = SHIPPED) -> Policy:
+        """Return a policy from a file; ValueError if it is not one."""
+        try:
+            with np.load(path, allow_pickle=False) as found:
+                about = json.loads(str(found[ABOUT]))
+                count = sum(name.startswith("W") for name in found.files)
+                layers = tuple((found[f"W{k}"].astype(float), found[f"b{k}"].astype(float)) for k in range(count))
+        except OSError as error:
+            raise ValueError(f"{path}: cannot be read: {error.strerror or error}") from error
+        except (KeyError, ValueError, TypeError) as error:
+            raise ValueError(f"{path}: is no policy of 'worm3d learn' ({error})") from error
+        return cls(layers, about)

@@ -1,0 +1,147 @@
+"""What a learned controller sees: the reference as seen from the worm, by means over waves of its measured place.
+
+Nothing of it depends on where the worm is or looks, on its length or on its number of segments. With the body length L,
+motion by (LC1), (LC2), speed V along the path, offset e to the left of it (L2), the speed V_ref that is asked for, and
+clipped to [-2, 2]:
+
+    0          1 once a velocity is known, before that 0, as 2, 4 and 5 are
+    1          10 s V_ref / L
+    2          V/V_ref - 1
+    3          10 e/L
+    4, 5       sine and cosine - 1 of the velocity's direction off the path's, both of half a wave ago
+    6 ... 9    curvature of the path times L, now and 0.15, 0.3 and 0.45 L ahead
+    10, 11     means of 10 e/L and of V/V_ref - 1 over some 10 s, which fade
+    12         mean of the last wave's actions, their last number: what has steered
+    13 ...     action before; then the latest samples of the further channels that are asked for, in SI units
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+
+import numpy as np
+
+from control.learned.course import Course
+from control.sensing.sensors import QUANTITIES, Measurement
+from control.tracking.paths import offset
+from control.tracking.preview import turn_rate
+from control.tracking.references import Reference
+from worm3d import Worm
+from worm3d.values.arrays import FloatArray
+
+OWN = 13
+"""Numbers that are seen, without actions and further channels."""
+SPEED, CURVATURE = 1, 6
+"""Places of the speed that is asked for and of the curvature now."""
+FAST = 10.0
+"""Time by which a speed in body lengths/s is multiplied [s]."""
+MOST = 2.0
+"""What is seen is clipped to this."""
+AHEAD = np.array([0.0, 0.15, 0.3, 0.45])
+"""Distances ahead at which the path's curvature is seen [body lengths]."""
+FADING = 10.0
+"""Time constant of the means that fade [s]."""
+SLOWEST = 1e-3
+"""Least speed that errors are related to [body lengths/s]."""
+LAG = 0.5
+"""Waves by which a mean over a wave lags behind."""
+
+
+class Senses:
+    """What a learned controller sees.
+
+    Parameters
+    ----------
+    worm : Worm
+    reference : Reference
+    actions : int
+        Numbers of an action.
+    channels : sequence of str
+        Further channels of the sensors to be seen, such as "strain".
+
+    Raises
+    ------
+    ValueError
+        There is no such channel on this worm.
+    """
+
+    def __init__(self, worm: Worm, reference: Reference, actions: int, channels: Sequence[str] = ()) -> None:
+        for name in channels:
+            if name not in QUANTITIES or not QUANTITIES[name].exists(worm):
+                known = ", ".join(name for name, each in QUANTITIES.items() if each.exists(worm))
+                raise ValueError(f"channels: got {name!r}, must be among {known}")
+        self._length, self._reference = worm.length, reference
+        self._actions = actions
+        self._shapes = {name: QUANTITIES[name].shape(worm) for name in channels}
+        self.size = OWN + actions + sum(int(np.prod(shape)) for shape in self._shapes.values())
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._course = Course()
+        self._latest = {name: np.zeros(shape) for name, shape in self._shapes.items()}
+        self._action, self._steering = np.zeros(self._actions), list[tuple[float, float]]()
+        self._near: float | None = None
+        self._means, self._seen_at = np.zeros(2), float("nan")
+
+    def take(self, t: float, measurement: Measurement, waves: float, frequency: float) -> None:
+        """Take a measurement at time t [s], phase [waves] and frequency [Hz]; `control.sensing.gate` has passed it."""
+        if measurement.com is not None and isfinite(measurement.com_time):
+            age = t - measurement.com_time
+            self._course.add(waves - frequency * age, measurement.com_time, measurement.com[:2])
+        for name, latest in self._latest.items():
+            sample = measurement[name].value if name in measurement else None
+            if sample is not None:
+                self._latest[name] = np.where(np.isfinite(sample), sample, latest)
+
+    def acted(self, action: FloatArray, waves: float) -> None:
+        """Take in the action (A,) from this phase [waves] on."""
+        self._action = np.asarray(action, dtype=float)
+        self._steering = [each for each in self._steering if each[0] >= waves - 1.0] + [(waves, float(action[-1]))]
+
+    def observed(self, t: float) -> FloatArray:
+        """Return what is seen at time t [s], shape (size,); it is to be asked for once a control period."""
+        speed, fast, aside, course, curvatures = self._tracked(t)
+        known = 0.0 if fast is None else 1.0
+        miss = 0.0 if fast is None else fast / max(speed, SLOWEST * self._length) - 1.0
+        errors = np.clip([10.0 * aside / self._length, miss], -MOST, MOST)
+        left = np.exp(-(t - self._seen_at) / FADING) if isfinite(self._seen_at) else 1.0
+        self._means, self._seen_at = left * self._means + (1.0 - left) * errors, t
+        steering = np.mean([each[1] for each in self._steering]) if self._steering else 0.0
+        own = np.array([known, FAST * speed / self._length, errors[1], errors[0], np.sin(course), np.cos(course) - 1.0])
+        further = [latest.ravel() for latest in self._latest.values()]
+        seen = (own, self._length * curvatures, self._means, np.array([steering]), self._action, *further)
+        clipped: FloatArray = np.clip(np.concatenate(seen), -MOST, MOST)
+        return clipped
+
+    def _tracked(self, t: float) -> tuple[float, float | None, float, float, FloatArray]:
+        """Return speed asked for and made [m/s], offset [m], direction off the path's [rad] and curvatures [1/m]."""
+        reference, motion = self._reference, self._course.motion()
+        speed, velocity = float(reference.speed(t)), None if motion is None else motion.velocity
+        if motion is None:
+            return speed, None, 0.0, 0.0, np.zeros(len(AHEAD))
+        if reference.path is None:
+            heading = None if reference.heading is None else float(reference.heading(t))
+            fast, course = along(velocity, heading)
+            turn = 0.0 if heading is None else turn_rate(reference, t, 0.0)
+            return speed, fast, 0.0, course, np.full(len(AHEAD), turn / max(speed, SLOWEST * self._length))
+        path = reference.path
+        self._near = s = float(path.project(motion.place, self._near))
+        # The velocity's middle lies a quarter of a wave behind the place, which lies half a wave behind the worm.
+        way = 0.0 if velocity is None else float(np.hypot(*velocity)) * motion.wave
+        heading, before = path.heading(s - 0.5 * LAG * way * np.array([0.0, 1.0])).tolist()
+        fast, course = along(velocity, before)
+        ahead = path.curvature(s + LAG * way + self._length * AHEAD)
+        return speed, fast, float(offset(path, motion.place, s, heading)), course, ahead
+
+
+def along(velocity: FloatArray | None, heading: float | None) -> tuple[float | None, float]:
+    """Return the speed along a heading, forward without one, and the velocity's direction off it."""
+    if velocity is None:
+        return None, 0.0
+    if heading is None:
+        return float(np.hypot(*velocity)), 0.0
+    towards = np.array([np.cos(heading), np.sin(heading)])
+    fast, beside = float(velocity @ towards), float(towards[0] * velocity[1] - towards[1] * velocity[0])
+    return fast, float(np.arctan2(beside, fast))

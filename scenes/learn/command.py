@@ -1,0 +1,65 @@
+"""`worm3d learn`: train a policy in a scene and write it to a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from scenes.language.errors import SceneError
+from scenes.records.folder import made, require_free, written_whole
+from scenes.sweep.vary import texts
+
+if TYPE_CHECKING:
+    from scenes.learn.training import Point
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of the command."""
+
+    minutes: float
+    seed: int
+    worms: int
+    threads: int
+    force: bool
+    quiet: bool
+
+
+def run(scene: str, to: Path, vary: Sequence[str], overrides: Sequence[str], options: Options) -> int:
+    """Train a policy, write it, and return the exit code; parameters as of the command.
+
+    Raises
+    ------
+    SceneError
+        The scene is wrong, a key cannot be varied, the file exists, or an option is out of range.
+    MissingPartError
+        Stable-Baselines3 is not installed.
+    """
+    if to.suffix != ".npz":
+        raise SceneError(f"--to: got '{to}', must be a file ending in .npz")
+    require_free([to], Path(scene), force=options.force)
+    from scenes.learn import training
+
+    asked = (options.minutes, options.seed, tuple(overrides), texts(vary), options.worms, options.threads)
+    try:
+        task = training.Task(scene, *asked)
+        made(to.parent)
+        policy = training.train(task, lambda point: _tell(point, quiet=options.quiet))
+    except ValueError as error:
+        raise SceneError(str(error)) from error
+    with written_whole(to) as part:
+        policy.save(part)
+    if not options.quiet:
+        typer.echo(f"{to}: trained for {policy.about['steps']} control periods in {policy.about['wall_s']:.0f} s")
+    return 0
+
+
+def _tell(point: Point, *, quiet: bool) -> bool:
+    """Print how the training stands; return that it goes on."""
+    if not quiet:
+        typer.echo(f"{point.seconds:7.0f} s {point.steps:9d} periods  reward {point.reward:7.3f}")
+    return True

@@ -1,0 +1,210 @@
+"""An episode: a worm in a scene, crawled for a control period at a time by an agent's actions.
+
+The reward of a control period is, of the true centre of mass averaged over the last wave, with offset e from the path
+and speed V along it, and V_ref asked for,
+
+    1 - ln(1 + (e / 0.01 L)^2) / 2 - ln(1 + ((V/V_ref - 1) / 0.05)^2) / 2.                                     (LE1)
+
+Its slope is felt from a millimetre to a body length, and it does not grow without bound where a worm is far off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import gcd, inf, tau
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import worm3d
+from control.estimation.estimator import span_of
+from control.gaits.steering import WaveGenerator
+from control.learned.acts import ACTS
+from control.learned.course import Course
+from control.learned.senses import SLOWEST, Senses, along
+from control.sensing.gate import Gate
+from control.sensing.sensors import Sensors
+from control.tracking.curves import Curve
+from control.tracking.paths import offset
+from control.tracking.references import Reference
+from scenes.language.errors import SceneError
+from scenes.learn.sampled import Sampled
+from scenes.models.control.build import identified_of, reference_of, sensors_of
+from scenes.models.control.schema import ControlScene
+from scenes.models.worm.build import problem_of, worm_of
+from worm3d.run import Run
+from worm3d.status import Status
+from worm3d.values.arrays import FloatArray
+
+NEAR, CLOSE = 0.01, 0.05
+"""Offset [body lengths] and relative error of the speed at which a reward has lost a third of a unit, (LE1)."""
+FALLEN = -5.0
+"""Reward of a period in which the run diverges: less than for any offset that worms come to."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """How an agent acts and sees.
+
+    Raises
+    ------
+    ValueError
+        There is no such meaning of actions.
+    """
+
+    control_period: float = 0.2
+    """Time between two actions [s]."""
+    acts: str = "course"
+    """What an action means, a name among `control.learned.acts.ACTS`."""
+    channels: tuple[str, ...] = ()
+    """Further channels that the agent sees, `control.learned.senses.Senses`."""
+
+    def __post_init__(self) -> None:
+        if self.acts not in ACTS:
+            raise ValueError(f"acts: got {self.acts!r}, must be one of {', '.join(map(repr, ACTS))}")
+
+
+class Episode:
+    """A run of a scene, its sensors, and the wave that an agent decides.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        Its controller is not used.
+    how : Terms
+    seed : int
+        Seed of the sensors' errors.
+
+    Raises
+    ------
+    SceneError
+        Its worm has not been identified, or a further channel is not measured in the scene.
+    ValueError
+        A control period of less than a time step.
+    """
+
+    def __init__(self, scene: ControlScene, how: Terms, seed: int) -> None:
+        dt = scene.run.dt_s
+        if not how.control_period >= dt:
+            raise ValueError(f"control_period: got {how.control_period!r} s, must be at least {dt} s, a step")
+        found, worm = identified_of(scene), worm_of(scene)
+        if found is None:
+            raise SceneError("worm: has not been identified, so that the range of its waves is not known")
+        mechanism, self._dt, self._length = scene.controller.mechanism, dt, worm.length
+        self._act = ACTS[how.acts](found.maps[mechanism], mechanism, worm.length)
+        self._reference = _sampled(scene, worm.length)
+        self.senses = Senses(worm, self._reference, self._act.size, how.channels)
+        self._sensors = _only(sensors_of(scene.model_copy(update={"seed": seed})), ("com", *how.channels))
+        self._gate = Gate(worm, span_of(self._sensors.channels))
+        self._every = round(how.control_period / dt)
+        self._look = gcd(self._every, *(_steps_between(each.rate, dt) for each in self._sensors.channels.values()))
+        self.generator = WaveGenerator(found.schedule, worm)
+        self._true = Course()
+        self._near: float | None = None
+        self._run = _begun(scene, self._every)
+        self._sense(0.0)
+
+    def crawl(self, action: ArrayLike) -> tuple[float, bool, bool, dict[str, Any]]:
+        """Crawl for a control period; return reward, whether it was the last for its result, or its time, and facts."""
+        asked = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
+        self.senses.acted(asked, self._waves)
+        wave = self._act(asked, self._seen)
+        for _ in range(self._every // self._look):
+            elapsed = [self._dt] * self._look
+            if self._run.done == 0:
+                elapsed[0] = 0.0  # the wave begins with the run
+            status = self._run.follow(self.generator.steps(elapsed, wave))
+            if status is not Status.DONE:
+                return FALLEN, True, False, self._facts(status)
+            self._sense(wave.frequency)
+        facts = self._facts(status)
+        return self._reward(facts), False, self._run.done >= self._run.steps, facts
+
+    def observed(self) -> FloatArray:
+        """Return what the agent sees, once a control period."""
+        self._seen = self.senses.observed(self._time)
+        return self._seen
+
+    @property
+    def _time(self) -> float:
+        return self._run.time(self._run.done)
+
+    @property
+    def _waves(self) -> float:
+        return float(self.generator.phase) / tau
+
+    def _sense(self, frequency: float) -> None:
+        seen = self._run.observation()
+        self._true.add(self._waves, seen.time, seen.com[:2])
+        passed = self._gate(seen.time, self._sensors(seen))
+        self.senses.take(seen.time, passed, self._waves, frequency)
+
+    def _facts(self, status: Status) -> dict[str, Any]:
+        """Return speed along the reference and offset from it, of the true centre of mass, and how the run stands."""
+        motion, reference, heading, aside = self._true.motion(), self._reference, None, 0.0
+        assert motion is not None
+        if reference.path is not None:
+            self._near = s = float(reference.path.project(motion.place, self._near))
+            heading = float(reference.path.heading(s))
+            aside = float(offset(reference.path, motion.place, s, heading))
+        elif reference.heading is not None:
+            heading = float(reference.heading(self._time))
+        speed, course = along(motion.velocity, heading)
+        return {
+            "speed_m_s": speed,
+            "offset_m": aside,
+            "course_rad": course,
+            "status": status.value,
+            "measurements_refused": self._gate.refused.total(),
+        }
+
+    def _reward(self, facts: dict[str, Any]) -> float:
+        """Return (LE1); in the first waves without its second part."""
+        asked = max(float(self._reference.speed(self._time)), SLOWEST * self._length)
+        miss = 0.0 if facts["speed_m_s"] is None else facts["speed_m_s"] / asked - 1.0
+        errors = np.array([facts["offset_m"] / (NEAR * self._length), miss / CLOSE])
+        return float(1.0 - 0.5 * np.log1p(errors**2).sum())
+
+
+def _sampled(scene: ControlScene, body: float) -> Reference:
+    """Return the reference of a scene, a curved path of it sampled as far as the worm is asked to go."""
+    reference = reference_of(scene)
+    if not isinstance(reference.path, Curve):
+        return reference
+    times = np.linspace(0.0, scene.run.duration_s, 1001)
+    way = scene.run.duration_s * float(np.mean(reference.speed(times)))
+    return replace(reference, path=Sampled(reference.path, 2.0 * way + body, body))
+
+
+def _begun(scene: ControlScene, every: int) -> Run:
+    """Return the run before its first step, of whole control periods, of which only the end is kept."""
+    problem = problem_of(scene, drive=(_Outside(), None))
+    steps = max(1, problem.steps // every) * every
+    return Run(replace(problem, duration=steps * problem.dt, record_every=steps))
+
+
+def _only(sensors: Sensors, names: tuple[str, ...]) -> Sensors:
+    """Return sensors of some channels, with the same errors: the others cost time."""
+    for name in names:
+        if name not in sensors.channels:
+            known = ", ".join(sensors.channels)
+            raise SceneError(f"channels: got '{name}', must be measured in the scene, which has {known}")
+    kept: dict[str, Any] = {"strain": None, **{name: sensors.channels[name] for name in names}}
+    return Sensors(seed=sensors.seed, **kept)
+
+
+def _steps_between(rate: float, dt: float) -> int:
+    """Return the steps between two samples at a rate [Hz], down to a whole number."""
+    return 1 if rate == inf else max(1, int(1.0 / (rate * dt) + 1e-9))
+
+
+class _Outside:
+    """The agent, for the run: commands come by `Run.follow`."""
+
+    def reset(self) -> None:
+        """Begin anew."""
+
+    def step(self, t: float, _: object) -> worm3d.Command:
+        """Return no command: nobody may ask for it."""
+        raise RuntimeError(f"at {t} s a command was asked for; an agent gives them")

@@ -1,0 +1,53 @@
+"""Paths as polygons, which are quick to follow: episodes ask for them at every control period."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from control.tracking.paths import Path
+from worm3d.values.arrays import FloatArray
+
+STEP = 0.01
+"""Distance of the corners, as a share of the body length; chords lie an 80000th of it beside a circle as large."""
+REACH = 0.5
+"""Distance along the path within which the nearest point is looked for [body lengths]."""
+
+
+class Sampled:
+    """A path between arc lengths -`before` and `length` [m] as a polygon; beyond both ends it goes straight on."""
+
+    closed = False
+
+    def __init__(self, path: Path, length: float, body: float) -> None:
+        self._s = np.arange(-body, length + body, STEP * body)
+        self._r, self._headings = path.point(self._s), path.heading(self._s)
+        self._curvatures, self._reach, self.length = path.curvature(self._s), round(REACH / STEP), length
+
+    def point(self, s: ArrayLike) -> FloatArray:
+        """Return the points; see `Path`."""
+        return np.stack([self._at(s, column) for column in self._r.T], axis=-1)
+
+    def heading(self, s: ArrayLike) -> FloatArray:
+        """Return the azimuths; see `Path`."""
+        return self._at(s, self._headings)
+
+    def curvature(self, s: ArrayLike) -> FloatArray:
+        """Return the curvatures; see `Path`."""
+        return self._at(s, self._curvatures)
+
+    def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
+        """Return the arc length of the point nearest to one place, shape (2,); see `Path`."""
+        place, begin, end = np.asarray(xy, dtype=float), 0, len(self._s)
+        if near is not None:
+            k = int((near - self._s[0]) / (self._s[1] - self._s[0]))
+            begin, end = max(0, min(k, end - 2) - self._reach), min(end, max(k, 0) + self._reach)
+        off: Any = self._r[begin:end] - place
+        k = begin + int(np.argmin(np.einsum("ij,ij->i", off, off)))
+        azimuth = self._headings[k]
+        return np.asarray(self._s[k] + (place - self._r[k]) @ np.array([np.cos(azimuth), np.sin(azimuth)]))
+
+    def _at(self, s: ArrayLike, values: FloatArray) -> FloatArray:
+        return np.asarray(np.interp(np.asarray(s, dtype=float), self._s, values))
