@@ -2,6 +2,7 @@
 
 from worm3d.worlds.base import WORLDS, World
 from worm3d.worlds.centreline import Bend, Centreline, Straight
+from worm3d.worlds.foot import Foot
 from worm3d.worlds.groove import Groove
 from worm3d.worlds.heightfield import Heightfield
 from worm3d.worlds.kernels import WorldKernel
@@ -16,6 +17,7 @@ __all__ = [
     "Bend",
     "Centreline",
     "ClampedGround",
+    "Foot",
     "Groove",
     "Heightfield",
     "Mesh",

@@ -20,6 +20,7 @@ from worm3d.values.read_only import ReadOnly
 from worm3d.worlds import kernels
 from worm3d.worlds.base import World
 from worm3d.worlds.centreline import Bend, Centreline, Straight
+from worm3d.worlds.foot import Foot
 from worm3d.worlds.kernels import Formula, WorldKernel
 from worm3d.worlds.pipe import Pipe
 from worm3d.worlds.plane import Plane
@@ -199,10 +200,12 @@ def slope_into_pipe(
     radius: float | Profile,
     tilt: float = 0.0,
     heading: float = 0.0,
+    face: float | None = None,
 ) -> Union:
     """Return a slope that leads into a pipe: a hillside with a tunnel.
 
-    The pipe's bottom starts on the slope, which goes on above the mouth and to both sides of it.
+    The pipe's bottom starts on the slope, which goes on above the mouth and to both sides of it, or ends there at a
+    steeper face.
 
     Parameters
     ----------
@@ -215,27 +218,31 @@ def slope_into_pipe(
     radius : float or Profile
         Inner radius of the pipe [m].
     tilt : float
-        Tilt of the pipe's first piece, less than the slope: it leads into the hill [rad].
+        Tilt of the pipe's first piece, less than the slope, or than the face: it leads into the hill [rad].
     heading : float
         Azimuth of the slope's steepest ascent and of the pipe [rad].
+    face : float, optional
+        Slope of the hill above the mouth [rad]; None: the slope goes on.
 
     Raises
     ------
     ValueError
-        A pipe that would leave the hill, or arguments that `Plane`, `Centreline` or `Pipe` refuse.
+        A pipe that would leave the hill, or arguments that `Plane`, `Foot`, `Centreline` or `Pipe` refuse.
     """
     slope = arguments.number("slope", slope, "rad", gt=-np.pi / 2, lt=np.pi / 2)
     for name, value, unit in (("mouth", mouth, "m"), ("tilt", tilt, "rad"), ("heading", heading, "rad")):
         arguments.number(name, value, unit)
     if not isinstance(radius, Profile):
         arguments.number("radius", radius, "m", gt=0.0)
-    if not tilt < slope:
+    name, steepest = ("slope", slope) if face is None else ("face", arguments.number("face", face, "rad"))
+    if not tilt < steepest:
         raise ValueError(
-            f"tilt: got {tilt!r} rad, must be less than the slope ({slope!r} rad): the pipe leads into the hill"
+            f"tilt: got {tilt!r} rad, must be less than the {name} ({steepest!r} rad): the pipe leads into the hill"
         )
     plane = Plane(slope, heading)
+    hill = plane if face is None else Foot(slope, face, mouth, heading)
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
     up = np.cos(tilt) * np.array([0.0, 0.0, 1.0]) - np.sin(tilt) * ahead
     wide = float(radius.at(0.0)) if isinstance(radius, Profile) else radius
     line = Centreline.of(pieces, start=mouth * plane.axes[0] + wide * up, heading=heading, tilt=tilt)
-    return Union([plane, Pipe(line, radius)])
+    return Union([hill, Pipe(line, radius)])
