@@ -36,6 +36,11 @@ class Listed(NamedTuple):
 
 CONTROLLERS = {
     "mpc": Listed("model predictive control of the gait's parameters", "control.supervisor", "Supervisor"),
+    "climber": Listed(
+        "that, and climbing by two anchors where the walls of a pipe close round the worm",
+        "control.climbing.climber",
+        "Climber",
+    ),
     "pi_los": Listed("PI control of the speed and line-of-sight steering", "control.baselines", "PiLineOfSight"),
     "open_loop": Listed("the wave that the identified map says, without looking", "control.baselines", "OpenLoop"),
 }

@@ -28,7 +28,7 @@ from worm3d import Command, Worm
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
-Source = Literal["mpc", "shifted plan", "gait", "stop", "pi_los", "open_loop", "own"]
+Source = Literal["mpc", "shifted plan", "gait", "stop", "pi_los", "open_loop", "own", "climb"]
 SOURCES: tuple[Source, ...] = get_args(Source)
 
 MOST_HELD = 5
@@ -64,7 +64,8 @@ class Decision:
     """Time from which on the parameters are in force [s]."""
     source: Source
     """Where they come from: an accepted plan ("mpc"), the plan before ("shifted plan"), the feed-forward or the last
-    parameters ("gait"), rest ("stop"), a baseline ("pi_los", "open_loop"), or a user's own controller ("own")."""
+    parameters ("gait"), rest ("stop"), a baseline ("pi_los", "open_loop"), a user's own controller ("own"), or another
+    gait in a pipe ("climb")."""
     parameters: GaitParameters
     estimate: Estimate | None
     """Estimate of that time; None for a controller without estimator."""
@@ -122,6 +123,8 @@ class WaveController(ABC):
 
     plans: ClassVar[bool] = False
     """Whether it plans, so that plans can fail."""
+    senses: ClassVar[tuple[str, ...]] = ()
+    """Names of the channels that it needs and not every robot has."""
 
     def __init__(
         self,

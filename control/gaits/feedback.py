@@ -174,7 +174,7 @@ class Feedback:
             A measurement without a channel that is sensed.
         """
         if measurement is not None:
-            self.felt = {name: _latest(name, measurement, before) for name, before in self.felt.items()}
+            self.felt = {name: latest(name, measurement, before) for name, before in self.felt.items()}
         return self._memory.command(t, self.felt)
 
     def __call__(self, t: float) -> Command:
@@ -182,7 +182,7 @@ class Feedback:
         return Feedback(self._worm, self._senses, self._begin).step(t, None)
 
 
-def _latest(name: str, measurement: Measurement | Observation, before: FloatArray) -> FloatArray:
+def latest(name: str, measurement: Measurement | Observation, before: FloatArray) -> FloatArray:
     """Return the latest sample of a channel; numbers that have not arrived or are not finite remain as before."""
     if isinstance(measurement, Observation):
         return true_value(name, measurement)

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from control.tracking.paths import offset, track
+from control.tracking.paths import lengthening, offset, track
 from control.tracking.references import Reference, Steps
 from control.tracking.response import response_time
 from worm3d.measures import NoValueError
@@ -88,7 +88,7 @@ class Tracking:
     place: FloatArray
     """Mean centre of mass [m], shape (K, 2)."""
     speed: FloatArray
-    """Speed forward [m/s], shape (K,)."""
+    """Speed forward, along the centre line of a pipe that rises [m/s], shape (K,)."""
     wanted_speed: FloatArray
     """Speed that was asked for [m/s], shape (K,)."""
     heading: FloatArray
@@ -117,13 +117,13 @@ def tracking(motion: Motion, reference: Reference) -> Tracking:
     window = _Window(motion)
     velocity = (motion.com[window.rows] - window.at_begin(motion.com)) / (window.time - window.began)[:, None]
     place, heading = window.mean(motion.com), window.mean(motion.heading)
-    wanted_heading, along = _course(motion, reference, window, place, heading)
+    wanted_heading, along, longer = _course(motion, reference, window, place, heading)
     arriving = _arriving(motion, reference, window, place)
     return Tracking(
         time=window.time,
         waves=window.waves,
         place=place,
-        speed=velocity[:, 0] * np.cos(along) + velocity[:, 1] * np.sin(along),
+        speed=longer * (velocity[:, 0] * np.cos(along) + velocity[:, 1] * np.sin(along)),
         wanted_speed=window.mean(np.asarray(reference.speed(motion.time), dtype=float)),
         heading=heading,
         wanted_heading=wanted_heading,
@@ -137,14 +137,19 @@ def tracking(motion: Motion, reference: Reference) -> Tracking:
 
 def _course(
     motion: Motion, reference: Reference, window: _Window, place: FloatArray, heading: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the wanted heading, NaN if there is none, and the direction in which speed counts, each (K,)."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the wanted heading, NaN if there is none, the direction in which speed counts, and by which factor.
+
+    Each of shape (K,); the factor is that by which a way along a pipe that rises is longer than it seems from above.
+    """
+    same = np.ones(len(place))
     if reference.path is not None:
-        azimuth = reference.path.heading(track(reference.path, place))
-        return azimuth, azimuth
+        s = track(reference.path, place)
+        azimuth = reference.path.heading(s)
+        return azimuth, azimuth, lengthening(reference.path, s)
     if reference.heading is not None:
-        return window.mean(np.asarray(reference.heading(motion.time), dtype=float)), heading
-    return np.full(len(place), np.nan), heading
+        return window.mean(np.asarray(reference.heading(motion.time), dtype=float)), heading, same
+    return np.full(len(place), np.nan), heading, same
 
 
 def _offset(places: FloatArray | None, reference: Reference, window: _Window) -> FloatArray:

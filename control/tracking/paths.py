@@ -233,6 +233,12 @@ class PlanView(ReadOnly, Curve):
         normal = np.cos(turn) * line.normal[k] - np.sin(turn) * line.tangent[k]
         return points[:, :2], tangents[:, :2], (line.curvature[k][:, None] * normal)[:, :2]
 
+    def lengthening(self, s: ArrayLike) -> FloatArray:
+        """Return how many metres of the line are a metre of its view from above at arc lengths s (...), shape (...)."""
+        u = self._parameter(np.ravel(np.clip(s, 0.0, self.length)).astype(float))
+        level = np.linalg.norm(self.derivatives(u)[1], axis=1)
+        return np.asarray(1.0 / level.reshape(np.shape(s)))
+
 
 class WayPoints(PlanView):
     """Straight pieces from waypoint to waypoint, the corners rounded by arcs of one radius.
@@ -252,6 +258,12 @@ class WayPoints(PlanView):
         object.__setattr__(self, "points", _points(points, 2))
         object.__setattr__(self, "radius", arguments.number("radius", radius, "m", gt=0.0))
         super().__init__(_rounded(self.points, self.radius))
+
+
+def lengthening(path: Path, s: ArrayLike) -> FloatArray:
+    """Return how many metres of way are a metre of a path at arc lengths s (...): 1 but for pipes that rise or fall."""
+    rising = getattr(path, "lengthening", None)
+    return np.ones(np.shape(s)) if rising is None else np.asarray(rising(s))
 
 
 def offset(path: Path, xy: ArrayLike, s: ArrayLike, azimuth: ArrayLike | None = None) -> FloatArray:

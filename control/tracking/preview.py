@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from control.tracking.paths import offset
+from control.tracking.paths import lengthening, offset
 from control.tracking.references import Disc, Reference
 from worm3d.values.arrays import FloatArray
 
@@ -65,13 +65,17 @@ def anywhere(curvature: FloatArray) -> FloatArray:
 
 
 def speed_at(reference: Reference, t: ArrayLike, s: ArrayLike, reach: Reach = anywhere) -> FloatArray:
-    """Return the speeds [m/s] that a reference asks for at times [s] and arc lengths [m] of one shape, (P1)."""
+    """Return the speeds [m/s] that a reference asks for at times [s] and arc lengths [m] of one shape, (P1).
+
+    In a pipe that rises they are along it, and less as seen from above.
+    """
     speed = np.asarray(reference.speed(t), dtype=float)
     path = reference.path
     most = reach(np.zeros(np.shape(t)) if path is None else path.curvature(s))
     if path is not None and reference.ends:
         most = np.minimum(most, np.maximum(path.length - np.asarray(s, dtype=float), 0.0) / APPROACH)
-    return np.asarray(np.clip(speed, -most, most))
+    speed = np.asarray(np.clip(speed, -most, most))
+    return speed if path is None else speed / lengthening(path, s)
 
 
 def look_ahead(

@@ -32,9 +32,7 @@ class Foot(World):
         A value out of range, or a face that is not steeper than the slope.
     """
 
-    slope: float = parameter(
-        0.0, meaning="slope up to the face", unit="rad", gt=-np.pi / 2, lt=np.pi / 2
-    )
+    slope: float = parameter(0.0, meaning="slope up to the face", unit="rad", gt=-np.pi / 2, lt=np.pi / 2)
     face: float = parameter(
         float(np.deg2rad(80.0)), meaning="slope of the face", unit="rad", gt=-np.pi / 2, lt=np.pi / 2
     )

@@ -165,9 +165,11 @@ def _way_points(scene: ControlScene) -> Path:
 
 def _pipe(scene: ControlScene) -> Path:
     world = world_of(scene.world)
-    if not isinstance(world, worm3d.Pipe):
-        raise ValueError(f"kind: got 'pipe' in a world of kind '{scene.world.kind}', must be in a pipe")
-    return PlanView(world.centreline)
+    worlds = world.worlds if isinstance(world, worm3d.Union) else (world,)
+    pipe = next((each for each in worlds if isinstance(each, worm3d.Pipe)), None)
+    if pipe is None:
+        raise ValueError(f"kind: got 'pipe' in a world of kind '{scene.world.kind}', must be in one with a pipe")
+    return PlanView(pipe.centreline)
 
 
 PATHS: dict[str, Callable[[ControlScene], Path]] = {

@@ -37,6 +37,25 @@ def _worm_has_it(asked: bool, *sections: Mapping[str, Any], name: str) -> Found:
     return f"got true: this worm has no {QUANTITIES[name].meaning}"
 
 
+def _senses(kind: str) -> tuple[str, ...]:
+    """Return what a controller needs to sense; nothing is said of one that there is not."""
+    try:
+        needed: tuple[str, ...] = getattr(controllers.controller(kind), "senses", ())
+    except ValueError:
+        return ()
+    return needed
+
+
+def _is_sensed(kind: str, asked: bool, *, name: str) -> Found:
+    """Tell of a controller that needs a sensor that is not asked for."""
+    if asked or name not in _senses(kind):
+        return None
+    return {
+        "controller.kind": f"got '{kind}': it needs a sensor of its own: set sensor.{name} = true",
+        f"sensor.{name}": f"got false: the controller '{kind}' needs it: set it to true",
+    }
+
+
 def _scene(names: Sequence[str], sections: Sequence[Mapping[str, Any]]) -> ControlScene:
     return ControlScene.model_validate({"model": "worm_control", **dict(zip(names, sections, strict=True))})
 
@@ -131,6 +150,7 @@ CONTROL_CHECKS = (
         for key, field in Sensor.model_fields.items()
         if key.startswith(f"{name}_")
     ),
+    *(Check(("controller.kind", f"sensor.{name}"), partial(_is_sensed, name=name)) for name in OPTIONAL),
     start_check("worm_control", ControlScene),
     Check(("worm", "friction", "controller", *PARTS), _is_identified),
 )

@@ -32,9 +32,9 @@ def _pipe(world: World) -> worm3d.Pipe:
 
 
 def _slope_into_pipe(world: World) -> worm3d.Union:
-    angles = (math.radians(angle) for angle in (world.tilt_deg, world.heading_deg))
-    slope = math.radians(world.slope_deg)
-    return worm3d.slope_into_pipe(slope, world.mouth_m, _pieces(world), _radius(world), *angles)
+    slope, tilt, heading = map(math.radians, (world.slope_deg, world.tilt_deg, world.heading_deg))
+    face = None if world.face_deg is None else math.radians(world.face_deg)
+    return worm3d.slope_into_pipe(slope, world.mouth_m, _pieces(world), _radius(world), tilt, heading, face)
 
 
 def _pieces(world: World) -> list[worm3d.Straight | worm3d.Bend]:

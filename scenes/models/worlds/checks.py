@@ -87,13 +87,21 @@ def _patches_have_an_inside(patches: Sequence[Mapping[str, Any]]) -> str | None:
     return None
 
 
-def _pipe_leads_into_the_hill(tilt_deg: float, slope_deg: float, kind: str) -> Found:
-    if kind != SLOPE_INTO_PIPE or tilt_deg < slope_deg:
+def _pipe_leads_into_the_hill(tilt_deg: float, slope_deg: float, face_deg: float | None, kind: str) -> Found:
+    if kind != SLOPE_INTO_PIPE:
+        return None
+    if face_deg is not None and face_deg <= slope_deg:
+        return {
+            "world.face_deg": f"got {face_deg}: must be above world.slope_deg ({slope_deg}), or left out",
+            "world.slope_deg": f"got {slope_deg}: must be below world.face_deg ({face_deg})",
+        }
+    key, hill = ("world.slope_deg", slope_deg) if face_deg is None else ("world.face_deg", face_deg)
+    if tilt_deg < hill:
         return None
     why = "or the pipe does not lead into the hill"
     return {
-        "world.tilt_deg": f"got {tilt_deg}: must be below world.slope_deg ({slope_deg}), {why}",
-        "world.slope_deg": f"got {slope_deg}: must be above world.tilt_deg ({tilt_deg}), {why}",
+        "world.tilt_deg": f"got {tilt_deg}: must be below {key} ({hill}), {why}",
+        key: f"got {hill}: must be above world.tilt_deg ({tilt_deg}), {why}",
     }
 
 
@@ -141,7 +149,7 @@ SECTION_CHECKS = (
     Check(("world.points_m", "world.pieces", "world.tilt_deg"), _points_or_pieces),
     Check(("world.radii",), _radii_follow_one_another),
     Check(("world.radii", "world.radius_m"), _radius_or_radii),
-    Check(("world.tilt_deg", "world.slope_deg", "world.kind"), _pipe_leads_into_the_hill),
+    Check(("world.tilt_deg", "world.slope_deg", "world.face_deg", "world.kind"), _pipe_leads_into_the_hill),
     Check(("world.file", "world.kind", "world.surface"), _file_is_given),
     Check(("world.extent_m", "world.spacing_m"), _extent_is_an_area),
     Check(("world.ramp_m", "world.size_m", "world.surface", "world.kind"), _step_has_a_tread),

@@ -130,6 +130,14 @@ class PipeKeys(Section):
     mouth_m: float = quantity(
         1.3, unit="m", only=SLOPE_INTO_PIPE, title="how far up the slope the pipe's bottom starts"
     )
+    face_deg: float | None = quantity(
+        unit="deg",
+        gt=-90,
+        lt=90,
+        only=SLOPE_INTO_PIPE,
+        left_out="the slope goes on",
+        title="angle of the hill's face above the pipe's mouth",
+    )
 
 
 class TerrainKeys(Section):

@@ -1,0 +1,72 @@
+"""Climbing at run time: two anchors whose pace a controller may change, with reflexes that limit the load on the wall.
+
+The outward apexes of a segment stand out to the left and to the right. On open ground at most one of them bears a load,
+that of the side on which the worm leans; in a pipe that is as narrow as a contracted segment is wide both do. A segment
+on which both bear more than a share of its weight (`control.gaits.reflexes.TOUCH`) is enclosed.
+
+All segments contract first, so that both anchors hold; then the gait begins. Its phase accumulates, psi' = pace /
+period; at pace 0 the command stays as it is, and with it an anchor that holds. Reflexes (`control.gaits.reflexes`) act
+on what the gait wants: by default one lets segments give way that press the wall hard, one lets those contract further
+that are to be wide but touch nothing, so that pipes of other radii are climbed, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from control.gaits.anchoring import TwoAnchor
+from control.gaits.feedback import Felt
+from control.gaits.reflexes import GRAVITY, TOUCH, Reach, Reflex, WallLoad
+from worm3d import Command, Worm
+from worm3d.values.arrays import FloatArray
+
+CLIMB = TwoAnchor(period=2.0, amplitude=0.2, extension=-0.5)
+"""Gait of a worm that climbs: that of the scene `pipe_vertical` in two thirds of the time."""
+REFLEXES: tuple[Reflex, ...] = (WallLoad(), Reach())
+"""Reflexes by default, which share the channel "contact_load"."""
+OUTWARD = [2, 5]
+"""Columns of the outward apexes, left and right, in the loads of a segment."""
+WEDGING = 0.6
+"""Time in which all segments contract before the gait begins [s]; six time constants of the default actuators."""
+
+
+class Climb:
+    """Two anchors in one run of a worm.
+
+    Parameters
+    ----------
+    worm : Worm
+    gait : TwoAnchor
+    reflexes : tuple of Reflex
+
+    Attributes
+    ----------
+    phase : float
+        Number of periods of the gait so far; 0 until the worm is wedged.
+    """
+
+    def __init__(self, worm: Worm, gait: TwoAnchor = CLIMB, reflexes: tuple[Reflex, ...] = REFLEXES) -> None:
+        self._bound, self._stroke, self.period = gait.bind(worm), worm.stroke, gait.period
+        self._reflexes = [reflex.start(worm) for reflex in reflexes]
+        self.phase, self._waited = 0.0, 0.0
+        self._given: Command | None = None
+
+    def step(self, t: float, dt: float, pace: float, felt: Felt) -> Command:
+        """Return the command at time t [s], `dt` after the last, at a pace of 1 for the gait's own period."""
+        if pace == 0.0 and self._given is not None:  # reflexes would go on to move what should stand
+            return self._given
+        wedging = min(dt, WEDGING - self._waited)
+        self._waited += wedging
+        self.phase += pace * (dt - wedging) / self.period
+        given = self._bound(self.phase * self.period)
+        contraction = given.contraction
+        for reflex in self._reflexes:
+            contraction = reflex.step(t, contraction, felt)
+        self._given = Command(np.clip(contraction, *self._stroke), given.hinge, given.force)
+        return self._given
+
+
+def enclosed(worm: Worm, load: FloatArray) -> int:
+    """Return how many segments are enclosed, by the loads of their apexes, shape (N, 6) [N]."""
+    touch = TOUCH * worm.mass * GRAVITY / worm.segments
+    return int((load[:, OUTWARD] > touch).all(axis=1).sum())

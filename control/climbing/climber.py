@@ -1,0 +1,167 @@
+"""A controller that crawls where there is room, and climbs where walls close round the worm.
+
+From the first enclosed segment on (`control.climbing.climb`) the worm climbs by two anchors, which need no steering,
+since the wall leads them; their pace follows the speed that is asked for (`control.climbing.way`). When no segment has
+been enclosed for two periods of the gait, the walls have opened: the worm crawls again as `control.supervisor` has it,
+after estimator, search and watch have begun anew, since what they know is of another gait. At the end of a path it
+stops where it is, with an anchor that holds. As it crawls, the reflex `WallLoad` limits what presses the walls, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+
+from control.climbing.climb import CLIMB, Climb, enclosed
+from control.climbing.way import STUCK, Way
+from control.estimation.estimate import Estimate
+from control.faults import Fault
+from control.gaits.feedback import latest
+from control.gaits.reflexes import WallLoad
+from control.gaits.steering import GaitParameters
+from control.loop import Choice, KnownHeading
+from control.sensing.sensors import QUANTITIES, Measurement
+from control.supervisor import ARRIVED, Supervisor
+from worm3d import Command
+from worm3d.values.arrays import FloatArray
+
+LOAD = "contact_load"
+OPENED = 2.0
+"""Number of periods of the gait without an enclosed segment after which the walls have opened."""
+BLENDING = 0.6
+"""Time in which one gait gives way to the other [s]; six time constants of the default actuators."""
+SMOOTHING = 0.3
+"""Share of a new sample in the place of a worm that climbs: of those of half a second at 20 samples a second."""
+CLIMBS = "walls close round the worm: it climbs"
+
+
+class Climber(Supervisor):
+    """A supervisor that climbs where walls close round the worm, for sensors that include "contact_load"."""
+
+    senses = (LOAD,)
+
+    def reset(self) -> None:
+        """Begin anew."""
+        super().reset()
+        self._load = np.zeros(QUANTITIES[LOAD].shape(self.worm))
+        self._limit = WallLoad().start(self.worm)
+        self._climb: Climb | None = None
+        self._way = Way(self.reference.path, self.worm.length, CLIMB.period)
+        self._com: FloatArray | None = None
+        self._enclosed_at, self._pace = 0.0, 0.0
+        self._given: Command | None = None
+        self._blended_from: tuple[float, Command] | None = None
+
+    @property
+    def climbs(self) -> bool:
+        """Whether it climbs at present."""
+        return self._climb is not None
+
+    def step(self, t: float, measurement: Measurement) -> Command:
+        """Return the command from time t [s] on; TypeError where the measurement is no `Measurement`."""
+        self._load = latest(LOAD, measurement, self._load)
+        self._change(t, enclosed(self.worm, self._load) > 0)
+        wanted = self._crawled(t, measurement) if self._climb is None else self._climbed(t, self._climb, measurement)
+        self._given = self._blended(t, wanted)
+        return self._given
+
+    def _change(self, t: float, closed: bool) -> None:
+        """Change the gait where walls close round the worm, or have opened."""
+        climb = self._climb
+        if climb is None and closed:
+            self._climb, self._enclosed_at = Climb(self.worm), 0.0
+            self._way = Way(self.reference.path, self.worm.length, self._climb.period)
+            self._com = None
+        elif climb is not None and closed:
+            self._enclosed_at = climb.phase
+        elif climb is not None and climb.phase - self._enclosed_at > OPENED:
+            self._climb = None
+            self._begin_to_crawl()
+        if self._given is not None and (climb is None) != (self._climb is None):
+            self._blended_from, self._due = (t, self._given), t
+
+    def _begin_to_crawl(self) -> None:
+        faults = self.watch.faults
+        self.watch.reset()
+        self.watch.faults = faults
+        if self.estimator is not None:
+            self.estimator.reset()
+        self.planner.reset()
+        self.generator.parameters = None
+        self._accepted = None
+        self._heading_is_known = _KnownSince(self.generator.waves)
+
+    def _crawled(self, t: float, measurement: Measurement) -> Command:
+        """Return the command of the supervisor, less what presses the walls too hard."""
+        given = super().step(t, measurement)
+        limited = self._limit.step(t, given.contraction, {LOAD: self._load})
+        return Command(np.clip(limited, *self.worm.stroke), given.hinge, given.force)
+
+    def _climbed(self, t: float, climb: Climb, measurement: Measurement) -> Command:
+        """Return the command of the anchors."""
+        began, dt = perf_counter(), 0.0 if self._time is None else t - self._time
+        self._time = t
+        com = self.gate(t, measurement).com
+        if com is not None and np.isfinite(com).all():
+            self._com = com if self._com is None else self._com + SMOOTHING * (com - self._com)
+        self._way.take(climb.phase, com)
+        if t >= self._due - 1e-9:
+            self._decide(t, self._estimate(t), began)
+            began = perf_counter()
+        before = climb.phase
+        command = climb.step(t, dt, self._pace, {LOAD: self._load})
+        self.generator.phase += 2.0 * np.pi * (climb.phase - before)
+        self._spent += perf_counter() - began
+        return command
+
+    def _choose(self, t: float, estimate: Estimate | None) -> Choice:
+        if self._climb is None:
+            return super()._choose(t, estimate)
+        arrived = estimate is not None and self._arrived(estimate)
+        speed = 0.0 if arrived else self._speed(t)
+        self._pace = self._way.pace(speed)
+        if self._way.idle >= STUCK and speed > 0.0:
+            self._tell_stuck(t)
+        frequency = max(self._pace, 1e-3) / self._climb.period
+        return Choice("climb", GaitParameters(CLIMB.amplitude, frequency), ARRIVED if arrived else CLIMBS)
+
+    def _tell_stuck(self, t: float) -> None:
+        if all(fault.kind != "stuck" for fault in self.watch.faults):
+            what = f"the worm climbs, but makes no way in {STUCK} periods of its gait"
+            advice = "look at the pipe's width, tilt and friction, and at what lies in it"
+            self.watch.faults.append(Fault(t, "stuck", what, advice))
+
+    def _estimate(self, t: float) -> Estimate | None:
+        """Return the estimate; of a worm that climbs the place and speed alone are those of that time."""
+        last = super()._estimate(t)
+        if self._climb is None or last is None or self._com is None:
+            return last
+        stride = 0.0 if np.isnan(self._way.stride) else self._way.stride
+        speed = self._pace * stride / self._climb.period
+        x, y = map(float, self._com[:2])
+        return replace(last, time=t, state=last.state._replace(x=x, y=y, speed=speed, slip=0.0, turn_rate=0.0))
+
+    def _blended(self, t: float, wanted: Command) -> Command:
+        """Return the command on the way from one gait to the other."""
+        if self._blended_from is None or t - self._blended_from[0] >= BLENDING:
+            return wanted
+        since, old = self._blended_from
+        share = (t - since) / BLENDING
+        return Command(
+            share * wanted.contraction + (1.0 - share) * old.contraction,
+            share * wanted.hinge + (1.0 - share) * old.hinge,
+            share * wanted.force + (1.0 - share) * old.force,
+        )
+
+
+class _KnownSince(KnownHeading):
+    """Whether the heading of a worm that began to crawl after some waves is known."""
+
+    def __init__(self, began: float) -> None:
+        super().__init__()
+        self._began = began
+
+    def __call__(self, estimate: Estimate, waves: float) -> bool:
+        return super().__call__(estimate, waves - self._began)
