@@ -7,7 +7,8 @@ on which both bear more than a share of its weight (`control.gaits.reflexes.TOUC
 All segments contract first, so that both anchors hold; then the gait begins. Its phase accumulates, psi' = pace /
 period; at pace 0 the command stays as it is, and with it an anchor that holds. Reflexes (`control.gaits.reflexes`) act
 on what the gait wants: by default one lets segments give way that press the wall hard, one lets those contract further
-that are to be wide but touch nothing, so that pipes of other radii are climbed, too.
+that are to be wide but touch nothing, so that pipes of other radii are climbed, too. At pace 0 segments give way and do
+not come back: two anchors that give way and come back in turn would walk on.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from control.gaits.anchoring import TwoAnchor
 from control.gaits.feedback import Felt
-from control.gaits.reflexes import GRAVITY, TOUCH, Reach, Reflex, WallLoad
+from control.gaits.reflexes import GRAVITY, TOUCH, Reach, Reflex, ReflexMemory, WallLoad
 from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 
@@ -47,14 +48,18 @@ class Climb:
 
     def __init__(self, worm: Worm, gait: TwoAnchor = CLIMB, reflexes: tuple[Reflex, ...] = REFLEXES) -> None:
         self._bound, self._stroke, self.period = gait.bind(worm), worm.stroke, gait.period
+        self._worm, self._asked = worm, reflexes
         self._reflexes = [reflex.start(worm) for reflex in reflexes]
+        self._giving_way: ReflexMemory | None = None
         self.phase, self._waited = 0.0, 0.0
         self._given: Command | None = None
 
     def step(self, t: float, dt: float, pace: float, felt: Felt) -> Command:
         """Return the command at time t [s], `dt` after the last, at a pace of 1 for the gait's own period."""
-        if pace == 0.0 and self._given is not None:  # reflexes would go on to move what should stand
-            return self._given
+        if pace == 0.0 and self._given is not None:
+            return self._held(t, self._given, felt)
+        if self._giving_way is not None:  # the time of standing is no step of the reflexes
+            self._reflexes, self._giving_way = [reflex.start(self._worm) for reflex in self._asked], None
         wedging = min(dt, WEDGING - self._waited)
         self._waited += wedging
         self.phase += pace * (dt - wedging) / self.period
@@ -64,6 +69,12 @@ class Climb:
             contraction = reflex.step(t, contraction, felt)
         self._given = Command(np.clip(contraction, *self._stroke), given.hinge, given.force)
         return self._given
+
+    def _held(self, t: float, given: Command, felt: Felt) -> Command:
+        if self._giving_way is None:
+            self._giving_way = WallLoad(recovery=0.0).start(self._worm)
+        contraction = self._giving_way.step(t, given.contraction, felt)
+        return Command(np.clip(contraction, *self._stroke), given.hinge, given.force)
 
 
 def enclosed(worm: Worm, load: FloatArray) -> int:

@@ -6,7 +6,7 @@ import pytest
 from control.controllers import CONTROLLERS, controller
 from control.identification.identified import load
 from control.loop import SOURCES, WaveController
-from control.sensing.sensors import Channel, Measurement
+from control.sensing.sensors import QUANTITIES, Channel, Measurement
 from control.tracking.paths import Line
 from control.tracking.references import Constant, Reference
 from scenes.language.schema import choices
@@ -24,7 +24,8 @@ def test_every_controller_is_made_by_its_name_alone(name: str) -> None:
         WORM, Reference(Constant(0.08), path=Line()), found, "bias", 0.1, {"com": Channel(noise=0.01)}
     )
     assert isinstance(made, WaveController)
-    seen = Measurement(0.0, strain=(np.zeros((6, 2)), 0.0), com=(np.zeros(3), 0.0))
+    more = {name: (np.zeros(QUANTITIES[name].shape(WORM)), 0.0) for name in made.senses}
+    seen = Measurement(0.0, strain=(np.zeros((6, 2)), 0.0), com=(np.zeros(3), 0.0), **more)
     assert np.isfinite(made.step(0.0, seen).contraction).all()
     (decision,) = made.decisions
     assert decision.source in SOURCES
@@ -36,5 +37,5 @@ def test_scenes_know_the_same_names() -> None:
     assert choices(Controller.model_fields["kind"]) == tuple(CONTROLLERS)
 
 
-def test_only_the_one_that_plans_can_have_failures_of_plans() -> None:
-    assert [name for name in CONTROLLERS if controller(name).plans] == ["mpc"]
+def test_only_those_that_plan_can_have_failures_of_plans() -> None:
+    assert [name for name in CONTROLLERS if controller(name).plans] == ["mpc", "climber"]

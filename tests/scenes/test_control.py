@@ -337,7 +337,8 @@ TOO_LATE = "override reference.speed_steps: got a step at 70 s: must be before t
     ("name", "overrides", "sentence"),
     [
         ("path_line", ("reference.radius_m=2.0",), "only for reference.kind = 'circle' or 'way_points'"),
-        ("path_line", ("reference.kind=pipe",), "must be in a pipe"),
+        ("path_line", ("reference.kind=pipe",), "must be in one with a pipe"),
+        ("pipe_climb_controlled", ("sensor.contact_load=false",), "the controller 'climber' needs it"),
         ("path_waypoints", ("reference.radius_m=4.0",), "too large for the stretch"),
         ("path_line", ("reference.kind=spline",), "points: got shape (0, 2)"),
         ("path_line", ("controller.period_s=0.001",), "must be at least run.dt_s"),

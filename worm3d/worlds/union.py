@@ -222,7 +222,8 @@ def slope_into_pipe(
     heading : float
         Azimuth of the slope's steepest ascent and of the pipe [rad].
     face : float, optional
-        Slope of the hill above the mouth [rad]; None: the slope goes on.
+        Slope of the hill above the mouth [rad]; None: the slope goes on. The face begins a radius of the pipe farther
+        up than its bottom, so that there is no rim before the worm.
 
     Raises
     ------
@@ -240,9 +241,9 @@ def slope_into_pipe(
             f"tilt: got {tilt!r} rad, must be less than the {name} ({steepest!r} rad): the pipe leads into the hill"
         )
     plane = Plane(slope, heading)
-    hill = plane if face is None else Foot(slope, face, mouth, heading)
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
     up = np.cos(tilt) * np.array([0.0, 0.0, 1.0]) - np.sin(tilt) * ahead
     wide = float(radius.at(0.0)) if isinstance(radius, Profile) else radius
+    hill = plane if face is None else Foot(slope, face, mouth + wide, heading)
     line = Centreline.of(pieces, start=mouth * plane.axes[0] + wide * up, heading=heading, tilt=tilt)
     return Union([hill, Pipe(line, radius)])

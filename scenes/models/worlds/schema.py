@@ -136,7 +136,7 @@ class PipeKeys(Section):
         lt=90,
         only=SLOPE_INTO_PIPE,
         left_out="the slope goes on",
-        title="angle of the hill's face above the pipe's mouth",
+        title="angle of the hill's face, which begins a radius of the pipe farther up than its bottom",
     )
 
 
