@@ -2,7 +2,8 @@
 
 At every step the measurement passes the gate, the estimator (if there is one) takes what is left of it, and the wave
 generator gives the command. Once a control period the wave's parameters are chosen and the decision is recorded; a
-choice that raises an exception leaves those in force, and after a while rest. Meanwhile the watch looks for faults.
+choice that raises an exception leaves those in force, and after a while rest. Meanwhile the watch looks for faults, and
+a segment of which a chamber does not obey is held still.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from time import perf_counter
 from typing import ClassVar, Literal, NamedTuple, Protocol, Self, get_args
 
 from control.estimation.estimate import HEADING, Estimate
-from control.faults import Fault, Watch
+from control.faults.chambers import Chambers
+from control.faults.rules import Fault
+from control.faults.watch import Watch
 from control.gaits.steering import GaitParameters, Mechanism, Schedule, WaveGenerator
 from control.identification.identified import Identified
 from control.planning.feed_forward import FeedForward
@@ -139,6 +142,7 @@ class WaveController(ABC):
         self.worm, self.reference, self.control_period, self.estimator = worm, reference, control_period, estimator
         self.generator = WaveGenerator(schedule, worm)
         self.gate = Gate(worm, getattr(estimator, "span", SPAN))
+        self.chambers = Chambers(worm)
         self.watch = Watch(worm, reference, feed_forward)
         self._frequency = feed_forward.frequency
         self.reset()
@@ -165,6 +169,7 @@ class WaveController(ABC):
             self.estimator.reset()
         self.generator.reset()
         self.gate.reset()
+        self.chambers.reset()
         self.watch.reset()
         self.decisions: list[Decision] = []
         self.failures = self._held = 0
@@ -196,14 +201,16 @@ class WaveController(ABC):
         """Return the command from time t [s] on; TypeError where the measurement is no `Measurement`."""
         began = perf_counter()
         elapsed, self._time = 0.0 if self._time is None else t - self._time, t
-        seen = self.gate(t, measurement)
+        seen = self.gate(t, measurement, moving=self._target.amplitude > 0.0)
         if self.estimator is not None:
             self.estimator.take(t, seen, self._target, self.generator.phase)
+        if self.estimator is not None:  # one without looks at nothing
+            self.watch.report(self.chambers.take(t, seen.strain))
         self.watch.look(t, seen, self._estimate)
         if t >= self._due - 1e-9:
             self._decide(t, self._estimate(t), began)
             began = perf_counter()
-        command = self.generator.step(elapsed, self._target)
+        command = self.chambers.amended(t, self.generator.step(elapsed, self._target))
         self.watch.tell(self.generator.phase, command, self._target)
         self._spent += perf_counter() - began
         return command

@@ -2,6 +2,7 @@
 
 A sample is used if it has the right shape, is finite and within the limits of its quantity, and is of an instant that
 is known, not ahead of the clock, not further back than anything remembers, and not that of a sample that came before.
+Numbers that stay the same to the last bit for longer than a quantity of a moving worm can are those of a frozen sensor.
 What is right in part is used in part, with NaN for the rest, as long as the quantity says that this is enough: most
 segments of the strains, or the place of a centre of mass without its height.
 
@@ -19,6 +20,7 @@ import numpy as np
 from control.sensing.sensors import QUANTITIES, Measurement, Sample
 from worm3d import Observation, Worm
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 
 SPAN = 2.0
 """Age beyond which a sample is not used, unless the sensors are known to be slower [s]."""
@@ -39,6 +41,7 @@ class Refusal(Enum):
     TOO_OLD = "too old"
     AGAIN = "a second time"
     OUT_OF_ORDER = "after later ones"
+    FROZEN = "unchanged for too long, while the worm was to move"
 
 
 class Gate:
@@ -61,9 +64,15 @@ class Gate:
         self.first: dict[tuple[str, Refusal], float] = {}
         self._instants: dict[str, set[float]] = {name: set() for name in QUANTITIES}
         self._latest = dict.fromkeys(QUANTITIES, -np.inf)
+        self._same: dict[str, tuple[FloatArray, FloatArray]] = {}
 
-    def __call__(self, t: float, measurement: Measurement | Observation) -> Measurement:
-        """Return what can be used at time t [s] of a measurement, or of an observation; TypeError for other things."""
+    def __call__(self, t: float, measurement: Measurement | Observation, moving: bool = False) -> Measurement:
+        """Return what can be used at time t [s] of a measurement, or of an observation; TypeError for other things.
+
+        `moving` says whether the worm is told to move, so that what stays the same is frozen.
+        """
+        if not moving:
+            self._same.clear()
         if isinstance(measurement, Observation):
             measurement = Measurement.exact(measurement, self._shapes)
         if not isinstance(measurement, Measurement):
@@ -81,6 +90,8 @@ class Gate:
         value, refusal = None, self._mistimed(name, t, sample.time)
         if refusal is None:
             value, refusal = self._checked(name, sample.value)
+            if value is not None:
+                value, refusal = self._changing(name, value, float(sample.time), refusal)
         if refusal is not None:
             self.refused[name, refusal] += 1
             self.first.setdefault((name, refusal), t)
@@ -104,6 +115,21 @@ class Gate:
         if len(self._instants[name]) >= KEPT:
             self._instants[name] = {each for each in self._instants[name] if each >= t - self._span}
         self._instants[name].add(instant)
+
+    def _changing(self, name: str, value: Any, instant: float, refusal: Refusal | None) -> tuple[Any, Refusal | None]:
+        """Return what is not frozen of a sample, None if that is too little, and what is wrong with it."""
+        numbers = np.asarray(value)
+        last, since = self._same.get(name, (None, np.full(numbers.shape, instant)))
+        if last is not None:
+            since = np.where(numbers == last, since, instant)
+        self._same[name] = numbers, since
+        frozen = instant - since > QUANTITIES[name].may_stay
+        if numbers.ndim < 2:  # of one instrument: a worm may crawl along an axis
+            frozen = np.full(numbers.shape, frozen.all())
+        if not frozen.any():
+            return value, refusal
+        right = np.isfinite(numbers) & ~frozen
+        return np.where(right, numbers, np.nan) if QUANTITIES[name].is_enough(right) else None, Refusal.FROZEN
 
     def _checked(self, name: str, value: Any) -> tuple[Any, Refusal | None]:
         """Return what is right of a sample, None if that is too little, and what is wrong with it."""

@@ -100,6 +100,9 @@ class Quantity:
     """Whether a sample is of no use once one of a later instant has come."""
     angle: bool = False
     """Whether samples are wrapped to (-pi, pi]."""
+    may_stay: float = 2.5
+    """Time for which a number may stay the same to the last bit while the worm is to move [s]; that of a wave, in which
+    chambers rest, however coarse the sensor."""
 
 
 STRAIN = Channel(noise=0.01)
@@ -138,6 +141,7 @@ QUANTITIES = {
         mirrored=lambda value: value * [1.0, -1.0, 1.0],
         is_enough=lambda right: bool(right[:2].all()),
         standard=True,
+        may_stay=0.5,
     ),
     "heading": Quantity(
         "heading",

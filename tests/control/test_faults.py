@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from control.faults import Fault
+from control.faults.rules import Fault
 from control.identification.identified import load
 from control.sensing.sensors import COM, Channel, Measurement, Sensors
 from control.supervisor import Supervisor
@@ -135,7 +135,7 @@ def sideways(force: float, joint: int, begin: float, end: float) -> Callable[[fl
     [
         (Plane(), sideways(0.3, 6, 5.0, 6.5)),
         (Plane(), sideways(-0.5, 1, 5.0, 5.8)),
-        (Plane(slope=np.deg2rad(10.0), heading=np.deg2rad(70.0)), None),
+        (Plane(slope=np.deg2rad(12.0), heading=np.deg2rad(70.0)), None),
     ],
 )
 def test_a_worm_that_tips_is_reported_within_three_waves(world: Plane, push) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import worm3d
 from control.baselines import Gains
 from control.controllers import estimator, made, model
+from control.faults.injected import INJECTED, Injected
 from control.identification import identified as kept
 from control.identification.identified import Identified
 from control.loop import WaveController
@@ -24,6 +25,7 @@ from scenes.language.parts import part_of
 from scenes.models.control.schema import Constraints, Controller, ControlScene, Cost
 from scenes.models.control.schema import Reference as Asked
 from scenes.models.sensors import channels_of
+from scenes.models.switched import switched_parts
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import friction_of, start_of, worm_of
 from worm3d.values import named
@@ -204,6 +206,14 @@ def _farthest(scene: ControlScene) -> float:
     times = np.linspace(0.0, scene.run.duration_s, 1001)
     speeds = np.asarray(speed_of(scene.reference)(times), dtype=float)
     return float(speeds.mean() * scene.run.duration_s + scene.worm.length_m)
+
+
+def faults_of(scene: ControlScene) -> list[Injected]:
+    """Return the faults that are put in; ValueError where there can be no such fault."""
+    faults = switched_parts(INJECTED, scene.fault)
+    for fault in faults:
+        fault.require(worm_of(scene))
+    return faults
 
 
 def sensors_of(scene: ControlScene) -> Sensors:

@@ -8,10 +8,12 @@ from itertools import pairwise
 from typing import Any
 
 from control import controllers
+from control.faults.injected import INJECTED
 from control.sensing.sensors import QUANTITIES
 from scenes.language.checks import Check, Found, kind_checks
-from scenes.models.control.build import NOT_IDENTIFIED, identified_of, parts_of, reference_of
-from scenes.models.control.schema import Controller, ControlScene, Reference, Sensor
+from scenes.models.control.build import NOT_IDENTIFIED, faults_of, identified_of, parts_of, reference_of
+from scenes.models.control.schema import Controller, ControlScene, Faults, Reference, Sensor
+from scenes.models.switched import switched_checks
 from scenes.models.worm.build import PARTS, worm_of
 from scenes.models.worm.checks import SPATIAL_CHECKS, start_check
 
@@ -28,6 +30,18 @@ def _there_is_such_a_path(*sections: Mapping[str, Any]) -> Found:
         reference_of(_scene(("reference", "world", "worm", "start", "run"), sections))
     except ValueError as error:
         return str(error)
+    return None
+
+
+def _there_can_be_such_faults(*sections: Mapping[str, Any]) -> Found:
+    scene = _scene(("fault", "controller", "worm", *PARTS), sections)
+    try:
+        faults = faults_of(scene)
+    except ValueError as error:
+        return str(error)
+    plans = getattr(controllers.controller(scene.controller.kind), "plans", False)
+    if any(fault.of_plans for fault in faults) and not plans:
+        return "planner: got true: this controller plans nothing"
     return None
 
 
@@ -139,6 +153,8 @@ CONTROL_CHECKS = (
     Check(("controller.kind",), _there_is_such_a_controller),
     Check(("controller", "cost", "constraints"), _there_are_such_parts),
     Check(("controller.period_s", "run.dt_s"), _decides_no_more_than_once_a_step),
+    *switched_checks(INJECTED, "fault", Faults, "fault"),
+    Check(("fault", "controller", "worm", *PARTS), _there_can_be_such_faults),
     *(Check((key, "run.duration_s"), partial(_steps_in_turn, key=key)) for key in STEPS),
     Check(("reference.speed_steps", "reference.speed_sine_m_s"), _steps_or_a_sine),
     Check(("reference.speed_sine_m_s", "reference.speed_m_s"), _never_backwards),

@@ -8,12 +8,13 @@ import numpy as np
 
 import worm3d
 from control.estimation.estimate import NIS, consistency
+from control.faults.injected import Faulty
 from control.loop import WaveController
 from control.sensing.sensors import Measurement
 from control.tracking.metrics import measured
 from scenes.models.base import Model, Observer, Outcome, Watch, pictures
 from scenes.models.control import view as control_view
-from scenes.models.control.build import controller_of, identified_of, reference_of, sensors_of
+from scenes.models.control.build import controller_of, faults_of, identified_of, reference_of, sensors_of
 from scenes.models.control.checks import CONTROL_CHECKS
 from scenes.models.control.faults import in_turn, of_controller, of_plant, refused
 from scenes.models.control.record import motion_of, timing_of, variables_of
@@ -80,7 +81,8 @@ def watch(scene: ControlScene, observer: Observer, how: Watch) -> Outcome:
 
 
 def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.Live | None = None) -> Outcome:
-    result = worm.simulated(scene, observer, live=live, drive=(driver, sensors_of(scene)))
+    drive = injected(driver, scene), sensors_of(scene)
+    result = worm.simulated(scene, observer, live=live, drive=drive)
     waves = driver.at_rows(len(result.time), scene.run.record_every)
     plain, controller, decisions = worm.outcome(result), driver.controller, driver.controller.decisions
     found, unfounded = innovations(controller)
@@ -112,6 +114,12 @@ def innovations(controller: WaveController) -> tuple[dict[str, float | None], di
         return dict.fromkeys(NIS), dict.fromkeys(NIS, NO_NIS)
     found = consistency(nis)
     return dict(zip(NIS, (found.mean, found.low, found.high), strict=True)), {}
+
+
+def injected(driver: Phased, scene: ControlScene) -> Phased | Faulty:
+    """Return a driver with the faults of a scene put around it, if there are any."""
+    faults = faults_of(scene)
+    return Faulty(driver, faults, scene.seed, driver.controller) if faults else driver
 
 
 def _map_of(scene: ControlScene) -> object:

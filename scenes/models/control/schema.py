@@ -7,12 +7,14 @@ from typing import Any, Literal
 
 from control.baselines import Gains
 from control.controllers import CONTROLLERS, ESTIMATORS, MODELS, Listed
+from control.faults.injected import INJECTED
 from control.gaits.steering import Mechanism
 from control.planning.constraints import CONSTRAINTS
 from control.planning.terms import TERMS
 from scenes.language.parts import Keys, PartSection, keys_of, meanings
 from scenes.language.schema import OWN, Pair, Section, Tables, part, parts, quantity, setting, tables
 from scenes.models.sensors import channel_keys
+from scenes.models.switched import switched_keys
 from scenes.models.worm.schema import SpatialScene
 
 HEADING, LINE, CIRCLE, S_CURVE, SPLINE, WAY_POINTS = "heading", "line", "circle", "s_curve", "spline", "way_points"
@@ -144,6 +146,10 @@ class Reference(PartSection, keys={"kind": KIND}):
     closed: bool = setting(False, only=SPLINE, title="whether it goes on from its last point to its first")
 
 
+class Faults(PartSection, keys=switched_keys(INJECTED)):
+    """Faults that are put in on purpose, of which the controller is told nothing; any that are asked for by name."""
+
+
 class ControlScene(SpatialScene):
     """A whole scene."""
 
@@ -153,3 +159,4 @@ class ControlScene(SpatialScene):
     constraints: Constraints = Constraints()
     sensor: Sensor = Sensor()
     reference: Reference = Reference()
+    fault: Faults = Faults()

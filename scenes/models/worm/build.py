@@ -20,6 +20,7 @@ from scenes.language.parts import keys_by_parameter, part_of
 from scenes.models.base import Observer
 from scenes.models.sections import gait_from
 from scenes.models.sensors import channels_of
+from scenes.models.switched import switched_parts
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.schema import (
     AimedStart,
@@ -127,7 +128,7 @@ def gait_of(scene: AnyWormScene) -> Gait | Reflexive:
     """Return the gait of a scene that has one, with the reflexes that it asks for."""
     assert isinstance(scene, GaitScene)
     gait, asked = gait_from(scene.gait, scene.run.dt_s), scene.reflexes
-    reflexes = [part_of(part, asked, prefix=f"{name}_") for name, part in REFLEXES.items() if getattr(asked, name)]
+    reflexes = switched_parts(REFLEXES, asked)
     return Reflexive(gait, tuple(reflexes)) if reflexes else gait
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from control.gaits.reflexes import REFLEXES
 from scenes.language.checks import Check, Found, kind_checks
 from scenes.language.toml import shown
 from scenes.models.checks import RUN_CHECKS, gait_checks, in_keys, list_checks, too_much_memory
+from scenes.models.switched import switched_checks
 from scenes.models.worlds.build import world_of
 from scenes.models.worlds.checks import SECTION_CHECKS, WORM_IN_PIPE_CHECKS
 from scenes.models.worlds.schema import World
@@ -103,13 +103,6 @@ def _fits_into_memory(dt_s: float, duration_s: float, segments: int, record_ever
     return too_much_memory(needed, steps, segments, remedy)
 
 
-def _reflex_is_asked_for(value: Any, asked: bool, *, name: str, default: Any) -> Found:
-    """Tell of a parameter of a reflex that is not asked for; at its default it says nothing, as in resolved scenes."""
-    return (
-        None if asked or value == default else f"there is no such reflex: set reflexes.{name} = true, or leave it out"
-    )
-
-
 def _errors_are_felt(sensor: Mapping[str, Any], reflexes: Mapping[str, Any], kind: str) -> Found:
     """Tell of errors of sensors where nothing senses."""
     wrong = [key for key, value in sensor.items() if value != Senses.model_fields[key].default]
@@ -119,12 +112,7 @@ def _errors_are_felt(sensor: Mapping[str, Any], reflexes: Mapping[str, Any], kin
 
 
 REFLEX_CHECKS = (
-    *(
-        Check((f"reflexes.{key}", f"reflexes.{name}"), partial(_reflex_is_asked_for, name=name, default=field.default))
-        for name in REFLEXES
-        for key, field in Reflexes.model_fields.items()
-        if key.startswith(f"{name}_")
-    ),
+    *switched_checks(REFLEXES, "reflexes", Reflexes, "reflex"),
     Check(("sensor", "reflexes", "gait.kind"), _errors_are_felt),
 )
 """Checks of what a gait and its reflexes sense."""

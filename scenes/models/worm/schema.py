@@ -6,10 +6,11 @@ from typing import Literal
 
 from control.gaits.reflexes import REFLEXES
 from planar.linkage import Linkage
-from scenes.language.parts import Keys, PartSection, keys_of
+from scenes.language.parts import PartSection, keys_of
 from scenes.language.schema import Each, Pair, Section, Triple, quantity, setting
 from scenes.models.sections import BODY_BOUNDS, Run, Settings, gait_keys, planar_gait_keys
 from scenes.models.sensors import channel_keys
+from scenes.models.switched import switched_keys
 from scenes.models.worlds.schema import World
 from worm3d.actuators import ACTUATORS
 from worm3d.physics.friction import Friction as PlantFriction
@@ -72,17 +73,7 @@ class PlanarGait(PartSection, keys=planar_gait_keys()):
     """Commands of the chambers, to shorten by amplitude x activation."""
 
 
-def _reflex_keys() -> Keys:
-    """Return the keys of all reflexes; one acts if it is asked for by its name."""
-    keys: Keys = {}
-    for name, part in REFLEXES.items():
-        what = (part.__doc__ or "").split(", (")[0]
-        keys[name] = bool, setting(False, title=f"whether {what[:1].lower()}{what[1:]}")
-        keys |= keys_of(part, prefix=f"{name}_")
-    return keys
-
-
-class Reflexes(PartSection, keys=_reflex_keys()):
+class Reflexes(PartSection, keys=switched_keys(REFLEXES)):
     """Reflexes, which change the gait's contractions by what is felt, in this order; any that are asked for by name."""
 
 

@@ -1,4 +1,4 @@
-"""Faults of a run that a controller can tell from what it measures: a watch over each wave, and rules over the last.
+"""Rules that tell faults from what was seen of a worm in its last waves.
 
 *Chambers.* A chamber follows its command by a gain: amplitude of the strain at the wave's frequency over that of the
 command. On the default worm gains are 0.7 to 0.95, and those of one body within a quarter of each other, on slopes, in
@@ -16,21 +16,13 @@ A fault has to show in two waves in a row, or over three waves, so that it is re
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import inf, nan
 
 import numpy as np
 
-from control.estimation.estimate import Estimate
-from control.gaits.steering import GaitParameters
-from control.planning.feed_forward import FeedForward
-from control.sensing.sensors import Measurement
-from control.tracking.paths import offset
-from control.tracking.references import Reference
-from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 
 DISOBEYS = 0.55
@@ -51,8 +43,6 @@ SLOW, SLOW_AT_LIMIT, FAST = 0.75, 0.9, 1.3
 """Shares of the speed asked for: too slow, too slow though the wave is as fast as it gets, too fast."""
 CREEPS = 0.1
 """Share of the greatest speed of the map below which nothing is said of a worm that is too slow."""
-AT_LIMIT = 0.97
-"""Share of the greatest amplitude and frequency from which a wave is as fast as it gets."""
 REACH = 1.02
 """Share of the greatest speed of the map from which a speed cannot be reached."""
 TURNS = 1.1
@@ -61,20 +51,9 @@ LEFT_PATH = 0.3
 """Distance that a worm leaves its path by, beyond the least one of the last waves [body lengths]."""
 THREE = 4
 """Number of waves of which the first and the last are three waves apart."""
-HARMONICS = 3
-"""Number of harmonics of the wave that are fitted to strains and commands: what is left over is noise."""
-SAMPLES = 16
-"""Number of strains without which gains are not known: those of more waves are taken together."""
-MOVES = 0.02
-"""Amplitude of a command below which nothing can be said of its chamber."""
-KNOWN = 0.3
-"""Standard deviation of a heading by which forward can be told from backward [rad]."""
-MOMENTS = 9
-"""Number of instants of a wave at which the speed that is asked for is looked up."""
-REMEMBERED = 40
-"""Number of waves that are kept."""
 SIDES = ("left", "right")
-_LOG = logging.getLogger(__name__)
+ADVICE = "look at its supply, its valve and its strain sensor; segment 0 is the tail"
+"""On a chamber."""
 
 
 @dataclass(frozen=True)
@@ -127,130 +106,6 @@ class Wave:
     """Distance from the path [body lengths]."""
 
 
-class Watch:
-    """The watch over one worm; `faults` holds what it found so far."""
-
-    def __init__(self, worm: Worm, reference: Reference, feed_forward: FeedForward) -> None:
-        self._segments, self._length = worm.segments, worm.length
-        self._reference, self._feed_forward = reference, feed_forward
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin anew."""
-        self.faults: list[Fault] = []
-        self._waves: list[Wave] = []
-        self._strains: list[tuple[float, FloatArray, FloatArray]] = []
-        self._places: list[tuple[float, float, float]] = []
-        self._told: tuple[float, FloatArray] | None = None
-        self._begin: tuple[float, float] | None = None
-        self._near: float | None = None
-
-    def look(self, t: float, seen: Measurement, known: Callable[[float], Estimate | None]) -> None:
-        """Take in what was measured at time t [s], of the commands up to then; `known` gives the estimate of t."""
-        if seen.com is not None:
-            self._places.append((float(seen.com[0]), float(seen.com[1]), seen.com_time))
-        if self._told is None:
-            return
-        phase, contraction = self._told
-        if seen.strain is not None:
-            self._strains.append((phase, seen.strain, contraction))
-        if self._begin is None:
-            self._begin = t, phase
-        if phase >= self._begin[1] + 2.0 * np.pi:
-            self._end_wave(self._wave(self._begin[0], t, known(t)))
-            self._begin = t, phase
-
-    def tell(self, phase: float, command: Command, parameters: GaitParameters) -> None:
-        """Take in what is commanded from now on."""
-        self._told, self._parameters = (phase, command.contraction), parameters
-
-    def _end_wave(self, wave: Wave) -> None:
-        self._waves.append(wave)
-        self._places.clear()
-        del self._waves[:-REMEMBERED]
-        known = {fault.kind for fault in self.faults}
-        for fault in faults(self._waves):
-            if fault.kind not in known:
-                _LOG.info("at %.2f s: %s", fault.time, fault.what)
-                self.faults.append(fault)
-
-    def _wave(self, begin: float, end: float, estimate: Estimate | None) -> Wave:
-        gain, error, bend = self._gains()
-        place, instant, doubt = self._place()
-        try:
-            asked = np.zeros(MOMENTS) + self._reference.speed(np.linspace(begin, end, MOMENTS))
-            turn, sharpest, aside = self._way(place, float(asked[-1]))
-        except Exception:  # anybody may write references; the fallback deals with these
-            _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
-            asked, turn, sharpest, aside = np.full(MOMENTS, nan), 0.0, inf, None
-        top = self._feed_forward.ranges
-        known = estimate is not None and estimate.deviations[2] < KNOWN
-        return Wave(
-            end=end,
-            gain=gain,
-            gain_error=error,
-            bend=bend,
-            place=place,
-            place_time=instant,
-            place_error=doubt,
-            heading=estimate.heading if estimate is not None and known else None,
-            at_limit=self._parameters.amplitude >= AT_LIMIT * top.amplitude[1]
-            and self._parameters.frequency >= AT_LIMIT * top.frequency[1],
-            least_asked=float(asked.min()),
-            most_asked=float(asked.max()),
-            reach=self._feed_forward.fastest,
-            turn=turn,
-            sharpest=sharpest,
-            aside=aside,
-        )
-
-    def _gains(self) -> tuple[FloatArray, FloatArray, float]:
-        """Return the gains of the chambers, their standard errors, and the bend, by least squares over the wave."""
-        unknown = np.full((self._segments, 2), nan)
-        if len(self._strains) < SAMPLES:
-            return unknown, unknown, nan
-        phase, strain, told = (np.array(column) for column in zip(*self._strains, strict=True))
-        self._strains.clear()
-        strain, told = strain.reshape(len(phase), -1), told.reshape(len(phase), -1)
-        missing = np.isnan(strain)
-        dead = 2 * missing.sum(axis=0) > len(phase)
-        rows = ~missing[:, ~dead].any(axis=1)
-        if dead.all() or rows.sum() < SAMPLES:
-            return unknown, unknown, nan
-        orders = np.arange(1, HARMONICS + 1) * phase[rows, None]
-        columns = np.hstack([np.ones((rows.sum(), 1)), np.cos(orders), np.sin(orders)])
-        both = np.nan_to_num(np.hstack([strain[rows], told[rows]]))
-        found, *_ = np.linalg.lstsq(columns, both, rcond=None)
-        left_over = both - columns @ found
-        chambers = strain.shape[1]
-        amplitude = np.hypot(found[1], found[1 + HARMONICS])
-        asked = np.where((amplitude[chambers:] < MOVES) | dead, nan, amplitude[chambers:])
-        variance = (left_over[:, :chambers] ** 2).sum(axis=0) / max(len(both) - len(found), 1)
-        mean = np.where(dead, nan, found[0, :chambers]).reshape(-1, 2)
-        tilt = np.abs(mean[:, 0] - mean[:, 1])
-        bend = float(np.nanmax(tilt)) if np.isfinite(tilt).any() else nan
-        error = np.sqrt(2.0 * variance / len(both)) / asked
-        return (amplitude[:chambers] / asked).reshape(-1, 2), error.reshape(-1, 2), bend
-
-    def _place(self) -> tuple[FloatArray | None, float, float]:
-        """Return the mean place of a wave, its mean instant, and its standard error by how samples scatter."""
-        if not self._places:
-            return None, nan, nan
-        rows = np.array(sorted(self._places, key=lambda row: row[2]))
-        twice = np.diff(rows[:, :2], n=2, axis=0)
-        variance = float((twice**2).mean()) / 6.0 if len(twice) else 0.0  # of white noise; waves change slowly
-        return rows[:, :2].mean(axis=0), float(rows[:, 2].mean()), float(np.sqrt(2.0 * variance / len(rows)))
-
-    def _way(self, place: FloatArray | None, speed: float) -> tuple[float, float, float | None]:
-        """Return the path's turn rate at a place, the greatest one of the map, and the distance [body lengths]."""
-        path = self._reference.path
-        if path is None or place is None:
-            return 0.0, inf, None
-        self._near = s = float(path.project(place, self._near))
-        turn = float(path.curvature(s)) * speed
-        return turn, self._feed_forward.sharpest(speed), abs(float(offset(path, place, s))) / self._length
-
-
 def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
     """Yield what shows in the last wave and those before it."""
     for rule in (_unreachable, _too_sharp, _tipped, _chambers, _speed, _off_path, _blind):
@@ -292,13 +147,12 @@ def _chambers(waves: Sequence[Wave]) -> Iterator[Fault]:
     if max(most) < WEAK:
         what = f"the chambers move by {100 * most[-1]:.0f} % of what they are told"
         yield Fault(last[-1].end, "chambers", what, "look at the pressure supply")
-    advice = "look at its supply, its valve and its strain sensor; segment 0 is the tail"
     shares = [gain / median for gain, median in zip(surely, medians, strict=True)]
     for segment, side in product(range(len(shares[0])), (0, 1)):
         if max(share[segment, side] for share in shares) < DISOBEYS:  # false where any is NaN
             share = 100 * last[-1].gain[segment, side] / medians[-1]
             what = f"the {SIDES[side]} chamber of segment {segment} moves by {share:.0f} % of what the others do"
-            yield Fault(last[-1].end, f"chamber {segment} {SIDES[side]}", what, advice)
+            yield Fault(last[-1].end, f"chamber {segment} {SIDES[side]}", what, ADVICE)
 
 
 def _unreachable(waves: Sequence[Wave]) -> Iterator[Fault]:

@@ -1,0 +1,145 @@
+"""Chambers that do not obey: found within a part of a wave, and lived with.
+
+A chamber that stays where it is while its twin on the other side contracts bends the body in every wave: the worm
+turns, crabs, and often tips within a wave and a half (5 of the 12 chambers of the default worm at 0.08 m/s). Held still
+on both sides, the segment is straight again and is carried by the others: what is left is a worm that is a little
+slower at the same wave, which the estimator finds as slip.
+
+*Found.* Chambers answer commands c like a first-order lag of gain g and time constant T. With the strains s,
+
+    p' = (g c - p)/T,   E' = (p + s - E)/tau,   D = E_left - E_right                                          (CH1)
+
+D does not see what both sides have in common: errors of g and T, loads, walls. A chamber does not obey where |D| is
+beyond a limit, its E is at least twice that of its twin, and the segments beside it show no D of this sign, for a
+while. On paths, in a pipe, in sharp turns and across slopes |D| of the default worm stays below 0.06. Pushes bend both
+sides of several segments alike: |D| is up to 0.18, and beside it 0.4 of this at least; beside a chamber without
+pressure it is 0.2 of 0.13 to 0.25 at most, and mostly of the other sign.
+
+*Lived with.* Both chambers of the segment are held: the faulty one at the contraction h that it had, its twin at what
+is measured of the faulty one since. If it was the sensor that is wrong, the segment is held still all the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from control.faults.rules import ADVICE, SIDES, Fault
+from worm3d import Command, Worm
+from worm3d.values.arrays import FloatArray
+
+GAIN, LAG = 0.9, 0.1
+"""Gain and time constant [s] of the answer of the default worm. Others only matter to which of two is to blame."""
+SMOOTHING = 0.03
+"""Time constant tau of E [s]."""
+LIMIT = 0.05
+"""Value of |D| beyond which a chamber does not obey, noise apart."""
+SURE = 4.0
+"""Standard deviations of D, by the noise of the strains, that are added to the limit."""
+SPREAD = 0.3
+"""Share of D that segments beside it may have, of the same sign."""
+ONE_SIDED = 2.0
+"""Ratio of |E| to that of the twin from which it is one chamber that does not obey."""
+LASTING = 0.02
+"""Time for which all this has to hold [s]."""
+FOLLOWS = 1.0
+"""Time constant with which the twin follows what is measured of the faulty chamber, which its neighbours pull [s]."""
+
+
+@dataclass
+class Held:
+    """A segment that is held still since one of its chambers does not obey."""
+
+    side: int
+    """Side of the chamber that does not obey, 0 is left."""
+    held: float
+    """Contraction at which that chamber is to stay."""
+    twin: float
+    """Contraction of its twin."""
+
+
+class Chambers:
+    """The chambers of one worm; `held` has the segments that are held still, by their number from the tail."""
+
+    def __init__(self, worm: Worm) -> None:
+        self._shape, self._stroke = (worm.segments, 2), worm.stroke
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.held: dict[int, Held] = {}
+        self._told: FloatArray | None = None
+        self._time = np.nan
+        self._answer = np.zeros(self._shape)
+        self._miss = np.zeros(self._shape)
+        self._last: list[FloatArray] = []
+        self._variance = 0.0
+        self._since = np.full(self._shape, np.inf)
+
+    def take(self, t: float, strain: FloatArray | None) -> list[Fault]:
+        """Take what was measured at time t [s], shape (N, 2), NaN where unknown; return what was found just now."""
+        if self._told is None:
+            return []
+        passed, self._time = t - self._time, t
+        self._answer += (1.0 - np.exp(-passed / LAG)) * (GAIN * self._told - self._answer)
+        if strain is None:
+            return []
+        share = 1.0 - np.exp(-passed / SMOOTHING)
+        miss = self._answer + strain
+        self._miss += share * np.where(np.isnan(miss), -self._miss, miss - self._miss)
+        found = []
+        for segment, side in np.argwhere(self._disobeying(t, self._doubt(strain, share))).tolist():
+            if segment not in self.held:
+                now = float(np.clip((self._answer - self._miss)[segment, side], *self._stroke))
+                self.held[segment] = Held(side, now, now)
+                found.append(self._fault(t, segment, side))
+        for segment, held in self.held.items():
+            measured = -strain[segment, held.side]
+            if np.isfinite(measured):
+                held.twin += (1.0 - np.exp(-passed / FOLLOWS)) * (measured - held.twin)
+        return found
+
+    def _fault(self, t: float, segment: int, side: int) -> Fault:
+        name, where = f"the {SIDES[side]} chamber of segment {segment}", self._answer[segment, side]
+        what = (
+            f"{name} does not obey: it is shortened by {where - self._miss[segment, side]:.2f} in place of {where:.2f}"
+        )
+        advice = f"{ADVICE}; the segment is held still, the others carry it"
+        return Fault(t, f"chamber {segment} {SIDES[side]}", what, advice)
+
+    def amended(self, t: float, command: Command) -> Command:
+        """Return the command from time t [s] on with the segments that are held still."""
+        if self.held:
+            contraction = command.contraction.copy()
+            for segment, held in self.held.items():
+                contraction[segment, held.side] = held.held
+                contraction[segment, 1 - held.side] = np.clip(held.twin, *self._stroke)
+            command = replace(command, contraction=contraction)
+        if self._told is None:
+            self._time = t
+        self._told = command.contraction
+        return command
+
+    def _doubt(self, strain: FloatArray, share: float) -> float:
+        """Return the standard deviation of D, by how strains scatter from sample to sample."""
+        self._last = [*self._last[-2:], strain]
+        if len(self._last) == 3:
+            first, second, third = self._last
+            twice = (first - 2.0 * second + third) ** 2
+            known = twice[np.isfinite(twice)]
+            if known.size:
+                scatter = float(known.mean()) / 6.0  # of white noise
+                self._variance += 0.05 * (scatter - self._variance)
+        return float(np.sqrt(2.0 * self._variance * share / (2.0 - share)))
+
+    def _disobeying(self, t: float, doubt: float) -> NDArray[np.bool_]:
+        """Return which chambers have not obeyed for a while, shape (N, 2)."""
+        size, apart = np.abs(self._miss), self._miss[:, 0] - self._miss[:, 1]
+        beside = np.sign(apart) * np.vstack([np.append(apart[1:], 0.0), np.append(0.0, apart[:-1])])
+        alone = (np.abs(apart) > LIMIT + SURE * doubt) & (beside < SPREAD * np.abs(apart)).all(axis=0)
+        bad = alone[:, None] & (size > ONE_SIDED * size[:, ::-1])
+        self._since = np.where(bad, np.minimum(self._since, t), np.inf)
+        found: NDArray[np.bool_] = t - self._since >= LASTING
+        return found

@@ -1,0 +1,250 @@
+"""Faults that are put in on purpose, to try what a controller makes of them.
+
+A fault changes what a controller measures, what becomes of its commands, or its plans, from `begin` on for `duration`.
+`Faulty` puts faults around any controller of `worm3d.simulate`, which is told nothing of them. To add one, derive a
+dataclass from `Injected` with the name that scenes call it by, `class Mine(Injected, name="mine")`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
+from zlib import crc32
+
+import numpy as np
+
+from control.sensing.sensors import QUANTITIES, Measurement, Sample
+from worm3d import Command, Worm
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import check, documented, parameter
+
+if TYPE_CHECKING:
+    from control.planning.mpc import Plan
+
+INJECTED: dict[str, type[Injected]] = {}
+"""Class of each fault, by its name."""
+
+SIDES = ("left", "right")
+ALL = -1
+"""Number that stands for all segments."""
+
+
+class Controller(Protocol):
+    """A controller for `worm3d.simulate`."""
+
+    def reset(self) -> None:
+        """Begin anew."""
+
+    def step(self, t: float, measurement: Measurement) -> Command:
+        """Return the command from time t [s] on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Injected:
+    """A fault that lasts for a while; a subclass is found in `INJECTED` under its `name`."""
+
+    name: ClassVar[str] = ""
+    of_plans: ClassVar[bool] = False
+    """Whether it is a fault of plans, so that the controller must plan."""
+
+    begin: float = parameter(0.0, unit="s", ge=0, meaning="when it begins")
+    duration: float = parameter(
+        np.inf, unit="s", gt=0, infinite=True, meaning="how long it lasts", left_out="to the end of the run"
+    )
+
+    def __init_subclass__(cls, name: str = "") -> None:
+        if name:
+            cls.name, INJECTED[name] = name, cls
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def acts(self, t: float) -> bool:
+        """Return whether it is there at time t [s]."""
+        return self.begin <= t < self.begin + self.duration
+
+    def require(self, worm: Worm) -> None:
+        """Raise ValueError if a worm cannot have it."""
+
+    def measured(self, measurement: Measurement, before: Measurement | None) -> Measurement:
+        """Return what is measured with the fault; `before` is what was measured last without it."""
+        return measurement
+
+    def commanded(self, command: Command) -> Command:
+        """Return what becomes of a command."""
+        return command
+
+    def planned(self, draw: Callable[[], float], make: Callable[[], Plan]) -> Plan:
+        """Return what becomes of a plan that `make` would make; `draw` gives random numbers from 0 to 1."""
+        return make()
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class FaultyChamber(Injected, name="chamber"):
+    """A chamber holds a contraction, whatever it is told, or follows its command in part."""
+
+    segment: int = parameter(0, ge=0, meaning="which segment, 0 is the tail")
+    side: Literal["left", "right"] = parameter("left", meaning="which of its chambers")
+    contraction: float = parameter(0.0, meaning="contraction that it holds", ge=-1, lt=1)
+    share: float = parameter(0.0, meaning="share of its command that it follows beside that", ge=0, le=1)
+
+    def require(self, worm: Worm) -> None:
+        """Raise ValueError if a worm has no such chamber."""
+        _require_segment(self.segment, worm)
+
+    def commanded(self, command: Command) -> Command:
+        """Return the command with what this chamber does."""
+        contraction, at = command.contraction.copy(), (self.segment, SIDES.index(self.side))
+        contraction[at] = self.contraction + self.share * contraction[at]
+        return replace(command, contraction=contraction)
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class FaultySensor(Injected, name="sensor"):
+    """A sensor gives no samples, the last one again and again, or one that is off."""
+
+    channel: Literal["strain", "com", "heading", "angular_rate", "contact_load", "pressure"] = parameter(
+        "com", meaning="which sensor"
+    )
+    mode: Literal["lost", "frozen", "off"] = parameter(
+        "lost", meaning="lost: no samples; frozen: the last one as if it were new; off: with an error added"
+    )
+    error: float = parameter(0.0, meaning="error that is added, in the unit of the channel (SI)")
+    segment: int = parameter(ALL, ge=ALL, meaning="of which segment only; -1: of all")
+    side: Literal["both", "left", "right"] = parameter("both", meaning="of which side of that segment")
+
+    def require(self, worm: Worm) -> None:
+        """Raise ValueError if a worm has no such segment, or the channel has no segments."""
+        if self.segment != ALL:
+            _require_segment(self.segment, worm)
+            if len(QUANTITIES[self.channel].shape(worm)) < 2:
+                raise ValueError(
+                    f"segment: got {self.segment!r}, must be left out: {self.channel} is of the whole worm"
+                )
+
+    def measured(self, measurement: Measurement, before: Measurement | None) -> Measurement:
+        """Return the measurement with what this sensor gives."""
+        sample = measurement.get(self.channel)
+        if sample is None or sample.value is None:
+            return measurement
+        kept: Any = sample.value if before is None else before[self.channel].value
+        value = self._spoilt(np.array(sample.value, dtype=float), np.asarray(kept, dtype=float))
+        return measurement.changed(**{self.channel: Sample(value, sample.time)})
+
+    def _spoilt(self, value: FloatArray, before: FloatArray) -> FloatArray | None:
+        bad = {"lost": np.full_like(value, np.nan), "frozen": before, "off": value + self.error}[self.mode]
+        if self.segment == ALL:
+            return None if self.mode == "lost" else bad
+        own = slice(None) if self.side == "both" else SIDES.index(self.side)
+        value[self.segment, own] = bad[self.segment, own]
+        return value
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class FaultyPlanner(Injected, name="planner"):
+    """The planner finds no plan, or raises an exception, always or now and then."""
+
+    of_plans: ClassVar[bool] = True
+
+    mode: Literal["fails", "raises"] = parameter("fails", meaning="fails: it finds nothing; raises: an exception")
+    probability: float = parameter(1.0, gt=0, le=1, meaning="probability that a plan is spoilt")
+
+    def planned(self, draw: Callable[[], float], make: Callable[[], Plan]) -> Plan:
+        """Return the plan, a spoilt one, or none: RuntimeError."""
+        if draw() >= self.probability:
+            return make()
+        if self.mode == "raises":
+            raise RuntimeError("the planner is out of order")
+        from control.planning.mpc import PlanStatus  # imports the solver
+
+        return replace(make(), status=PlanStatus.NOT_SOLVED)
+
+
+class Faulty:
+    """A controller around which there are faults.
+
+    Parameters
+    ----------
+    controller : Controller
+        Anything that `worm3d.simulate` takes for one that measures; of one with a `planner` the plans may fail.
+    faults : sequence of Injected
+    seed : int
+        Seed of what comes now and then.
+    planning : object, optional
+        Whose `planner` it is; the controller by default.
+
+    Raises
+    ------
+    ValueError
+        A fault that this controller cannot have; whether the worm can, `Injected.require` says.
+    """
+
+    def __init__(self, controller: Controller, faults: Sequence[Injected], seed: int = 0, planning: Any = None) -> None:
+        self.controller, self.faults = controller, tuple(faults)
+        owner, of_plans = controller if planning is None else planning, [each for each in faults if each.of_plans]
+        if of_plans:
+            if not hasattr(owner, "planner"):
+                raise ValueError(f"{of_plans[0].name}: got this fault, but {type(owner).__name__} plans nothing")
+            owner.planner = _Planner(owner.planner, of_plans, seed)
+        self.reset()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.__dict__["controller"], name)
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.controller.reset()
+        self._before: list[Measurement | None] = [None] * len(self.faults)
+
+    def step(self, t: float, measurement: Measurement) -> Command:
+        """Return what becomes of the command from time t [s] on."""
+        acting = [fault.acts(t) for fault in self.faults]
+        for k, fault in enumerate(self.faults):
+            if acting[k]:
+                measurement = fault.measured(measurement, self._before[k])
+            else:
+                self._before[k] = _latest(self._before[k], measurement)
+        command = self.controller.step(t, measurement)
+        for k, fault in enumerate(self.faults):
+            if acting[k]:
+                command = fault.commanded(command)
+        return command
+
+
+class _Planner:
+    """A planner of which the plans are spoilt."""
+
+    def __init__(self, planner: Any, faults: Sequence[Injected], seed: int) -> None:
+        self._planner, self._faults, self._seed = planner, faults, seed
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.__dict__["_planner"], name)
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._planner.reset()
+        self._random = np.random.default_rng([self._seed, crc32(b"planner")])
+
+    def plan(self, t: float, *given: Any) -> Plan:
+        """Return the plan from time t [s] on, or what became of it."""
+        make: Callable[[], Plan] = lambda: self._planner.plan(t, *given)  # noqa: E731
+        fault = next((fault for fault in self._faults if fault.acts(t)), None)
+        return make() if fault is None else fault.planned(self._random.random, make)
+
+
+def _latest(before: Measurement | None, measurement: Measurement) -> Measurement:
+    """Return a measurement with the samples before where none have arrived."""
+    if before is None:
+        return measurement
+    return measurement.changed(**{name: before[name] for name, s in measurement.items() if s.value is None})
+
+
+def _require_segment(segment: int, worm: Worm) -> None:
+    if segment >= worm.segments:
+        raise ValueError(
+            f"segment: got {segment!r}, must be below {worm.segments}, the number of segments; 0 is the tail"
+        )

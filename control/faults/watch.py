@@ -1,0 +1,162 @@
+"""The watch over a worm: what measurements, commands and the reference say of each wave, for the rules to judge."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable
+from math import inf, nan
+
+import numpy as np
+
+from control.estimation.estimate import Estimate
+from control.faults.rules import Fault, Wave, faults
+from control.gaits.steering import GaitParameters
+from control.planning.feed_forward import FeedForward
+from control.sensing.sensors import Measurement
+from control.tracking.paths import offset
+from control.tracking.references import Reference
+from worm3d import Command, Worm
+from worm3d.values.arrays import FloatArray
+
+AT_LIMIT = 0.97
+"""Share of the greatest amplitude and frequency from which a wave is as fast as it gets."""
+HARMONICS = 3
+"""Number of harmonics of the wave that are fitted to strains and commands: what is left over is noise."""
+SAMPLES = 16
+"""Number of strains without which gains are not known: those of more waves are taken together."""
+MOVES = 0.02
+"""Amplitude of a command below which nothing can be said of its chamber."""
+KNOWN = 0.3
+"""Standard deviation of a heading by which forward can be told from backward [rad]."""
+MOMENTS = 9
+"""Number of instants of a wave at which the speed that is asked for is looked up."""
+REMEMBERED = 40
+"""Number of waves that are kept."""
+_LOG = logging.getLogger(__name__)
+
+
+class Watch:
+    """The watch over one worm; `faults` holds what it found so far."""
+
+    def __init__(self, worm: Worm, reference: Reference, feed_forward: FeedForward) -> None:
+        self._segments, self._length = worm.segments, worm.length
+        self._reference, self._feed_forward = reference, feed_forward
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.faults: list[Fault] = []
+        self._waves: list[Wave] = []
+        self._strains: list[tuple[float, FloatArray, FloatArray]] = []
+        self._places: list[tuple[float, float, float]] = []
+        self._told: tuple[float, FloatArray] | None = None
+        self._begin: tuple[float, float] | None = None
+        self._near: float | None = None
+
+    def look(self, t: float, seen: Measurement, known: Callable[[float], Estimate | None]) -> None:
+        """Take in what was measured at time t [s], of the commands up to then; `known` gives the estimate of t."""
+        if seen.com is not None:
+            self._places.append((float(seen.com[0]), float(seen.com[1]), seen.com_time))
+        if self._told is None:
+            return
+        phase, contraction = self._told
+        if seen.strain is not None:
+            self._strains.append((phase, seen.strain, contraction))
+        if self._begin is None:
+            self._begin = t, phase
+        if phase >= self._begin[1] + 2.0 * np.pi:
+            self._end_wave(self._wave(self._begin[0], t, known(t)))
+            self._begin = t, phase
+
+    def tell(self, phase: float, command: Command, parameters: GaitParameters) -> None:
+        """Take in what is commanded from now on."""
+        self._told, self._parameters = (phase, command.contraction), parameters
+
+    def _end_wave(self, wave: Wave) -> None:
+        self._waves.append(wave)
+        self._places.clear()
+        del self._waves[:-REMEMBERED]
+        self.report(faults(self._waves))
+
+    def report(self, found: Iterable[Fault]) -> None:
+        """Take in faults; each kind is kept once."""
+        for fault in found:
+            if all(fault.kind != known.kind for known in self.faults):
+                _LOG.info("at %.2f s: %s", fault.time, fault.what)
+                self.faults.append(fault)
+
+    def _wave(self, begin: float, end: float, estimate: Estimate | None) -> Wave:
+        gain, error, bend = self._gains()
+        place, instant, doubt = self._place()
+        try:
+            asked = np.zeros(MOMENTS) + self._reference.speed(np.linspace(begin, end, MOMENTS))
+            turn, sharpest, aside = self._way(place, float(asked[-1]))
+        except Exception:  # anybody may write references; the fallback deals with these
+            _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
+            asked, turn, sharpest, aside = np.full(MOMENTS, nan), 0.0, inf, None
+        top = self._feed_forward.ranges
+        known = estimate is not None and estimate.deviations[2] < KNOWN
+        return Wave(
+            end=end,
+            gain=gain,
+            gain_error=error,
+            bend=bend,
+            place=place,
+            place_time=instant,
+            place_error=doubt,
+            heading=estimate.heading if estimate is not None and known else None,
+            at_limit=self._parameters.amplitude >= AT_LIMIT * top.amplitude[1]
+            and self._parameters.frequency >= AT_LIMIT * top.frequency[1],
+            least_asked=float(asked.min()),
+            most_asked=float(asked.max()),
+            reach=self._feed_forward.fastest,
+            turn=turn,
+            sharpest=sharpest,
+            aside=aside,
+        )
+
+    def _gains(self) -> tuple[FloatArray, FloatArray, float]:
+        """Return the gains of the chambers, their standard errors, and the bend, by least squares over the wave."""
+        unknown = np.full((self._segments, 2), nan)
+        if len(self._strains) < SAMPLES:
+            return unknown, unknown, nan
+        phase, strain, told = (np.array(column) for column in zip(*self._strains, strict=True))
+        self._strains.clear()
+        strain, told = strain.reshape(len(phase), -1), told.reshape(len(phase), -1)
+        missing = np.isnan(strain)
+        dead = 2 * missing.sum(axis=0) > len(phase)
+        rows = ~missing[:, ~dead].any(axis=1)
+        if dead.all() or rows.sum() < SAMPLES:
+            return unknown, unknown, nan
+        orders = np.arange(1, HARMONICS + 1) * phase[rows, None]
+        columns = np.hstack([np.ones((rows.sum(), 1)), np.cos(orders), np.sin(orders)])
+        both = np.nan_to_num(np.hstack([strain[rows], told[rows]]))
+        found, *_ = np.linalg.lstsq(columns, both, rcond=None)
+        left_over = both - columns @ found
+        chambers = strain.shape[1]
+        amplitude = np.hypot(found[1], found[1 + HARMONICS])
+        asked = np.where((amplitude[chambers:] < MOVES) | dead, nan, amplitude[chambers:])
+        variance = (left_over[:, :chambers] ** 2).sum(axis=0) / max(len(both) - len(found), 1)
+        mean = np.where(dead, nan, found[0, :chambers]).reshape(-1, 2)
+        tilt = np.abs(mean[:, 0] - mean[:, 1])
+        bend = float(np.nanmax(tilt)) if np.isfinite(tilt).any() else nan
+        error = np.sqrt(2.0 * variance / len(both)) / asked
+        return (amplitude[:chambers] / asked).reshape(-1, 2), error.reshape(-1, 2), bend
+
+    def _place(self) -> tuple[FloatArray | None, float, float]:
+        """Return the mean place of a wave, its mean instant, and its standard error by how samples scatter."""
+        if not self._places:
+            return None, nan, nan
+        rows = np.array(sorted(self._places, key=lambda row: row[2]))
+        twice = np.diff(rows[:, :2], n=2, axis=0)
+        variance = float((twice**2).mean()) / 6.0 if len(twice) else 0.0  # of white noise; waves change slowly
+        return rows[:, :2].mean(axis=0), float(rows[:, 2].mean()), float(np.sqrt(2.0 * variance / len(rows)))
+
+    def _way(self, place: FloatArray | None, speed: float) -> tuple[float, float, float | None]:
+        """Return the path's turn rate at a place, the greatest one of the map, and the distance [body lengths]."""
+        path = self._reference.path
+        if path is None or place is None:
+            return 0.0, inf, None
+        self._near = s = float(path.project(place, self._near))
+        turn = float(path.curvature(s)) * speed
+        return turn, self._feed_forward.sharpest(speed), abs(float(offset(path, place, s))) / self._length
