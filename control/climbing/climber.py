@@ -17,7 +17,7 @@ import numpy as np
 from control.climbing.climb import CLIMB, Climb, enclosed
 from control.climbing.way import STUCK, Way
 from control.estimation.estimate import Estimate
-from control.faults import Fault
+from control.faults.rules import Fault
 from control.gaits.feedback import latest
 from control.gaits.reflexes import WallLoad
 from control.gaits.steering import GaitParameters
