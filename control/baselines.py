@@ -75,7 +75,7 @@ class _Baseline(WaveController):
         if mechanism not in identified.maps:
             known = ", ".join(map(repr, identified.maps))
             raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")
-        self.mechanism, self.found = mechanism, identified.maps[mechanism]
+        self.identified, self.mechanism, self.found = identified, mechanism, identified.maps[mechanism]
         self.feed_forward = FeedForward(self.found, worm.length)
         super().__init__(worm, reference, identified.schedule, self.feed_forward, control_period, estimator)
 

@@ -50,6 +50,13 @@ HARD = (
 )
 """What the scenes are not: steep, turned away, sharp, slow, fast, noisy, or by another worm than the map is of."""
 FULL = (*SCENES, *HARD)
+RETUNED = {
+    "circle_0.4": ("controller.gain_reach=0.1", "controller.gain_heading_per_s=1.2"),
+    "corner": ("controller.gain_reach=0.15", "controller.gain_heading_per_s=1.2"),
+    "s_curve_fast": ("controller.gain_reach=0.5", "controller.gain_heading_per_s=2.0"),
+}
+"""Line-of-sight as retuned for a trial: the best of 12 runs with seed 10, with reaches of 0.1 to 0.5 body lengths (on
+the fast S-curve 0.15 to 0.5) and K_h of 0.8, 1.2 and 2 rad/s. At the corner the default gains are the best."""
 SHORT = ("run.duration_s=12", "run.record_every=2")
 QUICK = tuple(Trial(name, name, SHORT) for name in ("path_line", "path_circle"))
 """Trials to try it out: too short to say much."""

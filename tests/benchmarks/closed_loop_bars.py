@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
+from scenes.bench.control_trials import APART, CORNER, RETUNED, SIDE
 from scenes.commands.runner import simulate
 from scenes.commands.terminal import timing
 from scenes.language.errors import SceneError
@@ -25,12 +26,8 @@ from worm3d import Friction
 SEEDS = (40, 41, 42, 43, 44)
 """Seeds that nobody tunes on."""
 RIVAL = "pi_los"
-TUNED = {
-    "circle_0.4": ("controller.gain_reach=0.1", "controller.gain_heading_per_s=1.2"),
-    "speed_0.14": ("controller.gain_reach=0.5", "controller.gain_heading_per_s=2.0"),
-}
-"""Line-of-sight as retuned for a trial: the best of 12 runs with seed 10, with reaches of 0.1 to 0.5 body lengths (at
-0.14 m/s 0.15 to 0.5) and K_h of 0.8, 1.2 and 2 rad/s. At the corner, and where nothing is said, the default gains."""
+TUNED = {**RETUNED, "speed_0.14": RETUNED["s_curve_fast"]}
+"""Line-of-sight as retuned for a trial."""
 
 
 @dataclass(frozen=True)
@@ -77,9 +74,6 @@ def _circle(radius: float, *overrides: str) -> Trial:
 
 
 DEFAULT_MAP = "controller.map=default"
-SIDE = ("world.slope_deg=2", "world.heading_deg=90")
-# The line passes 0.2 m to the right of the worm's middle at (0.5, 0), 0.5 rad to the right of where the worm looks.
-APART = ("reference.start_m=[0.40411, -0.17552]", "reference.azimuth_deg=-28.648")
 HEADING = "sensor.heading=true"
 SPEEDS = (0.0, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14)
 NOISES_MM = (1, 5, 10, 20, 30)
@@ -98,14 +92,7 @@ TRIALS = {
     "s_curve": _s_curve(),
     "circle_0.4": _circle(0.4),
     "circle_0.6": _circle(0.6),
-    "corner": Trial(
-        "path_waypoints",
-        (
-            "reference.radius_m=0.02",
-            "reference.points=[{x_m=0.5,y_m=0.0},{x_m=2.0,y_m=0.0},{x_m=2.0,y_m=3.0}]",
-            "run.duration_s=45",
-        ),
-    ),
+    "corner": Trial("path_waypoints", (CORNER, "reference.radius_m=0.02", "run.duration_s=45")),
     "push": Trial("disturbance_push"),
     "apart": _line(*APART, "run.duration_s=30"),
     "apart_heading": _line(*APART, HEADING, "run.duration_s=30"),

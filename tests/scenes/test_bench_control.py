@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from scenes.bench import control, control_bars, control_report, control_score, control_trials
+from scenes.bench import control, control_bars, control_page, control_report, control_score, control_trials
 from scenes.bench.control import Found, Plan, Row
 from scenes.bench.control_trials import FULL, QUICK, SCENES, Trial
 from scenes.commands import packages
@@ -218,6 +218,11 @@ def test_outside_controllers_run_beside_those_that_ship(
         2,
         ["--controller: the module 'outside' has no 'Mien'; did you mean 'Mine'?"],
     )
+
+
+def test_the_page_of_rules_is_that_of_the_tables() -> None:
+    kept = Path(control.__file__).with_name("CONTROL.md").read_text()
+    assert kept == control_page.page(), "write it again: python -m scenes.bench.control_page > scenes/bench/CONTROL.md"
 
 
 def test_trials_are_chosen_by_name() -> None:
