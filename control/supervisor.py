@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from math import isfinite, nan
 from typing import Any, Literal, Protocol, get_args
 
@@ -51,6 +52,8 @@ ROUNDING = 1e-6
 UNKNOWN = "the heading is not known yet: straight on, or as the path turns"
 THERE, STAYS = 0.004, 0.02
 """Ways to the end of a path below which the worm rests, and beyond which it goes on again [body lengths]."""
+STILL = 1e-6
+"""Frequency of a wave that stands still [Hz]."""
 STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
 ARRIVED = "the worm is at the end of its path"
 LATE = "the plan came too late"
@@ -155,9 +158,9 @@ class Supervisor(WaveController):
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
         assert estimate is not None
         if self._speed(t) < self.planner.feed_forward.slowest:
-            return Choice("stop", rest(self._target), STANDS)
+            return Choice("stop", _still(self._target), STANDS)
         if _tried(self._arrived, estimate)[0]:
-            return Choice("stop", rest(self._target), ARRIVED)
+            return Choice("stop", _still(self._target), ARRIVED)
         if not self._heading_is_known(estimate, self.generator.waves):
             blind = self._blind(t, estimate)
             if blind is not None:
@@ -224,6 +227,11 @@ class Supervisor(WaveController):
         """Return the parameters of a wave; None without one, or if it is not finite."""
         known = wave is not None and all(isfinite(part) for part in wave)
         return _tried(self._model.parameters, wave)[0] if known else None
+
+
+def _still(in_force: GaitParameters) -> GaitParameters:
+    """Return the wave in force, standing still: a worm that lets go of its wave shifts by a hundredth of its length."""
+    return replace(in_force, frequency=STILL)
 
 
 def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:

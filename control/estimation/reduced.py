@@ -34,7 +34,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from control.gaits.steering import BLEND, GaitParameters, Mechanism
+from control.gaits.steering import BLEND, PACE, GaitParameters, Mechanism
 from control.identification.identified import Identified
 from worm3d import Worm
 from worm3d.physics import elements
@@ -145,10 +145,11 @@ def _rate(s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, 
     """Return (R1)."""
     found, lags = identified.maps[mechanism], identified.lags[mechanism]
     least = found.ranges.amplitude[0]
+    pace = ca.fmax(u.frequency, found.ranges.frequency[0])  # how slowly so ever, feet that stick follow at once
     known, fading = (ca.fmax(u.amplitude, least), u.frequency, s.steering), ca.fmin(1.0, u.amplitude / least)
     forward = (1.0 - s.slip) * s.speed
     sideways = fading * worm.length * found.drift_speed(*known) + s.crab * forward + s.drift
-    speed_rate = (fading * worm.length * found.speed(*known) - s.speed) * u.frequency / lags.amplitude
+    speed_rate = (fading * worm.length * found.speed(*known) - s.speed) * pace / lags.amplitude
     turn_acceleration = (s.turn_gain * fading * found.turn_rate(*known) - s.turn_rate) / lags.steering
     return ca.vertcat(
         forward * ca.cos(s.heading) - sideways * ca.sin(s.heading),
@@ -157,7 +158,7 @@ def _rate(s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, 
         speed_rate,
         turn_acceleration,
         ca.SX.zeros(3),
-        (u.steering - s.steering) * u.frequency / BLEND,
+        (u.steering - s.steering) * ca.fmax(u.frequency, PACE) / BLEND,
         ca.SX.zeros(2),
     )
 

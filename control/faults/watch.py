@@ -14,6 +14,7 @@ from control.gaits.steering import GaitParameters
 from control.planning.feed_forward import FeedForward
 from control.sensing.sensors import Measurement
 from control.tracking.paths import offset
+from control.tracking.preview import speed_at
 from control.tracking.references import Reference
 from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
@@ -89,7 +90,8 @@ class Watch:
         gain, error, bend = self._gains()
         place, instant, doubt = self._place()
         try:
-            asked = np.zeros(MOMENTS) + self._reference.speed(np.linspace(begin, end, MOMENTS))
+            at = np.full(MOMENTS, self._near or 0.0)
+            asked = np.zeros(MOMENTS) + speed_at(self._reference, np.linspace(begin, end, MOMENTS), at)
             turn, sharpest, aside = self._way(place, float(asked[-1]))
         except Exception:  # anybody may write references; the fallback deals with these
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)

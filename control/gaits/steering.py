@@ -60,6 +60,8 @@ UNITS: dict[Mechanism, tuple[float, float]] = {"hinge": (1.0, 0.0), "bias": (0.0
 LEFT_RIGHT = np.array([1.0, -1.0])
 BLEND = 0.25
 """Number of waves in which a parameter covers 63 % of a change, unless said otherwise."""
+PACE = 0.5
+"""Frequency below which a change takes no longer in slower waves [Hz], so that waves can stop and start again."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +183,7 @@ class WaveGenerator:
     """Wave at run time, whose parameters a controller may change at any time without jumps of the command.
 
     Its `phase` psi [rad] accumulates, psi' = 2 pi f, and each of its `parameters` p (None before the first step)
-    approaches its target at the rate (target - p) f / blend. A wave begins at amplitude 0.
+    approaches its target at the rate (target - p) f / blend, f at least `PACE`. A wave begins at amplitude 0.
 
     Parameters
     ----------
@@ -214,7 +216,7 @@ class WaveGenerator:
         goal, now = target.row(), (self.parameters or GaitParameters(0.0, target.frequency)).row()
         phases, rows = [], []
         for dt in elapsed:
-            moved = goal + (now - goal) * np.exp(-dt * now[1] / self.blend)
+            moved = goal + (now - goal) * np.exp(-dt * max(now[1], PACE) / self.blend)
             self.phase += float(np.pi * (now[1] + moved[1]) * dt)
             now = moved
             phases.append(self.phase)

@@ -64,6 +64,8 @@ class FeedForward:
         along = zip(self._amplitudes, self._frequencies, strict=True)
         sharpest = np.array([self._turn_rates(*place).max() for place in along])
         self._sharpest = np.minimum.accumulate((1.0 - SPARE) * sharpest / self._straight)
+        # From where the speed rises it costs curvature; slower waves turn no sharper.
+        self._rises = max(int(np.argmax(self._sharpest < self._sharpest[0])) - 1, 0)
 
     def __call__(self, speed: float, turn_rate: float) -> ReducedInput:
         """Return the wave of a steady speed [m/s] and turn rate [rad/s], or the nearest that there is."""
@@ -83,8 +85,12 @@ class FeedForward:
         return np.asarray(np.interp(speeds, self._straight, self._frequencies))
 
     def reach(self, curvature: ArrayLike) -> FloatArray:
-        """Return the greatest speeds [m/s] at which paths of curvatures (...) [1/m] can be followed by the map."""
-        return np.asarray(np.interp(np.abs(curvature), self._sharpest[::-1], self._straight[::-1]))
+        """Return the greatest speeds [m/s] at which paths of curvatures (...) [1/m] can be followed by the map.
+
+        For sharper ones than it can follow it is the greatest speed at which it turns as sharply as it can.
+        """
+        begin = self._rises
+        return np.asarray(np.interp(np.abs(curvature), self._sharpest[begin:][::-1], self._straight[begin:][::-1]))
 
     def _on_line(self, speed: float, speeds: FloatArray) -> tuple[float, float]:
         """Return amplitude and frequency at a speed, given the speeds along the line [m/s]."""

@@ -26,7 +26,7 @@ from control.planning.cost import Cost, Prediction, Problem, Scale
 from control.planning.feed_forward import FeedForward
 from control.planning.gauss_newton import GaussNewton, Outcome, Solution, half_square
 from control.planning.terms import CostTerm, default_terms
-from control.tracking.preview import Preview, Reach, look_ahead, speed_at, turn_rate
+from control.tracking.preview import Ability, Preview, look_ahead, speed_at, turn_rate
 from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
@@ -136,6 +136,7 @@ class GaitMPC:
                 raise ValueError(f"{name}: got {value!r}, must be at least {least}")
         found = identified.maps[model.mechanism]
         self.feed_forward, self._model, self._scale = FeedForward(found, worm.length), model, Scale(found.ranges)
+        self._length = worm.length
         terms = default_terms() if terms is None else terms
         self.cost = Cost.of(
             model, found, worm.length, terms, default_constraints() if constraints is None else constraints
@@ -176,22 +177,22 @@ class GaitMPC:
 
     def plain(self, t: float, slip: float, reference: Reference) -> ReducedInput:
         """Return the plain wave: the feed-forward of what is asked for at time t [s], at an estimated slip."""
-        kept, reach = max(1.0 - slip, LEAST_SHARE), self._reach(slip)
-        speed = float(speed_at(reference, t, self.progress, reach))
-        return self.feed_forward(speed / kept, turn_rate(reference, t, self.progress, reach))
+        kept, able = max(1.0 - slip, LEAST_SHARE), self._able(slip)
+        speed = float(speed_at(reference, t, self.progress, able))
+        return self.feed_forward(speed / kept, turn_rate(reference, t, self.progress, able))
 
-    def _reach(self, slip: float, turn_gain: float = 1.0) -> Reach:
-        """Return the greatest speeds over the curvature, of a worm that slips and turns otherwise than its map."""
+    def _able(self, slip: float, turn_gain: float = 1.0) -> Ability:
+        """Return what a worm can do that slips and turns otherwise than its map."""
         kept = max(1.0 - slip, LEAST_SHARE)
-        return lambda curvature: kept * self.feed_forward.reach(kept / turn_gain * curvature)
+        return Ability(lambda curvature: kept * self.feed_forward.reach(kept / turn_gain * curvature), self._length)
 
     def _preview(self, t: float, estimate: Estimate, reference: Reference) -> Preview | None:
         """Return what the reference asks for; None if that, or the estimate, is not finite."""
         if not all(isfinite(part) for part in estimate.state):
             return None
         step, steps = self._prediction.step, self._prediction.steps
-        reach = self._reach(float(estimate.state.slip), max(float(estimate.state.turn_gain), LEAST_SHARE))
-        preview = look_ahead(reference, t, step, steps, estimate.position, estimate.heading, self._near, reach)
+        able = self._able(float(estimate.state.slip), max(float(estimate.state.turn_gain), LEAST_SHARE))
+        preview = look_ahead(reference, t, step, steps, estimate.position, estimate.heading, self._near, able)
         if not all(np.isfinite(part).all() for part in (preview.speed, preview.point, preview.heading)):
             return None
         self._near = preview.progress

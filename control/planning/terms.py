@@ -14,13 +14,17 @@ A term is a frozen dataclass with its tolerances as fields and its misses as sym
 With the speed V_ref, point r, heading psi and frequency f_0 that are wanted, the terms that ship are
 
     speed    (V - V_ref)/a_V            heading   (h - psi + crab)/a_h,  crab = u / V_ref
-    offset   e/a_e,  e = (p - r) . n                                                                          (O4)
+    offset   e/a_e,  e = (p - r) . n    arrival   e_H sqrt(L/w)/a_e,  L = a_e/a_h                                (O4)
     change   (u_k - u_{k-1})/a_rate     frequency (f - f_0)/a_f             steering  s/a_s
 
 V being the speed along the heading, less what slips, and n(psi) = (-sin psi, cos psi) the left of the path. The body
 stands across its path by the angle crab, so that its centre of mass follows the path although it is carried to the left
 by u. Steering itself carries it so, hence u is that of the state: with the u of an earlier plan, crab and plan chase
 each other, and a worm comes back to its line along another way than the cost says.
+
+The arrival is that at the end of the horizon, and stands for all that comes later. Of an offset e over the way s whose
+slope e' is free, int (e/a_e)^2 + (e'/a_h)^2 ds is least for e ~ exp(-s/L), L = a_e/a_h, and from e_H on e_H^2 L/a_e^2:
+as much as L/w steps of the way w. An offset thus dies away over the way L, however short the horizon is.
 """
 
 from __future__ import annotations
@@ -32,6 +36,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import casadi as ca
+import numpy as np
 from numpy.typing import ArrayLike
 
 from control.estimation.reduced import ReducedInput, ReducedState
@@ -40,6 +45,8 @@ from worm3d.values.parameters import check, documented, parameter
 
 MAX_CRAB = 0.3
 """Largest angle by which the body may stand across its path [rad]."""
+LEAST_WAY = 0.005
+"""Way in a step that a slower worm counts as going, where its way is divided by [body lengths]."""
 
 
 class Wanted(NamedTuple):
@@ -140,6 +147,27 @@ class Offset(CostTerm):
 
 @documented
 @dataclass(frozen=True)
+class Arrival(CostTerm):
+    """Offset at the end of the horizon, for what comes later."""
+
+    tolerance: float = parameter(0.015, unit="body lengths", gt=0, meaning="a_e, that of the offset")
+    way: float = parameter(0.015 / 0.07, unit="body lengths", gt=0, meaning="L, in which an offset dies away to 37 %")
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def misses(self, at: Moment) -> ca.SX:
+        """Return the miss; see `CostTerm`."""
+        return at.offset / (self.tolerance * at.length)
+
+    def weight(self, ahead: Preview) -> ArrayLike:
+        """Return the weight of the last step, if there is a path."""
+        last = ahead.follows * np.sqrt(self.way / max(abs(float(ahead.way[-1])), LEAST_WAY))
+        return np.append(np.zeros(len(ahead.way) - 1), last)
+
+
+@documented
+@dataclass(frozen=True)
 class Heading(CostTerm):
     """Miss of the heading, the body standing across its path as far as it is carried sideways."""
 
@@ -213,6 +241,7 @@ TERMS: Mapping[str, type[CostTerm]] = MappingProxyType(
     {
         "speed": Speed,
         "offset": Offset,
+        "arrival": Arrival,
         "heading": Heading,
         "change": Change,
         "frequency": Frequency,

@@ -11,13 +11,18 @@ the arc length s_o and the offset e_o is passed on the side away from its middle
     e >= e_o + sqrt(R^2 - (s - s_o)^2),   or   e <= e_o - sqrt(R^2 - (s - s_o)^2),   |s - s_o| < R              (P2)
 
 on the other side where the corridor is too narrow for that: bounds that are given before a plan is sought, so that it
-is not stuck between two ways around.
+is not stuck between two ways around. What is followed leads around it, with c = e_o + R or e_o - R,
+
+    e(s) = c cos^2(pi (s - s_o)/(2 W)),   |s - s_o| < W = pi sqrt(|c| rho/2)                                    (P3)
+
+whose curvature is at most 1/rho, rho the greater one of R, for it to stay outside, and of a body length.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,8 +35,10 @@ MOMENT = 0.05
 """Time over which the rate of a heading is taken [s]."""
 APPROACH = 2.5
 """Time T in which the way to the end of a path falls to 37 % [s]: two waves, since the speed lags behind by one."""
-PASSES = 2
-"""Number of times that the speed is looked up where it leads."""
+TURNS_IN = 0.3
+"""Way over which the curvature of a path is averaged [body lengths]: a worm turns by a right angle in it at best."""
+PLACES = 65
+"""Number of places ahead at which the greatest speed is looked up."""
 
 Reach = Callable[[FloatArray], FloatArray]
 """Function of curvatures (...) [1/m] that gives the greatest speeds at which they can be followed (...) [m/s]."""
@@ -57,25 +64,62 @@ class Preview:
     """Greatest offset to the left of the path that is allowed [m], shape (K,); infinite without a bound."""
     right: FloatArray
     """Greatest offset to the right, as a positive number [m], shape (K,)."""
+    way: FloatArray
+    """Way forward in each step [body lengths], shape (K,)."""
 
 
-def anywhere(curvature: FloatArray) -> FloatArray:
-    """Return infinite speeds: those of a worm that can do anything."""
-    return np.full(np.shape(curvature), np.inf)
+class Ability(NamedTuple):
+    """What is asked of a worm depends on what it can do."""
+
+    reach: Reach
+    length: float
+    """Length of its body [m]."""
 
 
-def speed_at(reference: Reference, t: ArrayLike, s: ArrayLike, reach: Reach = anywhere) -> FloatArray:
+ANY = Ability(lambda curvature: np.full(np.shape(curvature), np.inf), 1.0)
+"""Ability of a worm of 1 m that can go at any speed."""
+
+
+def speed_at(reference: Reference, t: ArrayLike, s: ArrayLike, able: Ability = ANY) -> FloatArray:
     """Return the speeds [m/s] that a reference asks for at times [s] and arc lengths [m] of one shape, (P1).
 
     In a pipe that rises they are along it, and less as seen from above.
     """
-    speed = np.asarray(reference.speed(t), dtype=float)
-    path = reference.path
-    most = reach(np.zeros(np.shape(t)) if path is None else path.curvature(s))
-    if path is not None and reference.ends:
-        most = np.minimum(most, np.maximum(path.length - np.asarray(s, dtype=float), 0.0) / APPROACH)
-    speed = np.asarray(np.clip(speed, -most, most))
-    return speed if path is None else speed / lengthening(path, s)
+    along = np.asarray(s, dtype=float)
+    most = np.minimum(_turning(reference, along, able), _ending(reference, along))
+    speed = np.asarray(np.clip(np.asarray(reference.speed(t), dtype=float), -most, most))
+    return speed if reference.path is None else speed / lengthening(reference.path, along)
+
+
+def _turning(reference: Reference, s: FloatArray, able: Ability) -> FloatArray:
+    """Return the greatest speeds at which the path can be followed, at arc lengths of any shape [m/s]."""
+    path, way = reference.path, TURNS_IN * able.length
+    if path is None:
+        return able.reach(np.zeros(s.shape))
+    return able.reach((path.heading(s + way / 2.0) - path.heading(s - way / 2.0)) / way)
+
+
+def _ending(reference: Reference, s: FloatArray) -> FloatArray:
+    """Return the greatest speeds at which the path ends in rest, at arc lengths of any shape [m/s]."""
+    if reference.path is None or not reference.ends:
+        return np.full(s.shape, np.inf)
+    return np.maximum(reference.path.length - s, 0.0) / APPROACH
+
+
+def _advance(reference: Reference, times: FloatArray, step: float, progress: float, able: Ability) -> FloatArray:
+    """Return arc lengths [m] after each step, at the speeds (P1) from a progress [m] on."""
+    asked = np.asarray(reference.speed(times), dtype=float)
+    path, straight = reference.path, float(able.reach(np.zeros(1))[0])
+    asked = np.clip(asked, -straight, straight)
+    back, forth = step * np.minimum(asked, 0.0).sum(), step * np.maximum(asked, 0.0).sum()
+    places = np.linspace(progress + float(back), progress + float(forth), PLACES)
+    turning, longer = _turning(reference, places, able), np.ones(PLACES) if path is None else lengthening(path, places)
+    s, along = progress, []
+    for speed in asked.tolist():
+        limit = min(float(np.interp(s, places, turning)), float(_ending(reference, np.array(s))))
+        s += step * min(max(speed, -limit), limit) / float(np.interp(s, places, longer))
+        along.append(s)
+    return np.array(along)
 
 
 def look_ahead(
@@ -86,30 +130,35 @@ def look_ahead(
     place: FloatArray,
     azimuth: float,
     near: float | None,
-    reach: Reach = anywhere,
+    able: Ability = ANY,
 ) -> Preview:
     """Return what is asked for at the ends of the steps of a horizon that begins at a time [s].
 
     The point of the path advances at the speed (P1) from where the worm is, whatever the worm does. The worm is at a
     place (2,) [m] with an azimuth [rad]; its progress is looked for near the one before [m].
     """
-    ends, free = begin + step * np.arange(1, steps + 1), np.full(steps, np.inf)
+    ends = begin + step * np.arange(1, steps + 1, dtype=np.float64)
+    free = np.full(steps, np.inf)
     path, heading = reference.path, reference.heading
     if path is None:
         asked = np.zeros(steps)
         if heading is not None:
             asked = np.asarray(heading(ends), dtype=float)
             asked = _on_turn(asked, float(asked[0]), azimuth)
-        speed = speed_at(reference, ends, asked, reach)
-        return Preview(speed, np.zeros((steps, 2)), asked, False, heading is not None, 0.0, free, free)
+        speed = speed_at(reference, ends, asked, able)
+        way = speed * step / able.length
+        return Preview(speed, np.zeros((steps, 2)), asked, False, heading is not None, 0.0, free, free, way)
     progress = float(path.project(place, near))
-    s = np.full(steps + 1, progress)
-    for _ in range(PASSES):
-        s[1:] = progress + np.cumsum(speed_at(reference, ends - step / 2.0, (s[1:] + s[:-1]) / 2.0, reach)) * step
-    along = s[1:]
-    turned = _on_turn(path.heading(along), float(path.heading(progress)), azimuth)
-    speed = speed_at(reference, ends, along, reach)
-    return Preview(speed, path.point(along), turned, True, True, progress, *bounds(reference, along))
+    along = _advance(reference, ends - step / 2.0, step, progress, able)
+    point, turned, (left, right) = path.point(along), path.heading(along), bounds(reference, along)
+    if reference.obstacles:
+        aside, slope = detour(reference, along, able.length)
+        point = point + aside[:, None] * np.column_stack([-np.sin(turned), np.cos(turned)])
+        turned = turned + np.arctan2(slope, 1.0 - aside * path.curvature(along))
+        left, right = left - aside, right + aside
+    turned = _on_turn(turned, float(path.heading(progress)), azimuth)
+    speed = speed_at(reference, ends, along, able)
+    return Preview(speed, point, turned, True, True, progress, left, right, speed * step / able.length)
 
 
 def bounds(reference: Reference, s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -126,6 +175,22 @@ def bounds(reference: Reference, s: FloatArray) -> tuple[FloatArray, FloatArray]
     return left, right
 
 
+def detour(reference: Reference, s: FloatArray, length: float) -> tuple[FloatArray, FloatArray]:
+    """Return the offset [m] of the way around all obstacles, (P3), and its slope, at arc lengths (K,) [m]."""
+    aside, slope = np.zeros(len(s)), np.zeros(len(s))
+    for disc in reference.obstacles:
+        beside, middle, on_left = passing(reference, disc)
+        most = max(middle + disc.radius, 0.0) if on_left else min(middle - disc.radius, 0.0)
+        if most == 0.0:
+            continue
+        half = np.pi * np.sqrt(abs(most) * max(disc.radius, length) / 2.0)
+        at = np.clip((s - beside) / half, -1.0, 1.0) * np.pi / 2.0
+        own = most * np.cos(at) ** 2
+        slope = np.where(np.abs(own) > np.abs(aside), -most * np.pi / (2.0 * half) * np.sin(2.0 * at), slope)
+        aside = np.where(np.abs(own) > np.abs(aside), own, aside)
+    return aside, slope
+
+
 def passing(reference: Reference, disc: Disc) -> tuple[float, float, bool]:
     """Return arc length and offset of an obstacle's middle [m], and whether it is passed on its left."""
     path, middle = reference.path, np.array([disc.x, disc.y])
@@ -138,10 +203,10 @@ def passing(reference: Reference, disc: Disc) -> tuple[float, float, bool]:
     return beside, aside, on_left
 
 
-def turn_rate(reference: Reference, t: float, progress: float, reach: Reach = anywhere) -> float:
+def turn_rate(reference: Reference, t: float, progress: float, able: Ability = ANY) -> float:
     """Return the turn rate that a reference asks for at time t [s], `progress` [m] along its path, in rad/s."""
     if reference.path is not None:
-        return float(reference.path.curvature(progress)) * float(speed_at(reference, t, progress, reach))
+        return float(reference.path.curvature(progress)) * float(speed_at(reference, t, progress, able))
     if reference.heading is not None:
         return (float(reference.heading(t + MOMENT)) - float(reference.heading(t))) / MOMENT
     return 0.0

@@ -14,7 +14,18 @@ from control.identification.identified import Identified, load
 from control.planning.constraints import Constraint
 from control.planning.cost import Problem
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
-from control.planning.terms import Change, CostTerm, Frequency, Heading, Moment, Offset, Speed, Steering, default_terms
+from control.planning.terms import (
+    Arrival,
+    Change,
+    CostTerm,
+    Frequency,
+    Heading,
+    Moment,
+    Offset,
+    Speed,
+    Steering,
+    default_terms,
+)
 from control.tracking.paths import Circle, Line, SCurve, offset, track
 from control.tracking.references import Constant, Reference, Steps
 from worm3d import Worm
@@ -114,6 +125,7 @@ def test_the_cost_is_the_sum_of_its_terms(reference: Reference) -> None:
     if reference.path is not None:
         normal = np.column_stack([-np.sin(ahead.heading), np.cos(ahead.heading)])
         terms.append(np.sum(([x, y] - ahead.point.T).T * normal, axis=1) / Offset().tolerance)
+        terms.append(terms[-1][-1:] * np.sqrt(Arrival().way / (0.4 * ahead.speed[-1])))
         crab = np.clip((vy * np.cos(h) - vx * np.sin(h)) / ahead.speed, -0.3, 0.3)
         terms.append((h - ahead.heading + crab) / Heading().tolerance)
     elif reference.heading is not None:
@@ -127,7 +139,7 @@ def test_the_cost_is_the_sum_of_its_terms(reference: Reference) -> None:
     preferred = controller.feed_forward.frequencies(ahead.speed / (1.0 - MOVING.slip))
     terms.append((inputs[:, 1] - preferred) / ((high - low) / 2.0) / Frequency().tolerance)
     residuals = problem.residuals(u.ravel())
-    assert residuals @ residuals == pytest.approx(np.sum(np.square(terms)))
+    assert residuals @ residuals == pytest.approx(sum(np.sum(np.square(term)) for term in terms))
 
 
 def test_the_plain_wave_makes_up_for_slip_but_for_no_more_than_half_of_the_speed() -> None:
@@ -152,7 +164,7 @@ def test_the_search_begins_at_the_better_of_the_plan_before_and_the_plain_wave()
 
 @pytest.mark.parametrize("mechanism", ["hinge", "bias"])
 def test_an_optimal_plan_has_no_better_neighbour(mechanism) -> None:
-    controller = mpc(mechanism, iterations=80)
+    controller = mpc(mechanism, iterations={"hinge": 80, "bias": 400}[mechanism])
     plan = controller.plan(0.0, exact(0.0, np.array(MOVING)), CIRCLE)
     assert plan.status is PlanStatus.OPTIMAL
     assert plan.cost < plan.plain_cost
@@ -203,24 +215,23 @@ def test_paths_are_followed_whatever_slips_turns_and_drifts(path, within: float,
     ("aside", "tolerance", "steps"),
     [
         (0.01, 0.015, 16),
-        (0.03, 0.015, 16),
         (0.1, 0.015, 16),
-        (0.03, 0.02, 24),
-        (0.03, 0.035, 40),
+        (0.03, 0.03, 16),
+        (0.03, 0.03, 10),
     ],
 )
 def test_an_offset_dies_away_over_the_way_that_the_tolerances_say(aside: float, tolerance: float, steps: int) -> None:
     """With e' = V delta and the course delta free, (e/a_e)^2 + (delta/a_h)^2 is least for e ~ exp(-s/L), L = a_e/a_h.
 
-    A horizon of the way T lengthens L to L/tanh(T/L), by 2 % or less here. Two seconds are what the worm turns in.
+    The term of the arrival makes it so for any horizon. Two seconds are what the worm turns in.
     """
     line, begin = Reference(Constant(0.08), path=Line()), REST._replace(y=aside, speed=0.08)
-    terms = [Offset(tolerance) if isinstance(term, Offset) else term for term in default_terms()]
+    way = tolerance / Heading().tolerance
+    mine: dict[type[CostTerm], CostTerm] = {Offset: Offset(tolerance), Arrival: Arrival(tolerance, way)}
+    terms = [mine.get(type(term), term) for term in default_terms()]
     run = closed_loop(line, begin, 12.0, terms=terms, steps=steps)
     x, y = run.states[10:, :2].T
-    way = tolerance / Heading().tolerance
-    expected = way / np.tanh(0.4 * steps * 0.08 / way)
-    assert -1.0 / np.polyfit(x, np.log(y), 1)[0] == pytest.approx(expected, rel=0.05)
+    assert -1.0 / np.polyfit(x, np.log(y), 1)[0] == pytest.approx(way, rel=0.05)
 
 
 def test_from_beside_a_line_and_across_it() -> None:
