@@ -14,7 +14,7 @@ from control.loop import LONGEST_START, LOST, MOST_HELD
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.sensing.sensors import Measurement
-from control.supervisor import FORGET, LATE, MOST_SHIFTED, STANDS, UNKNOWN, Supervisor
+from control.supervisor import FORGET, LATE, MOST_SHIFTED, STANDS, STILL, UNKNOWN, Supervisor
 from control.tracking.paths import Circle, Line
 from control.tracking.preview import turn_rate
 from control.tracking.references import Constant, Reference, Steps
@@ -295,7 +295,9 @@ def test_it_rests_while_no_speed_is_asked_for_and_goes_on_after() -> None:
     supervisor = run(Unreliable(lambda call: False), 6.0, reference)
     assert sources(supervisor) == ["mpc"] * 10 + ["stop"] * 10 + ["mpc"] * 10
     resting = supervisor.decisions[10:20]
-    assert {(d.parameters.amplitude, d.status) for d in resting} == {(0.0, STANDS)}
+    moving = supervisor.decisions[9].parameters
+    still = {(d.parameters.amplitude, d.parameters.frequency, d.parameters.hinge, d.status) for d in resting}
+    assert still == {(moving.amplitude, STILL, moving.hinge, STANDS)}
     assert supervisor.failures == 0
 
 
