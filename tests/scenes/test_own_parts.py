@@ -73,6 +73,11 @@ class Thrift(CostTerm):
         return at.given.frequency / self.tolerance
 
 
+class Wrong(Thrift):
+    def misses(self, at):
+        return at.nothing
+
+
 DIAGONAL = Line(azimuth=0.5)
 
 
@@ -167,10 +172,17 @@ def test_parts_that_a_controller_does_not_take_are_refused() -> None:
         line("controller.kind=own_parts:Blind", "controller.estimator=own_parts:Own")
 
 
-@pytest.mark.parametrize(("name", "said"), [("Raises", "KeyError: 'nothing'"), ("No", "returned int, must have reset")])
-def test_what_makes_no_controller_is_told(name: str, said: str) -> None:
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("controller.kind=own_parts:Raises", "KeyError: 'nothing'"),
+        ("controller.kind=own_parts:No", "returned int, must have reset"),
+        ('cost.parts=["own_parts:Wrong"]', "controller: own_parts:Wrong: AttributeError: 'Moment' object has no"),
+    ],
+)
+def test_what_makes_no_controller_is_told(override: str, said: str) -> None:
     with pytest.raises(SceneError, match=said):
-        simulate(line(f"controller.kind=own_parts:{name}"))
+        simulate(line(override))
 
 
 def test_who_is_not_told_takes_the_sensors_for_usual_ones() -> None:

@@ -55,9 +55,11 @@ def controller_of(scene: ControlScene) -> WaveController:
             asked.kind, worm, reference_of(scene), found, asked.mechanism, asked.period_s, told, **parts_of(scene)
         )
     except Exception as error:
-        if not named.is_own(asked.kind):
+        names = (asked.kind, asked.estimator, asked.model, *scene.cost.parts, *scene.constraints.parts)
+        own = [name for name in names if named.is_own(name)]
+        if not own:
             raise
-        raise SceneError(f"controller.kind: {asked.kind}: {named.told(error)}") from error
+        raise SceneError(f"controller: {', '.join(own)}: {named.told(error)}") from error
 
 
 def parts_of(scene: ControlScene) -> dict[str, Any]:
