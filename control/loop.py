@@ -18,6 +18,7 @@ from typing import ClassVar, Literal, NamedTuple, Protocol, Self, get_args
 
 from control.estimation.estimate import HEADING, Estimate
 from control.faults.chambers import Chambers
+from control.faults.descent import Descent
 from control.faults.rules import Fault
 from control.faults.watch import Watch
 from control.gaits.steering import GaitParameters, Mechanism, Schedule, WaveGenerator
@@ -143,6 +144,7 @@ class WaveController(ABC):
         self.generator = WaveGenerator(schedule, worm)
         self.gate = Gate(worm, getattr(estimator, "span", SPAN))
         self.chambers = Chambers(worm)
+        self.descent = Descent(worm, reference)
         self.watch = Watch(worm, reference, feed_forward)
         self._frequency = feed_forward.frequency
         self.reset()
@@ -170,6 +172,7 @@ class WaveController(ABC):
         self.generator.reset()
         self.gate.reset()
         self.chambers.reset()
+        self.descent.reset()
         self.watch.reset()
         self.decisions: list[Decision] = []
         self.failures = self._held = 0
@@ -240,8 +243,12 @@ class WaveController(ABC):
         self._spent = 0.0
 
     def _chosen(self, t: float, estimate: Estimate | None) -> Choice:
-        """Return the choice; if that raises an exception, the parameters in force, or rest."""
+        """Return the choice, or rest before a way down; after an exception the parameters in force, then rest."""
         try:
+            steep = self.descent.fault(t, estimate)
+            if steep is not None:
+                self.watch.report([steep])
+                return Choice("stop", rest(self._target), steep.what)
             choice, self._held = self._choose(t, estimate), 0
         except Exception as error:
             _LOG.warning("no decision at %.3f s", t, exc_info=error)

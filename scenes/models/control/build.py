@@ -27,6 +27,7 @@ from scenes.models.control.schema import Reference as Asked
 from scenes.models.sensors import channels_of
 from scenes.models.switched import switched_parts
 from scenes.models.worlds.build import world_of
+from scenes.models.worlds.schema import PIPES
 from scenes.models.worm.build import friction_of, start_of, worm_of
 from worm3d.values import named
 from worm3d.values.arrays import FloatArray
@@ -51,7 +52,7 @@ def controller_of(scene: ControlScene) -> WaveController:
         raise SceneError(f"worm: {NOT_IDENTIFIED}")
     told = sensors_of(scene).channels if asked.told else {}
     try:
-        return made(
+        driver = made(
             asked.kind, worm, reference_of(scene), found, asked.mechanism, asked.period_s, told, **parts_of(scene)
         )
     except Exception as error:
@@ -60,6 +61,9 @@ def controller_of(scene: ControlScene) -> WaveController:
         if not own:
             raise
         raise SceneError(f"controller: {', '.join(own)}: {named.told(error)}") from error
+    if isinstance(driver, WaveController) and scene.world.kind not in PIPES:
+        driver.descent.steepest = float(np.min(friction_of(scene).forward))
+    return driver
 
 
 def parts_of(scene: ControlScene) -> dict[str, Any]:

@@ -1,0 +1,64 @@
+"""Ways down that are too steep: a worm on bristles slides down them, whatever its wave.
+
+A worm that lies along a descent of gradient g is held by friction up to g = mu_forward, its least coefficient, by
+default 0.03, or 1.7 degrees; beyond it slides, at rest too, and ever faster. So it is stopped before. With the gradient
+G of the ground that the estimator finds, its covariance C, and the direction n in which the path leads a little ahead,
+
+    descent = -G . n,   deviation = sqrt(n . C n)                                                             (DE1)
+"""
+
+from __future__ import annotations
+
+from math import atan, cos, degrees, inf, sin, sqrt
+
+import numpy as np
+
+from control.estimation.estimate import Estimate
+from control.faults.rules import Fault
+from control.tracking.references import Reference
+from worm3d import Worm
+
+AHEAD = 0.3
+"""How far ahead the path must not be too steep [body lengths]: what a worm goes in three waves."""
+MARGIN = 0.8
+"""Share of the friction up to which a worm crawls downhill: its wave moves feet, which do not hold meanwhile."""
+SURE = 1.5
+"""Standard deviations of the gradient that it must be beyond this."""
+KNOWN = 0.5
+"""Standard deviation of the gradient, as a share of the friction, from which on it is known well enough to stop for: a
+worm that stops learns no more of the ground."""
+
+
+class Descent:
+    """What a worm is told of ways down; `steepest` is the gradient that holds it, infinite where none matters."""
+
+    def __init__(self, worm: Worm, reference: Reference, steepest: float = inf) -> None:
+        self._length, self._reference, self.steepest = worm.length, reference, steepest
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._near: float | None = None
+
+    def fault(self, t: float, estimate: Estimate | None) -> Fault | None:
+        """Return what is wrong with the way ahead at time t [s]; None if nothing is known to be."""
+        if estimate is None or self.steepest == inf or not np.isfinite(estimate.position).all():
+            return None
+        azimuth = self._azimuth(estimate)
+        along = np.array([cos(azimuth), sin(azimuth)])
+        descent = -float(estimate.slope @ along)
+        deviation = sqrt(max(float(along @ estimate.slope_covariance @ along), 0.0))
+        known = deviation < KNOWN * self.steepest
+        if not (known and descent > MARGIN * self.steepest + SURE * deviation):
+            return None
+        down, holds = degrees(atan(descent)), degrees(atan(self.steepest))
+        what = f"the way leads down by {down:.2g} degrees; this worm slides from {holds:.2g} on"
+        return Fault(t, "too steep down", what, "it stops: lead it down more gently, or along the slope")
+
+    def _azimuth(self, estimate: Estimate) -> float:
+        """Return the direction of the way ahead [rad]."""
+        path = self._reference.path
+        if path is None:
+            return float(estimate.heading)
+        self._near = float(path.project(estimate.position, self._near))
+        return float(path.heading(self._near + AHEAD * self._length))
