@@ -2,7 +2,7 @@
 
 It is an extended Kalman filter (`control.estimation.kalman`) on the reduced model (R1). A sample of the centre of mass
 that comes late takes the filter back to its instant, and those after it are taken again. Their noise is what sensors
-are told to have, or more if the innovations show more (KF8). The strains give the wave that rocks the centre of mass
+are told to have unless the innovations show otherwise (KF8). The strains give the wave that rocks the centre of mass
 (`control.estimation.wave`). A heading that is not told at the start is sought from all sides at once, by a filter for
 each; they agree, or die out, within a wave or so of crawling.
 
@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,8 @@ ROCKED = 0.016
 """Standard deviation by which a wave rocks the chord's azimuth about the heading [rad]."""
 NOISIEST = 0.2
 """Largest noise of the centre of mass that is believed [body lengths]."""
+TOO_SURE = 1.5
+"""Ratio of the noise that is found to that of the latest sample above which those that are kept are taken again."""
 BEGIN = {"speed": 0.02, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01, "turn_gain": 0.2}
 """Standard deviations at the start, of a worm at rest that obeys its map [m/s], [rad/s], [1], [rad/s], [1]."""
 CRAB_NOISE, BEGIN_CRAB = 0.01, 0.1
@@ -122,7 +124,7 @@ class Estimator:
         self._filter = Kalman(model, trust)
         self._trust_ground = ground or GroundTrust()
         self._wave, self._standing = MeasuredWave(worm.segments, schedule or Schedule()), Standing(worm)
-        self.noise = Noise(trust.com, NOISIEST * worm.length)
+        self.noise = Noise(trust.com, NOISIEST * worm.length, RIPPLE)
         self._history = InputHistory(2.0 * span)
         self._begin = _beginning(trust, heading, heading_deviation)
         self.reset()
@@ -154,6 +156,8 @@ class Estimator:
             self._take_strain(measurement.strain, measurement.strain_time)
         for sample in self._arrived(measurement):
             self._insert(t, sample)
+            if sample.com is not None and self.noise.deviation > TOO_SURE * sample.deviation:
+                self._take_again()
         if t - self._past[-1].sample.time > PAUSE:
             self._insert(t, _Sample(t - PAUSE / 2.0))
         self._forget(t - self.span)
@@ -210,6 +214,14 @@ class Estimator:
             again.append(self._past.pop().sample)
         for each in (sample, *reversed(again)):
             self._past.append(self._fused(self._past[-1], each, new=each is sample))
+
+    def _take_again(self) -> None:
+        """Fuse the samples that are kept again, with the noise as it is known now."""
+        samples = [each.sample for each in self._past[1:]]
+        del self._past[1:]
+        for sample in samples:
+            known = replace(sample, deviation=self.noise.deviation)
+            self._past.append(self._fused(self._past[-1], known, new=False))
 
     def _fused(self, last: _Fused, sample: _Sample, new: bool) -> _Fused:
         """Return a sample and the beliefs after it; the noise is learnt from new samples."""

@@ -44,6 +44,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import islice
 from math import log, sqrt
 from typing import NamedTuple
 
@@ -76,12 +77,12 @@ GAINS = (0.3, 3.0)
 """Least and greatest gain of turning that is believed: steering that turns a worm the other way round is none."""
 MOVED = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
 """Standard deviations that are added where the worm was moved [rad], [m/s], [rad/s]."""
-NOISE_WINDOW = 100
-"""Number of samples from which their noise is estimated, five seconds of the default sensors. With half of them the
-estimate is off by 20 % of the noise, with twice as many it takes twice as long to follow."""
+NOISE_WINDOW, NOISE_LATEST = 400, 50
+"""Number of samples from which their noise is estimated, twenty seconds of the default sensors, and of those that may
+show that it has changed. From 400 it is known to 4 %, from 50 to 11 %."""
 NOISE_LEAST = 8
 """Number of samples below which their noise is not estimated."""
-NOISE_CHANCE = 4.0
+NOISE_CHANCE = 5.0
 """Number of standard errors of the variance that are put down to chance."""
 NOISE_ERROR = 1.6
 """Standard error of the variance by (KF8), times the square root of the number of samples, over the variance."""
@@ -279,11 +280,12 @@ def _widened(covariance: FloatArray, deviations: Mapping[str, float]) -> FloatAr
 class Noise:
     """Noise of samples of the centre of mass, by (KF8); `deviation` is the present estimate of its standard deviation.
 
-    The estimate lies between what it is `told` and the `most` that is believed [m].
+    It is what is `told` unless the samples show that it is more or less, between the `least` and the `most` that is
+    believed [m]. It follows from as many samples as are alike, up to `NOISE_WINDOW`.
     """
 
-    def __init__(self, told: float, most: float) -> None:
-        self.told, self._most = told, max(told, most)
+    def __init__(self, told: float, most: float, least: float = 0.0) -> None:
+        self.told, self._most, self._least = told, max(told, most), min(told, least)
         self.reset()
 
     def reset(self) -> None:
@@ -299,11 +301,23 @@ class Noise:
             self._found.append((0.5 * float(change @ change), spread))
         self._last = innovation
         if len(self._found) >= NOISE_LEAST:
-            self.deviation = self._estimate()
+            self._forget()
+            variance, spread, chance = self._variance(len(self._found))
+            by_chance = abs(variance - self.told**2) <= chance * (self.told**2 + spread)
+            found = sqrt(max(variance, self._least**2))
+            self.deviation = self.told if by_chance else min(found, self._most)
 
-    def _estimate(self) -> float:
-        count, middle = len(self._found), len(self._found) // 2
-        half, spread = (sorted(each)[middle] for each in zip(*self._found, strict=True))
-        variance = half / (2.0 * log(2.0)) - spread
-        credible = self.told**2 * (1.0 + NOISE_CHANCE * NOISE_ERROR / sqrt(count))
-        return min(sqrt(variance), self._most) if variance > credible else self.told
+    def _forget(self) -> None:
+        """Drop old samples if the latest are of another noise."""
+        if len(self._found) > NOISE_LATEST:
+            before, spread, _ = self._variance(len(self._found))
+            latest, _, chance = self._variance(NOISE_LATEST)
+            if abs(latest - before) > chance * (max(min(latest, before), 0.0) + spread):
+                while len(self._found) > NOISE_LATEST:
+                    self._found.popleft()
+
+    def _variance(self, count: int) -> tuple[float, float, float]:
+        """Return the variance by the latest samples, that of what they expected [m^2], and the share that is chance."""
+        latest = islice(reversed(self._found), count)
+        half, spread = (sorted(each)[count // 2] for each in zip(*latest, strict=True))
+        return half / (2.0 * log(2.0)) - spread, spread, NOISE_CHANCE * NOISE_ERROR / sqrt(count)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from control.estimation.estimator import Estimator
-from control.estimation.kalman import NOISE_LEAST, NOISE_WINDOW, Noise
+from control.estimation.kalman import NOISE_LATEST, NOISE_LEAST, NOISE_WINDOW, Noise
 from control.estimation.reduced import ReducedModel
 from control.identification.identified import load
 from control.sensing.sensors import COM, HEADING, STRAIN, Channel, Sensors
@@ -45,7 +45,18 @@ def test_what_was_told_is_believed_as_long_as_it_may_be_right() -> None:
         noise = Noise(TOLD, 0.2)
         changes += any(learned(noise, TOLD, 1, 1000 * seed + k) > TOLD for k in range(3 * NOISE_WINDOW))
     assert changes <= 2
-    assert learned(Noise(0.04, 0.2), 0.005, 300) == 0.04, "better sensors than told: trusted as told"
+
+
+def test_noise_that_is_less_than_told_is_found_down_to_what_the_wave_leaves() -> None:
+    assert learned(Noise(0.04, 0.2, 0.002), 0.01, 3 * NOISE_WINDOW) == pytest.approx(0.01, rel=0.15)
+    assert learned(Noise(0.04, 0.2, 0.002), 0.0001, 3 * NOISE_WINDOW) == 0.002
+
+
+@pytest.mark.parametrize(("before", "after"), [(0.005, 0.02), (0.02, 0.005)])
+def test_it_follows_a_change_of_the_noise(before: float, after: float) -> None:
+    noise = Noise(before, 0.2)
+    learned(noise, before, NOISE_WINDOW)
+    assert learned(noise, after, 2 * NOISE_LATEST, seed=1) == pytest.approx(after, rel=0.35)
 
 
 def test_wrong_samples_uncertain_predictions_and_steady_errors_are_no_noise() -> None:
