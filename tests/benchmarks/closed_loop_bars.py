@@ -86,7 +86,26 @@ FRICTIONS = {
 }
 """Factors on forward, backward and lateral friction."""
 
+
+def _fault(kind: str, **given: object) -> tuple[str, ...]:
+    return (f"fault.{kind}=true", *(f"fault.{kind}_{key}={value}" for key, value in given.items()))
+
+
+OUT = {"begin_s": 20, "duration_s": 8}
+FAULTS = {
+    "planner_30_percent": _fault("planner", probability=0.3),
+    "planner_out": _fault("planner", **OUT),
+    "planner_raises": _fault("planner", mode="raises", **OUT),
+    "place_lost": _fault("sensor", **OUT),
+    "place_frozen": _fault("sensor", mode="frozen", **OUT),
+}
+"""Faults in an S-curve."""
+CHAMBERS = {f"chamber_{k}": _fault("chamber", segment=k, begin_s=10) for k in range(6)}
+"""A left chamber that stays long from then on, on a line."""
+
 TRIALS = {
+    **{name: _s_curve(*fault) for name, fault in FAULTS.items()},
+    **{name: _line(*fault) for name, fault in CHAMBERS.items()},
     "line": _line(),
     "circle_1.5": _circle(1.5),
     "s_curve": _s_curve(),
@@ -118,6 +137,7 @@ TRIALS = {
 """Trials by name."""
 
 OFFSET, STEADY, BIAS = "cross_track_rms_bl", "cross_track_mean_bl", "speed_bias_m_s"
+HEADING_RMS = "heading_error_rms_deg"
 THIRD = 1.0 / 3.0
 BARS = (
     Bar("line", OFFSET, 0.0015),
@@ -142,6 +162,8 @@ BARS = (
     Bar("circle_0.6", "head_offset_rms_bl", 0.09),
     Bar("circle_0.6", OFFSET, 0.01),
     Bar("circle_on_slope", "roll_max_deg", 15.0),
+    *(Bar(trial, "speed_bias_relative", 0.05) for trial in FAULTS),
+    *(Bar(trial, metric, most) for trial in CHAMBERS for metric, most in ((OFFSET, 0.012), (HEADING_RMS, 15.0))),
     Bar("pipe", "speed_bias_relative", 0.05),
     Bar("s_curve", "control_step_ms_p99", 60.0),
 )

@@ -137,3 +137,34 @@ def test_every_channel_of_an_observation_passes_as_it_is() -> None:
 def test_a_mapping_is_no_measurement() -> None:
     with pytest.raises(TypeError, match=r"measurement: got dict, must be a .*Measurement; let sensors make it"):
         Gate(WORM)(NOW, {})  # type: ignore[arg-type]
+
+
+def test_what_never_changes_while_the_worm_is_to_move_is_frozen() -> None:
+    """A worm that crawls along an axis has a coordinate that stays; a chamber may rest for most of a wave."""
+
+    def refused(moving: bool, com, strain, seconds: float) -> dict[str, float]:
+        gate = Gate(WORM)
+        for t in np.arange(0.0, seconds, 0.05):
+            sample = Measurement(t, com=(np.array(com(t)), t), strain=(strain(t), t))
+            gate(t, sample, moving=moving)
+        return {name: t for (name, why), t in gate.first.items() if why is Refusal.FROZEN}
+
+    def one_still(t: float) -> np.ndarray:
+        strain = np.full((6, 2), -0.1 + 0.01 * t)
+        strain[2, 1] = -0.07
+        return strain
+
+    for seconds, expected in ((0.5, {}), (2.0, {"com": 0.55}), (3.0, {"com": 0.55, "strain": 2.55})):
+        assert refused(True, lambda t: (1.0, 0.0, 0.1), one_still, seconds) == pytest.approx(expected)
+    assert not refused(True, lambda t: (t, 0.0, 0.1), lambda t: np.full((6, 2), 0.01 * t), 3.0)
+    assert not refused(False, lambda t: (1.0, 0.0, 0.1), one_still, 3.0)
+
+
+def test_of_strains_only_those_that_are_frozen_are_refused() -> None:
+    gate, last = Gate(WORM), None
+    for t in np.arange(0.0, 3.0, 0.05):
+        strain = np.full((6, 2), -0.1 + 0.01 * t)
+        strain[2, 1] = -0.07
+        last = gate(t, Measurement(t, strain=(strain, t)), moving=True)
+    assert last is not None
+    assert np.argwhere(np.isnan(last.strain)).tolist() == [[2, 1]]
