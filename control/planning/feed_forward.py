@@ -35,6 +35,8 @@ class FeedForward:
 
     Attributes
     ----------
+    found : SteeringMap
+        The map.
     frequency : float
         The preferred one [Hz].
     slowest, fastest : float
@@ -46,7 +48,7 @@ class FeedForward:
     def __init__(self, found: SteeringMap, length: float) -> None:
         low, high = found.ranges.frequency
         self.frequency = PREFERRED if low <= PREFERRED <= high else (low + high) / 2.0
-        self.ranges = found.ranges
+        self.found, self.ranges = found, found.ranges
         (least, greatest), preferred = found.ranges.amplitude, self.frequency
         amplitudes = [np.full(2 * POINTS, least), np.linspace(least, greatest, POINTS), np.full(POINTS, greatest)]
         up, on = np.linspace(low, preferred, POINTS), np.linspace(preferred, high, POINTS)

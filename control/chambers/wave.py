@@ -1,0 +1,89 @@
+"""Wave beside which chambers and hinges do something of their own, and its share of a turn.
+
+A body that is bent by the angle B from tail to head, and crawls by d body lengths a wave, is turned by
+
+    omega_bend = GUIDED B d                                                                                   (CP1)
+
+a wave, since the feet that stand hold it on its arc. What is left of the turn that is asked for is made by steering the
+wave, by the identified map omega(A, f, s):
+
+    omega(A, f, s_wave) = omega(A, f, s) - omega_bend,                                                        (CP2)
+
+so that whoever asks for the steering s, and estimates by it, need not know of the bend.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from control.gaits.steering import GaitParameters, WaveGenerator
+from control.identification.identified import SteeringMap
+from worm3d import Command, Worm
+from worm3d.values.arrays import FloatArray
+
+GUIDED = 0.7
+"""Turn of a bent body over its bend times its way, (CP1): 0.65 to 0.73 on the default worm at amplitude 0.3 and 0.8 Hz,
+bent by 0.56 to 1.1 rad in an arc, at both ends, or at its head."""
+STEERINGS = 65
+"""Number of values of the steering among which (CP2) is solved."""
+SMOOTHING = 0.5
+"""Waves in which what is done beside the wave covers 63 % of a change."""
+
+
+class BodyWave(WaveGenerator):
+    """Wave at run time, beside which chambers and hinges do what `beyond` says.
+
+    `beyond` holds contractions, left ones first, and hinges [rad], shape (3 N - 1,).
+
+    Parameters
+    ----------
+    wave : WaveGenerator
+        Whose schedule and blend it has.
+    found : SteeringMap
+        What the wave does to the worm.
+    worm : Worm
+    smoothing : float
+        Waves in which it covers 63 % of a change of `beyond`.
+    """
+
+    def __init__(self, wave: WaveGenerator, found: SteeringMap, worm: Worm, smoothing: float = SMOOTHING) -> None:
+        self._found, self._worm, self._smoothing = found, worm, smoothing
+        greatest = found.ranges.steering
+        self._steerings = np.linspace(-greatest, greatest, STEERINGS)
+        super().__init__(wave.schedule, worm, wave.blend)
+
+    def reset(self) -> None:
+        """Begin anew, with nothing beside the wave."""
+        super().reset()
+        self.beyond: FloatArray = np.zeros(3 * self._worm.segments - 1)
+        self.given: FloatArray = self.beyond
+        self.bend = 0.0
+
+    def step(self, dt: float, target: GaitParameters) -> Command:
+        """Return the command after another `dt` [s] of approaching `target` and `beyond`."""
+        n, left_over = self._worm.segments, np.exp(-dt * target.frequency / self._smoothing)
+        self.given = self.beyond + (self.given - self.beyond) * left_over
+        hinge, contraction = self.given[2 * n :], self.given[: 2 * n].reshape(2, n).T
+        bends = self._worm.l0 * (contraction[:, 0] - contraction[:, 1]) / (2.0 * self._worm.chamber_offset)
+        self.bend = float(hinge.sum() + bends.sum() - (bends[0] + bends[-1]) / 2.0)
+        wave = super().step(dt, self.allotted(target))
+        return Command(np.clip(wave.contraction + contraction, *self._worm.stroke), wave.hinge + hinge)
+
+    def allotted(self, target: GaitParameters) -> GaitParameters:
+        """Return the wave that turns the worm by what its bend leaves of a target, (CP2)."""
+        if self.bend == 0.0:
+            return target
+        mechanism, ranges = self._found.mechanism, self._found.ranges
+        wave = max(target.amplitude, ranges.amplitude[0]), target.frequency
+        asked = float(np.clip(target.steering(mechanism), -ranges.steering, ranges.steering))
+        turns = np.asarray(self._found.turn(*wave, self._steerings))
+        turned = GUIDED * self.bend * float(self._found.distance(*wave, asked))
+        left = np.interp(np.interp(asked, self._steerings, turns) - turned, turns, self._steerings)
+        return target.steered(mechanism, float(left))
+
+    def ahead(self, times: FloatArray) -> FloatArray:
+        """Return what the wave will command at times from now on [s], shape (K, 3 N - 1), without `beyond`."""
+        now = self.parameters or GaitParameters(0.0, 1.0)
+        phase = self.phase + 2.0 * np.pi * now.frequency * times
+        given = self.schedule.commands_at(phase, np.tile(now.row(), (len(times), 1)), self._worm)
+        return np.hstack([given.contraction[..., 0], given.contraction[..., 1], given.hinge])

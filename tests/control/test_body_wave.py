@@ -1,0 +1,76 @@
+"""Waves with a bend beside them: closed form of the share that the bend has in a turn."""
+
+import numpy as np
+import pytest
+
+from control.chambers.controller import along_path
+from control.chambers.wave import GUIDED, BodyWave
+from control.gaits.steering import GaitParameters, Schedule, WaveGenerator
+from control.identification import identified
+from control.tracking.paths import Circle, Line
+from worm3d import Worm
+
+WORM = Worm()
+MAP = identified.load(WORM).maps["hinge"]
+ASKED = GaitParameters(0.3, 0.8, 0.0, 0.08)
+N = WORM.segments
+
+
+def body_wave():
+    return BodyWave(WaveGenerator(Schedule(), WORM), MAP, WORM)
+
+
+def bent(angle):
+    made = body_wave()
+    made.beyond = made.given = np.concatenate([np.zeros(2 * N), np.full(N - 1, angle / (N - 1))])
+    made.step(0.0, ASKED)
+    return made
+
+
+def test_without_anything_beside_it_is_the_wave_bit_for_bit():
+    plain, made = WaveGenerator(Schedule(), WORM), body_wave()
+    for _ in range(30):
+        one, other = plain.step(0.02, ASKED), made.step(0.02, ASKED)
+        assert np.array_equal(one.contraction, other.contraction)
+        assert np.array_equal(one.hinge, other.hinge)
+
+
+@pytest.mark.parametrize("angle", [-0.2, 0.1, 0.5])
+def test_bend_and_wave_together_turn_as_asked(angle):
+    made = bent(angle)
+    left = made.allotted(ASKED)
+    turn, way = (float(f(0.3, 0.8, ASKED.hinge)) for f in (MAP.turn, MAP.distance))
+    assert float(MAP.turn(0.3, 0.8, left.hinge)) + GUIDED * angle * way == pytest.approx(turn, abs=2e-3)
+    assert (left.amplitude, left.frequency, left.bias) == (ASKED.amplitude, ASKED.frequency, 0.0)
+
+
+def test_a_bend_beyond_what_steering_can_undo_keeps_within_the_map():
+    assert abs(bent(9.0).allotted(ASKED).hinge) == pytest.approx(MAP.ranges.steering)
+
+
+def test_chambers_beside_the_wave_bend_it_and_keep_to_the_stroke():
+    made = body_wave()
+    contraction = np.zeros((2, N))
+    contraction[0] = 0.06  # left chambers shorter: to the left by l0 c/(2 b) a segment, half of it at either end
+    made.beyond = made.given = np.concatenate([contraction.ravel(), np.zeros(N - 1)])
+    command = made.step(0.0, ASKED)
+    assert made.bend == pytest.approx((N - 1) * WORM.l0 * 0.06 / (2.0 * WORM.chamber_offset))
+    assert command.contraction.max() <= WORM.stroke[1]
+    assert command.contraction.min() >= WORM.stroke[0]
+
+
+def test_what_is_ahead_is_what_comes():
+    made = body_wave()
+    for _ in range(200):
+        made.step(0.02, ASKED)
+    foreseen = made.ahead(np.array([0.4]))[0]
+    for _ in range(20):
+        command = made.step(0.02, ASKED)
+    np.testing.assert_allclose(foreseen, [*command.contraction.T.ravel(), *command.hinge], atol=1e-3)
+
+
+def test_postures_follow_the_path():
+    assert np.array_equal(along_path(WORM, Line(), 0.3), np.zeros(N - 1))
+    circle = along_path(WORM, Circle(0.6), 1.0)
+    np.testing.assert_allclose(circle, WORM.l0 / 0.6 * np.array([1.0, 0.5, 0.0, 0.5, 1.0]), atol=1e-12)
+    np.testing.assert_allclose(along_path(WORM, Circle(0.6, towards="right"), 1.0), -circle, atol=1e-12)
