@@ -29,7 +29,8 @@ from control.learned.senses import MOST, Senses
 from scenes.language.errors import MissingPartError, SceneError
 from scenes.language.toml import shown
 from scenes.learn.episode import Episode, Terms
-from scenes.models.control.build import reference_of
+from scenes.learn.practice import Practice
+from scenes.models.control.build import identified_of, reference_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import worm_of
@@ -84,6 +85,16 @@ class _Worm:
             cases = list(design_of(self._scene, ControlScene, self._vary, random=drawn, seed=seed).cases())
             keys = [f"{key}={shown(value)}" for key, value in cases[int(random.integers(len(cases)))].items()]
         return Episode(self._settings(keys), self._how, seed)
+
+    def practice(self, count: int) -> Practice:
+        """Return worms in the reduced model."""
+        if self._how.acts != "course":
+            raise ValueError(f"practice: got actions by {self._how.acts!r}, must be 'course'")
+        scene = self._settings(())
+        found = identified_of(scene)
+        assert found is not None  # an episode was made
+        length, mechanism = worm_of(scene).length, scene.controller.mechanism
+        return Practice(count, found, length, mechanism, self._how.control_period)
 
     def _settings(self, more: Sequence[str]) -> ControlScene:
         settings = load_scene(self._scene, (*self._overrides, *more)).settings
@@ -211,6 +222,10 @@ class WormVectorEnv(VectorEnv[Seen, Seen, Any]):
 
     def _observed(self) -> Seen:
         return np.array([episode.observed() for episode in self._episodes], dtype=np.float32)
+
+    def practice(self, count: int) -> Practice:
+        """Return worms in the reduced model, of the scene's worm; ValueError unless actions are by "course"."""
+        return self._worm.practice(count)
 
     def close_extras(self, **_: Any) -> None:
         """End the threads."""

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from math import isfinite
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from control.learned.course import Course
 from control.sensing.sensors import QUANTITIES, Measurement
@@ -103,17 +104,15 @@ class Senses:
     def observed(self, t: float) -> FloatArray:
         """Return what is seen at time t [s], shape (size,); it is to be asked for once a control period."""
         speed, fast, aside, course, curvatures = self._tracked(t)
-        known = 0.0 if fast is None else 1.0
         miss = 0.0 if fast is None else fast / max(speed, SLOWEST * self._length) - 1.0
         errors = np.clip([10.0 * aside / self._length, miss], -MOST, MOST)
         left = np.exp(-(t - self._seen_at) / FADING) if isfinite(self._seen_at) else 1.0
         self._means, self._seen_at = left * self._means + (1.0 - left) * errors, t
-        steering = np.mean([each[1] for each in self._steering]) if self._steering else 0.0
-        own = np.array([known, FAST * speed / self._length, errors[1], errors[0], np.sin(course), np.cos(course) - 1.0])
-        further = [latest.ravel() for latest in self._latest.values()]
-        seen = (own, self._length * curvatures, self._means, np.array([steering]), self._action, *further)
-        clipped: FloatArray = np.clip(np.concatenate(seen), -MOST, MOST)
-        return clipped
+        steering = float(np.mean([each[1] for each in self._steering])) if self._steering else 0.0
+        place = (speed / self._length, miss, aside / self._length, course, self._length * curvatures)
+        own = assembled(fast is not None, *place, self._means, steering, self._action)
+        further = [np.clip(latest.ravel(), -MOST, MOST) for latest in self._latest.values()]
+        return np.concatenate([own, *further])
 
     def _tracked(self, t: float) -> tuple[float, float | None, float, float, FloatArray]:
         """Return speed asked for and made [m/s], offset [m], direction off the path's [rad] and curvatures [1/m]."""
@@ -134,6 +133,27 @@ class Senses:
         fast, course = along(velocity, before)
         ahead = path.curvature(s + LAG * way + self._length * AHEAD)
         return speed, fast, float(offset(path, motion.place, s, heading)), course, ahead
+
+
+def assembled(
+    known: ArrayLike,
+    speed: ArrayLike,
+    miss: ArrayLike,
+    aside: ArrayLike,
+    course: ArrayLike,
+    curvatures: FloatArray,
+    means: FloatArray,
+    steering: ArrayLike,
+    action: FloatArray,
+) -> FloatArray:
+    """Return what is seen without further channels, from parts in body lengths and seconds, in the order above.
+
+    Of B worms at once each part has an axis for them at its end, as the result has.
+    """
+    errors = (miss, 10.0 * np.asarray(aside), np.sin(course), np.cos(course) - 1.0)
+    parts = ((known, FAST * np.asarray(speed), *errors), curvatures, means, (steering,), action)
+    seen: FloatArray = np.concatenate([np.asarray(part, dtype=float) for part in parts])
+    return np.clip(seen, -MOST, MOST)
 
 
 def along(velocity: FloatArray | None, heading: float | None) -> tuple[float | None, float]:

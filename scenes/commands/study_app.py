@@ -200,6 +200,8 @@ def learn(
     scene: SceneArgument,
     to: Annotated[Path, typer.Option("--to", metavar="FILE", parser=path_of, help="Policy to write, ending in .npz.")],
     minutes: Annotated[float, typer.Option("--minutes", help="Time to train.")] = 10.0,
+    practice: Annotated[float, typer.Option("--practice", help="Minutes in a reduced model before.")] = 0.0,
+    acts: Annotated[str, typer.Option("--acts", help="What actions mean: course or wave.")] = "course",
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of what is drawn.")] = 0,
     vary: Vary = None,
     o: Overrides = None,
@@ -216,4 +218,6 @@ def learn(
     """
     from scenes.learn.command import Options, run
 
-    raise typer.Exit(run(scene, to, vary or (), o or (), Options(minutes, seed, worms, threads, force, quiet)))
+    raise typer.Exit(
+        run(scene, to, vary or (), o or (), Options(minutes, practice, acts, seed, worms, threads, force, quiet))
+    )

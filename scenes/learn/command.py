@@ -22,6 +22,8 @@ class Options:
     """Options of the command."""
 
     minutes: float
+    practice: float
+    acts: str
     seed: int
     worms: int
     threads: int
@@ -44,9 +46,18 @@ def run(scene: str, to: Path, vary: Sequence[str], overrides: Sequence[str], opt
     require_free([to], Path(scene), force=options.force)
     from scenes.learn import training
 
-    asked = (options.minutes, options.seed, tuple(overrides), texts(vary), options.worms, options.threads)
     try:
-        task = training.Task(scene, *asked)
+        task = training.Task(
+            scene=scene,
+            minutes=options.minutes,
+            practice=options.practice,
+            seed=options.seed,
+            overrides=tuple(overrides),
+            vary=texts(vary),
+            worms=options.worms,
+            threads=options.threads,
+            acts=options.acts,
+        )
         made(to.parent)
         policy = training.train(task, lambda point: _tell(point, quiet=options.quiet))
     except ValueError as error:
@@ -54,7 +65,8 @@ def run(scene: str, to: Path, vary: Sequence[str], overrides: Sequence[str], opt
     with written_whole(to) as part:
         policy.save(part)
     if not options.quiet:
-        typer.echo(f"{to}: trained for {policy.about['steps']} control periods in {policy.about['wall_s']:.0f} s")
+        steps, seconds = (sum(stage[what] for stage in policy.about["stages"]) for what in ("steps", "wall_s"))
+        typer.echo(f"{to}: trained for {steps} control periods in {seconds:.0f} s")
     return 0
 
 

@@ -163,8 +163,13 @@ class Episode:
         """Return (LE1); in the first waves without its second part."""
         asked = max(float(self._reference.speed(self._time)), SLOWEST * self._length)
         miss = 0.0 if facts["speed_m_s"] is None else facts["speed_m_s"] / asked - 1.0
-        errors = np.array([facts["offset_m"] / (NEAR * self._length), miss / CLOSE])
-        return float(1.0 - 0.5 * np.log1p(errors**2).sum())
+        return float(reward_of(facts["offset_m"] / self._length, miss))
+
+
+def reward_of(aside: ArrayLike, miss: ArrayLike) -> FloatArray:
+    """Return (LE1) of offsets [body lengths] and relative errors of the speed."""
+    lost = np.log1p((np.asarray(aside) / NEAR) ** 2) + np.log1p((np.asarray(miss) / CLOSE) ** 2)
+    return np.asarray(1.0 - 0.5 * lost)
 
 
 def _sampled(scene: ControlScene, body: float) -> Reference:

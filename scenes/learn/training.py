@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from control.learned.policy import Policy
 from scenes.gym_env import WormVectorEnv
 from scenes.language.errors import MissingPartError
+from scenes.learn.practice import Practice
 from worm3d.values import arguments
 
 try:
@@ -32,16 +33,18 @@ except ImportError as error:
 
 DISCOUNT = 0.97
 """Discount of a control period; rewards are scaled by 1 - DISCOUNT, so that values are of the size of a reward."""
-HIDDEN: dict[str, list[int]] = {"pi": [], "vf": [32, 32]}
-"""Widths of the hidden layers of the policy, which is linear, and of the value."""
+HIDDEN = [32, 32]
+"""Widths of the hidden layers, of the policy and of the value."""
 PERIODS = 32
 """Control periods of each worm between two updates."""
 BATCH = 256
 """Samples of a step of the optimiser."""
 NOISE = -1.5
 """Logarithm of the noise of the actions at first."""
-RATES = (3e-3, 3e-4)
-"""Rates of learning at first and at last."""
+RATES, LATER_RATES = (1e-3, 1e-4), (2e-4, 5e-5)
+"""Rates of learning at first and at last; later ones are those after practice."""
+PRACTISING = 64
+"""Worms that practise at once in the reduced model, where one costs next to nothing."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,9 @@ class Task:
 
     scene: str
     minutes: float
-    """Wall time."""
+    """Wall time with the worm of the scene."""
+    practice: float = 0.0
+    """Wall time [min] of practice before, in a reduced model (`scenes.learn.practice`); for actions by "course"."""
     seed: int = 0
     overrides: Sequence[str] = ()
     vary: Mapping[str, str] = field(default_factory=dict)
@@ -72,6 +77,7 @@ class Task:
 
     def __post_init__(self) -> None:
         arguments.number("minutes", self.minutes, "min", gt=0.0)
+        arguments.number("practice", self.practice, "min", ge=0.0)
         arguments.whole("seed", self.seed, ge=0)
 
 
@@ -93,25 +99,40 @@ def train(task: Task, watch: Callable[[Point], bool] = lambda point: True) -> Po
     """
     envs = WormVectorEnv(task.worms, task.scene, task.overrides, acts=task.acts, vary=task.vary, threads=task.threads)
     torch.set_num_threads(1)  # faster for networks this small
-    clock = _Clock(60.0 * task.minutes, watch)
-    ppo = PPO(
+    stages: list[tuple[WormVectorEnv | Practice, float, tuple[float, float]]] = [(envs, task.minutes, RATES)]
+    began = None
+    if task.practice > 0.0:
+        stages = [(envs.practice(PRACTISING), task.practice, RATES), (envs, task.minutes, LATER_RATES)]
+    clocks = []
+    for worms, minutes, rates in stages:
+        clock = _Clock(60.0 * minutes, watch)
+        ppo = _ppo(_Worms(worms, envs, task.seed), rates, clock, task.seed)
+        if began is not None:
+            ppo.policy.load_state_dict(began)
+        try:
+            ppo.learn(10**12, callback=clock)
+        except KeyboardInterrupt:
+            clock.interrupted, clock.lasted = True, (clock.elapsed, clock.cpu)
+        began = ppo.policy.state_dict()
+        clocks.append(clock)
+        if clock.interrupted:
+            break
+    envs.close()
+    return Policy(_layers(ppo), _about(task, clocks))
+
+
+def _ppo(worms: _Worms, rates: tuple[float, float], clock: _Clock, seed: int) -> PPO:
+    return PPO(
         "MlpPolicy",
-        _Worms(envs, task.seed),
-        learning_rate=lambda _: RATES[0] + (RATES[1] - RATES[0]) * clock.share,
+        worms,
+        learning_rate=lambda _: rates[0] + (rates[1] - rates[0]) * clock.share,
         n_steps=PERIODS,
-        batch_size=min(BATCH, task.worms * PERIODS),
+        batch_size=min(BATCH, worms.num_envs * PERIODS),
         gamma=DISCOUNT,
         policy_kwargs={"net_arch": HIDDEN, "log_std_init": NOISE},
-        seed=task.seed,
+        seed=seed,
         device="cpu",
     )
-    try:
-        ppo.learn(10**12, callback=clock)
-    except KeyboardInterrupt:
-        clock.interrupted = True
-    finally:
-        envs.close()
-    return Policy(_layers(ppo), _about(task, clock))
 
 
 class _Clock(BaseCallback):
@@ -123,6 +144,8 @@ class _Clock(BaseCallback):
         self._began, self._cpu = perf_counter(), process_time()
         self._rewards: list[float] = []
         self.points: list[Point] = []
+        self.lasted = 0.0, 0.0
+        """Wall time and processor time in all [s]."""
         self.interrupted = False
 
     @property
@@ -144,6 +167,9 @@ class _Clock(BaseCallback):
         self._rewards.append(float(np.mean(self.locals["rewards"])) / (1.0 - DISCOUNT))
         return self.elapsed < self._seconds and not self.interrupted
 
+    def _on_training_end(self) -> None:
+        self.lasted = self.elapsed, self.cpu
+
     def _on_rollout_end(self) -> None:
         self.points.append(Point(self.num_timesteps, self.elapsed, float(np.mean(self._rewards))))
         self._rewards.clear()
@@ -153,9 +179,9 @@ class _Clock(BaseCallback):
 class _Worms(VecEnv):
     """`WormVectorEnv` as Stable-Baselines3 has it, with scaled rewards."""
 
-    def __init__(self, envs: WormVectorEnv, seed: int) -> None:
-        self._envs, self._first = envs, seed * 1000
-        super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
+    def __init__(self, worms: WormVectorEnv | Practice, envs: WormVectorEnv, seed: int) -> None:
+        self._envs, self._first = worms, seed * 1000
+        super().__init__(worms.num_envs, envs.single_observation_space, envs.single_action_space)
 
     def reset(self) -> NDArray[np.float32]:
         return self._envs.reset(seed=self._first)[0]
@@ -197,20 +223,21 @@ def _layers(ppo: PPO) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64]], 
     )
 
 
-def _about(task: Task, clock: _Clock) -> dict[str, Any]:
-    """Return how a policy was trained."""
-    points = clock.points
-    kept = points[:: max(1, len(points) // 50)] + points[-1:]
-    return {
-        "method": "PPO of Stable-Baselines3",
-        "acts": task.acts,
-        "scene": task.scene,
-        "overrides": list(task.overrides),
-        "vary": dict(task.vary),
-        "seed": task.seed,
-        "worms": task.worms,
-        "steps": points[-1].steps if points else 0,
-        "wall_s": round(clock.elapsed, 1),
-        "cpu_s": round(clock.cpu, 1),
-        "curve": [[point.steps, round(point.seconds, 1), round(point.reward, 4)] for point in kept],
-    }
+def _about(task: Task, clocks: Sequence[_Clock]) -> dict[str, Any]:
+    """Return how a policy was trained; of each stage, practice and the worm itself, with its curve."""
+    stages = [
+        {
+            "steps": clock.points[-1].steps if clock.points else 0,
+            "wall_s": round(clock.lasted[0], 1),
+            "cpu_s": round(clock.lasted[1], 1),
+            "curve": [[each.steps, round(each.seconds, 1), round(each.reward, 4)] for each in _thinned(clock.points)],
+        }
+        for clock in clocks
+    ]
+    given = {name: getattr(task, name) for name in ("acts", "scene", "overrides", "vary", "seed", "worms")}
+    return {"method": "PPO of Stable-Baselines3", **given, "practice": task.practice > 0.0, "stages": stages}
+
+
+def _thinned(points: Sequence[Point]) -> Sequence[Point]:
+    """Return at most some thirty of the points, the last one among them."""
+    return [*points[: -1 : max(1, len(points) // 30)], *points[-1:]]

@@ -6,10 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import worm3d
+from control.identification import identified
 from control.learned.policy import Policy
 from control.learned.senses import OWN
 from control.tracking.paths import SCurve, offset
+from scenes.learn.episode import Episode, Terms, reward_of
+from scenes.learn.practice import DRAWN, Practice
 from scenes.learn.sampled import Sampled
+from scenes.models.loading import load_scene
 
 HERE = importlib.util.find_spec("stable_baselines3") is not None
 needs = pytest.mark.skipif(not HERE, reason="Stable-Baselines3 is not installed (extra 'learn')")
@@ -45,12 +50,84 @@ def test_mistakes_are_told(worm3d, tmp_path: Path) -> None:
 @needs
 @pytest.mark.filterwarnings("default")  # those of PyTorch are not ours
 def test_a_short_training_gives_a_policy_and_its_curve(worm3d, tmp_path: Path) -> None:
-    given = ("--minutes", "0.02", "--worms", "2", "--vary", "reference.radius_m=1:3", "-o", "run.duration_s=4")
+    given = (
+        "--minutes",
+        "0.01",
+        "--practice",
+        "0.01",
+        "--worms",
+        "2",
+        "--vary",
+        "reference.radius_m=1:3",
+        "-o",
+        "run.duration_s=4",
+    )
     ended = worm3d("learn", "path_circle", "--to", "policy.npz", *given)
     assert ended.code == 0, ended.complaints
     policy = Policy.load(tmp_path / "policy.npz")
     assert policy.inputs == OWN + 2
-    assert policy.about["steps"] >= 0
+    assert [stage["steps"] > 0 for stage in policy.about["stages"]] == [True, True]
     assert policy.about["vary"] == {"reference.radius_m": "1:3"}
     ended = worm3d("learn", "path_circle", "--to", "b.npz", "--minutes", "0")
     assert (ended.code, len(ended.complaints)) == (2, 1)
+
+
+def practice(monkeypatch: pytest.MonkeyPatch, **values: float) -> Practice:
+    """One worm in the reduced model, its draws fixed: without noise, errors and lags that are not known."""
+    ideal = dict.fromkeys(DRAWN, 0.0) | {"speed": 0.08, "wavelength": 4.0, "speed_gain": 1.0, "turn_gain": 1.0}
+    for name, value in (ideal | {"lag": 1.0} | values).items():
+        monkeypatch.setitem(DRAWN, name, (value, value))
+    monkeypatch.setattr("scenes.learn.practice.STRAIGHT", 0.0)
+    monkeypatch.setattr("scenes.learn.practice.NEAR", 0.0)
+    found = identified.load(worm3d.Worm())
+    assert found is not None
+    worms = Practice(1, found, 1.0, "hinge", 0.2)
+    worms.reset(seed=0)
+    worms._age[:] = 0.0
+    return worms
+
+
+def test_in_practice_a_worm_leaves_a_line_by_its_heading(monkeypatch: pytest.MonkeyPatch) -> None:
+    worms = practice(monkeypatch, heading=0.1, crab=0.05, speed_gain=0.9)
+    for _ in range(40):
+        seen, rewards, *_ = worms.step(np.zeros((1, 2)))
+    s, e, theta, v, *_ = worms._state[:, 0]
+    assert (theta, v) == (pytest.approx(0.1), pytest.approx(0.9 * 0.08, rel=1e-3))
+    assert e == pytest.approx(s * np.tan(0.15), rel=1e-9)
+    half_a_wave = 0.072 * 0.5 / 0.8
+    np.testing.assert_allclose(
+        seen[0, 2:5], [0.9 * np.cos(0.15) - 1.0, 10.0 * (e - half_a_wave * np.sin(0.15)), np.sin(0.15)], atol=0.02
+    )
+    assert rewards[0] == pytest.approx(reward_of(seen[0, 3] / 10.0, seen[0, 2]), abs=1e-5)
+
+
+def test_in_practice_the_map_turns_as_the_path_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    worms = practice(monkeypatch, bend=0.5)
+    for _ in range(100):
+        seen, *_ = worms.step(np.zeros((1, 2)))
+    _, e, theta, v, w, _ = worms._state[:, 0]
+    assert w == pytest.approx(0.5 * 0.08, rel=1e-3)
+    along = v * np.cos(theta) / (1.0 - 0.5 * e)
+    assert along * 0.5 == pytest.approx(w + 0.5 * (along - 0.08), abs=1e-4)
+    np.testing.assert_allclose(seen[0, 6:10], 0.5)
+    turned = practice(monkeypatch, bend=0.5)
+    for _ in range(20):
+        turned.step(np.array([[0.0, 0.2]]))
+    assert turned._state[1, 0] > worms._state[1, 0] + 0.02, "an action to the left leads to the left"
+
+
+def test_practice_is_like_the_plant(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By one law, both leave and join a line 0.1 body lengths off in about the same way."""
+    worms = practice(monkeypatch, aside=0.1)
+    scene = load_scene("path_line", ("run.duration_s=12", "sensor.com_noise_m=0", "reference.start_m=[0.5,-0.1]"))
+    episode, asides = Episode(scene.settings, Terms(), 0), []
+    seen = [worms._observed()[0], episode.observed()]
+    for _ in range(60):
+        actions = [np.clip([-0.8 * each[2], -0.3 * each[3] - 1.2 * each[4]], -1.0, 1.0) for each in seen]
+        *_, facts = episode.crawl(actions[1])
+        seen = [worms.step(actions[0][None])[0][0], episode.observed()]
+        asides.append((seen[0][3] / 10.0, facts["offset_m"]))
+    reduced, plant = np.array(asides).T
+    assert plant[0] == pytest.approx(0.1, abs=2e-3)
+    assert np.abs(plant[-15:]).max() < 0.03
+    assert np.abs(reduced - plant).max() < 0.02
