@@ -227,7 +227,7 @@ def _about(task: Task, clocks: Sequence[_Clock]) -> dict[str, Any]:
     """Return how a policy was trained; of each stage, practice and the worm itself, with its curve."""
     stages = [
         {
-            "steps": clock.points[-1].steps if clock.points else 0,
+            "steps": clock.num_timesteps,
             "wall_s": round(clock.lasted[0], 1),
             "cpu_s": round(clock.lasted[1], 1),
             "curve": [[each.steps, round(each.seconds, 1), round(each.reward, 4)] for each in _thinned(clock.points)],

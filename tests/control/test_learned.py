@@ -173,3 +173,19 @@ def test_it_rests_where_no_speed_is_asked_for() -> None:
     assert controller.decisions[0].parameters.amplitude == 0.0
     with pytest.raises(ValueError, match="mechanism: got 'wings', must be one of those identified"):
         LearnedPolicy(WORM, FOUND, LINE, mechanism="wings", policy=policy())
+
+
+def test_the_shipped_policy_joins_a_line_at_the_speed_that_is_asked_for() -> None:
+    controller = LearnedPolicy(WORM, FOUND, Reference(Constant(0.08), path=Line((0.5, -0.1))))
+    result = worm3d.simulate(
+        WORM, worm3d.Plane(), actuation=controller, sensor=Sensors(seed=10), duration=24.0, dt=0.02
+    )
+    course = Course()
+    for t, place in zip(result.time, result.com, strict=True):
+        course.add(0.8 * t, t, place[:2])
+    motion = course.motion()
+    assert motion is not None
+    assert motion.velocity is not None
+    assert motion.place[1] == pytest.approx(-0.1, abs=0.02)
+    assert motion.velocity[0] == pytest.approx(0.08, rel=0.1)
+    assert controller.failures == 0

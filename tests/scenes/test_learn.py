@@ -23,7 +23,7 @@ needs = pytest.mark.skipif(not HERE, reason="Stable-Baselines3 is not installed 
 def test_a_sampled_path_is_the_path() -> None:
     path = SCurve(0.4, 4.0, 2.0, (0.5, 0.0), 0.1, "left")
     sampled, random = Sampled(path, 6.0, 1.0), np.random.default_rng(0)
-    s = random.uniform(0.0, 6.0, 50)
+    s = random.uniform(0.0, 6.0, 20)
     np.testing.assert_allclose(sampled.point(s), path.point(s), atol=2e-5)
     np.testing.assert_allclose(sampled.heading(s), path.heading(s), atol=5e-5)
     np.testing.assert_allclose(sampled.curvature(s), path.curvature(s), atol=1e-3)
