@@ -112,7 +112,8 @@ class Climber(Supervisor):
             began = perf_counter()
         before = climb.phase
         command = climb.step(t, dt, self._pace, {LOAD: self._load})
-        self.generator.phase += 2.0 * np.pi * (climb.phase - before)
+        # The commanded phase goes on while the worm waits, as that of a wave of amplitude 0 does.
+        self.generator.phase += 2.0 * np.pi * ((climb.phase - before) or dt / climb.period)
         self._spent += perf_counter() - began
         return command
 

@@ -46,13 +46,13 @@ class Way:
 
     def take(self, phase: float, com: FloatArray | None) -> None:
         """Take a sample of the centre of mass (3,) [m], if there is one, at a phase of the gait [periods]."""
-        if com is not None and np.isfinite(com).all():
-            self._samples.append(np.asarray(com, dtype=float))
         if math.floor(phase) > math.floor(self._phase) and self._samples:
             self._means.append(np.mean(self._samples, axis=0))
             self._samples.clear()
             self._stride()
         self._phase = phase
+        if com is not None and np.isfinite(com).all():
+            self._samples.append(np.asarray(com, dtype=float))
 
     def pace(self, speed: float) -> float:
         """Return the pace for a speed [m/s], (PC1); the gait's own before the first stride."""

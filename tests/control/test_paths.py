@@ -9,7 +9,19 @@ from hypothesis import given, seed
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints, offset, track
+from control.tracking.paths import (
+    Circle,
+    Line,
+    Path,
+    PlanView,
+    SCurve,
+    SplinePath,
+    WayPoints,
+    lengthening,
+    offset,
+    track,
+)
+from control.tracking.preview import speed_at
 from control.tracking.references import Constant, Reference, Sine, Steps
 from worm3d import Bend, Centreline, Straight
 
@@ -201,3 +213,14 @@ def test_a_reference_has_a_heading_or_a_path() -> None:
         Reference(0.08)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="path: got list"):
         Reference(Constant(0.08), path=[(0, 0)])  # type: ignore[arg-type]
+
+
+def test_the_way_along_a_pipe_that_rises_is_longer_than_it_seems_from_above() -> None:
+    """By one over the cosine of its tilt; speeds asked for are along it, so less is asked for as seen from above."""
+    rise = PlanView(Centreline.of([Straight(1.0), Bend(0.6, 2.0, "up"), Straight(1.0)]))
+    assert_allclose(lengthening(rise, [0.5, rise.length - 0.1, rise.length + 1.0]), 1.0 / np.cos([0.0, 0.6, 0.6]))
+    s = np.linspace(0.0, rise.length, 20001)
+    assert_allclose(np.trapezoid(lengthening(rise, s), s), 3.2, rtol=1e-7)
+    assert_allclose(lengthening(Line(), [0.0, 1.0]), 1.0)
+    asked = speed_at(Reference(Constant(0.06), path=rise), np.zeros(2), np.array([0.5, rise.length]))
+    assert_allclose(asked, 0.06 * np.cos([0.0, 0.6]))
