@@ -41,7 +41,7 @@ DEPTH = 0.003
 """d of (CM1), for a worm of 1 m."""
 TILT = 0.001
 """k of (CM2), for a worm of 1 m: 3 rad move the load by as many millimetres."""
-SOFTER = (8.0, 4.0, 2.7, 2.0, 1.4, 1.0)
+SOFTER = (8.0, 5.0, 3.5, 2.5, 1.8, 1.4, 1.1, 1.0, 1.0)
 """Depths of the iterations of (CM2), as multiples of d: where one foot has all the load, Newton alone goes astray."""
 SMOOTH = 0.004
 """e of (CM3) over the lateral coefficient [m/s], for a worm of 1 m."""
