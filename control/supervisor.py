@@ -54,6 +54,7 @@ THERE, STAYS = 0.004, 0.02
 """Ways to the end of a path below which the worm rests, and beyond which it goes on again [body lengths]."""
 STILL = 1e-6
 """Frequency of a wave that stands still [Hz]."""
+BACKWARDS = "the reference asks for a way backwards, of which the identified map knows nothing: the worm rests"
 STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
 ARRIVED = "the worm is at the end of its path"
 LATE = "the plan came too late"
@@ -157,6 +158,8 @@ class Supervisor(WaveController):
 
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
         assert estimate is not None
+        if self._speed(t) < 0.0:
+            return Choice("stop", rest(self._target), BACKWARDS)
         if self._speed(t) < self.planner.feed_forward.slowest:
             return Choice("stop", _still(self._target), STANDS)
         if _tried(self._arrived, estimate)[0]:

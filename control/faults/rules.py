@@ -160,6 +160,9 @@ def _unreachable(waves: Sequence[Wave]) -> Iterator[Fault]:
     if wave.most_asked > REACH * wave.reach:
         what = f"{wave.most_asked:.3g} m/s are asked for, by the identified map this worm's wave makes {wave.reach:.3g}"
         yield Fault(wave.end, "unreachable speed", what, "ask for less speed")
+    if wave.least_asked < 0.0:
+        what = f"{wave.least_asked:.3g} m/s are asked for; the identified map knows of no wave that goes backwards"
+        yield Fault(wave.end, "unreachable speed", what, "ask for speeds of 0 or more, and turn where it is to go back")
 
 
 def _too_sharp(waves: Sequence[Wave]) -> Iterator[Fault]:

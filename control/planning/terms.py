@@ -45,7 +45,7 @@ from worm3d.values.parameters import check, documented, parameter
 
 MAX_CRAB = 0.3
 """Largest angle by which the body may stand across its path [rad]."""
-LEAST_WAY = 0.005
+LEAST_WAY = 0.02
 """Way in a step that a slower worm counts as going, where its way is divided by [body lengths]."""
 
 

@@ -51,6 +51,8 @@ METRICS = (
     *("joining_periods", "end_error_bl", "settling_periods", *RESPONSE_METRICS),
 )
 """Names of the metrics that `summary` returns."""
+STAYED = 4.0
+"""Time at the end of a run in which a worm has to stay at the end of its path, three periods at 0.8 Hz [s]."""
 TOO_SHORT = f"the run is shorter than the {DROPPED:g} periods that are left out and one more"
 UNSETTLED = f"no window lies beyond the {DROPPED:g} periods after each step of the reference speed"
 REASONS = {
@@ -250,15 +252,15 @@ def joining_periods(tracked: Tracking, length: float) -> float | None:
 
 
 def end_error(tracked: Tracking, reference: Reference, length: float) -> tuple[float | None, str]:
-    """Return how far the worm is at most from the end of its path in the last three periods [body lengths], or why not.
+    """Return how far the worm is at most from the end of its path in the last seconds [body lengths], or why not.
 
     It has no value where the worm is not to stop there, or has not come there: its speed then is still asked for.
     """
     if not reference.ends or reference.path is None:
         return None, "the reference has no end"
-    last = tracked.waves >= tracked.waves[-1] - DROPPED
+    last = tracked.time >= tracked.time[-1] - STAYED  # in seconds: a wave that stands still has no period
     if not (tracked.arriving & last)[last].all():
-        return None, "the worm has not come to the end of its path for three periods"
+        return None, f"the worm has not been at the end of its path for {STAYED:g} s"
     off = np.linalg.norm(tracked.place[last] - reference.path.point(reference.path.length), axis=1)
     return float(off.max()) / length, ""
 

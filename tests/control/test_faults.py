@@ -8,7 +8,7 @@ import pytest
 from control.faults.rules import Fault
 from control.identification.identified import load
 from control.sensing.sensors import COM, Channel, Measurement, Sensors
-from control.supervisor import Supervisor
+from control.supervisor import BACKWARDS, Supervisor
 from control.tracking.paths import Circle, Line
 from control.tracking.references import Constant, Reference, Steps
 from worm3d import Command, Plane, Result, Worm, simulate
@@ -107,6 +107,13 @@ def test_a_speed_beyond_the_map_is_reported_within_three_waves(share: float) -> 
     reference = Reference(Steps(0.06, (5.0,), (share * reach,)), path=LINE)
     _, broken, found = run(reference, 11.0)
     assert 0.0 < broken.waves_from(5.0, found["unreachable speed"].time) < 3.0
+
+
+def test_a_way_backwards_is_reported_and_the_worm_rests() -> None:
+    result, broken, found = run(Reference(Constant(-0.05), path=LINE), 3.0)
+    assert "goes backwards" in found["unreachable speed"].what
+    assert {decision.status for decision in broken.supervisor.decisions} == {BACKWARDS}
+    assert np.abs(result.com[-1] - result.com[20]).max() < 1e-3
 
 
 def test_a_speed_that_a_slope_does_not_allow() -> None:

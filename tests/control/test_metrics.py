@@ -96,7 +96,7 @@ def test_a_worm_that_stops_beside_the_end_of_its_path() -> None:
     far, why = summary(tracking(made, reference), reference, 2.0)
     assert (far["end_error_bl"], why["end_error_bl"]) == (
         None,
-        "the worm has not come to the end of its path for three periods",
+        "the worm has not been at the end of its path for 4 s",
     )
     assert summary(tracking(made, endless), endless, 2.0)[1]["end_error_bl"] == "the reference has no end"
 
