@@ -69,6 +69,20 @@ def _friction(forward: float, backward: float, lateral: float) -> Trial:
     )
 
 
+def _pipe_climb(*overrides: str) -> Trial:
+    return Trial("pipe_climb_controlled", overrides, controller="climber")
+
+
+def _pipe_climb_radius(radius: float) -> Trial:
+    places = ((0.0, 0.13), (0.15, 0.13), (0.5, radius))
+    return _pipe_climb(f"world.radii=[{', '.join(f'{{at_m={at}, radius_m={wide:g}}}' for at, wide in places)}]")
+
+
+def _pipe_climb_friction(factor: float) -> Trial:
+    values = {"forward": 0.3, "backward": 0.8, "lateral": 0.8}
+    return _pipe_climb(*(f"friction.{name}={factor * value:g}" for name, value in values.items()))
+
+
 def _circle(radius: float, *overrides: str) -> Trial:
     return Trial("path_circle", (f"reference.radius_m={radius:g}", *overrides))
 
@@ -128,6 +142,17 @@ TRIALS = {
     "mass_1.2": _s_curve("worm.mass_kg=0.12", DEFAULT_MAP),
     "circle_on_slope": _circle(0.5, "world.slope_deg=4", "start.azimuth_deg=-90", "run.duration_s=20"),
     "pipe": Trial("velocity_pipe"),
+    "pipe_rising_bend": Trial(
+        "velocity_pipe",
+        (
+            "world.pieces=[{straight_m=1.0},{bend_deg=4.0,bend_radius_m=8.0,towards='up'},"
+            "{bend_deg=45.0,bend_radius_m=2.0,towards='left'},{straight_m=3.0}]",
+        ),
+    ),
+    "pipe_climb": _pipe_climb(),
+    **{f"pipe_climb_slope_{slope}": _pipe_climb(f"world.slope_deg={slope}") for slope in (6, 10)},
+    **{f"pipe_climb_radius_{radius:g}": _pipe_climb_radius(radius) for radius in (0.083, 0.101)},
+    **{f"pipe_climb_friction_{factor:g}": _pipe_climb_friction(factor) for factor in (0.8, 1.2)},
     **{f"noise_{mm}": _s_curve(f"sensor.com_noise_m={mm / 1000:g}") for mm in NOISES_MM},
     **{
         f"noise_{mm}_untold": _s_curve(f"sensor.com_noise_m={mm / 1000:g}", "controller.told=false") for mm in NOISES_MM
@@ -164,7 +189,8 @@ BARS = (
     Bar("circle_on_slope", "roll_max_deg", 15.0),
     *(Bar(trial, "speed_bias_relative", 0.05) for trial in FAULTS),
     *(Bar(trial, metric, most) for trial in CHAMBERS for metric, most in ((OFFSET, 0.012), (HEADING_RMS, 15.0))),
-    Bar("pipe", "speed_bias_relative", 0.05),
+    *(Bar(trial, "speed_bias_relative", 0.05) for trial in ("pipe", "pipe_rising_bend")),
+    *(Bar(trial, "end_error_bl", 0.1) for trial in TRIALS if trial.startswith("pipe_climb")),
     Bar("s_curve", "control_step_ms_p99", 60.0),
 )
 """Everything the closed loop is held to, in the order in which it is told."""

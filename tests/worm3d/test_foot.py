@@ -41,9 +41,9 @@ def test_the_height_is_where_the_distance_is_0() -> None:
 
 
 def test_what_is_no_foot_is_told() -> None:
-    with pytest.raises(ValueError, match="face: got 0.1 rad, must be more than the slope"):
+    with pytest.raises(ValueError, match=r"face: got 0\.1 rad, must be more than the slope"):
         Foot(slope=0.1, face=0.1)
-    with pytest.raises(ValueError, match="tilt: got 1.4 rad, must be less than the face"):
+    with pytest.raises(ValueError, match=r"tilt: got 1\.4 rad, must be less than the face"):
         slope_into_pipe(0.1, 1.0, [Straight(1.0)], 0.1, tilt=1.4, face=1.3)
 
 
