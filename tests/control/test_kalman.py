@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from control.estimation.estimate import Belief, consistency, merged, pruned, weights, wrapped
-from control.estimation.kalman import IMPOSSIBLE, PATIENCE, ROCKING, SIZE, Kalman, Uncertainty
+from control.estimation.kalman import GAINS, IMPOSSIBLE, PATIENCE, ROCKING, SIZE, Kalman, Uncertainty
 from control.estimation.reduced import STATES, ReducedModel
 from control.identification.identified import load
 from worm3d import Worm
@@ -220,3 +220,28 @@ def test_consistency_of_chi_squared_numbers() -> None:
 def test_bad_uncertainties_are_refused(name: str, value: float, rule: str) -> None:
     with pytest.raises(ValueError, match=f"{name}: got {value}.*, must be finite and {rule}"):
         Uncertainty(**{name: value})
+
+
+def crawled(gated: bool, aside: float) -> Belief:
+    """Return the belief after two seconds ahead along x and pushed aside [m/s]."""
+    mean = np.zeros(SIZE)
+    mean[3], mean[9] = 0.08, 1.0
+    belief = Belief(mean, np.diag(np.full(SIZE, 1e-3) ** 2))
+    for k in range(1, 41):
+        belief = FILTER.predicted(belief, np.array([0.27, 0.9, 0.0]), np.zeros(2), 0.05)
+        belief = FILTER.with_com(belief, np.array([belief.mean[0], aside * 0.05 * k]), np.zeros(2), gated).belief
+    return belief
+
+
+def test_a_push_is_taken_for_drift_and_not_for_a_turn() -> None:
+    pushed = crawled(True, 0.04)
+    assert 0.025 < pushed.mean[7] < 0.045, "the rest is a small turn"
+    assert abs(pushed.mean[2]) < 0.1
+    assert abs(crawled(False, 0.04).mean[2]) > 2.0 * abs(pushed.mean[2]), "which without a trend it is"
+    assert abs(crawled(True, 0.0).mean[7]) < 1e-3
+
+
+def test_steering_never_turns_a_worm_the_other_way_round() -> None:
+    mean = MEAN.copy()
+    mean[9] = -2.0
+    assert FILTER.with_com(Belief(mean, spread()), mean[:2], WAVE, True).belief.mean[9] == GAINS[0]
