@@ -22,13 +22,15 @@ class Trial(NamedTuple):
 
 
 SCENES = (
-    *(Trial(name, name, metric=SPEED) for name in ("velocity_step", "velocity_sine")),
+    *(Trial(name, name, metric=SPEED) for name in ("velocity_step", "velocity_sine", "stop_and_go")),
     Trial("heading_hold", "heading_hold", metric=HEADING),
     *(Trial(name, name) for name in ("path_line", "path_circle", "path_s_curve", "path_waypoints")),
     Trial("velocity_pipe", "velocity_pipe", metric=SPEED),
     *(Trial(name, name) for name in ("path_s_curve_slope", "disturbance_push")),
 )
 """The scenes that ship, as they are."""
+UNSCORED = ("obstacles",)
+"""Scenes that ask for something that no metric of the score tells, such as to leave the path for an obstacle."""
 SIDE = ("world.slope_deg=2", "world.heading_deg=90")
 CORNER = "reference.points=[{x_m=0.5, y_m=0.0}, {x_m=2.0, y_m=0.0}, {x_m=2.0, y_m=3.0}]"
 # The line passes 0.2 m to the right of the worm's middle at (0.5, 0), 0.5 rad to the right of where the worm looks.
