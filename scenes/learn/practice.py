@@ -1,4 +1,4 @@
-"""Practice: many worms at once in a reduced model beside a path, thousands of times faster than the plant.
+"""Practice: many worms at once in a reduced model beside a path, some 400 times faster than the plant.
 
 A policy that acts by "course" begins there, and goes on with the plant. With the arc length s of the path, curvature
 kappa(s), offset e to the left and heading theta off the path's, speed V and turn rate w of (R1) in
