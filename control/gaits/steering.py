@@ -54,7 +54,7 @@ from worm3d.values.parameters import check, documented, parameter
 
 Mechanism = Literal["hinge", "bias", "both"]
 MECHANISMS: tuple[Mechanism, ...] = get_args(Mechanism)
-UNITS: dict[Mechanism, tuple[float, float]] = {"hinge": (1.0, 0.0), "bias": (0.0, 1.0), "both": (0.08, 0.04)}
+UNITS: dict[Mechanism, tuple[float, float]] = {"hinge": (1.0, 0.0), "bias": (0.0, 1.0), "both": (0.14, 0.02)}
 """Hinge [rad] and bias that a steering of 1 makes; that by both is a share of the greatest."""
 
 LEFT_RIGHT = np.array([1.0, -1.0])

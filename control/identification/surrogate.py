@@ -3,8 +3,8 @@
 A quantity y of amplitude A, frequency f and steering s is, with each of the three scaled to [-1, 1] over its range
 (s to s/s_max),
 
-    y = sum_{i+j <= degree, k} c_ijk a^i g^j S_k(s),   S_k = s^k, k = 0, 2, 4      if y is even in s
-                                                       tanh(s/s_0), s^k, k = 1, 3, 5   if it is odd           (I1)
+    y = sum_{i+j <= n_k, k} c_ijk a^i g^j S_k(s),   S_k = s^k, k = 0, 2, 4      if y is even in s
+                                                    tanh(s/s_0), s^k, k = 1, 3, 5   if it is odd              (I1)
 
 Left and right are mirror images: distance is even in the steering, turn and drift are odd, exactly. Weak steering
 hardly turns a worm, since its feet still stick: s - s_0 tanh(s/s_0) starts as softly. (On the default worm, at an
@@ -26,16 +26,19 @@ from worm3d.values.arrays import FloatArray
 
 Parity = Literal["even", "odd"]
 
-DEGREE = 4
-"""Degree in amplitude and frequency together."""
 START = 0.08
 """Steering below which feet stick, s_0, as a share of the greatest."""
 SLOWEST = 0.01
 """Least frequency that a wave is given where it is to be slower than any that was identified [Hz]."""
 STICKING = 0
 """Stands for tanh(s/s_0) among the powers of odd quantities."""
-POWERS: dict[Parity, tuple[int, ...]] = {"even": (0, 2, 4), "odd": (STICKING, 1, 3, 5)}
-"""Powers of the steering."""
+DEGREES: dict[Parity, dict[int, int]] = {
+    "even": dict.fromkeys((0, 2, 4), 4),
+    "odd": dict.fromkeys((STICKING, 1, 3, 5), 4),
+}
+"""Powers of the steering, and the degree n_k in amplitude and frequency together that goes with each."""
+RIDGE = 1e-3
+"""Information that a design begins with, so that it is never without an inverse; small beside that of one run."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ class Polynomial:
     def __call__(self, amplitude: Any, frequency: Any, steering: Any) -> Any:
         """Return the quantity; numbers, arrays or CasADi's symbols."""
         a, g, s = self.ranges.scaled(amplitude, frequency, steering)
-        plane = dict.fromkeys(POWERS[self.parity], 0.0)  # apart: a graph of many steerings then has it once
+        plane = dict.fromkeys(DEGREES[self.parity], 0.0)  # apart: a graph of many steerings then has it once
         for c, (i, j, k) in zip(self.coefficients, exponents(self.parity), strict=True):
             if c != 0.0:
                 plane[k] = plane[k] + c * a**i * g**j
@@ -124,8 +127,39 @@ class Misfit:
 
 def exponents(parity: Parity) -> tuple[tuple[int, int, int], ...]:
     """Return the exponents (i, j, k) of the terms of (I1); an odd quantity's k = `STICKING` is no exponent."""
-    plane = [(i, n - i) for n in range(DEGREE + 1) for i in range(n, -1, -1)]
-    return tuple((i, j, k) for k in POWERS[parity] for i, j in plane)
+    return tuple(
+        (i, n - i, k) for k, degree in DEGREES[parity].items() for n in range(degree + 1) for i in range(n, -1, -1)
+    )
+
+
+def informative(ranges: Ranges, where: ArrayLike, number: int) -> list[int]:
+    """Return which of the places (M, 3) to measure at, so that few of them determine surrogates of both parities.
+
+    One after the other, each adds the most to the logarithms of the determinants of the two information matrices (a
+    D-optimal design, Fedorov's exchange without the exchange).
+
+    Raises
+    ------
+    ValueError
+        There are fewer places than the number.
+    """
+    scaled = ranges.scaled(*np.asarray(where, dtype=float).T)
+    if number > len(scaled[0]):
+        raise ValueError(f"number: got {number}, must be at most that of the places, {len(scaled[0])}")
+    tables = [_terms(parity, *scaled) for parity in DEGREES]
+    inverses = [np.eye(table.shape[1]) / RIDGE for table in tables]
+    chosen: list[int] = []
+    for _ in range(number):
+        spans = [
+            np.einsum("mi,ij,mj->m", table, inverse, table) for table, inverse in zip(tables, inverses, strict=True)
+        ]
+        gain = sum(np.log1p(span) for span in spans)
+        gain[chosen] = -np.inf
+        chosen.append(int(np.argmax(gain)))
+        for table, inverse in zip(tables, inverses, strict=True):
+            v = inverse @ table[chosen[-1]]
+            inverse -= np.outer(v, v) / (1.0 + table[chosen[-1]] @ v)
+    return sorted(chosen)
 
 
 def fit(ranges: Ranges, parity: Parity, where: ArrayLike, values: ArrayLike) -> Polynomial:
@@ -138,14 +172,12 @@ def fit(ranges: Ranges, parity: Parity, where: ArrayLike, values: ArrayLike) -> 
     ValueError
         The samples do not determine the coefficients.
     """
-    a, g, s = ranges.scaled(*np.asarray(where, dtype=float).T)
-    terms, of_steering = exponents(parity), _of_steering(parity, s)
-    columns = np.column_stack([a**i * g**j * of_steering[k] for i, j, k in terms])
+    columns, degrees = _terms(parity, *ranges.scaled(*np.asarray(where, dtype=float).T)), DEGREES[parity]
     coefficients, _, rank, _ = np.linalg.lstsq(columns, np.asarray(values, dtype=float), rcond=None)
-    if rank < len(terms):
+    if rank < columns.shape[1]:
         raise ValueError(
-            f"fit: the samples determine {rank} of {len(terms)} coefficients; give at least {DEGREE + 1} amplitudes "
-            f"and frequencies and {len(POWERS[parity])} magnitudes of steering"
+            f"fit: the samples determine {rank} of {columns.shape[1]} coefficients; give at least "
+            f"{max(degrees.values()) + 1} amplitudes and frequencies and {len(degrees)} magnitudes of steering"
         )
     return Polynomial(ranges, parity, tuple(map(float, coefficients)))
 
@@ -158,9 +190,15 @@ def misfit(polynomial: Polynomial, where: ArrayLike, values: Sequence[float] | F
     return Misfit(rms, float(np.abs(off).max()), 100.0 * rms / size if size > 0.0 else 0.0)
 
 
+def _terms(parity: Parity, a: FloatArray, g: FloatArray, s: FloatArray) -> FloatArray:
+    """Return the terms of (I1) at M scaled places, shape (M, terms)."""
+    of_steering = _of_steering(parity, s)
+    return np.column_stack([a**i * g**j * of_steering[k] for i, j, k in exponents(parity)])
+
+
 def _of_steering(parity: Parity, s: Any) -> dict[int, Any]:
     """Return S_k of scaled steering, (I1), by k."""
-    powers = {k: s**k for k in POWERS[parity]}
+    powers = {k: s**k for k in DEGREES[parity]}
     if parity == "odd":
         powers[STICKING] = ca.tanh(s / START) if isinstance(s, ca.SX) else np.tanh(s / START)
     return powers

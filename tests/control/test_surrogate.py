@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.identification.surrogate import POWERS, Polynomial, Ranges, exponents, fit, misfit
+from control.identification.surrogate import DEGREES, Polynomial, Ranges, exponents, fit, misfit
 
 RANGES = Ranges((0.1, 0.4), (0.5, 1.5), 0.2)
 
@@ -20,7 +20,7 @@ def known(parity) -> Polynomial:
     return Polynomial(RANGES, parity, tuple(coefficients))
 
 
-@pytest.mark.parametrize("parity", POWERS)
+@pytest.mark.parametrize("parity", DEGREES)
 def test_the_fit_recovers_a_known_surrogate(parity) -> None:
     truth, where = known(parity), grid()
     found = fit(RANGES, parity, where, truth(*where.T))

@@ -170,7 +170,7 @@ def test_the_command_writes_what_controllers_and_people_need(
     assert "kept for controllers" in said
     content = json.loads((tmp_path / "out" / "identified.json").read_text("utf-8"))
     assert content["worm"]["k_yaw"] == 0.5
-    assert content["maps"].keys() == content["speed_range_bl_s"].keys() == {"hinge", "bias"}
+    assert content["maps"].keys() == content["speed_range_bl_s"].keys() == {"hinge", "bias", "both"}
     assert len(content["curves"]) == study.CURVES
     assert len(content["phases"]) == study.PHASE_STUDIES
     tables = (tmp_path / "out" / "steering.md").read_text("utf-8").splitlines()
@@ -197,7 +197,7 @@ def test_the_report_says_how_good_the_map_is(curves: tuple[study.Curve, ...]) ->
     known = load(WORM)
     assert known is not None
     lines = report.terminal_lines(known, curves, 1.0)
-    assert sum("rms of the fit (fresh runs)" in line for line in lines) == 2
+    assert sum("rms of the fit (fresh runs)" in line for line in lines) == 3
     assert any("hinge, its own yaw joints: 10° at 1" in line for line in lines)
     low, high = report.speeds(known.maps["hinge"])
     assert low < 0.04 < 0.104 < high

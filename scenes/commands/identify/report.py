@@ -55,6 +55,8 @@ def markdown(identified: Identified, curves: Sequence[Curve], picture: str) -> s
     ]
     for mechanism, found in identified.maps.items():
         for name, (unit, scale) in UNITS.items():
+            if name not in found.misfits:
+                continue
             fit, check = found.misfits[name], found.checks[name]
             rows.append(
                 f"| {mechanism} | {name} [{unit}] | {scale * fit.rms:.3g} | {fit.rms_percent:.1f} % | "
@@ -67,6 +69,7 @@ UNITS = {
     "distance": ("body lengths a wave", 1.0),
     "turn": ("° a wave", float(np.rad2deg(1.0))),
     "drift": ("body lengths a wave", 1.0),
+    "roll": ("°", float(np.rad2deg(1.0))),
 }
 
 

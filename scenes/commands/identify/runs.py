@@ -111,7 +111,8 @@ def identify(
     for done, mechanism in enumerate(MECHANISMS, start=1):
         maps[mechanism] = _map(worm, ground, schedule, design, mechanism)
         steering = maps[mechanism].ranges.steering / 2.0
-        lags[mechanism] = measure_lags(worm, ground, schedule, mechanism, steering)
+        straight = lags[MECHANISMS[0]] if lags else None
+        lags[mechanism] = measure_lags(worm, ground, schedule, mechanism, steering, straight)
         watch(done)
     return Identified(schedule, MappingProxyType(maps), MappingProxyType(lags))
 
@@ -156,19 +157,30 @@ def check_parameters(ranges: Ranges, mechanism: Mechanism) -> list[GaitParameter
 
 
 def measure_lags(
-    worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, mechanism: Mechanism, steering: float
+    worm: worm3d.Worm,
+    ground: worm3d.Friction,
+    schedule: Schedule,
+    mechanism: Mechanism,
+    steering: float,
+    straight: Lags | None = None,
 ) -> Lags:
-    """Measure how long speed and turn rate lag behind the gait parameters; `steering` is the amplitude of the sines."""
+    """Measure how long speed and turn rate lag behind the gait parameters; `steering` is the amplitude of the sines.
+
+    The lags of the speed are those of a straight wave: `straight`, of another mechanism, has them already.
+    """
+    winding = [_winding_lag(worm, ground, schedule, mechanism, steering, frequency) for frequency in WINDING_WAVES]
+    turning = max(float(np.mean(winding)), LEAST_LAG)
+    if straight is not None:
+        return replace(straight, steering=turning)
     slow, long = GaitParameters(0.2, FREQUENCY), GaitParameters(0.3, FREQUENCY)
     quick = GaitParameters(0.3, 1.2 * FREQUENCY)
-    winding = [_winding_lag(worm, ground, schedule, mechanism, steering, frequency) for frequency in WINDING_WAVES]
 
     def mean_lag(begin: GaitParameters, end: GaitParameters) -> float:
         rates = [step_response(worm, ground, schedule, begin, end, shift)[0] for shift in SHIFTS]
         # From mean to mean of two waves: the first rate after the step stands for half a wave before it.
         return float(np.mean([lag(each, BEFORE - 1) - 0.5 for each in rates]))
 
-    return Lags(mean_lag(slow, long), mean_lag(long, quick), max(float(np.mean(winding)), LEAST_LAG))
+    return Lags(mean_lag(slow, long), mean_lag(long, quick), turning)
 
 
 def _winding_lag(
