@@ -141,7 +141,7 @@ QUANTITIES = {
         mirrored=lambda value: value * [1.0, -1.0, 1.0],
         is_enough=lambda right: bool(right[:2].all()),
         standard=True,
-        may_stay=0.5,
+        may_stay=0.12,
     ),
     "heading": Quantity(
         "heading",
