@@ -234,7 +234,7 @@ class Supervisor(WaveController):
 
 def _still(in_force: GaitParameters) -> GaitParameters:
     """Return the wave in force, standing still: a worm that lets go of its wave shifts by a hundredth of its length."""
-    return replace(in_force, frequency=STILL)
+    return replace(in_force, frequency=STILL) if in_force.amplitude > 0.0 else in_force
 
 
 def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:
