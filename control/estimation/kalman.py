@@ -61,6 +61,7 @@ ROCKING = slice(STATES, STATES + 4)
 SIZE = STATES + 4
 DRIFT = ReducedState._fields.index("drift")
 GAIN = ReducedState._fields.index("turn_gain")
+SLIP = ReducedState._fields.index("slip")
 IMPOSSIBLE = 25.0
 """NIS beyond which a sample of the centre of mass is refused; of two normal numbers, one pair in 270 000 has more."""
 IMPOSSIBLE_HEADING = 21.0
@@ -75,6 +76,9 @@ PUSHED = {"drift": 0.05, "slip": 0.3, "yaw_bias": 0.01}
 """Standard deviations that are added where it is pushed [m/s], [1], [rad/s]."""
 GAINS = (0.3, 3.0)
 """Least and greatest gain of turning that is believed: steering that turns a worm the other way round is none."""
+SLIPS = (-1.0, 1.0)
+"""Least and greatest slip that is believed: a worm that goes more than twice as far as its wave carries it is pushed or
+slides, and would hardly crawl any more if that were put down to its wave."""
 MOVED = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
 """Standard deviations that are added where the worm was moved [rad], [m/s], [rad/s]."""
 NOISE_WINDOW, NOISE_LATEST = 400, 50
@@ -179,6 +183,7 @@ class Kalman:
             mean, covariance, *_ = self._com(belief.mean, widened, com, wave, sigma)
         log_weight = belief.log_weight - 0.5 * float(nis[0] + log_det[0])
         mean[GAIN] = min(max(mean[GAIN], GAINS[0]), GAINS[1])
+        mean[SLIP] = min(max(mean[SLIP], SLIPS[0]), SLIPS[1])
         after = replace(belief, mean=mean, covariance=covariance, log_weight=log_weight, refused=0, trend=trend)
         return Corrected(after, *found)
 

@@ -97,7 +97,7 @@ class Watch:
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
             asked, turn, sharpest, aside = np.full(MOMENTS, nan), 0.0, inf, None
         if self._parameters.amplitude == 0.0:
-            asked = np.zeros(MOMENTS)  # it rests because it was told to, and not for want of speed
+            asked = np.minimum(asked, 0.0)  # it rests because it was told to, and not for want of speed
         top = self._feed_forward.ranges
         known = estimate is not None and estimate.deviations[2] < KNOWN
         return Wave(

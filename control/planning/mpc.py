@@ -220,9 +220,12 @@ class GaitMPC:
         )
 
     def _searched(self, problem: Problem, waves: list[FloatArray]) -> tuple[Solution, float]:
-        starts = [self._scale.scaled(wave) for wave in waves]
+        bounds = np.tile(self._scale.bounds, self._prediction.steps)
+        # No slower waves than what is asked for takes: far from its path a worm would rather stand than turn round.
+        bounds[0, 1::INPUTS] = np.maximum(bounds[0, 1::INPUTS], np.minimum(problem.frequency, -1.0))
+        starts = [np.clip(self._scale.scaled(wave), *bounds) for wave in waves]
         costs = [half_square(problem.residuals(start), problem.limits) for start in starts]
-        best, bounds = int(np.argmin(costs)), np.tile(self._scale.bounds, self._prediction.steps)
+        best = int(np.argmin(costs))
         search = problem.residuals, problem.linearised, starts[best], *bounds, problem.limits
         found = self._search.minimise(*search)
         return found, costs[best]

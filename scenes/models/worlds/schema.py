@@ -28,7 +28,7 @@ NO_FILE = "none"
 def _kinds() -> dict[str, type]:
     """Return the class of each kind of world, without parameters where its keys are written out."""
     bare = make_dataclass("Bare", ())
-    return {**dict.fromkeys(WRITTEN, bare), **WORLDS, NONE: bare}
+    return {**dict.fromkeys(WRITTEN, bare), **dict(sorted(WORLDS.items())), NONE: bare}
 
 
 NAMED = keys_of(
