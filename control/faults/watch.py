@@ -92,12 +92,12 @@ class Watch:
         try:
             at = np.full(MOMENTS, self._near or 0.0)
             asked = np.zeros(MOMENTS) + speed_at(self._reference, np.linspace(begin, end, MOMENTS), at)
-            turn, sharpest, aside = self._way(place, float(asked[-1]))
+            if self._parameters.amplitude == 0.0:
+                asked = np.minimum(asked, 0.0)  # it rests because it was told to, and not for want of speed
+            turn, sharpest, aside = self._way(place, max(float(asked[-1]), 0.0))
         except Exception:  # anybody may write references; the fallback deals with these
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
             asked, turn, sharpest, aside = np.full(MOMENTS, nan), 0.0, inf, None
-        if self._parameters.amplitude == 0.0:
-            asked = np.minimum(asked, 0.0)  # it rests because it was told to, and not for want of speed
         top = self._feed_forward.ranges
         known = estimate is not None and estimate.deviations[2] < KNOWN
         return Wave(

@@ -80,8 +80,10 @@ class Cost(NamedTuple):
         Raises
         ------
         ValueError
-            Something is no term or constraint, or its value is no vector of symbols.
+            There are no terms, something is no term or constraint, or its value is no vector of symbols.
         """
+        if not terms:
+            raise ValueError("terms: got none, must be at least one: control.planning.terms.default_terms()")
         for name, given, kind in (("terms", terms, CostTerm), ("constraints", constraints, Constraint)):
             wrong = next((part for part in given if not isinstance(part, kind)), None)
             if wrong is not None:

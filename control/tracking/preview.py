@@ -10,8 +10,8 @@ the arc length s_o and the offset e_o is passed on the side away from its middle
 
     e >= e_o + sqrt(R^2 - (s - s_o)^2),   or   e <= e_o - sqrt(R^2 - (s - s_o)^2),   |s - s_o| < R              (P2)
 
-on the other side where the corridor is too narrow for that: bounds that are given before a plan is sought, so that it
-is not stuck between two ways around. What is followed leads around it, with c = e_o + R or e_o - R,
+bounds that are given before a plan is sought, so that it is not stuck between two ways around. What is followed leads
+around it, with c = e_o + R or e_o - R,
 
     e(s) = c cos^2(pi (s - s_o)/(2 W)),   |s - s_o| < W = pi sqrt(|c| rho/2)                                    (P3)
 
@@ -197,10 +197,7 @@ def passing(reference: Reference, disc: Disc) -> tuple[float, float, bool]:
     assert path is not None
     beside = float(path.project(middle))
     aside = float(offset(path, middle, beside))
-    on_left = aside < 0.0
-    if abs(aside) < disc.radius and disc.radius - abs(aside) > reference.corridor:
-        on_left = not on_left  # too narrow on the shorter way; it may be so on the other
-    return beside, aside, on_left
+    return beside, aside, aside < 0.0
 
 
 def turn_rate(reference: Reference, t: float, progress: float, able: Ability = ANY) -> float:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from control.tracking.paths import Path
+from control.tracking.paths import Path, offset
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 
@@ -95,7 +95,8 @@ class Reference:
     Raises
     ------
     ValueError
-        Both heading and path; an end, a corridor or obstacles without a path that can have them.
+        Both heading and path; an end, a corridor or obstacles without a path that can have them; obstacles that leave
+        no way within the corridor.
     """
 
     speed: Profile
@@ -108,7 +109,7 @@ class Reference:
     corridor: float = math.inf
     """Distance that it may go to either side of the path [m]."""
     obstacles: tuple[Disc, ...] = ()
-    """What it goes around, by the shorter way if the corridor is wide enough there."""
+    """What it goes around, by the shorter way."""
 
     def __post_init__(self) -> None:
         if self.heading is not None and self.path is not None:
@@ -134,6 +135,18 @@ class Reference:
             raise ValueError(f"{asked[0]}: got one without a path, must be left out")
         if self.ends and self.path is not None and (self.path.closed or not math.isfinite(self.path.length)):
             raise ValueError("ends: got true for a path without end; give one that has a length and is not closed")
+        if self.path is not None and math.isfinite(self.corridor):
+            self._check_ways_around(self.path)
+
+    def _check_ways_around(self, path: Path) -> None:
+        for k, disc in enumerate(self.obstacles):
+            beside = path.project(np.array([disc.x, disc.y]))
+            needed = disc.radius - abs(float(offset(path, np.array([disc.x, disc.y]), beside)))
+            if needed > self.corridor:
+                raise ValueError(
+                    f"obstacles[{k}]: got one that leads {needed:.3g} m off the path, must leave a way within the "
+                    f"corridor ({self.corridor:g} m): widen the corridor, or leave it out"
+                )
 
 
 def _require_finite(profile: Constant | Sine) -> None:

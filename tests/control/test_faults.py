@@ -110,8 +110,9 @@ def test_a_speed_beyond_the_map_is_reported_within_three_waves(share: float) -> 
 
 
 def test_a_way_backwards_is_reported_and_the_worm_rests() -> None:
-    result, broken, found = run(Reference(Constant(-0.05), path=LINE), 3.0)
+    result, broken, found = run(Reference(Constant(-0.05), path=Circle(1.5, start=(0.5, 0.0))), 3.0)
     assert "goes backwards" in found["unreachable speed"].what
+    assert list(found) == ["unreachable speed"]
     assert {decision.status for decision in broken.supervisor.decisions} == {BACKWARDS}
     assert np.abs(result.com[-1] - result.com[20]).max() < 1e-3
 

@@ -62,10 +62,13 @@ def test_the_way_around_an_obstacle_stays_outside_and_is_gently_bent(aside, radi
     assert (e > 0.0).any() == (passing(reference, disc)[2])
 
 
-def test_an_obstacle_is_passed_where_the_corridor_is_wide_enough() -> None:
-    disc = Disc(1.5, 0.05, 0.1)  # 0.05 m to its right, 0.15 m to its left
-    sides = [passing(Reference(Constant(0.1), path=LINE, corridor=w, obstacles=(disc,)), disc)[2] for w in (0.2, 0.04)]
-    assert sides == [False, True]
+@pytest.mark.parametrize("towards", [1.0, -1.0])
+def test_an_obstacle_leaves_a_way_within_the_corridor(towards) -> None:
+    disc = Disc(1.5, towards * 0.05, 0.1)  # 0.05 m on the shorter way
+    wide = Reference(Constant(0.1), path=LINE, corridor=0.051, obstacles=(disc,))
+    assert passing(wide, disc)[2] is (towards < 0.0)
+    with pytest.raises(ValueError, match=r"obstacles\[0\]: got one that leads 0.05 m off the path"):
+        Reference(Constant(0.1), path=LINE, corridor=0.049, obstacles=(disc,))
 
 
 def test_what_is_followed_is_the_way_around_and_bounds_are_about_it() -> None:

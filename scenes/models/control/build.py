@@ -198,9 +198,14 @@ def _begin(scene: ControlScene) -> tuple[tuple[float, float], float]:
     if asked.start_m is not None:
         x, y = asked.start_m
     else:
-        worm = worm_of(scene)
-        x, y, _ = start_of(scene, worm, world_of(scene.world)).joints[[0, -1]].mean(axis=0)
+        x, y = middle_of(scene)
     return (float(x), float(y)), math.radians(azimuth)
+
+
+def middle_of(scene: ControlScene) -> tuple[float, float]:
+    """Return where the middle of the worm begins [m]."""
+    x, y, _ = start_of(scene, worm_of(scene), world_of(scene.world)).joints[[0, -1]].mean(axis=0)
+    return float(x), float(y)
 
 
 def _points(scene: ControlScene) -> FloatArray:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
+from math import hypot
 from typing import Any
 
 from control import controllers
 from control.faults.injected import INJECTED
 from control.sensing.sensors import QUANTITIES
 from scenes.language.checks import Check, Found, kind_checks
-from scenes.models.control.build import NOT_IDENTIFIED, faults_of, identified_of, parts_of, reference_of
+from scenes.models.control.build import NOT_IDENTIFIED, faults_of, identified_of, middle_of, parts_of, reference_of
 from scenes.models.control.schema import Controller, ControlScene, Faults, Reference, Sensor
 from scenes.models.switched import switched_checks
 from scenes.models.worm.build import PARTS, worm_of
@@ -27,10 +28,13 @@ def _is_identified(*sections: Mapping[str, Any]) -> Found:
 
 def _there_is_such_a_path(*sections: Mapping[str, Any]) -> Found:
     try:
-        reference_of(_scene(("reference", "world", "worm", "start", "run"), sections))
+        scene = _scene(("reference", "world", "worm", "start", "run"), sections)
+        reference = reference_of(scene)
     except ValueError as error:
         return str(error)
-    return None
+    x, y = middle_of(scene) if reference.obstacles else (0.0, 0.0)
+    inside = [k for k, disc in enumerate(reference.obstacles) if hypot(x - disc.x, y - disc.y) < disc.radius]
+    return f"obstacles[{inside[0]}]: got one in which the worm begins: move it, or start.x_m" if inside else None
 
 
 def _there_can_be_such_faults(*sections: Mapping[str, Any]) -> Found:
@@ -110,7 +114,7 @@ def _there_are_such_parts(*sections: Mapping[str, Any]) -> Found:
     except ValueError as error:
         return str(error)
     if strange is None:
-        return None
+        return None if scene.cost.parts else {"cost": "parts: got none, must be at least one"}
     section = {"terms": "cost", "constraints": "constraints"}.get(strange, "controller")
     said = f"the controller {scene.controller.kind!r} takes no {strange}: leave out what is said of them, or change it"
     return {section: said, "controller": said} if section != "controller" else said
