@@ -16,6 +16,7 @@ from control.chambers.model import ChamberModel
 from control.chambers.mpc import BodyMPC, BodyPlan, wanted_of
 from control.chambers.wave import BodyWave
 from control.estimation.estimate import Estimate
+from control.estimation.estimator import Estimator
 from control.loop import Choice
 from control.sensing.sensors import Measurement
 from control.supervisor import Supervisor
@@ -65,6 +66,8 @@ class Bending(Supervisor):
         if path is not None and estimate is not None and choice.source != "stop":
             beyond = self._beyond(t, path, estimate, choice)
         self.generator.beyond = beyond
+        if isinstance(self.estimator, Estimator):
+            self.estimator.crabs(self.generator.crab)
         return choice
 
     def _beyond(self, t: float, path: Path, estimate: Estimate, choice: Choice) -> FloatArray:

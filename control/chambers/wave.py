@@ -9,7 +9,12 @@ wave, by the identified map omega(A, f, s):
 
     omega(A, f, s_wave) = omega(A, f, s) - omega_bend,                                                        (CP2)
 
-so that whoever asks for the steering s, and estimates by it, need not know of the bend.
+so that whoever asks for the steering s, and estimates by it, need not know of the bend. It also goes aside, to the left
+of its chord by the angle
+
+    crab = ASIDE B + c(A, f, s_wave)/d - c(A, f, s)/d                                                         (CP3)
+
+beyond what the map says of the steering that is asked for.
 """
 
 from __future__ import annotations
@@ -24,6 +29,9 @@ from worm3d.values.arrays import FloatArray
 GUIDED = 0.7
 """Turn of a bent body over its bend times its way, (CP1): 0.65 to 0.73 on the default worm at amplitude 0.3 and 0.8 Hz,
 bent by 0.56 to 1.1 rad in an arc, at both ends, or at its head."""
+ASIDE = 0.05
+"""Angle at which a bent body goes to the left of its chord over its bend, (CP3): 0.046 to 0.049 on circles of 0.6 and
+1.5 body lengths with the bend of `control.chambers.controller` (seed 10), up to 0.07 for bends of 1.2 rad."""
 STEERINGS = 65
 """Number of values of the steering among which (CP2) is solved."""
 SMOOTHING = 0.5
@@ -57,7 +65,7 @@ class BodyWave(WaveGenerator):
         super().reset()
         self.beyond: FloatArray = np.zeros(3 * self._worm.segments - 1)
         self.given: FloatArray = self.beyond
-        self.bend = 0.0
+        self.bend = self.crab = 0.0
 
     def step(self, dt: float, target: GaitParameters) -> Command:
         """Return the command after another `dt` [s] of approaching `target` and `beyond`."""
@@ -71,15 +79,19 @@ class BodyWave(WaveGenerator):
 
     def allotted(self, target: GaitParameters) -> GaitParameters:
         """Return the wave that turns the worm by what its bend leaves of a target, (CP2)."""
+        self.crab = 0.0
         if self.bend == 0.0:
             return target
         mechanism, ranges = self._found.mechanism, self._found.ranges
         wave = max(target.amplitude, ranges.amplitude[0]), target.frequency
         asked = float(np.clip(target.steering(mechanism), -ranges.steering, ranges.steering))
         turns = np.asarray(self._found.turn(*wave, self._steerings))
-        turned = GUIDED * self.bend * float(self._found.distance(*wave, asked))
-        left = np.interp(np.interp(asked, self._steerings, turns) - turned, turns, self._steerings)
-        return target.steered(mechanism, float(left))
+        way = float(self._found.distance(*wave, asked))
+        turned = GUIDED * self.bend * way
+        left = float(np.interp(np.interp(asked, self._steerings, turns) - turned, turns, self._steerings))
+        aside = float(self._found.drift(*wave, left)) - float(self._found.drift(*wave, asked))
+        self.crab = ASIDE * self.bend + (aside / way if way > 0.0 else 0.0)
+        return target.steered(mechanism, left)
 
     def ahead(self, times: FloatArray) -> FloatArray:
         """Return what the wave will command at times from now on [s], shape (K, 3 N - 1), without `beyond`."""

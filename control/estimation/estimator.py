@@ -47,6 +47,8 @@ ROCKED = 0.016
 """Standard deviation by which a wave rocks the chord's azimuth about the heading [rad]."""
 NOISIEST = 0.2
 """Largest noise of the centre of mass that is believed [body lengths]."""
+CRAB = ReducedState._fields.index("crab")
+"""Index of the crab angle in a belief."""
 TOO_SURE = 1.5
 """Ratio of the noise that is found to that of the latest sample above which those that are kept are taken again."""
 BEGIN = {"speed": 0.02, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01, "turn_gain": 0.2}
@@ -121,7 +123,7 @@ class Estimator:
         arguments.number("heading_deviation", heading_deviation, "rad", gt=0.0)
         self._mechanism, self.span = model.mechanism, span
         trust = uncertainty or Uncertainty()
-        self._filter = Kalman(model, trust)
+        self._filter, self._knows_crab = Kalman(model, trust), trust.crab > 0.0
         self._trust_ground = ground or GroundTrust()
         self._wave, self._standing = MeasuredWave(worm.segments, schedule or Schedule()), Standing(worm)
         self.noise = Noise(trust.com, NOISIEST * worm.length, RIPPLE)
@@ -270,6 +272,17 @@ class Estimator:
             oldest = self._past.pop(0)
             if oldest.nis is not None:
                 self._settled.append((oldest.sample.time, oldest.nis))
+
+    def crabs(self, angle: float) -> None:
+        """Take the crab angle as known [rad], as long as no sensor of the heading shows it."""
+        if self._knows_crab:
+            return
+        for k, each in enumerate(self._past):
+            means = [each.mean.copy() for each in each.beliefs]
+            for mean in means:
+                mean[CRAB] = angle
+            beliefs = [replace(b, mean=mean) for b, mean in zip(each.beliefs, means, strict=True)]
+            self._past[k] = replace(each, beliefs=beliefs)
 
     def estimate(self, t: float) -> Estimate:
         """Return the estimate of the instant of the last measurement [s]."""

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 from control.chambers.controller import along_path
-from control.chambers.wave import GUIDED, BodyWave
+from control.chambers.wave import ASIDE, GUIDED, BodyWave
+from control.estimation.estimator import Estimator
+from control.estimation.reduced import ReducedModel
 from control.gaits.steering import GaitParameters, Schedule, WaveGenerator
 from control.identification import identified
+from control.sensing.sensors import HEADING, Measurement
 from control.tracking.paths import Circle, Line
 from worm3d import Worm
 
@@ -44,6 +47,17 @@ def test_bend_and_wave_together_turn_as_asked(angle):
     assert (left.amplitude, left.frequency, left.bias) == (ASKED.amplitude, ASKED.frequency, 0.0)
 
 
+@pytest.mark.parametrize("angle", [-0.2, 0.5])
+def test_a_bent_body_goes_aside_by_its_bend_and_by_what_its_wave_leaves_undone(angle):
+    made = bent(angle)
+    left, way = made.allotted(ASKED), float(MAP.distance(0.3, 0.8, ASKED.hinge))
+    undone = float(MAP.drift(0.3, 0.8, left.hinge)) - float(MAP.drift(0.3, 0.8, ASKED.hinge))
+    assert made.crab == pytest.approx(ASIDE * angle + undone / way)
+    made.bend = 0.0
+    made.allotted(ASKED)
+    assert made.crab == 0.0
+
+
 def test_a_bend_beyond_what_steering_can_undo_keeps_within_the_map():
     assert abs(bent(9.0).allotted(ASKED).hinge) == pytest.approx(MAP.ranges.steering)
 
@@ -74,3 +88,26 @@ def test_postures_follow_the_path():
     circle = along_path(WORM, Circle(0.6), 1.0)
     np.testing.assert_allclose(circle, WORM.l0 / 0.6 * np.array([1.0, 0.5, 0.0, 0.5, 1.0]), atol=1e-12)
     np.testing.assert_allclose(along_path(WORM, Circle(0.6, towards="right"), 1.0), -circle, atol=1e-12)
+
+
+def believed(channels, told):
+    """Return the state that is believed after a straight way, with or without being told of a crab angle of 0.1."""
+    model = ReducedModel.of(WORM, identified.load(WORM))
+    estimator = Estimator.for_sensors(WORM, model, Schedule(), channels)
+    for k in range(40):
+        t, place = 0.1 * k, np.array([0.008 * k, 0.0, 0.03])
+        seen = Measurement(t, strain=(np.zeros((N, 2)), t), com=(place, t))
+        estimator.take(t, seen, ASKED, 2.0 * np.pi * 0.08 * k)
+        if told:
+            estimator.crabs(0.1)
+    return estimator.estimate(4.0).state
+
+
+def test_the_crab_of_a_bent_body_is_taken_as_known_and_turns_what_is_believed_of_its_heading():
+    plain, bent_body = believed({}, told=False), believed({}, told=True)
+    assert (plain.crab, bent_body.crab) == (0.0, 0.1)
+    assert bent_body.heading - plain.heading == pytest.approx(-0.1, abs=0.05)
+
+
+def test_a_sensor_of_the_heading_shows_the_crab_itself():
+    assert believed({"heading": HEADING}, told=True) == believed({"heading": HEADING}, told=False)
