@@ -147,6 +147,8 @@ def _chambers(waves: Sequence[Wave]) -> Iterator[Fault]:
     if max(most) < WEAK:
         what = f"the chambers move by {100 * most[-1]:.0f} % of what they are told"
         yield Fault(last[-1].end, "chambers", what, "look at the pressure supply")
+    if min(medians) <= 0.0:  # strains that stay the same
+        return
     shares = [gain / median for gain, median in zip(surely, medians, strict=True)]
     for segment, side in product(range(len(shares[0])), (0, 1)):
         if max(share[segment, side] for share in shares) < DISOBEYS:  # false where any is NaN

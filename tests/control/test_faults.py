@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from control.faults.rules import Fault
+from control.faults.rules import Fault, Wave, faults
 from control.identification.identified import load
 from control.sensing.sensors import COM, Channel, Measurement, Sensors
 from control.supervisor import BACKWARDS, Supervisor
@@ -98,6 +98,12 @@ def test_all_chambers_without_pressure() -> None:
     _, broken, found = run(Reference(Constant(0.08), path=LINE), 10.0, lambda t, c: c if t < 5.0 else 0.2 * c)
     assert broken.waves_from(5.0, found["chambers"].time) < 3.0
     assert "too slow" in found
+
+
+def test_chambers_that_do_not_move_at_all_are_one_fault() -> None:
+    zero = np.zeros((6, 2))
+    wave = Wave(1.0, zero, zero, 0.0, None, np.nan, np.nan, None, False, 0.05, 0.05, 0.1, 0.0, np.inf, None)
+    assert [fault.kind for fault in faults([wave, wave])] == ["chambers"]
 
 
 @pytest.mark.parametrize("share", [1.3, 2.5])
