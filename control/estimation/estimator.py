@@ -22,7 +22,8 @@ import numpy as np
 
 from control.estimation.estimate import Belief, Estimate, merged, pruned
 from control.estimation.ground import Ground, GroundTrust, Standing
-from control.estimation.kalman import IMPOSSIBLE, ROCKING, SIZE, Corrected, Kalman, Noise, Uncertainty
+from control.estimation.kalman import IMPOSSIBLE, ROCKING, SIZE, Corrected, Kalman, Uncertainty
+from control.estimation.noise import Noise
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
 from control.estimation.wave import InputHistory, MeasuredWave
 from control.gaits.steering import GaitParameters, Schedule

@@ -1,4 +1,4 @@
-"""Extended Kalman filter of a crawling worm: prediction by the reduced model, correction by samples, and their noise.
+"""Extended Kalman filter of a crawling worm: prediction by the reduced model, and correction by samples.
 
 Its state X are the states of (R1) and the matrix C (2 x 2) by which the centre of mass rocks with the wave:
 
@@ -8,7 +8,11 @@ with white noise on each rate. s_left is the slope of the ground to the left, as
 (`control.estimation.ground`), and kappa what a slope makes a crawling worm yield: dry friction that is shaken by the
 wave gives way like a viscous one, so that uphill the worm loses kappa v s of its speed (found: a fifth at 3 degrees,
 kappa = 4), and across a slope it slides downhill in proportion likewise (found: 10 degrees of crab at 3 degrees, kappa
-= 3.4). A sample of the centre of mass is
+= 3.4).
+
+Feet on dry friction go as far in a slow wave as in a fast one, and what is not known of that is the same in each wave:
+with p = f / f_0, and 1 from f_0 on, the densities of noise of angles, slip, gain and C are in proportion to p, that of
+the drift to p^2, and those of rates to p^3. A sample of the centre of mass is
 
     (x, y) + T(h) C wave(psi)                                                                                (KF3)
 
@@ -28,31 +32,19 @@ neither heading nor slip shows.
 Pushes. What pushes a worm aside looks like a turn, since both change its course; but then the innovations of some time
 have a trend m, their mean with forgetting over n samples, of variance S / (2 n - 1). Where it is too large for chance
 the drift is made uncertain, and explains it.
-
-Noise of the samples. The innovations e_k of a filter that knows its model are uncorrelated, so that, with what it is
-unsure of, H P H^T, and the noise R of a sample,
-
-    E (e_k - e_{k-1}) (e_k - e_{k-1})^T = 2 (H P H^T + R).                                                    (KF8)
-
-Model errors change little from one sample to the next and cancel. Of two coordinates with equal variances S,
-|e_k - e_{k-1}|^2 / 2 is S times a chi-squared number of 2 degrees of freedom, the median of which is 2 ln 2; unlike
-the mean it does not mind a few wrong samples.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import islice
-from math import log, sqrt
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from control.estimation.estimate import HEADING, Belief, wrapped
-from control.estimation.reduced import INPUTS, STATES, ReducedModel, ReducedState
+from control.estimation.reduced import INPUTS, STATES, ReducedInput, ReducedModel, ReducedState
 from worm3d.machine.buffered import Buffered
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
@@ -81,15 +73,6 @@ SLIPS = (-1.0, 1.0)
 slides, and would hardly crawl any more if that were put down to its wave."""
 MOVED = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
 """Standard deviations that are added where the worm was moved [rad], [m/s], [rad/s]."""
-NOISE_WINDOW, NOISE_LATEST = 400, 50
-"""Number of samples from which their noise is estimated, twenty seconds of the default sensors, and of those that may
-show that it has changed. From 400 it is known to 4 %, from 50 to 11 %."""
-NOISE_LEAST = 8
-"""Number of samples below which their noise is not estimated."""
-NOISE_CHANCE = 5.0
-"""Number of standard errors of the variance that are put down to chance."""
-NOISE_ERROR = 1.6
-"""Standard error of the variance by (KF8), times the square root of the number of samples, over the variance."""
 
 
 @documented
@@ -118,6 +101,9 @@ class Uncertainty:
     drift: float = parameter(0.0018, unit="m/s", ge=0, meaning="standard deviation of the drift that no slope explains")
     drift_time: float = parameter(2.0, unit="s", gt=0, meaning="correlation time tau of that drift")
     rocking: float = parameter(0.001, unit="m/sqrt(s)", ge=0, meaning="noise of the entries of C")
+    frequency: float = parameter(
+        0.8, unit="Hz", gt=0, meaning="f_0 from which these hold; slower waves have less noise"
+    )
     slope_yield: float = parameter(3.6, ge=0, meaning="kappa, share of the speed that a slope takes, over the slope")
 
     def __post_init__(self) -> None:
@@ -221,25 +207,26 @@ def _prediction(model: ReducedModel, trust: Uncertainty) -> ca.Function:
     moved[DRIFT] = towards + (s.drift - towards) * ca.exp(-dt / trust.drift_time)
     after = ca.vertcat(moved, X[ROCKING])
     F = ca.jacobian(after, X)
-    spread = F @ P @ F.T + ca.diag(_noise(s, trust)) * dt
+    spread = F @ P @ F.T + ca.diag(_noise(s, given, trust)) * dt
     return ca.Function("predict", [X, P, given, slope, dt], [after, ca.densify((spread + spread.T) / 2.0)])
 
 
-def _noise(s: ReducedState, trust: Uncertainty) -> ca.SX:
+def _noise(s: ReducedState, given: ca.SX, trust: Uncertainty) -> ca.SX:
     """Return the spectral densities of (KF2), the diagonal of Q."""
+    pace = ca.fmin(1.0, ReducedInput(*ca.vertsplit(given)).frequency / trust.frequency)
     of_state = ReducedState(
         x=trust.place**2,
         y=trust.place**2,
-        heading=trust.heading**2 + (trust.turning * s.turn_rate) ** 2,
-        speed=trust.speed**2,
-        turn_rate=trust.turn_rate**2,
-        slip=trust.slip**2,
-        yaw_bias=trust.yaw_bias**2,
-        drift=2.0 * trust.drift**2 / trust.drift_time,
-        turn_gain=trust.turn_gain**2,
-        crab=trust.crab**2,
+        heading=trust.heading**2 * pace + (trust.turning * s.turn_rate) ** 2,
+        speed=trust.speed**2 * pace**3,
+        turn_rate=trust.turn_rate**2 * pace**3,
+        slip=trust.slip**2 * pace,
+        yaw_bias=trust.yaw_bias**2 * pace**3,
+        drift=2.0 * trust.drift**2 / trust.drift_time * pace**2,
+        turn_gain=trust.turn_gain**2 * pace,
+        crab=trust.crab**2 * pace,
     )
-    return ca.vertcat(*of_state, *[trust.rocking**2] * 4)
+    return ca.vertcat(*of_state, *[trust.rocking**2 * pace] * 4)
 
 
 def _com_correction() -> ca.Function:
@@ -280,49 +267,3 @@ def _widened(covariance: FloatArray, deviations: Mapping[str, float]) -> FloatAr
         index = ReducedState._fields.index(name)
         widened[index, index] += deviation**2
     return widened
-
-
-class Noise:
-    """Noise of samples of the centre of mass, by (KF8); `deviation` is the present estimate of its standard deviation.
-
-    It is what is `told` unless the samples show that it is more or less, between the `least` and the `most` that is
-    believed [m]. It follows from as many samples as are alike, up to `NOISE_WINDOW`.
-    """
-
-    def __init__(self, told: float, most: float, least: float = 0.0) -> None:
-        self.told, self._most, self._least = told, max(told, most), min(told, least)
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin anew."""
-        self.deviation = self.told
-        self._last: FloatArray | None = None
-        self._found: deque[tuple[float, float]] = deque(maxlen=NOISE_WINDOW)
-
-    def learn(self, innovation: FloatArray, spread: float) -> None:
-        """Take in the innovation (2,) of the next sample [m], and the variance of its expected value [m^2]."""
-        if self._last is not None:
-            change = innovation - self._last
-            self._found.append((0.5 * float(change @ change), spread))
-        self._last = innovation
-        if len(self._found) >= NOISE_LEAST:
-            self._forget()
-            variance, spread, chance = self._variance(len(self._found))
-            by_chance = abs(variance - self.told**2) <= chance * (self.told**2 + spread)
-            found = sqrt(max(variance, self._least**2))
-            self.deviation = self.told if by_chance else min(found, self._most)
-
-    def _forget(self) -> None:
-        """Drop old samples if the latest are of another noise."""
-        if len(self._found) > NOISE_LATEST:
-            before, spread, _ = self._variance(len(self._found))
-            latest, _, chance = self._variance(NOISE_LATEST)
-            if abs(latest - before) > chance * (max(min(latest, before), 0.0) + spread):
-                while len(self._found) > NOISE_LATEST:
-                    self._found.popleft()
-
-    def _variance(self, count: int) -> tuple[float, float, float]:
-        """Return the variance by the latest samples, that of what they expected [m^2], and the share that is chance."""
-        latest = islice(reversed(self._found), count)
-        half, spread = (sorted(each)[count // 2] for each in zip(*latest, strict=True))
-        return half / (2.0 * log(2.0)) - spread, spread, NOISE_CHANCE * NOISE_ERROR / sqrt(count)

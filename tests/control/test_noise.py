@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from control.estimation.estimator import Estimator
-from control.estimation.kalman import NOISE_LATEST, NOISE_LEAST, NOISE_WINDOW, Noise
+from control.estimation.noise import NOISE_LATEST, NOISE_LEAST, NOISE_WINDOW, Noise
 from control.estimation.reduced import ReducedModel
 from control.identification.identified import load
 from control.sensing.sensors import COM, HEADING, STRAIN, Channel, Sensors
