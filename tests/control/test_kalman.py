@@ -79,6 +79,24 @@ def test_the_predicted_covariance_against_central_differences() -> None:
     assert_allclose(after, F @ before @ F.T + noise(0.05), atol=1e-12)
 
 
+def test_what_is_not_known_of_a_wave_is_the_same_in_slow_waves() -> None:
+    """A wave at a quarter of the frequency takes four times as long and adds the same variances; of rates, 1/16."""
+    sure, frequency = np.zeros((SIZE, SIZE)), TRUST.frequency
+    still = np.where(np.arange(SIZE) == 4, 0.0, MEAN)  # no turn, whose noise goes with its rate
+
+    def added(share: float) -> np.ndarray:
+        short = 1e-4 / share
+        given = np.array([0.27, share * frequency, 0.05])
+        return np.diag(FILTER.predicted(Belief(still, sure), given, SLOPE, short).covariance) / 1e-4
+
+    fast, slow, faster = added(1.0), added(0.25), added(1.5)
+    alike = [2, 5, 9, 10, *range(STATES, SIZE)]
+    assert_allclose(slow[alike], fast[alike], rtol=1e-9)
+    assert_allclose(slow[[3, 4, 6]], fast[[3, 4, 6]] / 16.0, rtol=1e-9)
+    assert slow[7] == pytest.approx(fast[7] / 4.0)
+    assert_allclose(faster * 1.5, fast, rtol=1e-9)
+
+
 def in_parts(parts: int) -> Belief:
     belief = Belief(MEAN, spread())
     for _ in range(parts):
