@@ -92,7 +92,6 @@ class _Worm:
             raise ValueError(f"practice: got actions by {self._how.acts!r}, must be 'course'")
         scene = self._settings(())
         found = identified_of(scene)
-        assert found is not None  # an episode was made
         length, mechanism = worm_of(scene).length, scene.controller.mechanism
         return Practice(count, found, length, mechanism, self._how.control_period)
 

@@ -262,12 +262,27 @@ def lag(rates: Sequence[float] | FloatArray, before: int, settled: int = 3) -> f
     return float(np.sum((end - y[before:]) / (end - begin)))
 
 
-def fit_map(mechanism: Mechanism, ranges: Ranges, samples: Sequence[Sample], checks: Sequence[Sample]) -> SteeringMap:
-    """Return the map of one mechanism, fitted to samples and compared with others; ValueError if they are too few."""
+def fit_map(
+    mechanism: Mechanism,
+    ranges: Ranges,
+    samples: Sequence[Sample],
+    checks: Sequence[Sample],
+    similar: SteeringMap | None = None,
+) -> SteeringMap:
+    """Return the map of one mechanism, fitted to samples and compared with others; ValueError if they are too few.
+
+    With the map of a `similar` worm it is that, corrected, as far as that goes: fewer samples will do.
+    """
     where, seen = _table(mechanism, samples)
     other, there = _table(mechanism, checks)
     known = {name: parity for name, parity in QUANTITIES.items() if np.isfinite([*seen[name], *there[name]]).all()}
-    found = {name: surrogate.fit(ranges, parity, where, seen[name]) for name, parity in known.items()}
+    found: dict[str, Polynomial] = {}
+    for name, parity in known.items():
+        usual: Polynomial | None = getattr(similar, name, None)
+        if similar is None:
+            found[name] = surrogate.fit(ranges, parity, where, seen[name])
+        elif usual is not None:
+            found[name] = surrogate.corrected(usual.within(ranges), where, seen[name])
     return SteeringMap(
         mechanism,
         ranges,

@@ -263,8 +263,9 @@ def identify(
     controllers need, kept for them, with its error and a figure. Takes a minute or two.
     """
     from scenes.commands.identify import command
+    from scenes.models.loading import load_scene
 
-    raise typer.Exit(command.run(command.load(scene, o or ()), out, force=force, quiet=quiet))
+    raise typer.Exit(command.run(load_scene(scene, o or ()), out, force=force, quiet=quiet))
 
 
 @bench.command(name="plant")

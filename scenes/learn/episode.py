@@ -79,7 +79,7 @@ class Episode:
     Raises
     ------
     SceneError
-        Its worm has not been identified, or a further channel is not measured in the scene.
+        Its worm is not identified nor near the default one, or a further channel is not measured in the scene.
     ValueError
         A control period of less than a time step.
     """
@@ -89,8 +89,6 @@ class Episode:
         if not how.control_period >= dt:
             raise ValueError(f"control_period: got {how.control_period!r} s, must be at least {dt} s, a step")
         found, worm = identified_of(scene), worm_of(scene)
-        if found is None:
-            raise SceneError("worm: has not been identified, so that the range of its waves is not known")
         mechanism, self._dt, self._length = scene.controller.mechanism, dt, worm.length
         self._act = ACTS[how.acts](found.maps[mechanism], mechanism, worm.length)
         self._reference = _sampled(scene, worm.length)

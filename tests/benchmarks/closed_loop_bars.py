@@ -65,7 +65,7 @@ def _friction(forward: float, backward: float, lateral: float) -> Trial:
         f"friction.forward={forward * normal.forward:g}",
         f"friction.backward={backward * normal.backward:g}",
         f"friction.lateral={lateral * normal.lateral:g}",
-        DEFAULT_MAP,
+        NEARBY_MAP,
     )
 
 
@@ -87,7 +87,7 @@ def _circle(radius: float, *overrides: str) -> Trial:
     return Trial("path_circle", (f"reference.radius_m={radius:g}", *overrides))
 
 
-DEFAULT_MAP = "controller.map=default"
+NEARBY_MAP = "controller.map=nearby"
 HEADING = "sensor.heading=true"
 SPEEDS = (0.0, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14)
 NOISES_MM = (1, 5, 10, 20, 30)
@@ -132,15 +132,15 @@ TRIALS = {
     "apart_heading": _line(*APART, HEADING, "run.duration_s=30"),
     "side_slope": _line(*SIDE),
     "side_slope_heading": _line(*SIDE, HEADING),
-    "segments_4": _s_curve("worm.segments=4", DEFAULT_MAP),
-    "segments_8": _s_curve("worm.segments=8", DEFAULT_MAP),
-    "half_springs": _s_curve("worm.spring_N=6.5", DEFAULT_MAP),
+    "segments_4": _s_curve("worm.segments=4", NEARBY_MAP),
+    "segments_8": _s_curve("worm.segments=8", NEARBY_MAP),
+    "half_springs": _s_curve("worm.spring_N=6.5", NEARBY_MAP),
     "half_stiffness": _s_curve(
-        *("worm.spring_N=6.5", "worm.torsion_J=2.5", "worm.yaw_J=0.25", "worm.twist_J=0.25"), DEFAULT_MAP
+        *("worm.spring_N=6.5", "worm.torsion_J=2.5", "worm.yaw_J=0.25", "worm.twist_J=0.25"), NEARBY_MAP
     ),
     **{name: _friction(*factors) for name, factors in FRICTIONS.items()},
-    "mass_0.8": _s_curve("worm.mass_kg=0.08", DEFAULT_MAP),
-    "mass_1.2": _s_curve("worm.mass_kg=0.12", DEFAULT_MAP),
+    "mass_0.8": _s_curve("worm.mass_kg=0.08", NEARBY_MAP),
+    "mass_1.2": _s_curve("worm.mass_kg=0.12", NEARBY_MAP),
     "circle_on_slope": _circle(0.5, "world.slope_deg=4", "start.azimuth_deg=-90", "run.duration_s=20"),
     "pipe": Trial("velocity_pipe"),
     "pipe_rising_bend": Trial(

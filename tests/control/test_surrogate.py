@@ -5,7 +5,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.identification.surrogate import DEGREES, Polynomial, Ranges, exponents, fit, misfit
+from control.identification.surrogate import (
+    DEGREES,
+    RIDGE,
+    SMOOTH,
+    Polynomial,
+    Ranges,
+    corrected,
+    exponents,
+    fit,
+    misfit,
+)
 
 RANGES = Ranges((0.1, 0.4), (0.5, 1.5), 0.2)
 
@@ -77,3 +87,33 @@ def test_too_few_samples_are_refused() -> None:
 def test_bad_surrogates(build, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         build()
+
+
+@pytest.mark.parametrize("parity", DEGREES)
+def test_a_correction_is_the_least_of_its_sum(parity) -> None:
+    """(I5): no other coefficients have a smaller sum of misses and changes."""
+    truth, where = known(parity), grid(2)
+    near = Polynomial(RANGES, parity, tuple(np.array(truth.coefficients) * 0.9))
+    values = truth(*where.T)
+    found = corrected(near, where, values)
+    degrees = [i + j + (max(k, 1) if parity == "odd" else k) for i, j, k in exponents(parity)]
+
+    def summed(coefficients: np.ndarray) -> float:
+        missed = Polynomial(RANGES, parity, tuple(coefficients))(*where.T) - values
+        change = (coefficients - near.coefficients) / SMOOTH ** np.array(degrees)
+        return float(missed @ missed + RIDGE * change @ change)
+
+    least, random = summed(np.array(found.coefficients)), np.random.default_rng(1)
+    for size in (1e-3, 1e-1):
+        for _ in range(10):
+            assert summed(found.coefficients + size * random.normal(size=len(degrees))) > least
+    assert misfit(found, where, values).rms < 0.1 * misfit(near, where, values).rms
+    assert_allclose(corrected(truth, where, values).coefficients, truth.coefficients, atol=1e-12)
+
+
+@pytest.mark.parametrize("parity", DEGREES)
+def test_a_polynomial_over_smaller_ranges_is_the_same_one(parity) -> None:
+    surrogate, smaller = known(parity), Ranges((0.15, 0.35), (0.6, 1.4), 0.2)
+    assert surrogate.within(RANGES) is surrogate
+    where = np.random.default_rng(5).uniform((0.15, 0.6, -0.2), (0.35, 1.4, 0.2), (20, 3))
+    assert_allclose(surrogate.within(smaller)(*where.T), surrogate(*where.T), atol=1e-9)

@@ -346,8 +346,6 @@ TOO_LATE = "override reference.speed_steps: got a step at 70 s: must be before t
         ("velocity_step", ("run.duration_s=6",), SHORTER),
         ("velocity_step", ("reference.speed_steps=[{at_s = 70.0, speed_m_s = 0.1}]",), TOO_LATE),
         ("velocity_sine", ("reference.speed_sine_m_s=0.1",), "a speed of less than 0 cannot be asked for"),
-        ("path_line", ("worm.mass_kg=0.11",), "identify it once by 'worm3d identify SCENE' with the same options"),
-        ("path_line", ("friction.lateral=0.3",), "identify it once by 'worm3d identify SCENE' with the same options"),
         ("path_line", ("gait.amplitude=0.3",), "gait"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,13 @@ import pytest
 
 from control.gaits import TravellingWave
 from control.gaits.steering import BLEND, GaitParameters, Schedule, SteeredWave
-from control.identification.identified import Design, lag, load
-from control.identification.surrogate import Ranges
-from scenes.commands.identify import command, figure, report, runs, study
+from control.identification.identified import Design, SteeringMap, lag, load
+from control.identification.surrogate import Misfit, Ranges
+from scenes.commands.identify import command, figure, report, study
 from scenes.language.errors import SceneError
+from scenes.models.control import identify as runs
+from scenes.models.control.build import identified_of, map_name
 from scenes.models.loading import load_scene
-from scenes.models.worm.build import worm_of
 from worm3d import Friction, Worm
 
 WORM, GROUND, SCHEDULE = Worm(), Friction(), Schedule()
@@ -100,11 +102,11 @@ def test_a_worm_that_tips_is_identified_over_less_steering(monkeypatch) -> None:
 
     monkeypatch.setattr(runs, "MAX_STEERING", {"hinge": 0.3})
     monkeypatch.setattr(runs, "samples", run)
-    monkeypatch.setattr(runs, "fit_map", lambda mechanism, ranges, fitted, checks: ranges)
-    assert runs._map(WORM, GROUND, SCHEDULE, Design(), "hinge").steering == pytest.approx(0.3 * 0.7**2)
+    monkeypatch.setattr(runs, "fit_map", lambda mechanism, ranges, *given: ranges)
+    assert runs.map_of(WORM, GROUND, SCHEDULE, Design(), "hinge").steering == pytest.approx(0.3 * 0.7**2)
     monkeypatch.setattr(runs, "samples", lambda *given: None)
     with pytest.raises(SceneError, match=r"tips over, folds or flattens even when it steers by 0\.103"):
-        runs._map(WORM, GROUND, SCHEDULE, Design(), "hinge")
+        runs.map_of(WORM, GROUND, SCHEDULE, Design(), "hinge")
 
 
 def test_check_runs_lie_within_the_ranges_and_last_whole_steps() -> None:
@@ -150,12 +152,43 @@ def test_what_is_said_of_a_schedule_is_what_its_figure_shows() -> None:
         assert "the worm tips over from the start" in text
 
 
-def test_a_worm_that_is_not_identified_yet_can_be_identified_with_a_scene_of_a_controller() -> None:
-    with pytest.raises(SceneError, match="has not been identified on this friction"):
-        load_scene("path_line", ["worm.mass_kg=0.12"])
-    settings = command.load("path_line", ["worm.mass_kg=0.12"]).settings
-    assert worm_of(settings).mass == 0.12  # type: ignore[arg-type]
-    assert command.load("flat", ["worm.mass_kg=0.12"]).model.name == "worm"
+@pytest.fixture
+def missed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, float]:
+    """What fresh runs miss of a map corrected on the spot; there are no runs."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    found = {"distance": 1.0, "turn": 5.0}
+
+    def map_of(*given) -> SteeringMap:
+        similar: SteeringMap = given[-1]
+        checks = {name: Misfit(0.1, 0.1, percent) for name, percent in found.items()}
+        return replace(similar, checks={**similar.checks, **checks})
+
+    monkeypatch.setattr(runs, "map_of", map_of)
+    return found
+
+
+def test_a_worm_that_is_not_identified_gets_a_map_on_the_spot_which_is_kept(missed, monkeypatch) -> None:
+    near = load_scene("path_line", ["worm.mass_kg=0.12"]).settings
+    assert map_name(near) == "nearby"
+    first = identified_of(near)
+    assert list(first.maps) == ["hinge"]
+    assert first.maps["hinge"].checks["turn"].rms_percent == 5.0
+    asked = load_scene("path_line", ["worm.mass_kg=0.12", "controller.mechanism=bias"]).settings
+    assert list(identified_of(asked).maps) == ["hinge", "bias"]
+    monkeypatch.setattr(runs, "map_of", None)
+    assert identified_of(near).maps["hinge"] == first.maps["hinge"]
+
+
+def test_a_worm_that_is_far_from_the_default_one_is_refused_in_a_sentence(missed) -> None:
+    missed["turn"] = 35.0
+    far = load_scene("path_line", ["worm.mass_kg=0.12"]).settings
+    with pytest.raises(SceneError, match="misses the turn a wave by 35 %, must be at most 20 %: identify it once by"):
+        identified_of(far)
+
+
+def test_which_map_a_controller_goes_by() -> None:
+    for choice, name in (("own", "identified"), ("nearby", "nearby"), ("default", "default")):
+        assert map_name(load_scene("path_line", [f"controller.map={choice}"]).settings) == name
 
 
 def test_the_command_writes_what_controllers_and_people_need(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -12,13 +11,12 @@ import worm3d
 from control.gaits.steering import MECHANISMS, Schedule
 from control.identification import identified as kept
 from control.identification.identified import Design, Identified
-from scenes.commands.identify import figure, report, runs, study
+from scenes.commands.identify import figure, report, study
 from scenes.commands.identify.study import Curve, Phases
 from scenes.commands.terminal import progress
 from scenes.language.errors import SceneError
-from scenes.language.loader import find_scene, read_text
-from scenes.language.toml import parse
-from scenes.models.loading import Scene, load_scene
+from scenes.models.control import identify as runs
+from scenes.models.loading import Scene
 from scenes.models.worm.build import friction_of, worm_of
 from scenes.models.worm.schema import SpatialScene
 from scenes.records import folder as folders
@@ -26,22 +24,8 @@ from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes
 
-WORM_CONTROL = "worm_control"
-"""Model of the scenes with a controller."""
 CONTENT, TABLES, PICTURE = "identified.json", "steering.md", "steering.png"
 Measured = tuple[Identified, tuple[Curve, ...], tuple[Phases, ...]]
-
-
-def load(name: str, overrides: Sequence[str]) -> Scene:
-    """Return the scene of a worm that nobody has identified yet, which a controller's own map would ask for.
-
-    Raises
-    ------
-    SceneError
-        With one line for each mistake.
-    """
-    controlled = parse(read_text(find_scene(name))).get("model") == WORM_CONTROL
-    return load_scene(name, (*overrides, "controller.map=default") if controlled else overrides)
 
 
 def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:

@@ -13,7 +13,7 @@ import worm3d
 from control.gaits import TravellingWave
 from control.gaits.steering import GaitParameters, Mechanism, Schedule, SteeredWave
 from control.identification.identified import Motion
-from scenes.commands.identify.runs import Gait, Steady, steady
+from scenes.models.control.identify import Gait, Steady, steady
 
 AMPLITUDE, PERIOD = 0.3, 1.25
 """Amplitude and period [s] of all waves."""

@@ -22,6 +22,7 @@ from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplineP
 from control.tracking.references import Constant, Disc, Profile, Reference, Sine, Steps
 from scenes.language.errors import SceneError
 from scenes.language.parts import part_of
+from scenes.models.control.nearby import nearby
 from scenes.models.control.schema import Constraints, Controller, ControlScene, Cost
 from scenes.models.control.schema import Reference as Asked
 from scenes.models.sensors import channels_of
@@ -32,12 +33,6 @@ from scenes.models.worm.build import friction_of, start_of, worm_of
 from worm3d.values import named
 from worm3d.values.arrays import FloatArray
 
-NOT_IDENTIFIED = (
-    "has not been identified on this friction, so that no controller knows what its wave does: identify it once by "
-    "'worm3d identify SCENE' with the same options -o (some minutes), or take the default worm's map by "
-    "-o controller.map=default"
-)
-
 
 def controller_of(scene: ControlScene) -> WaveController:
     """Return the controller.
@@ -45,11 +40,9 @@ def controller_of(scene: ControlScene) -> WaveController:
     Raises
     ------
     SceneError
-        The worm has not been identified, or a part of the user's own cannot be used.
+        The worm is not identified nor near the default one, or a part of the user's own cannot be used.
     """
     worm, found, asked = worm_of(scene), identified_of(scene), scene.controller
-    if found is None:
-        raise SceneError(f"worm: {NOT_IDENTIFIED}")
     told = sensors_of(scene).channels if asked.told else {}
     try:
         driver = made(
@@ -100,11 +93,29 @@ def _listed(section: Cost | Constraints, registry: Mapping[str, Any], kind: type
     ]
 
 
-def identified_of(scene: ControlScene) -> Identified | None:
-    """Return what the controller knows of the worm; None if that has not been identified."""
-    if scene.controller.map == "default":
-        return kept.load(worm3d.Worm())
-    return kept.load(worm_of(scene), friction_of(scene))
+def identified_of(scene: ControlScene) -> Identified:
+    """Return what the controller knows of the worm; SceneError if it is not identified nor near the default one."""
+    worm, ground, asked = worm_of(scene), friction_of(scene), scene.controller
+    return loaded(scene) or nearby(worm, ground, asked.mechanism)
+
+
+def loaded(scene: ControlScene) -> Identified | None:
+    """Return the identified map that the controller goes by; None if it is to be corrected from the default worm's."""
+    worm, ground = worm_of(scene), friction_of(scene)
+    chosen: dict[str, Callable[[], Identified | None]] = {
+        "own": lambda: kept.load(worm, ground),
+        "nearby": lambda: None,
+        "default": lambda: kept.load(worm3d.Worm()),
+    }
+    return chosen[scene.controller.map]()
+
+
+def map_name(scene: ControlScene) -> str:
+    """Return which map the controller goes by: "identified", "nearby" or "default"."""
+    asked = scene.controller.map
+    if asked != "own":
+        return asked
+    return "nearby" if loaded(scene) is None else "identified"
 
 
 def reference_of(scene: ControlScene) -> Reference:

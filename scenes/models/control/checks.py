@@ -12,18 +12,11 @@ from control import controllers
 from control.faults.injected import INJECTED
 from control.sensing.sensors import QUANTITIES
 from scenes.language.checks import Check, Found, kind_checks
-from scenes.models.control.build import NOT_IDENTIFIED, faults_of, identified_of, middle_of, parts_of, reference_of
+from scenes.models.control.build import faults_of, middle_of, parts_of, reference_of
 from scenes.models.control.schema import Controller, ControlScene, Faults, Reference, Sensor
 from scenes.models.switched import switched_checks
 from scenes.models.worm.build import PARTS, worm_of
 from scenes.models.worm.checks import SPATIAL_CHECKS, start_check
-
-
-def _is_identified(*sections: Mapping[str, Any]) -> Found:
-    scene = _scene(("worm", "friction", "controller", *PARTS), sections)
-    return (
-        None if identified_of(scene) is not None else dict.fromkeys(("worm", "friction"), f"this worm {NOT_IDENTIFIED}")
-    )
 
 
 def _there_is_such_a_path(*sections: Mapping[str, Any]) -> Found:
@@ -172,5 +165,4 @@ CONTROL_CHECKS = (
     ),
     *(Check(("controller.kind", f"sensor.{name}"), partial(_is_sensed, name=name)) for name in OPTIONAL),
     start_check("worm_control", ControlScene),
-    Check(("worm", "friction", "controller", *PARTS), _is_identified),
 )

@@ -14,7 +14,7 @@ from control.sensing.sensors import Measurement
 from control.tracking.metrics import measured
 from scenes.models.base import Model, Observer, Outcome, Watch, pictures
 from scenes.models.control import view as control_view
-from scenes.models.control.build import controller_of, faults_of, identified_of, reference_of, sensors_of
+from scenes.models.control.build import controller_of, faults_of, loaded, map_name, reference_of, sensors_of
 from scenes.models.control.checks import CONTROL_CHECKS
 from scenes.models.control.faults import in_turn, of_controller, of_plant, refused
 from scenes.models.control.record import motion_of, timing_of, variables_of
@@ -93,6 +93,7 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
         "mpc_failures": controller.failures if controller.plans else None,
         "measurements_refused": refused(controller),
         **found,
+        "map": map_name(scene),
         "faults": in_turn([*of_plant(result), *of_controller(controller)]),
     }
     return replace(
@@ -123,8 +124,8 @@ def injected(driver: Phased, scene: ControlScene) -> Phased | Faulty:
 
 
 def _map_of(scene: ControlScene) -> object:
-    """Return the map by which the controller knows its worm."""
-    found = identified_of(scene)
+    """Return the identified map by which the controller knows its worm; None if the scene itself tells it."""
+    found = loaded(scene)
     return None if found is None else found.as_dict()
 
 

@@ -49,10 +49,11 @@ class Controller(
 
     mechanism: Mechanism = setting("hinge", title="what steers: hinges, unequal chambers, or both at once")
     period_s: float = quantity(0.2, unit="s", gt=0, title="time between two decisions", aka=("control_period_s",))
-    map: Literal["own", "default"] = setting(
+    map: Literal["own", "nearby", "default"] = setting(
         "own",
-        title="which identified map it goes by: that of this worm on this friction, or the default worm's, whatever "
-        "the worm is",
+        title="which map of what a wave does it goes by. own: that of this worm on this friction if it was identified, "
+        "otherwise nearby; nearby: the default worm's, corrected by some seconds of runs as the scene starts; default: "
+        "the default worm's, whatever the worm is",
     )
     told: bool = setting(True, title="whether it is told how good the sensors are; false: it takes them for usual ones")
 

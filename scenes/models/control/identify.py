@@ -109,7 +109,7 @@ def identify(
     maps: dict[Mechanism, SteeringMap] = {}
     lags: dict[Mechanism, Lags] = {}
     for done, mechanism in enumerate(MECHANISMS, start=1):
-        maps[mechanism] = _map(worm, ground, schedule, design, mechanism)
+        maps[mechanism] = map_of(worm, ground, schedule, design, mechanism)
         steering = maps[mechanism].ranges.steering / 2.0
         straight = lags[MECHANISMS[0]] if lags else None
         lags[mechanism] = measure_lags(worm, ground, schedule, mechanism, steering, straight)
@@ -117,18 +117,24 @@ def identify(
     return Identified(schedule, MappingProxyType(maps), MappingProxyType(lags))
 
 
-def _map(
-    worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, design: Design, mechanism: Mechanism
+def map_of(
+    worm: worm3d.Worm,
+    ground: worm3d.Friction,
+    schedule: Schedule,
+    design: Design,
+    mechanism: Mechanism,
+    similar: SteeringMap | None = None,
 ) -> SteeringMap:
+    """Return the map of one mechanism, that of a similar worm corrected if there is one; raises as `identify`."""
     for attempt in range(TRIES):
         greatest = MAX_STEERING[mechanism] * SHRINK**attempt
         ranges = design.ranges(greatest)
         fitted = samples(worm, ground, schedule, design, design.parameters(mechanism, greatest))
         checks = fitted and samples(worm, ground, schedule, design, check_parameters(ranges, mechanism))
         if fitted and checks:
-            return fit_map(mechanism, ranges, fitted, checks)
+            return fit_map(mechanism, ranges, fitted, checks, similar)
     raise SceneError(
-        f"worm3d identify: the worm tips over, folds or flattens even when it steers by {greatest:.3g} ({mechanism}) "
+        f"the worm tips over, folds or flattens even when it steers by {greatest:.3g} ({mechanism}) "
         "only; give it a wider stance (worm.chamber_offset_m), a lower body (worm.half_height_m) or stiffer springs"
     )
 
@@ -137,11 +143,18 @@ def samples(
     worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, design: Design, parameters: Sequence[GaitParameters]
 ) -> list[Sample] | None:
     """Return the motions of waves with their parameters; None if the worm tipped in one of the runs."""
-    waves = [SteeredWave(given, schedule) for given in parameters]
-    found = [steady(worm, ground, wave, design.waves, design.skipped) for wave in waves]
-    pairs = zip(parameters, found, strict=True)
-    stood = [Sample(given, each.motion) for given, each in pairs if each.motion is not None and not each.tipped]
-    return stood if len(stood) == len(found) else None
+    stood = []
+    for given in sorted(parameters, key=_risk):
+        found = steady(worm, ground, SteeredWave(given, schedule), design.waves, design.skipped)
+        if found.motion is None or found.tipped:
+            return None
+        stood.append(Sample(given, found.motion))
+    return stood
+
+
+def _risk(given: GaitParameters) -> float:
+    """Return a figure that is the less, the sooner a worm tips: strong waves, steered sharply."""
+    return -given.amplitude * (abs(given.hinge) + abs(given.bias))
 
 
 def check_parameters(ranges: Ranges, mechanism: Mechanism) -> list[GaitParameters]:
