@@ -90,7 +90,7 @@ def test_sources_and_the_identified_map_are_what_a_case_depends_on(
     now = control.basis(scene)
     assert control.basis(load_scene("path_line", ["seed=3"])) == now
     with monkeypatch.context() as patch:
-        patch.setattr(control, "identified_of", lambda settings: None)
+        patch.setattr(control, "loaded", lambda settings: None)
         assert control.basis(scene) != now
     (tmp_path / "scenes").mkdir()
     monkeypatch.setattr(packages, "HOME", tmp_path)
