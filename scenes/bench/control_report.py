@@ -83,11 +83,11 @@ def run(
     """
     if seeds < 1:
         raise SceneError(f"--seeds: got {seeds}, must be at least 1")
+    asked = QUICK if quick and not trials else chosen(trials)
+    _require_controllers(guests)
+    plan = Plan(asked, 1 if quick else seeds, tuple(dict.fromkeys((*CONTROLLERS, *guests))))
     with folders.prepared(out, "bench-control", force=True) as folder:
         folders.made(folder / "cases")
-        asked = QUICK if quick and not trials else chosen(trials)
-        plan = Plan(asked, 1 if quick else seeds, tuple(dict.fromkeys((*CONTROLLERS, *guests))))
-        _require_controllers(guests)
         with progress("control", len(plan.cases()), quiet=quiet, what="run") as show:
             study = control.study(plan, folder, show)
         rows = list(control.rows(study.found))

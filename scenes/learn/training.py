@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from control.learned.policy import Policy
-from scenes.gym_env import WormVectorEnv
 from scenes.language.errors import MissingPartError
 from scenes.learn.practice import Practice
 from worm3d.values import arguments
@@ -28,6 +27,8 @@ try:
     from stable_baselines3 import PPO
     from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.vec_env import VecEnv
+
+    from scenes.gym_env import WormVectorEnv  # last: without Stable-Baselines3 it is that which is missing
 except ImportError as error:
     raise MissingPartError("worm3d learn needs Stable-Baselines3: pip install 'worm3d[learn]'") from error
 

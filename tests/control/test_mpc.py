@@ -344,6 +344,7 @@ def test_terms_and_constraints_of_ones_own() -> None:
     ("build", "sentence"),
     [
         (lambda: Speed(0.0), "tolerance: got 0.0 body lengths/s, must be finite and above 0"),
+        (lambda: mpc(terms=[]), "terms: got none, must be at least one"),
         (lambda: mpc(terms=["speed"]), "terms: got str, must be each a control.planning.terms.CostTerm"),
         (lambda: mpc(terms=[Pair()]), r"Pair: got misses of shape \(1, 2\), must be a column of CasADi's SX"),
         (lambda: mpc(constraints=[Speed()]), "constraints: got Speed, must be each a control.planning.constraints"),

@@ -220,6 +220,7 @@ def test_outside_controllers_run_beside_those_that_ship(
         2,
         ["--controller: the module 'outside' has no 'Mien'; did you mean 'Mine'?"],
     )
+    assert not (tmp_path / "runs").exists()
 
 
 def test_the_page_of_rules_is_that_of_the_tables() -> None:

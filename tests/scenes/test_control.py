@@ -378,3 +378,5 @@ def test_references_have_ends_corridors_obstacles_and_go_backwards() -> None:
     for wrong, said in (("path_line", "a path without end"), ("path_circle", "only for reference.kind = 'line'")):
         with pytest.raises(SceneError, match=said):
             scene(wrong, "reference.ends=true")
+    with pytest.raises(SceneError, match=r"obstacles\[0\]: got one in which the worm begins"):
+        scene("path_line", "reference.obstacles=[{x_m=0.5, y_m=0.1, radius_m=0.2}]")

@@ -154,6 +154,7 @@ def test_own_paths_and_estimators_are_used() -> None:
         ("reference.kind=own_parts:NoOf", "must be a path"),
         ('cost.parts=["speed", "own_parts:NoOf"]', "must be a control.planning.terms.CostTerm"),
         ('cost.parts=["sped"]', "did you mean 'speed'?"),
+        ("cost.parts=[]", "parts: got none, must be at least one"),
         ("controller.estimator=own_parts:NoOf", "a class with for_sensors"),
         ("controller.gain_reach=0.3", "only for controller.kind = 'pi_los' or 'module:NAME'"),
     ],
