@@ -1,0 +1,16 @@
+"""Soft constraints of a plan: what they call an excess."""
+
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from control.planning.constraints import Corridor
+
+
+@pytest.mark.parametrize(("offset", "excess"), [(0.14, (2.0, -17.0)), (-0.24, (-17.0, 2.0)), (0.0, (-5.0, -10.0))])
+def test_a_corridor_is_exceeded_to_its_left_and_to_its_right(offset: float, excess: tuple[float, float]) -> None:
+    at = SimpleNamespace(offset=ca.SX(offset), wanted=SimpleNamespace(left=0.1, right=0.2), length=2.0)
+    assert_allclose(np.array(ca.DM(Corridor(tolerance=0.01).excesses(at))).ravel(), excess, rtol=1e-12)
