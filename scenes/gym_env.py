@@ -96,7 +96,11 @@ class _Worm:
         return Practice(count, found, length, mechanism, self._how.control_period)
 
     def _settings(self, more: Sequence[str]) -> ControlScene:
-        settings = load_scene(self._scene, (*self._overrides, *more)).settings
+        asked = (*self._overrides, *more)
+        settings = load_scene(self._scene, asked).settings
+        if isinstance(settings, ControlScene) and settings.controller.kind == "mpc":
+            # A policy steers as all but the MPC do, unless the scene says how.
+            settings = load_scene(self._scene, ("controller.kind=open_loop", *asked)).settings
         if not isinstance(settings, ControlScene):
             raise SceneError(f"{self._scene}: a scene of the model '{settings.model}', must be of 'worm_control'")
         return settings

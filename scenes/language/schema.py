@@ -247,7 +247,8 @@ def own_defaults(field: FieldInfo) -> Mapping[str, Any]:
 def with_own_defaults(schema: type[Section], data: Mapping[str, Any]) -> dict[str, Any]:
     """Return the data of a scene with the defaults that keys have in the kinds that its sections choose.
 
-    A kind that is wrong, of which others tell, counts as the first.
+    A kind of the user's own has those of `OWN`, if there are any; a kind that is wrong, of which others tell, counts as
+    the first.
     """
     filled = dict(data)
     for name, declared in schema.model_fields.items():
@@ -255,8 +256,11 @@ def with_own_defaults(schema: type[Section], data: Mapping[str, Any]) -> dict[st
         if section is None or "kind" not in section.model_fields or not isinstance(keys, Mapping):
             continue
         kinds = section.model_fields["kind"]
-        kind = keys["kind"] if keys.get("kind") in choices(kinds) else kinds.default
+        asked = keys.get("kind")
+        kind: Any = asked if asked in choices(kinds) else kinds.default
         known = {key: own_defaults(field) for key, field in section.model_fields.items() if key not in keys}
+        if isinstance(asked, str) and named.is_own(asked):
+            known = {key: {kind: own[OWN]} if OWN in own else own for key, own in known.items()}
         added = {key: own[kind] for key, own in known.items() if kind in own}
         if added:
             filled[name] = {**keys, **added}

@@ -339,3 +339,14 @@ def test_checks_know_the_default_of_the_kind() -> None:
     assert parse_scene(written.format("travelling_wave"), "mine").settings.gait.period_s == 2.0
     with pytest.raises(SceneError, match=r"that of its kind: 2 for travelling_wave, .*; 1.25 for steered"):
         parse_scene('model = "worm"\n[gait]\nperiod_s = -1\n', "mine")
+
+
+@pytest.mark.parametrize(("written", "steers"), [("", "both"), ("pi_los", "hinge"), ("my_steered:Own", "hinge")])
+def test_the_mechanism_that_is_left_out_is_that_of_the_controller(
+    written: str, steers: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "my_steered.py").write_text("class Own:\n    @classmethod\n    def of(cls, *given): ...\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    kind = (f"controller.kind={written}",) if written else ()
+    assert load_scene("path_line", kind).settings.controller.mechanism == steers
+    assert load_scene("path_line", (*kind, "controller.mechanism=bias")).settings.controller.mechanism == "bias"

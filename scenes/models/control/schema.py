@@ -47,7 +47,12 @@ class Controller(
 ):
     """Controller that drives the worm."""
 
-    mechanism: Mechanism = setting("hinge", title="what steers: hinges, unequal chambers, or both at once")
+    mechanism: Mechanism = setting(
+        "hinge",
+        title="what steers: hinges, unequal chambers, or both at once",
+        left_out="that of its kind: 'both' for mpc, 'hinge' for all others",
+        own={"mpc": "both", OWN: "hinge"},
+    )
     period_s: float = quantity(0.2, unit="s", gt=0, title="time between two decisions", aka=("control_period_s",))
     map: Literal["own", "nearby", "default"] = setting(
         "own",
