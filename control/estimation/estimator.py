@@ -231,7 +231,8 @@ class Estimator:
         beliefs, ground, nis, refused = self._predicted(last, sample.time), last.ground, None, last.refused
         if sample.com is not None and sample.wave is not None:
             given = sample.com[:2], sample.wave
-            corrected = self._with_com(beliefs, given, sample.deviation, gated=last.placed)
+            noise = sample.deviation, sample.time - last.sample.time
+            corrected = self._with_com(beliefs, given, noise, gated=last.placed)
             best = max(corrected, key=lambda each: each.belief.log_weight)
             beliefs, nis, refused = [each.belief for each in corrected], best.nis, refused + best.refused
             height = sample.com[2] - sample.standing
@@ -245,15 +246,18 @@ class Estimator:
         return _Fused(sample, pruned(beliefs), ground, nis, last.placed or sample.com is not None, refused)
 
     def _with_com(
-        self, beliefs: list[Belief], given: tuple[FloatArray, FloatArray], deviation: float, gated: bool
+        self, beliefs: list[Belief], given: tuple[FloatArray, FloatArray], noise: tuple[float, float], gated: bool
     ) -> list[Corrected]:
-        """Return the beliefs after a sample of the centre of mass and its wave; a gated one may be refused."""
+        """Return the beliefs after a sample of the centre of mass and its wave; a gated one may be refused.
+
+        Its noise is its standard deviation [m] and the time since the sample before [s].
+        """
         # Beliefs for which it is impossible lose their weight; the sample is refused if all of them would.
         if not gated or len(beliefs) > 1:
-            corrected = [self._filter.with_com(each, *given, False, deviation) for each in beliefs]
+            corrected = [self._filter.with_com(each, *given, False, *noise) for each in beliefs]
             if not gated or min(each.nis for each in corrected) <= IMPOSSIBLE:
                 return corrected
-        return [self._filter.with_com(each, *given, True, deviation) for each in beliefs]
+        return [self._filter.with_com(each, *given, True, *noise) for each in beliefs]
 
     def _with_heading(self, beliefs: list[Belief], heading: float) -> tuple[list[Belief], bool]:
         """Return the beliefs after a sample of the heading [rad], and whether all refused it."""

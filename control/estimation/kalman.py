@@ -38,6 +38,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import hypot, sqrt
 from typing import NamedTuple
 
 import casadi as ca
@@ -62,6 +63,8 @@ PATIENCE = 3
 """Number of refused samples in a row after which the belief is taken to be wrong, and the worm to have been moved."""
 TREND = 8
 """Number of samples over which innovations are averaged to their trend, 0.4 s of the default sensors."""
+APART = 0.05
+"""Time below which the errors of two samples are alike, so that the later one counts in proportion to the time [s]."""
 UNEXPLAINED = 20.0
 """NIS of that trend beyond which the worm is taken to be pushed; a probability of 0.00005, since a run has thousands of
 them. (With 16 a worm at 0.01 m/s was taken for pushed within a minute, and never found its way again.)"""
@@ -142,18 +145,24 @@ class Kalman:
         return replace(belief, mean=mean, covariance=covariance)
 
     def with_com(
-        self, belief: Belief, com: FloatArray, wave: FloatArray, gated: bool, deviation: float | None = None
+        self,
+        belief: Belief,
+        com: FloatArray,
+        wave: FloatArray,
+        gated: bool,
+        deviation: float | None = None,
+        since: float = APART,
     ) -> Corrected:
         """Return the belief after a sample of the centre of mass (2,) [m], (KF4), which is refused only if gated.
 
-        `wave` (2,) is the measured one, (W2), at its instant, and `deviation` the standard deviation of its noise [m],
-        by default `Uncertainty.com`.
+        `wave` (2,) is the measured one, (W2), at its instant, `deviation` the standard deviation of its noise [m], by
+        default `Uncertainty.com`, and `since` the time since the sample before [s].
         """
         sigma = self._deviation if deviation is None else deviation
         mean, covariance, nis, log_det, e, spread = self._com(belief.mean, belief.covariance, com, wave, sigma)
         found = float(nis[0]), e, float(spread[0])
-        trend = belief.trend + (e - belief.trend) / TREND
-        if gated and (2 * TREND - 1) * float(trend @ trend) > UNEXPLAINED * (found[2] + sigma**2):
+        trend = belief.trend + (e - belief.trend) * min(1.0, since / APART) / TREND
+        if gated and sqrt(2 * TREND - 1) * hypot(*trend) > sqrt(UNEXPLAINED * (found[2] + sigma**2)):
             trend = np.zeros(2)
             widened = _widened(belief.covariance, PUSHED)
             widened[GAIN, :GAIN] = widened[:GAIN, GAIN] = 0.0  # the gain has no part in it

@@ -170,6 +170,7 @@ QUANTITIES = {
         shape=lambda worm: (worm.segments, 6),
         limits=lambda worm: (-MAX_LOAD * worm.mass, MAX_LOAD * worm.mass),
         mirrored=lambda value: value[:, [3, 4, 5, 0, 1, 2]],
+        may_stay=np.inf,  # an apex that touches nothing bears exactly nothing
     ),
     "pressure": Quantity(  # absolute, [left, right]
         "pressure of the chambers",

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from scenes.language.loader import Model
-from scenes.language.schema import Section, choices, default_text, describe, meaning, section_type
+from scenes.language.schema import Section, choices, default_text, describe, meaning, own_defaults, section_type
 from scenes.language.sweep_section import SWEEP, Sweep
 from scenes.language.toml import value
 
@@ -39,6 +39,8 @@ def _section(schema: type[Section], prefix: str, given: dict[str, Any]) -> Itera
             one_of = f"; one of {allowed}" if allowed else ""
             yield f"# {meaning(field)}{describe(field, with_default=False)}{one_of}"
             default = given.get(name, field.default)
+            if default is not None and "kind" in schema.model_fields:
+                default = own_defaults(field).get(schema.model_fields["kind"].default, default)
             yield f"# {name} is left out: {default_text(field)}" if default is None else f"{name} = {value(default)}"
 
 

@@ -263,3 +263,16 @@ def test_steering_never_turns_a_worm_the_other_way_round() -> None:
     mean = MEAN.copy()
     mean[9] = -2.0
     assert FILTER.with_com(Belief(mean, spread()), mean[:2], WAVE, True).belief.mean[9] == GAINS[0]
+
+
+def test_samples_that_follow_each_other_closely_make_no_push() -> None:
+    aside = np.array([0.0, 0.012])  # an error that lasts a tenth of a second
+    often, seldom = (np.full(count, 0.1 / count) for count in (50, 2))
+    found = []
+    for steps in (often, seldom):
+        belief = Belief(MEAN, 1e-9 * spread())
+        for since in steps:
+            belief = FILTER.with_com(belief, expected_com(MEAN) + aside, WAVE, True, 0.005, since).belief
+        found.append(belief.trend[1])
+    assert 0.0 < found[0] < 1.3 * found[1]
+    assert np.array_equal(FILTER.with_com(Belief(MEAN, spread()), np.array([1e200, 0.0]), WAVE, True).belief.mean, MEAN)

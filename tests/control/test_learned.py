@@ -147,7 +147,7 @@ def test_files_and_networks_that_are_none_are_refused(tmp_path: Path) -> None:
 
 
 def test_in_a_run_it_sees_and_does_what_it_does_in_training() -> None:
-    scene = load_scene("path_circle", ("run.duration_s=6", "seed=5")).settings
+    scene = load_scene("path_circle", ("run.duration_s=6", "seed=5", "controller.mechanism=hinge")).settings
     net = policy()
     episode, steps = Episode(scene, Terms(), 5), []
     over = False

@@ -171,12 +171,12 @@ def test_a_worm_that_is_not_identified_gets_a_map_on_the_spot_which_is_kept(miss
     near = load_scene("path_line", ["worm.mass_kg=0.12"]).settings
     assert map_name(near) == "nearby"
     first = identified_of(near)
-    assert list(first.maps) == ["hinge"]
-    assert first.maps["hinge"].checks["turn"].rms_percent == 5.0
+    assert list(first.maps) == ["both"]
+    assert first.maps["both"].checks["turn"].rms_percent == 5.0
     asked = load_scene("path_line", ["worm.mass_kg=0.12", "controller.mechanism=bias"]).settings
-    assert list(identified_of(asked).maps) == ["hinge", "bias"]
+    assert list(identified_of(asked).maps) == ["both", "bias"]
     monkeypatch.setattr(runs, "map_of", None)
-    assert identified_of(near).maps["hinge"] == first.maps["hinge"]
+    assert identified_of(near).maps["both"] == first.maps["both"]
 
 
 def test_a_worm_that_is_far_from_the_default_one_is_refused_in_a_sentence(missed) -> None:
