@@ -46,7 +46,7 @@ class Bar:
     trial: str
     metric: str
     most: float
-    """Of a bar with a rival: greatest share of the rival's."""
+    """Greatest magnitude of the metric, or, of a bar with a rival, its greatest share of what the rival comes to."""
     rival: str = ""
     """Controller that runs the same trial, with `TUNED` overrides; empty: `most` is the bar itself."""
 
