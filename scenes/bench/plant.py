@@ -7,6 +7,7 @@ from functools import partial
 from itertools import chain
 from typing import Any
 
+from scenes.bench.calibration import calibrate
 from scenes.bench.plant_measures import (
     Growth,
     MemoryGrowth,
@@ -53,6 +54,8 @@ class Study:
 
     machine: dict[str, Any]
     plan: Plan
+    calibration_us: float
+    """Time of a pass of the calibration loop (`scenes.bench.calibration`)."""
     speeds: tuple[Speed, ...]
     growth: Growth
     shares: tuple[Shares, ...]
@@ -84,4 +87,6 @@ def study(plan: Plan, *, quiet: bool) -> Study:
     (start,) = measure("cold and warm start", (None,), lambda _: measure_start(), "measurement").values()
     (memory,) = measure("memory of a long run", (plan.steps,), measure_memory, "measurement").values()
     batch = tuple(chain.from_iterable(batches))
-    return Study(machine(), plan, tuple(speeds), growth(tuple(speeds)), tuple(shares), batch, start, memory)
+    return Study(
+        machine(), plan, calibrate(), tuple(speeds), growth(tuple(speeds)), tuple(shares), batch, start, memory
+    )

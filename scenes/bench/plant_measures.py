@@ -20,7 +20,7 @@ import numpy as np
 import worm3d
 from control.gaits import TravellingWave
 from scenes.language.errors import SceneError
-from worm3d import Plane, Result, Status, Worm
+from worm3d import Friction, Plane, Result, Status, Worm
 
 DT = 0.01
 """Time step at which speeds are measured [s]."""
@@ -62,7 +62,9 @@ def standing(segments: int) -> Worm:
     return worm if segments > FLATTENED else Worm(segments=segments, k_spring=STIFFER * np.asarray(worm.k_spring))
 
 
-def crawl(segments: int, duration: float, dt: float = DT, *, recorded: bool = True) -> Result:
+def crawl(
+    segments: int, duration: float, dt: float = DT, *, recorded: bool = True, ground: Friction | None = None
+) -> Result:
     """Return a run of whole steps of at most dt, with every step recorded or only start and end.
 
     Raises
@@ -74,7 +76,8 @@ def crawl(segments: int, duration: float, dt: float = DT, *, recorded: bool = Tr
     result = worm3d.simulate(
         standing(segments),
         Plane(),
-        actuation=TravellingWave(),
+        ground,
+        TravellingWave(),
         duration=duration,
         dt=duration / steps,
         record_every=1 if recorded else steps,

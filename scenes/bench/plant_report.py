@@ -108,7 +108,8 @@ def markdown(study: Study, picture: str) -> str:
 def _machine(study: Study) -> str:
     about = study.machine
     cores = f"{about['cores']} core" + ("" if about["cores"] == 1 else "s")
-    return f"{about['cpu']}, {cores}, {about['system']}, {about['date']}; one core unless it says threads."
+    said = f"{about['cpu']}, {cores}, {about['system']}, {about['date']}; one core unless it says threads"
+    return f"{said}; calibration loop {study.calibration_us:.2f} us."
 
 
 def _sections(study: Study) -> Iterator[Section]:
@@ -120,10 +121,11 @@ def _sections(study: Study) -> Iterator[Section]:
         "The default worm of N segments on a plane with sticking friction, crawling by a travelling wave: BDF2 at "
         f"dt = 10 ms, every step recorded, ledger on; the fastest of {study.plan.repeats} after a run that warms up. "
         "Slowest: the slowest run over the fastest; far from 1 the machine was busy and the line is worth little. "
+        "Loops: the time of a step over that of the calibration loop, to be compared between machines. "
         "Real time: simulated over computing time of the steps, and of the whole call of `simulate`. Jacobians, and "
         "residuals with a Jacobian that is kept, count a step, fallbacks the whole run. The error is that of the "
         f"distance, relative to a run at dt/20. Simulated: {simulated}.",
-        *table(SPEEDS, study.speeds),
+        *table(SPEEDS | {"loops": Column("us_per_step", ".1f", 1.0 / study.calibration_us)}, study.speeds),
         [f"Growth: N^{growth.exponent:.2f}, least squares in log-log over N = {sizes}.", *_stiffened(study)],
     )
     yield Section(

@@ -26,7 +26,7 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 from mujoco_model import Settings, mjcf
-from rivals import SEARCH_SECONDS, Measured, Rival, Task, measure
+from rivals import SEARCH_SECONDS, Measured, Rival, measure
 from step_search import NotConvergedError
 
 from worm3d.values.arrays import FloatArray
@@ -56,21 +56,24 @@ class MuJoCoWorm(Rival):
     ----------
     given : Settings, optional
         How it computes; the fastest settings for the number of segments if left out.
-    seconds : float
-        Wall clock that the search for a step may take.
+    seconds, ground
+        As in `Rival`.
     """
 
     name = f"MuJoCo {mujoco.__version__}"
     cannot = (
-        "forward and backward friction: it is 0.2 both ways, so the worm crawls only by the load on its anchors",
+        "friction that differs forward and backward: it has the backward coefficient both ways, so that on bristles "
+        "the worm crawls only by the load on its anchors",
         "static above kinetic friction",
         "exact sticking and rigid contact: both are springs, so that loaded anchors creep and sink in",
         "links of the rhombus: the feet move on its secant, tied by a constraint that is a spring, too",
         "a spring that stiffens as its rest length is commanded shorter",
     )
 
-    def __init__(self, given: Settings | None = None, seconds: float = SEARCH_SECONDS) -> None:
-        super().__init__(seconds)
+    def __init__(
+        self, given: Settings | None = None, seconds: float = SEARCH_SECONDS, ground: str = "bristles"
+    ) -> None:
+        super().__init__(seconds, ground)
         self.given = given
 
     def settings(self, segments: int) -> str:
@@ -82,7 +85,7 @@ class MuJoCoWorm(Rival):
 
     def prepare(self, segments: int, duration: float, steps: int) -> Callable[[], float]:
         """Return a simulation, ready to go: called once, it returns the distance along x [m]."""
-        task, dt = Task.of(segments), duration / steps
+        task, dt = self.task(segments), duration / steps
         model = mujoco.MjModel.from_xml_string(mjcf(task, dt, self._settings(segments)))
         data = mujoco.MjData(model)
         times = (np.arange(steps) + 0.5) * dt

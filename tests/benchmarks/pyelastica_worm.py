@@ -103,7 +103,7 @@ class PyElasticaWorm(Rival):
 
     def prepare(self, segments: int, duration: float, steps: int) -> Callable[[], float]:
         """Return a simulation, ready to go: called once, it returns the distance along x [m]."""
-        task, dt = Task.of(segments), duration / steps
+        task, dt = self.task(segments), duration / steps
         rod, simulation = _simulation(task, dt, steps)
         stepper = elastica.PositionVerlet()
         start = _centre_of_mass(rod)

@@ -16,7 +16,7 @@ from step_search import REFERENCE_RUNGS, Step, largest_step
 from control.gaits import TravellingWave
 from scenes.bench.plant_measures import relative_error, steps_of
 from scenes.language.errors import MissingPartError
-from worm3d import Worm
+from worm3d import Friction, Worm
 from worm3d.values.arrays import FloatArray
 
 DURATION = 10.0
@@ -32,13 +32,19 @@ COARSEST = 0.02
 SEARCH_SECONDS = 300.0
 """Wall-clock limit of the search for a time step [s]."""
 
+GROUNDS = {
+    "bristles": {"forward": 0.03, "backward": 0.20, "lateral": 0.20, "static_ratio": 1.2},
+    "isotropic": {"forward": 0.20, "backward": 0.20, "lateral": 0.20, "static_ratio": 1.0},
+}
+"""Friction of the grounds on which simulators are compared, by name: every one can express the second."""
+
 RIVALS = {"mujoco": ("mujoco_worm", "MuJoCoWorm"), "pyelastica": ("pyelastica_worm", "PyElasticaWorm")}
 """Module and class of each rival, by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """A worm, its gait and its ground; the defaults are the default worm on a plane.
+    """A worm, its gait and its ground; the defaults are the default worm and gait.
 
     Attributes
     ----------
@@ -55,16 +61,21 @@ class Task:
 
     worm: Worm = field(default_factory=Worm)
     gait: TravellingWave = field(default_factory=TravellingWave)
-    forward: float = 0.03
-    backward: float = 0.20
-    lateral: float = 0.20
-    static_ratio: float = 1.2
+    forward: float
+    backward: float
+    lateral: float
+    static_ratio: float
     gravity: float = 9.81
 
     @classmethod
-    def of(cls, segments: int) -> Task:
-        """Return the task with the default worm of N segments."""
-        return cls(worm=Worm(segments=segments))
+    def of(cls, segments: int, ground: str = "bristles") -> Task:
+        """Return the task with the default worm of N segments on one of `GROUNDS`."""
+        return cls(worm=Worm(segments=segments), **GROUNDS[ground])
+
+    @property
+    def friction(self) -> Friction:
+        """Coefficients of friction, as worm3d takes them."""
+        return Friction(self.forward, self.backward, self.lateral, self.static_ratio)
 
     def contractions(self, times: ArrayLike) -> FloatArray:
         """Return the commanded contraction of each segment at `times`, shape (T,) [s], shape (T, N)."""
@@ -107,12 +118,15 @@ class Measured:
         [µs].
     real_time_factor : float
         Simulated over computing time on one core.
+    distance : float
+        Way of the centre of mass along x in 10 s [m].
     """
 
     dt: float
     error: float
     us_per_step: float
     real_time_factor: float
+    distance: float
 
 
 class Rival(ABC):
@@ -125,14 +139,21 @@ class Rival(ABC):
     ----------
     seconds : float
         Wall-clock limit of the search for a step [s].
+    ground : str
+        One of `GROUNDS`.
     """
 
     name: ClassVar[str]
     cannot: ClassVar[tuple[str, ...]]
 
-    def __init__(self, seconds: float = SEARCH_SECONDS) -> None:
+    def __init__(self, seconds: float = SEARCH_SECONDS, ground: str = "bristles") -> None:
         self.seconds = seconds
+        self.ground = ground
         self._found: dict[tuple[int, float], Step] = {}
+
+    def task(self, segments: int) -> Task:
+        """Return the task with N segments."""
+        return Task.of(segments, self.ground)
 
     @abstractmethod
     def settings(self, segments: int) -> str:
@@ -184,8 +205,8 @@ def _seconds(go: Callable[[], float]) -> float:
     return perf_counter() - start
 
 
-def load(name: str, seconds: float = SEARCH_SECONDS) -> Rival:
-    """Return a rival by its name; `seconds` limits its search for a step.
+def load(name: str, seconds: float = SEARCH_SECONDS, ground: str = "bristles") -> Rival:
+    """Return a rival by its name, on one of `GROUNDS`; `seconds` limits its search for a step.
 
     Raises
     ------
@@ -194,7 +215,7 @@ def load(name: str, seconds: float = SEARCH_SECONDS) -> Rival:
     """
     module, attribute = RIVALS[name]
     try:
-        rival: Rival = getattr(import_module(module), attribute)(seconds=seconds)
+        rival: Rival = getattr(import_module(module), attribute)(seconds=seconds, ground=ground)
     except ImportError as error:
         raise MissingPartError(
             f"{name} cannot be imported ({error}); it comes with the extra 'bench': "
@@ -207,4 +228,5 @@ def measure(rival: Rival, segments: int, tolerance: float = TOLERANCE) -> Measur
     """Measure a rival at the largest step with that error of the distance after 10 s."""
     dt = rival.step_at_error(segments, tolerance)
     factor = rival.real_time_factor(segments, dt, DURATION)
-    return Measured(dt, rival.distance_error(segments, dt), 1e6 * dt / factor, factor)
+    error, distance = rival.distance_error(segments, dt), rival.run(segments, DURATION, dt)
+    return Measured(dt, error, 1e6 * dt / factor, factor, distance)

@@ -50,12 +50,12 @@ class Exact(Rival):
         return dt / 2e-6
 
 
-OWN = Contender("worm3d", "", 4, 0.01, 0.0, 1.0, 1e4, 5e3)
+OWN = Contender("worm3d", "", 4, "bristles", 0.01, 0.0, 0.7, 1.0, 1e4, 5e3)
 
 
 def test_measured_speeds_belong_together() -> None:
     measured = rivals.measure(Exact(), 6)
-    assert (measured.dt, measured.error) == (0.01, 0.01)
+    assert (measured.dt, measured.error, measured.distance) == (0.01, 0.01, 10.1)
     assert_allclose(measured.us_per_step, 2.0)
     assert_allclose(measured.real_time_factor, 5000.0)
 
@@ -130,8 +130,8 @@ def test_the_largest_step_is_that_up_to_which_all_hold() -> None:
 def test_a_single_tree_without_a_step_is_timed_at_that_of_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed; it comes with the extra 'bench'")
     monkeypatch.setattr(plant, "ONE_TREE_S", 0.05)
-    own = Contender("worm3d", "", 3, 0.01, 0.0, 1.0, 1e4, 5e3)
-    timed, why = plant.one_tree(own, Contender("MuJoCo", "", 3, 5e-3, 0.01, 1.0, 1e4), seconds=0.0)
+    own = Contender("worm3d", "", 3, "isotropic", 0.01, 0.0, 0.7, 1.0, 1e4, 5e3)
+    timed, why = plant.one_tree(own, Contender("MuJoCo", "", 3, "isotropic", 5e-3, 0.01, 0.7, 1.0, 1e4), seconds=0.0)
     assert isinstance(timed, Contender)
     assert (timed.dt_s, timed.error is not None and math.isnan(timed.error)) == (5e-3, True)
     assert_allclose(timed.ratio, 1e4 / timed.real_time_factor)
@@ -140,10 +140,10 @@ def test_a_single_tree_without_a_step_is_timed_at_that_of_the_best(monkeypatch: 
 
 
 def test_a_rivals_ratios_are_those_of_the_real_time_factors() -> None:
-    found = plant.against(Exact(), OWN, Measured(0.01, math.nan, 2.0, 5e3), "no search")
+    found = plant.against(Exact(), OWN, Measured(0.01, math.nan, 2.0, 5e3, 0.7), "no search")
     assert (found.ratio, found.ratio_of_call, found.title) == (2.0, 1.0, "Exact 1.0 (no search)")
     _, rows = plant.table(plant.COLUMNS, [found])
-    assert rows == [("4", "Exact 1.0 (no search)", "10", "", "2.0", "5000.0", "2.0", "1.0")]
+    assert rows == [("bristles", "4", "Exact 1.0 (no search)", "10", "", "0.700", "2.0", "5000.0", "2.0", "1.0")]
 
 
 @pytest.fixture
@@ -160,17 +160,18 @@ def compare(*arguments: object):
 
 
 def test_the_comparison_prints_and_writes(short: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def load_one(name: str, seconds: float) -> Rival:
+    def load_one(name: str, seconds: float, ground: str = "bristles") -> Rival:
         if name == "pyelastica":
             raise MissingPartError("pyelastica cannot be imported")
-        return Exact(seconds)
+        return Exact(seconds, ground)
 
     monkeypatch.setattr(plant, "load", load_one)
-    done = compare("--out", tmp_path / "out", "--segments", 4)
+    done = compare("--out", tmp_path / "out", "--segments", 4, "--ground", "isotropic")
     assert done.exit_code == 0, done.output
     study = json.loads((tmp_path / "out" / "rivals.json").read_text())
     own, exact = study["rivals"]
     assert own["name"].startswith("worm3d ")
+    assert (own["ground"], exact["ground"]) == ("isotropic", "isotropic")
     assert_allclose(exact["ratio"], own["real_time_factor"] / 5000.0)
     assert_allclose(1e6 * exact["dt_s"] / exact["us_per_step"], exact["real_time_factor"])
     for text in (done.output, (tmp_path / "out" / "rivals.md").read_text()):
@@ -178,7 +179,9 @@ def test_the_comparison_prints_and_writes(short: None, monkeypatch: pytest.Monke
         assert "pyelastica cannot be imported" in text
 
 
-@pytest.mark.parametrize(("arguments", "code"), [((), 4), (("--rival", "mujoco"), 4), (("--rival", "toy"), 2)])
+@pytest.mark.parametrize(
+    ("arguments", "code"), [((), 4), (("--rival", "mujoco"), 4), (("--rival", "toy"), 2), (("--ground", "toy"), 2)]
+)
 def test_rivals_that_are_not_there_end_it_before_anything_is_measured(
     arguments: tuple[str, ...], code: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from scenes.bench import plant, plant_measures, plant_parts, plant_report
+from scenes.bench import calibration, plant, plant_measures, plant_parts, plant_report
 from scenes.bench.plant_measures import MemoryGrowth, Speed, Start, StoppedError, Throughput, crawl, steps_of
 from scenes.commands.packages import cpu_name, machine
 from worm3d import Status
@@ -148,7 +148,7 @@ def study() -> plant.Study:
     share = plant_parts.Shares(6, 10.0, {"kernels": 8.0, "other": 2.0})
     batch = Throughput(2, 6, 1, 1.0, 2.0, 1.0, 200.0, 2.0, 1.0, False)
     start, memory = Start(6, 2.0, 0.5, True), MemoryGrowth(6, 50, None)
-    return plant.Study(machine(), TINY, speeds, plant_measures.growth(speeds), (share,), (batch,), start, memory)
+    return plant.Study(machine(), TINY, 0.5, speeds, plant_measures.growth(speeds), (share,), (batch,), start, memory)
 
 
 def test_what_is_not_known_or_not_equal_is_said() -> None:
@@ -231,3 +231,10 @@ def test_the_command_line_stays_light() -> None:
     code = "import sys, scenes.commands.app; print(*[m for m in ('numba', 'matplotlib', 'numpy') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+def test_the_calibration_loop_solves_its_system() -> None:
+    matrix = 4.0 * np.eye(3) + 0.5
+    once = calibration.solve_often(matrix, 1)
+    assert_allclose(once, np.linalg.solve(matrix, np.ones(3)))
+    assert_allclose(calibration.solve_often(matrix, 2), np.linalg.solve(matrix, 1.0 + once))
