@@ -99,7 +99,7 @@ def test_the_task_is_the_default_worm() -> None:
 
 def test_yaw_is_the_chambers_in_series_with_the_joint() -> None:
     chambers = 13.0 * 0.03**2 * 6
-    assert_allclose(Task().yaw, np.full(5, chambers * 0.5 / (chambers + 0.5)))
+    assert_allclose(Task.of(6).yaw, np.full(5, chambers * 0.5 / (chambers + 0.5)))
 
 
 @pytest.mark.parametrize("name", list(RIVALS))
