@@ -5,7 +5,7 @@
 path's heading psi, its curvature kappa and the offset e to the left of it (L2),
 
     V_cmd = V_ref + K_p (V_ref - V) + K_i int (V_ref - V) dt                                                   (B1)
-    h_ref = psi - arctan(e / reach)                            line of sight                                   (B2)
+    h_ref = psi - arctan(e / reach),  + backwards              line of sight                                   (B2)
     w_cmd = kappa V_ref + K_h (h_ref - h)                      (h_ref' instead of kappa V_ref without a path)  (B3)
 
 and amplitude, frequency and steering are again those of the map. The integral stands still while V_cmd cannot be
@@ -76,13 +76,13 @@ class _Baseline(WaveController):
             known = ", ".join(map(repr, identified.maps))
             raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")
         self.identified, self.mechanism, self.found = identified, mechanism, identified.maps[mechanism]
-        self.feed_forward = FeedForward(self.found, worm.length)
+        self.feed_forward = FeedForward(self.found, worm.length, identified.backward)
         super().__init__(worm, reference, identified.schedule, self.feed_forward, control_period, estimator)
 
     def _wave(self, speed: float, turn_rate: float) -> GaitParameters:
         """Return the wave of a speed [m/s] and turn rate [rad/s]; below the slowest one the worm stands."""
         amplitude, frequency, steering = map(float, self.feed_forward(speed, turn_rate))
-        if speed < self.feed_forward.slowest:
+        if not self.feed_forward.goes(speed):
             amplitude, steering = 0.0, 0.0
         return GaitParameters(amplitude, frequency).steered(self.mechanism, steering)
 
@@ -205,8 +205,9 @@ class PiLineOfSight(_Baseline):
         return asked
 
     def _reaches(self, speed: float) -> bool:
-        made = self.worm.length * float(self.found.speed(*self.feed_forward(speed, 0.0)))
-        return abs(made - speed) <= REACHED * abs(speed)
+        amplitude, *others = self.feed_forward(speed, 0.0)
+        made = self.worm.length * float(self.found.speed(abs(amplitude), *others))
+        return abs(made - abs(speed)) <= REACHED * abs(speed)
 
     def _turn(self, t: float, estimate: Estimate) -> float:
         """Return w_cmd, (B2) and (B3); like the MPC it turns as the path does until the heading is known."""
@@ -216,7 +217,8 @@ class PiLineOfSight(_Baseline):
         if reference.path is not None:
             self._near = s = float(reference.path.project(estimate.position, self._near))
             aside = float(offset(reference.path, estimate.position, s))
-            wanted = float(reference.path.heading(s)) - math.atan(aside / (self.gains.reach * self.worm.length))
+            sight = math.atan(aside / (self.gains.reach * self.worm.length))
+            wanted = float(reference.path.heading(s)) - math.copysign(sight, float(reference.speed(t)) * sight)
         elif reference.heading is not None:
             s, wanted = 0.0, float(reference.heading(t))
         else:

@@ -204,7 +204,7 @@ class WaveController(ABC):
         """Return the command from time t [s] on; TypeError where the measurement is no `Measurement`."""
         began = perf_counter()
         elapsed, self._time = 0.0 if self._time is None else t - self._time, t
-        seen = self.gate(t, measurement, moving=self._target.amplitude > 0.0)
+        seen = self.gate(t, measurement, moving=self._target.amplitude != 0.0)
         if self.estimator is not None:
             self.estimator.take(t, seen, self._target, self.generator.phase)
         if self.estimator is not None:  # one without looks at nothing

@@ -54,7 +54,7 @@ THERE, STAYS = 0.004, 0.02
 """Ways to the end of a path below which the worm rests, and beyond which it goes on again [body lengths]."""
 STILL = 1e-6
 """Frequency of a wave that stands still [Hz]."""
-BACKWARDS = "the reference asks for a way backwards, of which the identified map knows nothing: the worm rests"
+BACKWARDS = "the reference asks for a way backwards, and no wave of this worm goes backwards: it rests"
 STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
 ARRIVED = "the worm is at the end of its path"
 LATE = "the plan came too late"
@@ -153,16 +153,17 @@ class Supervisor(WaveController):
         self._accepted: Plan | None = None
         self._failures = self._kept = 0
         self._near: float | None = None
-        self._is_there = False
+        self._is_there = self._was_back = False
         self._heading_is_known = KnownHeading()
 
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
         assert estimate is not None
-        if self._speed(t) < 0.0:
+        speed, able = self._speed(t), self.planner.feed_forward
+        if speed < 0.0 and not able.backward:
             return Choice("stop", rest(self._target), BACKWARDS)
-        if self._speed(t) < self.planner.feed_forward.slowest:
+        if abs(speed) < able.slowest:
             return Choice("stop", _still(self._target), STANDS)
-        if _tried(self._arrived, estimate)[0]:
+        if _tried(self._arrived, estimate, speed < 0.0)[0]:
             return Choice("stop", _still(self._target), ARRIVED)
         if not self._heading_is_known(estimate, self.generator.waves):
             blind = self._blind(t, estimate)
@@ -175,14 +176,18 @@ class Supervisor(WaveController):
         self._accepted, self._failures, self._kept = plan, 0, 0
         return Choice("mpc", plan.parameters, plan.status.value, plan)
 
-    def _arrived(self, estimate: Estimate) -> bool:
-        """Return whether the worm is at the end of its path; from there on it may be pushed back a little."""
+    def _arrived(self, estimate: Estimate, back: bool = False) -> bool:
+        """Return whether the worm is at the end of its path; from there on it may be pushed back a little.
+
+        The end of the way back is the begin of the path.
+        """
         path = self.reference.path
         if path is None or not self.reference.ends:
             return False
         self._near = float(path.project(estimate.position, self._near))
-        left = (path.length - self._near) / self.worm.length
-        self._is_there = left < (STAYS if self._is_there else THERE)
+        left = (self._near if back else path.length - self._near) / self.worm.length
+        self._is_there = left < (STAYS if self._is_there and back == self._was_back else THERE)
+        self._was_back = back
         return self._is_there
 
     def _blind(self, t: float, estimate: Estimate) -> GaitParameters | None:
@@ -234,7 +239,7 @@ class Supervisor(WaveController):
 
 def _still(in_force: GaitParameters) -> GaitParameters:
     """Return the wave in force, standing still: a worm that lets go of its wave shifts by a hundredth of its length."""
-    return replace(in_force, frequency=STILL) if in_force.amplitude > 0.0 else in_force
+    return replace(in_force, frequency=STILL) if in_force.amplitude != 0.0 else in_force
 
 
 def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:
@@ -262,5 +267,6 @@ def _fault(plan: Any, ranges: Ranges, mechanism: Mechanism) -> str:
         return NOT_NUMBERS
     first = plan.parameters
     waves = np.vstack([inputs, [first.amplitude, first.frequency, first.steering(mechanism)]])
+    waves[:, 0] = np.abs(waves[:, 0])  # below 0 backwards
     (low, high), slack = ranges.bounds, ROUNDING * np.ptp(ranges.bounds, axis=0)
     return OUTSIDE if ((waves < low - slack) | (waves > high + slack)).any() else ""

@@ -83,11 +83,12 @@ class BodyWave(WaveGenerator):
         if self.bend == 0.0:
             return target
         mechanism, ranges = self._found.mechanism, self._found.ranges
-        wave = max(target.amplitude, ranges.amplitude[0]), target.frequency
+        way_sign = -1.0 if target.amplitude < 0.0 else 1.0
+        wave = max(abs(target.amplitude), ranges.amplitude[0]), target.frequency
         asked = float(np.clip(target.steering(mechanism), -ranges.steering, ranges.steering))
         turns = np.asarray(self._found.turn(*wave, self._steerings))
         way = float(self._found.distance(*wave, asked))
-        turned = GUIDED * self.bend * way
+        turned = GUIDED * self.bend * way_sign * way
         left = float(np.interp(np.interp(asked, self._steerings, turns) - turned, turns, self._steerings))
         aside = float(self._found.drift(*wave, left)) - float(self._found.drift(*wave, asked))
         self.crab = ASIDE * self.bend + (aside / way if way > 0.0 else 0.0)

@@ -186,7 +186,7 @@ class Estimator:
         return self._settled + [(each.sample.time, each.nis) for each in self._past if each.nis is not None]
 
     def _take_strain(self, strain: FloatArray, instant: float) -> None:
-        self._wave.take(strain, self._history.phase(instant))
+        self._wave.take(strain, self._history.phase(instant), self._history.is_back(instant))
         self._heights.append((instant, self._standing.height(strain)))
         while self._heights[0][0] < instant - self.span:
             self._heights.popleft()

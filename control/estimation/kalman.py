@@ -2,7 +2,7 @@
 
 Its state X are the states of (R1) and the matrix C (2 x 2) by which the centre of mass rocks with the wave:
 
-    (R1),   drift' = (-kappa v s_left - drift)/tau,   C' = 0                                                 (KF2)
+    (R1),   drift' = (-kappa |v| s_left - drift)/tau,   C' = 0                                                 (KF2)
 
 with white noise on each rate. s_left is the slope of the ground to the left, as far as it is known
 (`control.estimation.ground`), and kappa what a slope makes a crawling worm yield: dry friction that is shaken by the
@@ -213,7 +213,7 @@ def _prediction(model: ReducedModel, trust: Uncertainty) -> ca.Function:
     given, slope, dt = ca.SX.sym("input", INPUTS), ca.SX.sym("slope", 2), ca.SX.sym("dt")
     s = ReducedState(*ca.vertsplit(X[:STATES]))
     moved = model.advance(X[:STATES], given, dt)
-    towards = -trust.slope_yield * s.speed * (slope[1] * ca.cos(s.heading) - slope[0] * ca.sin(s.heading))
+    towards = -trust.slope_yield * ca.fabs(s.speed) * (slope[1] * ca.cos(s.heading) - slope[0] * ca.sin(s.heading))
     moved[DRIFT] = towards + (s.drift - towards) * ca.exp(-dt / trust.drift_time)
     after = ca.vertcat(moved, X[ROCKING])
     F = ca.jacobian(after, X)

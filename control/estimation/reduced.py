@@ -12,6 +12,8 @@ s is the steering in force, which `control.gaits.steering.WaveGenerator` leads t
 map, since weak steering turns a worm out of proportion (`control.identification.surrogate`). On paths of the default
 worm (R1) misses the turn rate by 0.005 rad/s; one lag of 0.95 s after a map in odd powers of the steering, by 0.008.
 Below the least amplitude that was identified d, c and omega fade in proportion to it: without contraction a worm rests.
+A wave of negative amplitude goes backwards (`control.gaits.steering`, (S3)): d(-A) = -d(A), c(-A) = -c(A), omega(-A) =
+omega(A).
 slip, yaw_bias, drift, crab and the gain of turning are what the map does not know (a slope, another ground, a worm that
 is somewhat different); they are constant in the model, and estimated.
 
@@ -69,7 +71,10 @@ STATES = len(ReducedState._fields)
 
 
 class ReducedInput(NamedTuple):
-    """Input of the reduced model: amplitude, frequency [Hz], and the steering asked for, a hinge [rad] or a bias."""
+    """Input of the reduced model: amplitude, below 0 backwards, frequency [Hz], and the steering asked for.
+
+    The steering is a hinge [rad], a bias, or a share of both.
+    """
 
     amplitude: float | ca.SX
     frequency: float | ca.SX
@@ -146,10 +151,11 @@ def _rate(s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, 
     found, lags = identified.maps[mechanism], identified.lags[mechanism]
     least = found.ranges.amplitude[0]
     pace = ca.fmax(u.frequency, found.ranges.frequency[0])  # how slowly so ever, feet that stick follow at once
-    known, fading = (ca.fmax(u.amplitude, least), u.frequency, s.steering), ca.fmin(1.0, u.amplitude / least)
+    size, way = ca.fabs(u.amplitude), ca.if_else(u.amplitude < 0.0, -1.0, 1.0)
+    known, fading = (ca.fmax(size, least), u.frequency, s.steering), ca.fmin(1.0, size / least)
     forward = (1.0 - s.slip) * s.speed
-    sideways = fading * worm.length * found.drift_speed(*known) + s.crab * forward + s.drift
-    speed_rate = (fading * worm.length * found.speed(*known) - s.speed) * pace / lags.amplitude
+    sideways = way * fading * worm.length * found.drift_speed(*known) + s.crab * forward + s.drift
+    speed_rate = (way * fading * worm.length * found.speed(*known) - s.speed) * pace / lags.amplitude
     turn_acceleration = (s.turn_gain * fading * found.turn_rate(*known) - s.turn_rate) / lags.steering
     return ca.vertcat(
         forward * ca.cos(s.heading) - sideways * ca.sin(s.heading),

@@ -10,7 +10,9 @@ amplitude of the strain, arg a its lag behind the command. What rocks with the w
 
     wave(psi) = (Re, Im) a exp(+- i psi),                                                                     (W2)
 
-at any instant whose commanded phase is known, whether a sample of the strains arrived then or not.
+at any instant whose commanded phase is known, whether a sample of the strains arrived then or not. A wave that goes
+backwards is that of the worm turned round (`control.gaits.steering`, (S3)): it is fitted to the strains from the head
+on, and rocks the other way, so that -wave(psi) is taken of it.
 """
 
 from __future__ import annotations
@@ -56,6 +58,10 @@ class InputHistory:
     def __len__(self) -> int:
         return len(self._times)
 
+    def is_back(self, t: float) -> bool:
+        """Return whether the wave commanded at t [s] goes backwards."""
+        return bool(self._inputs[min(bisect_left(self._times, t), len(self._times) - 1)][0] < 0.0)
+
     def phase(self, t: float) -> float:
         """Return the phase [rad] at t [s]."""
         k = min(max(bisect_left(self._times, t), 1), len(self._times) - 1)
@@ -89,18 +95,23 @@ class MeasuredWave:
 
     def reset(self) -> None:
         """Forget the wave."""
-        self.amplitude = 0j
+        self.amplitude = self.backward = 0j
         self._phase: float | None = None
 
-    def take(self, strain: FloatArray, phase: float) -> None:
-        """Take a sample of the strains, shape (N, 2), NaN where unknown, at the commanded phase psi [rad], (W1)."""
-        sampled = self._fitted(strain)
+    def take(self, strain: FloatArray, phase: float, back: bool = False) -> None:
+        """Take a sample of the strains, shape (N, 2), NaN where unknown, at the commanded phase psi [rad], (W1).
+
+        `back` says whether a wave is commanded that goes backwards; that of the other way dies away.
+        """
+        sampled = self._fitted(strain[::-1] if back else strain)
         if sampled != sampled:
             return
         passed = 0.0 if self._phase is None else abs(phase - self._phase) / (2.0 * np.pi)
         self._phase = phase
         sampled *= np.exp(-self._turning * phase)
-        self.amplitude += (1.0 - np.exp(-passed / SMOOTHING)) * (sampled - self.amplitude)
+        share = 1.0 - np.exp(-passed / SMOOTHING)
+        self.amplitude += share * ((0j if back else sampled) - self.amplitude)
+        self.backward += share * ((sampled if back else 0j) - self.backward)
 
     def _fitted(self, strain: FloatArray) -> complex:
         """Return a exp(+- i psi) of one sample; NaN if too little is known."""
@@ -116,7 +127,7 @@ class MeasuredWave:
 
     def at(self, phase: float) -> FloatArray:
         """Return (W2) at a commanded phase [rad], shape (2,)."""
-        turned = self.amplitude * np.exp(self._turning * phase)
+        turned = (self.amplitude - self.backward) * np.exp(self._turning * phase)
         return np.array([turned.real, turned.imag])
 
 

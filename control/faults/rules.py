@@ -104,6 +104,8 @@ class Wave:
     """Greatest turn rate of the map [rad/s]."""
     aside: float | None
     """Distance from the path [body lengths]."""
+    back: bool = False
+    """Whether it is to go backwards, as it can; speeds are counted backwards then."""
 
 
 def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
@@ -163,8 +165,9 @@ def _unreachable(waves: Sequence[Wave]) -> Iterator[Fault]:
         what = f"{wave.most_asked:.3g} m/s are asked for, by the identified map this worm's wave makes {wave.reach:.3g}"
         yield Fault(wave.end, "unreachable speed", what, "ask for less speed")
     if wave.least_asked < 0.0:
-        what = f"{wave.least_asked:.3g} m/s are asked for; the identified map knows of no wave that goes backwards"
-        yield Fault(wave.end, "unreachable speed", what, "ask for speeds of 0 or more, and turn where it is to go back")
+        what = f"{wave.least_asked:.3g} m/s are asked for; by the identified map no wave of this worm goes backwards"
+        advice = "ask for speeds of 0 or more, and turn where it is to go back; bristles let it go forward only"
+        yield Fault(wave.end, "unreachable speed", what, advice)
 
 
 def _too_sharp(waves: Sequence[Wave]) -> Iterator[Fault]:
@@ -178,6 +181,8 @@ def _speed(waves: Sequence[Wave]) -> Iterator[Fault]:
     if len(waves) <= THREE:  # the first wave swells
         return
     last = waves[-THREE:]
+    if any(wave.back != last[-1].back for wave in last):
+        return
     way, error = _way(last)
     least, most = min(wave.least_asked for wave in last), max(wave.most_asked for wave in last)
     slow = SLOW_AT_LIMIT if all(wave.at_limit for wave in last[1:]) else SLOW
@@ -190,15 +195,17 @@ def _speed(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def _way(waves: Sequence[Wave]) -> tuple[float, float]:
-    """Return the speed along the way [m/s], below 0 where that is backwards, and its error; NaN if unknown."""
+    """Return the speed along the way [m/s], below 0 where that is the wrong one, and its error; NaN if unknown."""
     places = [wave.place for wave in waves if wave.place is not None]
     if len(places) < len(waves):
         return nan, nan
     ways, last = np.diff(places, axis=0), waves[-1]
     time = last.place_time - waves[0].place_time
-    back = last.heading is not None and (places[-1] - places[0]) @ [np.cos(last.heading), np.sin(last.heading)] < 0.0
     made = float(np.hypot(*ways.T).sum()) / time
-    return -made if back else made, float(np.linalg.norm([wave.place_error for wave in waves])) / time
+    if last.heading is not None:
+        back = (places[-1] - places[0]) @ [np.cos(last.heading), np.sin(last.heading)] < 0.0
+        made = -made if back != last.back else made
+    return made, float(np.linalg.norm([wave.place_error for wave in waves])) / time
 
 
 def _off_path(waves: Sequence[Wave]) -> Iterator[Fault]:

@@ -92,12 +92,15 @@ class Watch:
         try:
             at = np.full(MOMENTS, self._near or 0.0)
             asked = np.zeros(MOMENTS) + speed_at(self._reference, np.linspace(begin, end, MOMENTS), at)
+            back = self._feed_forward.backward and bool(asked.sum() < 0.0)
+            if self._feed_forward.backward:
+                asked = np.maximum(-asked if back else asked, 0.0)
             if self._parameters.amplitude == 0.0:
                 asked = np.minimum(asked, 0.0)  # it rests because it was told to, and not for want of speed
             turn, sharpest, aside = self._way(place, max(float(asked[-1]), 0.0))
         except Exception:  # anybody may write references; the fallback deals with these
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
-            asked, turn, sharpest, aside = np.full(MOMENTS, nan), 0.0, inf, None
+            asked, turn, sharpest, aside, back = np.full(MOMENTS, nan), 0.0, inf, None, False
         top = self._feed_forward.ranges
         known = estimate is not None and estimate.deviations[2] < KNOWN
         return Wave(
@@ -109,8 +112,9 @@ class Watch:
             place_time=instant,
             place_error=doubt,
             heading=estimate.heading if estimate is not None and known else None,
-            at_limit=self._parameters.amplitude >= AT_LIMIT * top.amplitude[1]
+            at_limit=abs(self._parameters.amplitude) >= AT_LIMIT * top.amplitude[1]
             and self._parameters.frequency >= AT_LIMIT * top.frequency[1],
+            back=back,
             least_asked=float(asked.min()),
             most_asked=float(asked.max()),
             reach=self._feed_forward.fastest,

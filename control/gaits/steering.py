@@ -35,6 +35,14 @@ the sign - for a direct, + for a retrograde wave:
     hinge_j     = hinge sin(k_s x_j +- (psi + hinge_phase + 2 pi f lead)),   j = 1 ... N-1                  (S2)
 
 clipped to the stroke, side = +1 left, -1 right; joint j belongs to its headward segment j.
+
+**Backwards.** A wave of negative amplitude is that of -A, done by the worm as if its tail were its head: half a turn
+about the vertical puts segment i in the place of N-1-i and joint j in that of N-j, and exchanges left and right,
+
+    c_iL -> c_{N-1-i,R},   c_iR -> c_{N-1-i,L},   hinge_j -> -hinge_{N-j}                                        (S3)
+
+A worm that is the same from both ends, on friction that is the same forward and backward, then moves just as much
+backwards, and turns the same way as by A: (distance, turn, drift) -> (-distance, turn, -drift).
 """
 
 from __future__ import annotations
@@ -60,6 +68,8 @@ UNITS: dict[Mechanism, tuple[float, float]] = {"hinge": (1.0, 0.0), "bias": (0.0
 LEFT_RIGHT = np.array([1.0, -1.0])
 BLEND = 0.25
 """Number of waves in which a parameter covers 63 % of a change, unless said otherwise."""
+GONE = 1e-9
+"""Amplitude and hinge [rad] below which a wave that dies away is no more."""
 PACE = 0.5
 """Frequency below which a change takes no longer in slower waves [Hz], so that waves can stop and start again."""
 
@@ -77,7 +87,7 @@ class GaitParameters:
     """
 
     amplitude: float
-    """Greatest contraction of a chamber A, at least 0."""
+    """Greatest contraction of a chamber A; below 0 for the wave (S3) that goes backwards."""
     frequency: float
     """Frequency f [Hz], above 0."""
     bias: float = 0.0
@@ -88,8 +98,6 @@ class GaitParameters:
     def __post_init__(self) -> None:
         for field in fields(self):
             arguments.number(field.name, getattr(self, field.name))
-        if self.amplitude < 0.0:
-            raise ValueError(f"amplitude: got {self.amplitude!r}, must be at least 0")
         standing = "above 0; amplitude 0 stands still"
         arguments.number("frequency", self.frequency, "Hz", gt=0.0, allowed=standing)
 
@@ -133,15 +141,21 @@ class Schedule:
     def commands_at(self, phase: FloatArray, parameters: FloatArray, body: Body) -> Commands:
         """Return the commands at K phases psi (K,) [rad], (S1) and (S2).
 
-        The parameters (K, 4) are amplitude, frequency [Hz], bias and hinge [rad] at each of them.
+        The parameters (K, 4) are amplitude, frequency [Hz], bias and hinge [rad] at each of them, (S3) where the
+        amplitude is below 0.
         """
         amplitude, frequency, bias, hinge = parameters.T[:, :, None]
+        back, amplitude = amplitude < 0.0, np.abs(amplitude)
         ahead = phase[:, None] + 2.0 * np.pi * self.lead * frequency
         pulse = np.maximum(0.0, self._wave(phase[:, None], self.wavelength, body.segments))
         unequal = bias * self._wave(ahead + self.bias_phase, self.steering_wavelength, body.segments)
         chambers = amplitude[..., None] * (pulse[..., None] + unequal[..., None] * LEFT_RIGHT)
         bend = hinge * self._wave(ahead + self.hinge_phase, self.steering_wavelength, body.segments)
-        return Commands(np.clip(chambers, *body.stroke), bend[:, 1:], np.zeros_like(chambers))
+        chambers, bend = np.clip(chambers, *body.stroke), bend[:, 1:]
+        if back.any():
+            chambers = np.where(back[..., None], chambers[:, ::-1, ::-1], chambers)
+            bend = np.where(back, -bend[:, ::-1], bend)
+        return Commands(chambers, bend, np.zeros_like(chambers))
 
     def _wave(self, phase: FloatArray, wavelength: float, segments: int) -> FloatArray:
         x = (np.arange(segments) + 0.5) / segments
@@ -183,7 +197,8 @@ class WaveGenerator:
     """Wave at run time, whose parameters a controller may change at any time without jumps of the command.
 
     Its `phase` psi [rad] accumulates, psi' = 2 pi f, and each of its `parameters` p (None before the first step)
-    approaches its target at the rate (target - p) f / blend, f at least `PACE`. A wave begins at amplitude 0.
+    approaches its target at the rate (target - p) f / blend, f at least `PACE`. A wave begins at amplitude 0. Where the
+    worm is to go the other way, (S3), the wave dies away as the other one swells, and the commands are their sum.
 
     Parameters
     ----------
@@ -205,6 +220,7 @@ class WaveGenerator:
         """Begin anew."""
         self.phase = 0.0
         self.parameters: GaitParameters | None = None
+        self._dying: FloatArray | None = None
 
     def step(self, dt: float, target: GaitParameters) -> Command:
         """Return the command after another `dt` [s] of approaching `target`."""
@@ -213,16 +229,38 @@ class WaveGenerator:
 
     def steps(self, elapsed: Sequence[float], target: GaitParameters) -> Commands:
         """Return the commands after each of K further times of approaching `target` [s]."""
-        goal, now = target.row(), (self.parameters or GaitParameters(0.0, target.frequency)).row()
-        phases, rows = [], []
+        goal, now = target.row(), self._begun(target)
+        phases, rows, dying_rows = [], [], []
         for dt in elapsed:
-            moved = goal + (now - goal) * np.exp(-dt * max(now[1], PACE) / self.blend)
+            left_over = np.exp(-dt * max(now[1], PACE) / self.blend)
+            moved = goal + (now - goal) * left_over
             self.phase += float(np.pi * (now[1] + moved[1]) * dt)
             now = moved
             phases.append(self.phase)
             rows.append(now)
+            if self._dying is not None:
+                self._dying = np.array([left_over, 1.0, 1.0, left_over]) * self._dying
+                dying_rows.append(self._dying)
         self.parameters = GaitParameters(*now.tolist())
-        return self.schedule.commands_at(np.array(phases), np.array(rows), self._body)
+        given = self.schedule.commands_at(np.array(phases), np.array(rows), self._body)
+        if self._dying is None:
+            return given
+        other = self.schedule.commands_at(np.array(phases), np.array(dying_rows), self._body)
+        if np.abs(self._dying[[0, 3]]).max() < GONE:
+            self._dying = None
+        both = np.clip(given.contraction + other.contraction, *self._body.stroke)
+        return Commands(both, given.hinge + other.hinge, given.force)
+
+    def _begun(self, target: GaitParameters) -> FloatArray:
+        """Return the parameters of the wave that goes the way of the target; one that goes the other way dies away."""
+        if self.parameters is None:
+            self._dying = None
+            return GaitParameters(0.0, target.frequency).row()
+        now = self.parameters.row()
+        if now[0] * target.amplitude >= 0.0:
+            return now
+        before, self._dying = self._dying, now
+        return np.array([0.0, now[1], 0.0, 0.0]) if before is None else before
 
     @property
     def waves(self) -> float:

@@ -32,7 +32,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -205,6 +205,8 @@ class Identified:
     """Map of each mechanism."""
     lags: Mapping[Mechanism, Lags]
     """Lags of each mechanism."""
+    backward: bool = False
+    """Whether the worm crawls backwards as it does forwards, `is_reversible`; known of the worm, not kept in files."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as JSON can hold it."""
@@ -305,7 +307,30 @@ def load(
     name = key(worm, ground or Friction(), schedule or Schedule(), design or Design())
     shipped = SHIPPED / f"{name}.json"
     content = shipped.read_bytes() if shipped.is_file() else cache.load(cache.folder(FOLDER), name, SUFFIX)
-    return None if content is None else Identified.from_dict(json.loads(content))
+    if content is None:
+        return None
+    return replace(Identified.from_dict(json.loads(content)), backward=is_reversible(worm, ground or Friction()))
+
+
+def is_reversible(worm: Worm, ground: Friction) -> bool:
+    """Return whether a worm is the same from both ends, and its friction the same forward and backward.
+
+    By (S3) of `control.gaits.steering` it can then crawl backwards.
+    """
+    return bool(np.array_equal(ground.forward, ground.backward)) and _is_symmetric(worm) and _is_symmetric(ground)
+
+
+def _is_symmetric(thing: Any) -> bool:
+    """Return whether half a turn leaves the fields (N, ...) or (N, 2), left and right, of a part as they are."""
+    for field in fields(thing):
+        value = getattr(thing, field.name)
+        if isinstance(value, np.ndarray) and value.ndim:
+            turned = value[::-1, ::-1] if value.ndim > 1 else value[::-1]
+            if not np.array_equal(value, turned):
+                return False
+        elif is_dataclass(value) and not _is_symmetric(value):
+            return False
+    return True
 
 
 def store(identified: Identified, worm: Worm, ground: Friction, design: Design, folder: Path | None = None) -> bool:

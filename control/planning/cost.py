@@ -5,7 +5,8 @@ and c the excesses of the reduced model at the end of each step, each over its t
 
     minimise 1/2 sum_k [ |m_k|^2 + |max(0, c_k)|^2 ],   -1 <= u <= 1                                           (O2)
 
-(frequencies may be lower than any that was identified) where terms drop out that the reference does not ask for. States
+(frequencies may be lower than any that was identified, and amplitudes have the other sign where the worm goes
+backwards) where terms drop out that the reference does not ask for. States
 and their derivatives follow the reduced model over inputs that are constant in each step:
 
     X_{k+1} = F(X_k, U_k),   dX_{k+1}/dU = A_k dX_k/dU + B_k dU_k/dU,   A_k = dF/dX, B_k = dF/dU at (X_k, U_k)   (O3)
@@ -48,6 +49,11 @@ class Scale:
     def inputs(self, z: FloatArray) -> FloatArray:
         """Return inputs, shape (K, 3), of scaled ones, shape (3 K,)."""
         return self.centre + self.half * z.reshape(-1, INPUTS)
+
+    def sized(self, scaled: ca.SX) -> ca.SX:
+        """Return scaled inputs (3,) with the size of the amplitude, which is below 0 in waves that go backwards."""
+        (centre, *_), (half, *_) = self.centre, self.half
+        return ca.vertcat((ca.fabs(centre + half * scaled[0]) - centre) / half, scaled[1:])
 
     def scaled(self, inputs: FloatArray) -> FloatArray:
         """Return the scaled inputs, shape (3 K,), of inputs (K, 3)."""
@@ -119,17 +125,18 @@ def _moment(
 ) -> Moment:
     scale = Scale(found.ranges)
     given = ca.DM(scale.centre) + ca.DM(scale.half) * scaled
+    size = ca.fabs(given[0])
     velocity, heading = model.output(state, given), state[2]
     least = found.ranges.frequency[0]
     return Moment(
         state=ReducedState(*ca.vertsplit(state)),
         given=ReducedInput(*ca.vertsplit(given)),
-        scaled=scaled,
-        before=before,
+        scaled=scale.sized(scaled),
+        before=scale.sized(before),
         speed=velocity[0] * ca.cos(heading) + velocity[1] * ca.sin(heading),
         sideways=velocity[1] * ca.cos(heading) - velocity[0] * ca.sin(heading),
         turn_rate=velocity[2],
-        roll=ca.SX(0) if found.roll is None else found.roll(given[0], ca.fmax(given[1], least), state[STEERING]),
+        roll=ca.SX(0) if found.roll is None else found.roll(size, ca.fmax(given[1], least), state[STEERING]),
         wanted=Wanted(*ca.vertsplit(wanted)),
         length=length,
     )
@@ -275,6 +282,6 @@ class Problem:
     @cached_property
     def _wanted(self) -> FloatArray:
         ahead = self.preview
-        crab = ahead.follows / np.maximum(ahead.speed, self.slowest)
+        crab = ahead.follows * ahead.ways / np.maximum(np.abs(ahead.speed), self.slowest)
         bounds = np.minimum([ahead.left, ahead.right], FAR)
         return np.column_stack([ahead.speed, ahead.point, ahead.heading, crab, self.frequency, *bounds])

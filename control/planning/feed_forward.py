@@ -39,16 +39,18 @@ class FeedForward:
         The map.
     frequency : float
         The preferred one [Hz].
+    backward : bool
+        Whether the worm can crawl backwards, with the same wave the other way round.
     slowest, fastest : float
         Speed of the slowest wave [m/s], below which the worm stands, and the greatest one.
     swift : float
         Half of the least speed that was identified [m/s].
     """
 
-    def __init__(self, found: SteeringMap, length: float) -> None:
+    def __init__(self, found: SteeringMap, length: float, backward: bool = False) -> None:
         low, high = found.ranges.frequency
         self.frequency = PREFERRED if low <= PREFERRED <= high else (low + high) / 2.0
-        self.found, self.ranges = found, found.ranges
+        self.found, self.ranges, self.backward = found, found.ranges, backward
         (least, greatest), preferred = found.ranges.amplitude, self.frequency
         amplitudes = [np.full(2 * POINTS, least), np.linspace(least, greatest, POINTS), np.full(POINTS, greatest)]
         up, on = np.linspace(low, preferred, POINTS), np.linspace(preferred, high, POINTS)
@@ -70,13 +72,18 @@ class FeedForward:
         self._rises = max(int(np.argmax(self._sharpest < self._sharpest[0])) - 1, 0)
 
     def __call__(self, speed: float, turn_rate: float) -> ReducedInput:
-        """Return the wave of a steady speed [m/s] and turn rate [rad/s], or the nearest that there is."""
+        """Return the wave of a steady speed [m/s], below 0 backwards, and turn rate [rad/s], or the nearest one."""
         steering = 0.0  # its magnitude: left and right are mirror images
         for _ in range(REPEATS):
-            amplitude, frequency = self._on_line(speed, self._speeds(steering))
+            amplitude, frequency = self._on_line(abs(speed), self._speeds(steering))
             rising = np.maximum.accumulate(self._turn_rates(amplitude, frequency)) + RISE * self._steerings
             steering = float(np.interp(abs(turn_rate), rising, self._steerings))
-        return ReducedInput(amplitude, frequency, float(np.copysign(steering, turn_rate)))
+        way = -1.0 if speed < 0.0 else 1.0
+        return ReducedInput(way * amplitude, frequency, float(np.copysign(steering, turn_rate)))
+
+    def goes(self, speed: float) -> bool:
+        """Return whether the worm can crawl that slowly [m/s], and that way."""
+        return abs(speed) >= self.slowest and (speed > 0.0 or self.backward)
 
     def sharpest(self, speed: float) -> float:
         """Return the greatest turn rate of the map at a speed straight ahead [rad/s]."""
@@ -84,7 +91,7 @@ class FeedForward:
 
     def frequencies(self, speeds: FloatArray) -> FloatArray:
         """Return the frequencies that suit speeds straight ahead, shape (K,) each [m/s, Hz]."""
-        return np.asarray(np.interp(speeds, self._straight, self._frequencies))
+        return np.asarray(np.interp(np.abs(speeds), self._straight, self._frequencies))
 
     def reach(self, curvature: ArrayLike) -> FloatArray:
         """Return the greatest speeds [m/s] at which paths of curvatures (...) [1/m] can be followed by the map.

@@ -135,7 +135,11 @@ class GaitMPC:
             if value < least:
                 raise ValueError(f"{name}: got {value!r}, must be at least {least}")
         found = identified.maps[model.mechanism]
-        self.feed_forward, self._model, self._scale = FeedForward(found, worm.length), model, Scale(found.ranges)
+        self.feed_forward, self._model, self._scale = (
+            FeedForward(found, worm.length, identified.backward),
+            model,
+            Scale(found.ranges),
+        )
         self._length = worm.length
         terms = default_terms() if terms is None else terms
         self.cost = Cost.of(
@@ -223,7 +227,12 @@ class GaitMPC:
         bounds = np.tile(self._scale.bounds, self._prediction.steps)
         # No slower waves than what is asked for takes: far from its path a worm would rather stand than turn round.
         bounds[0, 1::INPUTS] = np.maximum(bounds[0, 1::INPUTS], np.minimum(problem.frequency, -1.0))
-        starts = [np.clip(self._scale.scaled(wave), *bounds) for wave in waves]
+        ways = problem.preview.ways
+        least, most = self.feed_forward.ranges.amplitude
+        ends = np.where(ways < 0.0, [[-most], [-least]], [[least], [most]])
+        bounds[:, ::INPUTS] = (ends - self._scale.centre[0]) / self._scale.half[0]
+        given = [np.column_stack([ways * np.abs(wave[:, 0]), wave[:, 1:]]) for wave in waves]
+        starts = [np.clip(self._scale.scaled(wave), *bounds) for wave in given]
         costs = [half_square(problem.residuals(start), problem.limits) for start in starts]
         best = int(np.argmin(costs))
         search = problem.residuals, problem.linearised, starts[best], *bounds, problem.limits

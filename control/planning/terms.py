@@ -82,7 +82,7 @@ class Moment:
     given: ReducedInput
     """Inputs during the step: amplitude, frequency [Hz] and steering."""
     scaled: ca.SX
-    """The inputs scaled to [-1, 1] over the ranges of the map, shape (3,)."""
+    """The inputs, the amplitude as its size, scaled to [-1, 1] over the ranges of the map, shape (3,)."""
     before: ca.SX
     """Scaled inputs of the step before, shape (3,)."""
     speed: ca.SX

@@ -270,9 +270,9 @@ def _arriving(motion: Motion, reference: Reference, window: _Window, place: Floa
     path = reference.path
     if path is None or not reference.ends:
         return np.zeros(len(place), dtype=bool)
-    wanted = np.abs(window.mean(np.asarray(reference.speed(motion.time), dtype=float)))
-    near: Bools = track(path, place) >= path.length - DROPPED * wanted * (window.time - window.began)
-    return np.logical_or.accumulate(near)
+    wanted = window.mean(np.asarray(reference.speed(motion.time), dtype=float))
+    near: Bools = track(path, place) >= path.length - DROPPED * np.abs(wanted) * (window.time - window.began)
+    return np.logical_or.accumulate(near) & (wanted >= 0.0)
 
 
 def _step_times(reference: Reference) -> Sequence[float]:

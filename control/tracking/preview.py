@@ -2,7 +2,7 @@
 
 The speed at arc length s of the path and time t is the least of
 
-    |V_ref(t)|,   V_reach(kappa(s)),   (length - s)/T if the path ends                                          (P1)
+    |V_ref(t)|,   V_reach(kappa(s)),   (length - s)/T, backwards s/T, if the path ends                          (P1)
 
 V_reach being the greatest speed at which the worm can turn as the path does. The last one leads to the end as
 exp(-t/T). Bounds of the offset e from the path are those of the corridor; an obstacle of radius R whose middle lies at
@@ -67,6 +67,12 @@ class Preview:
     way: FloatArray
     """Way forward in each step [body lengths], shape (K,)."""
 
+    @property
+    def ways(self) -> FloatArray:
+        """-1 where it is to go backwards, else 1, and as before where it is to stand, shape (K,)."""
+        moving = np.where(self.speed != 0.0, np.arange(len(self.speed)), 0)
+        return np.where(np.signbit(self.speed[np.maximum.accumulate(moving)]), -1.0, 1.0)
+
 
 class Ability(NamedTuple):
     """What is asked of a worm depends on what it can do."""
@@ -85,25 +91,26 @@ def speed_at(reference: Reference, t: ArrayLike, s: ArrayLike, able: Ability = A
 
     In a pipe that rises they are along it, and less as seen from above.
     """
-    along = np.asarray(s, dtype=float)
-    most = np.minimum(_turning(reference, along, able), _ending(reference, along))
-    speed = np.asarray(np.clip(np.asarray(reference.speed(t), dtype=float), -most, most))
+    along, turning = np.asarray(s, dtype=float), _turning(reference, s, able)
+    begin, end = _ending(reference, along)
+    asked = np.asarray(reference.speed(t), dtype=float)
+    speed = np.asarray(np.clip(asked, -np.minimum(turning, begin), np.minimum(turning, end)))
     return speed if reference.path is None else speed / lengthening(reference.path, along)
 
 
-def _turning(reference: Reference, s: FloatArray, able: Ability) -> FloatArray:
+def _turning(reference: Reference, s: ArrayLike, able: Ability) -> FloatArray:
     """Return the greatest speeds at which the path can be followed, at arc lengths of any shape [m/s]."""
-    path, way = reference.path, TURNS_IN * able.length
+    s, path, way = np.asarray(s, dtype=float), reference.path, TURNS_IN * able.length
     if path is None:
         return able.reach(np.zeros(s.shape))
     return able.reach((path.heading(s + way / 2.0) - path.heading(s - way / 2.0)) / way)
 
 
-def _ending(reference: Reference, s: FloatArray) -> FloatArray:
-    """Return the greatest speeds at which the path ends in rest, at arc lengths of any shape [m/s]."""
+def _ending(reference: Reference, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the greatest speeds back and on at which a path ends in rest at its ends, at arc lengths (...) [m/s]."""
     if reference.path is None or not reference.ends:
-        return np.full(s.shape, np.inf)
-    return np.maximum(reference.path.length - s, 0.0) / APPROACH
+        return np.full(s.shape, np.inf), np.full(s.shape, np.inf)
+    return np.maximum(s, 0.0) / APPROACH, np.maximum(reference.path.length - s, 0.0) / APPROACH
 
 
 def _advance(reference: Reference, times: FloatArray, step: float, progress: float, able: Ability) -> FloatArray:
@@ -116,8 +123,9 @@ def _advance(reference: Reference, times: FloatArray, step: float, progress: flo
     turning, longer = _turning(reference, places, able), np.ones(PLACES) if path is None else lengthening(path, places)
     s, along = progress, []
     for speed in asked.tolist():
-        limit = min(float(np.interp(s, places, turning)), float(_ending(reference, np.array(s))))
-        s += step * min(max(speed, -limit), limit) / float(np.interp(s, places, longer))
+        limit, ending = float(np.interp(s, places, turning)), _ending(reference, np.array(s))
+        begin, end = (min(limit, float(each)) for each in ending)
+        s += step * min(max(speed, -begin), end) / float(np.interp(s, places, longer))
         along.append(s)
     return np.array(along)
 

@@ -100,12 +100,12 @@ class Reference:
     """
 
     speed: Profile
-    """Time [s] -> speed forward, along the path if there is one [m/s]; takes arrays."""
+    """Time [s] -> speed forward, along the path if there is one, below 0 backwards [m/s]; takes arrays."""
     heading: Profile | None = None
     """Time [s] -> heading [rad]; takes arrays."""
     path: Path | None = None
     ends: bool = False
-    """Whether the worm stops at the end of the path and stays there."""
+    """Whether the worm stops at the end of the path and stays there; backwards, at its begin."""
     corridor: float = math.inf
     """Distance that it may go to either side of the path [m]."""
     obstacles: tuple[Disc, ...] = ()

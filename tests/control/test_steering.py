@@ -164,7 +164,7 @@ def test_a_bend_in_step_with_the_contraction_shuffles_instead() -> None:
 @pytest.mark.parametrize(
     ("build", "sentence"),
     [
-        (lambda: GaitParameters(-0.1, 1.0), "amplitude: got -0.1, must be at least 0"),
+        (lambda: GaitParameters(float("inf"), 1.0), "amplitude: got inf, must be finite"),
         (lambda: GaitParameters(0.1, 0.0), "frequency: got 0.0 Hz, must be above 0"),
         (lambda: GaitParameters(0.1, 1.0, hinge=float("nan")), "hinge: got nan, must be finite"),
         (lambda: Schedule(wavelength=0.0), "wavelength: got 0.0 body lengths, must be finite and above 0"),

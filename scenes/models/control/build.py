@@ -227,7 +227,7 @@ def _farthest(scene: ControlScene) -> float:
     """Return how far the worm is asked to go, and a body length more [m]."""
     times = np.linspace(0.0, scene.run.duration_s, 1001)
     speeds = np.asarray(speed_of(scene.reference)(times), dtype=float)
-    return float(speeds.mean() * scene.run.duration_s + scene.worm.length_m)
+    return float(max(np.cumsum(speeds).max(), 0.0) / len(speeds) * scene.run.duration_s + scene.worm.length_m)
 
 
 def faults_of(scene: ControlScene) -> list[Injected]:

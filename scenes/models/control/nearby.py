@@ -71,8 +71,7 @@ def nearby(worm: worm3d.Worm, ground: worm3d.Friction, mechanism: Mechanism) -> 
                 f"{name} a wave by {missed:.0f} %, must be at most {most:g} %: {FAR}"
             )
     maps = {**(known.maps if known else {}), mechanism: found}
-    near = Identified(
-        usual.schedule, MappingProxyType(maps), MappingProxyType({each: usual.lags[each] for each in maps})
-    )
+    lags = MappingProxyType({each: usual.lags[each] for each in maps})
+    near = Identified(usual.schedule, MappingProxyType(maps), lags, kept.is_reversible(worm, ground))
     kept.store(near, worm, ground, DESIGN)
     return near
