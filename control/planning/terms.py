@@ -30,6 +30,9 @@ From afar that way is long: to bring 0.3 body lengths down to 0.02 it takes 2.7 
 well to go straight for it, so that with b = 0.35 rad, five tolerances, a miss m of the heading costs
 
     (b/a_h)^2 (sqrt(1 + (m/b)^2) - 1),   half (m/a_h)^2 where it is small, (b/a_h) |m|/a_h where it is large   (O7)
+
+A miss of the speed costs likewise, with b = a_V. Where a worm is pushed or turns as sharply as it can, it has another
+speed than is asked for whatever it does; squared, that miss would outweigh the offset, and shorten the waves that turn.
 """
 
 from __future__ import annotations
@@ -116,19 +119,27 @@ class CostTerm(ABC):
         return 1.0
 
 
+def _levelled(miss: ca.SX, large: float) -> ca.SX:
+    """Return what has half the square (O7) of a miss, times the square of its tolerance."""
+    return miss * ca.sqrt(2.0 / (1.0 + ca.sqrt(1.0 + (miss / large) ** 2)))
+
+
 @documented
 @dataclass(frozen=True)
 class Speed(CostTerm):
     """Miss of the speed."""
 
     tolerance: float = parameter(0.004, unit="body lengths/s", gt=0, meaning="a_V, miss of the speed that weighs 1")
+    large: float = parameter(
+        0.004, unit="body lengths/s", gt=0, meaning="miss from which on the cost rises by the miss, no faster"
+    )
 
     def __post_init__(self) -> None:
         check(self)
 
     def misses(self, at: Moment) -> ca.SX:
         """Return the miss; see `CostTerm`."""
-        return (at.speed - at.wanted.speed) / (self.tolerance * at.length)
+        return _levelled((at.speed - at.wanted.speed) / at.length, self.large) / self.tolerance
 
 
 @documented
@@ -186,8 +197,7 @@ class Heading(CostTerm):
         """Return the miss; see `CostTerm`."""
         crab = ca.fmax(-MAX_CRAB, ca.fmin(MAX_CRAB, at.wanted.crab * at.sideways))
         miss = at.state.heading - at.wanted.heading + crab
-        growth = ca.sqrt(1.0 + (miss / self.large) ** 2)
-        return miss / self.tolerance * ca.sqrt(2.0 / (1.0 + growth))
+        return _levelled(miss, self.large) / self.tolerance
 
     def weight(self, ahead: Preview) -> ArrayLike:
         """Return whether there is a path or a heading."""

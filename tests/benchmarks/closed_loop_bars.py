@@ -26,8 +26,8 @@ from worm3d import Friction
 SEEDS = (40, 41, 42, 43, 44)
 """Seeds that nobody tunes on."""
 RIVAL = "pi_los"
-TUNED = {**RETUNED, "speed_0.14": RETUNED["s_curve_fast"]}
-"""Line-of-sight as retuned for a trial."""
+TUNED = {**RETUNED, "speed_0.14": RETUNED["s_curve_fast"], "push": ("controller.mechanism=both",)}
+"""Line-of-sight as retuned for a trial; with the mechanism of the MPC where that is better for it."""
 
 
 @dataclass(frozen=True)

@@ -95,9 +95,8 @@ def problem_of(controller: GaitMPC, state: ReducedState, reference: Reference) -
     return controller._problem(0.0, state, preview, controller._candidates(0.0, estimate, reference)[0])
 
 
-def heading_miss(miss: np.ndarray) -> np.ndarray:
+def levelled(miss: np.ndarray, term: Heading | Speed) -> np.ndarray:
     """Return the root of twice (O7)."""
-    term = Heading()
     cost = (term.large / term.tolerance) ** 2 * (np.sqrt(1.0 + (miss / term.large) ** 2) - 1.0)
     return np.sqrt(2.0 * cost)
 
@@ -128,15 +127,15 @@ def test_the_cost_is_the_sum_of_its_terms(reference: Reference) -> None:
     output = model().output
     vx, vy, _ = np.array([np.array(output(*given)).ravel() for given in zip(states, inputs, strict=True)]).T
     x, y, h = states[:, :3].T
-    terms = [(vx * np.cos(h) + vy * np.sin(h) - ahead.speed) / Speed().tolerance]
+    terms = [levelled(vx * np.cos(h) + vy * np.sin(h) - ahead.speed, Speed())]
     if reference.path is not None:
         normal = np.column_stack([-np.sin(ahead.heading), np.cos(ahead.heading)])
         terms.append(np.sum(([x, y] - ahead.point.T).T * normal, axis=1) / Offset().tolerance)
         terms.append(terms[-1][-1:] * np.sqrt(Arrival().way / (0.4 * ahead.speed[-1])))
         crab = np.clip((vy * np.cos(h) - vx * np.sin(h)) / ahead.speed, -0.3, 0.3)
-        terms.append(heading_miss(h - ahead.heading + crab))
+        terms.append(levelled(h - ahead.heading + crab, Heading()))
     elif reference.heading is not None:
-        terms.append(heading_miss(h - ahead.heading))
+        terms.append(levelled(h - ahead.heading, Heading()))
     else:
         terms.append(u[:, 2] / Steering().tolerance)
     plain = controller._scale.scaled(np.array([mpc().plain(0.0, MOVING.slip, reference)]))

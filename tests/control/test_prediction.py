@@ -84,6 +84,6 @@ def test_misses_of_a_worm_beside_its_path() -> None:
     wanted = np.tile(upwards, (3, 1))
     wanted[:, 4] = [0.0, 1.0 / 0.08, 1.0 / 0.01]
     states, given = np.tile(state, (4, 1)), SCALE.scaled(np.tile([0.3, 0.8, 0.0], (3, 1)))
-    terms = [Speed(1.0), Offset(1.0), Heading(1.0, large=1e6)]
+    terms = [Speed(1.0, large=1e6), Offset(1.0), Heading(1.0, large=1e6)]
     seen = predicted(3, terms).misses(states, given, BEFORE, wanted)
     assert_allclose(seen[:, :3], [[0.75 * 0.08 - 0.05, 0.1, heading] for heading in (0.2, 0.0, -0.1)], atol=1e-12)
