@@ -1,0 +1,1 @@
+"""A plain part of Python, compiled."""
