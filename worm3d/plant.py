@@ -22,6 +22,7 @@ from worm3d.physics.kernels.layout import Layout, once
 from worm3d.physics.media import Medium
 from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
+from worm3d.solver.entry import SIGNATURE
 from worm3d.solver.evaluate import evaluate_entry
 from worm3d.solver.faces import turn_faces
 from worm3d.solver.guard import SIDES, refused
@@ -87,7 +88,7 @@ def _kernel(name: str, *part: type) -> Kernel | None:
 def entries() -> dict[str, Any]:
     """Return the compiled entries of the solver by name."""
     functions = {"evaluate": evaluate_entry, "solve": solve_entry, "step": step_entry}
-    return {name: cfunc(function, missed=announce) for name, function in functions.items()}
+    return {name: cfunc(SIGNATURE, function, missed=announce) for name, function in functions.items()}
 
 
 def _twice(history: FloatArray, rows: FloatArray) -> None:
@@ -365,7 +366,7 @@ class Plant:
         self._run("world", world_in, self.arrays["world_out"], world_in.shape[1])
 
     def _run(self, name: str, inputs: FloatArray, outputs: FloatArray, count: int) -> None:
-        evaluate(int(self.memory_of_core.kernels[list(arrays.KERNELS).index(name)]), inputs, outputs, count)
+        evaluate(self.memory_of_core.kernels[list(arrays.KERNELS).index(name)], inputs, outputs, count)
 
     def _begin_histories(self, state: State | Pose) -> None:
         n, a = self.n, self.arrays

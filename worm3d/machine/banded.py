@@ -17,14 +17,15 @@ behind a block lose G y, y being its own; backwards these become A11^-1 y - H x 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from llvmlite import ir
 
 from worm3d.machine.compiled import njit
 from worm3d.machine.vectors import subtract_16
-from worm3d.machine.writer import DOUBLE, LANES, Writer, on_addresses
+from worm3d.machine.writer import DOUBLE, LANES, Writer, on_addresses, utils
 from worm3d.values.arrays import FloatArray
 
 B = 12
@@ -172,9 +173,9 @@ def _eliminate(w: Writer, factors: Any, band: Any, before: Any, band_before: Any
 @on_addresses()
 def _forwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
     """Write y of each block of a right-hand side."""
-    place = w.variable(w.load_some(x, n))
-    with w.loop(_blocks(w, n)) as block:
-        here, y = w.shifted(factors, block, _ROOM), w.kept(place)
+    place = utils.alloca_once_value(w.builder, w.load_some(x, n))
+    with _blocks(w.builder, n) as block:
+        here, y = w.shifted(factors, block, _ROOM), w.builder.load(place)
         done = w.builder.mul(w.builder.add(block, w.count(1)), w.count(BLOCK))
         w.store(y, here, _Y)
         ahead = w.load_some(w.shifted(x, done), w.builder.sub(n, done))
@@ -186,13 +187,11 @@ def _forwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
 @on_addresses()
 def _backwards(w: Writer, factors: Any, x: Any, n: Any) -> None:
     """Write the solution, from the last block to the first."""
-    place = w.variable(w.splat(0.0))
-    count = _blocks(w, n)
-    with w.loop(count) as before:
-        block = w.builder.sub(w.builder.sub(count, w.count(1)), before)
+    place = utils.alloca_once_value(w.builder, w.splat(0.0))
+    with _blocks(w.builder, n, backwards=True) as block:
         here, done = w.shifted(factors, block, _ROOM), w.builder.mul(block, w.count(BLOCK))
         y = w.lanes(w.load(here, _Y), w.splat(0.0), [0, 1, 2, 3, 4, 13, 14, 15])
-        behind = w.kept(place)
+        behind = w.builder.load(place)
         own = [w.mul(w.load(here, _INVERSE + LANES * r), y) for r in range(BLOCK)]
         found = _totals(w, [w.less(own[r], w.load(here, _H + LANES * r), behind) for r in range(BLOCK)], behind)
         w.builder.store(found, place)
@@ -217,9 +216,12 @@ def _folded(w: Writer, x: Any, y: Any, parts: tuple[list[int], list[int]]) -> An
     return w.add(*(w.lanes(x, y, part) for part in parts))
 
 
-def _blocks(w: Writer, n: Any) -> Any:
-    """Return the number of blocks of n coordinates."""
-    return w.builder.sdiv(w.builder.add(n, w.count(BLOCK - 1)), w.count(BLOCK))
+@contextmanager
+def _blocks(builder: Any, n: Any, *, backwards: bool = False) -> Iterator[Any]:
+    count = builder.sdiv(builder.add(n, ir.Constant(n.type, BLOCK - 1)), ir.Constant(n.type, BLOCK))
+    with utils.for_range(builder, count) as loop:
+        last = builder.sub(count, ir.Constant(n.type, 1))
+        yield builder.sub(last, loop.index) if backwards else loop.index
 
 
 @njit

@@ -1,4 +1,7 @@
-"""Vector instructions for compiled code, on addresses; strides and counts are those of doubles."""
+"""Pointers and vector instructions for compiled code, on addresses; strides and counts are those of doubles.
+
+Numba makes of loops over eight doubles what is several times slower.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,32 @@ from collections.abc import Sequence
 from typing import Any
 
 from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
 
-from worm3d.machine.writer import BYTES, LANES, Writer, on_addresses
+from worm3d.machine.writer import BYTES, LANES, Writer, on_addresses, utils
 
 WIDTH = LANES
 """Doubles in a vector."""
+
+
+def _type_pointer(to: Any) -> Any:
+    def typed(_context: Any, _address: Any) -> Any:
+        def generate(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            return builder.inttoptr(args[0], context.get_value_type(to).as_pointer())
+
+        pointer: Any = types.CPointer
+        return pointer(to)(types.int64), generate
+
+    return typed
+
+
+doubles_at: Any = intrinsic(_type_pointer(types.float64))
+"""(address): the pointer to doubles there, for `numba.carray`."""
+singles_at: Any = intrinsic(_type_pointer(types.float32))
+"""(address): the pointer to numbers of single precision there."""
+integers_at: Any = intrinsic(_type_pointer(types.int64))
+"""(address): the pointer to whole numbers there."""
 
 
 def _transpose(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any, order: Sequence[int]) -> None:
@@ -84,30 +108,31 @@ def add_congruent(w: Writer, to: Any, pitch: Any, jacobian: Any, stiffness: Any,
 @on_addresses()
 def move(w: Writer, to: Any, source: Any, count: Any) -> None:
     """Copy doubles to an address; the two do not overlap."""
-    w.move(to, source, w.builder.mul(count, w.count(BYTES)))
+    byte = ir.IntType(8)
+    utils.raw_memcpy(w.builder, w.pointer(to, byte), w.pointer(source, byte), count, w.count(BYTES))
 
 
 @on_addresses()
 def clear(w: Writer, to: Any, count: Any) -> None:
     """Set doubles at an address to zero."""
-    w.clear(to, w.builder.mul(count, w.count(BYTES)))
+    utils.memset(w.builder, w.pointer(to, ir.IntType(8)), w.builder.mul(count, w.count(BYTES)), 0)
 
 
 def _sums(w: Writer, sources: list[Any], count: Any) -> list[Any]:
     """Return, lane by lane, the sums of the vectors that stand at each address, as far as they count."""
     zero = w.splat(0.0)
-    places = [w.variable(zero) for _ in sources]
+    places = [utils.alloca_once_value(w.builder, zero) for _ in sources]
     counts = w.spread_number(count)
-    with w.loop(count, WIDTH) as k:
+    with utils.for_range_slice(w.builder, w.count(0), count, w.count(WIDTH)) as (k, _):
         lanes = w.builder.add(w.spread_number(k), ir.Constant(counts.type, list(range(WIDTH))))
         counted = w.builder.icmp_signed("<", lanes, counts)
         for source, place in zip(sources, places, strict=True):
             here = w.load(w.shifted(source, k))
-            w.builder.store(w.add(w.kept(place), w.select(counted, here, zero)), place)
-    return [w.kept(place) for place in places]
+            w.builder.store(w.add(w.builder.load(place), w.select(counted, here, zero)), place)
+    return [w.builder.load(place) for place in places]
 
 
-@on_addresses()
+@on_addresses(types.float64)
 def total(w: Writer, source: Any, count: Any) -> Any:
     """Return the sum of doubles; up to seven more behind them are read, and ignored."""
     (lanes,) = _sums(w, [source], count)
@@ -125,14 +150,14 @@ def totals(w: Writer, to: Any, source: Any, stride: Any, count: Any) -> None:
     w.store(sums[0], to)
 
 
-@on_addresses()
+@on_addresses(types.float64)
 def greatest(w: Writer, source: Any, count: Any) -> Any:
     """Return the greatest of doubles, a multiple of eight, and 0."""
-    place = w.variable(w.splat(0.0))
-    with w.loop(count, WIDTH) as k:
-        here, most = w.load(w.shifted(source, k)), w.kept(place)
+    place = utils.alloca_once_value(w.builder, w.splat(0.0))
+    with utils.for_range_slice(w.builder, w.count(0), count, w.count(WIDTH)) as (k, _):
+        here, most = w.load(w.shifted(source, k)), w.builder.load(place)
         w.builder.store(w.select(w.compare("ogt", here, most), here, most), place)
-    lanes = w.kept(place)
+    lanes = w.builder.load(place)
     for apart in (4, 2, 1):
         other = w.lanes(lanes, lanes, [(k + apart) % WIDTH for k in range(WIDTH)])
         lanes = w.select(w.compare("ogt", other, lanes), other, lanes)

@@ -1,4 +1,4 @@
-"""The writer of LLVM's intermediate language: straight code on vectors of doubles, for kernels and compiled functions.
+"""The writer of LLVM's intermediate language: straight code on vectors of doubles, for kernels and Numba's intrinsics.
 
 A vector longer than the processor's own is split by LLVM.
 """
@@ -6,14 +6,18 @@ A vector longer than the processor's own is split by LLVM.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+utils: Any = cgutils
+"""Numba's helpers to write code, which have no types."""
 
 LANES = 8
-"""Doubles in a vector of compiled functions."""
+"""Doubles in a vector of Numba's intrinsics."""
 BYTES = 8
 """Size of a double and of an address [byte]."""
 INT, INDEX, BOOL, DOUBLE = ir.IntType(64), ir.IntType(32), ir.IntType(1), ir.DoubleType()
@@ -65,7 +69,7 @@ class Writer:
     def call(self, function: str, result: Any, *args: Any) -> Any:
         """Call a pure function of the module, which is declared if need be."""
         kind = ir.FunctionType(result, [arg.type for arg in args])
-        return self.once("call", declared(self.builder.module, kind, function), args)
+        return self.once("call", utils.get_or_insert_function(self.builder.module, kind, function), args)
 
     def splat(self, value: float, kind: Any = DOUBLE) -> Any:
         """Return a constant, of doubles or of whole numbers, in all lanes."""
@@ -221,50 +225,7 @@ class Writer:
     def _masked(self, what: str, to: Any, args: list[Any]) -> Any:
         kind = ir.FunctionType(to, [arg.type for arg in args])
         name = f"llvm.masked.{what}.v{self.width}f64.p0"
-        return self.builder.call(declared(self.builder.module, kind, name), args)
-
-    def move(self, to: Any, source: Any, size: Any) -> None:
-        """Copy so many bytes between addresses; the two places do not overlap."""
-        kind = ir.FunctionType(ir.VoidType(), [ir.PointerType(), ir.PointerType(), INT, BOOL])
-        function = declared(self.builder.module, kind, "llvm.memcpy.p0.p0.i64")
-        self.builder.call(function, [*(self.pointer(each, INT) for each in (to, source)), size, BOOL(0)])
-
-    def clear(self, to: Any, size: Any) -> None:
-        """Set so many bytes at an address to zero."""
-        kind = ir.FunctionType(ir.VoidType(), [ir.PointerType(), ir.IntType(8), INT, BOOL])
-        function = declared(self.builder.module, kind, "llvm.memset.p0.i64")
-        self.builder.call(function, [self.pointer(to, INT), ir.IntType(8)(0), size, BOOL(0)])
-
-    def variable(self, value: Any) -> Any:
-        """Return the place of a variable that begins with a value."""
-        with self.builder.goto_entry_block():
-            place = self.builder.alloca(value.type)
-        self.builder.store(value, place)
-        return place
-
-    def kept(self, place: Any, kind: Any = None) -> Any:
-        """Return what a variable holds, a vector if no kind is given."""
-        return self.builder.load(place, typ=kind or self.vector)
-
-    @contextmanager
-    def loop(self, count: Any, by: int = 1) -> Iterator[Any]:
-        """Write a loop over the whole numbers from 0 to `count`, every `by`-th."""
-        builder, place = self.builder, self.variable(self.count(0))
-        test, body, after = (builder.append_basic_block() for _ in range(3))
-        builder.branch(test)
-        self.begin(test)
-        k = self.kept(place, INT)
-        builder.cbranch(builder.icmp_signed("<", k, count), body, after)
-        self.begin(body)
-        yield k
-        builder.store(builder.add(k, self.count(by)), place)
-        builder.branch(test)
-        self.begin(after)
-
-
-def declared(module: Any, kind: Any, name: str) -> Any:
-    """Return a function of a module by its name, declared if need be."""
-    return module.globals.get(name) or ir.Function(module, kind, name)
+        return self.builder.call(utils.get_or_insert_function(self.builder.module, kind, name), args)
 
 
 def _identity(arg: Any) -> Any:
@@ -279,21 +240,23 @@ def _order(value: Any) -> str:
     return f"%{value.name}"
 
 
-def on_addresses() -> Callable[[Callable[..., Any]], Any]:
-    """Make of a function that writes its code one that compiled code may call.
+def on_addresses(result: Any = types.int64) -> Callable[[Callable[..., Any]], Any]:
+    """Make an intrinsic of Numba, for compiled code, of a function that writes its code.
 
-    The function gets a `Writer` and the arguments of the call, doubles or whole numbers (addresses, strides, counts),
-    and returns the value of the call, if any.
+    The function gets a `Writer` and the arguments of the call, doubles or whole numbers (addresses, strides, counts);
+    it returns the value of the call, of Numba's type `result`, or None for 0.
     """
 
     def make(write: Callable[..., Any]) -> Any:
-        def written(*_args: Any) -> Any:
-            raise TypeError(f"{write.__name__} is for compiled code")
+        def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            value = write(Writer(builder), *args)
+            return ir.Constant(INT, 0) if value is None else value
 
-        own: Any = written
-        own.__name__, own.__doc__, own.write = write.__name__, write.__doc__, write
-        signature = inspect.signature(write)
-        own.__signature__ = signature.replace(parameters=list(signature.parameters.values())[1:])
-        return own
+        def typed(_context: Any, *args: Any) -> Any:
+            return result(*(arg if arg == types.float64 else types.int64 for arg in args)), generate
+
+        typed.__name__, typed.__doc__ = write.__name__, write.__doc__
+        typed.__signature__ = inspect.signature(write)  # type: ignore[attr-defined]
+        return intrinsic(typed)
 
     return make

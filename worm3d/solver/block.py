@@ -1,5 +1,6 @@
 """Many named arrays in one block of memory, for compiled code: what a function receives stays small.
 
+Numba passes every array as seven numbers and counts its references; a hundred arrays make its compile time minutes.
 Compiled code gets a block as two addresses, of the numbers and of a table that says where each array stands:
 `matrix(block, NAME)` is the array itself. Python gets the same arrays by name from `Memory`, which owns them.
 """
@@ -11,10 +12,11 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 from numpy.typing import NDArray
 
 from worm3d.machine.compiled import inner
-from worm3d.machine.language.library import array_at
+from worm3d.machine.vectors import doubles_at, integers_at
 from worm3d.values.arrays import FloatArray
 
 LINE = 8
@@ -101,7 +103,7 @@ class Memory:
 @inner
 def integers(address: int, count: int) -> NDArray[np.int64]:
     """Return the whole numbers that stand at an address, not a copy."""
-    found: NDArray[np.int64] = array_at(address, (count,), np.int64)
+    found: NDArray[np.int64] = carray(integers_at(address), (count,))
     return found
 
 
@@ -109,7 +111,7 @@ def integers(address: int, count: int) -> NDArray[np.int64]:
 def matrix(block: Block, k: int) -> FloatArray:
     """Return array k, shape (rows, columns), not a copy."""
     place = integers(block.table + 24 * k, 3)
-    found: FloatArray = array_at(block.memory + 8 * place[0], (place[1], place[2]))
+    found: FloatArray = carray(doubles_at(block.memory + 8 * place[0]), (place[1], place[2]))
     return found
 
 
@@ -117,7 +119,7 @@ def matrix(block: Block, k: int) -> FloatArray:
 def vector(block: Block, k: int) -> FloatArray:
     """Return array k, all rows one after the other, not a copy."""
     place = integers(block.table + 24 * k, 3)
-    found: FloatArray = array_at(block.memory + 8 * place[0], (place[1] * place[2],))
+    found: FloatArray = carray(doubles_at(block.memory + 8 * place[0]), (place[1] * place[2],))
     return found
 
 
@@ -126,7 +128,7 @@ def rows(block: Block, k: int, first: int, count: int) -> FloatArray:
     """Return some rows of array k, one after the other, not a copy, shape (count * columns,)."""
     place = integers(block.table + 24 * k, 3)
     start = block.memory + 8 * (place[0] + first * place[2])
-    found: FloatArray = array_at(start, (count * place[2],))
+    found: FloatArray = carray(doubles_at(start), (count * place[2],))
     return found
 
 
@@ -135,6 +137,9 @@ def address(block: Block, k: int, row: int) -> int:
     """Return where row `row` of array k begins."""
     place = integers(block.table + 24 * k, 3)
     return int(block.memory + 8 * (place[0] + row * place[2]))
+
+
+# Loops rather than array expressions, each of which would take Numba a third of a second to compile.
 
 
 @inner
@@ -160,7 +165,7 @@ def combine(to: FloatArray, u: float, x: FloatArray, v: float, y: FloatArray) ->
 
 @inner
 def dot(x: FloatArray, y: FloatArray) -> float:
-    """Return the scalar product of two vectors."""
+    """Return the scalar product of two vectors; Numba's own imports SciPy, which takes longer than a short run."""
     value = 0.0
     for k in range(len(x)):
         value += x[k] * y[k]

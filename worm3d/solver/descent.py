@@ -126,7 +126,7 @@ def _between(kinks: FloatArray, low: float, high: float) -> float:
 
 @inner
 def _sort(values: FloatArray) -> None:
-    """Sort a few values in place."""
+    """Sort a few values in place; Numba's own sort takes seconds to compile."""
     for i in range(1, len(values)):
         value, k = values[i], i
         while k > 0 and values[k - 1] > value:

@@ -1,7 +1,8 @@
 """Boundaries inside the compiled code: functions that are compiled on their own and called through their address.
 
-An entry is a C function `double f(int64 handle, double value, int64 a, int64 b)`; its handle is the address of the
-numbers of a `Core`.
+Numba optimises everything that a function calls once more with that function; in a deep tree compile time becomes
+minutes. An entry is a C function `double f(int64 handle, double value, int64 a, int64 b)`; its handle is the address of
+the numbers of a `Core`.
 """
 
 from __future__ import annotations
@@ -9,19 +10,27 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
 
 from worm3d.machine.compiled import inner
-from worm3d.machine.writer import DOUBLE, INT, Writer, on_addresses
 from worm3d.solver.arrays import COUNTERS, HANDLE, Core
 from worm3d.solver.block import Block, integers
 
+SIGNATURE = "float64(int64, float64, int64, int64)"
 
-@on_addresses()
-def call(w: Writer, address: Any, handle: Any, value: Any, a: Any, b: Any) -> Any:
-    """Call the entry at an address."""
-    kind = ir.FunctionType(DOUBLE, [INT, DOUBLE, INT, INT])
-    a, b = (each if each.type == INT else w.builder.zext(each, INT) for each in (a, b))
-    return w.builder.call(w.builder.inttoptr(address, kind.as_pointer()), [handle, value, a, b])
+
+def _type_call(_context: Any, _address: Any, _handle: Any, _value: Any, _a: Any, _b: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        integer, number = ir.IntType(64), ir.DoubleType()
+        kind = ir.FunctionType(number, [integer, number, integer, integer])
+        return builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
+
+    return types.float64(types.int64, types.int64, types.float64, types.int64, types.int64), generate
+
+
+call: Any = intrinsic(_type_call)
+"""Call the entry at an address: (address, handle, value, a, b) -> float."""
 
 
 @inner

@@ -12,12 +12,13 @@ from math import prod
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 
 from worm3d.energy import TERMS
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
-from worm3d.machine.language.library import array_at
+from worm3d.machine.vectors import doubles_at
 from worm3d.series import Entries, Points, Recorded, Rows, Series, series_of, states_of
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import POINTS, Core, CoreMemory
@@ -155,8 +156,8 @@ def gather(core: Core, records: Block, row: int) -> None:
 def _gather(
     source: int, to: int, count_i: int, count_j: int, count_k: int, step_i: int, step_j: int, step_k: int
 ) -> None:
-    here = array_at(source, (1 + count_i * step_i + count_j * step_j + count_k * step_k,))
-    there, at = array_at(to, (count_i * count_j * count_k,)), 0
+    here = carray(doubles_at(source), (1 + count_i * step_i + count_j * step_j + count_k * step_k,))
+    there, at = carray(doubles_at(to), (count_i * count_j * count_k,)), 0
     for i in range(count_i):
         for j in range(count_j):
             for k in range(count_k):
@@ -173,6 +174,7 @@ def _places(core: Core, rows: int, to: int) -> None:
     vectors.move(to, turned, 3 * POINTS * core.n)
 
 
+@njit
 def mass_centre(core: Core) -> tuple[FloatArray, FloatArray]:
     """Return linear and angular momentum, shape (6,), and the centre of mass, shape (3,)."""
     momentum, com = np.zeros(6), np.zeros(3)
@@ -180,7 +182,7 @@ def mass_centre(core: Core) -> tuple[FloatArray, FloatArray]:
     return momentum, com
 
 
-@njit
+@inner
 def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
     """Momentum, angular momentum and centre of mass of all mass points."""
     points, nodes = matrix(core.block, a.POINT_IN), matrix(core.block, a.NODE_IN)

@@ -9,8 +9,8 @@ A world's compiled kernel takes points and its own parameters, as rows of the in
 
 in the layout of `worm3d.machine.codegen`: row r of point k stands at [r, k].
 
-A table cannot be a CasADi expression, so kernels that look something up are written by hand, with the signature of
-`worm3d.machine.codegen.emit`. Their arrays stand among a world's parameters as two numbers, the halves of
+A table cannot be a CasADi expression, so kernels that look something up are written by hand for Numba, with the
+signature of `worm3d.machine.codegen.emit`. Their arrays stand among a world's parameters as two numbers, the halves of
 an address, each exact in a double.
 
 Cubic B-spline (WS1), for 0 <= t < 1 between nodes 1 and 2 of four (de Boor, A Practical Guide to Splines):
@@ -27,11 +27,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 from numpy.typing import NDArray
 
 from worm3d.machine.codegen import Kernel, compile_kernel, evaluate
 from worm3d.machine.compiled import cfunc, inner
-from worm3d.machine.language.library import array_at
+from worm3d.machine.vectors import doubles_at, singles_at
 from worm3d.values.arrays import FloatArray
 
 Formula = tuple[ca.Function, FloatArray]
@@ -40,6 +41,9 @@ Formula = tuple[ca.Function, FloatArray]
 Weights = tuple[float, float, float, float]
 Jet = tuple[float, float, float, float, float, float, float, float, float, float]
 """Value, gradient (3) and Hessian (6: xx, xy, xz, yy, yz, zz) of a distance."""
+
+SIGNATURE = "int64(int64, int64, int64, int64, int64, int64, int64)"
+"""Signature of a hand-written kernel: inputs, rows_in, lanes_in, outputs, rows_out, lanes_out, count -> status."""
 
 WORLD_ROWS = 11
 """Number of rows of the outputs: distance, gradient (3), Hessian (6), grip."""
@@ -81,7 +85,7 @@ def kernel(function: ca.Function) -> Kernel:
 @cache
 def by_hand(function: Callable[..., int]) -> Any:
     """Return a hand-written kernel compiled, the same one for the same function; it has an `address`."""
-    return cfunc(function, OPTIMISATION)
+    return cfunc(SIGNATURE, function, OPTIMISATION)
 
 
 def looked_up(kernel: WorldKernel, points: FloatArray) -> FloatArray:
@@ -109,14 +113,14 @@ def address(high: float, low: float) -> int:
 @inner
 def doubles(at: int, rows: int, columns: int) -> FloatArray:
     """Return the matrix that stands at an address, not a copy."""
-    found: FloatArray = array_at(at, (rows, columns))
+    found: FloatArray = carray(doubles_at(at), (rows, columns))
     return found
 
 
 @inner
 def singles(at: int, count: int) -> NDArray[np.float32]:
     """Return the numbers of single precision that stand at an address, not a copy."""
-    found: NDArray[np.float32] = array_at(at, (count,), np.float32)
+    found: NDArray[np.float32] = carray(singles_at(at), (count,))
     return found
 
 

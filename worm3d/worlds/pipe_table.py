@@ -10,11 +10,12 @@ those of the formula with its own piece.
 from __future__ import annotations
 
 import numpy as np
+from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 
 from worm3d.machine.codegen import evaluate
 from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
 from worm3d.machine.compiled import inner
-from worm3d.machine.language.library import array_at
+from worm3d.machine.vectors import integers_at
 from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.worlds import kernels
 from worm3d.worlds.pipe_formula import BETWEEN, PIECE
@@ -37,7 +38,7 @@ _GRIP = kernels.WORLD_ROWS - 1
 @inner
 def _signs(outputs: int, lanes: int) -> IntArray:
     """Return the row of the multipliers as whole numbers, negative where a sign is, -0.0 too; not a copy."""
-    found: IntArray = array_at(outputs + 8 * _GRIP * lanes, (lanes,), np.int64)
+    found: IntArray = carray(integers_at(outputs + 8 * _GRIP * lanes), (lanes,))
     return found
 
 

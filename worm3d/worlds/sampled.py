@@ -284,10 +284,8 @@ def fit(coefficients: FloatArray, samples: Sequence[tuple[Shift, IntArray, Float
 @njit
 def _sweep(c: FloatArray, shift: Shift, nodes: IntArray, distance: FloatArray) -> int:
     """Take (WM3) for each sample, and return for how many it changed something."""
-    w, missed, square = np.empty((4, 4, 4)), 0, 0.0
-    _fill_weights(w, shift)
-    for weight in w.ravel():
-        square += weight * weight
+    w, missed = _weights(shift), 0
+    square = np.sum(w * w)
     for m in range(len(nodes)):
         i, j, k = nodes[m, 0] - 1, nodes[m, 1] - 1, nodes[m, 2] - 1
         r = -distance[m]
@@ -306,10 +304,12 @@ def _sweep(c: FloatArray, shift: Shift, nodes: IntArray, distance: FloatArray) -
 
 
 @inner
-def _fill_weights(w: FloatArray, shift: Shift) -> None:
-    """Write the weights of the coefficients about a place between nodes, shape (4, 4, 4)."""
+def _weights(shift: Shift) -> FloatArray:
+    """Return the weights of the coefficients about a place between nodes, shape (4, 4, 4)."""
     along, across, up = kernels.cubic(shift[0])[0], kernels.cubic(shift[1])[0], kernels.cubic(shift[2])[0]
+    w = np.empty((4, 4, 4))
     for a in range(4):
         for b in range(4):
             for d in range(4):
                 w[a, b, d] = along[a] * across[b] * up[d]
+    return w

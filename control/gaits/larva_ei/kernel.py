@@ -63,7 +63,7 @@ SWEEPS, TOLERANCE = 2000, 1e-12
 @inner
 def switch(z: float, gain: float) -> float:
     """Return (1 + tanh(gain z))/2."""
-    return float(0.5 * (1.0 + np.tanh(gain * z)))
+    return 0.5 * (1.0 + np.tanh(gain * z))  # type: ignore[no-any-return]
 
 
 @inner
@@ -109,29 +109,24 @@ def crawl(p: Parameters, dt: float, every: int, networks: FloatArray, nodes: Flo
         Filled with the positions u.
     """
     n = networks.shape[2]
-    network, u, v = np.empty((3, n)), np.empty(n + 1), np.empty(n)
-    contraction, drive, friction = np.empty(n), np.empty(n), np.empty(n)
-    network[:], v[:], contraction[:], f = 0.0, 0.0, 0.0, network[2]
-    for i in range(n + 1):
-        u[i] = -1.0 * i
+    network, u, v = np.zeros((3, n)), -1.0 * np.arange(n + 1), np.zeros(n)
+    f, contraction, drive, friction = network[2], np.zeros(n), np.zeros(n), np.zeros(n)
     for step in range(len(nodes) * every):
         # The last node moves as the first: a ring, of which segment i lies ahead of node i and i + 1 behind it.
         for i in range(n):
-            drive[i] = contraction[i] - contraction[(i - 1) % n] + f[(i - 1) % n] - f[i]
-            friction[i] = p.F_max * switch(p.f_half - f[(i - 1) % n], p.g) * (2.0 if i == 0 else 1.0)
+            drive[i] = contraction[i] - contraction[i - 1] + f[i - 1] - f[i]
+            friction[i] = p.F_max * switch(p.f_half - f[i - 1], p.g) * (2.0 if i == 0 else 1.0)
         for _ in range(SWEEPS):
             change = 0.0
             for i in range(n):
-                pull = drive[i] + p.c * (v[(i - 1) % n] + v[(i + 1) % n])
+                pull = drive[i] + p.c * (v[i - 1] + v[(i + 1) % n])
                 before, v[i] = v[i], np.sign(pull) * max(abs(pull) - friction[i], 0.0) / (2.0 * p.c)
                 change = max(change, abs(v[i] - before))
             if change < TOLERANCE:
                 break
-        for i in range(n + 1):
-            u[i] += dt * v[i % n]
-        for i in range(n):
-            contraction[i] = 1.0 - (u[i] - u[i + 1])
+        u[:n] += dt * v
+        u[n] += dt * v[0]
+        contraction[:] = 1.0 - (u[:n] - u[1:])
         fire(network, contraction, START_DRIVE if step * dt < START else 0.0, p, dt)
         if (step + 1) % every == 0:
-            networks[step // every, :] = network
-            nodes[step // every, :] = u
+            networks[step // every], nodes[step // every] = network, u

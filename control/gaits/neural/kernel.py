@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
@@ -38,7 +37,7 @@ def advance(
     rates: FloatArray, constants: FloatArray, drive: FloatArray, share: float, felt: FloatArray, dt: float, steps: int
 ) -> None:
     """Advance the rates in place by steps of dt [s], while input and what is felt stay as they are."""
-    at, k, total = np.empty(rates.shape), np.empty(rates.shape), np.empty(rates.shape)
+    at, k, total = np.empty_like(rates), np.empty_like(rates), np.empty_like(rates)
     y, at_, k_, total_ = rates.ravel(), at.ravel(), k.ravel(), total.ravel()
     for _ in range(steps):
         at_[:], total_[:] = y, 0.0
@@ -53,6 +52,7 @@ def advance(
             y[j] += dt / 6.0 * total_[j]
 
 
+@njit
 def onsets(
     rates: FloatArray, constants: FloatArray, drive: FloatArray, dt: float, steps: int
 ) -> tuple[FloatArray, FloatArray]:
@@ -67,24 +67,7 @@ def onsets(
     """
     n, most = rates.shape[1], 64
     times, counts, on = np.full((n, 2, most), np.nan), np.zeros((n, 2), np.int64), np.zeros((n, 2))
-    _find_onsets(rates, constants, drive, dt, steps, times, counts, on)
-    return times, on
-
-
-@njit
-def _find_onsets(
-    rates: FloatArray,
-    constants: FloatArray,
-    drive: FloatArray,
-    dt: float,
-    steps: int,
-    times: FloatArray,
-    counts: NDArray[np.int64],
-    on: FloatArray,
-) -> None:
-    n, most = rates.shape[1], times.shape[2]
-    felt, before = np.empty((n, 2)), np.empty((n, 2))
-    felt[:], before[:] = 0.0, 0.0
+    felt, before = np.zeros((n, 2)), np.zeros((n, 2))
     for step in range(steps):
         advance(rates, constants, drive, 0.0, felt, dt, 1)
         for i in range(n):
@@ -95,3 +78,4 @@ def _find_onsets(
                     times[i, s, counts[i, s]] = (step + (ONSET - was) / (e - was)) * dt
                     counts[i, s] += 1
                 before[i, s] = e
+    return times, on

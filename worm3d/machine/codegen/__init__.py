@@ -2,7 +2,7 @@
 
 `compile_kernel(function)` reads the elementary instructions of an SX function (`program`), writes them as LLVM's
 language (`emit`, `text`, `lanes`), compiles them for this processor (`native`), keeps the result on disk
-(`worm3d.machine.cache`), and returns a `Kernel`. It is called from Python, or from compiled code by its
+(`worm3d.machine.cache`), and returns a `Kernel`. It is called from Python, or from Numba's compiled code by its
 address:
 
     kernel = compile_kernel(function)

@@ -17,7 +17,7 @@ from llvmlite import ir
 
 from worm3d.machine.codegen.lanes import LIBRARY, define_all, library, sincos
 from worm3d.machine.codegen.program import Instruction, Program, UnsupportedError
-from worm3d.machine.writer import BYTES, DOUBLE, INDEX, INT, Writer, declared
+from worm3d.machine.writer import BYTES, DOUBLE, INDEX, INT, Writer, utils
 
 POINTER = ir.PointerType()
 SYMBOL = "worm3d_kernel"
@@ -204,7 +204,7 @@ def _driver(unit: Any, program: Program, width: int, block: Any) -> None:
     entry, head, work, fine, wrong = (
         function.append_basic_block(name) for name in ("entry", "next", "work", "fine", "wrong")
     )
-    least = declared(unit, ir.FunctionType(INT, [INT, INT]), "llvm.smin.i64")
+    least = utils.get_or_insert_function(unit, ir.FunctionType(INT, [INT, INT]), "llvm.smin.i64")
     builder = ir.IRBuilder(entry)
     zero, step = ir.Constant(INT, 0), ir.Constant(INT, width)
     needed = builder.and_(builder.add(count, ir.Constant(INT, width - 1)), ir.Constant(INT, -width))

@@ -135,7 +135,7 @@ def compile_kernel(
     padded : bool
         Whether lanes beyond the last instance hold harmless numbers, which are then computed like all others.
     exact : bool
-        Whether it is computed as written, by the C library's functions: to the bits that NumPy gives.
+        Whether it is computed as written, by the C library's functions: to the bits that NumPy or Numba give.
 
     Raises
     ------

@@ -66,21 +66,13 @@ def compile_program(program: Program, host: Host, padded: bool = False, exact: b
     the combining of neighbouring instructions its pipelines gain 2 to 5 % for half as much compile time again. Raises
     UnsupportedError for an operation without native form, RuntimeError where LLVM fails.
     """
-    text = module(program, host.width, host.fused and not exact, () if exact else FLAGS, padded)
-    return compile_text(text, host)
-
-
-def compile_text(text: str, host: Host, level: int = 0) -> bytes:
-    """Return the object code of a module in LLVM's language; level 0 combines instructions, 1 to 3 are LLVM's own."""
-    machine, options = _machine(host), llvm.create_pipeline_tuning_options(max(level, 1))
-    unit = llvm.parse_assembly(text)
+    machine = _machine(host)
+    unit = llvm.parse_assembly(module(program, host.width, host.fused and not exact, () if exact else FLAGS, padded))
     unit.triple, unit.data_layout = machine.triple, str(machine.target_data)
     unit.verify()
-    builder = llvm.create_pass_builder(machine, options)
-    passes = builder.getModulePassManager() if level else llvm.create_new_module_pass_manager()
-    if not level:
-        passes.add_instruction_combine_pass()
-    passes.run(unit, builder)
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_instruction_combine_pass()
+    passes.run(unit, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
     code: bytes = machine.emit_object(unit)
     return code
 

@@ -1,1 +1,0 @@
-"""A plain part of Python, compiled."""
