@@ -3,8 +3,9 @@
 It is an extended Kalman filter (`control.estimation.kalman`) on the reduced model (R1). A sample of the centre of mass
 that comes late takes the filter back to its instant, and those after it are taken again. Their noise is what sensors
 are told to have unless the innovations show otherwise (KF8). The strains give the wave that rocks the centre of mass
-(`control.estimation.wave`). A heading that is not told at the start is sought from all sides at once, by a filter for
-each; they agree, or die out, within a wave or so of crawling.
+(`control.estimation.wave`); gyroscopes, where there are any, its mean turn rate (`control.estimation.turning`). A
+heading that is not told at the start is sought from all sides at once, by a filter for each; they agree, or die out,
+within a wave or so of crawling.
 
 Other ways were worse. The motion of feet that do not slip, as the strains give it, explains a third to a half of how
 the speed changes within a wave, and a fifth of the turn rate at best: on the default worm feet slide all the time. The
@@ -22,9 +23,10 @@ import numpy as np
 
 from control.estimation.estimate import Belief, Estimate, merged, pruned
 from control.estimation.ground import Ground, GroundTrust, Standing
-from control.estimation.kalman import IMPOSSIBLE, ROCKING, SIZE, Corrected, Kalman, Uncertainty
+from control.estimation.kalman import IMPOSSIBLE, ROCKING, SIZE, Corrected, Kalman, Uncertainty, size_of
 from control.estimation.noise import Noise
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
+from control.estimation.turning import MeanRate
 from control.estimation.wave import InputHistory, MeasuredWave
 from control.gaits.steering import GaitParameters, Schedule
 from control.sensing.gate import AHEAD, SPAN
@@ -57,6 +59,10 @@ BEGIN = {"speed": 0.02, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01, "turn
 CRAB_NOISE, BEGIN_CRAB = 0.01, 0.1
 """Noise of the crab angle, and its standard deviation at the start, where a sensor of the heading shows it
 [rad/sqrt(s)], [rad]."""
+UNSTEADY = 0.005
+"""Standard deviation of the turn rate in the middle of a wave about its mean in it [rad/s]."""
+LEAST_OFFSET = 1e-4
+"""Least constant error of a gyroscope [rad/s]."""
 BEGIN_ROCKING = 0.05
 """Standard deviation of the entries of C at the start [m]."""
 
@@ -71,6 +77,7 @@ class _Sample:
     deviation: float = 0.0
     standing: float = 0.0
     heading: float | None = None
+    rate: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,12 +136,14 @@ class Estimator:
         self._wave, self._standing = MeasuredWave(worm.segments, schedule or Schedule()), Standing(worm)
         self.noise = Noise(trust.com, NOISIEST * worm.length, RIPPLE)
         self._history = InputHistory(2.0 * span)
-        self._begin = _beginning(trust, heading, heading_deviation)
+        self._begin, self._turning = _beginning(trust, heading, heading_deviation), MeanRate()
+        self._has_rates = trust.rate_offset > 0.0
         self.reset()
 
     def reset(self) -> None:
         """Begin anew."""
         self._wave.reset()
+        self._turning.reset()
         self._history.reset()
         self.noise.reset()
         self._past: list[_Fused] = []
@@ -172,8 +181,11 @@ class Estimator:
         """Return the estimator for sensors of known quality, `control.sensing.sensors.Sensors.channels`."""
         noise = {name: channel.noise for name, channel in sensors.items()}
         place, heading = noise.get("com", COM.noise), noise.get("heading", HEADING_SENSOR.noise)
+        rates, root = sensors.get("angular_rate"), np.sqrt(worm.segments)
         uncertainty = Uncertainty(
             com=max(place, RIPPLE),
+            rate_sample=float(np.hypot(UNSTEADY, 0.0 if rates is None else rates.noise / root)),
+            rate_offset=0.0 if rates is None else float(max(rates.bias, LEAST_OFFSET) / root),
             heading_sample=float(np.hypot(heading, ROCKED)),
             crab=CRAB_NOISE if "heading" in sensors else 0.0,
         )
@@ -206,6 +218,10 @@ class Estimator:
             samples.append(_Sample(instant, measurement.com, wave, self.noise.deviation, stood))
         if measurement.heading is not None:
             samples.append(_Sample(measurement.heading_time, heading=measurement.heading))
+        if self._has_rates and measurement.angular_rate is not None:
+            instant = measurement.angular_rate_time
+            rate = self._turning.take(instant, measurement.angular_rate, self._history.phase(instant))
+            samples += [] if rate is None else [_Sample(rate[0], rate=rate[1])]
         return sorted(samples, key=lambda sample: sample.time)
 
     def _insert(self, now: float, sample: _Sample) -> None:
@@ -243,6 +259,8 @@ class Estimator:
         if sample.heading is not None:
             beliefs, unlikely = self._with_heading(beliefs, sample.heading)
             refused += unlikely
+        if sample.rate is not None:
+            beliefs = [self._filter.with_rate(belief, sample.rate) for belief in beliefs]
         return _Fused(sample, pruned(beliefs), ground, nis, last.placed or sample.com is not None, refused)
 
     def _with_com(
@@ -321,11 +339,11 @@ def _beginning(trust: Uncertainty, heading: float | None, deviation: float) -> l
 
 
 def _believed(trust: Uncertainty, heading: float, deviation: float) -> Belief:
-    mean, deviations = np.zeros(SIZE), np.zeros(SIZE)
+    mean, deviations = np.zeros(size_of(trust)), np.zeros(size_of(trust))
     mean[:STATES] = ReducedState(0.0, 0.0, heading, 0.0, 0.0)
     crab = BEGIN_CRAB if trust.crab > 0.0 else 0.0
     known = {"x": ANYWHERE, "y": ANYWHERE, "heading": deviation, "drift": trust.drift, "crab": crab, **BEGIN}
     for name, each in known.items():
         deviations[ReducedState._fields.index(name)] = each
-    deviations[ROCKING] = BEGIN_ROCKING
+    deviations[ROCKING], deviations[SIZE:] = BEGIN_ROCKING, trust.rate_offset
     return Belief(mean, np.diag(deviations**2))

@@ -16,7 +16,8 @@ the drift to p^2, and those of rates to p^3. A sample of the centre of mass is
 
     (x, y) + T(h) C wave(psi)                                                                                (KF3)
 
-T being the rotation by the heading h and wave(psi) the measured wave (W2); a sample of the heading is h. With the
+T being the rotation by the heading h and wave(psi) the measured wave (W2); a sample of the heading is h, the mean turn
+rate of a wave by gyroscopes, (TR1), w + yaw_bias + o, where their constant error o is one more state. With the
 Jacobians F and H of prediction and sample, noise Q dt and R, innovation e, S = H P H^T + R and K = P H^T S^-1:
 
     P -> F P F^T + Q dt;    X -> X + K e,   P -> (1 - K H) P (1 - K H)^T + K R K^T,   nis = e^T S^-1 e          (KF4)
@@ -55,6 +56,7 @@ SIZE = STATES + 4
 DRIFT = ReducedState._fields.index("drift")
 GAIN = ReducedState._fields.index("turn_gain")
 SLIP = ReducedState._fields.index("slip")
+TURN_RATE, YAW_BIAS = map(ReducedState._fields.index, ("turn_rate", "yaw_bias"))
 IMPOSSIBLE = 25.0
 """NIS beyond which a sample of the centre of mass is refused; of two normal numbers, one pair in 270 000 has more."""
 IMPOSSIBLE_HEADING = 21.0
@@ -102,6 +104,12 @@ class Uncertainty:
     yaw_bias: float = parameter(0.003, unit="rad/s/sqrt(s)", ge=0, meaning="noise of the yaw bias")
     turn_gain: float = parameter(0.01, unit="1/sqrt(s)", ge=0, meaning="noise of the gain of turning")
     crab: float = parameter(0.0, unit="rad/sqrt(s)", ge=0, meaning="noise of the crab angle")
+    rate_sample: float = parameter(
+        0.005, unit="rad/s", gt=0, meaning="standard deviation of the mean turn rate of a wave by gyroscopes"
+    )
+    rate_offset: float = parameter(
+        0.0, unit="rad/s", ge=0, meaning="standard deviation of their constant error; 0: there are none"
+    )
     drift: float = parameter(0.0018, unit="m/s", ge=0, meaning="standard deviation of the drift that no slope explains")
     drift_time: float = parameter(2.0, unit="s", gt=0, meaning="correlation time tau of that drift")
     rocking: float = parameter(0.001, unit="m/sqrt(s)", ge=0, meaning="noise of the entries of C")
@@ -131,10 +139,11 @@ class Kalman:
     """Filter of one reduced model, compiled."""
 
     def __init__(self, model: ReducedModel, uncertainty: Uncertainty) -> None:
-        self._longest, self._deviation = model.longest_step, uncertainty.com
+        self._longest, self._deviation, size = model.longest_step, uncertainty.com, size_of(uncertainty)
         self._predict = Buffered(_prediction(model, uncertainty))
-        self._com = Buffered(_com_correction())
+        self._com = Buffered(_com_correction(size))
         self._heading = Buffered(_heading_correction(uncertainty))
+        self._rate = Buffered(_rate_correction(uncertainty)) if size > SIZE else None
 
     def predicted(self, belief: Belief, given: FloatArray, slope: FloatArray, seconds: float) -> Belief:
         """Return the belief after some time with the same input (amplitude, frequency, steering) on a slope (2,)."""
@@ -202,6 +211,20 @@ class Kalman:
         log_weight = belief.log_weight - 0.5 * float(nis[0] + log_det[0])
         return replace(belief, mean=mean, covariance=covariance, log_weight=log_weight, turned=0), False
 
+    def with_rate(self, belief: Belief, rate: float) -> Belief:
+        """Return the belief after a mean turn rate of a wave [rad/s] at its middle instant, (KF4)."""
+        assert self._rate is not None
+        mean, covariance, nis, log_det = self._rate(belief.mean, belief.covariance, rate)
+        if not _usable(nis, mean, covariance):
+            return belief
+        log_weight = belief.log_weight - 0.5 * float(nis[0] + log_det[0])
+        return replace(belief, mean=mean, covariance=covariance, log_weight=log_weight)
+
+
+def size_of(trust: Uncertainty) -> int:
+    """Return the number of numbers of X: the constant error of gyroscopes, where there are any, is the last one."""
+    return SIZE + (trust.rate_offset > 0.0)
+
 
 def _usable(*found: FloatArray) -> bool:
     return all(np.isfinite(part).all() for part in found)
@@ -209,15 +232,15 @@ def _usable(*found: FloatArray) -> bool:
 
 def _prediction(model: ReducedModel, trust: Uncertainty) -> ca.Function:
     """Return (X, P, input, slope, seconds) -> X, P by (KF2) and (KF4)."""
-    X, P = ca.SX.sym("X", SIZE), ca.SX.sym("P", SIZE, SIZE)
+    X, P = _belief(size_of(trust))
     given, slope, dt = ca.SX.sym("input", INPUTS), ca.SX.sym("slope", 2), ca.SX.sym("dt")
     s = ReducedState(*ca.vertsplit(X[:STATES]))
     moved = model.advance(X[:STATES], given, dt)
     towards = -trust.slope_yield * ca.fabs(s.speed) * (slope[1] * ca.cos(s.heading) - slope[0] * ca.sin(s.heading))
     moved[DRIFT] = towards + (s.drift - towards) * ca.exp(-dt / trust.drift_time)
-    after = ca.vertcat(moved, X[ROCKING])
+    after = ca.vertcat(moved, X[STATES:])
     F = ca.jacobian(after, X)
-    spread = F @ P @ F.T + ca.diag(_noise(s, given, trust)) * dt
+    spread = F @ P @ F.T + ca.diag(_noise(s, given, trust)[: X.numel()]) * dt
     return ca.Function("predict", [X, P, given, slope, dt], [after, ca.densify((spread + spread.T) / 2.0)])
 
 
@@ -236,12 +259,16 @@ def _noise(s: ReducedState, given: ca.SX, trust: Uncertainty) -> ca.SX:
         turn_gain=trust.turn_gain**2 * pace,
         crab=trust.crab**2 * pace,
     )
-    return ca.vertcat(*of_state, *[trust.rocking**2 * pace] * 4)
+    return ca.vertcat(*of_state, *[trust.rocking**2 * pace] * 4, 0.0)
 
 
-def _com_correction() -> ca.Function:
+def _belief(size: int) -> tuple[ca.SX, ca.SX]:
+    return ca.SX.sym("X", size), ca.SX.sym("P", size, size)
+
+
+def _com_correction(size: int) -> ca.Function:
     """Return (X, P, com, wave, deviation) -> X, P, nis, log det S, e and the mean of H P H^T by (KF3) and (KF4)."""
-    X, P = ca.SX.sym("X", SIZE), ca.SX.sym("P", SIZE, SIZE)
+    X, P = _belief(size)
     sample, wave, deviation = ca.SX.sym("com", 2), ca.SX.sym("wave", 2), ca.SX.sym("deviation")
     rocking = ca.reshape(X[ROCKING], 2, 2) @ wave
     cos, sin = ca.cos(X[HEADING]), ca.sin(X[HEADING])
@@ -255,8 +282,15 @@ def _com_correction() -> ca.Function:
 
 def _heading_correction(trust: Uncertainty) -> ca.Function:
     """Return (X, P, heading) -> X, P, nis, log det S by (KF4)."""
-    X, P, sample = ca.SX.sym("X", SIZE), ca.SX.sym("P", SIZE, SIZE), ca.SX.sym("heading")
+    (X, P), sample = _belief(size_of(trust)), ca.SX.sym("heading")
     return ca.Function("heading", [X, P, sample], _correction(X, P, sample, X[HEADING], ca.SX(trust.heading_sample)))
+
+
+def _rate_correction(trust: Uncertainty) -> ca.Function:
+    """Return (X, P, rate) -> X, P, nis, log det S by (KF4)."""
+    (X, P), sample = _belief(size_of(trust)), ca.SX.sym("rate")
+    expected = X[TURN_RATE] + X[YAW_BIAS] + X[SIZE]
+    return ca.Function("rate", [X, P, sample], _correction(X, P, sample, expected, ca.SX(trust.rate_sample)))
 
 
 def _correction(X: ca.SX, P: ca.SX, sample: ca.SX, expected: ca.SX, deviations: ca.SX) -> list[ca.SX]:
@@ -265,7 +299,7 @@ def _correction(X: ca.SX, P: ca.SX, sample: ca.SX, expected: ca.SX, deviations: 
     S = H @ P @ H.T + R
     inverse = ca.inv(S)
     K = P @ H.T @ inverse
-    kept = ca.SX.eye(SIZE) - K @ H
+    kept = ca.SX.eye(X.numel()) - K @ H
     spread = kept @ P @ kept.T + K @ R @ K.T
     return [X + K @ e, ca.densify((spread + spread.T) / 2.0), e.T @ inverse @ e, ca.log(ca.det(S))]
 

@@ -1,0 +1,54 @@
+"""Turn rate of a worm by gyroscopes in its segments, averaged over each wave.
+
+A segment with the axes d_1 (ahead), d_2 (left), d_3 (up) and the angular rate w = sum_k w_k d_k has d_1' = w_3 d_2 -
+w_2 d_3, so that its azimuth turns by
+
+    a' = (d_1x d_1y' - d_1y d_1x')/(d_1x^2 + d_1y^2),   w_3 where it is level,   w_3/cos(p) at a pitch p         (TR1)
+
+The mean azimuth of the segments differs from that of the chord by a matter of the body's shape, which returns with each
+wave. The mean of w_3 over segments and over a wave, phases psi to psi + 2 pi, is therefore the mean turn rate in it,
+which is about that of its middle instant, and has the constant errors of the gyroscopes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from worm3d.values.arrays import FloatArray
+
+UP = 2
+"""Index of the rate about the axis that points up."""
+
+
+class MeanRate:
+    """The mean turn rate of each wave."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._last: tuple[float, float] | None = None
+        self._begin: tuple[float, float] | None = None
+        self._turned = 0.0
+
+    def take(self, t: float, rates: FloatArray, phase: float) -> tuple[float, float] | None:
+        """Take rates of an instant [s], shape (N, 3) [rad/s], NaN where unknown, at a commanded phase [rad].
+
+        Return the middle instant [s] of a wave that has ended with it and its mean turn rate to the left [rad/s].
+        """
+        known = rates[np.isfinite(rates[:, UP]), UP]
+        if not known.size:
+            return None
+        rate = float(known.mean())
+        if self._begin is None or self._last is None:
+            self._begin, self._last = (t, phase), (t, rate)
+            return None
+        self._turned += (t - self._last[0]) * (rate + self._last[1]) / 2.0
+        self._last = t, rate
+        began, from_phase = self._begin
+        if phase < from_phase + 2.0 * np.pi or not t > began:
+            return None
+        found = (began + t) / 2.0, self._turned / (t - began)
+        self._begin, self._turned = (t, phase), 0.0
+        return found
