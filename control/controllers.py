@@ -42,9 +42,6 @@ CONTROLLERS = {
         "Climber",
     ),
     "bending": Listed("mpc, of a worm that also bends along its path", "control.chambers.controller", "Bending"),
-    "chamber_mpc": Listed(
-        "bending, whose chambers and hinges are planned within the wave", "control.chambers.controller", "ChamberMPC"
-    ),
     "pi_los": Listed("PI control of the speed and line-of-sight steering", "control.baselines", "PiLineOfSight"),
     "open_loop": Listed("the wave that the identified map says, without looking", "control.baselines", "OpenLoop"),
 }

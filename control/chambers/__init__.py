@@ -1,1 +1,1 @@
-"""What chambers and hinges do beside the wave of a gait: bodies that bend along their path, and their planning."""
+"""What chambers and hinges do beside the wave of a gait: bodies that bend along their path."""

@@ -93,10 +93,3 @@ class BodyWave(WaveGenerator):
         aside = float(self._found.drift(*wave, left)) - float(self._found.drift(*wave, asked))
         self.crab = ASIDE * self.bend + (aside / way if way > 0.0 else 0.0)
         return target.steered(mechanism, left)
-
-    def ahead(self, times: FloatArray) -> FloatArray:
-        """Return what the wave will command at times from now on [s], shape (K, 3 N - 1), without `beyond`."""
-        now = self.parameters or GaitParameters(0.0, 1.0)
-        phase = self.phase + 2.0 * np.pi * now.frequency * times
-        given = self.schedule.commands_at(phase, np.tile(now.row(), (len(times), 1)), self._worm)
-        return np.hstack([given.contraction[..., 0], given.contraction[..., 1], given.hinge])

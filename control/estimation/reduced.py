@@ -29,7 +29,7 @@ within 12 mm when hinges do: the ground holds the feet back, and the yaw joints 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -177,56 +177,20 @@ def body_shape(worm: Worm) -> ca.Function:
     if worm.chamber_offset == 0.0:
         raise ValueError("chamber_offset: got 0, must be above 0 for chamber lengths to tell how the body bends")
     lengths, hinge = ca.SX.sym("chamber_length", worm.segments, 2), ca.SX.sym("hinge", max(worm.segments - 1, 0))
-    joints = flat_body(worm, lengths, hinge).joints
-    return ca.Function("shape", [lengths, hinge], [joints], ["chamber_length", "hinge"], ["joints"])
-
-
-class FlatBody(NamedTuple):
-    """A flat body by (R2), its centre of mass at the origin and the tail-to-head chord along x."""
-
-    joints: ca.SX
-    """Places of the joints [m], shape (N + 1, 2)."""
-    masses: ca.SX
-    """Places of the mass points [m], shape (P, 2)."""
-    mass: ca.SX
-    """Their masses [kg], shape (P,)."""
-    feet: ca.SX
-    """Places of the apexes below each chamber, and of the two end faces, if there are any [m], shape (F, 2)."""
-    reach: ca.SX
-    """How far they reach below the axis [m], shape (F,)."""
-    azimuth: ca.SX
-    """Azimuths of their segments [rad], shape (F,)."""
-    of: tuple[int, ...]
-    """Their segments."""
-
-
-def flat_body(worm: Worm, lengths: ca.SX, hinge: ca.SX) -> FlatBody:
-    """Return the body with chambers of `lengths` (N, 2) [m] and hinges (N - 1,) [rad]."""
-    n, azimuth = worm.segments, _azimuths(lengths, hinge, worm.chamber_offset)
+    azimuth = _azimuths(lengths, hinge, worm.chamber_offset)
     along = (lengths[:, 0] + lengths[:, 1]) / 2.0
-    edges = [ca.vertcat(along[i] * ca.cos(azimuth[i]), along[i] * ca.sin(azimuth[i]), 0.0) for i in range(n)]
+    edges = [
+        ca.vertcat(along[i] * ca.cos(azimuth[i]), along[i] * ca.sin(azimuth[i]), 0.0) for i in range(worm.segments)
+    ]
     joints = [ca.SX.zeros(3)]
     for edge in edges:
         joints.append(joints[-1] + edge)
-    mass, masses = zip(*_masses(worm, joints, edges, lengths), strict=True)
-    com = sum(m * place for m, place in zip(mass, masses, strict=True)) / worm.mass
+    com = sum(mass * place for mass, place in _masses(worm, joints, edges, lengths)) / worm.mass
     chord = joints[-1] - joints[0]
     cos, sin = chord[0] / ca.norm_2(chord[:2]), chord[1] / ca.norm_2(chord[:2])
-
-    def seen(places: Sequence[ca.SX]) -> ca.SX:
-        about = ca.horzcat(*(place - com for place in places))[:2, :].T
-        turned: ca.SX = about @ ca.vertcat(ca.horzcat(cos, -sin), ca.horzcat(sin, cos))
-        return turned
-
-    apexes = masses[n + 1 :]
-    below = [apexes[6 * i + k] for i in range(n) for k in (0, 3)]
-    of = [i for i in range(n) for _ in (0, 3)]
-    reach = [-place[2] for place in below]
-    if worm.end_faces:
-        below, of = [*below, joints[0], joints[-1]], [*of, 0, n - 1]
-        reach += [ca.SX(float(np.broadcast_to(worm.half_height, (n,))[i])) for i in (0, -1)]
-    azimuths = ca.vertcat(*(azimuth[i] for i in of)) - ca.atan2(sin, cos)
-    return FlatBody(seen(joints), seen(masses), ca.SX(mass), seen(below), ca.vertcat(*reach), azimuths, tuple(of))
+    places = ca.horzcat(*(joint - com for joint in joints))[:2, :].T
+    turned = places @ ca.vertcat(ca.horzcat(cos, -sin), ca.horzcat(sin, cos))
+    return ca.Function("shape", [lengths, hinge], [turned], ["chamber_length", "hinge"], ["joints"])
 
 
 def _azimuths(lengths: ca.SX, hinge: ca.SX, offset: float) -> list[ca.SX]:

@@ -1,10 +1,9 @@
-"""Controllers whose worm bends along its path, on the full plant, and what is left where plans of the body fail."""
+"""A controller whose worm bends along its path, on the full plant."""
 
 import numpy as np
 import pytest
 
-from control.chambers import controller
-from control.chambers.controller import Bending, ChamberMPC
+from control.chambers.controller import Bending
 from control.identification import identified
 from control.sensing.sensors import Sensors
 from control.tracking.paths import Circle, offset, track
@@ -37,25 +36,3 @@ def test_head_and_tail_are_nearer_to_the_path_than_those_of_a_stiff_worm(bending
     assert max(rms) < 0.115  # the supervisor alone: 0.17 and 0.14
     assert np.sqrt(np.mean(off(result.com[later, :2]) ** 2)) < 0.02
     assert result.on_its_side is None
-
-
-def test_without_a_plan_of_the_body_the_posture_is_left(bending, monkeypatch):
-    class Broken:
-        blocks = steps = step = block = 1
-
-        def __init__(self, *given):
-            pass
-
-        def forget(self):
-            pass
-
-        def plan(self, *given):
-            raise RuntimeError("no plan today")
-
-    monkeypatch.setattr(controller, "BodyMPC", Broken)
-    monkeypatch.setattr(controller.ChamberModel, "of", lambda worm: None)
-    made, result = run(ChamberMPC, 6.0)
-    assert made.body_plans == []
-    assert any(decision.source == "mpc" for decision in made.decisions)
-    rows = len(result.time)
-    assert np.array_equal(result.com, bending[1].com[:rows])

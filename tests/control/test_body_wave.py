@@ -73,16 +73,6 @@ def test_chambers_beside_the_wave_bend_it_and_keep_to_the_stroke():
     assert command.contraction.min() >= WORM.stroke[0]
 
 
-def test_what_is_ahead_is_what_comes():
-    made = body_wave()
-    for _ in range(200):
-        made.step(0.02, ASKED)
-    foreseen = made.ahead(np.array([0.4]))[0]
-    for _ in range(20):
-        command = made.step(0.02, ASKED)
-    np.testing.assert_allclose(foreseen, [*command.contraction.T.ravel(), *command.hinge], atol=1e-3)
-
-
 def test_postures_follow_the_path():
     assert np.array_equal(along_path(WORM, Line(), 0.3), np.zeros(N - 1))
     circle = along_path(WORM, Circle(0.6), 1.0)

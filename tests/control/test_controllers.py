@@ -38,4 +38,4 @@ def test_scenes_know_the_same_names() -> None:
 
 
 def test_only_those_that_plan_can_have_failures_of_plans() -> None:
-    assert [name for name in CONTROLLERS if controller(name).plans] == ["mpc", "climber", "bending", "chamber_mpc"]
+    assert [name for name in CONTROLLERS if controller(name).plans] == ["mpc", "climber", "bending"]
