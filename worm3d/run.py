@@ -19,8 +19,9 @@ from worm3d.problem import Problem
 from worm3d.result import Result
 from worm3d.series import COUNTERS, Recorded, heading
 from worm3d.solver.advance import advance, ask, worst_residual
-from worm3d.solver.arrays import POINTS, TOLERANCE
+from worm3d.solver.arrays import ALLOWED, POINTS, TOLERANCE
 from worm3d.solver.guard import NO_CONVERGENCE, OK
+from worm3d.solver.march import LAST, SHORTEST, SINCE, march
 from worm3d.solver.records import Records, gather, mass_centre, record
 from worm3d.start import GUARDED, Placed, place
 from worm3d.state import State
@@ -38,6 +39,12 @@ CHUNK = 50
 MAX_STEPS_UNOBSERVED = 1000
 """Steps taken at once where commands are known ahead and no forces are asked for."""
 
+BEAT = 0.1
+"""Time between the ends of steps at which a run with steps of their own length can be looked at and cut in two [s]."""
+
+COMMANDED = 1e-3
+"""Time between two commands of a gait, or forces, on which such a run counts; in between they are interpolated [s]."""
+
 _LOG = logging.getLogger(__name__)
 
 
@@ -50,9 +57,21 @@ class Observer(NamedTuple):
 
 
 class Run:
-    """A run in progress; `placing` returns the worm in its initial state, as `worm3d.start.place`."""
+    """A run in progress.
 
-    def __init__(self, problem: Problem, placing: Callable[[Problem], Placed] = place) -> None:
+    Parameters
+    ----------
+    problem : Problem
+    placing : callable, optional
+        Returns the worm in its initial state, as `worm3d.start.place`.
+    allowed : float, optional
+        Largest estimated error of a step [m], whose length follows from it. Steps are else dt long; here dt is a tick:
+        the time between two rows, and between two samples of a controller.
+    """
+
+    def __init__(
+        self, problem: Problem, placing: Callable[[Problem], Placed] = place, allowed: float | None = None
+    ) -> None:
         plant, start, self.begun, self.settling, reason = placing(problem)
         plant.arrays["numbers"][0, TOLERANCE] = problem.tolerance
         self.driver = Driver(problem.actuation, problem.worm, problem.sensor)
@@ -61,7 +80,7 @@ class Run:
         self.dt, self.bdf2 = problem.dt, problem.integrator == "bdf2"
         self.every, self.steps = problem.record_every, problem.steps
         self.n, self.core = plant.n, plant.core
-        self.records = Records(plant, problem.rows)
+        self.records = Records(plant, problem.rows, between=allowed is not None)
         self._now = Records(plant, 1)
         self.counters = np.zeros((self.steps, len(COUNTERS)), dtype=np.int64)
         self.done, self.halved, self.last_share, self.wall = 0, 0, 1.0, 0.0
@@ -70,7 +89,17 @@ class Run:
         self.offset = start.time - self.first * self.dt
         if abs(self.offset) < 1e-9 * self.dt:
             self.offset = 0.0  # a resumed run has the very times of one that went on
-        self.remembers = bool(start.memory) and bool(start.memory.get("remembers", np.zeros(1))[0] == self.dt)
+        remembered = start.memory["remembers"] if "remembers" in start.memory else np.zeros(1)
+        self.remembers = bool(remembered[0] == self.dt)
+        self.pace: FloatArray | None = None
+        self.parts = self.beat = 1
+        if allowed is not None:
+            plant.arrays["numbers"][0, ALLOWED] = allowed
+            self.pace = np.array([0.0, SHORTEST, 0.0, 0.0])
+            self.pace[:SINCE] = [*remembered[:SINCE], *self.pace[len(remembered) : SINCE]]
+            if not self.holds:
+                self.parts = max(1, round(self.dt / COMMANDED))
+                self.beat = max(1, round(BEAT / self.dt))
         try:
             first = None if start.memory else self.driver.first(self.time(0))
             if first is not None:
@@ -114,7 +143,7 @@ class Run:
 
     def take(self) -> Status:
         """Take the next step of a controlled run (some steps of another), and return how the run stands."""
-        return self.begun if self.begun is not Status.DONE else self._chunk(CHUNK)
+        return self.begun if self.begun is not Status.DONE else self._chunk(self._whole(CHUNK))
 
     def follow(self, commands: Commands) -> Status:
         """Take a step for each of K commands from outside, in the place of its own; return how the run stands.
@@ -132,7 +161,7 @@ class Run:
             raise ValueError(f"commands: must be finite, with contractions below 1, for {self.n} segments")
         if self.begun is not Status.DONE:
             return self.begun
-        self.holds = True
+        self.holds, self.parts, self.beat = True, 1, 1
         forces = [] if self.external_force is None else [self._forces(t) for t in self.times(self.done + 1, 1, count)]
         return self._advance(rows, forces)
 
@@ -140,12 +169,17 @@ class Run:
         """Return the number of steps to the next observer's turn, or that may be taken at once if that is less."""
         known = self.driver.tabular and self.external_force is None
         turns = (observer.every - self.done % observer.every for observer in observers)
-        return min(MAX_STEPS_UNOBSERVED if known else CHUNK, *turns, self.steps)
+        most = min(MAX_STEPS_UNOBSERVED if known else CHUNK, *turns, self.steps)
+        return self._whole(most)
+
+    def _whole(self, most: int) -> int:
+        """Return a number of steps, and as many more as lead to the end of a beat."""
+        return most + -(self.first + self.done + most) % self.beat
 
     def _seen(self, observers: tuple[Observer, ...]) -> Status:
         """Let the observers look whose turn it is; return how the run stands."""
         for observer in observers:
-            if self.done % observer.every and self.done < self.steps:
+            if self.done % observer.every >= self.beat and self.done < self.steps:
                 continue
             try:
                 goes_on = observer.look(self.time(self.done), View(self))
@@ -162,7 +196,7 @@ class Run:
     def _chunk(self, most: int) -> Status:
         """Ask for commands and forces and take the steps, at most so many."""
         count = 1 if self.driver.controller is not None else min(most, self.steps - self.done)
-        times = self.times(self.done + 1, 1, count)
+        times = self.times(self.done + 1 / self.parts, 1 / self.parts, count * self.parts)
         forces: list[FloatArray] = []
         commands = self.driver.table(times)
         if commands is None or self.external_force is not None:
@@ -187,6 +221,8 @@ class Run:
         return self.driver.at(t) if self.driver.controller is None else self.driver.decide(self.observation(), t)
 
     def _advance(self, commands: FloatArray, forces: list[FloatArray]) -> Status:
+        if self.pace is not None:
+            return self._march(self.pace, commands, forces)
         table = np.array(forces) if self.external_force is not None else np.zeros((0, 3, self.n + 1))
         taken = 0
         while taken < len(commands):
@@ -213,6 +249,30 @@ class Run:
                 return status
             taken += 1
         return Status.DONE
+
+    def _march(self, pace: FloatArray, commands: FloatArray, forces: list[FloatArray]) -> Status:
+        if forces:
+            forces = [self._forces(self.time(self.done)), *forces]
+        began = perf_counter()
+        done, end = march(
+            self.core,
+            self.records.block,
+            self.counters,
+            commands,
+            np.array(forces).reshape(-1, 3, self.n + 1),
+            self.done,
+            self.every,
+            self.dt,
+            pace,
+            self.parts,
+            self.beat,
+            self.first + self.done,
+        )
+        self.wall += perf_counter() - began
+        self.done += done
+        if end == NO_CONVERGENCE:
+            return self._stuck()
+        return self._ended(end)
 
     def _halve(self, command: FloatArray) -> Status:
         """Take one step in parts, by implicit Euler; the past is then that of one whole step."""
@@ -250,13 +310,16 @@ class Run:
             self.last_share = share
             return self._ended(end)
         if halvings == 0:
-            self.residual, worst = worst_residual(self.core)
-            self.segment = min(worst, self.n - 1)
-            return Status.NO_CONVERGENCE
+            return self._stuck()
         status = self._part(held, begin, share / 2.0, halvings - 1)
         if status is Status.DONE:
             status = self._part(held, begin + share / 2.0, share / 2.0, halvings - 1)
         return status
+
+    def _stuck(self) -> Status:
+        self.residual, worst = worst_residual(self.core)
+        self.segment = min(worst, self.n - 1)
+        return Status.NO_CONVERGENCE
 
     def _ended(self, end: int) -> Status:
         """Return how a step ended, and remember where if the solver's guard has refused it."""
@@ -305,6 +368,9 @@ class Run:
 
     def state(self) -> State:
         """Return the state now, with memory."""
+        if self.pace is not None:
+            time = self.time(self.done) + float(self.pace[SINCE])
+            return self.plant.state(time, float(self.pace[LAST]) or np.inf, remembers=self.pace[:SINCE].copy())
         remembers = np.array([self.dt if self.remembers else 0.0])
         return self.plant.state(self.time(self.done), self.dt, remembers=remembers)
 

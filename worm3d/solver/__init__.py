@@ -1,6 +1,8 @@
 """The compiled time step: Newton's method with contact regimes on the incremental potential (README.md).
 
 advance    many steps at once: commands, steps, records
+march      steps as long as an allowed error lets them be, with rows
+between    the ends of steps
 step       one step: implicit Euler or BDF2, and what the next one remembers
 newton     Newton's method with the loads of the iterate; falls back to
 descent    minimisation for given loads

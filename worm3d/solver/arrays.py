@@ -112,6 +112,9 @@ LEVER = _number("lever")  # metres per radian in Newton's tolerances
 CLAMPED = _number("clamped")  # 1: the ground is the paper's, (P9) and (P10)
 THRESHOLD = _number("threshold")  # eps of (P10) [m/s]
 MASS = _number("mass")  # [kg]
+RATIO = _number("ratio")  # of the step over the last one, for BDF2
+ALLOWED = _number("allowed")  # largest estimated error of a step [m]
+ERROR = _number("error")  # that of the last step, where a limit is set [m]
 GRAVITY = _number("gravity_x")  # [m/s^2]; y and z follow
 _number("gravity_y")
 _number("gravity_z")

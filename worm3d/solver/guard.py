@@ -21,8 +21,8 @@ BEND = 4
 """Row of the chamber bend among the coordinates of a segment."""
 SIDES = ("left", "right")
 
-OK, NO_CONVERGENCE, NOT_FINITE, FLATTENED, FOLDED, SUNK = range(6)
-"""Ends of a step."""
+OK, NO_CONVERGENCE, NOT_FINITE, FLATTENED, FOLDED, SUNK, COARSE = range(7)
+"""Ends of a step; the last: it was too long for the error that is allowed."""
 
 _HINGE = joint.LAYOUT.first("hinge")
 _REST = segment.LAYOUT.first("commanded")

@@ -22,10 +22,10 @@ Multiplying the residual of a step by dq = q_{n+1} - q_n gives, with J dq the fi
   impact's, m g.(J dq - dt (V + V_n)/2) for every mass point.
 * Numerical: for inertia m [e_v.(V + V_n)/2 + A.e_x] with the defects of the integrator
 
-      e_x = dX - dt (V + V_n)/2,   e_v = dt A - dV = 0 (implicit Euler) or (V - 2 V_n + V_{n-1})/2 (BDF2)
+      e_x = dX - dt (V + V_n)/2,   e_v = dt A - dV = w/(1 + w) (V - (1 + w) V_n + w V_{n-1})
 
-  (m |dV|^2/2 for implicit Euler); E_n - E_{n+1} + gradE_{n+1}.dq for every energy; and, since X(q) and the strains s(q)
-  are not linear, force times (J dq - dX); less what of this is impact.
+  with w = dt/dt_old, 0 and so m |dV|^2/2 for implicit Euler; E_n - E_{n+1} + gradE_{n+1}.dq for every energy; and,
+  since X(q) and the strains s(q) are not linear, force times (J dq - dX); less what of this is impact.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ them, and compiled code follows it. An entry of the plan is a block of numbers, 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import prod
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -32,8 +33,12 @@ if TYPE_CHECKING:
 STATE = "actuator_"
 """Prefix of the names of the actuators' states."""
 
-PLAN, MOMENTA = 0, 1
-"""Arrays of the block of records that are no series: the plan; momentum, angular momentum and centre of mass."""
+PLAN, MOMENTA, REGIONS, BEFORE, NOW = range(5)
+"""Arrays of the block of records that are no series: the plan; momentum, angular momentum and centre of mass; for rows
+between the ends of steps (`worm3d.solver.between`) the parts of the core that rows are made of, what they held at the
+start of a step, and at its end."""
+CURVED, SUMS = 2, 2
+"""Numbers of regions at the beginning that hold places, and at the end that hold sums since the row before."""
 MOMENTUM_SIZE = 9
 
 ENTRY = 9
@@ -60,18 +65,23 @@ class Records:
     plant : Plant
     rows : int
         Instants; `record` writes every number of a row.
+    between : bool
+        Whether they may lie between the ends of steps.
     """
 
-    def __init__(self, plant: Plant, rows: int) -> None:
+    def __init__(self, plant: Plant, rows: int, between: bool = False) -> None:
         memory = self._core = plant.memory_of_core  # its arrays are read as long as rows are written
         declared = {name: series for name, series in series_of(Recorded).items() if series.source is not None}
         declared |= {STATE + name: series for name, series in states_of(plant.worm).items()}
         self._shapes = {name: series.shape(plant.n) for name, series in declared.items()} | {"energy": (len(TERMS),)}
         pieces = {name: _pieces(series, plant.clamped, memory) for name, series in declared.items()}
         pieces["energy"] = [_Piece("terms", 0, (len(TERMS), 1, 1), (1, 0, 0))]
-        sizes = [(sum(map(len, pieces.values())), ENTRY), (1, MOMENTUM_SIZE)]
+        regions = _regions(declared, plant.clamped, memory) if between else []
+        total = sum(size for _, size in regions)
+        sizes = [(sum(map(len, pieces.values())), ENTRY), (1, MOMENTUM_SIZE), (len(regions), 2), (1, total), (1, total)]
         sizes += [(rows, prod(shape)) for shape in self._shapes.values()]
-        self._memory = Memory(Plan.of(("plan", "momenta", *self._shapes), sizes), cleared=False)
+        names = ("plan", "momenta", "regions", "before", "now", *self._shapes)
+        self._memory = Memory(Plan.of(names, sizes), cleared=False)
         self.block, own = self._memory.block, self._memory.arrays()
         own["plan"].view(np.int64)[:] = [
             [
@@ -84,6 +94,7 @@ class Records:
             for name in pieces
             for piece in pieces[name]
         ]
+        own["regions"].view(np.int64)[:] = np.array(regions, dtype=np.int64).reshape(-1, 2)
 
     def arrays(self, rows: slice = slice(None)) -> dict[str, FloatArray]:
         """Return rows of each series, and of the energy ledger, by name, not copies."""
@@ -122,6 +133,23 @@ def _pieces(series: Series, clamped: bool, memory: CoreMemory) -> list[_Piece]:
         _Piece(source.array, first + tail * lanes, (n, 1, 1), steps),
         _Piece(source.array, first + head * lanes + n - 1, (1, 1, 1), steps, to=n),
     ]
+
+
+def _regions(declared: Mapping[str, Series], clamped: bool, memory: CoreMemory) -> list[tuple[int, int]]:
+    """Return the address and the size of each part of the core that rows are made of: places first, sums last."""
+    first, last = [("joints", 0, 3), ("points", 0, 3)], [("slid", 0, POINTS), ("terms", 0, 1)]
+    found = dict.fromkeys([*first, ("joint_velocity", 0, 3), ("point_velocity", 0, 3)])
+    for series in declared.values():
+        source = series.clamped if clamped and series.clamped is not None else series.source
+        assert source is not None
+        if isinstance(source, Rows):
+            axes = series.shape(memory.core.n)[2 if isinstance(source, Points) else 1 :]
+            found[source.array, _row(source), prod(axes)] = None
+        elif source.array != "momenta":
+            found[source.array, 0, 1] = None
+    parts = [part for part in found if part[0] != "slid"] + last
+    views = [memory.arrays[name][row : row + count] for name, row, count in parts]
+    return [(view.ctypes.data, view.size) for view in views]
 
 
 def _row(source: Rows) -> int:

@@ -17,7 +17,7 @@ from worm3d.physics.actuators import Actuator, FirstOrder, Response
 from worm3d.physics.expressions import answer, scalar
 from worm3d.physics.hysteresis import PREFIX as FRICTION
 from worm3d.physics.hysteresis import Hysteresis, chamber_states
-from worm3d.physics.kernels import COMMANDS, hysteresis, inertia, joint, losses, segment
+from worm3d.physics.kernels import COMMANDS, hysteresis, joint, losses, segment
 from worm3d.physics.kernels.layout import Layout, once
 from worm3d.values.parameters import parameters_of
 
@@ -68,8 +68,7 @@ def _known(kind: Kind, layout: Layout, side: int) -> dict[str, ca.SX]:
     known |= {name: s[name] * s[PREFIX + HASTE] for name in ("dt", "span")}
     for state in kind.states:
         n, m = (s[f"{PREFIX}{state}_{at}"][side] for at in "nm")
-        w0, w1 = (ca.if_else(s["span"] != s["dt"], *pair) for pair in zip(inertia.BDF2, inertia.EULER, strict=True))
-        known |= {f"{state}_n": n, f"{state}_hat": w0 * n + w1 * m}
+        known |= {f"{state}_n": n, f"{state}_hat": s["weights"][0] * n + s["weights"][1] * m}
     return known
 
 

@@ -7,6 +7,7 @@ have the inputs `SIZES` in their layouts, beside their place "x" and their "weig
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import casadi as ca
 
@@ -15,23 +16,29 @@ SIZES = {
     "velocity": 6,  # likewise
     "mass": 1,
     "dt": 1,
-    "span": 1,  # beta dt, dt for implicit Euler [s]
+    "span": 1,  # beta dt, (1 + w)/(1 + 2 w) dt [s]
+    "ratio": 1,  # w: this step over the last one, 0 for implicit Euler
     "lands": 1,  # 1 in a step in which a point strikes the world
 }
-BDF2, EULER = (4.0 / 3.0, -1.0 / 3.0), (1.0, 0.0)
-"""Weights of t_n and t_{n-1} in the backward difference of the integrators."""
-
 Symbols = Mapping[str, ca.SX]
+
+
+def weights(ratio: Any) -> tuple[Any, Any]:
+    """Return the weights of t_n and t_{n-1} in the backward difference of the integrator.
+
+    BDF2 takes the derivative at the end of a step from the parabola through the last three values. With w = dt/dt_old
+
+        x'_{n+1} = (x_{n+1} - (1 + w)^2/(1 + 2 w) x_n + w^2/(1 + 2 w) x_{n-1})/(beta dt),   beta = (1 + w)/(1 + 2 w)
+
+    (4/3, -1/3 and 2/3 for equal steps); w = 0 is implicit Euler.
+    """
+    return (1.0 + ratio) ** 2 / (1.0 + 2.0 * ratio), -(ratio**2) / (1.0 + 2.0 * ratio)
 
 
 def _weigh(s: Symbols, both: ca.SX) -> ca.SX:
     """Return what the integrator's difference subtracts for values of t_n and t_{n-1}, shape (3,)."""
-    weights = [ca.if_else(_is_bdf2(s), new, old) for new, old in zip(BDF2, EULER, strict=True)]
-    return weights[0] * both[:3] + weights[1] * both[3:]
-
-
-def _is_bdf2(s: Symbols) -> ca.SX:
-    return s["span"] != s["dt"]
+    w0, w1 = weights(s["ratio"])
+    return w0 * both[:3] + w1 * both[3:]
 
 
 def still(s: Symbols) -> ca.SX:
@@ -75,7 +82,8 @@ def ledger(s: Symbols, first: ca.SX) -> dict[str, ca.SX]:
     In a landing the contact also carries the weight, whose impulse is none of the impact's.
     """
     v, v_n, v_m, mean = velocity(s), s["velocity"][:3], s["velocity"][3:], mean_motion(s)
-    e_v = ca.if_else(_is_bdf2(s), 0.5 * (v - 2.0 * v_n + v_m), 0.0)
+    w = s["ratio"]
+    e_v = w / (1.0 + w) * (v - (1.0 + w) * v_n + w * v_m)  # dt A - dV
     carried, moved = s["lands"] * ca.dot(s["weight"], first - mean), motion(s)
     lost = s["mass"] * ca.dot(e_v, mean) / s["dt"] + ca.dot(force(s), first - mean)
     return {

@@ -43,9 +43,10 @@ LAYOUT = Layout(
         "roll_damping": 1,  # C [N m s], 0 where roll has inertia
         "span": 1,  # beta dt [s]
         "dt": 1,
+        "weights": 2,  # of s_n and s_{n-1} in s_hat
         "commanded": 2,  # rest length of each chamber at t_{n+1}
         "force": 2,  # chamber forces at t_{n+1}
-        "length_hat": 2,  # of the damper: s_n, or (4 s_n - s_{n-1})/3
+        "length_hat": 2,  # of the damper
         "angle_hat": 2,
         "commanded_n": 2,
         "length_n": 2,

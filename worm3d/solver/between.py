@@ -1,0 +1,76 @@
+"""Rows of the instants between the ends of steps: what is recorded is put there, gathered, and put back.
+
+Places lie on the cubic through both ends of a step and their velocities, all else on a straight line. Sums since the
+row before grow evenly in a step, so that the energy ledger of a row is as closed as that of the step.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
+from numpy.typing import NDArray
+
+from worm3d.machine import vectors
+from worm3d.machine.compiled import inner
+from worm3d.machine.vectors import doubles_at
+from worm3d.solver import arrays as a
+from worm3d.solver.arrays import Core
+from worm3d.solver.block import Block, address, combine, integers, matrix, rows, vector
+from worm3d.solver.records import BEFORE, CURVED, NOW, REGIONS, SUMS, gather, record
+
+
+@inner
+def keep(records: Block, to: int) -> None:
+    """Copy what rows are made of: to `BEFORE` at the start of a step, to `NOW` at its end."""
+    at = address(records, to, 0)
+    for r in range(matrix(records, REGIONS).shape[0]):
+        here, size = _region(records, r)
+        vectors.move(at, here, size)
+        at += 8 * size
+
+
+@inner
+def write(core: Core, records: Block, row: int, share: float, h: float) -> None:
+    """Write the row of an instant in the step of length h [s] that was finished last; `share` of it has passed then."""
+    if share >= 1.0 - 1e-9:
+        record(core, records, row)
+        return
+    keep(records, NOW)
+    before, now, at = vector(records, BEFORE), vector(records, NOW), 0
+    regions = matrix(records, REGIONS).shape[0]
+    _bend(core, a.JOINTS, a.JOINT_VELOCITY, share, h)
+    _bend(core, a.POINTS_PAST, a.POINT_VELOCITY, share, h)
+    for r in range(regions):
+        here, size = _region(records, r)
+        if r >= CURVED:
+            values = carray(doubles_at(here), (size,))
+            combine(values, 1.0 - share, before[at : at + size], share, values)
+        at += size
+    gather(core, records, row)
+    at = 0
+    for r in range(regions):
+        here, size = _region(records, r)
+        if r >= regions - SUMS:  # this part is in a row
+            values = carray(doubles_at(here), (size,))
+            for sums in (before, now):
+                combine(sums[at : at + size], 1.0, sums[at : at + size], -1.0, values)
+        vectors.move(here, address(records, NOW, 0) + 8 * at, size)
+        at += size
+
+
+@inner
+def _region(records: Block, r: int) -> NDArray[np.int64]:
+    """Return where a region begins, and its size."""
+    return integers(address(records, REGIONS, r), 2)
+
+
+@inner
+def _bend(core: Core, places: int, velocities: int, share: float, h: float) -> None:
+    """Put places, which are those of the end of a step, on the cubic through both of its ends and their velocities."""
+    x, x_n = rows(core.block, places, 0, 3), rows(core.block, places, 3, 3)
+    v, v_n = rows(core.block, velocities, 0, 3), rows(core.block, velocities, 3, 3)
+    left = 1.0 - share
+    for k in range(len(x)):
+        moved = x[k] - x_n[k]
+        bend = left * (h * v_n[k] - moved) - share * (h * v[k] - moved)
+        x[k] = x_n[k] + share * (moved + left * bend)
