@@ -1,5 +1,8 @@
 from scenes.fit import fit as fit
 from scenes.sweep.dataset import sweep as sweep
+from worm3d.accuracy.estimate import ErrorEstimate as ErrorEstimate
+from worm3d.accuracy.estimate import Spread as Spread
+from worm3d.accuracy.estimate import scattered as scattered
 from worm3d.actuation import Command as Command
 from worm3d.actuation import Commands as Commands
 from worm3d.actuators import ACTUATORS as ACTUATORS

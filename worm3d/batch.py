@@ -10,6 +10,7 @@ from typing import Any, Generic, TypeVar
 
 from numpy.typing import ArrayLike
 
+from worm3d.accuracy.runs import finish, first
 from worm3d.actuation import Actuation
 from worm3d.physics.friction import Friction
 from worm3d.plant import ROUNDING
@@ -44,6 +45,7 @@ def simulate_batch(
     *,
     settle_first: bool | None = None,
     tolerance: float = ROUNDING,
+    accuracy: float | None = None,
     threads: int = 1,
 ) -> list[Result]:
     """Simulate many worms; the results are those of `simulate`, bit for bit.
@@ -55,7 +57,7 @@ def simulate_batch(
     ----------
     worm, world, ground, actuation, external_force, state
         As in `simulate`: one for all runs, or a list or tuple with one for each; at least one of them.
-    duration, dt, integrator, gravity, held, record_every, settle_first, tolerance
+    duration, dt, integrator, gravity, held, record_every, settle_first, tolerance, accuracy
         As in `simulate`, for all runs.
     threads : int
         Runs that go on at once. An actuation or force that is shared is then called from several threads.
@@ -94,13 +96,15 @@ def simulate_batch(
         "record_every": record_every,
         "settle_first": settle_first,
         "tolerance": tolerance,
+        "accuracy": accuracy,
     }
     places = _Places()
 
-    def prepared(k: int) -> Run:
+    def prepared(k: int) -> tuple[Run, Problem]:
         own = {name: values[k] for name, values in given.items()}
         try:
-            return Run(Problem(**own, **shared), places.place)
+            problem = Problem(**own, **shared)
+            return Run(problem, places.place) if accuracy is None else first(problem, places.place), problem
         except (StateError, LimitPointError) as error:
             raise type(error)(f"run {k}: {error}") from error
         except ValueError as error:
@@ -111,7 +115,9 @@ def simulate_batch(
 
     with ThreadPoolExecutor(threads) as pool:
         runs = list(pool.map(prepared, range(count)))
-        return list(pool.map(Run.finish, runs))
+        if accuracy is None:
+            return list(pool.map(lambda run: run[0].finish(), runs))
+        return list(pool.map(lambda run: finish(run[0], run[1], places.place), runs))
 
 
 class _Once(Generic[T]):

@@ -123,6 +123,7 @@ def _fields(content: Content, worm: Worm | None, world: Any) -> dict[str, Any]:
         state=_state(content.groups.get(CHECKPOINT, ()), given, run["laid"]),
         stop=Stop(**{**run["stop"], "status": Status[run["stop"]["status"]]}),
         wall_s=float(timing["wall_s"]),
+        error_estimate=restored("error_estimate", run.get("error_estimate"), arrays),
     )
 
 
@@ -137,6 +138,7 @@ def described(result: Result) -> tuple[str, tuple[Variable, ...]]:
         "dt": result.dt,
         "period": result.period,
         "laid": result.state.laid,
+        **({} if result.error_estimate is None else {"error_estimate": plain(result.error_estimate, arrays)}),
         "stop": {**stop, "status": result.status.name},
     }
     variables = (

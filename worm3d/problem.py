@@ -30,6 +30,9 @@ Force = Callable[[float], ArrayLike]
 LARGEST_TOLERANCE = 1e-7
 """Largest tolerance, as a fraction of the body length: contacts stick within a tenth of a micrometre."""
 
+FINEST_ACCURACY, COARSEST_ACCURACY = 1e-4, 0.1
+"""Range of `accuracy`: below, rounding shows in the errors of single steps; above, a run says nothing."""
+
 SHORTEST_STEP = 1e-6
 """Shortest time step [s]: in shorter ones Newton does not reach rounding and iterates a hundred times as often."""
 
@@ -118,6 +121,7 @@ class Problem:
     record_every: int = 1
     settle_first: bool | None = None
     tolerance: float = ROUNDING
+    accuracy: float | None = None
 
     def __post_init__(self) -> None:
         self._check_types()
@@ -162,6 +166,10 @@ class Problem:
         arguments.whole("record_every", self.record_every)
         arguments.choice("integrator", self.integrator, get_args(Integrator))
         arguments.number("tolerance", self.tolerance, "body lengths", ge=ROUNDING, le=LARGEST_TOLERANCE)
+        if self.accuracy is not None:
+            arguments.number("accuracy", self.accuracy, ge=FINEST_ACCURACY, le=COARSEST_ACCURACY)
+            if self.integrator != "bdf2":
+                raise ValueError(f"accuracy: got one for {self.integrator!r}, must be None: only bdf2 has steps for it")
         if self.settle_first is not None:
             arguments.flag("settle_first", self.settle_first)
 

@@ -9,6 +9,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from worm3d import metrics
+from worm3d.accuracy.estimate import ErrorEstimate
 from worm3d.energy import Energy
 from worm3d.measures import MEASURES, Metric
 from worm3d.measures.posture import Rolled, on_its_side
@@ -46,6 +47,8 @@ class Result(Recorded, Steps):
     stop: Stop
     wall_s: float
     """Wall time of the steps [s]."""
+    error_estimate: ErrorEstimate | None = None
+    """How far the run is off, where an accuracy was asked for."""
 
     @property
     def status(self) -> Status:
@@ -141,6 +144,7 @@ class Result(Recorded, Steps):
 
     def __repr__(self) -> str:
         worm, summary = self.worm, self.summary()
+        error = self.error_estimate
         merits = (" ".join(summary.row(name, digits=4)).rstrip() for name in HEADLINES if summary[name] is not None)
         return listed(
             (
@@ -148,6 +152,7 @@ class Result(Recorded, Steps):
                 f"  {len(self.time)} rows of {len(self.newton_iterations)} steps of {self.dt:g} s; {worm.segments} "
                 f"segments, {worm.length:g} m, {worm.mass:g} kg on {brief(self.world)}",
                 f"  {', '.join(merits)}",
+                *([] if error is None else [f"  {error.sentence}"]),
                 "  arrays: time, joints, com, heading, chamber_length, normal_load, slip, energy, and others",
                 "  summary() has all metrics, worm3d.draw(result, 'viewer.html') shows the run",
             )

@@ -21,7 +21,7 @@ from worm3d.series import COUNTERS, Recorded, heading
 from worm3d.solver.advance import advance, ask, worst_residual
 from worm3d.solver.arrays import ALLOWED, POINTS, TOLERANCE
 from worm3d.solver.guard import NO_CONVERGENCE, OK
-from worm3d.solver.march import LAST, SHORTEST, SINCE, march
+from worm3d.solver.march import LAST, SHORTEST, SINCE, SOLVES, march
 from worm3d.solver.records import Records, gather, mass_centre, record
 from worm3d.start import GUARDED, Placed, place
 from worm3d.state import State
@@ -115,10 +115,10 @@ class Run:
         """Return the time after k steps [s]."""
         return (self.first + k) * self.dt + self.offset
 
-    def times(self, first: int, every: int, count: int) -> FloatArray:
-        """Return the times after `first` steps and every so many more, as `time` does [s]."""
-        steps = np.array(self.first + first + every * np.arange(count), dtype=float)
-        return steps * self.dt + self.offset
+    def times(self, first: int, every: int, count: int, parts: int = 1) -> FloatArray:
+        """Return the times after `first` steps and every so many more, as `time` does [s]; or parts of steps."""
+        steps = np.array(parts * self.first + first + every * np.arange(count), dtype=float)
+        return steps / parts * self.dt + self.offset
 
     def _forces(self, t: float) -> FloatArray:
         if self.external_force is None:
@@ -196,7 +196,7 @@ class Run:
     def _chunk(self, most: int) -> Status:
         """Ask for commands and forces and take the steps, at most so many."""
         count = 1 if self.driver.controller is not None else min(most, self.steps - self.done)
-        times = self.times(self.done + 1 / self.parts, 1 / self.parts, count * self.parts)
+        times = self.times(self.done * self.parts + 1, 1, count * self.parts, self.parts)
         forces: list[FloatArray] = []
         commands = self.driver.table(times)
         if commands is None or self.external_force is not None:
@@ -356,6 +356,11 @@ class Run:
             normal_load=self.plant.loads()[:6].T.copy(),
             actuator_states=states,
         )
+
+    @property
+    def solves(self) -> float:
+        """Steps that were solved, in a run whose steps are as long as their errors let them be."""
+        return 0.0 if self.pace is None else float(self.pace[SOLVES])
 
     def recorded_now(self) -> Recorded:
         """Return all series of this instant, T = 1, in memory that later steps write to."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
+from worm3d.accuracy.runs import finish, first
 from worm3d.actuation import Actuation, Sensor
 from worm3d.physics.friction import Friction
 from worm3d.plant import ROUNDING
@@ -40,6 +41,7 @@ def simulate(
     *,
     settle_first: bool | None = None,
     tolerance: float = ROUNDING,
+    accuracy: float | None = None,
     observer: Callable[[float, View], bool | None] | None = None,
     every: int = 10,
     live: Live | None = None,
@@ -57,7 +59,8 @@ def simulate(
         Gives the commands (`worm3d.actuation`); left alone if None. Where it has a number `period` [s], the result has
         the mean speed over such periods.
     duration, dt : float
-        Simulated time, rounded to whole time steps, and time step [s].
+        Simulated time, rounded to whole time steps, and time step [s]. With an `accuracy` dt is the time between two
+        rows, and between two decisions of a controller.
     integrator : str
         "bdf2" (second order) or "implicit_euler" (the paper's).
     gravity : array_like, shape (3,)
@@ -77,12 +80,17 @@ def simulate(
         Whether a worm that starts at rest is first brought to equilibrium on its world, under the weight that presses
         it there; on uneven worlds by its friction too, unless that lets it slide away. If left out: where it touches
         the world; what starts in mid-air falls. A state with memory never is. `Result.settling` says what was done.
+    accuracy : float, optional
+        Largest error of the distance, relative to it or to a tenth of the body length, whichever is more; from 1e-4 to
+        0.1. Steps are then as long as their errors let them be, and the run is repeated, each time finer, until the
+        last runs agree: `Result.error_estimate` says how well. None: steps of dt, whose error is not known.
     observer : callable, optional
         Called with the time [s] and a read-only `worm3d.View` of the run: at its start, after every `every`-th step and
         after the last one. Returning False ends the run there. An error that it raises ends the run too; the result
         has the steps so far, and says what was wrong. The numbers of the run do not depend on it.
     every : int
-        Steps between two calls of the observer.
+        Steps between two calls of the observer; with an `accuracy` at the next multiple of 0.1 s, and again from the
+        start where a run was not accurate enough.
     live : Live, optional
         Shows the run in a browser while it goes on (`worm3d.Live`), no faster than that is to show it.
 
@@ -121,7 +129,14 @@ def simulate(
         record_every=record_every,
         settle_first=settle_first,
         tolerance=tolerance,
+        accuracy=accuracy,
     )
+
+    def observers(run: Run) -> list[Observer]:
+        shown = [] if live is None else [live.follow(run)]
+        return [*shown, *([] if observer is None else [Observer(observer, every)])]
+
+    if accuracy is not None:
+        return finish(first(problem), problem, observed=observers)
     run = Run(problem)
-    observers = [] if live is None else [live.follow(run)]
-    return run.finish(*observers, *([] if observer is None else [Observer(observer, every)]))
+    return run.finish(*observers(run))

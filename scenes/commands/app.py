@@ -45,7 +45,16 @@ def _common(
 
 
 @app.command()
-def run(scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
+def run(
+    scene: SceneArgument,
+    o: Overrides = None,
+    accuracy: Annotated[
+        float | None, typer.Option(help="Relative error of the distance that is allowed, as the key run.accuracy.")
+    ] = None,
+    out: Out = None,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
     """Run a scene.
 
     Writes result.nc, summary.json, overview.png, and viewer.html, a page that plays the run in any browser; for planar
@@ -55,11 +64,12 @@ def run(scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force
     from scenes.commands.runner import run_scene
     from scenes.models.loading import load_scene
 
-    loaded = load_scene(scene, o or ())
+    changes = [*(o or ()), *([] if accuracy is None else [f"run.accuracy={accuracy!r}"])]
+    loaded = load_scene(scene, changes)
     if loaded.sweep:
         from scenes.sweep import command
 
-        raise typer.Exit(command.run(scene, o or (), out, command.Options(force=force, quiet=quiet)))
+        raise typer.Exit(command.run(scene, changes, out, command.Options(force=force, quiet=quiet)))
     raise typer.Exit(run_scene(loaded, out, force=force, quiet=quiet))
 
 

@@ -151,9 +151,18 @@ def _fault(row: dict[str, Cell]) -> str:
 
 
 def _metrics(record: Record, model: Model[Any]) -> list[str]:
-    headlines = (*(HEADLINES if model.moves else ()), *model.headlines)
+    headlines = (*(HEADLINES if model.moves else ()), *model.headlines, *_error(record))
     lines = [f"{label:22}{_metric(record, key, unit)}" for key, label, unit in headlines]
     return [*lines, *_uses(record)]
+
+
+def _error(record: Record) -> list[tuple[str, str, str]]:
+    """Return the headline of the error of the distance where there is one, or a single distance means little."""
+    from worm3d.accuracy.estimate import ROUGH
+
+    name = "distance_error_m"
+    known = record.summary.metrics.get(name) is not None or ROUGH in record.summary.reasons.get(name, "")
+    return [(name, "error of distance", "m")] if known else []
 
 
 def _uses(record: Record) -> list[str]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from worm3d.accuracy.estimate import ROUGH, ErrorEstimate
 from worm3d.energy import TERMS, Energy
 from worm3d.measures.table import NoValueError, measure
 from worm3d.measures.way import NO_HEADING, NO_PERIOD, NO_WAY, SHORT_RUN, along_the_ground, averaged, path_length, way
@@ -19,6 +21,7 @@ NOT_SETTLED = (
     "the worm was not brought to rest before the run: it touched nothing, moved, went on from an earlier run, or was "
     "to start as it was"
 )
+FIXED = "the steps are of a fixed length; a run that is given an accuracy knows its errors"
 NO_STEP = "no step was finished"
 
 USES = tuple(Energy.of(np.zeros((1, len(TERMS)))).uses)
@@ -97,7 +100,26 @@ def _balance(result: Result) -> float:
 def _iterations(result: Result) -> float:
     if not len(result.newton_iterations):
         raise NoValueError(NO_STEP)
-    return float(result.newton_iterations.mean())
+    solved = len(result.newton_iterations) if result.error_estimate is None else result.error_estimate.steps
+    return float(result.newton_iterations.sum()) / solved
+
+
+ERRORS = {
+    "distance_error_m": ("what the distance may be off by", lambda error: error.distance),
+    "heading_error_deg": ("what the turn may be off by", lambda error: float(np.rad2deg(error.heading))),
+    "work_error_J": ("what the net work of the actuators may be off by", lambda error: error.work),
+}
+
+
+def _error(result: Result, of: Callable[[ErrorEstimate], float]) -> float:
+    if result.error_estimate is None:
+        rough = f"; {ROUGH}" if result.world is not None and result.world.uneven else ""
+        raise NoValueError(FIXED + rough)
+    return of(result.error_estimate)
+
+
+for _name, (_meaning, _of) in ERRORS.items():
+    measure(_name, _meaning)(partial(_error, of=_of))
 
 
 @measure("real_time_factor", "simulated time over computing time")

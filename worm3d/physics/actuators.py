@@ -96,8 +96,8 @@ class Actuator(Part, registry=ACTUATORS):
             the end and at the start of the step; "force_command", "force_command_n" [N]; "given_n", "force_n": what
             was given at the start. Of each state "<state>_n" at the start of the step and "<state>_hat", from which
             the integrator counts: d(state)/dt = (state - state_hat)/span with span = dt (implicit Euler) or 2/3 dt
-            (BDF2 at equal steps) [s]. For a chamber also "length", unknown, and "length_n" [m], the rest length of the segment "l0"
-            and its links "link" [m], and the stiffness of its springs "k", of which a chamber has half [N].
+            (BDF2 at equal steps) [s]. For a chamber also "length", unknown, and "length_n" [m], the rest length of the
+            segment "l0", its links "link" [m], and the stiffness of its springs "k", of which a chamber has half [N].
         """
         raise NotImplementedError
 

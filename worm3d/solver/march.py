@@ -26,7 +26,7 @@ from worm3d.values.arrays import FloatArray
 LAST, NEXT, SINCE, SOLVES = range(4)
 """What a run knows of its steps: the last one, 0 before the first [s], the one that is to be tried next [s], time since
 the last whole beat or tick [s], and how many were solved, those taken again included."""
-SHORTEST, LONGEST = 1e-4, 2e-2
+SHORTEST, LONGEST = 1e-5, 2e-2
 """Shortest and longest step [s]: the error of a shorter one is not looked at, but Newton has to converge; a longer one
 would pass over what a gait does."""
 GIVEN_UP = 64.0

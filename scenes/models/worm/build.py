@@ -33,6 +33,7 @@ from scenes.models.worm.schema import (
     Worm,
 )
 from worm3d import run as runs
+from worm3d.accuracy.runs import finish, first
 from worm3d.actuation import Actuation, Sensor
 from worm3d.actuators import ACTUATORS
 from worm3d.physics.friction_laws import LAWS
@@ -79,11 +80,18 @@ def simulate(
     ValueError
         The worm is refused, its weight would flatten it (`LimitPointError`), or the state is not of this worm.
     """
-    run = runs.Run(problem_of(scene, state, done, drive))
+    problem = problem_of(scene, state, done, drive)
     # A run that ended between two stored states could not be gone on from without a gap.
-    rows = 1 if drive is not None else max(1, STEPS_BETWEEN_LOOKS // run.every)
-    looks = runs.Observer(lambda _, view: view.step == 0 or observer(view.step), rows * run.every)
-    return run.finish(looks) if live is None else run.finish(live.follow(run), looks)
+    rows = 1 if drive is not None else max(1, STEPS_BETWEEN_LOOKS // problem.record_every)
+    looks = runs.Observer(lambda _, view: view.step == 0 or observer(view.step), rows * problem.record_every)
+
+    def observers(run: runs.Run) -> list[runs.Observer]:
+        return [looks] if live is None else [live.follow(run), looks]
+
+    if problem.accuracy is not None:
+        return finish(first(problem), problem, observed=observers, checked=[looks])
+    run = runs.Run(problem)
+    return run.finish(*observers(run))
 
 
 def problem_of(
@@ -107,6 +115,7 @@ def problem_of(
         record_every=run.record_every,
         settle_first=scene.start.settle,
         tolerance=run.tolerance,
+        accuracy=run.accuracy,
     )
 
 

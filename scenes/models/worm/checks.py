@@ -86,6 +86,12 @@ def _g_or_a_vector(gravity_m_s2: Any) -> str | None:
     )
 
 
+def _accuracy_by_bdf2(accuracy: float | None, integrator: str) -> str | None:
+    if accuracy is None or integrator == "bdf2":
+        return None
+    return f"got {accuracy} with run.integrator = '{integrator}': only bdf2 has steps of variable length; leave one out"
+
+
 def _push_on_a_joint(joint: int, segments: int) -> str | None:
     return None if joint <= segments else f"got {joint}: the last joint, the head, is {segments} (worm.segments)"
 
@@ -121,6 +127,7 @@ WORLD_CHECKS = (
     *RUN_CHECKS,
     *kind_checks(World, "world"),
     Check(("run.gravity_m_s2",), _g_or_a_vector),
+    Check(("run.accuracy", "run.integrator"), _accuracy_by_bdf2),
     *SECTION_CHECKS,
     Check(("push.joint", "worm.segments"), _push_on_a_joint),
     Check(("push.duration_s", "run.dt_s"), _push_lasts_a_step),

@@ -73,7 +73,7 @@ def simulated(
 
 def _faults(result: worm3d.Result) -> list[dict[str, Cell]]:
     """Return what the plant knows that went wrong."""
-    if result.on_its_side is None:
+    if result.on_its_side is None and (result.error_estimate is None or result.error_estimate.met):
         return []
     from scenes.models.control.faults import of_plant  # imports the controllers
 

@@ -128,6 +128,13 @@ class WormRun(Run):
     integrator: Literal["bdf2", "implicit_euler"] = setting(
         "bdf2", title="bdf2 is of second order, implicit_euler the paper's"
     )
+    accuracy: float | None = quantity(
+        ge=1e-4,
+        le=0.1,
+        left_out="steps of dt_s, whose error is not known",
+        title="largest error of the distance, relative to it or to 0.1 body lengths; steps are as long as that lets "
+        "them be, and dt_s is the time between rows and between decisions of a controller",
+    )
     tolerance: float = quantity(
         2e-15, ge=2e-15, le=1e-7, title="of Newton: motion as a fraction of the body length; 1e-9 is a fifth faster"
     )

@@ -38,7 +38,8 @@ def weights(ratio: Any) -> tuple[Any, Any]:
 def _weigh(s: Symbols, both: ca.SX) -> ca.SX:
     """Return what the integrator's difference subtracts for values of t_n and t_{n-1}, shape (3,)."""
     w0, w1 = weights(s["ratio"])
-    return w0 * both[:3] + w1 * both[3:]
+    weighed: ca.SX = w0 * both[:3] + w1 * both[3:]
+    return weighed
 
 
 def still(s: Symbols) -> ca.SX:

@@ -1,0 +1,111 @@
+"""What a run with an `accuracy` says of its own errors, and what runs from many starts say together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from worm3d.state import State
+from worm3d.values import arguments
+from worm3d.values.documented import with_fields
+
+if TYPE_CHECKING:
+    from worm3d.result import Result
+
+ENOUGH = 24
+"""Number of starts from which a mean is told: its error is then a fifth of the spread."""
+ROUGH = (
+    "on uneven ground every stone decides, and a single distance means little: take the mean over "
+    f"{ENOUGH} starts or more (worm3d.scattered, worm3d.simulate_batch, worm3d.Spread)"
+)
+SHIFT = 1e-3
+"""Distance by which starts differ at most, as a fraction of the body length: small against what a worm can feel."""
+
+
+@with_fields
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """How far a run with an `accuracy` is expected to be off, from runs with coarser steps."""
+
+    distance: float
+    """Error of the distance [m]; of the way of the centre of mass where there is no heading."""
+    heading: float
+    """Error of the turn from start to end [rad]; NaN without a heading."""
+    work: float
+    """Error of the net work of the actuators [J]."""
+    asked: float
+    """Error of the distance that was asked for: accuracy times the distance, or a tenth of the body length [m]."""
+    step_error: float
+    """Estimated error that was allowed in a step of this run [m]."""
+    steps: int
+    """Steps that were solved in this run, and `runs` in all."""
+    runs: int
+
+    @property
+    def met(self) -> bool:
+        """Whether the distance is as accurate as was asked for."""
+        return self.distance <= self.asked
+
+    @property
+    def sentence(self) -> str:
+        """One line: what may be off by how much, and whether that was asked for."""
+        found = (
+            f"{1e3 * self.distance:.2g} mm, turn by {np.rad2deg(self.heading):.2g} degrees, work by {self.work:.2g} J"
+        )
+        missed = "" if self.met else "; NOT as accurate as asked"
+        return f"distance may be off by {found} ({1e3 * self.asked:.2g} mm asked{missed})"
+
+
+@with_fields
+@dataclass(frozen=True)
+class Spread:
+    """Distance of many runs that differ in what nobody knows, such as the very place of the start."""
+
+    mean: float
+    """Mean [m]."""
+    standard_error: float
+    """Standard deviation of the mean [m]; of a single run it is the root of `count` times as much."""
+    count: int
+
+    @classmethod
+    def of(cls, results: Sequence[Result]) -> Spread:
+        """Return the spread of runs.
+
+        Raises
+        ------
+        ValueError
+            Fewer than 24 runs, or one that did not reach its end.
+        """
+        arguments.whole("results", len(results), ge=ENOUGH)
+        for k, each in enumerate(results):
+            if each.status.diverged:
+                raise ValueError(f"results: got run {k}, of which {each.stop.sentence}; must have reached its end")
+        way = np.array([each.distance for each in results])
+        return cls(float(way.mean()), float(way.std(ddof=1) / np.sqrt(len(way))), len(way))
+
+
+def scattered(state: State, count: int = ENOUGH, within: float | None = None, seed: int = 0) -> list[State]:
+    """Return states that differ from one by small horizontal shifts, for runs on uneven ground.
+
+    Parameters
+    ----------
+    state : State
+    count : int
+    within : float, optional
+        Largest shift along x and y [m]; a thousandth of the length of the body if left out.
+    seed : int
+
+    Raises
+    ------
+    ValueError
+        No start, or a shift that is not above 0.
+    """
+    arguments.whole("count", count)
+    length = float(np.linalg.norm(np.diff(state.joints, axis=0), axis=1).sum())
+    most = SHIFT * length if within is None else within
+    arguments.number("within", most, "m", gt=0.0)
+    shifts = np.random.default_rng(seed).uniform(-most, most, (count, 3)) * [1.0, 1.0, 0.0]
+    return [state.with_changes(joints=state.joints + shift) for shift in shifts]
