@@ -98,6 +98,7 @@ def some_segment(seed: int = 0) -> Values:
         "roll_damping": uniform(0.1, 1.0),
         "span": uniform(0.005, 0.02),
         "dt": uniform(0.005, 0.02),
+        "weights": np.vstack([np.full(COUNT, 4 / 3), np.full(COUNT, -1 / 3)]),
         "commanded": l0 * uniform(0.7, 1.05, 2),
         "force": uniform(-1, 1, 2),
         "length_hat": uniform(0.14, 0.17, 2),
@@ -223,14 +224,16 @@ def some_point(coupled: bool, inside: bool, seed: int = 5) -> Values:
 
 
 def some_mass(x: np.ndarray, rng: np.random.Generator) -> Values:
-    """Return the past of mass points near x; every other step is of BDF2."""
+    """Return the past of mass points near x; every other step is of BDF2, after one of another length."""
     dt = rng.uniform(0.005, 0.02, (1, COUNT))
+    ratio = np.where(np.arange(COUNT) % 2, np.linspace(0.3, 2.0, COUNT), 0.0)[None]
     return {
         "past": np.vstack([x, x]) + rng.uniform(-0.01, 0.01, (6, COUNT)),
         "velocity": rng.uniform(-1, 1, (6, COUNT)),
         "mass": rng.uniform(0.01, 0.1, (1, COUNT)),
         "dt": dt,
-        "span": np.where(np.arange(COUNT) % 2, 2 / 3 * dt, dt),
+        "span": dt * (1.0 + ratio) / (1.0 + 2.0 * ratio),
+        "ratio": ratio,
         "lands": np.arange(COUNT)[None] % 3 == 0,
     }
 
@@ -256,9 +259,14 @@ def some_node(seed: int = 13) -> Values:
 
 
 def difference(v: Values, new: np.ndarray, old: np.ndarray) -> np.ndarray:
-    """Return the integrator's rate of change, of values at t_{n+1} and at t_n and t_{n-1}, shape (3, COUNT)."""
-    bdf2 = (1.5 * new - 2.0 * old[:3] + 0.5 * old[3:]) / v["dt"]
-    return np.where(np.arange(COUNT) % 2, bdf2, (new - old[:3]) / v["dt"])
+    """Return the integrator's rate of change, of values at t_{n+1} and at t_n and t_{n-1}, shape (3, COUNT).
+
+    It is that of Newton's parabola through the three: the last slope, and dt times the second divided difference.
+    """
+    dt, bdf2 = v["dt"], v["ratio"] > 0.0
+    before = dt / np.where(bdf2, v["ratio"], 1.0)
+    slope, slope_before = (new - old[:3]) / dt, (old[:3] - old[3:]) / before
+    return slope + np.where(bdf2, dt * (slope - slope_before) / (dt + before), 0.0)
 
 
 def with_pull_of_the_law(values: Values, law: type[FrictionLaw] = Coulomb) -> Values:
