@@ -132,6 +132,7 @@ TRIALS = {
     "apart_heading": _line(*APART, HEADING, "run.duration_s=30"),
     "side_slope": _line(*SIDE),
     "side_slope_heading": _line(*SIDE, HEADING),
+    "side_slope_gyroscope": _line(*SIDE, "sensor.angular_rate=true"),
     "segments_4": _s_curve("worm.segments=4", NEARBY_MAP),
     "segments_8": _s_curve("worm.segments=8", NEARBY_MAP),
     "half_springs": _s_curve("worm.spring_N=6.5", NEARBY_MAP),
@@ -165,6 +166,7 @@ TRIALS = {
 OFFSET, STEADY, BIAS = "cross_track_rms_bl", "cross_track_mean_bl", "speed_bias_m_s"
 HEADING_RMS = "heading_error_rms_deg"
 THIRD = 1.0 / 3.0
+SLOPING = ("side_slope", "side_slope_gyroscope", "side_slope_heading")
 BARS = (
     Bar("line", OFFSET, 0.0015),
     Bar("circle_1.5", OFFSET, 0.0025),
@@ -172,8 +174,8 @@ BARS = (
     *(Bar(trial, OFFSET, THIRD, RIVAL) for trial in ("circle_0.4", "corner", "speed_0.14")),
     Bar("apart", "joining_periods", 10.0),
     Bar("apart_heading", "joining_periods", 9.0),
-    *(Bar(trial, OFFSET, 0.006) for trial in ("side_slope", "side_slope_heading")),
-    *(Bar(trial, STEADY, 0.002) for trial in ("side_slope", "side_slope_heading")),
+    *(Bar(trial, OFFSET, 0.006) for trial in SLOPING),
+    *(Bar(trial, STEADY, 0.002) for trial in SLOPING),
     *(Bar(trial, OFFSET, 0.006) for trial in ("segments_4", "segments_8", "half_springs", "half_stiffness")),
     *(Bar(trial, OFFSET, 0.005) for trial in (*FRICTIONS, "mass_0.8", "mass_1.2")),
     *(
