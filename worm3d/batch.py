@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import pickle
-from collections.abc import Callable, Hashable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from threading import Lock
-from typing import Any, Generic, TypeVar
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 from numpy.typing import ArrayLike
 
 from worm3d.accuracy.runs import finish, first
 from worm3d.actuation import Actuation
 from worm3d.physics.friction import Friction
+from worm3d.places import Places
 from worm3d.plant import ROUNDING
 from worm3d.problem import Force, Held, Integrator, Problem
 from worm3d.result import Result
 from worm3d.run import Run
-from worm3d.start import LimitPointError, Placed, Rested, place, settle
+from worm3d.start import LimitPointError
 from worm3d.state import State, StateError
 from worm3d.values import arguments
 from worm3d.worlds import World
 from worm3d.worm import Worm
-
-T = TypeVar("T")
 
 MOST_THREADS = 1024
 """Largest number of threads."""
@@ -98,7 +95,7 @@ def simulate_batch(
         "tolerance": tolerance,
         "accuracy": accuracy,
     }
-    places = _Places()
+    places = Places()
 
     def prepared(k: int) -> tuple[Run, Problem]:
         own = {name: values[k] for name, values in given.items()}
@@ -118,60 +115,6 @@ def simulate_batch(
         if accuracy is None:
             return list(pool.map(lambda run: run[0].finish(), runs))
         return list(pool.map(lambda run: finish(run[0], run[1], places.place), runs))
-
-
-class _Once(Generic[T]):
-    """Keeps what several threads ask for, each made by the first that does."""
-
-    def __init__(self) -> None:
-        self._lock, self._found = Lock(), dict[Hashable, Future[T]]()
-
-    def __call__(self, key: Hashable, make: Callable[[], T]) -> T:
-        with self._lock:
-            found, first = self._found.get(key), key not in self._found
-            if found is None:
-                found = self._found[key] = Future()
-        if first:
-            try:
-                found.set_result(make())
-            except BaseException as error:
-                found.set_exception(error)
-                raise
-        return found.result()
-
-
-class _Places:
-    """Puts worms on their worlds: equal ones are copies of one, and come to rest together whatever their friction."""
-
-    def __init__(self) -> None:
-        self._placed, self._rested = _Once[Placed](), _Once[Rested]()
-
-    def place(self, problem: Problem) -> Placed:
-        """Return what `worm3d.start.place` returns."""
-        key = self._key(problem, problem.settle_first, problem.friction, problem.state)
-        placed = self._placed(key, lambda: place(problem, self._settle))
-        own = placed.plant.copy()
-        own.worm, own.friction = problem.worm, problem.friction
-        return placed._replace(plant=own)
-
-    def _settle(self, problem: Problem, start: State) -> Rested:
-        return self._rested(self._key(problem, start), lambda: settle(problem, start))
-
-    def _key(self, problem: Problem, *parts: object) -> Hashable:
-        return (
-            id(problem.world),
-            problem.weight.tobytes(),
-            problem.held_mask.tobytes(),
-            _content((problem.worm, *parts)),
-        )
-
-
-def _content(parts: tuple[object, ...]) -> Hashable:
-    """Return what equal parts have in common; with a class that was made in a function nothing equals them."""
-    try:
-        return pickle.dumps(parts)
-    except (AttributeError, TypeError, pickle.PicklingError):
-        return object()
 
 
 def _count(each: Mapping[str, object]) -> int:

@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.energy import Energy
+from worm3d.physics.kernels import GREATEST_CONTRACTION
 from worm3d.series import Recorded, Steps, series_of, states_of
-from worm3d.state import GREATEST_CONTRACTION, State
+from worm3d.state import State
 from worm3d.status import Status, Stop
 from worm3d.values import arguments, netcdf
 from worm3d.values.netcdf import Content, FileError

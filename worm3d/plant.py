@@ -11,24 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from worm3d.machine import vectors
-from worm3d.machine.codegen import Kernel, compile_kernel, evaluate
+from worm3d.machine.codegen import Kernel, compile_kernel
 from worm3d.machine.compiled import announce, cfunc
 from worm3d.physics.actuators import Actuator, FirstOrder
 from worm3d.physics.friction import ContactConstants, Friction
 from worm3d.physics.friction_laws import Coulomb, FrictionLaw
 from worm3d.physics.hysteresis import PREFIX, Hysteresis, chamber_states
-from worm3d.physics.kernels import actuator, joint, medium, node, point, segment
+from worm3d.physics.kernels import GREATEST_CONTRACTION, actuator, joint, medium, node, point, segment
 from worm3d.physics.kernels.layout import Layout, once
 from worm3d.physics.media import Medium
 from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
 from worm3d.solver.entry import SIGNATURE
 from worm3d.solver.evaluate import evaluate_entry
-from worm3d.solver.faces import turn_faces
 from worm3d.solver.guard import SIDES, refused
 from worm3d.solver.newton import solve_entry
+from worm3d.solver.pose import put_entry
 from worm3d.solver.step import step_entry
-from worm3d.state import GREATEST_CONTRACTION, State, StateError
+from worm3d.state import State, StateError
 from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World, WorldKernel
@@ -87,13 +87,8 @@ def _kernel(name: str, *part: type) -> Kernel | None:
 @cache
 def entries() -> dict[str, Any]:
     """Return the compiled entries of the solver by name."""
-    functions = {"evaluate": evaluate_entry, "solve": solve_entry, "step": step_entry}
+    functions = {"evaluate": evaluate_entry, "solve": solve_entry, "step": step_entry, "put": put_entry}
     return {name: cfunc(SIGNATURE, function, missed=announce) for name, function in functions.items()}
-
-
-def _twice(history: FloatArray, rows: FloatArray) -> None:
-    """Write rows (R, ...) as both instants of a history (2 R, ...)."""
-    history[: len(rows)] = history[len(rows) :] = rows
 
 
 def _addresses(world: WorldKernel, made: Mapping[str, Kernel]) -> NDArray[np.int64]:
@@ -340,80 +335,17 @@ class Plant:
 
     def set_pose(self, state: State | Pose) -> None:
         """Put the worm there, moving as the state says, uncommanded and without stored friction."""
-        n, x = self.n, self.arrays["x"].reshape(-1, BLOCK)
-        x[:, :3], x[:n, 3], x[:n, 4] = state.joints, 0.0, state.bend
-        edges = np.diff(state.joints, axis=0)
-        tangents = edges / np.linalg.norm(edges, axis=1)[:, None]
-        across = state.directors - np.sum(state.directors * tangents, axis=1)[:, None] * tangents
-        self._segment_row("t_ref")[:] = tangents.T
-        self._segment_row("d_ref")[:] = (across / np.linalg.norm(across, axis=1)[:, None]).T
-        self._segment_row("rim")[:] = 0.0
-        for _ in range(3):  # the faces' places depend on the world's normal there
-            self._place()
-            turn_faces(self.core)
-        self._place()
-        self._begin_histories(state)
-
-    def _place(self) -> None:
-        """Evaluate points, angles and distances at x."""
-        n, x = self.n, self.arrays["x"][0]
-        for rows, count in ((self._segment_row("q"), n), (self._joint_row("q"), n - 1)):
-            for r, row in enumerate(rows):
-                row[:] = x[r : r + BLOCK * count : BLOCK]
-        for name in ("t_ref", "d_ref"):
-            of_segments = self._segment_row(name)
-            self._joint_row(name)[:] = np.concatenate([of_segments[:, :-1], of_segments[:, 1:]])
-        segment_in, world_in = self.arrays["segment_in"], self.arrays["world_in"]
-        self._run("segment_shape", segment_in, self.arrays["rest"], n)
-        world_in[:3] = self.arrays["point_in"][:3]
-        self._run("world", world_in, self.arrays["world_out"], world_in.shape[1])
-
-    def _run(self, name: str, inputs: FloatArray, outputs: FloatArray, count: int) -> None:
-        evaluate(self.memory_of_core.kernels[list(arrays.KERNELS).index(name)], inputs, outputs, count)
-
-    def _begin_histories(self, state: State | Pose) -> None:
-        n, a = self.n, self.arrays
-        rate = np.zeros((n + 1, BLOCK))
+        n, x, rate = self.n, self.arrays["x"].reshape(-1, BLOCK), np.zeros((self.n + 1, BLOCK))
+        x[:, :3], x[:n, 4] = state.joints, state.bend
+        self._segment_row("d_ref")[:] = state.directors.T
+        self.arrays["asked"][0, : 2 * n] = state.contraction.ravel()
         rate[:, :3], rate[:n, 3], rate[:n, 4] = state.joint_velocity, state.roll_rate, state.bend_rate
-        rate[a["held"].reshape(-1, BLOCK) != 0.0] = 0.0
-        _twice(a["joints"][:, : n + 1], state.joints.T)
-        _twice(a["joint_velocity"][:, : n + 1], rate[:, :3].T)
-        for r, row in enumerate(self._segment_row("dq")):
-            row[:] = rate.ravel()[r : r + BLOCK * n : BLOCK]
-        terms = len(segment.LEDGER_TERMS)
-        self._run("segment_ledger", a["segment_in"], a["segment_ledger"], n)
-        self._run("joint_angles", a["joint_in"], a["joint_out"][:4], n - 1)
-        _twice(a["points"], a["point_in"][:3])
-        _twice(a["point_velocity"], self._point_row("first").reshape(3, -1))
-        _twice(a["lengths"], a["rest"][:2])
-        _twice(a["hinges"], a["segment_ledger"][terms : terms + 2])
-        _twice(a["joint_angles"], a["joint_out"][:4])
-        a["asked"][:] = 0.0
-        a["asked"][0, : 2 * n] = state.contraction.ravel()
-        a["given"][:] = a["asked"]
-        commanded = self.worm.l0 * (1.0 - state.contraction.T)
-        self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = commanded
-        self._joint_row("hinge")[:] = self._joint_row("hinge_n")[:] = 0.0
-        a["hinge_states"][:] = 0.0
-        if "actuator_rest" in self._kernels:
-            command = self._layouts()[0].of(actuator.PREFIX + "command", a["actuated"])
-            command[:, :n] = state.contraction.T
-            states = a["actuator"][: len(a["actuator"]) // 2]
-            rest = np.zeros((actuator.SIDES + len(states), states.shape[1]))
-            self._run("actuator_rest", a["actuated"], rest, n)
-            self._segment_row("commanded")[:] = self._segment_row("commanded_n")[:] = rest[: actuator.SIDES, :n]
-            states[:] = rest[actuator.SIDES :]
-            a["actuator"][len(states) :] = states
-        self._point_row("anchor")[:] = self._point_row("x")
-        self._point_row("load_n")[:] = self._point_row("pull")[:] = 0.0
-        a["stuck"][:], a["stored"][:], a["joint_load"][:] = 1.0, 0.0, 0.0
-        a["last"][:], a["curve"][:] = 0.0, 0.0
+        self.arrays["trial"][0] = rate.ravel()
+        entries()["put"].ctypes(self.core.handle, 0.0, 0, 0)
 
     def reset_at_pose(self) -> None:
         """Set the present pose anew, at rest: anchors move to the points, histories begin anew, loads are kept."""
-        load, pose = self.loads().copy(), self.pose()
-        self.set_pose(pose._replace(joint_velocity=np.zeros_like(pose.joints)))
-        self.loads()[:] = load
+        entries()["put"].ctypes(self.core.handle, 0.0, 1, 0)
 
     def set_loads(self, load: FloatArray) -> None:
         """Set the normal loads of a worm at rest, shape (8, N) [N], and the contact forces to these loads alone."""

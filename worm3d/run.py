@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import traceback
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -81,7 +82,6 @@ class Run:
         self.every, self.steps = problem.record_every, problem.steps
         self.n, self.core = plant.n, plant.core
         self.records = Records(plant, problem.rows, between=allowed is not None)
-        self._now = Records(plant, 1)
         self.counters = np.zeros((self.steps, len(COUNTERS)), dtype=np.int64)
         self.done, self.halved, self.last_share, self.wall = 0, 0, 1.0, 0.0
         self.complaint, self.residual, self.segment = reason, 0.0, 0
@@ -110,6 +110,11 @@ class Run:
                 raise
             self.begun, self.complaint = Status.BAD_COMMAND, _complaint(error)
         record(self.core, self.records.block, 0)
+
+    @cached_property
+    def _now(self) -> Records:
+        """Room for an instant between two rows."""
+        return Records(self.plant, 1)
 
     def time(self, k: float) -> float:
         """Return the time after k steps [s]."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from worm3d.accuracy.runs import finish, first
 from worm3d.actuation import Actuation, Sensor
 from worm3d.physics.friction import Friction
+from worm3d.places import place_kept
 from worm3d.plant import ROUNDING
 from worm3d.problem import Force, Held, Integrator, Problem
 from worm3d.result import Result
@@ -137,6 +138,6 @@ def simulate(
         return [*shown, *([] if observer is None else [Observer(observer, every)])]
 
     if accuracy is not None:
-        return finish(first(problem), problem, observed=observers)
-    run = Run(problem)
+        return finish(first(problem, place_kept), problem, place_kept, observed=observers)
+    run = Run(problem, place_kept)
     return run.finish(*observers(run))

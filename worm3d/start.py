@@ -13,10 +13,9 @@ from worm3d.physics import elements
 from worm3d.physics.friction import RESTING_PENETRATION, Friction
 from worm3d.plant import DEEPEST, Plant
 from worm3d.problem import Problem
-from worm3d.solver.advance import advance
-from worm3d.solver.arrays import COUNTERS, POINTS
-from worm3d.solver.block import Block
+from worm3d.solver.arrays import POINTS
 from worm3d.solver.guard import OK
+from worm3d.solver.pose import settle as settle_core
 from worm3d.state import State, StateError
 from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
@@ -82,8 +81,6 @@ OVERLAP = 10.0 * RESTING_PENETRATION
 LIMIT_ANGLES, LIMIT_ROUNDS = 65, 5
 """Angles at which the limit point is sought, and rounds, each between the neighbours of the best angle: to 1e-7 of the
 angle, and so to 1e-14 of the weight, which is level there."""
-
-NO_RECORDS = Block(0, 0)
 
 GUARDED = (Status.DONE, Status.NO_CONVERGENCE, Status.NOT_FINITE, Status.FLATTENED, Status.FOLDED, Status.SUNK)
 """Status of each way in which a step ends (`worm3d.solver.guard`)."""
@@ -206,29 +203,17 @@ def _settled(problem: Problem, start: State, method: _Method) -> Rested:
     plant = Plant(worm, world, friction, world.pressing(problem.weight), problem.held_mask, scale=problem.weight)
     plant.set_pose(start)
     plant.hasten(HASTE)
-    command, moved = np.zeros(5 * worm.segments), np.inf
+    command = np.zeros(5 * worm.segments)
     command[: 2 * worm.segments] = start.contraction.ravel()
-    for _ in range(method.steps):
-        before = plant.arrays["joints"][:3].copy()
-        end = _step(plant, command, method.dt)
-        if end != OK:
-            status = GUARDED[end]
-            unsettled = status is Status.NO_CONVERGENCE
-            return Rested(start, Status.UNSETTLED if unsettled else status, plant.refused(status)[1])
-        moved = np.abs(plant.arrays["joints"][:3] - before).max()
-        if method.mu == 0.0:  # anchors are needed where friction holds
-            plant.reset_at_pose()
-        if moved < REST_TOLERANCE * worm.length:
-            break
+    slides, rest = method.mu == 0.0, REST_TOLERANCE * worm.length
+    end, moved, _ = settle_core(plant.core, command, method.dt, method.steps, slides, rest, np.inf)
+    if end != OK:
+        status = GUARDED[end]
+        unsettled = status is Status.NO_CONVERGENCE
+        return Rested(start, Status.UNSETTLED if unsettled else status, plant.refused(status)[1])
     plant.reset_at_pose()
     rests = moved < REST_TOLERANCE_LOOSE * worm.length
     return Rested(plant.state(start.time), Status.DONE if rests else Status.UNSETTLED)
-
-
-def _step(plant: Plant, command: FloatArray, dt: float) -> int:
-    no_counters, no_force = np.zeros((0, COUNTERS), dtype=np.int64), np.zeros((0, 3, plant.n + 1))
-    _, end = advance(plant.core, NO_RECORDS, no_counters, command[None], no_force, 0, 0, dt, False, False)
-    return end
 
 
 def hold(plant: Plant) -> bool:
@@ -236,16 +221,11 @@ def hold(plant: Plant) -> bool:
 
     Steps of implicit Euler until it rests again, with its anchors where they are then; if it does not it is put back.
     """
-    before, start = plant.memory(), plant.arrays["joints"][:3].copy()
-    command, holds = plant.arrays["asked"][0].copy(), False
+    before, command, length = plant.memory(), plant.arrays["asked"][0].copy(), plant.worm.length
     plant.hasten(HASTE)
-    for _ in range(HOLDING_STEPS):
-        here = plant.arrays["joints"][:3].copy()
-        end = _step(plant, command, HOLDING_DT)
-        moved, away = (np.abs(plant.arrays["joints"][:3] - there).max() / plant.worm.length for there in (here, start))
-        holds = end == OK and moved < REST_TOLERANCE_LOOSE and away <= SLIDES
-        if end != OK or away > SLIDES or moved < REST_TOLERANCE:
-            break
+    rest, far = REST_TOLERANCE * length, SLIDES * length
+    end, moved, away = settle_core(plant.core, command, HOLDING_DT, HOLDING_STEPS, False, rest, far)
+    holds = end == OK and moved < REST_TOLERANCE_LOOSE * length and away <= far
     if not holds:
         plant.remember(before)
     plant.hasten(1.0)

@@ -19,9 +19,6 @@ from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.worlds.base import World
 from worm3d.worm import Worm
 
-GREATEST_CONTRACTION = 1.0 - 2.0**-53
-"""Greatest contraction of a state: the greatest number below 1, so that rest lengths stay above 0."""
-
 LIFTS = 50
 """Largest number of times that a worm put on its world is lifted until it fits."""
 

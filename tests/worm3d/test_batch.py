@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from control.gaits import TravellingWave
-from worm3d import Command, Friction, LimitPointError, Plane, State, Status, Worm, batch, simulate, simulate_batch
+from worm3d import Command, Friction, LimitPointError, Plane, State, Status, Worm, simulate, simulate_batch
+from worm3d import places as places_of_batch
 from worm3d.start import place
 
 WORMS = [Worm(), Worm(segments=8), Worm(mass=0.15)]
@@ -33,12 +34,13 @@ def test_equal_worms_are_put_there_once_and_go_their_own_ways(threads: int, monk
         places.append(given)
         return place(*given)
 
-    monkeypatch.setattr(batch, "place", counted)
+    monkeypatch.setattr(places_of_batch, "place", counted)
     worms = [Worm() for _ in range(5)]
     grounds = [Friction(), Friction(), Friction(), Friction(forward=0.1), Friction()]
     gaits = [*GAITS, GAITS[0], None]
     ahead = simulate(worms[0], Plane(), duration=0.3, actuation=GAITS[0]).state
     states = [None, None, None, None, ahead]
+    places.clear()
     plane = Plane()
     runs = simulate_batch(worms, plane, grounds, gaits, state=states, duration=1.0, threads=threads)
     assert len(places) == 3, "one of three equal worms, one on other ground, one from another state"

@@ -92,6 +92,7 @@ NODE_MOMENTA = _kernel("node_momenta", node.momenta, padded=True)
 EVALUATE = _kernel("evaluate")
 SOLVE = _kernel("solve")
 STEP = _kernel("step")
+PUT = _kernel("put")
 
 NUMBERS: list[str] = []
 """What one number says of a worm and its world, by name."""

@@ -1,0 +1,94 @@
+"""Worms on their worlds before the first step, each put there and brought to rest once."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from collections.abc import Callable, Hashable
+from concurrent.futures import Future
+from threading import Lock
+from typing import Generic, TypeVar
+
+from worm3d.problem import Problem
+from worm3d.start import Placed, Rested, place, settle
+from worm3d.state import State
+from worm3d.worlds import World
+
+T = TypeVar("T")
+
+KEPT, LARGEST = 16, 100
+"""Number of worms that are kept for later runs of this process, and the segments of the largest one: 2 MB, and it runs
+for much longer than it takes to put there."""
+
+
+class _Once(Generic[T]):
+    """Keeps what several threads ask for, each made by the first that does; if so told, the last ones only."""
+
+    def __init__(self, most: float) -> None:
+        self._lock, self._most, self._found = Lock(), most, dict[Hashable, Future[T]]()
+
+    def __call__(self, key: Hashable, make: Callable[[], T]) -> T:
+        with self._lock:
+            known = self._found.pop(key, None)
+            found = self._found[key] = known or Future()  # the last one to be dropped
+            if len(self._found) > self._most:
+                del self._found[next(iter(self._found))]
+        if known is None:
+            try:
+                found.set_result(make())
+            except BaseException as error:
+                self._found.pop(key, None)
+                found.set_exception(error)
+                raise
+        return found.result()
+
+
+class Places:
+    """Puts worms on their worlds: equal ones are copies of one, and come to rest together whatever their friction."""
+
+    def __init__(self, most: float = math.inf) -> None:
+        self._placed, self._rested = _Once[Placed](most), _Once[Rested](most)
+
+    def place(self, problem: Problem) -> Placed:
+        """Return what `worm3d.start.place` returns."""
+        key = self._key(problem, problem.settle_first, problem.friction, problem.state)
+        placed = self._placed(key, lambda: place(problem, self._settle))
+        own = placed.plant.copy()
+        own.worm, own.world, own.gravity, own.friction = problem.worm, problem.world, problem.weight, problem.friction
+        return placed._replace(plant=own)
+
+    def _settle(self, problem: Problem, start: State) -> Rested:
+        return self._rested(self._key(problem, start), lambda: settle(problem, start))
+
+    def _key(self, problem: Problem, *parts: object) -> Hashable:
+        worm, law = problem.worm, type(problem.friction.law)
+        classes = type(worm), *map(type, (worm.actuator, worm.hinge_actuator, worm.hysteresis, worm.medium)), law
+        fixed = problem.weight.tobytes(), problem.held_mask.tobytes()
+        world = problem.world if _is_ours(problem.world) else id(problem.world)
+        return world, classes, fixed, _content((worm, *parts))
+
+
+def _is_ours(world: World | None) -> bool:
+    """Return whether a world is one of worm3d's own classes, whose objects never change."""
+    return world is None or type(world).__module__.startswith("worm3d.")
+
+
+def _content(parts: tuple[object, ...]) -> Hashable:
+    """Return what equal parts have in common; with a class that was made in a function nothing equals them."""
+    try:
+        return pickle.dumps(parts)
+    except (AttributeError, TypeError, pickle.PicklingError):
+        return object()
+
+
+_kept = Places(KEPT)
+
+
+def place_kept(problem: Problem) -> Placed:
+    """Return what `worm3d.start.place` returns, a copy where an equal worm was put on this world before.
+
+    Worlds of one's own, which may change, and states that go on are put there anew.
+    """
+    goes_on = problem.state is not None and bool(problem.state.memory)
+    keeps = _is_ours(problem.world) and not goes_on and problem.worm.segments <= LARGEST
+    return _kept.place(problem) if keeps else place(problem)
