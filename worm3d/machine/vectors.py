@@ -87,6 +87,14 @@ def subtract_16(w: Writer, to: Any, source: Any, factor: Any) -> None:
 
 
 @on_addresses()
+def all_equal(w: Writer, source: Any, value: Any) -> Any:
+    """Return 1 where 8 doubles are all this number, else 0."""
+    equal = w.compare("oeq", w.load(source), w.spread_number(value))
+    every = w.builder.icmp_signed("==", w.builder.bitcast(equal, ir.IntType(WIDTH)), ir.Constant(ir.IntType(WIDTH), -1))
+    return w.builder.zext(every, ir.IntType(64))
+
+
+@on_addresses()
 def add_congruent(w: Writer, to: Any, pitch: Any, jacobian: Any, stiffness: Any, stride: Any) -> None:
     """Add J^T K J to 8 rows of 8 doubles that begin a pitch apart [byte].
 

@@ -24,7 +24,7 @@ from worm3d.values.arrays import FloatArray
 
 _Q, _LINK, _T_REF = segment.LAYOUT.firsts("q", "link", "t_ref")
 _JOINT_Q = joint.LAYOUT.first("q")
-_COUPLED = point.LAYOUT.first("coupled")
+_COUPLED, _REGIME = point.LAYOUT.firsts("coupled", "regime")
 _OWN = segment.COORDINATES
 _BOTH = joint.COORDINATES
 SHORTEST = 1e-4
@@ -98,10 +98,7 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
         return np.inf
     point_in, point_out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
     fill(rows(core.block, a.POINT_IN, _COUPLED, 1), 1.0 if coupled else 0.0)
-    if hessian in (NONE, LOCAL):
-        evaluate_kernel(kernel(core, a.POINT_FORCE), point_in, point_out[:_FORCES], point_in.shape[1])
-    else:
-        evaluate_kernel(kernel(core, a.POINT_STIFFNESS), point_in, point_out, point_in.shape[1])
+    _points(core, coupled, hessian)
     joint_in, joint_out = matrix(core.block, a.JOINT_IN), matrix(core.block, a.JOINT_OUT)
     for r in range(_BOTH):
         for i in range(n - 1):
@@ -113,11 +110,27 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
         evaluate_kernel(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + _BOTH], n - 1)
     _segments(core, hessian)
     phi = _joints(core, x) + _add_gradients(core)
+    if coupled:
+        return phi
     lanes = point_in.shape[1] // POINTS
     for s in range(POINTS):
         for i in range(n):
             phi += point_out[PHI, s * lanes + i]
     return phi
+
+
+@inner
+def _points(core: Core, coupled: bool, hessian: int) -> None:
+    """Run the kernel of the points; where all of a vector of them are open there is no contact to compute."""
+    point_in, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
+    for first in range(0, point_in.shape[1], vectors.WIDTH):
+        free = coupled and vectors.all_equal(address(core.block, a.POINT_IN, _REGIME) + 8 * first, point.OPEN) != 0
+        if hessian in (NONE, LOCAL):
+            which = a.POINT_FREE_FORCE if free else a.POINT_FORCE
+            evaluate_kernel(kernel(core, which), point_in, out[:_FORCES], vectors.WIDTH, first)
+        else:
+            which = a.POINT_FREE_STIFFNESS if free else a.POINT_STIFFNESS
+            evaluate_kernel(kernel(core, which), point_in, out, vectors.WIDTH, first)
 
 
 @inner
@@ -177,6 +190,8 @@ def hold(core: Core, in_band: bool) -> None:
     held, gradient = vector(core.block, a.HELD), vector(core.block, a.GRADIENT)
     band = matrix(core.block, a.BAND)
     size = len(held)
+    if vectors.greatest(address(core.block, a.HELD, 0), -(-size // vectors.WIDTH) * vectors.WIDTH) == 0.0:
+        return
     for k in range(size):
         if held[k] != 0.0:
             gradient[k] = 0.0

@@ -5,12 +5,13 @@ The rows "pull" of the points hold the predicted friction f of (C5); they keep t
 
 from __future__ import annotations
 
+from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.physics.kernels import point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, Core
-from worm3d.solver.block import copy, fill, matrix, rows, vector
+from worm3d.solver.block import address, copy, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
 from worm3d.values.arrays import FloatArray
 
@@ -71,7 +72,21 @@ def predict_yielding(core: Core, step: FloatArray, error: float) -> None:
             segments[_DQ + r, i] = -step[BLOCK * i + r]
     fill(rows(core.block, a.POINT_IN, _ERROR, 1), error)
     evaluate_kernel(kernel(core, a.SEGMENT_MOTION), segments, matrix(core.block, a.FIRST), core.n)
-    evaluate_kernel(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), p.shape[1])
+    evaluate_kernel(kernel(core, a.POINT_NEAR), p, matrix(core.block, a.YIELDING_OUT)[STALE : STALE + 1], p.shape[1])
+    for first in range(0, p.shape[1], vectors.WIDTH):
+        if _changes(core, first):
+            evaluate_kernel(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), vectors.WIDTH, first)
+        else:
+            for row in range(3):
+                here = address(core.block, a.POINT_IN, _FRICTION + row) + 8 * first
+                to = address(core.block, a.YIELDING_OUT, PREDICTED_FRICTION + row) + 8 * first
+                vectors.move(to, here, vectors.WIDTH)
+
+
+@inner
+def _changes(core: Core, first: int) -> bool:
+    """Return whether the K of one of a vector of points is out of date."""
+    return bool(vectors.all_equal(address(core.block, a.YIELDING_OUT, STALE) + 8 * first, 0.0) == 0)
 
 
 @inner
@@ -79,9 +94,11 @@ def lands(core: Core) -> bool:
     """Return whether the step would drive an open contact, which it treats as absent, deep into the world."""
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     deep = SHALLOW * vector(core.block, a.NUMBERS_)[a.L0]
-    for k in range(p.shape[1]):
-        if out[STALE, k] != 0.0 and p[_REGIME, k] == point.OPEN and out[TOUCHING, k] > deep:
-            return True
+    for first in range(0, p.shape[1], vectors.WIDTH):
+        if _changes(core, first):
+            for k in range(first, first + vectors.WIDTH):
+                if out[STALE, k] != 0.0 and p[_REGIME, k] == point.OPEN and out[TOUCHING, k] > deep:
+                    return True
     return False
 
 
@@ -105,20 +122,21 @@ def change_regimes(core: Core, step_rejected: bool) -> tuple[bool, bool]:
     concerned = vector(core.block, a.CHANGED)
     if not step_rejected:
         _take_predicted_friction(core)
-    for k in range(p.shape[1]):
-        if out[STALE, k] == 0.0:
+    for first in range(0, p.shape[1], vectors.WIDTH):
+        if not _changes(core, first):
             continue
-        old, new = p[_REGIME, k], out[NEXT, k]
-        if step_rejected and old >= point.STICKING and new != point.OPEN:
-            continue
-        if old == point.OPEN:
-            p[_FRICTION, k], p[_FRICTION + 1, k] = out[PREDICTED_FRICTION, k], out[PREDICTED_FRICTION + 1, k]
-            p[_FORESEEN, k] = PRESSED * p[_STIFFNESS, k] * vector(core.block, a.NUMBERS_)[a.L0]
-        p[_REGIME, k], concerned[k] = new, 1.0
-        if old == new or (old >= point.STICKING and new >= point.STICKING):
-            turned = True
-        else:
-            changed = True
+        for k in range(first, first + vectors.WIDTH):
+            old, new = p[_REGIME, k], out[NEXT, k]
+            if out[STALE, k] == 0.0 or (step_rejected and old >= point.STICKING and new != point.OPEN):
+                continue
+            if old == point.OPEN:
+                p[_FRICTION, k], p[_FRICTION + 1, k] = out[PREDICTED_FRICTION, k], out[PREDICTED_FRICTION + 1, k]
+                p[_FORESEEN, k] = PRESSED * p[_STIFFNESS, k] * vector(core.block, a.NUMBERS_)[a.L0]
+            p[_REGIME, k], concerned[k] = new, 1.0
+            if old == new or (old >= point.STICKING and new >= point.STICKING):
+                turned = True
+            else:
+                changed = True
     return changed, turned
 
 
@@ -141,6 +159,8 @@ def break_away(core: Core, margin: float) -> bool:
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     stuck, concerned = vector(core.block, a.STUCK), vector(core.block, a.CHANGED)
     excess, recent, breaks = out[STATIC_EXCESS], out[RECENT], False
+    if not vectors.greatest(address(core.block, a.POINT_IN, _LIMIT_RATIO), p.shape[1]) > 1.0:
+        return False
     for k in range(p.shape[1]):
         if p[_LIMIT_RATIO, k] > 1.0 and p[_REGIME, k] != point.OPEN:
             if margin > 0.0 and abs(excess[k]) <= margin * recent[k]:

@@ -145,6 +145,29 @@ def stiffness(law: Law = Coulomb) -> ca.Function:
     return LAYOUT.function("point_stiffness", _force(law))
 
 
+def free_force() -> ca.Function:
+    """Return what `force` does where nothing touches: in the regime OPEN, coupled."""
+    outputs = _free()
+    return LAYOUT.function("point_free_force", {name: outputs[name] for name in ("f", "phi", "load")})
+
+
+def free_stiffness() -> ca.Function:
+    """Return what `stiffness` does there."""
+    return LAYOUT.function("point_free_stiffness", _free())
+
+
+def _free() -> dict[str, ca.SX]:
+    f, phi, K = _still()
+    return {"f": f, "phi": phi, "load": ca.SX(0.0), "f_ahead": f, "K": ca.vec(K)}
+
+
+def _still() -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return gradient, potential and Hessian of inertia and weight."""
+    s = LAYOUT.symbols
+    phi = s["inertia"] / 2.0 * ca.sumsqr(s["x"] - s["x_hat"]) - ca.dot(s["weight"], s["x"])
+    return inertia.force(s) - s["weight"], phi, s["inertia"] * ca.SX.eye(3)
+
+
 @once
 def _force(law: Law) -> dict[str, ca.SX]:
     s, c = LAYOUT.symbols, contact_of(law)
@@ -160,19 +183,14 @@ def _force(law: Law) -> dict[str, ca.SX]:
         c.step.capacity(ca.if_else(s["coupled"] != 0.0, each, s["load"])) for each in (c.load, load)
     )
     grip, held = s["hold"] * capacity, s["hold"] * ahead
-    still = inertia.force(s) - s["weight"]
+    still, phi, K = _still()
     f = still - c.load * s["normal"] + grip * (T @ at.f)
     f_ahead = still - load * s["normal"] + held * (T @ pull)
     rising = ca.if_else(ca.logic_or(c.pressed > 0.0, s["regime"] >= SLIDING), s["stiff"], 0.0)
-    K = s["inertia"] * ca.SX.eye(3) + rising * s["normal"] @ s["normal"].T - load * _curvature()
+    K += rising * s["normal"] @ s["normal"].T - load * _curvature()
     coupling = s["coupled"] * s["hold"] * slope * rising * (T @ pull) @ s["normal"].T
     K += ca.fmax(held, 0.0) * (T @ K_y @ T.T) - coupling
-    phi = (
-        s["inertia"] / 2.0 * ca.sumsqr(s["x"] - s["x_hat"])
-        - ca.dot(s["weight"], s["x"])
-        + c.load * c.pressed / 2.0
-        + grip * at.potential
-    )
+    phi += c.load * c.pressed / 2.0 + grip * at.potential
     return {"f": f, "phi": phi, "load": c.load, "f_ahead": f_ahead, "K": ca.vec(K.T)}
 
 

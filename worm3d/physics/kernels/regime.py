@@ -35,6 +35,14 @@ SIDE_TOLERANCE = 1e-7
 """Displacement along the segment, as a fraction of the yield limit, below which a stuck contact keeps its side."""
 
 
+def near(law: Law = Coulomb) -> ca.Function:
+    """Return 1 where a contact is closed, or about to be to first order; `yielding` changes nothing elsewhere."""
+    s, c = LAYOUT.symbols, contact_of(law)
+    touching = c.touching - ca.dot(s["normal"], s["first"])
+    lands = ca.logic_and(s["stiffness"] > 0.0, touching > s["error"])
+    return LAYOUT.function("point_near", {"near": ca.logic_or(s["regime"] != OPEN, lands)})
+
+
 def yielding(law: Law = Coulomb) -> ca.Function:
     """Return what a contact does at X + `first`, to first order: rows "y" to "recent", 12 in all.
 
