@@ -73,6 +73,21 @@ def test_a_regime_that_the_law_confirms_changes_nothing() -> None:
     assert (np.abs(wrong - law).max(axis=0) > 1e-6).all(), "and one that it denies does"
 
 
+def test_where_points_stay_open_nothing_of_contact_counts() -> None:
+    """The kernels of mass and weight alone agree with the whole ones, and `near` names all that could change."""
+    values = some_point(coupled=True, inside=False) | {"regime": np.full((1, COUNT), point.OPEN)}
+    for kind in ("force", "stiffness"):
+        free, whole = (run(f"point_{name}{kind}", point.LAYOUT, values) for name in ("free_", ""))
+        assert_allclose(free, whole, rtol=1e-14, atol=1e-14)
+    values["regime"][0, ::3] = point.SLIDING
+    near = run("point_near", point.LAYOUT, values)[0]
+    stale = run("point_yielding", point.LAYOUT, values)[STALE]
+    assert not stale[near == 0.0].any()
+    assert (near == 0.0).sum() > COUNT / 10
+    assert (near == 1.0)[::3].all()
+    assert (stale != 0.0)[near == 1.0].any()
+
+
 def test_looking_ahead_is_looking_from_there() -> None:
     """Displacement, excess and penetration at X + `first` are those seen at that place (of a plane: exactly)."""
     values = some_point(coupled=True, inside=False)

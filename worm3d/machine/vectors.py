@@ -16,6 +16,8 @@ from worm3d.machine.writer import BYTES, LANES, Writer, on_addresses, utils
 
 WIDTH = LANES
 """Doubles in a vector."""
+_BLOCK = 5
+"""Coordinates of a joint's block."""
 
 
 def _type_pointer(to: Any) -> Any:
@@ -72,13 +74,6 @@ def add_8(w: Writer, to: Any, source: Any) -> None:
 
 
 @on_addresses()
-def add_16(w: Writer, to: Any, source: Any) -> None:
-    """Add 16 doubles to those at an address."""
-    for shift in (0, WIDTH):
-        w.store(w.add(w.load(to, shift), w.load(source, shift)), to, shift)
-
-
-@on_addresses()
 def subtract_16(w: Writer, to: Any, source: Any, factor: Any) -> None:
     """Subtract from 16 doubles a factor times those at another address."""
     minus = w.neg(w.spread_number(factor))
@@ -111,6 +106,18 @@ def add_congruent(w: Writer, to: Any, pitch: Any, jacobian: Any, stiffness: Any,
         for axis in axes:
             row = w.fma(w.spread(J[axis], r), KJ[axis], row)
         w.store(row, here)
+
+
+@on_addresses()
+def add_squares(w: Writer, to: Any, pitch: Any, roots: Any) -> None:
+    """Add J^T J to 13 rows of 16 doubles that begin a pitch apart [byte]; J are 3 rows of 16 doubles at an address."""
+    halves = range(0, 2 * WIDTH, WIDTH)
+    J = [[w.load(roots, 2 * WIDTH * k + half) for k in range(3)] for half in halves]
+    for r in range(13):
+        here = w.builder.add(to, w.builder.mul(pitch, w.count(r)))
+        own = [w.spread(J[r // WIDTH][k], r % WIDTH) for k in range(3)]
+        for half, of_half in zip(halves, J, strict=True):
+            w.store(w.add(w.load(here, half), w.sum(own, of_half)), here, half)
 
 
 @on_addresses()
@@ -165,8 +172,29 @@ def greatest(w: Writer, source: Any, count: Any) -> Any:
     with utils.for_range_slice(w.builder, w.count(0), count, w.count(WIDTH)) as (k, _):
         here, most = w.load(w.shifted(source, k)), w.builder.load(place)
         w.builder.store(w.select(w.compare("ogt", here, most), here, most), place)
-    lanes = w.builder.load(place)
+    return _greatest_lane(w, w.builder.load(place))
+
+
+def _greatest_lane(w: Writer, lanes: Any) -> Any:
+    """Return the greatest number, or NaN where one is."""
     for apart in (4, 2, 1):
         other = w.lanes(lanes, lanes, [(k + apart) % WIDTH for k in range(WIDTH)])
-        lanes = w.select(w.compare("ogt", other, lanes), other, lanes)
+        lanes = w.select(w.compare("ugt", other, lanes), other, lanes)
     return w.lane(lanes, 0)
+
+
+@on_addresses(types.float64)
+def largest(w: Writer, source: Any, count: Any, lever: Any) -> Any:
+    """Return the largest size of doubles in blocks of five, the last two of each times a lever; NaN where one is."""
+    place = utils.alloca_once_value(w.builder, w.splat(0.0))
+    bad, lever = utils.alloca_once_value(w.builder, w.splat(0.0)), w.spread_number(lever)
+    with utils.for_range_slice(w.builder, w.count(0), count, w.count(_BLOCK * WIDTH)) as (k, _):
+        for first in range(0, _BLOCK * WIDTH, WIDTH):
+            begin = w.builder.add(k, w.count(first))
+            here = w.load_some(w.shifted(source, begin), w.builder.sub(count, begin))
+            turns = [(first + lane) % _BLOCK > 2 for lane in range(WIDTH)]
+            size = w.size(w.mul(here, w.select(ir.Constant(w.mask, turns), lever, w.splat(1.0))))
+            most = w.builder.load(place)
+            w.builder.store(w.select(w.compare("ogt", size, most), size, most), place)
+            w.builder.store(w.add(w.builder.load(bad), w.sub(size, size)), bad)
+    return _greatest_lane(w, w.add(w.builder.load(place), w.builder.load(bad)))

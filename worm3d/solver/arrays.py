@@ -75,6 +75,7 @@ ACTUATOR_END = _kernel("actuator_end", actuator.end, of="chamber")
 HINGE_START = _kernel("hinge_start", actuator.hinge_start, of="hinge", exact=True)
 JOINT_START = _kernel("joint_start", joint.start)
 JOINT_GRADIENT = _kernel("joint_gradient", joint.gradient)
+JOINT_ROOTS = _kernel("joint_roots", joint.roots)
 JOINT_HESSIAN = _kernel("joint_hessian", joint.hessian)
 JOINT_ANGLES = _kernel("joint_angles", joint.angles)
 JOINT_LEDGER = _kernel("joint_ledger", joint.ledger)
@@ -87,6 +88,8 @@ POINT_NEAR = _kernel("point_near", regime.near, padded=True, of="law")
 POINT_YIELDING = _kernel("point_yielding", regime.yielding, padded=True, of="law")
 POINT_EXPECTED = _kernel("point_expected", regime.expected, padded=True, of="law")
 POINT_AFTER = _kernel("point_after", point.after, padded=True, of="law")
+POINT_TOUCHES = _kernel("point_touches", point.touches, padded=True)
+POINT_FREE_AFTER = _kernel("point_free_after", point.free_after, padded=True)
 POINT_MOMENTA = _kernel("point_momenta", point.momenta, padded=True)
 MEDIUM = _kernel("medium_resistance", medium.resistance, of="medium")
 NODE_START = _kernel("node_start", node.start, padded=True)
@@ -230,7 +233,6 @@ BEST = _array("best", 1, "coordinates")
 CURVE = _array("curve", 1, "coordinates", remembered=True)  # change of "last" in the last step
 LAST = _array("last", 1, "coordinates", remembered=True)  # change of x in the last step
 BAND = _array("band", "band_rows", WIDTH)
-JOINT_BAND = _array("joint_band", "band_rows", WIDTH)  # what the joints contribute to it
 FACTOR = _array("factor", "band_rows", WIDTH)  # of the linear solver
 # inputs of the segment's kernels
 SEGMENT_IN = _array("segment_in", segment.LAYOUT, "lanes", remembered=("t_ref", "d_ref", "rim", "commanded_n"))
@@ -238,8 +240,8 @@ SEGMENT_IN = _array("segment_in", segment.LAYOUT, "lanes", remembered=("t_ref", 
 POINT_OUT = _array("point_out", 17, "points", inside=("segment_in", "f"))
 POINT_ANEW = _array("point_anew", 17, "points")  # the same where contacts have changed; of these the change of K
 SEGMENT_OUT = _array("segment_out", 1 + segment.COORDINATES + segment.COORDINATES**2, "lanes")
-# the segments' Hessians, one after the other
-SEGMENT_BLOCKS = _array("segment_blocks", "lanes", segment.COORDINATES**2)
+# the segments' gradients and Hessians, one segment after the other
+SEGMENT_BLOCKS = _array("segment_blocks", "lanes", segment.COORDINATES + segment.COORDINATES**2)
 CHANGED = _array("changed", 1, "points")  # 1 where a contact has changed what it does since the Jacobian was made
 # derivatives of the points in the coordinates
 POINTS_JACOBIAN = _array("points_jacobian", 3 * POINTS * segment.COORDINATES, "lanes")
@@ -267,8 +269,8 @@ YIELDING_OUT = _array("yielding_out", 12, "points")
 AFTER_OUT = _array("after_out", point.AFTER, "points")
 JOINT_IN = _array("joint_in", joint.LAYOUT, "joint_lanes", remembered=("hinge_n",))
 JOINT_PRESETS = _array("joint_presets", 9, "joint_lanes", inside=("joint_in", "strain_hat"))  # its last rows
-JOINT_OUT = _array("joint_out", 1 + joint.COORDINATES + joint.COORDINATES * joint.ROW, "joint_lanes")
-JOINT_BLOCKS = _array("joint_blocks", "joint_lanes", joint.COORDINATES * joint.ROW)
+JOINT_OUT = _array("joint_out", 1 + (1 + joint.COORDINATES) * joint.ROW, "joint_lanes")
+JOINT_BLOCKS = _array("joint_blocks", "joint_lanes", (1 + joint.COORDINATES) * joint.ROW)  # likewise, of the joints
 KINKS = _array("kinks", 1, "points")
 Y_START = _array("y_start", 3, "points")  # working memory of the line search, and of `worm3d.solver.fronts`
 MOVED = _array("moved", 1, "moved")  # change of x in the step, with zeros behind it

@@ -16,7 +16,7 @@ from worm3d.solver import arrays as a
 from worm3d.solver import regimes
 from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import address, combine, copy, dot, matrix, rows, total, vector
-from worm3d.solver.evaluate import NONE, WHOLE, evaluate, hold
+from worm3d.solver.evaluate import EXACT, NONE, evaluate, hold
 from worm3d.solver.regimes import Y
 from worm3d.values.arrays import FloatArray
 
@@ -42,7 +42,7 @@ def descend(core: Core) -> bool:
     x, direction = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     tolerance = DESCENT_TOLERANCE * vector(core.block, a.NUMBERS_)[a.LENGTH]
     for _ in range(MAX_DESCENT):
-        phi = evaluate(core, a.X, False, WHOLE)
+        phi = evaluate(core, a.X, False, EXACT)
         if not np.isfinite(phi):
             return False
         hold(core, True)
@@ -176,9 +176,5 @@ def _slides(core: Core, which: int) -> bool:
 @inner
 def largest(core: Core, step: FloatArray) -> float:
     """Return the largest entry of a step, rolls and bends turned into metres."""
-    most, lever = 0.0, vector(core.block, a.NUMBERS_)[a.LEVER]
-    for k in range(len(step)):
-        value = abs(step[k]) * (lever if k % BLOCK > 2 else 1.0)
-        if not value <= most:  # a NaN too
-            most = value
-    return most
+    lever = vector(core.block, a.NUMBERS_)[a.LEVER]
+    return float(vectors.largest(step.ctypes.data, len(step), lever))

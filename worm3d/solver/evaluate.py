@@ -27,11 +27,12 @@ _JOINT_Q = joint.LAYOUT.first("q")
 _COUPLED, _REGIME = point.LAYOUT.firsts("coupled", "regime")
 _OWN = segment.COORDINATES
 _BOTH = joint.COORDINATES
+_ROOTS = (1 + joint.STRAINS) * joint.ROW
 SHORTEST = 1e-4
 """Shortest length of a chamber, as a fraction of that of its links, which they can take."""
 LENGTHS, TANGENT, DIRECTOR = 0, 2, 5
 """Rows of "rest"."""
-NONE, WHOLE, WITH_KEPT_JOINTS, LOCAL, HESSIANS = 0, 1, 2, 3, 4
+NONE, WHOLE, EXACT, LOCAL, HESSIANS = 0, 1, 2, 3, 4
 """Parts of the band that `evaluate` fills, and the number of these choices."""
 PHI, LOAD = 3, 4
 """Rows of "point_out"."""
@@ -42,12 +43,27 @@ _FORCES = 5
 
 
 @inner
+def to_segments(core: Core, row: int, x: int) -> None:
+    """Write the coordinates that stand at an address, or their motion, into rows of the segments' inputs."""
+    for i in range(0, core.n, vectors.WIDTH):
+        to = address(core.block, a.SEGMENT_IN, row) + 8 * i
+        vectors.transpose(to, matrix(core.block, a.SEGMENT_IN).shape[1], x + 8 * BLOCK * i, BLOCK)
+
+
+@inner
+def to_joints(core: Core, row: int, x: int) -> None:
+    """Write them into rows of the joints' inputs."""
+    for i in range(0, core.n - 1, vectors.WIDTH):
+        for r in (0, _BOTH - vectors.WIDTH):  # the two overlap
+            to = address(core.block, a.JOINT_IN, row + r) + 8 * i
+            vectors.transpose(to, matrix(core.block, a.JOINT_IN).shape[1], x + 8 * (BLOCK * i + r), BLOCK)
+
+
+@inner
 def place(core: Core, x: FloatArray) -> bool:
     """Compute points and distances at x; return whether the linkages can take that shape."""
     segment_in, rest = matrix(core.block, a.SEGMENT_IN), matrix(core.block, a.REST)
-    for r in range(_OWN):
-        for i in range(core.n):
-            segment_in[_Q + r, i] = x[BLOCK * i + r]
+    to_segments(core, _Q, x.ctypes.data)
     evaluate_kernel(kernel(core, a.SEGMENT_SHAPE), segment_in, rest, core.n)
     for i in range(core.n):
         link, turned = segment_in[_LINK, i], 0.0
@@ -77,8 +93,8 @@ def evaluate(core: Core, which: int, coupled: bool, hessian: int) -> float:
     which : int
         Array with the coordinates, X or TRIAL.
     hessian : int
-        Whether to fill the band: NONE; WHOLE; WITH_KEPT_JOINTS, the joints' part as it was when it was last filled; or
-        LOCAL, only the contributions of the contacts that "changed" names.
+        Whether to fill the band: NONE; WHOLE, with Gauss-Newton's part of the joints; EXACT, with all of it, which
+        bodies near their limit point need; or LOCAL, only the contributions of the contacts that "changed" names.
     """
     value: float = call(kernel(core, a.EVALUATE), core.handle, 0.0, which, HESSIANS * coupled + hessian)
     return value
@@ -96,27 +112,37 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
     count(core, 1 if hessian == NONE else 0)
     if not place(core, x):
         return np.inf
-    point_in, point_out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
     fill(rows(core.block, a.POINT_IN, _COUPLED, 1), 1.0 if coupled else 0.0)
     _points(core, coupled, hessian)
     joint_in, joint_out = matrix(core.block, a.JOINT_IN), matrix(core.block, a.JOINT_OUT)
-    for r in range(_BOTH):
-        for i in range(n - 1):
-            joint_in[_JOINT_Q + r, i] = x[BLOCK * i + r]
+    to_joints(core, _JOINT_Q, x.ctypes.data)
     if hessian == WHOLE:
+        evaluate_kernel(kernel(core, a.JOINT_ROOTS), joint_in, joint_out[: 1 + _ROOTS], n - 1)
+    elif hessian == EXACT:
         evaluate_kernel(kernel(core, a.JOINT_HESSIAN), joint_in, joint_out, n - 1)
-        _fill_joint_band(core)
     else:
-        evaluate_kernel(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + _BOTH], n - 1)
+        evaluate_kernel(kernel(core, a.JOINT_GRADIENT), joint_in, joint_out[: 1 + joint.ROW], n - 1)
     _segments(core, hessian)
-    phi = _joints(core, x) + _add_gradients(core)
-    if coupled:
-        return phi
-    lanes = point_in.shape[1] // POINTS
-    for s in range(POINTS):
-        for i in range(n):
-            phi += point_out[PHI, s * lanes + i]
-    return phi
+    phi = _joints(core, x)
+    _add_gradients(core)
+    return 0.0 if coupled else phi + _potentials(core)
+
+
+@inner
+def _potentials(core: Core) -> float:
+    """Return the sum of the potentials of segments, joints and points."""
+    n, lanes = core.n, matrix(core.block, a.SEGMENT_OUT).shape[1]
+    phi = vectors.total(address(core.block, a.SEGMENT_OUT, 0), n)
+    phi += vectors.total(address(core.block, a.JOINT_OUT, 0), n - 1)
+    for slot in range(POINTS):
+        phi += vectors.total(address(core.block, a.POINT_OUT, PHI) + 8 * lanes * slot, n)
+    return float(phi)
+
+
+@inner
+def open_at(core: Core, first: int) -> bool:
+    """Return whether all of a vector of points are taken for open."""
+    return bool(vectors.all_equal(address(core.block, a.POINT_IN, _REGIME) + 8 * first, point.OPEN) != 0)
 
 
 @inner
@@ -124,7 +150,7 @@ def _points(core: Core, coupled: bool, hessian: int) -> None:
     """Run the kernel of the points; where all of a vector of them are open there is no contact to compute."""
     point_in, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
     for first in range(0, point_in.shape[1], vectors.WIDTH):
-        free = coupled and vectors.all_equal(address(core.block, a.POINT_IN, _REGIME) + 8 * first, point.OPEN) != 0
+        free = coupled and open_at(core, first)
         if hessian in (NONE, LOCAL):
             which = a.POINT_FREE_FORCE if free else a.POINT_FORCE
             evaluate_kernel(kernel(core, which), point_in, out[:_FORCES], vectors.WIDTH, first)
@@ -141,7 +167,7 @@ def _segments(core: Core, hessian: int) -> None:
         evaluate_kernel(kernel(core, a.SEGMENT_GRADIENT), segment_in, segment_out[: 1 + _OWN], core.n)
     else:
         evaluate_kernel(kernel(core, a.SEGMENT_HESSIAN), segment_in, segment_out, core.n)
-        _fill_band(core)
+        _fill_band(core, hessian == EXACT)
     if hessian == LOCAL:
         _exchange(core)
     if hessian != NONE:
@@ -170,18 +196,16 @@ def _joints(core: Core, x: FloatArray) -> float:
 
 
 @inner
-def _add_gradients(core: Core) -> float:
-    gradient, phi = vector(core.block, a.GRADIENT), 0.0
+def _add_gradients(core: Core) -> None:
+    """Add those of segments and joints, one number after the other: vectors that overlap would wait for each other."""
+    gradient = vector(core.block, a.GRADIENT)
     segment_out, joint_out = matrix(core.block, a.SEGMENT_OUT), matrix(core.block, a.JOINT_OUT)
-    for i in range(core.n):
-        phi += segment_out[0, i]
-        for r in range(_OWN):
+    for r in range(_OWN):
+        for i in range(core.n):
             gradient[BLOCK * i + r] += segment_out[1 + r, i]
-    for i in range(core.n - 1):
-        phi += joint_out[0, i]
-        for r in range(_BOTH):
+    for r in range(_BOTH):
+        for i in range(core.n - 1):
             gradient[BLOCK * i + r] += joint_out[1 + r, i]
-    return phi
 
 
 @inner
@@ -189,10 +213,12 @@ def hold(core: Core, in_band: bool) -> None:
     """Set the gradient of held coordinates to zero, and their rows and columns in the band to those of the identity."""
     held, gradient = vector(core.block, a.HELD), vector(core.block, a.GRADIENT)
     band = matrix(core.block, a.BAND)
-    size = len(held)
-    if vectors.greatest(address(core.block, a.HELD, 0), -(-size // vectors.WIDTH) * vectors.WIDTH) == 0.0:
-        return
+    size, none = len(held), 0
     for k in range(size):
+        if k % vectors.WIDTH == 0:
+            none = vectors.all_equal(address(core.block, a.HELD, 0) + 8 * k, 0.0)
+        if none != 0:
+            continue
         if held[k] != 0.0:
             gradient[k] = 0.0
             if not in_band:
@@ -204,33 +230,35 @@ def hold(core: Core, in_band: bool) -> None:
 
 
 @inner
-def _fill_joint_band(core: Core) -> None:
-    """Put together what joints and their masses contribute to the band."""
-    band = matrix(core.block, a.JOINT_BAND)
-    inertia, drag = vector(core.block, a.JOINT_INERTIA), vector(core.block, a.JOINT_DRAG)
-    vectors.clear(address(core.block, a.JOINT_BAND, 0), band.size)
+def _fill_band(core: Core, exact: bool) -> None:
+    """Put the band together from what joints, their masses and segments contribute."""
+    band = matrix(core.block, a.BAND)
+    inertia, drag, pitch = (
+        vector(core.block, a.JOINT_INERTIA),
+        vector(core.block, a.JOINT_DRAG),
+        8 * (band.shape[1] - 1),
+    )
+    vectors.clear(address(core.block, a.BAND, 0), band.size)
     for j in range(core.n + 1):
         for d in range(3):
             band[BLOCK * j + d, B] = inertia[j] + drag[j]
-    for first in range(0, core.n - 1, vectors.WIDTH):
-        _transpose(core, a.JOINT_OUT, 1 + _BOTH, a.JOINT_BLOCKS, first)
-    for i in range(core.n - 1):
-        own = address(core.block, a.JOINT_BLOCKS, i)
-        for r in range(_BOTH):
-            vectors.add_16(_row(core, a.JOINT_BAND, i, r), own + 8 * joint.ROW * r)
-
-
-@inner
-def _fill_band(core: Core) -> None:
-    """Put the band together from the joints' part and what the segments contribute."""
-    to, count = address(core.block, a.BAND, 0), vector(core.block, a.BAND).size
-    vectors.move(to, address(core.block, a.JOINT_BAND, 0), count)
     for first in range(0, core.n, vectors.WIDTH):
-        _transpose(core, a.SEGMENT_OUT, 1 + _OWN, a.SEGMENT_BLOCKS, first)
+        _transpose(core, a.SEGMENT_OUT, a.SEGMENT_BLOCKS, first, _OWN * (1 + _OWN))
+    for first in range(0, core.n - 1, vectors.WIDTH):
+        _transpose(
+            core, a.JOINT_OUT, a.JOINT_BLOCKS, first, matrix(core.block, a.JOINT_OUT).shape[0] - 1 if exact else _ROOTS
+        )
     for i in range(core.n):
         own = address(core.block, a.SEGMENT_BLOCKS, i)
         for r in range(_OWN):
-            vectors.add_8(_row(core, a.BAND, i, r), own + 8 * _OWN * r)
+            vectors.add_8(_row(core, a.BAND, i, r), own + 8 * _OWN * (1 + r))
+    for i in range(core.n - 1):
+        own = address(core.block, a.JOINT_BLOCKS, i) + 8 * joint.ROW
+        if exact:
+            for r in range(0, _BOTH * joint.ROW, vectors.WIDTH):
+                vectors.add_8(_row(core, a.BAND, i, r // joint.ROW) + 8 * (r % joint.ROW), own + 8 * r)
+        else:
+            vectors.add_squares(_row(core, a.BAND, i, 0), pitch, own)
     fill(vector(core.block, a.KNOWN), 0.0)
 
 
@@ -257,7 +285,7 @@ def _differentiate(core: Core, first: int) -> None:
     """Compute the derivatives of the points of a vector of segments."""
     segment_in, count = matrix(core.block, a.SEGMENT_IN), min(vectors.WIDTH, core.n - first)
     evaluate_kernel(kernel(core, a.SEGMENT_JACOBIAN), segment_in, matrix(core.block, a.POINTS_JACOBIAN), count, first)
-    _transpose(core, a.POINTS_JACOBIAN, 0, a.JACOBIANS, first)
+    _transpose(core, a.POINTS_JACOBIAN, a.JACOBIANS, first, 3 * POINTS * _OWN)
     vector(core.block, a.KNOWN)[first // vectors.WIDTH] = 1.0
 
 
@@ -282,9 +310,10 @@ def _row(core: Core, k: int, i: int, r: int) -> int:
 
 
 @inner
-def _transpose(core: Core, source: int, row: int, to: int, first: int) -> None:
-    """Write the derivatives of a vector of lanes, rows from `row` on, as rows of an array."""
-    lanes, size = matrix(core.block, source).shape[1], matrix(core.block, to).shape[1]
+def _transpose(core: Core, source: int, to: int, first: int, size: int) -> None:
+    """Write derivatives of a vector of lanes, which potentials may precede, as the first numbers of rows."""
+    lanes, pitch = matrix(core.block, source).shape[1], matrix(core.block, to).shape[1]
+    begin = matrix(core.block, source).shape[0] - pitch
     for r in range(0, size, vectors.WIDTH):
-        here = address(core.block, source, row + r) + 8 * first
-        vectors.transpose(address(core.block, to, first) + 8 * r, size, here, lanes)
+        here = address(core.block, source, begin + r) + 8 * first
+        vectors.transpose(address(core.block, to, first) + 8 * r, pitch, here, lanes)

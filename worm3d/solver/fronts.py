@@ -7,6 +7,7 @@ many steps later. All others go on as in their last two steps. A wrong guess cos
 
 from __future__ import annotations
 
+from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import point
@@ -48,14 +49,17 @@ def expect(core: Core) -> None:
         combine(first, 1.0, first, 1.0, before)
     else:
         combine(first, 1.0, now, -1.0, before)
+    fill(rows(core.block, a.POINT_IN, _ERROR, 1), 0.0)
+    regimes.look(core, a.POINT_NEAR)
     fill(rows(core.block, a.POINT_IN, _ERROR, 1), regimes.PRESSED * vector(core.block, a.NUMBERS_)[a.L0])
-    evaluate_kernel(kernel(core, a.POINT_EXPECTED), p, out[:4], p.shape[1])
     eta = matrix(core.block, a.FRONTS)[ETA]
-    for k in range(p.shape[1]):
-        if eta[k] > 0.0:  # what is awaited is trusted
-            for row in range(4):
-                out[row, k] = p[_PULL + row, k]
-    copy(rows(core.block, a.POINT_IN, _PULL, 4), rows(core.block, a.YIELDING_OUT, 0, 4))
+    for start in range(0, p.shape[1], vectors.WIDTH):
+        if regimes.seen(core, start):
+            evaluate_kernel(kernel(core, a.POINT_EXPECTED), p, out[:4], vectors.WIDTH, start)
+            for k in range(start, start + vectors.WIDTH):
+                for row in range(4):
+                    if not eta[k] > 0.0:  # what is awaited is trusted
+                        p[_PULL + row, k] = out[row, k]
     for k in range(p.shape[1]):
         if eta[k] == 1.0:
             _arrive(core, k)

@@ -39,10 +39,11 @@ from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import actuator, joint, node, point, segment
 from worm3d.solver import arrays as a
+from worm3d.solver import regimes
 from worm3d.solver.arrays import BLOCK, Core
 from worm3d.solver.block import address, combine, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
-from worm3d.solver.evaluate import LOAD
+from worm3d.solver.evaluate import LOAD, to_joints, to_segments
 from worm3d.values.arrays import FloatArray
 
 WORK_CONTRACT, WORK_POSITIVE = TERMS.index("work_contract"), TERMS.index("work_contract_positive")
@@ -57,8 +58,6 @@ _DQ, _JOINT_DQ = segment.LAYOUT.first("dq"), joint.LAYOUT.first("dq")
 _LOAD_N, _F, _NORMAL, _VELOCITY = point.LAYOUT.firsts("load_n", "f", "normal", "velocity")
 _DT, _LANDS = point.LAYOUT.firsts("dt", "lands")
 _NODE_LANDS = node.LAYOUT.first("lands")
-_BESIDE = joint.COORDINATES - vectors.WIDTH
-"""Row of the second vector of a joint's coordinates: the two overlap."""
 
 STRIKE = 2.0
 """Speed of approach from which on a point strikes the world, over what gravity gives it in a time step.
@@ -96,21 +95,19 @@ def prepare(core: Core) -> None:
     fill(rows(core.block, a.POINT_IN, _LANDS, 1), lands)
     fill(rows(core.block, a.NODE_IN, _NODE_LANDS, 1), lands)
     block, n = core.block, core.n
-    x, lanes = vector(block, a.X), matrix(block, a.SEGMENT_IN).shape[1]
+    x = vector(block, a.X)
     combine(vector(block, a.MOVED)[: len(x)], 1.0, x, -1.0, vector(block, a.X_N))
-    moved, joint_lanes = address(block, a.MOVED, 0), matrix(block, a.JOINT_IN).shape[1]
-    for i in range(0, n, vectors.WIDTH):
-        vectors.transpose(address(block, a.SEGMENT_IN, _DQ) + 8 * i, lanes, moved + 8 * BLOCK * i, BLOCK)
-    for i in range(0, n - 1, vectors.WIDTH):
-        for r in (0, _BESIDE):
-            to = address(block, a.JOINT_IN, _JOINT_DQ + r) + 8 * i
-            vectors.transpose(to, joint_lanes, moved + 8 * (BLOCK * i + r), BLOCK)
+    to_segments(core, _DQ, address(block, a.MOVED, 0))
+    to_joints(core, _JOINT_DQ, address(block, a.MOVED, 0))
     evaluate_kernel(kernel(core, a.SEGMENT_LEDGER), matrix(block, a.SEGMENT_IN), matrix(block, a.SEGMENT_LEDGER_), n)
     point_in, nodes = matrix(block, a.POINT_IN), matrix(block, a.NODE_IN)
     for row, source, count in ((_F, 0, 3), (_LOAD_N, LOAD, 1)):
         here = address(block, a.POINT_OUT, source)
         vectors.move(address(block, a.POINT_IN, row), here, count * point_in.shape[1])
-    evaluate_kernel(kernel(core, a.POINT_AFTER), point_in, matrix(block, a.AFTER_OUT), point_in.shape[1])
+    regimes.look(core, a.POINT_TOUCHES)
+    for first in range(0, point_in.shape[1], vectors.WIDTH):
+        which = a.POINT_AFTER if regimes.seen(core, first) else a.POINT_FREE_AFTER
+        evaluate_kernel(kernel(core, which), point_in, matrix(block, a.AFTER_OUT), vectors.WIDTH, first)
     for j in range(n + 1):
         for d in range(3):
             nodes[d, j] = x[BLOCK * j + d]

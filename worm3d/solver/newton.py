@@ -19,7 +19,7 @@ from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import combine, copy, dot, fill, matrix, rows, total, vector
 from worm3d.solver.descent import descend, largest
 from worm3d.solver.entry import call, count, kernel, opened
-from worm3d.solver.evaluate import LOAD, LOCAL, NONE, WHOLE, WITH_KEPT_JOINTS, evaluate, hold
+from worm3d.solver.evaluate import EXACT, LOAD, LOCAL, NONE, WHOLE, evaluate, hold
 from worm3d.values.arrays import FloatArray
 
 MAX_ITERATIONS = 40
@@ -45,10 +45,8 @@ EARLY_RELEASE_MARGIN = 10.0
 break away before Newton's method has converged; the outcome is the same as after convergence."""
 SLIDE_AT_ONCE = 25.0
 """Square of y over the yield limit beyond which a stuck contact slides at once, where no guess is to be trusted."""
-SEGMENTS_KEPT = 3e-4
+KEPT = 3e-4
 """Motion of x, as a fraction of the segment length, up to which the Jacobian is kept but for contacts that change."""
-JOINTS_KEPT = 1e-2
-"""Motion of x, as a fraction of the segment length, up to which the joints' part of the Jacobian is kept."""
 STAGNATION = 1e-12
 """Newton step, as a fraction of the body length, below which steps that no longer shrink count as rounding."""
 
@@ -89,12 +87,12 @@ def _solve(core: Core, again: bool) -> bool:
         fronts.expect(core)
     breaks = rows(core.block, a.POINT_IN, _BREAKS, 1)
     fill(breaks, np.inf if guessed or again else SLIDE_AT_ONCE)
-    found = _follow(core)
+    found = _follow(core, WHOLE)
     if not found and guessed and not again:  # other contacts may hold there than at the start of the step
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         regimes.set_regimes_from_last_step(core)
         fill(breaks, SLIDE_AT_ONCE)
-        found = _follow(core)
+        found = _follow(core, WHOLE)
     fill(regime, point.FREE)
     if found:
         return True
@@ -107,7 +105,7 @@ def _solve(core: Core, again: bool) -> bool:
             copy(best, x)
             evaluate(core, a.X, True, NONE)
             regimes.set_regimes_from_law(core)
-            found = _follow(core)
+            found = _follow(core, EXACT)
             fill(regime, point.FREE)
             if found:
                 return True
@@ -119,7 +117,7 @@ def _solve(core: Core, again: bool) -> bool:
 
 
 @inner
-def _follow(core: Core) -> bool:
+def _follow(core: Core, whole: int) -> bool:
     """Newton with the loads of the iterate itself, whose Jacobian is unsymmetric; it is kept while it serves.
 
     The residual is exact. In the Jacobian stand, where it depends on forces, those of the contacts that the step before
@@ -129,12 +127,12 @@ def _follow(core: Core) -> bool:
     Every contact keeps its regime until the step, to first order, leads where it is inconsistent with the friction law
     by more than the step's own error: contacts stick within nanometres, and by the law alone the iterates would jump to
     and fro over that. There is no potential to descend: it gives up where regimes go on changing or it does not come
-    closer.
+    closer. `whole` says what a new Jacobian is: WHOLE or EXACT.
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     length, tolerance = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.TOLERANCE]
-    size, moved, hessian, fresh, changes, doubt, before = np.inf, 0.0, WHOLE, 0, 0, 1.0, NOTHING
-    since_joints, since_all, far, strays, left = 0.0, 0.0, 0.0, 0, MAX_ITERATIONS
+    size, moved, hessian, fresh, changes, doubt, before = np.inf, 0.0, whole, 0, 0, 1.0, NOTHING
+    since, far, strays, left = 0.0, 0.0, 0, MAX_ITERATIONS
     while left > 0:
         left -= 1
         previous, size = size, _newton_step(core, hessian, moved > 0.0)
@@ -143,8 +141,7 @@ def _follow(core: Core) -> bool:
         if not size <= DIVERGED * length or strays > MAX_STRAYS:
             return False
         news, lands = _news(core, size, doubt)
-        renewed = hessian in (WHOLE, WITH_KEPT_JOINTS)
-        fresh = fresh + 1 if renewed else 0
+        fresh = fresh + 1 if hessian == whole else 0
         if news == CHANGED:
             changes += 1
             doubt *= DOUBT
@@ -161,13 +158,13 @@ def _follow(core: Core) -> bool:
         if not lands:
             copy(vector(core.block, a.TRIAL), step)
             combine(x, 1.0, x, -1.0, step)
-        since_joints = moved + (0.0 if hessian == WHOLE else since_joints)
-        since_all = moved + (0.0 if renewed else since_all)
+        since = moved + (0.0 if hessian == whole else since)
         slow = size > CONTRACTION * previous and not _excused(core, hessian, before)
         before = news
-        if slow and hessian == WITH_KEPT_JOINTS and news == NOTHING:  # the joints it has kept are too stiff for that
-            since_joints = np.inf
-        hessian = _renewal(core, since_joints, since_all, slow, news)
+        if slow or since > KEPT * vector(core.block, a.NUMBERS_)[a.L0]:
+            hessian = whole
+        else:
+            hessian = NONE if news == NOTHING else LOCAL
     return False
 
 
@@ -200,17 +197,6 @@ def _excused(core: Core, hessian: int, before: int) -> bool:
     it anew for the sake of a contact costs more than it saves.
     """
     return hessian == LOCAL and (before == CHANGED or core.n > vectors.WIDTH)
-
-
-@inner
-def _renewal(core: Core, since_joints: float, since_all: float, slow: bool, news: int) -> int:
-    """Return what of the Jacobian is made anew, after motions since that was done last."""
-    l0 = vector(core.block, a.NUMBERS_)[a.L0]
-    if since_joints > JOINTS_KEPT * l0:
-        return WHOLE
-    if slow or since_all > SEGMENTS_KEPT * l0:
-        return WITH_KEPT_JOINTS
-    return NONE if news == NOTHING else LOCAL
 
 
 @inner

@@ -10,9 +10,10 @@ from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.physics.kernels import point, segment
 from worm3d.solver import arrays as a
-from worm3d.solver.arrays import BLOCK, Core
-from worm3d.solver.block import address, copy, fill, matrix, rows, vector
+from worm3d.solver.arrays import Core
+from worm3d.solver.block import address, combine, copy, fill, matrix, rows, vector
 from worm3d.solver.entry import kernel
+from worm3d.solver.evaluate import open_at, to_segments
 from worm3d.values.arrays import FloatArray
 
 _LOAD_N, _REGIME, _STIFFNESS, _LIMIT_RATIO = point.LAYOUT.firsts("load_n", "regime", "stiffness", "limit_ratio")
@@ -66,15 +67,14 @@ def evaluate_yielding(core: Core) -> None:
 @inner
 def predict_yielding(core: Core, step: FloatArray, error: float) -> None:
     """Fill "yielding_out" for x less a step, to first order; `error` bounds the error of that prediction [m]."""
-    p, segments = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN)
-    for r in range(segment.COORDINATES):
-        for i in range(core.n):
-            segments[_DQ + r, i] = -step[BLOCK * i + r]
+    p, segments, moved = matrix(core.block, a.POINT_IN), matrix(core.block, a.SEGMENT_IN), vector(core.block, a.MOVED)
+    combine(moved[: len(step)], -1.0, step, 0.0, step)
+    to_segments(core, _DQ, address(core.block, a.MOVED, 0))
     fill(rows(core.block, a.POINT_IN, _ERROR, 1), error)
     evaluate_kernel(kernel(core, a.SEGMENT_MOTION), segments, matrix(core.block, a.FIRST), core.n)
-    evaluate_kernel(kernel(core, a.POINT_NEAR), p, matrix(core.block, a.YIELDING_OUT)[STALE : STALE + 1], p.shape[1])
+    look(core, a.POINT_NEAR)
     for first in range(0, p.shape[1], vectors.WIDTH):
-        if _changes(core, first):
+        if seen(core, first):
             evaluate_kernel(kernel(core, a.POINT_YIELDING), p, matrix(core.block, a.YIELDING_OUT), vectors.WIDTH, first)
         else:
             for row in range(3):
@@ -84,8 +84,15 @@ def predict_yielding(core: Core, step: FloatArray, error: float) -> None:
 
 
 @inner
-def _changes(core: Core, first: int) -> bool:
-    """Return whether the K of one of a vector of points is out of date."""
+def look(core: Core, which: int) -> None:
+    """Fill the row "stale" by a kernel that names the points which another one has to be run for."""
+    p = matrix(core.block, a.POINT_IN)
+    evaluate_kernel(kernel(core, which), p, matrix(core.block, a.YIELDING_OUT)[STALE : STALE + 1], p.shape[1])
+
+
+@inner
+def seen(core: Core, first: int) -> bool:
+    """Return whether the row "stale" names one of a vector of points."""
     return bool(vectors.all_equal(address(core.block, a.YIELDING_OUT, STALE) + 8 * first, 0.0) == 0)
 
 
@@ -95,7 +102,7 @@ def lands(core: Core) -> bool:
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     deep = SHALLOW * vector(core.block, a.NUMBERS_)[a.L0]
     for first in range(0, p.shape[1], vectors.WIDTH):
-        if _changes(core, first):
+        if seen(core, first):
             for k in range(first, first + vectors.WIDTH):
                 if out[STALE, k] != 0.0 and p[_REGIME, k] == point.OPEN and out[TOUCHING, k] > deep:
                     return True
@@ -123,7 +130,7 @@ def change_regimes(core: Core, step_rejected: bool) -> tuple[bool, bool]:
     if not step_rejected:
         _take_predicted_friction(core)
     for first in range(0, p.shape[1], vectors.WIDTH):
-        if not _changes(core, first):
+        if not seen(core, first):
             continue
         for k in range(first, first + vectors.WIDTH):
             old, new = p[_REGIME, k], out[NEXT, k]
@@ -159,10 +166,11 @@ def break_away(core: Core, margin: float) -> bool:
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     stuck, concerned = vector(core.block, a.STUCK), vector(core.block, a.CHANGED)
     excess, recent, breaks = out[STATIC_EXCESS], out[RECENT], False
-    if not vectors.greatest(address(core.block, a.POINT_IN, _LIMIT_RATIO), p.shape[1]) > 1.0:
-        return False
+    opened = False
     for k in range(p.shape[1]):
-        if p[_LIMIT_RATIO, k] > 1.0 and p[_REGIME, k] != point.OPEN:
+        if k % vectors.WIDTH == 0:
+            opened = open_at(core, k)
+        if not opened and p[_LIMIT_RATIO, k] > 1.0 and p[_REGIME, k] != point.OPEN:
             if margin > 0.0 and abs(excess[k]) <= margin * recent[k]:
                 return False
             breaks = breaks or excess[k] > 0.0

@@ -15,8 +15,10 @@ from worm3d.physics.kernels import losses
 from worm3d.physics.kernels.layout import Layout
 
 COORDINATES = 13
+STRAINS = 3
 ROW = 16
-"""Length of a row of the Hessian, with zeros at its end: two vectors."""
+"""Length of a row of derivatives, with zeros at its end: two vectors."""
+_FILLING = ca.SX.zeros(ROW - COORDINATES)
 
 LAYOUT = Layout(
     {
@@ -91,27 +93,36 @@ _KNOWN = (("angles_n", "hinge"), ("angles_m", "hinge"), ("angles_n", "hinge_n"))
 
 @cache
 def _potential() -> tuple[ca.SX, ca.SX, ca.SX]:
-    s = LAYOUT.symbols
-    phi = ca.SX(0.0)
-    for i, strain in enumerate(_strains(_angles_of_reduced(), s["hinge"])):
-        phi += s["k"][i] / 2.0 * (strain**2 + s["tau"] / s["span"] * (strain - s["strain_hat"][i]) ** 2)
-    curve, slope = ca.hessian(phi, _REDUCED)
-    L = ca.jacobian(_reduced(), s["q"])
-    at = ca.substitute([phi, L.T @ slope, L.T @ curve @ L], [_REDUCED], [_reduced()])
-    return at[0], at[1], at[2]
+    """Potential, gradient, and the strains' derivatives (3, 13), each times the root of its stiffness in the step."""
+    s, strains = LAYOUT.symbols, ca.vertcat(*_strains(_angles_of_reduced(), LAYOUT.symbols["hinge"]))
+    damped = s["tau"] / s["span"]
+    phi = ca.dot(s["k"] / 2.0, strains**2 + damped * (strains - s["strain_hat"]) ** 2)
+    root, L = ca.diag(ca.sqrt(s["k"] * (1.0 + damped))), ca.jacobian(_reduced(), s["q"])
+    parts = [phi, L.T @ ca.gradient(phi, _REDUCED), root @ ca.jacobian(strains, _REDUCED) @ L]
+    at = ca.substitute(parts, [_REDUCED], [_reduced()])
+    return at[0], ca.vertcat(at[1], _FILLING), ca.vertcat(at[2].T, ca.SX.zeros(ROW - COORDINATES, STRAINS))
 
 
 def gradient() -> ca.Function:
-    """Return potential and gradient (13)."""
+    """Return potential and gradient (13), filled up with zeros (16)."""
     phi, slope, _ = _potential()
     return LAYOUT.function("joint_gradient", {"phi": phi, "gradient": slope})
 
 
+def roots() -> ca.Function:
+    """Return what `gradient` does, and three rows J (13), each filled up likewise.
+
+    J^T J is Gauss-Newton's Hessian, without the second derivatives of the strains.
+    """
+    phi, slope, roots = _potential()
+    return LAYOUT.function("joint_roots", {"phi": phi, "gradient": slope, "roots": roots})
+
+
 def hessian() -> ca.Function:
-    """Return potential, gradient (13) and the Hessian, row by row, each filled up with zeros (13 x 16)."""
-    phi, slope, curve = _potential()
-    rows = ca.vertcat(curve, ca.SX.zeros(ROW - COORDINATES, COORDINATES))
-    return LAYOUT.function("joint_hessian", {"phi": phi, "gradient": slope, "hessian": ca.densify(rows)})
+    """Return what `gradient` does, and the whole Hessian, row by row, each filled up likewise (13 x 16)."""
+    phi, slope, _ = _potential()
+    rows = ca.vertcat(ca.hessian(phi, LAYOUT.symbols["q"])[0], ca.SX.zeros(ROW - COORDINATES, COORDINATES))
+    return LAYOUT.function("joint_hessian", {"phi": phi, "gradient": slope, "hessian": rows})
 
 
 def angles() -> ca.Function:

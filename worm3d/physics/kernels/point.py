@@ -298,6 +298,29 @@ def after(law: Law = Coulomb) -> ca.Function:
     return LAYOUT.function("point_after", {name: rows[name] for name in AFTER.sizes})
 
 
+def touches() -> ca.Function:
+    """Return 1 where a point bears load, or has before; elsewhere `free_after` says all that `after` does."""
+    s = LAYOUT.symbols
+    signs = ca.vertcat(s["load_n"], s["stored_n"], s["depth_n"], -s["distance"])
+    return LAYOUT.function("point_touches", {"touches": ca.mmax(signs) > 0.0})
+
+
+def free_after() -> ca.Function:
+    """Return what `after` does where nothing touches."""
+    s = LAYOUT.symbols
+    own = inertia.ledger(s, s["first"])
+    rows = {
+        "terms": ca.vertcat(*[own.get(name, ca.SX(0.0)) for name in LEDGER_TERMS]),
+        "force": ca.SX.zeros(3),
+        "stuck": ca.SX(1.0),
+        "slipped": ca.SX(0.0),
+        "velocity": inertia.velocity(s),
+        "anchor": s["x"],
+        "stored": ca.SX(0.0),
+    }
+    return LAYOUT.function("point_free_after", {name: rows[name] for name in AFTER.sizes})
+
+
 def momenta() -> ca.Function:
     """Return momentum (3), angular momentum about the origin (3) and mass times place (3)."""
     return LAYOUT.function("point_momenta", {"momenta": inertia.momenta(LAYOUT.symbols)})
