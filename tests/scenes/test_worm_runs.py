@@ -19,7 +19,7 @@ from scenes.commands import runner
 from scenes.commands.runner import lengthened, simulate
 from scenes.language.errors import SceneError
 from scenes.language.loader import shipped_scenes
-from scenes.models.loading import load_scene
+from scenes.models.loading import Scene, load_scene
 from scenes.models.worm import figures as worm_figures
 from scenes.records.record import Record
 from scenes.records.store import load, save
@@ -115,6 +115,21 @@ def test_half_a_run_and_its_rest_are_the_run_bit_for_bit(
     save(half, tmp_path / "result.nc")
     stored = load(tmp_path)
     assert_same(simulate(lengthened(stored, 0.5), earlier=stored), whole)
+
+
+def test_a_run_of_a_given_accuracy_goes_on_and_its_errors_add_up() -> None:
+    def scene(seconds: float) -> Scene:
+        return load_scene("flat", ("run.accuracy=0.05", f"run.duration_s={seconds}", "gait.period_s=1"))
+
+    begun, whole = simulate(scene(0.3)), simulate(scene(0.6))
+    both = simulate(lengthened(begun, 0.3), earlier=begun)
+    assert_array_equal(both["joints"], whole["joints"])
+    errors = [simulated.summary["distance_error_m"] for simulated in (begun, both)]
+    assert isinstance(errors[0], float)
+    assert isinstance(errors[1], float)
+    assert 0.0 < errors[0] < errors[1]
+    with pytest.raises(SceneError, match=r"run\.accuracy: got 0\.05 with run\.integrator = 'implicit_euler'"):
+        load_scene("flat", ("run.accuracy=0.05", "run.integrator=implicit_euler"))
 
 
 def test_resume_by_the_command_line(worm3d, tmp_path: Path, done: Record, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,7 @@
 """Accuracy on request: order with steps of any length, the limit, rows between steps, resume, estimates, errors."""
 
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -10,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from control.gaits import TravellingWave
 from tests.worm3d.test_free_flight import fly, tumbling, uneven_worm, writhing
-from worm3d import Command, Plane, Result, Spread, State, Status, Worm, scattered, simulate, simulate_batch
+from worm3d import Command, Plane, Result, Spread, State, Status, Worm, load, scattered, simulate, simulate_batch
 from worm3d.accuracy import runs
 from worm3d.physics.kernels.inertia import weights
 from worm3d.problem import Problem
@@ -130,6 +131,27 @@ def test_an_observer_changes_nothing(whole: Result) -> None:
     assert [t for t, _ in seen] == pytest.approx([0.0, 0.3, 0.6, 0.9, 1.0])
     for t, com in seen:
         assert_array_equal(com, whole.com[round(100 * t)])
+
+
+def test_a_run_that_fails_says_when() -> None:
+    def jerked(t: float) -> Command:
+        return Command(np.full((6, 2), 0.1), hinge=np.full(5, 0.4 if t < 0.15 else 1.7))
+
+    failed = crawl(actuation=jerked)
+    assert failed.status is Status.FOLDED
+    assert failed.error_estimate is None
+    assert 0.15 < failed.stop.time < 0.6
+    assert np.isfinite(failed.joints).all()
+    assert len(failed.time) == len(failed.newton_iterations) + 1
+
+
+def test_a_file_keeps_the_estimate(whole: Result, tmp_path: Path) -> None:
+    whole.save(tmp_path / "run.nc")
+    kept = load(tmp_path / "run.nc")
+    assert kept.error_estimate == whole.error_estimate
+    assert whole.error_estimate is not None
+    assert (whole.error_estimate + whole.error_estimate).steps == 2 * whole.error_estimate.steps
+    assert_array_equal(crawl(duration=0.1, state=kept.state).joints, crawl(duration=0.1, state=whole.state).joints)
 
 
 def test_controllers_decide_at_every_tick() -> None:

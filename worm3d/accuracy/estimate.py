@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,6 +43,11 @@ class ErrorEstimate:
     steps: int
     """Steps that were solved in this run, and `runs` in all."""
     runs: int
+
+    def __add__(self, rest: ErrorEstimate) -> ErrorEstimate:
+        """Return the estimate of a run and another that went on from its end."""
+        both = {each.name: getattr(self, each.name) + getattr(rest, each.name) for each in fields(self)}
+        return ErrorEstimate(**both | {"step_error": max(self.step_error, rest.step_error)})
 
     @property
     def met(self) -> bool:

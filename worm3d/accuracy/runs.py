@@ -16,7 +16,7 @@ from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
 
 USUAL = 0.01
-STEP_ERROR = 1e-7
+STEP_ERROR = 4e-7
 """Error that is allowed in a step at the usual accuracy, as a fraction of the body length; it goes with the square of
 the accuracy: where contacts land and slide the error of a run falls with its square root."""
 FINEST = 1e-12
@@ -24,10 +24,14 @@ FINEST = 1e-12
 
 FINER = 4.0
 """How much less is allowed in the steps of each run than in those of the run before."""
-CHECKS, TIGHTENED = 2, 3
+CHECKS, TIGHTENED = 2, 4
 """Number of coarser runs that a run is compared with, and the largest number of times that it is made finer then."""
-WEIGHTS = (1.0, 0.5)
-"""Weights of what a run differs by from the last one and the one before that, whose own error is larger."""
+LEAST_FACTOR, SLOWEST = 2.0, 0.8
+"""A run is expected to be off by so many times what it differs by from the run before, at least; if the differences of
+runs fall by a ratio r, by r/(1 - r) times that, with r at most so large."""
+COARSER, LEAST_SHARE = 0.5, 0.03
+"""The same for its difference from the run two before, and the least error of the distance that is told, as a share of
+what was asked for: runs may agree by chance."""
 
 LEAST_WAY = 0.1
 """Distance, as a fraction of the body length, that an accuracy is relative to at least."""
@@ -96,9 +100,11 @@ def _estimate(found: list[FloatArray], problem: Problem, run: Run, runs: int) ->
     *coarser, last = found
     if not coarser:
         return None
-    off = [weight * abs(each - last) for weight, each in zip(WEIGHTS, reversed(coarser), strict=False)]
-    distance, heading, work = map(float, np.max(off, axis=0))
+    changed, far = abs(coarser[-1] - last), abs(coarser[max(0, len(coarser) - 2)] - last)
+    changed_before = abs(coarser[max(0, len(coarser) - 2)] - coarser[-1])
+    ratio = changed / np.maximum(np.maximum(changed_before, changed / SLOWEST), 1e-300)
+    off = np.maximum(np.maximum(LEAST_FACTOR, ratio / (1.0 - ratio)) * changed, COARSER * far)
     assert problem.accuracy is not None
-    assert run.pace is not None
     asked = problem.accuracy * max(abs(float(last[0])), LEAST_WAY * problem.worm.length)
+    distance, heading, work = max(float(off[0]), LEAST_SHARE * asked), float(off[1]), float(off[2])
     return ErrorEstimate(distance, heading, work, asked, _allowed(problem, runs - 1), int(run.solves), runs)

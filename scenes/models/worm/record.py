@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import fields, replace
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 import worm3d
 from scenes.records.record import Record
-from worm3d.files import FIELD, STATE
+from worm3d.files import FIELD, STATE, restored
 from worm3d.series import Recorded, Steps, series_of, states_of
 from worm3d.values.arrays import FloatArray
 
@@ -43,6 +44,13 @@ def joined(earlier: Record, rest: worm3d.Result) -> worm3d.Result:
         energy=worm3d.Energy(**{name: whole(name, getattr(rest.energy, name)) for name in ENERGIES}),
         halved_steps=int(earlier["halved_steps"]) + rest.halved_steps,
         settling=None if np.isnan(settling) else settling,
+        error_estimate=_error(earlier, rest),
         stop=replace(rest.stop, step=rest.stop.step + earlier.sizes["step"]),
         wall_s=next(float(v.values) for v in earlier.timing if v.name == "wall_s") + rest.wall_s,
     )
+
+
+def _error(earlier: Record, rest: worm3d.Result) -> worm3d.ErrorEstimate | None:
+    """Return the estimate of the error of both; None where a part has none."""
+    begun = restored("error_estimate", json.loads(earlier.run).get("error_estimate"), [])
+    return None if begun is None or rest.error_estimate is None else begun + rest.error_estimate
