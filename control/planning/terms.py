@@ -131,7 +131,7 @@ class Speed(CostTerm):
 
     tolerance: float = parameter(0.004, unit="body lengths/s", gt=0, meaning="a_V, miss of the speed that weighs 1")
     large: float = parameter(
-        0.012, unit="body lengths/s", gt=0, meaning="miss from which on the cost rises by the miss, no faster"
+        0.02, unit="body lengths/s", gt=0, meaning="miss from which on the cost rises by the miss, no faster"
     )
 
     def __post_init__(self) -> None:
@@ -271,8 +271,8 @@ TERMS: Mapping[str, type[CostTerm]] = MappingProxyType(
 Tolerances of offset (0.01 to 0.02), heading (0.05 to 0.1) and change of the steering (0.25 to 1) were tuned on the
 default worm with the sensors' default noise: seven triples in runs of a minute on line, circle and S-curve with the
 seeds 10 and 11, as many as `control.baselines.Gains` had; mean rms offsets are 0.0017 (chosen) to 0.0021 body lengths.
-The large miss of the speed (0.004 to 0.02 and none) is a compromise of `disturbance_push`, where less is better, with
-how soon a worm that begins apart from its line joins it, where more is, on the same seeds.
+The large miss of the speed (0.004 to 0.02 and none) is that with which a worm that begins apart from its line comes to
+it soonest, on the seeds 10 to 13: after 9.4 waves on average, with 0.012 after more than 10, with none after 9.6.
 """
 
 
