@@ -149,14 +149,18 @@ def open_at(core: Core, first: int) -> bool:
 def _points(core: Core, coupled: bool, hessian: int) -> None:
     """Run the kernel of the points; where all of a vector of them are open there is no contact to compute."""
     point_in, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.POINT_OUT)
+    changed, lanes = vector(core.block, a.CHANGED), point_in.shape[1] // POINTS
     for first in range(0, point_in.shape[1], vectors.WIDTH):
         free = coupled and open_at(core, first)
         if hessian in (NONE, LOCAL):
             which = a.POINT_FREE_FORCE if free else a.POINT_FORCE
             evaluate_kernel(kernel(core, which), point_in, out[:_FORCES], vectors.WIDTH, first)
-        else:
-            which = a.POINT_FREE_STIFFNESS if free else a.POINT_STIFFNESS
-            evaluate_kernel(kernel(core, which), point_in, out, vectors.WIDTH, first)
+            continue
+        which = a.POINT_FREE_STIFFNESS if free else a.POINT_AHEAD
+        evaluate_kernel(kernel(core, which), point_in, out, vectors.WIDTH, first)
+        for k in range(first, first + vectors.WIDTH):
+            loaded = not free and (not coupled or point_in[_REGIME, k] != point.OPEN)
+            changed[k] = 1.0 if loaded and k % lanes < core.n else 0.0
 
 
 @inner
@@ -168,9 +172,8 @@ def _segments(core: Core, hessian: int) -> None:
     else:
         evaluate_kernel(kernel(core, a.SEGMENT_HESSIAN), segment_in, segment_out, core.n)
         _fill_band(core, hessian == EXACT)
-    if hessian == LOCAL:
-        _exchange(core)
     if hessian != NONE:
+        _exchange(core)
         fill(vector(core.block, a.CHANGED), 0.0)
 
 

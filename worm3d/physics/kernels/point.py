@@ -145,6 +145,11 @@ def stiffness(law: Law = Coulomb) -> ca.Function:
     return LAYOUT.function("point_stiffness", _force(law))
 
 
+def ahead(law: Law = Coulomb) -> ca.Function:
+    """Return what `stiffness` does, but K of a free point: what contact adds to it is exchanged."""
+    return LAYOUT.function("point_ahead", {**_force(law), "K": ca.vec(_still()[2])})
+
+
 def free_force() -> ca.Function:
     """Return what `force` does where nothing touches: in the regime OPEN, coupled."""
     outputs = _free()

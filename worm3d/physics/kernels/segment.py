@@ -83,11 +83,16 @@ def _shape_of_reduced() -> _Shape:
     middle, edge, link, offset = z[0:3], z[3:6], s["link"], s["offset"]
     f = elements.frame(edge, z[6], s["t_ref"], s["d_ref"])
     chambers = elements.chamber_lengths(f.length, z[7], offset)
-    points = elements.apexes(middle, f, chambers, link, offset)
+    angles = [elements.hinge_angle(link, length) for length in chambers]
+    return _Shape(f, ca.vertcat(*chambers), ca.vertcat(*angles), _points(middle, edge, f, chambers))
+
+
+def _points(middle: ca.SX, edge: ca.SX, f: elements.Frame, chambers: list[ca.SX]) -> ca.SX:
+    s = LAYOUT.symbols
+    points = elements.apexes(middle, f, chambers, s["link"], s["offset"])
     for k, p in enumerate((middle - edge / 2.0, middle + edge / 2.0)):
         points.append(elements.face_point(p, f, s["radius"][k], s["rim"][2 * k : 2 * k + 2]))
-    angles = [elements.hinge_angle(link, length) for length in chambers]
-    return _Shape(f, ca.vertcat(*chambers), ca.vertcat(*angles), ca.vec(ca.horzcat(*points).T))
+    return ca.vec(ca.horzcat(*points).T)
 
 
 @cache
@@ -143,23 +148,49 @@ Energy = Callable[[ca.SX], ca.SX]
 
 
 @cache
-def _potential(actuated: Energy | None) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Potential of springs, dampers and actuators, gradient and Hessian of everything that moves with the segment."""
-    s, x = LAYOUT.symbols, _shape_of_reduced()
-    phi = s["roll_damping"] / (2.0 * s["dt"]) * _REDUCED[6] ** 2
+def _potential(actuated: Energy | None) -> tuple[ca.SX, ca.SX]:
+    """Potential of springs, dampers and actuators, and gradient of everything that moves with the segment."""
+    x = _shape_of_reduced()
+    phi = _energy(x.lengths, _REDUCED[6], actuated)
+    slope = ca.gradient(phi + ca.dot(LAYOUT.symbols["f"], x.points), _REDUCED)
+    at = ca.substitute([phi, _linear().T @ slope], [_REDUCED], [_reduced()])
+    return at[0], at[1]
+
+
+def _energy(lengths: ca.SX, roll: ca.SX, actuated: Energy | None) -> ca.SX:
+    """Return the potential of springs, dampers and actuators [J]."""
+    s = LAYOUT.symbols
+    phi = s["roll_damping"] / (2.0 * s["dt"]) * roll**2
     for c in range(2):
-        stretch, turn = x.lengths[c] - s["length_hat"][c], x.angles[c] - s["angle_hat"][c]
-        phi += _chamber(x.lengths[c], s["commanded"][c]) + s["force"][c] * x.lengths[c] + _hinge(x.angles[c])
+        angle = elements.hinge_angle(s["link"], lengths[c])
+        stretch, turn = lengths[c] - s["length_hat"][c], angle - s["angle_hat"][c]
+        phi += _chamber(lengths[c], s["commanded"][c]) + s["force"][c] * lengths[c] + _hinge(angle)
         phi += (_chamber_damping() * stretch**2 + _hinge_damping() * turn**2) / (2.0 * s["span"])
-    if actuated is not None:
-        phi += actuated(x.lengths)
-    slope = ca.gradient(phi + ca.dot(s["f"], x.points), _REDUCED)
-    curve, _ = ca.hessian(phi + ca.dot(s["f_ahead"], x.points), _REDUCED)
-    jacobian = ca.jacobian(x.points, _REDUCED)
-    curve += jacobian.T @ _point_hessian() @ jacobian
-    L = ca.jacobian(_reduced(), s["q"])
-    at = ca.substitute([phi, L.T @ slope, L.T @ curve @ L], [_REDUCED], [_reduced()])
-    return at[0], at[1], at[2]
+    return phi if actuated is None else phi + actuated(lengths)
+
+
+def _linear() -> ca.SX:
+    """Return the derivatives of `_reduced` in the coordinates."""
+    return ca.jacobian(_reduced(), LAYOUT.symbols["q"])
+
+
+def _hessian(actuated: Energy | None) -> ca.SX:
+    """Return the Hessian of everything that moves with the segment, its points being free masses.
+
+    By the chain rule through w: midpoint, edge, d and u of the frame, lengths and roll, of which points and energies
+    are simple functions; that takes half of the operations.
+    """
+    s, x, w = LAYOUT.symbols, _shape_of_reduced(), ca.SX.sym("w", 15)
+    middle, edge, d, u, lengths, roll = ca.vertsplit(w, [0, 3, 6, 9, 12, 14, 15])
+    points = _points(middle, edge, elements.Frame(ca.SX(), ca.SX(), d, u), ca.vertsplit(lengths))
+    own, slope = ca.hessian(_energy(lengths, roll, actuated) + ca.dot(s["f_ahead"], points), w)
+    masses, J = ca.repmat(s["K"][:POINTS], 3, 1), ca.jacobian(points, w)
+    of_w = ca.vertcat(_REDUCED[:6], x.frame.d, x.frame.u, x.lengths, _REDUCED[6])
+    W, force = ca.jacobian(of_w, _REDUCED), ca.SX.sym("force", 15)
+    along = ca.hessian(ca.dot(force, of_w), _REDUCED)[0]
+    curve = W.T @ (own + J.T @ ca.diag(masses) @ J) @ W + ca.substitute(along, force, slope)
+    curve = _linear().T @ ca.triu2symm(ca.triu(ca.substitute(curve, w, of_w))) @ _linear()
+    return ca.substitute(ca.triu2symm(ca.triu(curve)), _REDUCED, _reduced())
 
 
 def _chamber(length: ca.SX, commanded: ca.SX) -> ca.SX:
@@ -180,13 +211,6 @@ def _hinge_damping() -> ca.SX:
     return LAYOUT.symbols["tau"] * LAYOUT.symbols["k_apex"]
 
 
-def _point_hessian() -> ca.SX:
-    """Put the 3 x 3 Hessians of the points into one of shape (24, 24)."""
-    K = LAYOUT.symbols["K"]
-    blocks = [[K[POINTS * (3 * r + c) : POINTS * (3 * r + c + 1)] for c in range(3)] for r in range(3)]
-    return ca.vertcat(*[ca.horzcat(*[ca.diag(block) for block in row]) for row in blocks])
-
-
 def gradient(layout: Layout = LAYOUT, actuated: Energy | None = None) -> ca.Function:
     """Return the potential of springs, dampers and actuators, and the gradient (8) of it and of the points' potential.
 
@@ -197,14 +221,17 @@ def gradient(layout: Layout = LAYOUT, actuated: Energy | None = None) -> ca.Func
     actuated : callable, optional
         Potential of the actuators.
     """
-    phi, slope, _ = _potential(actuated)
+    phi, slope = _potential(actuated)
     return layout.function("segment_gradient", {"phi": phi, "gradient": slope})
 
 
 def hessian(layout: Layout = LAYOUT, actuated: Energy | None = None) -> ca.Function:
-    """Return potential and gradient as `gradient` does, and the Hessian (64), row by row."""
-    phi, slope, curve = _potential(actuated)
-    return layout.function("segment_hessian", {"phi": phi, "gradient": slope, "hessian": curve.T})
+    """Return potential and gradient as `gradient` does, and the Hessian (64), row by row.
+
+    That of the points counts as if they were free: of K the entries xx are taken, on all axes.
+    """
+    phi, slope = _potential(actuated)
+    return layout.function("segment_hessian", {"phi": phi, "gradient": slope, "hessian": _hessian(actuated)})
 
 
 LEDGER_TERMS = ("work_contract", "elastic", "viscous_loss", "numerical_loss", "work_contract_p11")
