@@ -80,6 +80,11 @@ def test_where_points_stay_open_nothing_of_contact_counts() -> None:
         free, whole = (run(f"point_{name}{kind}", point.LAYOUT, values) for name in ("free_", ""))
         assert_allclose(free, whole, rtol=1e-14, atol=1e-14)
     values["regime"][0, ::3] = point.SLIDING
+    ahead, whole, free = (
+        run(f"point_{name}", point.LAYOUT, values) for name in ("ahead", "stiffness", "free_stiffness")
+    )
+    assert_allclose(ahead[:STIFFNESS], whole[:STIFFNESS], rtol=1e-14, atol=1e-14)
+    np.testing.assert_array_equal(ahead[STIFFNESS:], free[STIFFNESS:])
     near = run("point_near", point.LAYOUT, values)[0]
     stale = run("point_yielding", point.LAYOUT, values)[STALE]
     assert not stale[near == 0.0].any()

@@ -247,7 +247,8 @@ CHANGED = _array("changed", 1, "points")  # 1 where a contact has changed what i
 # derivatives of the points in the coordinates
 POINTS_JACOBIAN = _array("points_jacobian", 3 * POINTS * segment.COORDINATES, "lanes")
 JACOBIANS = _array("jacobians", "lanes", 3 * POINTS * segment.COORDINATES)  # the same, segments one after the other
-KNOWN = _array("known", 1, "vectors")  # 1 where those of a vector of segments stand there, made since the Jacobian was
+# 1 where those of a slot (last: all, above) of a vector of segments stand there, made since the Jacobian was
+KNOWN = _array("known", POINTS + 1, "vectors")
 REST = _array("rest", 8 + 3 * POINTS, "lanes")  # chamber lengths (2), tangent (3), director (3), points (24)
 # inputs of the point's kernels
 POINT_IN = _array(

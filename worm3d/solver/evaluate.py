@@ -1,9 +1,9 @@
 """Potential, residual and Jacobian of a step at a trial state, put together from the kernels' outputs.
 
-A contact that changes what it does between two steps of Newton changes its K (3, 3) by so much that the Jacobian is of
-no more use. Then dK alone is exchanged: J^T dK J is added, J being the derivative of the point in the coordinates of
-its segment when one of these was first exchanged. Its force stays as it was where it counts for the point's second
-derivatives: that is less than dK by the ratio of penetration, or of the way to the yield limit, to segment length.
+A Jacobian is first made as if all points were free masses. The K (3, 3) of a contact, and what it changes by between
+two steps of Newton, is exchanged then: J^T dK J is added, J being the derivative of the point in the coordinates of its
+segment when it was first exchanged. Its force stays as it was where it counts for the point's second derivatives: that
+is less than dK by the ratio of penetration, or of the way to the yield limit, to segment length.
 """
 
 from __future__ import annotations
@@ -246,10 +246,15 @@ def _fill_band(core: Core, exact: bool) -> None:
         for d in range(3):
             band[BLOCK * j + d, B] = inertia[j] + drag[j]
     for first in range(0, core.n, vectors.WIDTH):
-        _transpose(core, a.SEGMENT_OUT, a.SEGMENT_BLOCKS, first, _OWN * (1 + _OWN))
+        _transpose(core, a.SEGMENT_OUT, a.SEGMENT_BLOCKS, first, 0, _OWN * (1 + _OWN))
     for first in range(0, core.n - 1, vectors.WIDTH):
         _transpose(
-            core, a.JOINT_OUT, a.JOINT_BLOCKS, first, matrix(core.block, a.JOINT_OUT).shape[0] - 1 if exact else _ROOTS
+            core,
+            a.JOINT_OUT,
+            a.JOINT_BLOCKS,
+            first,
+            0,
+            matrix(core.block, a.JOINT_OUT).shape[0] - 1 if exact else _ROOTS,
         )
     for i in range(core.n):
         own = address(core.block, a.SEGMENT_BLOCKS, i)
@@ -268,28 +273,31 @@ def _fill_band(core: Core, exact: bool) -> None:
 @inner
 def _exchange(core: Core) -> None:
     """Exchange what the contacts that "changed" names contribute to the band."""
-    changed, known = vector(core.block, a.CHANGED), vector(core.block, a.KNOWN)
+    changed, known = vector(core.block, a.CHANGED), matrix(core.block, a.KNOWN)
     point_in, lanes = matrix(core.block, a.POINT_IN), len(changed) // POINTS
     for first in range(0, len(changed), vectors.WIDTH):
-        if vectors.greatest(address(core.block, a.CHANGED, 0) + 8 * first, vectors.WIDTH) == 0.0:
+        if vectors.all_equal(address(core.block, a.CHANGED, 0) + 8 * first, 0.0) != 0:
             continue
         evaluate_kernel(
             kernel(core, a.POINT_STIFFNESS), point_in, matrix(core.block, a.POINT_ANEW), vectors.WIDTH, first
         )
-        if known[first % lanes // vectors.WIDTH] == 0.0:
-            _differentiate(core, first % lanes)
+        if known[first // lanes, first % lanes // vectors.WIDTH] == 0.0:
+            _differentiate(core, first // lanes, first % lanes)
         for k in range(first, first + vectors.WIDTH):
             if changed[k] != 0.0:
                 _exchange_one(core, k)
 
 
 @inner
-def _differentiate(core: Core, first: int) -> None:
-    """Compute the derivatives of the points of a vector of segments."""
-    segment_in, count = matrix(core.block, a.SEGMENT_IN), min(vectors.WIDTH, core.n - first)
-    evaluate_kernel(kernel(core, a.SEGMENT_JACOBIAN), segment_in, matrix(core.block, a.POINTS_JACOBIAN), count, first)
-    _transpose(core, a.POINTS_JACOBIAN, a.JACOBIANS, first, 3 * POINTS * _OWN)
-    vector(core.block, a.KNOWN)[first // vectors.WIDTH] = 1.0
+def _differentiate(core: Core, slot: int, first: int) -> None:
+    """Compute the derivatives of one point each of a vector of segments."""
+    known, v = matrix(core.block, a.KNOWN), first // vectors.WIDTH
+    if known[POINTS, v] == 0.0:
+        segment_in, count = matrix(core.block, a.SEGMENT_IN), min(vectors.WIDTH, core.n - first)
+        out = matrix(core.block, a.POINTS_JACOBIAN)
+        evaluate_kernel(kernel(core, a.SEGMENT_JACOBIAN), segment_in, out, count, first)
+    _transpose(core, a.POINTS_JACOBIAN, a.JACOBIANS, first, 3 * _OWN * slot, 3 * _OWN * (slot + 1))
+    known[POINTS, v], known[slot, v] = 1.0, 1.0
 
 
 @inner
@@ -313,10 +321,10 @@ def _row(core: Core, k: int, i: int, r: int) -> int:
 
 
 @inner
-def _transpose(core: Core, source: int, to: int, first: int, size: int) -> None:
-    """Write derivatives of a vector of lanes, which potentials may precede, as the first numbers of rows."""
+def _transpose(core: Core, source: int, to: int, first: int, begin: int, end: int) -> None:
+    """Write derivatives of a vector of lanes, which potentials may precede, as some numbers of rows."""
     lanes, pitch = matrix(core.block, source).shape[1], matrix(core.block, to).shape[1]
-    begin = matrix(core.block, source).shape[0] - pitch
-    for r in range(0, size, vectors.WIDTH):
-        here = address(core.block, source, begin + r) + 8 * first
+    before = matrix(core.block, source).shape[0] - pitch
+    for r in range(begin, end, vectors.WIDTH):
+        here = address(core.block, source, before + r) + 8 * first
         vectors.transpose(address(core.block, to, first) + 8 * r, pitch, here, lanes)
