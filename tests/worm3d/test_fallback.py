@@ -23,7 +23,7 @@ def harsh(seed: int, case: int) -> Result:
     return simulate(worm, (slope, pipe, Plane())[kind], ground, gait, duration=100 * dt, dt=dt)
 
 
-@pytest.mark.parametrize(("seed", "case"), [(1, 44), (1, 54), (2, 28)])
+@pytest.mark.parametrize(("seed", "case"), [(1, 10), (1, 44), (2, 28)])
 def test_relaxed_loads_solve_what_full_updates_do_not(seed: int, case: int) -> None:
     """With full updates alone, without relaxation, each of these runs halves a step."""
     run = harsh(seed, case)
