@@ -22,7 +22,6 @@ from worm3d.physics.kernels.layout import Layout, once
 from worm3d.physics.media import Medium
 from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
-from worm3d.solver.entry import SIGNATURE
 from worm3d.solver.evaluate import evaluate_entry
 from worm3d.solver.guard import SIDES, refused
 from worm3d.solver.newton import solve_entry
@@ -88,7 +87,7 @@ def _kernel(name: str, *part: type) -> Kernel | None:
 def entries() -> dict[str, Any]:
     """Return the compiled entries of the solver by name."""
     functions = {"evaluate": evaluate_entry, "solve": solve_entry, "step": step_entry, "put": put_entry}
-    return {name: cfunc(SIGNATURE, function, missed=announce) for name, function in functions.items()}
+    return {name: cfunc(function, missed=announce) for name, function in functions.items()}
 
 
 def _addresses(world: WorldKernel, made: Mapping[str, Kernel]) -> NDArray[np.int64]:
@@ -341,11 +340,11 @@ class Plant:
         self.arrays["asked"][0, : 2 * n] = state.contraction.ravel()
         rate[:, :3], rate[:n, 3], rate[:n, 4] = state.joint_velocity, state.roll_rate, state.bend_rate
         self.arrays["trial"][0] = rate.ravel()
-        entries()["put"].ctypes(self.core.handle, 0.0, 0, 0)
+        entries()["put"](self.core.handle, 0.0, 0, 0)
 
     def reset_at_pose(self) -> None:
         """Set the present pose anew, at rest: anchors move to the points, histories begin anew, loads are kept."""
-        entries()["put"].ctypes(self.core.handle, 0.0, 1, 0)
+        entries()["put"](self.core.handle, 0.0, 1, 0)
 
     def set_loads(self, load: FloatArray) -> None:
         """Set the normal loads of a worm at rest, shape (8, N) [N], and the contact forces to these loads alone."""

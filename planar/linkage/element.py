@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planar.linkage.ground import Ground
-from worm3d.machine.compiled import kept
+from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
 
 BAND = 5
@@ -88,7 +88,7 @@ class Now(NamedTuple):
     """(N, 2) LAW, or what each contact is taken for."""
 
 
-@kept
+@njit
 def normal_load(depth: float, depth_n: float, dt: float, k: float, c: float) -> float:
     """(G1): the normal force of one contact [N]."""
     stiff = k + c / dt
@@ -96,7 +96,7 @@ def normal_load(depth: float, depth_n: float, dt: float, k: float, c: float) -> 
     return load
 
 
-@kept
+@njit
 def friction_gauge(
     s: float, s_n: float, dt: float, forward: float, backward: float, ground: Ground
 ) -> tuple[float, float, float]:
@@ -107,7 +107,7 @@ def friction_gauge(
     return y, mu, r / max(mu, ground.least)
 
 
-@kept
+@njit
 def apex_gauge(i: int, j: int, x: float, ground: Ground, now: Now) -> tuple[float, float, float]:
     """Return y, mu and b of (G2) for apex j of segment i at x; mu is that of its regime."""
     forward, backward = ground.mu_forward[i], ground.mu_backward[i]
@@ -118,7 +118,7 @@ def apex_gauge(i: int, j: int, x: float, ground: Ground, now: Now) -> tuple[floa
     return gauge
 
 
-@kept
+@njit
 def evaluate(
     q: FloatArray, body: Body, ground: Ground, now: Now, coupled: bool, grad: FloatArray, band: FloatArray
 ) -> float:
@@ -156,7 +156,7 @@ def evaluate(
     return phi
 
 
-@kept
+@njit
 def _joints(q: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray) -> float:
     """Inertia (P4), weight, viscous medium (P8) and external force of the joints."""
     phi = 0.0
@@ -173,7 +173,7 @@ def _joints(q: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatAr
     return phi
 
 
-@kept
+@njit
 def _segment(
     i: int, q: FloatArray, length: float, t: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray
 ) -> float:
@@ -207,7 +207,7 @@ def _segment(
     return phi
 
 
-@kept
+@njit
 def _apex(
     i: int,
     j: int,
@@ -252,7 +252,7 @@ def _apex(
     return phi
 
 
-@kept
+@njit
 def _point(
     i: int, j: int, x: float, z: float, body: Body, ground: Ground, now: Now, coupled: bool
 ) -> tuple[float, float, float, float, float, float]:
@@ -284,7 +284,7 @@ def _point(
     return phi, fx, fz, kxx, kxz, kzz
 
 
-@kept
+@njit
 def _friction(i: int, j: int, x: float, ground: Ground, now: Now) -> tuple[float, float, float]:
     """(G2) per unit of normal load: potential h, dh/dx and d2h/dx2."""
     d = now.direction[i]
@@ -298,7 +298,7 @@ def _friction(i: int, j: int, x: float, ground: Ground, now: Now) -> tuple[float
     return cap * mu * (abs(y) - 0.5 * cap * b), d * cap * mu * np.sign(y), 0.0
 
 
-@kept
+@njit
 def _torsion(
     j: int, length: FloatArray, t: FloatArray, body: Body, now: Now, grad: FloatArray, band: FloatArray
 ) -> float:
@@ -327,7 +327,7 @@ def _torsion(
     return phi
 
 
-@kept
+@njit
 def _add_in_e(band: FloatArray, base: int, xx: float, xz: float, zz: float) -> None:
     """Add the Hessian of a function of e = p_{i+1} - p_i, whose blocks in (p_i, p_{i+1}) are [H, -H; -H, H]."""
     if band.shape[0] == 0:

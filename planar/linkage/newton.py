@@ -18,7 +18,7 @@ from planar.linkage import regimes
 from planar.linkage.element import BAND, NO_BAND, ROWS, Body, Now, apex_gauge, evaluate
 from planar.linkage.ground import Ground
 from planar.linkage.shape import apexes
-from worm3d.machine.compiled import kept
+from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
 
 MAX_DESCENT, MAX_SEARCH = 60, 40
@@ -123,7 +123,8 @@ class Newton:
         to find that place.
         """
         slope, scratch, noise = float(self.gradient @ direction), np.empty_like(q), 1e-14 * abs(phi)
-        kinks = _resting_points(q, direction, self.body, self.ground, now)
+        kinks = np.empty(2 * len(self.body.a))
+        kinks = np.sort(kinks[: _resting_points(q, direction, self.body, self.ground, now, kinks)])
         low, high, step = 0.0, 1.0, 1.0
         best: FloatArray | None = None
         for _ in range(MAX_SEARCH):
@@ -183,15 +184,16 @@ def loads(q: FloatArray, body: Body, ground: Ground, now: Now) -> FloatArray:
     return load
 
 
-@kept
-def _resting_points(q: FloatArray, direction: FloatArray, body: Body, ground: Ground, now: Now) -> FloatArray:
-    """Return the sorted step lengths in (0, 1) at which contacts come to rest, to first order.
+@njit
+def _resting_points(
+    q: FloatArray, direction: FloatArray, body: Body, ground: Ground, now: Now, steps: FloatArray
+) -> int:
+    """Write the step lengths in (0, 1) at which contacts come to rest, to first order, and return their number.
 
     Those that stick do where they come from the softer one of their directions to the stiffer one: they go just beyond,
     lest the next step knows nothing of what will hold them.
     """
     n, found = len(body.a), 0
-    steps = np.empty(2 * n)
     for i in range(n):
         for j in range(2):
             if now.load[i, j] <= 0.0 or ground.stiffness == 0.0:
@@ -214,7 +216,7 @@ def _resting_points(q: FloatArray, direction: FloatArray, body: Body, ground: Gr
             if y[0] * y[1] < 0.0 and (not stuck or soft):
                 steps[found] = (y[0] + margin) / (y[0] - y[1])
                 found += 1
-    return np.sort(steps[:found])
+    return found
 
 
 def _descent_direction(band: FloatArray, gradient: FloatArray) -> FloatArray | None:

@@ -33,11 +33,17 @@ def calibrate() -> float:
     return 1e6 * min(times) / PASSES
 
 
-@njit
 def solve_often(matrix: FloatArray, passes: int) -> FloatArray:
     """Solve A x = 1 + x so many times, by Cholesky's factors anew each time, from x = 0; return x, shape (ROWS,)."""
+    x = np.zeros(len(matrix))
+    _solve_often(matrix, passes, x)
+    return x
+
+
+@njit
+def _solve_often(matrix: FloatArray, passes: int, x: FloatArray) -> None:
     n = len(matrix)
-    x, factor = np.zeros(n), np.zeros((n, n))
+    factor = np.zeros((n, n))
     for _ in range(passes):
         for i in range(n):
             for j in range(i + 1):
@@ -55,4 +61,3 @@ def solve_often(matrix: FloatArray, passes: int) -> FloatArray:
             for k in range(i + 1, n):
                 total -= factor[k, i] * x[k]
             x[i] = total / factor[i, i]
-    return x

@@ -90,9 +90,8 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader):
         raise NotImplementedError
 
     def exec_module(self, module: ModuleType) -> None:
-        from numba import carray
-
         from worm3d.machine.compiled import inner
+        from worm3d.machine.later import carray
         from worm3d.machine.vectors import doubles_at
 
         @inner

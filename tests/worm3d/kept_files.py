@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 from pathlib import Path
 
-import numba
 import numpy as np
-from numba.core.ccallback import CFunc
-from numba.core.sigutils import normalize_signature
 
-from worm3d.machine.cache.functions import keep
+from worm3d.machine.functions import Function
 
 AS_ROOT = os.geteuid() == 0
 KINDS = ("flip", "cut", "empty", "zeros", "folder", "link", "fifo", "locked", "longer")
@@ -63,7 +61,6 @@ def double(value: float) -> float:
 def fresh() -> tuple[float, float, int]:
     """Return what the two functions give as in a new process, and how many of them were compiled."""
     missed: list[int] = []
-    array = keep(numba.njit(total), lambda: "1", lambda: missed.append(1))
-    number = keep(CFunc(double, normalize_signature("float64(float64)"), {}, {}), lambda: "1", lambda: missed.append(1))
-    number.compile()
-    return array(np.arange(4.0)), number.ctypes(1.5), len(missed)
+    array, number = (Function(each, lambda: "1", 1, lambda: missed.append(1)) for each in (total, double))
+    call = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(number.address)
+    return array(np.arange(4.0)), call(1.5), len(missed)

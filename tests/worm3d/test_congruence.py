@@ -1,8 +1,8 @@
 """J^T K J added to a matrix in bands, against numpy."""
 
 import numpy as np
-from numba import njit
 
+from worm3d.machine.compiled import njit
 from worm3d.machine.vectors import add_congruent
 
 

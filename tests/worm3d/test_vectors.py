@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from numba import njit
 
 from worm3d.machine import vectors
+from worm3d.machine.compiled import njit
 
 
 @njit

@@ -24,8 +24,9 @@ from typing import Any
 from llvmlite import ir
 
 from worm3d.machine.compiled import njit
+from worm3d.machine.later import utils
 from worm3d.machine.vectors import subtract_16
-from worm3d.machine.writer import DOUBLE, LANES, Writer, on_addresses, utils
+from worm3d.machine.writer import DOUBLE, LANES, Writer, on_addresses
 from worm3d.values.arrays import FloatArray
 
 B = 12

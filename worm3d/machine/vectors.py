@@ -9,10 +9,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
 
-from worm3d.machine.writer import BYTES, LANES, Writer, on_addresses, utils
+from worm3d.machine.later import placeholder, utils
+from worm3d.machine.writer import BYTES, LANES, Writer, on_addresses
 
 WIDTH = LANES
 """Doubles in a vector."""
@@ -20,7 +19,12 @@ _BLOCK = 5
 """Coordinates of a joint's block."""
 
 
-def _type_pointer(to: Any) -> Any:
+def _pointer(name: str) -> Any:
+    from numba.core import types
+    from numba.extending import intrinsic
+
+    to = getattr(types, name)
+
     def typed(_context: Any, _address: Any) -> Any:
         def generate(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
             return builder.inttoptr(args[0], context.get_value_type(to).as_pointer())
@@ -28,15 +32,17 @@ def _type_pointer(to: Any) -> Any:
         pointer: Any = types.CPointer
         return pointer(to)(types.int64), generate
 
-    return typed
+    return intrinsic(typed)
 
 
-doubles_at: Any = intrinsic(_type_pointer(types.float64))
-"""(address): the pointer to doubles there, for `numba.carray`."""
-singles_at: Any = intrinsic(_type_pointer(types.float32))
+doubles_at: Any = placeholder(lambda: _pointer("float64"))
+"""(address): the pointer to doubles there, for `carray`."""
+singles_at: Any = placeholder(lambda: _pointer("float32"))
 """(address): the pointer to numbers of single precision there."""
-integers_at: Any = intrinsic(_type_pointer(types.int64))
+integers_at: Any = placeholder(lambda: _pointer("int64"))
 """(address): the pointer to whole numbers there."""
+indices_at: Any = placeholder(lambda: _pointer("int32"))
+"""(address): the pointer to whole numbers of 32 bits there."""
 
 
 def _transpose(w: Writer, to: Any, to_stride: Any, source: Any, stride: Any, order: Sequence[int]) -> None:
@@ -147,7 +153,7 @@ def _sums(w: Writer, sources: list[Any], count: Any) -> list[Any]:
     return [w.builder.load(place) for place in places]
 
 
-@on_addresses(types.float64)
+@on_addresses(float)
 def total(w: Writer, source: Any, count: Any) -> Any:
     """Return the sum of doubles; up to seven more behind them are read, and ignored."""
     (lanes,) = _sums(w, [source], count)
@@ -165,7 +171,7 @@ def totals(w: Writer, to: Any, source: Any, stride: Any, count: Any) -> None:
     w.store(sums[0], to)
 
 
-@on_addresses(types.float64)
+@on_addresses(float)
 def greatest(w: Writer, source: Any, count: Any) -> Any:
     """Return the greatest of doubles, a multiple of eight, and 0."""
     place = utils.alloca_once_value(w.builder, w.splat(0.0))

@@ -10,11 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
-from numba.extending import intrinsic
 
-utils: Any = cgutils
-"""Numba's helpers to write code, which have no types."""
+from worm3d.machine.later import placeholder, utils
 
 LANES = 8
 """Doubles in a vector of Numba's intrinsics."""
@@ -240,23 +237,31 @@ def _order(value: Any) -> str:
     return f"%{value.name}"
 
 
-def on_addresses(result: Any = types.int64) -> Callable[[Callable[..., Any]], Any]:
+def on_addresses(result: type = int) -> Callable[[Callable[..., Any]], Any]:
     """Make an intrinsic of Numba, for compiled code, of a function that writes its code.
 
     The function gets a `Writer` and the arguments of the call, doubles or whole numbers (addresses, strides, counts);
-    it returns the value of the call, of Numba's type `result`, or None for 0.
+    it returns the value of the call, of the type `result`, or None for 0.
     """
 
     def make(write: Callable[..., Any]) -> Any:
-        def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-            value = write(Writer(builder), *args)
-            return ir.Constant(INT, 0) if value is None else value
-
-        def typed(_context: Any, *args: Any) -> Any:
-            return result(*(arg if arg == types.float64 else types.int64 for arg in args)), generate
-
-        typed.__name__, typed.__doc__ = write.__name__, write.__doc__
-        typed.__signature__ = inspect.signature(write)  # type: ignore[attr-defined]
-        return intrinsic(typed)
+        return placeholder(lambda: _intrinsic(write, result))
 
     return make
+
+
+def _intrinsic(write: Callable[..., Any], result: type) -> Any:
+    from numba.core import types
+    from numba.extending import intrinsic
+
+    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        value = write(Writer(builder), *args)
+        return ir.Constant(INT, 0) if value is None else value
+
+    def typed(_context: Any, *args: Any) -> Any:
+        kind = types.float64 if result is float else types.int64
+        return kind(*(arg if arg == types.float64 else types.int64 for arg in args)), generate
+
+    typed.__name__, typed.__doc__ = write.__name__, write.__doc__
+    typed.__signature__ = inspect.signature(write)  # type: ignore[attr-defined]
+    return intrinsic(typed)

@@ -7,11 +7,11 @@ row before grow evenly in a step, so that the energy ledger of a row is as close
 from __future__ import annotations
 
 import numpy as np
-from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 from numpy.typing import NDArray
 
 from worm3d.machine import vectors
 from worm3d.machine.compiled import inner
+from worm3d.machine.later import carray
 from worm3d.machine.vectors import doubles_at
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import Core

@@ -12,10 +12,10 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 from numpy.typing import NDArray
 
 from worm3d.machine.compiled import inner
+from worm3d.machine.later import carray
 from worm3d.machine.vectors import doubles_at, integers_at
 from worm3d.values.arrays import FloatArray
 

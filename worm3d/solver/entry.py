@@ -10,26 +10,29 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
 
 from worm3d.machine.compiled import inner
+from worm3d.machine.later import placeholder
 from worm3d.solver.arrays import COUNTERS, HANDLE, Core
 from worm3d.solver.block import Block, integers
 
-SIGNATURE = "float64(int64, float64, int64, int64)"
 
+def _call() -> Any:
+    from numba.core import types
+    from numba.extending import intrinsic
 
-def _type_call(_context: Any, _address: Any, _handle: Any, _value: Any, _a: Any, _b: Any) -> Any:
     def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         integer, number = ir.IntType(64), ir.DoubleType()
         kind = ir.FunctionType(number, [integer, number, integer, integer])
         return builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
 
-    return types.float64(types.int64, types.int64, types.float64, types.int64, types.int64), generate
+    def typed(_context: Any, _address: Any, _handle: Any, _value: Any, _a: Any, _b: Any) -> Any:
+        return types.float64(types.int64, types.int64, types.float64, types.int64, types.int64), generate
+
+    return intrinsic(typed)
 
 
-call: Any = intrinsic(_type_call)
+call: Any = placeholder(_call)
 """Call the entry at an address: (address, handle, value, a, b) -> float."""
 
 

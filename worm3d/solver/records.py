@@ -13,12 +13,12 @@ from math import prod
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 
 from worm3d.energy import TERMS
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
+from worm3d.machine.later import carray
 from worm3d.machine.vectors import doubles_at
 from worm3d.series import Entries, Points, Recorded, Rows, Series, series_of, states_of
 from worm3d.solver import arrays as a
@@ -202,7 +202,6 @@ def _places(core: Core, rows: int, to: int) -> None:
     vectors.move(to, turned, 3 * POINTS * core.n)
 
 
-@njit
 def mass_centre(core: Core) -> tuple[FloatArray, FloatArray]:
     """Return linear and angular momentum, shape (6,), and the centre of mass, shape (3,)."""
     momentum, com = np.zeros(6), np.zeros(3)
@@ -210,7 +209,7 @@ def mass_centre(core: Core) -> tuple[FloatArray, FloatArray]:
     return momentum, com
 
 
-@inner
+@njit
 def _momenta(core: Core, momentum: FloatArray, com: FloatArray) -> None:
     """Momentum, angular momentum and centre of mass of all mass points."""
     points, nodes = matrix(core.block, a.POINT_IN), matrix(core.block, a.NODE_IN)

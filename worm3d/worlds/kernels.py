@@ -27,11 +27,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 from numpy.typing import NDArray
 
 from worm3d.machine.codegen import Kernel, compile_kernel, evaluate
 from worm3d.machine.compiled import cfunc, inner
+from worm3d.machine.later import carray
 from worm3d.machine.vectors import doubles_at, singles_at
 from worm3d.values.arrays import FloatArray
 
@@ -41,9 +41,6 @@ Formula = tuple[ca.Function, FloatArray]
 Weights = tuple[float, float, float, float]
 Jet = tuple[float, float, float, float, float, float, float, float, float, float]
 """Value, gradient (3) and Hessian (6: xx, xy, xz, yy, yz, zz) of a distance."""
-
-SIGNATURE = "int64(int64, int64, int64, int64, int64, int64, int64)"
-"""Signature of a hand-written kernel: inputs, rows_in, lanes_in, outputs, rows_out, lanes_out, count -> status."""
 
 WORLD_ROWS = 11
 """Number of rows of the outputs: distance, gradient (3), Hessian (6), grip."""
@@ -85,7 +82,7 @@ def kernel(function: ca.Function) -> Kernel:
 @cache
 def by_hand(function: Callable[..., int]) -> Any:
     """Return a hand-written kernel compiled, the same one for the same function; it has an `address`."""
-    return cfunc(SIGNATURE, function, OPTIMISATION)
+    return cfunc(function, OPTIMISATION)
 
 
 def looked_up(kernel: WorldKernel, points: FloatArray) -> FloatArray:

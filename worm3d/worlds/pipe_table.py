@@ -10,11 +10,11 @@ those of the formula with its own piece.
 from __future__ import annotations
 
 import numpy as np
-from numba import carray  # type: ignore[attr-defined]  # not listed in its __all__
 
 from worm3d.machine.codegen import evaluate
 from worm3d.machine.codegen.emit import FINE, WRONG_SHAPE
 from worm3d.machine.compiled import inner
+from worm3d.machine.later import carray
 from worm3d.machine.vectors import integers_at
 from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.worlds import kernels

@@ -276,7 +276,9 @@ def fit(coefficients: FloatArray, samples: Sequence[tuple[Shift, IntArray, Float
     Samples are given by the shift from their nodes; the nodes, shape (M, 3); and the distances, shape (M,) [cells].
     """
     for _ in range(SWEEPS):
-        missed = [_sweep(coefficients, shift, nodes, distance) for shift, nodes, distance in samples]
+        missed = [
+            _sweep(coefficients, shift, np.ascontiguousarray(nodes), distance) for shift, nodes, distance in samples
+        ]
         if not any(missed):
             return
 

@@ -188,7 +188,7 @@ def sampled(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: in
 def _cubic(t: ca.SX) -> list[ca.SX]:
     """Return the weights of (WS1) and their first and second derivatives with respect to t, shape (4,) each."""
     formula: Any = kernels.cubic  # arithmetic alone: of symbols as of numbers
-    return [ca.vertcat(*weights) for weights in formula.py_func(t)]
+    return [ca.vertcat(*weights) for weights in formula(t)]
 
 
 def _spline(coefficients: ca.SX, place: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:

@@ -134,7 +134,7 @@ class Chain:
         contracted = np.zeros_like(self._drives) if strain is None else np.clip(self._per_strain * strain, 0.0, 1.0)
         ahead = (t - self._begin) / self._dt
         if (missing := int(np.ceil(ahead)) - self._steps) > 0:
-            held = (self._constants, self._drives, self._share, contracted, self._dt)
+            held = (self._constants, self._drives, self._share, np.ascontiguousarray(contracted), self._dt)
             advance(self._rates, *held, missing - 1)
             self._before = self._rates.copy()
             advance(self._rates, *held, 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from worm3d.machine.compiled import njit
 from worm3d.values.arrays import FloatArray
@@ -52,7 +53,6 @@ def advance(
             y[j] += dt / 6.0 * total_[j]
 
 
-@njit
 def onsets(
     rates: FloatArray, constants: FloatArray, drive: FloatArray, dt: float, steps: int
 ) -> tuple[FloatArray, FloatArray]:
@@ -67,6 +67,22 @@ def onsets(
     """
     n, most = rates.shape[1], 64
     times, counts, on = np.full((n, 2, most), np.nan), np.zeros((n, 2), np.int64), np.zeros((n, 2))
+    _find_onsets(rates, constants, drive, dt, steps, times, counts, on)
+    return times, on
+
+
+@njit
+def _find_onsets(
+    rates: FloatArray,
+    constants: FloatArray,
+    drive: FloatArray,
+    dt: float,
+    steps: int,
+    times: FloatArray,
+    counts: NDArray[np.int64],
+    on: FloatArray,
+) -> None:
+    n, most = rates.shape[1], times.shape[2]
     felt, before = np.zeros((n, 2)), np.zeros((n, 2))
     for step in range(steps):
         advance(rates, constants, drive, 0.0, felt, dt, 1)
@@ -78,4 +94,3 @@ def onsets(
                     times[i, s, counts[i, s]] = (step + (ONSET - was) / (e - was)) * dt
                     counts[i, s] += 1
                 before[i, s] = e
-    return times, on

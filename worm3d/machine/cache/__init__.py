@@ -1,8 +1,7 @@
 """Files that are kept on disk for the next process: compiled code, distance grids, identified worms.
 
 `files` keeps bytes under a key and verifies them before anyone sees them, `locks` lets one process at a time make what
-is missing, `trust` says whose files are believed, and `functions` keeps what Numba compiles. Nothing here needs a
-compiler, or knows a worm.
+is missing, and `trust` says whose files are believed. Nothing here needs a compiler, or knows a worm.
 """
 
 from worm3d.machine.cache.files import folder, load, obstacle, store

@@ -17,7 +17,8 @@ from llvmlite import ir
 
 from worm3d.machine.codegen.lanes import LIBRARY, define_all, library, sincos
 from worm3d.machine.codegen.program import Instruction, Program, UnsupportedError
-from worm3d.machine.writer import BYTES, DOUBLE, INDEX, INT, Writer, utils
+from worm3d.machine.later import utils
+from worm3d.machine.writer import BYTES, DOUBLE, INDEX, INT, Writer
 
 POINTER = ir.PointerType()
 SYMBOL = "worm3d_kernel"

@@ -66,8 +66,12 @@ def compile_program(program: Program, host: Host, padded: bool = False, exact: b
     the combining of neighbouring instructions its pipelines gain 2 to 5 % for half as much compile time again. Raises
     UnsupportedError for an operation without native form, RuntimeError where LLVM fails.
     """
-    machine = _machine(host)
-    unit = llvm.parse_assembly(module(program, host.width, host.fused and not exact, () if exact else FLAGS, padded))
+    return compile_text(module(program, host.width, host.fused and not exact, () if exact else FLAGS, padded), host)
+
+
+def compile_text(text: str, host: Host) -> bytes:
+    """Return the object code of a module in LLVM's language."""
+    machine, unit = _machine(host), llvm.parse_assembly(text)
     unit.triple, unit.data_layout = machine.triple, str(machine.target_data)
     unit.verify()
     passes = llvm.create_new_module_pass_manager()
@@ -77,11 +81,16 @@ def compile_program(program: Program, host: Host, padded: bool = False, exact: b
     return code
 
 
-def load(code: bytes, host: Host) -> tuple[int, object]:
-    """Return the address of the kernel in object code, and what must live as long as the address is used."""
+def load(code: bytes, host: Host, more: bytes = b"") -> tuple[int, object]:
+    """Return the address of the kernel in object code, and what must live as long as the address is used.
+
+    `more` is object code that it calls.
+    """
     _bind_library()
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine(host))
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    for each in (code, more):
+        if each:
+            engine.add_object_file(llvm.ObjectFileRef.from_data(each))
     engine.finalize_object()
     return engine.get_function_address(SYMBOL), engine
 

@@ -1,0 +1,125 @@
+"""What Numba is needed for: a function's object code, and the C function around it.
+
+The C function is `SYMBOL`. With the type of a result it takes the function's numbers and returns such a number. Without
+one it takes the address of the results, 8 bytes each, and the numbers of which the arguments consist: of an array its
+address and sizes. It returns 0, or anything else where the function has raised an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core import types
+
+from worm3d.machine import vectors
+from worm3d.machine.codegen import native
+from worm3d.machine.codegen.emit import SYMBOL
+from worm3d.machine.later import ready
+
+_POINTERS = {"float64": "doubles_at", "int64": "integers_at", "float32": "singles_at", "int32": "indices_at"}
+
+
+def dispatcher(function: Callable[..., Any]) -> Any:
+    """Return what Numba makes of a function: without what Python needs to call it."""
+    options: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return numba.njit(error_model="numpy", nogil=True, **options)(function)
+
+
+def objects_of(
+    function: Callable[..., Any], args: Any, level: int, result: Any, host: native.Host
+) -> tuple[bytes, bytes]:
+    """Return the object code of a function for arguments of such structure, and that of the C function around it."""
+    ready()
+    kinds = [types.float64 if isinstance(each, float) else types.int64 for arg in args for each in _places(arg)]
+    signature = tuple(kinds)
+    before, numba.config.OPT = numba.config.OPT, level  # type: ignore[attr-defined]
+    try:
+        compiled = dispatcher(_shim(function, args))
+        compiled.compile(signature)
+    finally:
+        numba.config.OPT = before  # type: ignore[attr-defined]
+    made = compiled.overloads[signature]
+    return made.library._get_compiled_object(), native.compile_text(
+        _around(made.fndesc.mangled_name, kinds, result), host
+    )
+
+
+def _places(arg: Any) -> Iterator[Any]:
+    if isinstance(arg, np.ndarray):
+        yield from [0] * (1 + arg.ndim)
+    elif isinstance(arg, tuple):
+        for each in arg:
+            yield from _places(each)
+    else:
+        yield arg
+
+
+def _shim(function: Callable[..., Any], args: Any) -> Callable[..., Any]:
+    """Return the function of the numbers of which the arguments consist."""
+    known: dict[str, Any] = {"function": function, "carray": numba.carray}  # type: ignore[attr-defined]
+    count = 0
+
+    def name() -> str:
+        nonlocal count
+        count += 1
+        return f"x{count - 1}"
+
+    def written(arg: Any) -> str:
+        if isinstance(arg, np.ndarray):
+            at = _POINTERS[arg.dtype.name]
+            known[at] = getattr(vectors, at)
+            return f"carray({at}({name()}), ({', '.join(name() for _ in arg.shape)},))"
+        if isinstance(arg, tuple):
+            of = f"C{len(known)}"
+            known[of] = type(arg)
+            inside = "".join(f"{written(each)}, " for each in arg)
+            return f"{of}({inside})" if hasattr(arg, "_fields") else f"({inside})"
+        return f"({name()} != 0)" if isinstance(arg, bool | np.bool_) else name()
+
+    call = f"function({', '.join(map(written, args))})"
+    exec(f"def shim({', '.join(f'x{k}' for k in range(count))}):\n    return {call}", known)
+    shim: Callable[..., Any] = known["shim"]
+    return shim
+
+
+def _around(name: str, kinds: list[Any], result: Any) -> str:
+    """Return the module of the C function, and of the memory that Numba's code asks for."""
+    values = [f"{'double' if kind == types.float64 else 'i64'} %x{k}" for k, kind in enumerate(kinds)]
+    declared = ", ".join(["ptr", "ptr", *(value.split()[0] for value in values)])
+    call = f'%s = call i32 @"{name}"({", ".join(["ptr %r", "ptr %e", *values])})'
+    if result is None:
+        head, body = f"i32 @{SYMBOL}({', '.join(['ptr %r', *values])})", [call, "ret i32 %s"]
+    else:
+        kind = "double" if result is float else "i64"
+        head = f"{kind} @{SYMBOL}({', '.join(values)})"
+        body = [f"%r = alloca {kind}", call, f"%v = load {kind}, ptr %r", f"ret {kind} %v"]
+    return "\n".join(
+        [_MEMORY, f'declare i32 @"{name}"({declared})', f"define {head} {{", "%e = alloca ptr", *body, "}"]
+    )
+
+
+_MEMORY = """
+declare ptr @malloc(i64)
+declare void @free(ptr)
+define ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 %align) {
+  %whole = add i64 %size, 128
+  %info = call ptr @malloc(i64 %whole)
+  %begin = ptrtoint ptr %info to i64
+  %behind = add i64 %begin, 127
+  %aligned = and i64 %behind, -64
+  %place = getelementptr i64, ptr %info, i64 3
+  %length = getelementptr i64, ptr %info, i64 4
+  store i64 1, ptr %info
+  store i64 %aligned, ptr %place
+  store i64 %size, ptr %length
+  ret ptr %info
+}
+define void @NRT_MemInfo_call_dtor(ptr %info) {
+  call void @free(ptr %info)
+  ret void
+}
+"""
+"""Numba's memory, without Numba: the count of references stands first, the address and size of the data at 3 and 4."""

@@ -1,0 +1,145 @@
+"""Functions that Numba compiles, kept on disk as object code: what is found there is called without Numba."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import hashlib
+import inspect
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+import llvmlite
+import llvmlite.binding as llvm
+import numpy as np
+
+from worm3d.machine import cache
+from worm3d.machine.codegen import native
+from worm3d.machine.codegen.call import REFUSED
+from worm3d.machine.later import later
+
+FOLDER = "compiled"
+"""Folder of compiled functions in the cache."""
+_LOCK = threading.RLock()
+_HEAD = 8
+"""Bytes of the length of the first of two objects."""
+
+
+class Function:
+    """A function that is compiled when it is first called, once for each structure of its arguments.
+
+    From Python it takes numbers, C-contiguous arrays and tuples of them, and returns numbers, or a tuple of some, as
+    its annotation says.
+
+    Parameters
+    ----------
+    function : function
+    version : callable
+        Returns a digest of what the function is made of besides its own file.
+    level : int
+        Numba's optimisation level.
+    missed : callable
+        Called before the function is compiled because it is not on disk.
+    """
+
+    def __init__(
+        self, function: Callable[..., Any], version: Callable[[], str], level: int, missed: Callable[[], None]
+    ) -> None:
+        functools.update_wrapper(self, function)
+        self._function, self._version, self._level, self._missed = function, version, level, missed
+        self._known: dict[Any, Callable[..., Any]] = {}
+        self._owners: list[object] = []
+        later(self, functools.partial(_dispatcher, function))
+
+    def __call__(self, *args: Any) -> Any:
+        """Call the function."""
+        key = tuple(map(_structure, args))
+        call = self._known.get(key)
+        if call is None:
+            call = self._known[key] = self._prepared(args)
+        return call(args)
+
+    @functools.cached_property
+    def address(self) -> int:
+        """Address of the C function that takes and returns the numbers of the annotation."""
+        hints = get_type_hints(self._function)
+        return self._built([hints[name](0) for name in inspect.signature(self._function).parameters], hints["return"])
+
+    def _built(self, args: Any, result: Any = None) -> int:
+        """Return the address of the function for such arguments, as `worm3d.machine.back_end` describes it."""
+        with _LOCK:
+            folder, host = cache.folder(FOLDER), native.this_host()
+            key = self._name(args, result, host)
+            code = cache.load(folder, key)
+            if code is None:
+                with cache.alone(folder, key):
+                    code = cache.load(folder, key)  # what another process has compiled meanwhile
+                    if code is None:
+                        self._missed()
+                        from worm3d.machine.back_end import objects_of  # imports Numba
+
+                        objects = objects_of(self, args, self._level, result, host)
+                        code = len(objects[0]).to_bytes(_HEAD, "little") + b"".join(objects)
+                        cache.store(folder, key, code)
+            end = _HEAD + int.from_bytes(code[:_HEAD], "little")
+            address, owner = native.load(code[end:], host, code[_HEAD:end])
+            self._owners.append(owner)
+            return address
+
+    def _name(self, args: Any, result: Any, host: native.Host) -> str:
+        """Return the key of the object code in the cache; a version of llvmlite belongs to one of Numba's."""
+        function = self._function
+        own = hashlib.sha256(Path(inspect.getfile(function)).read_bytes()).hexdigest()
+        parts: list[Any] = [self._version(), own, function.__module__, function.__qualname__, self._level, host]
+        parts += [[*map(_structure, args)], result, llvm.get_process_triple(), llvmlite.__version__]
+        return hashlib.sha256("\0".join(map(str, parts)).encode()).hexdigest()
+
+    def _prepared(self, args: Any) -> Callable[..., Any]:
+        """Return what calls the function with arguments of this structure."""
+        result = get_type_hints(self._function).get("return", type(None))
+        parts = get_args(result) or ((result,) if result is not type(None) else ())
+        kinds = [ctypes.c_double if isinstance(each, float) else ctypes.c_int64 for arg in args for each in _flat(arg)]
+        function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, *kinds)(self._built(args))
+
+        def call(args: Any) -> Any:
+            found = (ctypes.c_int64 * max(len(parts), 1))()
+            if function(ctypes.addressof(found), *(each for arg in args for each in _flat(arg))) != 0:
+                raise ValueError(REFUSED)
+            values = [_OF[part].from_buffer(found, 8 * k).value for k, part in enumerate(parts)]
+            return values[0] if len(values) == 1 else tuple(values) if values else None
+
+        return call
+
+
+_OF: dict[Any, Any] = {float: ctypes.c_double, int: ctypes.c_int64, bool: ctypes.c_bool}
+
+
+def _dispatcher(function: Callable[..., Any]) -> Any:
+    from worm3d.machine.back_end import dispatcher
+
+    return dispatcher(function)
+
+
+def _structure(value: Any) -> Any:
+    """Return what values of the same structure have in common."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.name, value.ndim
+    if isinstance(value, tuple):
+        return type(value).__qualname__, *map(_structure, value)
+    return float if isinstance(value, float) else bool if isinstance(value, bool | np.bool_) else int
+
+
+def _flat(value: Any) -> Iterator[Any]:
+    """Yield the numbers that are handed over for an argument: of an array its address and sizes."""
+    if isinstance(value, np.ndarray):
+        if not value.flags.c_contiguous:
+            raise ValueError("an array must be C-contiguous")
+        yield value.ctypes.data
+        yield from value.shape
+    elif isinstance(value, tuple):
+        for each in value:
+            yield from _flat(each)
+    else:
+        yield value

@@ -1,0 +1,65 @@
+"""What stands for objects of Numba's until something has to be compiled: Numba is not imported before.
+
+Its import takes half a second, longer than to load what is kept on disk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+_waiting: list[tuple[Any, Callable[[], Any]]] = []
+_made: list[Any] = []
+
+
+def later(stand_in: Any, make: Callable[[], Any]) -> Any:
+    """Let compiled code take a Python object for what `make` returns, an object of Numba's; return the first."""
+    _waiting.append((stand_in, make))
+    return stand_in
+
+
+def placeholder(make: Callable[[], Any]) -> Any:
+    """Return what compiled code takes for an object of Numba's."""
+
+    def stand_in(*_: Any) -> Any:
+        raise TypeError("this is for compiled code")
+
+    return later(stand_in, make)
+
+
+def ready() -> None:
+    """Make all that waits."""
+    from numba.core.registry import cpu_target
+
+    cpu_target.target_context.refresh()
+    while _waiting:
+        stand_in, make = _waiting.pop(0)
+        _made.append(make())
+        cpu_target.typing_context.refresh()
+        stand_in._numba_type_ = cpu_target.typing_context.resolve_value_type(_made[-1])  # where Numba looks for types
+
+
+class _Utils:
+    """Numba's helpers to write code, which have no types."""
+
+    def __getattr__(self, name: str) -> Any:
+        from numba.core import cgutils
+
+        return getattr(cgutils, name)
+
+
+utils: Any = _Utils()
+
+
+def carray(*_: Any) -> Any:
+    """Stand for `numba.carray`."""
+    raise TypeError("this is for compiled code")
+
+
+def _numbas_carray() -> Any:
+    import numba
+
+    return numba.carray  # type: ignore[attr-defined]  # not listed in its __all__
+
+
+later(carray, _numbas_carray)
