@@ -36,7 +36,7 @@ Command = Callable[..., Ended]
 @pytest.fixture(scope="session", autouse=True)
 def _compiled() -> None:
     """Compile the plant before any test looks at stderr, where a cold start says so."""
-    entries()
+    assert all(entry.address for entry in entries().values())
 
 
 @pytest.fixture

@@ -189,7 +189,7 @@ def _greatest_lane(w: Writer, lanes: Any) -> Any:
     return w.lane(lanes, 0)
 
 
-@on_addresses(types.float64)
+@on_addresses(float)
 def largest(w: Writer, source: Any, count: Any, lever: Any) -> Any:
     """Return the largest size of doubles in blocks of five, the last two of each times a lever; NaN where one is."""
     place = utils.alloca_once_value(w.builder, w.splat(0.0))
