@@ -33,6 +33,8 @@ COARSER, LEAST_SHARE = 0.5, 0.03
 """The same for its difference from the run two before, and the least error of the distance that is told, as a share of
 what was asked for: runs may agree by chance."""
 
+SURE = 2.0
+"""A run is made finer until so many times its estimate is as little as was asked for: errors are rarely larger."""
 LEAST_WAY = 0.1
 """Distance, as a fraction of the body length, that an accuracy is relative to at least."""
 
@@ -84,7 +86,10 @@ def finish(
             found.append(_measured(result))
         if may_be_it:
             result = replace(result, error_estimate=_estimate(found, problem, run, k + 1))
-            if result.error_estimate is not None and result.error_estimate.met:
+            if (
+                result.error_estimate is not None
+                and SURE * result.error_estimate.distance <= result.error_estimate.asked
+            ):
                 break
     return replace(result, wall_s=seconds)
 
