@@ -158,9 +158,10 @@ def _points(core: Core, coupled: bool, hessian: int) -> None:
             continue
         which = a.POINT_FREE_STIFFNESS if free else a.POINT_AHEAD
         evaluate_kernel(kernel(core, which), point_in, out, vectors.WIDTH, first)
-        for k in range(first, first + vectors.WIDTH):
-            loaded = not free and (not coupled or point_in[_REGIME, k] != point.OPEN)
-            changed[k] = 1.0 if loaded and k % lanes < core.n else 0.0
+        if not free:
+            for k in range(first, first + vectors.WIDTH):
+                loaded = not coupled or point_in[_REGIME, k] != point.OPEN
+                changed[k] = 1.0 if loaded and k % lanes < core.n else 0.0
 
 
 @inner

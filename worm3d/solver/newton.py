@@ -16,7 +16,7 @@ from worm3d.physics.kernels import point
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, regimes
 from worm3d.solver.arrays import BLOCK, POINTS, Core
-from worm3d.solver.block import combine, copy, dot, fill, matrix, rows, total, vector
+from worm3d.solver.block import address, combine, copy, dot, fill, matrix, rows, total, vector
 from worm3d.solver.descent import descend, largest
 from worm3d.solver.entry import call, count, kernel, opened
 from worm3d.solver.evaluate import EXACT, LOAD, LOCAL, NONE, WHOLE, evaluate, hold
@@ -230,9 +230,10 @@ def _correct(step: FloatArray, before: FloatArray) -> None:
 @inner
 def _first_changed(core: Core) -> int:
     """Return the first row of the band that the contacts' changes concern."""
-    changed, lanes = vector(core.block, a.CHANGED), matrix(core.block, a.POINT_IN).shape[1] // POINTS
-    for i in range(core.n):
-        for s in range(POINTS):
-            if changed[s * lanes + i] != 0.0:
-                return BLOCK * i
-    return 0
+    changed, first = vector(core.block, a.CHANGED), core.n
+    for k in range(0, len(changed), vectors.WIDTH):
+        if vectors.all_equal(address(core.block, a.CHANGED, 0) + 8 * k, 0.0) == 0:
+            for m in range(k, k + vectors.WIDTH):
+                if changed[m] != 0.0:
+                    first = min(first, m % (len(changed) // POINTS))
+    return BLOCK * first if first < core.n else 0
