@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import platform
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -69,5 +68,5 @@ def version(package: str = "worm3d") -> str:
     root = Path(__file__).parents[2] / package
     parts = [root / name for name in COMPILED[package]]
     sources = sorted(path for part in parts for path in (part.rglob("*.py") if part.is_dir() else [part]))
-    known = [platform.python_version().encode(), str(root).encode(), *(path.read_bytes() for path in sources)]
+    known = (each for path in sources for each in (str(path.relative_to(root)).encode(), path.read_bytes()))
     return hashlib.sha256(b"\0".join(known)).hexdigest()

@@ -15,7 +15,7 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from worm3d.machine import cache
+from worm3d.machine import cache, packed
 from worm3d.machine.codegen import native
 from worm3d.machine.codegen.call import REFUSED
 from worm3d.machine.later import later
@@ -77,16 +77,23 @@ class Function:
                 with cache.alone(folder, key):
                     code = cache.load(folder, key)  # what another process has compiled meanwhile
                     if code is None:
+                        code = self._packed(args, result, host)
+                    if code is None:
                         self._missed()
                         from worm3d.machine.back_end import objects_of  # imports Numba
 
                         objects = objects_of(self, args, self._level, result, host)
                         code = len(objects[0]).to_bytes(_HEAD, "little") + b"".join(objects)
-                        cache.store(folder, key, code)
+                    cache.store(folder, key, code)
             end = _HEAD + int.from_bytes(code[:_HEAD], "little")
             address, owner = native.load(code[end:], host, code[_HEAD:end])
             self._owners.append(owner)
             return address
+
+    def _packed(self, args: Any, result: Any, host: native.Host) -> bytes | None:
+        """Return what the package has for such a processor, made of the same sources."""
+        kind = packed.kind_of(host)
+        return None if kind is None else packed.load(self._name(args, result, kind), kind)
 
     def _name(self, args: Any, result: Any, host: native.Host) -> str:
         """Return the key of the object code in the cache; a version of llvmlite belongs to one of Numba's."""

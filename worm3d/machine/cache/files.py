@@ -33,7 +33,7 @@ _WRITE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
 _told: set[str] = set()
 
 
-class _DamagedError(Exception):
+class DamagedError(Exception):
     """A file is not what was written."""
 
 
@@ -54,12 +54,12 @@ def load(folder: Path | None, key: str, suffix: str = ".kernel") -> bytes | None
         return None
     try:
         with entered(folder) as place:
-            return _verified(key, _content(place, key + suffix))
+            return verified(key, _content(place, key + suffix))
     except FileNotFoundError:
         pass
     except UntrustedError as error:
         _tell_untrusted(folder, error)
-    except (_DamagedError, OSError, MemoryError) as error:
+    except (DamagedError, OSError, MemoryError) as error:
         sentence = f"the cache {folder} has files that cannot be used ({_reason(error)}); what they kept is made anew"
         _tell(sentence, f"damaged {folder}")
     return None
@@ -148,15 +148,16 @@ def _content(place: _Place, name: str) -> bytes:
     with os.fdopen(place.open(name, _READ), "rb") as file:
         status = os.fstat(file.fileno())
         if not stat.S_ISREG(status.st_mode) or status.st_size > LARGEST:
-            raise _DamagedError(f"{name} is not a file of the cache")
+            raise DamagedError(f"{name} is not a file of the cache")
         require_own(status, place.folder / name)
         return file.read()
 
 
-def _verified(key: str, content: bytes) -> bytes:
+def verified(key: str, content: bytes) -> bytes:
+    """Return what was kept under a key, without its checksum; raise DamagedError where that is wrong."""
     digest, rest = content[:_DIGEST], content[_DIGEST:]
     if digest != _digest(key, rest):
-        raise _DamagedError(f"{key[:16]}... is damaged: its checksum is wrong")
+        raise DamagedError(f"{key[:16]}... is damaged: its checksum is wrong")
     return rest
 
 
