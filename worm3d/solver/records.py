@@ -83,9 +83,10 @@ class Records:
         names = ("plan", "momenta", "regions", "before", "now", *self._shapes)
         self._memory = Memory(Plan.of(names, sizes), cleared=False)
         self.block, own = self._memory.block, self._memory.arrays()
+        sources = {**memory.arrays, "momenta": own["momenta"]}
         own["plan"].view(np.int64)[:] = [
             [
-                {**memory.arrays, "momenta": own["momenta"]}[piece.array].ctypes.data + 8 * piece.first,
+                sources[piece.array].ctypes.data + 8 * piece.first,
                 own[name].ctypes.data + 8 * piece.to,
                 own[name].shape[1],
                 *piece.counts,

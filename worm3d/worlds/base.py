@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from worm3d.values.arrays import FloatArray
@@ -240,6 +239,8 @@ def _lowest_line_above(s: FloatArray, values: FloatArray, middle: float) -> tupl
     """Return height at 0 and slope of the line above all values that is lowest in the middle."""
     floor = values.min() - 1.0
     points = np.vstack([np.column_stack([s, values]), [[s[0], floor], [s[-1], floor]]])
+    import scipy.spatial  # takes long, and few ask for it
+
     hull = scipy.spatial.ConvexHull(points).simplices
     ends = points[hull]
     over = (
