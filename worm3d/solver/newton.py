@@ -127,11 +127,12 @@ def _follow(core: Core, whole: int) -> bool:
     Every contact keeps its regime until the step, to first order, leads where it is inconsistent with the friction law
     by more than the step's own error: contacts stick within nanometres, and by the law alone the iterates would jump to
     and fro over that. There is no potential to descend: it gives up where regimes go on changing or it does not come
-    closer. `whole` says what a new Jacobian is: WHOLE or EXACT.
+    closer. The first Jacobian is EXACT: by a worse one a body near its limit point comes to another solution of the
+    step. `whole` says what a new one is after it, WHOLE or EXACT.
     """
     x, step = vector(core.block, a.X), vector(core.block, a.DIRECTION)
     length, tolerance = vector(core.block, a.NUMBERS_)[a.LENGTH], vector(core.block, a.NUMBERS_)[a.TOLERANCE]
-    size, moved, hessian, fresh, changes, doubt, before = np.inf, 0.0, whole, 0, 0, 1.0, NOTHING
+    size, moved, hessian, fresh, changes, doubt, before = np.inf, 0.0, EXACT, 0, 0, 1.0, NOTHING
     since, far, strays, left = 0.0, 0.0, 0, MAX_ITERATIONS
     while left > 0:
         left -= 1
@@ -141,7 +142,7 @@ def _follow(core: Core, whole: int) -> bool:
         if not size <= DIVERGED * length or strays > MAX_STRAYS:
             return False
         news, lands = _news(core, size, doubt)
-        fresh = fresh + 1 if hessian == whole else 0
+        fresh = fresh + 1 if hessian in (EXACT, WHOLE) else 0
         if news == CHANGED:
             changes += 1
             doubt *= DOUBT
@@ -158,7 +159,7 @@ def _follow(core: Core, whole: int) -> bool:
         if not lands:
             copy(vector(core.block, a.TRIAL), step)
             combine(x, 1.0, x, -1.0, step)
-        since = moved + (0.0 if hessian == whole else since)
+        since = moved + (0.0 if hessian in (EXACT, WHOLE) else since)
         slow = size > CONTRACTION * previous and not _excused(core, hessian, before)
         before = news
         if slow or since > KEPT * vector(core.block, a.NUMBERS_)[a.L0]:
