@@ -135,7 +135,7 @@ class Run:
             )
         if not np.isfinite(force).all():
             raise ValueError(f"external_force: got {force[~np.isfinite(force)][0]}, every value must be finite [N]")
-        return force.T
+        return np.ascontiguousarray(force.T)
 
     def finish(self, *observers: Observer) -> Result:
         """Take all steps, and return what came of it."""

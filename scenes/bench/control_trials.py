@@ -24,7 +24,7 @@ class Trial(NamedTuple):
 SCENES = (
     *(Trial(name, name, metric=SPEED) for name in ("velocity_step", "velocity_sine", "stop_and_go")),
     Trial("heading_hold", "heading_hold", metric=HEADING),
-    *(Trial(name, name) for name in ("path_line", "path_circle", "path_s_curve", "path_waypoints")),
+    *(Trial(name, name) for name in ("path_line", "path_circle", "path_s_curve", "path_waypoints", "there_and_back")),
     Trial("velocity_pipe", "velocity_pipe", metric=SPEED),
     *(Trial(name, name) for name in ("path_s_curve_slope", "disturbance_push")),
 )
