@@ -82,3 +82,10 @@ def test_a_warm_start_imports_no_compiler() -> None:
     for _ in range(2):
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "numba" not in done.stdout.split()
+
+
+def test_code_that_asks_for_memory_finds_it_without_the_compiler() -> None:
+    code = "import sys; from control.gaits.larva_ei.network import crawling; crawling(1.0); print(*sys.modules)"
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "numba" not in done.stdout.split()
