@@ -1,8 +1,8 @@
 """What Numba is needed for: a function's object code, and the C function around it.
 
 The C function is `SYMBOL`. With the type of a result it takes the function's numbers and returns such a number. Without
-one it takes the address of the results, 8 bytes each, and the numbers of which the arguments consist: of an array its
-address and sizes. It returns 0, or anything else where the function has raised an error.
+one it takes the addresses of the results and of the numbers of which the arguments consist, 8 bytes each: of an array
+its address and sizes. It returns 0, or anything else where the function has raised an error.
 """
 
 from __future__ import annotations
@@ -91,7 +91,10 @@ def _around(name: str, kinds: list[Any], result: Any) -> str:
     declared = ", ".join(["ptr", "ptr", *(value.split()[0] for value in values)])
     call = f'%s = call i32 @"{name}"({", ".join(["ptr %r", "ptr %e", *values])})'
     if result is None:
-        head, body = f"i32 @{SYMBOL}({', '.join(['ptr %r', *values])})", [call, "ret i32 %s"]
+        head, body = f"i32 @{SYMBOL}(ptr %r, ptr %n)", []
+        for k, value in enumerate(values):
+            body += [f"%p{k} = getelementptr i64, ptr %n, i64 {k}", f"%x{k} = load {value.split()[0]}, ptr %p{k}"]
+        body += [call, "ret i32 %s"]
     else:
         kind = "double" if result is float else "i64"
         head = f"{kind} @{SYMBOL}({', '.join(values)})"

@@ -6,8 +6,9 @@ import ctypes
 import functools
 import hashlib
 import inspect
+import struct
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -50,16 +51,27 @@ class Function:
         functools.update_wrapper(self, function)
         self._function, self._version, self._level, self._missed = function, version, level, missed
         self._known: dict[Any, Callable[..., Any]] = {}
+        self._tuples: dict[int, tuple[Any, Any, bytes]] = {}
         self._owners: list[object] = []
         later(self, functools.partial(_dispatcher, function))
 
     def __call__(self, *args: Any) -> Any:
         """Call the function."""
-        key = tuple(map(_structure, args))
+        given = [self._given(place, arg) for place, arg in enumerate(args)]
+        key = tuple([structure for _, structure, _ in given])
         call = self._known.get(key)
         if call is None:
             call = self._known[key] = self._prepared(args)
-        return call(args)
+        return call(b"".join([numbers for _, _, numbers in given]))
+
+    def _given(self, place: int, arg: Any) -> tuple[Any, Any, bytes]:
+        """Return an argument with its structure and numbers; of a tuple, which often is that of the last call, kept."""
+        if not isinstance(arg, tuple):
+            return arg, _structure(arg), _numbers(arg)
+        known = self._tuples.get(place)
+        if known is None or known[0] is not arg:
+            known = self._tuples[place] = arg, _structure(arg), _numbers(arg)
+        return known
 
     @functools.cached_property
     def address(self) -> int:
@@ -107,12 +119,11 @@ class Function:
         """Return what calls the function with arguments of this structure."""
         result = get_type_hints(self._function).get("return", type(None))
         parts = get_args(result) or ((result,) if result is not type(None) else ())
-        kinds = [ctypes.c_double if isinstance(each, float) else ctypes.c_int64 for arg in args for each in _flat(arg)]
-        function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, *kinds)(self._built(args))
+        function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_char_p)(self._built(args))
 
-        def call(args: Any) -> Any:
+        def call(numbers: bytes) -> Any:
             found = (ctypes.c_int64 * max(len(parts), 1))()
-            if function(ctypes.addressof(found), *(each for arg in args for each in _flat(arg))) != 0:
+            if function(ctypes.addressof(found), numbers) != 0:
                 raise ValueError(REFUSED)
             values = [_OF[part].from_buffer(found, 8 * k).value for k, part in enumerate(parts)]
             return values[0] if len(values) == 1 else tuple(values) if values else None
@@ -132,21 +143,22 @@ def _dispatcher(function: Callable[..., Any]) -> Any:
 def _structure(value: Any) -> Any:
     """Return what values of the same structure have in common."""
     if isinstance(value, np.ndarray):
-        return value.dtype.name, value.ndim
+        return value.dtype.str, value.ndim
     if isinstance(value, tuple):
         return type(value).__qualname__, *map(_structure, value)
     return float if isinstance(value, float) else bool if isinstance(value, bool | np.bool_) else int
 
 
-def _flat(value: Any) -> Iterator[Any]:
-    """Yield the numbers that are handed over for an argument: of an array its address and sizes."""
+def _numbers(value: Any) -> bytes:
+    """Return the numbers that are handed over for an argument, 8 bytes each: of an array its address and sizes."""
     if isinstance(value, np.ndarray):
         if not value.flags.c_contiguous:
             raise ValueError("an array must be C-contiguous")
-        yield value.ctypes.data
-        yield from value.shape
-    elif isinstance(value, tuple):
-        for each in value:
-            yield from _flat(each)
-    else:
-        yield value
+        return _PACKS[value.ndim](value.ctypes.data, *value.shape)
+    if isinstance(value, tuple):
+        return b"".join(map(_numbers, value))
+    return _DOUBLE(value) if isinstance(value, float) else _PACKS[0](int(value))
+
+
+_PACKS = [struct.Struct(f"{1 + ndim}q").pack for ndim in range(8)]
+_DOUBLE = struct.Struct("d").pack
