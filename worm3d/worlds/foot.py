@@ -1,9 +1,16 @@
 """The foot of a hill: a slope that ends at a steeper face.
 
 With the outward normals n_1 of the slope, which goes through the origin, and n_2 of the face, which meets it in a
-level line through the point p, the signed distance is
+level line through the point p, the signed distance is, with a = n_1.x, b = n_2.(x - p) and c = n_1.n_2,
 
-    g = min(n_1.x, n_2.(x - p)),   exact in free space, as the two meet at less than 180 degrees there            (WF1)
+    g = min(a, b),   and -d where a < c b and b < c a,   d^2 = (a^2 + b^2 - 2 a b c)/(1 - c^2)                    (WF1)
+
+It is exact everywhere, as the two meet at less than 180 degrees in free space. Behind their line, d is the distance
+from that, with the gradient and Hessian, m being the direction across the line and the gradient,
+
+    n = ((c b - a) n_1 + (c a - b) n_2)/((1 - c^2) d),   H = -m m^T/d                                             (WF2)
+
+so that the normal turns from that of one side to that of the other, and a point in the corner rests on both.
 """
 
 from __future__ import annotations
@@ -64,7 +71,10 @@ class Foot(World):
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the signed distance of points of shape (..., 3), shape (...,) [m]."""
         slope, face = self.sides
-        return np.minimum(slope.distance(points), face.distance(np.asarray(points) - self.corner))
+        a, b = slope.distance(points), face.distance(np.asarray(points) - self.corner)
+        c, turn = np.cos(self.face - self.slope), np.sin(self.face - self.slope)
+        behind = (a < c * b) & (b < c * a)
+        return np.where(behind, -np.hypot((a - c * b) / turn, b), np.minimum(a, b))
 
     def height(self, places: FloatArray) -> FloatArray:
         """Return the height of the surface at x, y of shape (M, 2), shape (M,) [m]."""
@@ -78,8 +88,15 @@ class Foot(World):
 def _function() -> ca.Function:
     x, given = ca.SX.sym("x", 3), ca.SX.sym("given", 9)
     slope, face, corner = given[:3], given[3:6], given[6:]
-    on_slope, on_face = ca.dot(slope, x), ca.dot(face, x - corner)
-    first = on_slope < on_face
-    normal = ca.if_else(first, slope, face)
-    rows = ca.vertcat(ca.if_else(first, on_slope, on_face), normal, ca.SX.zeros(6), 1.0)
+    a, b, c = ca.dot(slope, x), ca.dot(face, x - corner), ca.dot(slope, face)
+    of_slope, of_face = (c * b - a) / (1.0 - c**2), (c * a - b) / (1.0 - c**2)
+    behind = ca.logic_and(of_slope > 0.0, of_face > 0.0)
+    away = of_slope * slope + of_face * face
+    d = ca.if_else(behind, ca.norm_2(away), 1.0)
+    side = ca.if_else(a < b, slope, face)
+    across = ca.cross(slope, face) / ca.sqrt(1.0 - c**2)
+    m = ca.cross(across, away / d)
+    H = ca.if_else(behind, -m @ m.T / d, ca.SX.zeros(3, 3))
+    upper = ca.vertcat(H[0, 0], H[0, 1], H[0, 2], H[1, 1], H[1, 2], H[2, 2])
+    rows = ca.vertcat(ca.if_else(behind, -d, ca.fmin(a, b)), ca.if_else(behind, away / d, side), upper, 1.0)
     return ca.Function("foot", [x, given], [ca.densify(rows)])
