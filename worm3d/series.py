@@ -16,7 +16,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from worm3d.physics.hysteresis import chamber_states
+from worm3d.physics.actuators import Actuator
+from worm3d.physics.hysteresis import Hysteresis, chamber_states
 from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.values.variable import Variable
@@ -141,12 +142,17 @@ def states_of(worm: Worm) -> dict[str, Series]:
 
     Those of hinges have "hinge_" before their names, those of friction "hysteresis_".
     """
+    return states_of_parts(type(worm.actuator), type(worm.hysteresis), type(worm.hinge_actuator))
+
+
+def states_of_parts(chamber: type[Actuator], own: type[Hysteresis], hinge: type[Actuator]) -> dict[str, Series]:
+    """Return the states of such actuators and such friction in the joints as series."""
     found = {}
-    for k, (name, unit) in enumerate(chamber_states(type(worm.actuator), type(worm.hysteresis)).items()):
-        of = "actuator" if name in type(worm.actuator).states else "joints"
+    for k, (name, unit) in enumerate(chamber_states(chamber, own).items()):
+        of = "actuator" if name in chamber.states else "joints"
         meaning = f"{name} of the {of} of each chamber [left, right]"
         found[name] = Series(("time", "segment", "chamber"), unit, meaning, Rows("actuator", 2 * k))
-    for k, (name, unit) in enumerate(type(worm.hinge_actuator).states.items()):
+    for k, (name, unit) in enumerate(hinge.states.items()):
         meaning = f"{name} of the actuator of each hinge"
         found[f"hinge_{name}"] = Series(("time", "inner_joint"), unit, meaning, Rows("hinge_states", k))
     return found

@@ -11,9 +11,8 @@ import numpy as np
 
 from worm3d.physics import elements
 from worm3d.physics.friction import RESTING_PENETRATION, Friction
-from worm3d.plant import DEEPEST, Plant
+from worm3d.plant import DEEPEST, Plant, Pose
 from worm3d.problem import Problem
-from worm3d.solver.arrays import POINTS
 from worm3d.solver.guard import OK
 from worm3d.solver.pose import settle as settle_core
 from worm3d.state import State, StateError
@@ -24,13 +23,15 @@ from worm3d.worm import Worm
 
 
 class Rested(NamedTuple):
-    """A worm that was brought to rest, or what it was before."""
+    """A worm that was brought to rest."""
 
-    state: State
     status: Status
     """Status DONE, or why it does not come to rest."""
     reason: str = ""
     """Which part was at fault, and what to do."""
+    pose: Pose | None = None
+    load: FloatArray | None = None
+    """Normal load of each contact point, shape (8, N) [N]."""
 
 
 Settling = Callable[[Problem, State], Rested]
@@ -103,20 +104,28 @@ def flattening_weight(worm: Worm, contraction: float = 0.0) -> FloatArray:
 
 @cache
 def _limit_point(k: float, k_apex: float, a: float, l0: float, contraction: float) -> float:
-    # In the angle of the hinges, unlike in the length, all of it is regular up to the flat chamber.
-    angle = ca.SX.sym("angle")
     commanded = l0 * (1.0 - contraction)
-    length, height = 2.0 * a * ca.sin(angle / 2.0), a * ca.cos(angle / 2.0)
-    rest, low = (float(elements.hinge_angle(ca.SX(a), ca.SX(each))) for each in (l0, commanded))
-    energy = elements.chamber_energy(ca.SX(k), ca.SX(l0), length, ca.SX(commanded)) + k_apex / 2.0 * (angle - rest) ** 2
-    weight = ca.Function("weight", [angle], [-2.0 * ca.gradient(energy, angle) / ca.gradient(height, angle)])
-    high = np.pi
+    low, high = float(elements.hinge_angle(ca.SX(a), ca.SX(commanded))), np.pi
     for _ in range(LIMIT_ROUNDS):
         place = np.linspace(low, high, LIMIT_ANGLES)
-        carried = weight(place[None]).full()[0]
+        carried = _carried()(place[None], k, k_apex, a, l0, commanded).full()[0]
         best = int(np.argmax(carried))
         low, high = place[max(best - 1, 0)], place[min(best + 1, LIMIT_ANGLES - 1)]
     return float(carried[best])
+
+
+@cache
+def _carried() -> ca.Function:
+    """Return the weight at angles of the hinges: in these, unlike in the length, it is regular up to the flat chamber.
+
+    Its arguments are the angles, k, k_apex, link, rest length and commanded length.
+    """
+    angle, k, k_apex, a, l0, commanded = given = [ca.SX.sym("x") for _ in range(6)]
+    length, height = 2.0 * a * ca.sin(angle / 2.0), a * ca.cos(angle / 2.0)
+    turning = elements.hinge_energy(k_apex, angle, elements.hinge_angle(a, l0))
+    energy = elements.chamber_energy(k, l0, length, commanded) + turning
+    weight = -2.0 * ca.gradient(energy, angle) / ca.gradient(height, angle)
+    return ca.Function("weight", given, [weight]).map(LIMIT_ANGLES)
 
 
 def carried_weight(worm: Worm, gravity: float) -> FloatArray:
@@ -186,8 +195,8 @@ def settle(problem: Problem, start: State) -> Rested:
     """Return the worm at rest under the part of gravity that presses it to the world, and DONE or why it does not rest.
 
     Steps of implicit Euler with a second each and no friction, stopped after each; where the world is `uneven`, short
-    ones with contacts that stick, until the worm rests. The state has loads and no anchors yet (anchors are where the
-    worm touches).
+    ones with contacts that stick, until the worm rests. There are loads and no anchors yet (anchors are where the worm
+    touches).
     """
     for method in STICKING if problem.world is not None and problem.world.uneven else (SLIDING,):
         rested = _settled(problem, start, method)
@@ -210,10 +219,10 @@ def _settled(problem: Problem, start: State, method: _Method) -> Rested:
     if end != OK:
         status = GUARDED[end]
         unsettled = status is Status.NO_CONVERGENCE
-        return Rested(start, Status.UNSETTLED if unsettled else status, plant.refused(status)[1])
+        return Rested(Status.UNSETTLED if unsettled else status, plant.refused(status)[1])
     plant.reset_at_pose()
     rests = moved < REST_TOLERANCE_LOOSE * worm.length
-    return Rested(plant.state(start.time), Status.DONE if rests else Status.UNSETTLED)
+    return Rested(Status.DONE if rests else Status.UNSETTLED, "", plant.pose(), plant.loads().copy())
 
 
 def hold(plant: Plant) -> bool:
@@ -296,10 +305,12 @@ def _is_settled(plant: Plant, start: State, settle_first: bool | None) -> bool:
 
 def _come_to_rest(plant: Plant, problem: Problem, start: State, settling: Settling) -> tuple[Status, str]:
     """Bring the worm to rest from its initial state; return DONE, or why it does not come to rest."""
-    rested, status, reason = settling(problem, start)
+    status, reason, pose, load = settling(problem, start)
     if status is Status.DONE:
-        plant.set_pose(rested)
-        plant.set_loads(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
+        assert pose is not None
+        assert load is not None
+        plant.set_pose(pose)
+        plant.set_loads(load)
         if plant.world is not None and plant.world.uneven:
             hold(plant)
     return status, reason

@@ -211,17 +211,17 @@ def _apexes(worm: Worm, joints: FloatArray, directors: FloatArray) -> FloatArray
     edges = np.diff(joints, axis=0)
     tangents, middles = edges / np.linalg.norm(edges, axis=1)[:, None], (joints[:-1] + joints[1:]) / 2.0
     sizes = np.column_stack([worm.link_length, np.tile([worm.chamber_offset, worm.l0], (worm.segments, 1))])
-    points = _rest_apexes().map(worm.segments)(middles.T, tangents.T, directors.T, sizes.T)
+    points = _rest_apexes(worm.segments)(middles.T, tangents.T, directors.T, sizes.T)
     return np.array(points).T.reshape(worm.segments, 6, 3)
 
 
 @cache
-def _rest_apexes() -> ca.Function:
-    """Return the apexes (18) of middle, tangent, director, and (link, offset, length) of a segment."""
+def _rest_apexes(segments: int) -> ca.Function:
+    """Return the apexes (18) of middle, tangent, director, and (link, offset, length) of each segment."""
     m, t, d, sizes = (ca.SX.sym(name, 3) for name in ("middle", "tangent", "director", "sizes"))
     link, offset, length = ca.vertsplit(sizes)
     points = elements.apexes(m, elements.Frame(length, t, d, ca.cross(t, d)), [length, length], link, offset)
-    return ca.Function("apexes", [m, t, d, sizes], [ca.vertcat(*points)])
+    return ca.Function("apexes", [m, t, d, sizes], [ca.vertcat(*points)]).map(segments)
 
 
 def level_directors(joints: FloatArray) -> FloatArray:

@@ -378,7 +378,7 @@ class CoreMemory:
     """
 
     def __init__(self, sizes: Sizes, kernels: NDArray[np.int64]) -> None:
-        self._sizes = sizes
+        self.sizes = sizes
         self._memory = Memory(plan(sizes))
         block, self.counters, self.kernels = self._memory.block, np.zeros(COUNTERS, dtype=np.int64), kernels
         at = (*block, kernels.ctypes.data, self.counters.ctypes.data)
@@ -388,7 +388,7 @@ class CoreMemory:
 
     def copy(self, kernels: NDArray[np.int64]) -> CoreMemory:
         """Return another core with the same numbers, and these addresses."""
-        other = CoreMemory(self._sizes, kernels)
+        other = CoreMemory(self.sizes, kernels)
         other._memory.take(self._memory)
         return other
 

@@ -73,12 +73,16 @@ class Plan(NamedTuple):
         table = np.array([(start, *shape) for start, shape in zip(starts, shapes, strict=True)], dtype=np.int64)
         return cls(tuple(names), table, size)
 
+    def places(self) -> dict[str, list[int]]:
+        """Return begin, rows and columns of each array by name."""
+        return dict(zip(self.names, self.table.tolist(), strict=True))
+
 
 class Memory:
     """A block of arrays of zeros, or with `cleared` False of what the memory holds: to be written before it is read."""
 
     def __init__(self, plan: Plan, *, cleared: bool = True) -> None:
-        self._names, self.table = plan.names, plan.table
+        self._plan, self.table = plan, plan.table
         raw = np.zeros(plan.size + LINE) if cleared else np.empty(plan.size + LINE)
         first = -raw.ctypes.data % (8 * LINE) // 8
         self._numbers = raw[first : first + plan.size]
@@ -94,10 +98,10 @@ class Memory:
 
     def arrays(self) -> dict[str, FloatArray]:
         """Return the arrays by name, not copies."""
-        views = {}
-        for name, (start, rows, columns) in zip(self._names, self.table.tolist(), strict=True):
-            views[name] = self._numbers[start : start + rows * columns].reshape(rows, columns)
-        return views
+        return {
+            name: self._numbers[start : start + rows * columns].reshape(rows, columns)
+            for name, (start, rows, columns) in self._plan.places().items()
+        }
 
 
 @inner

@@ -9,10 +9,12 @@ them, and compiled code follows it. An entry of the plan is a block of numbers, 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from math import prod
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from worm3d.energy import TERMS
 from worm3d.machine import vectors
@@ -20,9 +22,9 @@ from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.machine.later import carray
 from worm3d.machine.vectors import doubles_at
-from worm3d.series import Entries, Points, Recorded, Rows, Series, series_of, states_of
+from worm3d.series import Entries, Points, Recorded, Rows, Series, Source, series_of, states_of_parts
 from worm3d.solver import arrays as a
-from worm3d.solver.arrays import POINTS, Core, CoreMemory
+from worm3d.solver.arrays import POINTS, Core
 from worm3d.solver.block import Block, Memory, Plan, address, fill, integers, matrix, vector
 from worm3d.solver.entry import kernel
 from worm3d.values.arrays import FloatArray
@@ -57,6 +59,42 @@ class _Piece(NamedTuple):
     """Entry of the row to which it goes."""
 
 
+class _Form(NamedTuple):
+    """What the records of worms with the same kinds of parts have in common."""
+
+    shapes: dict[str, tuple[int, ...]]
+    """Shape of each series at one instant."""
+    plan: Plan
+    entries: NDArray[np.int64]
+    """Entries of the plan; sources count from the core's memory, or from that of the records, and rows from these."""
+    own: NDArray[np.bool_]
+    """Whether the source of an entry stands in the records."""
+    regions: NDArray[np.int64]
+    """Regions, from the core's memory."""
+
+
+@lru_cache
+def _form(sizes: a.Sizes, parts: tuple[Any, ...], clamped: bool, rows: int, between: bool) -> _Form:
+    declared = {name: series for name, series in series_of(Recorded).items() if series.source is not None}
+    declared |= {STATE + name: series for name, series in states_of_parts(*parts).items()}
+    shapes = {name: series.shape(sizes.n) for name, series in declared.items()} | {"energy": (len(TERMS),)}
+    core = a.plan(sizes).places()
+    pieces = {name: _pieces(series, clamped, sizes.n, core) for name, series in declared.items()}
+    pieces["energy"] = [_Piece("terms", 0, (len(TERMS), 1, 1), (1, 0, 0))]
+    regions = np.array(_regions(declared, clamped, sizes.n, core) if between else [], dtype=np.int64).reshape(-1, 2)
+    total = int(regions[:, 1].sum())
+    kept = [(sum(map(len, pieces.values())), ENTRY), (1, MOMENTUM_SIZE), regions.shape, (1, total), (1, total)]
+    kept += [(rows, prod(shape)) for shape in shapes.values()]
+    plan = Plan.of(("plan", "momenta", "regions", "before", "now", *shapes), kept)
+    here, own, entries = plan.places(), [], []
+    for name, parts_of in pieces.items():
+        for array, first, counts, steps, to in parts_of:
+            own.append(array not in core)
+            begin = (here if own[-1] else core)[array][0]
+            entries.append([8 * (begin + first), 8 * (here[name][0] + to), here[name][2], *counts, *steps])
+    return _Form(shapes, plan, np.array(entries), np.array(own), regions)
+
+
 class Records:
     """Series of a run in progress, and where compiled code finds them.
 
@@ -70,32 +108,16 @@ class Records:
     """
 
     def __init__(self, plant: Plant, rows: int, between: bool = False) -> None:
-        memory = self._core = plant.memory_of_core  # its arrays are read as long as rows are written
-        declared = {name: series for name, series in series_of(Recorded).items() if series.source is not None}
-        declared |= {STATE + name: series for name, series in states_of(plant.worm).items()}
-        self._shapes = {name: series.shape(plant.n) for name, series in declared.items()} | {"energy": (len(TERMS),)}
-        pieces = {name: _pieces(series, plant.clamped, memory) for name, series in declared.items()}
-        pieces["energy"] = [_Piece("terms", 0, (len(TERMS), 1, 1), (1, 0, 0))]
-        regions = _regions(declared, plant.clamped, memory) if between else []
-        total = sum(size for _, size in regions)
-        sizes = [(sum(map(len, pieces.values())), ENTRY), (1, MOMENTUM_SIZE), (len(regions), 2), (1, total), (1, total)]
-        sizes += [(rows, prod(shape)) for shape in self._shapes.values()]
-        names = ("plan", "momenta", "regions", "before", "now", *self._shapes)
-        self._memory = Memory(Plan.of(names, sizes), cleared=False)
+        core = self._core = plant.memory_of_core  # its arrays are read as long as rows are written
+        parts = tuple(map(type, (plant.worm.actuator, plant.worm.hysteresis, plant.worm.hinge_actuator)))
+        form = _form(core.sizes, parts, plant.clamped, rows, between)
+        self._shapes, self._memory = form.shapes, Memory(form.plan, cleared=False)
         self.block, own = self._memory.block, self._memory.arrays()
-        sources = {**memory.arrays, "momenta": own["momenta"]}
-        own["plan"].view(np.int64)[:] = [
-            [
-                sources[piece.array].ctypes.data + 8 * piece.first,
-                own[name].ctypes.data + 8 * piece.to,
-                own[name].shape[1],
-                *piece.counts,
-                *piece.steps,
-            ]
-            for name in pieces
-            for piece in pieces[name]
-        ]
-        own["regions"].view(np.int64)[:] = np.array(regions, dtype=np.int64).reshape(-1, 2)
+        plan, there, here = own["plan"].view(np.int64), core.core.block.memory, self.block.memory
+        plan[:] = form.entries
+        plan[:, 0] += np.where(form.own, here, there)
+        plan[:, 1] += here
+        own["regions"].view(np.int64)[:] = form.regions + np.array([there, 0])
 
     def arrays(self, rows: slice = slice(None)) -> dict[str, FloatArray]:
         """Return rows of each series, and of the energy ledger, by name, not copies."""
@@ -113,19 +135,16 @@ class Records:
         return {**found, "actuator_states": states}
 
 
-def _pieces(series: Series, clamped: bool, memory: CoreMemory) -> list[_Piece]:
+def _pieces(series: Series, clamped: bool, n: int, core: Mapping[str, list[int]]) -> list[_Piece]:
     """Return where the numbers of a series stand."""
-    source = series.clamped if clamped and series.clamped is not None else series.source
-    assert source is not None
-    n, shape = memory.core.n, series.shape(memory.core.n)
+    source, shape = _source(series, clamped), series.shape(n)
     if isinstance(source, Entries):
         first = source.first + source.first_per_segment * n
         return [_Piece(source.array, first, (prod(shape), 1, 1), (source.step, 0, 0))]
-    array = memory.arrays[source.array]
+    columns = core[source.array][2]
     if not isinstance(source, Points):
-        first = _row(source) * array.shape[1]
-        return [_Piece(source.array, first, (shape[0], 1, prod(shape[1:])), (1, 0, array.shape[1]))]
-    lanes = memory.arrays["rest"].shape[1]
+        return [_Piece(source.array, _row(source) * columns, (shape[0], 1, prod(shape[1:])), (1, 0, columns))]
+    lanes = core["rest"][2]
     first, steps = _row(source) * POINTS * lanes, (1, lanes, POINTS * lanes)
     if series.dims[1] == "segment":
         return [_Piece(source.array, first, (n, shape[1], prod(shape[2:])), steps)]
@@ -136,21 +155,27 @@ def _pieces(series: Series, clamped: bool, memory: CoreMemory) -> list[_Piece]:
     ]
 
 
-def _regions(declared: Mapping[str, Series], clamped: bool, memory: CoreMemory) -> list[tuple[int, int]]:
-    """Return the address and the size of each part of the core that rows are made of: places first, sums last."""
+def _regions(
+    declared: Mapping[str, Series], clamped: bool, n: int, core: Mapping[str, list[int]]
+) -> list[tuple[int, int]]:
+    """Return where each part of the core begins that rows are made of, and its size: places first, sums last."""
     first, last = [("joints", 0, 3), ("points", 0, 3)], [("slid", 0, POINTS), ("terms", 0, 1)]
     found = dict.fromkeys([*first, ("joint_velocity", 0, 3), ("point_velocity", 0, 3)])
     for series in declared.values():
-        source = series.clamped if clamped and series.clamped is not None else series.source
-        assert source is not None
+        source = _source(series, clamped)
         if isinstance(source, Rows):
-            axes = series.shape(memory.core.n)[2 if isinstance(source, Points) else 1 :]
+            axes = series.shape(n)[2 if isinstance(source, Points) else 1 :]
             found[source.array, _row(source), prod(axes)] = None
-        elif source.array != "momenta":
+        elif source.array in core:
             found[source.array, 0, 1] = None
     parts = [part for part in found if part[0] != "slid"] + last
-    views = [memory.arrays[name][row : row + count] for name, row, count in parts]
-    return [(view.ctypes.data, view.size) for view in views]
+    return [(8 * (core[name][0] + row * core[name][2]), count * core[name][2]) for name, row, count in parts]
+
+
+def _source(series: Series, clamped: bool) -> Source:
+    source = series.clamped if clamped and series.clamped is not None else series.source
+    assert source is not None
+    return source
 
 
 def _row(source: Rows) -> int:

@@ -118,16 +118,16 @@ def array(
     found = floats(name, value)
     if found.ndim == 0 and fill:
         found = np.full([int(size) for size in shape], float(found))
-    if not _fits(found.shape, shape, least):
+    if found.shape != shape and not _fits(found.shape, shape, least):
         or_a_number = " (or a number)" if fill else ""
         raise ValueError(f"{name}: got shape {found.shape}, must be {_shape(shape, least)}{or_a_number}")
-    with np.errstate(invalid="ignore"):
-        right = np.isfinite(found) & _within(found, bounds)
-    if not right.all():
-        raise ValueError(f"{name}: got {float(found[~right][0])!r}, every value must be {range_text(**bounds)}")
-    likely = _of_a_likely_size(found, bounds)
-    if not likely.all():
-        raise ValueError(f"{name}: got {float(found[~likely][0])!r}, every value must be of a size {_likely(LARGEST)}")
+    if bounds or not (np.abs(found) <= LARGEST).all():  # the usual case is quick
+        with np.errstate(invalid="ignore"):
+            right = np.isfinite(found) & _within(found, bounds)
+        likely = _of_a_likely_size(found, bounds)
+        for good, allowed in ((right, range_text(**bounds)), (likely, f"of a size {_likely(LARGEST)}")):
+            if not good.all():
+                raise ValueError(f"{name}: got {float(found[~good][0])!r}, every value must be {allowed}")
     found.setflags(write=False)
     return found
 
