@@ -19,6 +19,7 @@ import numpy as np
 from worm3d.physics.actuators import Actuator
 from worm3d.physics.hysteresis import Hysteresis, chamber_states
 from worm3d.values.arrays import FloatArray, IntArray
+from worm3d.values.documented import by
 from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.values.variable import Variable
 from worm3d.worm import Worm
@@ -170,16 +171,16 @@ def variables_of(holder: Any, *first: str) -> Iterator[Variable]:
             yield Variable(f"actuator_{name}", series.dims, values, series.unit, series.meaning)
 
 
-def documented(holder: type[T]) -> type[T]:
+@by
+def documented(holder: Any, text: str) -> str:
     """Write the series of a class into its docstring, at the end."""
-    lines = [(holder.__doc__ or "").rstrip(), "", "    Attributes", "    ----------"]
+    lines = [text.rstrip(), "", "    Attributes", "    ----------"]
     for name, series in series_of(holder).items():
         kind = f"ndarray, shape {series.shape_text}" if series.dims else "number"
         unit = f" [{series.unit}]" if series.unit != "1" else ""
-        text = f"{series.meaning[0].upper()}{series.meaning[1:]}{unit}."
-        lines += [f"    {name} : {kind}", fill(text, 110, initial_indent=" " * 8, subsequent_indent=" " * 8)]
-    holder.__doc__ = "\n".join([*lines, "    "])
-    return holder
+        about = f"{series.meaning[0].upper()}{series.meaning[1:]}{unit}."
+        lines += [f"    {name} : {kind}", fill(about, 110, initial_indent=" " * 8, subsequent_indent=" " * 8)]
+    return "\n".join([*lines, "    "])
 
 
 def heading(joints: FloatArray) -> FloatArray:

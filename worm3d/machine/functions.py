@@ -16,7 +16,7 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from worm3d.machine import cache, packed
+from worm3d.machine import cache
 from worm3d.machine.codegen import native
 from worm3d.machine.codegen.call import REFUSED
 from worm3d.machine.later import later
@@ -104,6 +104,8 @@ class Function:
 
     def _packed(self, args: Any, result: Any, host: native.Host) -> bytes | None:
         """Return what the package has for such a processor, made of the same sources."""
+        from worm3d.machine import packed  # imports what unpacks
+
         kind = packed.kind_of(host)
         return None if kind is None else packed.load(self._name(args, result, kind), kind)
 

@@ -5,22 +5,43 @@ from __future__ import annotations
 import ast
 import inspect
 import sys
+from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
 from textwrap import indent
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
 
-def with_fields(holder: type[T]) -> type[T]:
+class _Doc:
+    """A docstring that is written when it is first read: few read any, and all of them take as long as a short run."""
+
+    def __init__(self, write: Callable[[Any, str], str], text: str) -> None:
+        self._write, self._text = write, text
+
+    def __get__(self, instance: object, holder: Any) -> str:
+        holder.__doc__ = self._write(holder, self._text)
+        return str(holder.__doc__)
+
+
+def by(write: Callable[[Any, str], str]) -> Callable[[type[T]], type[T]]:
+    """Return a decorator of classes, whose docstring becomes what `write` makes of the class and its own one."""
+
+    def decorate(holder: type[T]) -> type[T]:
+        holder.__doc__ = _Doc(write, holder.__doc__ or "")  # type: ignore[assignment]
+        return holder
+
+    return decorate
+
+
+@by
+def with_fields(holder: Any, text: str) -> str:
     """Write the strings below the fields of a class into its docstring, before the section Raises if it has one."""
-    head, raises, rest = (holder.__doc__ or "").partition("    Raises\n")
+    head, raises, rest = text.partition("    Raises\n")
     lines = [f"    {name} : {kind}\n{indent(text, ' ' * 8)}\n" for name, kind, text in _fields(holder)]
-    if lines:
-        gap = "\n" if raises else "    "
-        holder.__doc__ = f"{head.rstrip()}\n\n    Attributes\n    ----------\n{''.join(lines)}{gap}{raises}{rest}"
-    return holder
+    gap = "\n" if raises else "    "
+    return f"{head.rstrip()}\n\n    Attributes\n    ----------\n{''.join(lines)}{gap}{raises}{rest}" if lines else text
 
 
 def _fields(holder: type) -> list[tuple[str, str, str]]:

@@ -24,6 +24,7 @@ from types import MappingProxyType
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from worm3d.values import arguments
+from worm3d.values.documented import by
 
 T = TypeVar("T")
 
@@ -168,13 +169,13 @@ def check(instance: Any, *, largest: float = arguments.LARGEST, **sizes: int) ->
         object.__setattr__(instance, name, value)
 
 
-def documented(part: type[T]) -> type[T]:
+@by
+def documented(part: Any, text: str) -> str:
     """Write the parameters of a dataclass into its docstring, before the section Raises if it has one."""
-    head, raises, rest = (part.__doc__ or "").partition("    Raises\n")
+    head, raises, rest = text.partition("    Raises\n")
     lines = "".join(_described(known) for known in parameters_of(part).values())
     gap = "\n" if raises else ""
-    part.__doc__ = f"{head.rstrip()}\n\n    Attributes\n    ----------\n{lines}{gap}{raises}{rest}"
-    return part
+    return f"{head.rstrip()}\n\n    Attributes\n    ----------\n{lines}{gap}{raises}{rest}"
 
 
 def _described(known: Parameter) -> str:
