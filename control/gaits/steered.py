@@ -67,8 +67,7 @@ class Steered(Schedule, Gait, name="steered"):
 
     def activations(self, times: FloatArray, segments: int) -> FloatArray:
         """Return the activation of each segment at K times [s], without steering, shape (K, segments), in [0, 1]."""
-        phase = 2.0 * np.pi * times[:, None] / self.period
-        return np.maximum(0.0, self._wave(phase, self.wavelength, segments))
+        return self.pulse(2.0 * np.pi * times[:, None] / self.period, segments)
 
     def commands(self, times: FloatArray, worm: Body) -> Commands:
         """Return the commands to `worm` at K times [s], with those of steering."""

@@ -31,10 +31,16 @@ slope of 3 degrees hinges of -0.12 rad, held for ten waves, do tip it.
 With the wave's phase psi (a wave is 2 pi), x = (i + 1/2)/N, k = 2 pi / wavelength, k_s = 2 pi / steering_wavelength and
 the sign - for a direct, + for a retrograde wave:
 
-    contraction = A (max(0, sin(k x +- psi)) + side bias sin(k_s x +- (psi + bias_phase + 2 pi f lead)))    (S1)
+    contraction = A (min(1, max(0, g sin(k x +- psi))) + side bias sin(k_s x +- (psi + bias_phase + 2 pi f lead)))  (S1)
     hinge_j     = hinge sin(k_s x_j +- (psi + hinge_phase + 2 pi f lead)),   j = 1 ... N-1                  (S2)
 
-clipped to the stroke, side = +1 left, -1 right; joint j belongs to its headward segment j.
+clipped to the stroke, side = +1 left, -1 right, steepness g; joint j belongs to its headward segment j.
+
+**Steep waves.** At g = 2 segments stay short, and carry load, for a third of the wave. The worm goes farther with the
+same stroke: 0.175 in place of 0.095 body lengths a wave at amplitude 0.3 and 0.8 Hz. The same speed takes a smaller
+stroke and half the work, nearly all of which goes into damping. With hinges of 0.12 rad a wave turns the worm by 16 in
+place of 20 degrees, on a way that is longer by two thirds: it follows bends less sharply. At 0.08 m/s and 0.8 Hz the
+work is 15 % more at g = 1.5 than at 2, 2 % less at 3, 6 % more at 4.
 
 **Backwards.** A wave of negative amplitude is that of -A, done by the worm as if its tail were its head: half a turn
 about the vertical puts segment i in the place of N-1-i and joint j in that of N-j, and exchanges left and right,
@@ -47,9 +53,10 @@ backwards, and turns the same way as by A: (distance, turn, drift) -> (-distance
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
+from types import MappingProxyType
 from typing import Literal, get_args
 
 import numpy as np
@@ -62,6 +69,7 @@ from worm3d.values.parameters import check, documented, parameter
 
 Mechanism = Literal["hinge", "bias", "both"]
 MECHANISMS: tuple[Mechanism, ...] = get_args(Mechanism)
+Wave = Literal["sine", "steep"]
 UNITS: dict[Mechanism, tuple[float, float]] = {"hinge": (1.0, 0.0), "bias": (0.0, 1.0), "both": (0.14, 0.02)}
 """Hinge [rad] and bias that a steering of 1 makes; that by both is a share of the greatest."""
 
@@ -133,6 +141,7 @@ class Schedule:
         float(np.deg2rad(90.0)), unit="rad", meaning="phase of bending by hinges ahead of the contraction at f -> 0"
     )
     lead: float = parameter(0.2, unit="s", meaning="time by which bending is further ahead, since it lags its command")
+    steepness: float = parameter(1.0, ge=1, meaning="factor of the contraction's sine, which is cut at 1; 2 is fast")
     direction: Direction = parameter("retrograde", meaning="retrograde runs head to tail, direct tail to head")
 
     def __post_init__(self) -> None:
@@ -147,7 +156,7 @@ class Schedule:
         amplitude, frequency, bias, hinge = parameters.T[:, :, None]
         back, amplitude = amplitude < 0.0, np.abs(amplitude)
         ahead = phase[:, None] + 2.0 * np.pi * self.lead * frequency
-        pulse = np.maximum(0.0, self._wave(phase[:, None], self.wavelength, body.segments))
+        pulse = self.pulse(phase[:, None], body.segments)
         unequal = bias * self._wave(ahead + self.bias_phase, self.steering_wavelength, body.segments)
         chambers = amplitude[..., None] * (pulse[..., None] + unequal[..., None] * LEFT_RIGHT)
         bend = hinge * self._wave(ahead + self.hinge_phase, self.steering_wavelength, body.segments)
@@ -157,10 +166,18 @@ class Schedule:
             bend = np.where(back, -bend[:, ::-1], bend)
         return Commands(chambers, bend, np.zeros_like(chambers))
 
+    def pulse(self, phase: FloatArray, segments: int) -> FloatArray:
+        """Return the contractions without steering over the amplitude, at phases (K, 1) [rad], shape (K, N)."""
+        return np.clip(self.steepness * self._wave(phase, self.wavelength, segments), 0.0, 1.0)
+
     def _wave(self, phase: FloatArray, wavelength: float, segments: int) -> FloatArray:
         x = (np.arange(segments) + 0.5) / segments
         sign = 1.0 if self.direction == "retrograde" else -1.0
         return np.sin(2.0 * np.pi * x / wavelength + sign * phase)
+
+
+WAVES: Mapping[Wave, Schedule] = MappingProxyType({"sine": Schedule(), "steep": Schedule(steepness=2.0)})
+"""Schedules of the default worm by the name that scenes use."""
 
 
 @dataclass(frozen=True)

@@ -346,7 +346,7 @@ def key(worm: Worm, ground: Friction, schedule: Schedule, design: Design) -> str
         "format": FORMAT,
         "worm": _unusual(worm),
         "ground": _unusual(ground),
-        "schedule": asdict(schedule),
+        "schedule": {name: value for name, value in asdict(schedule).items() if (name, value) != ("steepness", 1.0)},
         "design": asdict(design),
         "max_steering": MAX_STEERING,
     }

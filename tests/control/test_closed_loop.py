@@ -12,6 +12,7 @@ import pytest
 from control.baselines import PiLineOfSight
 from control.estimation.estimator import Estimate, Estimator
 from control.estimation.reduced import ReducedModel
+from control.gaits.steering import WAVES, Wave
 from control.identification.identified import Identified, load
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.sensing.sensors import Sensors
@@ -27,8 +28,8 @@ AHEAD = (0.5, 0.0)
 CRUISE = Constant(0.08)
 
 
-def known() -> Identified:
-    found = load(WORM)
+def known(wave: Wave = "sine") -> Identified:
+    found = load(WORM, schedule=WAVES[wave])
     assert found is not None
     return found
 
@@ -63,8 +64,10 @@ class Unreliable(GaitMPC):
         return replace(made, status=PlanStatus.NOT_SOLVED) if self._chance.random() < 0.3 else made
 
 
-def run(reference: Reference, duration: float, slope: float = 0.0, planner=None, **sensing) -> tuple[Result, Watched]:
-    supervisor = Supervisor.of(WORM, reference, known())
+def run(
+    reference: Reference, duration: float, slope: float = 0.0, planner=None, wave: Wave = "sine", **sensing
+) -> tuple[Result, Watched]:
+    supervisor = Supervisor.of(WORM, reference, known(wave))
     if planner is not None:
         model = ReducedModel.of(WORM, known())
         supervisor = Supervisor(WORM, reference, model, Estimator(WORM, model), planner(WORM, known(), model))
@@ -91,6 +94,17 @@ def test_round_a_circle() -> None:
     assert found["speed_error_rms_relative"] <= 0.06
     assert watched.supervisor.failures == 0
     assert result.heading[-1] == pytest.approx(0.08 * 30.0 / 1.5, abs=0.2)
+
+
+def test_a_steep_wave_goes_at_twice_the_cruise_and_takes_half_the_work() -> None:
+    fast = Reference(Constant(0.2), path=Line(start=AHEAD))
+    found = figures(*run(fast, 12.0, wave="steep"), fast)
+    assert abs(found["speed_bias_relative"]) <= 0.02
+    assert found["cross_track_rms_bl"] <= 0.006
+    cruise = Reference(CRUISE, path=Line(start=AHEAD))
+    sine, steep = (run(cruise, 12.0, wave=wave)[0] for wave in ("sine", "steep"))
+    work = [each.energy.work_contract.sum() / each.distance for each in (sine, steep)]
+    assert 0.4 < work[1] / work[0] < 0.65
 
 
 @pytest.mark.parametrize("controller", [Supervisor.of, PiLineOfSight])

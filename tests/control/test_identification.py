@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.gaits.steering import MECHANISMS, GaitParameters, Schedule, SteeredWave
+from control.gaits.steering import MECHANISMS, WAVES, GaitParameters, Schedule, SteeredWave
 from control.identification import identified, surrogate
 from control.identification.identified import (
     SHIPPED,
@@ -116,12 +116,13 @@ def test_the_key_is_made_of_all_parameters() -> None:
         key(replace(worm, half_height=np.linspace(0.04, 0.05, 6)), ground, schedule, DESIGN),
         key(worm, Friction(lateral=0.3), schedule, DESIGN),
         key(worm, ground, Schedule(lead=0.3), DESIGN),
+        key(worm, ground, Schedule(steepness=2.0), DESIGN),
         key(worm, ground, schedule, Design(waves=9)),
         key(worm, Friction(law=Viscous()), schedule, DESIGN),
         key(Worm(actuator=Pneumatic()), ground, schedule, DESIGN),
         key(Worm(actuator=Pneumatic(supply=3e3)), ground, schedule, DESIGN),
     }
-    assert len(keys) == 9
+    assert len(keys) == 10
     assert key(worm, ground, schedule, DESIGN) == key(Worm(k_yaw=np.full(5, 0.5)), ground, schedule, DESIGN)
 
 
@@ -132,20 +133,24 @@ def test_a_parameter_that_has_its_default_does_not_enter_the_key() -> None:
 
 
 def test_only_the_default_worm_is_shipped() -> None:
-    names = [path.name for path in SHIPPED.glob("*.json")]
-    assert names == [f"{key(Worm(), Friction(), Schedule(), DESIGN)}.json"]
-    assert Identified.from_dict(json.loads((SHIPPED / names[0]).read_text("utf-8"))) == load(Worm())
+    names = {wave: f"{key(Worm(), Friction(), schedule, DESIGN)}.json" for wave, schedule in WAVES.items()}
+    assert {path.name for path in SHIPPED.glob("*.json")} == set(names.values())
+    for wave, schedule in WAVES.items():
+        content = json.loads((SHIPPED / names[wave]).read_text("utf-8"))
+        assert Identified.from_dict(content) == load(Worm(), schedule=schedule)
+        assert Identified.from_dict(content).schedule == schedule
 
 
+@pytest.mark.parametrize("schedule", WAVES.values(), ids=WAVES)
 @pytest.mark.parametrize("mechanism", MECHANISMS)
-def test_the_shipped_map_agrees_with_fresh_runs(mechanism) -> None:
-    default = load(Worm())
+def test_the_shipped_map_agrees_with_fresh_runs(mechanism, schedule) -> None:
+    default = load(Worm(), schedule=schedule)
     assert default is not None
     found = default.maps[mechanism]
     for amplitude, rows, share in ((0.28, 140, 0.6), (0.36, 90, -0.85)):
         steering = share * found.ranges.steering
         parameters = GaitParameters(amplitude, 100.0 / rows).steered(mechanism, steering)
-        run = simulate(Worm(), Plane(), actuation=SteeredWave(parameters), duration=0.01 * rows * 8)
+        run = simulate(Worm(), Plane(), actuation=SteeredWave(parameters, schedule), duration=0.01 * rows * 8)
         motion = steady_motion(run.com, run.heading, rows, 4, 1.0)
         given = (parameters.amplitude, parameters.frequency, steering)
         assert found.distance(*given) == pytest.approx(motion.distance, rel=0.04)

@@ -7,7 +7,16 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from control.gaits import TravellingWave
-from control.gaits.steering import MECHANISMS, UNITS, GaitParameters, PlannedWave, Schedule, SteeredWave, WaveGenerator
+from control.gaits.steering import (
+    MECHANISMS,
+    UNITS,
+    WAVES,
+    GaitParameters,
+    PlannedWave,
+    Schedule,
+    SteeredWave,
+    WaveGenerator,
+)
 from control.identification.identified import Motion, steady_motion
 from worm3d import Commands, Plane, Status, Worm, simulate
 
@@ -41,6 +50,15 @@ def test_the_schedule_is_its_formula() -> None:
             bend = 0.2 * np.sin(2 * np.pi * x / 1.4 + ahead + np.deg2rad(90))
             assert_allclose(found.hinge[0, i - 1], bend, atol=1e-14)
     assert_array_equal(found.force, 0.0)
+
+
+def test_a_steep_wave_is_cut_at_the_amplitude_and_stays_there_for_a_third() -> None:
+    phase = np.linspace(0.0, 2.0 * np.pi, 600, endpoint=False)
+    rows = np.tile(GaitParameters(0.3, 0.8).row(), (len(phase), 1))
+    found = WAVES["steep"].commands_at(phase, rows, WORM).contraction[..., 0]
+    sine = np.sin(2 * np.pi * (np.arange(6) + 0.5) / 6 / 0.7 + phase[:, None])
+    assert_allclose(found, 0.3 * np.clip(2.0 * sine, 0.0, 1.0), atol=1e-14)
+    assert_allclose((found == 0.3).mean(axis=0), 1 / 3, atol=0.01)
 
 
 @seed(2)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from control.gaits import TravellingWave
-from control.gaits.steering import BLEND, GaitParameters, Schedule, SteeredWave
+from control.gaits.steering import BLEND, WAVES, GaitParameters, Schedule, SteeredWave
 from control.identification.identified import Design, SteeringMap, lag, load
 from control.identification.surrogate import Misfit, Ranges
 from scenes.commands.identify import command, figure, report, study
@@ -189,6 +189,13 @@ def test_a_worm_that_is_far_from_the_default_one_is_refused_in_a_sentence(missed
 def test_which_map_a_controller_goes_by() -> None:
     for choice, name in (("own", "identified"), ("nearby", "nearby"), ("default", "default")):
         assert map_name(load_scene("path_line", [f"controller.map={choice}"]).settings) == name
+
+
+def test_each_wave_has_its_map() -> None:
+    for wave, schedule in WAVES.items():
+        settings = load_scene("path_line", [f"controller.wave={wave}"]).settings
+        assert map_name(settings) == "identified"
+        assert identified_of(settings).schedule == schedule
 
 
 def test_the_command_writes_what_controllers_and_people_need(

@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 import worm3d
-from control.gaits.steering import MECHANISMS, Schedule
+from control.gaits.steering import MECHANISMS, WAVES, Schedule
 from control.identification import identified as kept
 from control.identification.identified import Design, Identified
 from scenes.commands.identify import figure, report, study
@@ -16,6 +16,7 @@ from scenes.commands.identify.study import Curve, Phases
 from scenes.commands.terminal import progress
 from scenes.language.errors import SceneError
 from scenes.models.control import identify as runs
+from scenes.models.control.schema import ControlScene
 from scenes.models.loading import Scene
 from scenes.models.worm.build import friction_of, worm_of
 from scenes.models.worm.schema import SpatialScene
@@ -43,7 +44,8 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
         raise SceneError(f"{scene.name}: a scene of the model '{scene.model.name}' does not steer, must be of 'worm'")
     worm, ground = worm_of(settings), friction_of(settings)
     with folders.prepared(out, f"identify-{scene.name}", force=force) as folder:
-        found, curves, phases = _measure(worm, ground, quiet)
+        wave = WAVES[settings.controller.wave] if isinstance(settings, ControlScene) else Schedule()
+        found, curves, phases = _measure(worm, ground, wave, quiet)
         cached = kept.store(found, worm, ground, Design())
         _write(folder, found, curves, phases, worm, ground)
         if not quiet:
@@ -55,8 +57,7 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
     return 0
 
 
-def _measure(worm: worm3d.Worm, ground: worm3d.Friction, quiet: bool) -> Measured:
-    schedule = Schedule()
+def _measure(worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, quiet: bool) -> Measured:
     with progress("maps", len(MECHANISMS), quiet=quiet, what="mechanism") as show:
         found = runs.identify(worm, ground, schedule, Design(), show)
     with progress("schedules", study.CURVES, quiet=quiet, what="curve") as show:

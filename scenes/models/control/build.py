@@ -12,6 +12,7 @@ import worm3d
 from control.baselines import Gains
 from control.controllers import estimator, made, model
 from control.faults.injected import INJECTED, Injected
+from control.gaits.steering import WAVES
 from control.identification import identified as kept
 from control.identification.identified import Identified
 from control.loop import WaveController
@@ -96,16 +97,16 @@ def _listed(section: Cost | Constraints, registry: Mapping[str, Any], kind: type
 def identified_of(scene: ControlScene) -> Identified:
     """Return what the controller knows of the worm; SceneError if it is not identified nor near the default one."""
     worm, ground, asked = worm_of(scene), friction_of(scene), scene.controller
-    return loaded(scene) or nearby(worm, ground, asked.mechanism)
+    return loaded(scene) or nearby(worm, ground, asked.mechanism, WAVES[asked.wave])
 
 
 def loaded(scene: ControlScene) -> Identified | None:
     """Return the identified map that the controller goes by; None if it is to be corrected from the default worm's."""
-    worm, ground = worm_of(scene), friction_of(scene)
+    worm, ground, wave = worm_of(scene), friction_of(scene), WAVES[scene.controller.wave]
     chosen: dict[str, Callable[[], Identified | None]] = {
-        "own": lambda: kept.load(worm, ground),
+        "own": lambda: kept.load(worm, ground, wave),
         "nearby": lambda: None,
-        "default": lambda: kept.load(worm3d.Worm()),
+        "default": lambda: kept.load(worm3d.Worm(), schedule=wave),
     }
     return chosen[scene.controller.map]()
 

@@ -46,21 +46,21 @@ FAR = "identify it once by 'worm3d identify SCENE' with the same options -o (a m
 worm's map by -o controller.map=default"
 
 
-def nearby(worm: worm3d.Worm, ground: worm3d.Friction, mechanism: Mechanism) -> Identified:
-    """Return the map of one mechanism of a worm on level ground, kept in the user's cache.
+def nearby(worm: worm3d.Worm, ground: worm3d.Friction, mechanism: Mechanism, wave: Schedule) -> Identified:
+    """Return the map of one mechanism of a worm's wave on level ground, kept in the user's cache.
 
     Raises
     ------
     SceneError
         The worm tips, or is too different from the default worm.
     """
-    known = kept.load(worm, ground, design=DESIGN)
+    known = kept.load(worm, ground, wave, DESIGN)
     if known is not None and mechanism in known.maps:
         return known
-    usual = kept.load(worm3d.Worm())
+    usual = kept.load(worm3d.Worm(), schedule=wave)
     assert usual is not None  # it is shipped
     try:
-        found = runs.map_of(worm, ground, Schedule(), DESIGN, mechanism, usual.maps[mechanism])
+        found = runs.map_of(worm, ground, wave, DESIGN, mechanism, usual.maps[mechanism])
     except SceneError as error:
         raise SceneError(f"worm: {error}") from error
     for name, most in MOST.items():

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from control.baselines import Gains
 from control.controllers import CONTROLLERS, ESTIMATORS, MODELS, Listed
 from control.faults.injected import INJECTED
-from control.gaits.steering import Mechanism
+from control.gaits.steering import Mechanism, Wave
 from control.planning.constraints import CONSTRAINTS
 from control.planning.terms import TERMS
 from scenes.language.parts import Keys, PartSection, keys_of, meanings
@@ -52,6 +52,11 @@ class Controller(
         title="what steers: hinges, unequal chambers, or both at once",
         left_out="that of its kind: 'both' for mpc, 'hinge' for all others",
         own={"mpc": "both", OWN: "hinge"},
+    )
+    wave: Wave = setting(
+        "sine",
+        title="form of the contraction. sine: half a sine; steep: segments stay short for longer, so that it is faster "
+        "and takes less work, but turns less sharply",
     )
     period_s: float = quantity(0.2, unit="s", gt=0, title="time between two decisions", aka=("control_period_s",))
     map: Literal["own", "nearby", "default"] = setting(
