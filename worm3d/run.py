@@ -19,10 +19,10 @@ from worm3d.plant import HISTORIES
 from worm3d.problem import Problem
 from worm3d.result import Result
 from worm3d.series import COUNTERS, Recorded, heading
-from worm3d.solver.advance import advance, ask, worst_residual
+from worm3d.solver.actuate import ask
+from worm3d.solver.advance import LAST, NEXT, SHORTEST, SINCE, SOLVES, advance, worst_residual
 from worm3d.solver.arrays import ALLOWED, POINTS, TOLERANCE
 from worm3d.solver.guard import NO_CONVERGENCE, OK
-from worm3d.solver.march import LAST, SHORTEST, SINCE, SOLVES, march
 from worm3d.solver.records import Records, gather, mass_centre, record
 from worm3d.start import GUARDED, Placed, place
 from worm3d.state import State
@@ -33,6 +33,9 @@ from worm3d.view import Observation, View
 
 HALVINGS = 6
 """Largest number of times that a step that does not converge is halved."""
+
+NEVER = 2**62
+"""Ticks between two rows where none is to be written."""
 
 CHUNK = 50
 """Steps taken at once where commands or forces are asked for one by one."""
@@ -89,14 +92,14 @@ class Run:
         self.offset = start.time - self.first * self.dt
         if abs(self.offset) < 1e-9 * self.dt:
             self.offset = 0.0  # a resumed run has the very times of one that went on
-        remembered = start.memory["remembers"] if "remembers" in start.memory else np.zeros(1)
-        self.remembers = bool(remembered[0] == self.dt)
-        self.pace: FloatArray | None = None
+        remembered = start.memory.get("remembers", np.zeros(1))[:SINCE]
+        self.adapts, self.pace = allowed is not None, np.array([0.0, np.inf, 0.0, 0.0])
         self.parts = self.beat = 1
-        if allowed is not None:
+        if allowed is None:
+            self.pace[LAST] = self.dt if remembered[LAST] == self.dt else 0.0
+        else:
             plant.arrays["numbers"][0, ALLOWED] = allowed
-            self.pace = np.array([0.0, SHORTEST, 0.0, 0.0])
-            self.pace[:SINCE] = [*remembered[:SINCE], *self.pace[len(remembered) : SINCE]]
+            self.pace[:SINCE] = [*remembered, SHORTEST][:SINCE]
             if not self.holds:
                 self.parts = max(1, round(self.dt / COMMANDED))
                 self.beat = max(1, round(BEAT / self.dt))
@@ -226,63 +229,34 @@ class Run:
         return self.driver.at(t) if self.driver.controller is None else self.driver.decide(self.observation(), t)
 
     def _advance(self, commands: FloatArray, forces: list[FloatArray]) -> Status:
-        if self.pace is not None:
-            return self._march(self.pace, commands, forces)
-        table = np.array(forces) if self.external_force is not None else np.zeros((0, 3, self.n + 1))
-        taken = 0
+        if forces:  # steps of a tick take none at their start
+            forces = [self._forces(self.time(self.done)) if self.adapts else forces[0], *forces]
+        external, taken = np.array(forces).reshape(-1, 3, self.n + 1), 0
         while taken < len(commands):
-            began = perf_counter()
-            done, end = advance(
-                self.core,
-                self.records.block,
-                self.counters,
-                commands[taken:],
-                table[taken:],
-                self.done,
-                self.every,
-                self.dt,
-                self.bdf2,
-                self.remembers,
-            )
-            self.wall += perf_counter() - began
-            taken, self.done = taken + done, self.done + done
-            self.remembers = self.remembers or done > 0
+            done, end = self._steps(commands[taken:], external[taken:], self.every, self.dt, self.bdf2)
+            taken, self.done = taken + done * self.parts, self.done + done
             if end == OK:
                 continue
-            status = self._halve(commands[taken]) if end == NO_CONVERGENCE else self._ended(end)
+            if end != NO_CONVERGENCE:
+                return self._ended(end)
+            status = self._stuck() if self.adapts else self._halve(commands[taken])
             if status is not Status.DONE:
                 return status
             taken += 1
         return Status.DONE
 
-    def _march(self, pace: FloatArray, commands: FloatArray, forces: list[FloatArray]) -> Status:
-        if forces:
-            forces = [self._forces(self.time(self.done)), *forces]
+    def _steps(self, commands: FloatArray, external: FloatArray, every: int, dt: float, bdf2: bool) -> tuple[int, int]:
         began = perf_counter()
-        done, end = march(
-            self.core,
-            self.records.block,
-            self.counters,
-            commands,
-            np.array(forces).reshape(-1, 3, self.n + 1),
-            self.done,
-            self.every,
-            self.dt,
-            pace,
-            self.parts,
-            self.beat,
-            self.first + self.done,
-        )
+        beats = self.parts, self.beat, self.first + self.done
+        given = self.core, self.records.block, self.counters, commands, external, self.done, every, dt, bdf2
+        found: tuple[int, int] = advance(*given, self.pace, beats)
         self.wall += perf_counter() - began
-        self.done += done
-        if end == NO_CONVERGENCE:
-            return self._stuck()
-        return self._ended(end)
+        return found
 
     def _halve(self, command: FloatArray) -> Status:
         """Take one step in parts, by implicit Euler; the past is then that of one whole step."""
         arrays = self.plant.arrays
-        before = self.plant.memory()
+        before, last = self.plant.memory(), self.pace[LAST]
         past = {name: arrays[name][: len(arrays[name]) // 2].copy() for name in HISTORIES}
         try:
             status = self._part(command, self.done, 0.5, HALVINGS - 1)
@@ -292,13 +266,13 @@ class Run:
             self.complaint, status = _complaint(error), Status.BAD_COMMAND
         if status is not Status.DONE:
             self.plant.remember(before)  # the parts are no finished step
+            self.pace[LAST] = last
             return status
         for name, rows in past.items():
             arrays[name][len(rows) :] = rows
         arrays["last"] /= self.last_share  # at the rate of its last part
         arrays["curve"][:] = 0.0
-        self.done, self.halved, self.remembers = self.done + 1, self.halved + 1, True
-        self.counters[self.done - 1] = self.plant.memory_of_core.counters
+        self.done, self.halved, self.pace[LAST] = self.done + 1, self.halved + 1, self.dt
         if self.done % self.every == 0:
             record(self.core, self.records.block, self.done // self.every)
         return Status.DONE
@@ -307,10 +281,8 @@ class Run:
         """Take a part of a step; `begin` and `share` count in steps, `held` is the command of a controller."""
         t = self.time(begin + share)
         command = held if self.holds else self.driver.at(t)
-        force = self._forces(t)[None] if self.external_force is not None else np.zeros((0, 3, self.n + 1))
-        _, end = advance(
-            self.core, self.records.block, self.counters, command[None], force, 0, 0, share * self.dt, False, False
-        )
+        force = np.array(2 * [self._forces(t)] if self.external_force is not None else []).reshape(-1, 3, self.n + 1)
+        _, end = self._steps(command[None], force, NEVER, share * self.dt, False)
         if end != NO_CONVERGENCE:
             self.last_share = share
             return self._ended(end)
@@ -365,7 +337,7 @@ class Run:
     @property
     def solves(self) -> float:
         """Steps that were solved, in a run whose steps are as long as their errors let them be."""
-        return 0.0 if self.pace is None else float(self.pace[SOLVES])
+        return float(self.pace[SOLVES])
 
     def recorded_now(self) -> Recorded:
         """Return all series of this instant, T = 1, in memory that later steps write to."""
@@ -378,11 +350,8 @@ class Run:
 
     def state(self) -> State:
         """Return the state now, with memory."""
-        if self.pace is not None:
-            time = self.time(self.done) + float(self.pace[SINCE])
-            return self.plant.state(time, float(self.pace[LAST]) or np.inf, remembers=self.pace[:SINCE].copy())
-        remembers = np.array([self.dt if self.remembers else 0.0])
-        return self.plant.state(self.time(self.done), self.dt, remembers=remembers)
+        time, kept = self.time(self.done) + float(self.pace[SINCE]), SINCE if self.adapts else NEXT
+        return self.plant.state(time, float(self.pace[LAST]) or np.inf, remembers=self.pace[:kept].copy())
 
     def result(self, status: Status) -> Result:
         """Return the run as far as it got."""

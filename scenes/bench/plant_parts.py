@@ -21,7 +21,7 @@ from worm3d.plant import Plant
 from worm3d.problem import held_mask
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, ledger, regimes
-from worm3d.solver.advance import actuate
+from worm3d.solver.actuate import actuate
 from worm3d.solver.arrays import BLOCK, Core
 from worm3d.solver.block import Block, copy, matrix, vector
 from worm3d.solver.entry import reset

@@ -16,7 +16,7 @@ from worm3d.accuracy import runs
 from worm3d.physics.kernels.inertia import weights
 from worm3d.problem import Problem
 from worm3d.run import Run
-from worm3d.solver.march import LAST, NEXT, march
+from worm3d.solver.advance import LAST, NEXT, advance
 
 
 def test_weights_differentiate_every_parabola() -> None:
@@ -40,12 +40,12 @@ def flown(steps: np.ndarray) -> np.ndarray:
     worm = uneven_worm()
     problem = Problem(worm=worm, world=None, actuation=writhing, state=tumbling(worm), duration=0.4, settle_first=False)
     run = Run(problem, allowed=np.inf)
-    assert run.pace is not None
     counters, force, ends = np.zeros((1, 4), dtype=np.int64), np.zeros((0, 3, run.n + 1)), np.cumsum(steps)
     for t, h in zip(ends, steps, strict=True):
         run.pace[NEXT] = h
         command = run.driver.at(t)[None]
-        assert march(run.core, run.records.block, counters, command, force, 0, 10**9, h, run.pace, 1, 1, 0) == (1, 0)
+        given = run.core, run.records.block, counters, command, force, 0, 10**9, h, True, run.pace, (1, 1, 0)
+        assert advance(*given) == (1, 0)
         assert run.pace[LAST] == h
     return run.plant.arrays["joints"][:3, : run.n + 1].copy()
 

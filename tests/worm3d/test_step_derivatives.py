@@ -53,8 +53,10 @@ def a_plant(friction: Friction, n: int = 5) -> Plant:
         [rng.uniform(0, 0.2, (2, 2 * n)), rng.uniform(-1, 1, (2, 2 * n)), rng.uniform(-0.4, 0.4, (2, n))]
     )
     forces, counters = 0.1 * rng.standard_normal((2, 3, n + 1)), np.zeros((2, arrays.COUNTERS), dtype=np.int64)
+    forces, pace = np.concatenate([forces[:1], forces]), np.array([0.0, np.inf, 0.0, 0.0])
     records = Records(plant, 3)
-    assert advance(plant.core, records.block, counters, commands, forces, 0, 1, DT, True, False) == (2, OK)
+    given = plant.core, records.block, counters, commands, forces, 0, 1, DT, True, pace, (1, 1, 0)
+    assert advance(*given) == (2, OK)
     return plant
 
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from control.gaits import TravellingWave
 from worm3d import Actuator, Command, FirstOrder, Plane, Pneumatic, Result, State, Status, Worm, simulate
 from worm3d.energy import INCOMING, LOST, STORED
-from worm3d.run import HALVINGS
+from worm3d.run import HALVINGS, NEVER
 from worm3d.solver.guard import NO_CONVERGENCE, OK
 
 N = 6
@@ -25,16 +25,16 @@ def deny(monkeypatch: pytest.MonkeyPatch) -> Deny:
     real = module.advance
 
     def install(steps: set[int], longest: float) -> None:
-        def stubborn(core, records, counters, commands, external, first, every, dt, bdf2, remembers):
-            if every == 0:
+        def stubborn(core, records, counters, commands, external, first, *others):
+            every, dt = others[:2]
+            if every == NEVER:
                 if dt > longest:
                     return 0, NO_CONVERGENCE
-                return real(core, records, counters, commands, external, first, every, dt, bdf2, remembers)
+                return real(core, records, counters, commands, external, first, *others)
             good = next((k for k in range(len(commands)) if first + k in steps), len(commands))
             done, end = 0, OK
             if good > 0:
-                rows = (commands[:good], external[:good])
-                done, end = real(core, records, counters, *rows, first, every, dt, bdf2, remembers)
+                done, end = real(core, records, counters, commands[:good], external[: good + 1], first, *others)
             return (done, end) if end != OK or good == len(commands) else (done, NO_CONVERGENCE)
 
         monkeypatch.setattr(module, "advance", stubborn)

@@ -1,8 +1,8 @@
 """The compiled time step: Newton's method with contact regimes on the incremental potential (README.md).
 
-advance    many steps at once: commands, steps, records
-march      steps as long as an allowed error lets them be, with rows
-between    the ends of steps
+advance    many steps at once, as long as an allowed error lets them be or all alike: commands, steps, records
+actuate    what actuators do in a step
+between    rows of instants between the ends of steps
 step       one step: implicit Euler or BDF2, and what the next one remembers
 newton     Newton's method with the loads of the iterate; falls back to
 descent    minimisation for given loads

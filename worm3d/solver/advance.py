@@ -1,27 +1,41 @@
-"""Many steps at once, compiled: the commands of the actuators, the steps, and their records."""
+"""Many steps at once, compiled: the commands of the actuators, the steps, and their records.
+
+Time is counted in ticks. Steps are a tick long, or as long as an allowed error lets them be. One that is then further
+from the parabola through the last three places than is allowed (`worm3d.solver.step`) is taken again, shorter; the next
+one is as long as the error of the last, which grows with the third power, foretells. Time is cut into beats of some
+ticks, which steps end with: there a run can be looked at, steered, and cut in two. Commands and forces are given at
+equal distances, and change linearly between. Rows are interpolated (`worm3d.solver.between`).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
-from worm3d.physics.kernels import actuator, joint, segment
 from worm3d.solver import arrays as a
+from worm3d.solver import between
+from worm3d.solver.actuate import actuate
 from worm3d.solver.arrays import BLOCK, Core
-from worm3d.solver.block import Block, copy, fill, integers, matrix, vector
-from worm3d.solver.block import rows as fields
-from worm3d.solver.entry import kernel, reset
-from worm3d.solver.guard import NOT_FINITE, OK, actuators_start_finite
-from worm3d.solver.records import record
+from worm3d.solver.block import Block, combine, copy, integers, matrix, vector
+from worm3d.solver.entry import reset
+from worm3d.solver.guard import COARSE, NO_CONVERGENCE, NOT_FINITE, OK, actuators_start_finite
+from worm3d.solver.records import BEFORE
 from worm3d.solver.step import step
 from worm3d.values.arrays import FloatArray
 
-_COMMANDED, _FORCE, _DT, _LENGTH_N = segment.LAYOUT.firsts("commanded", "force", "dt", "length_n")
-_HINGE, _JOINT_DT = joint.LAYOUT.firsts("hinge", "dt")
-_COMMAND, _COMMAND_N, _GIVEN_N, _FORCE_COMMAND, _FORCE_COMMAND_N, _FORCE_N = actuator.CHAMBER_COMMANDS
-_HINGE_COMMAND, _HINGE_COMMAND_N, _HINGE_GIVEN_N = actuator.HINGE_COMMANDS[:3]
+LAST, NEXT, SINCE, SOLVES = range(4)
+"""What a run knows of its steps: the last one, 0 before the first [s], the one that is to be tried next, infinite where
+a step is a tick [s], time since the last whole beat or tick [s], and how many were solved, those taken again included.
+"""
+SHORTEST, LONGEST = 1e-5, 2e-2
+"""Shortest and longest step [s]: the error of a shorter one is not looked at, but Newton has to converge; a longer one
+would pass over what a gait does."""
+GIVEN_UP = 64.0
+"""Share of the shortest step after which Newton is not tried again."""
+GROWTH, SHRINKING, SAFETY = 2.0, 0.2, 0.9
+"""Largest and least ratio of a step to the one before, and of its length to the one foretold: BDF2 is stable below a
+ratio of 1 + sqrt(2)."""
 
 
 @njit
@@ -31,98 +45,136 @@ def advance(
     counters: NDArray[np.int64],
     commands: FloatArray,
     external: FloatArray,
-    first: int,
+    done: int,
     every: int,
     dt: float,
     bdf2: bool,
-    remembers: bool,
+    pace: FloatArray,
+    beats: tuple[int, int, int],
 ) -> tuple[int, int]:
-    """Take a step for every row of commands; return how many were finished, and how the last ended.
+    """Go on by as many ticks as there are commands for; return how many were finished, and how the last step ended.
 
     Parameters
     ----------
     records : Block
-        Of `worm3d.solver.records`; a row is filled after every `every`-th step.
+        Of `worm3d.solver.records`; a row is filled after every `every`-th tick.
     counters : ndarray of int, shape (S, 4)
-        A row is filled after every step.
-    commands : ndarray, shape (K, 5 N)
-        Asked of the actuators at the end of each step, as the array "asked".
-    external : ndarray, shape (K, 3, N+1) or (0, 3, N+1)
-        Forces on the joints at the end of each step [N].
-    first : int
-        Number of steps before the chunk.
+        To the row of a tick those of the steps that end in it are added.
+    commands : ndarray, shape (K parts, 5 N)
+        Asked of the actuators, `parts` times each tick, as the array "asked".
+    external : ndarray, shape (K parts + 1, 3, N+1) or (0, 3, N+1)
+        Forces on the joints, from the present on [N].
+    done : int
+        Number of ticks before the chunk.
     every : int
-        0 records nothing, not even counters: the steps are parts of one.
     dt : float
-        [s]
+        A tick [s].
     bdf2 : bool
         Whether the integrator is BDF2.
-    remembers : bool
-        Whether the past holds two instants dt apart.
+    pace : ndarray, shape (4,)
+        `LAST` and so on; changed.
+    beats : tuple of int
+        Number `parts`, ticks of a beat, and those since a whole one.
     """
-    asked, given = vector(core.block, a.ASKED), vector(core.block, a.GIVEN)
-    for k in range(len(commands)):
-        asked_n, given_n = asked.copy(), given.copy()
-        actuate(core, commands[k], dt)
-        if len(external) > 0:
-            for d in range(3):
-                copy(matrix(core.block, a.EXTERNAL)[d], external[k, d])
-        if every > 0:
+    parts, beat, begin = beats
+    taken, count, asked = 0, len(commands) // parts, vector(core.block, a.ASKED)
+    adapts, first, command = pace[NEXT] < np.inf, asked.copy(), asked.copy()
+    while taken < count:
+        ticks = min(beat - (begin + taken) % beat, count - taken)
+        span, at, reached = ticks * dt, 0.0, 0
+        copy(first, asked)
+        while reached < ticks:
+            h = _length(pace[NEXT], span - at)
+            after = span if h == span - at else at + h
+            cell = min(int(after / dt * parts), ticks * parts - 1)
+            share, row = after / dt * parts - cell, taken * parts + cell
+            _between(command, first if cell == 0 else commands[row - 1], share, commands[row])
+            if len(external) > 0:
+                for d in range(3):
+                    force = matrix(core.block, a.EXTERNAL)[d]
+                    _between(force[: external.shape[2]], external[row, d], share, external[row + 1, d])
             reset(core)
-        end = step(core, dt, bdf2 and (remembers or k > 0)) if actuators_start_finite(core) else NOT_FINITE
-        if end != OK:
-            copy(asked, asked_n)
-            copy(given, given_n)
-            return k, end
-        if every > 0:
-            done = first + k + 1
+            pace[SOLVES] += 1.0
+            between.keep(records, BEFORE)
+            end = _adapted(core, command, h, pace) if adapts else _take(core, command, h, bdf2 and pace[LAST] > 0.0)
             for c in range(a.COUNTERS):
-                counters[done - 1, c] = integers(core.counters, a.COUNTERS)[c]
-            if done % every == 0:
-                record(core, records, done // every)
-    return len(commands), OK
-
-
-@njit
-def ask(core: Core, command: FloatArray) -> None:
-    """Take a command, within the actuators' limits, as that from which their next step begins."""
-    given = vector(core.block, a.GIVEN).copy()
-    actuate(core, command, 1.0)
-    copy(vector(core.block, a.GIVEN), given)
+                counters[done + taken + reached, c] += integers(core.counters, a.COUNTERS)[c]
+            if adapts and (end == COARSE or (end == NO_CONVERGENCE and pace[NEXT] > SHORTEST / GIVEN_UP)):
+                continue
+            pace[SINCE] = at
+            if end != OK:
+                return taken + reached, end
+            pace[LAST] = h
+            while reached < ticks and (reached + 1) * dt <= after * (1.0 + 1e-12):
+                reached += 1
+                k = done + taken + reached
+                if k % every == 0:
+                    between.write(core, records, k // every, (reached * dt - at) / h, h)
+            at = after
+        taken += ticks
+        pace[SINCE] = 0.0
+    return taken, OK
 
 
 @inner
-def actuate(core: Core, command: FloatArray, dt: float) -> None:
-    """Start the actuators' step towards a command; what they give is theirs to change again at its end."""
-    block, n = core.block, core.n
-    asked, given = vector(block, a.ASKED), vector(block, a.GIVEN)
-    rows, joints = matrix(block, a.ACTUATED), matrix(block, a.HINGED)
-    for i in range(n):
-        for side in range(2):
-            k = 2 * i + side
-            rows[_COMMAND + side, i], rows[_COMMAND_N + side, i] = command[k], asked[k]
-            rows[_FORCE_COMMAND + side, i], rows[_FORCE_COMMAND_N + side, i] = command[2 * n + k], asked[2 * n + k]
-            rows[_GIVEN_N + side, i], rows[_FORCE_N + side, i] = given[k], given[2 * n + k]
-    for i in range(n - 1):
-        k = 4 * n + i + 1
-        joints[_HINGE_COMMAND, i], joints[_HINGE_COMMAND_N, i] = command[k], asked[k]
-        joints[_HINGE_GIVEN_N, i] = given[k]
-    fill(fields(block, a.SEGMENT_IN, _DT, 1), dt)
-    fill(fields(block, a.JOINT_IN, _JOINT_DT, 1), dt)
-    copy(fields(block, a.SEGMENT_IN, _LENGTH_N, 2), fields(block, a.LENGTHS, 0, 2))
-    chambers, hinges = matrix(block, a.STARTED_ACTUATORS), matrix(block, a.HINGE_OUT)
-    evaluate_kernel(kernel(core, a.ACTUATOR_START), rows, chambers, n)
-    evaluate_kernel(kernel(core, a.HINGE_START), joints, hinges, n - 1)
-    for i in range(n):
-        for side in range(2):
-            k = 2 * i + side
-            asked[k], asked[2 * n + k] = chambers[side, i], command[2 * n + k]
-            rows[_COMMANDED + side, i], rows[_FORCE + side, i] = chambers[2 + side, i], chambers[4 + side, i]
-            given[k], given[2 * n + k] = chambers[6 + side, i], chambers[4 + side, i]
-    asked[4 * n], given[4 * n] = command[4 * n], command[4 * n]
-    for i in range(n - 1):
-        k = 4 * n + i + 1
-        asked[k], given[k], joints[_HINGE, i] = hinges[0, i], hinges[1, i], hinges[1, i]
+def _between(to: FloatArray, before: FloatArray, share: float, after: FloatArray) -> None:
+    """Set what changes linearly between two instants, of which a share has passed."""
+    if share == 1.0:
+        copy(to, after)
+    else:
+        combine(to, 1.0 - share, before, share, after)
+
+
+@inner
+def _length(wanted: float, left: float) -> float:
+    """Return the length of the next step, so that none is much shorter than wanted at the end of a beat."""
+    if wanted >= left * (1.0 - 1e-9):
+        return left
+    return 0.5 * left if 2.0 * wanted > left else wanted
+
+
+@inner
+def _take(core: Core, command: FloatArray, h: float, bdf2: bool) -> int:
+    """Take a step, and return how it ended; if not well the actuators are as before it."""
+    asked, given = vector(core.block, a.ASKED), vector(core.block, a.GIVEN)
+    asked_n, given_n = asked.copy(), given.copy()
+    actuate(core, command, h)
+    end = step(core, h, bdf2) if actuators_start_finite(core) else NOT_FINITE
+    if end != OK:
+        copy(asked, asked_n)
+        copy(given, given_n)
+    return int(end)
+
+
+@inner
+def _adapted(core: Core, command: FloatArray, h: float, pace: FloatArray) -> int:
+    """Try a step, and choose the length of the next one."""
+    numbers, last = vector(core.block, a.NUMBERS_), pace[LAST]
+    allowed, ratio = numbers[a.ALLOWED], h / last if last > 0.0 else 0.0
+    if h <= SHORTEST:
+        numbers[a.ALLOWED] = 1e300
+    numbers[a.RATIO] = ratio
+    _stretch(core, ratio, 0.5 * ratio * (1.0 + ratio))
+    end = _take(core, command, h, ratio > 0.0)
+    numbers[a.ALLOWED], numbers[a.RATIO] = allowed, 1.0
+    if end == NO_CONVERGENCE:
+        pace[NEXT] = 0.25 * h
+    else:
+        factor = SAFETY * (allowed / max(numbers[a.ERROR], 1e-300)) ** (1.0 / 3.0)
+        pace[NEXT] = min(LONGEST, max(SHORTEST, h * min(GROWTH, max(SHRINKING, factor))))
+    if end == OK:
+        _stretch(core, 1.0, 2.0 * ratio / (1.0 + ratio))
+    elif ratio > 0.0:
+        _stretch(core, 1.0 / ratio, 2.0 / (ratio * (1.0 + ratio)))
+    return end
+
+
+@inner
+def _stretch(core: Core, of_last: float, of_curve: float) -> None:
+    """Multiply what the next step is expected to move, and how much more than this one."""
+    last, curve = vector(core.block, a.LAST), vector(core.block, a.CURVE)
+    combine(last, of_last, last, 0.0, last)
+    combine(curve, of_curve, curve, 0.0, curve)
 
 
 @njit

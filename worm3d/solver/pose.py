@@ -8,7 +8,7 @@ from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.physics.kernels import GREATEST_CONTRACTION, actuator, joint, point, segment
 from worm3d.solver import arrays as a
-from worm3d.solver.advance import actuate
+from worm3d.solver.actuate import actuate
 from worm3d.solver.arrays import BLOCK, Core
 from worm3d.solver.block import copy, fill, matrix, rows, vector
 from worm3d.solver.entry import call, kernel, opened
