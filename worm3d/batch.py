@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from worm3d.accuracy.runs import finish, first
+from worm3d.accuracy.runs import begin
 from worm3d.actuation import Actuation
 from worm3d.physics.friction import Friction
 from worm3d.places import Places
 from worm3d.plant import ROUNDING
 from worm3d.problem import Force, Held, Integrator, Problem
 from worm3d.result import Result
-from worm3d.run import Run
 from worm3d.start import LimitPointError
 from worm3d.state import State, StateError
 from worm3d.values import arguments
@@ -97,11 +96,10 @@ def simulate_batch(
     }
     places = Places()
 
-    def prepared(k: int) -> tuple[Run, Problem]:
+    def prepared(k: int) -> Callable[[], Result]:
         own = {name: values[k] for name, values in given.items()}
         try:
-            problem = Problem(**own, **shared)
-            return Run(problem, places.place) if accuracy is None else first(problem, places.place), problem
+            return begin(Problem(**own, **shared), places.place)
         except (StateError, LimitPointError) as error:
             raise type(error)(f"run {k}: {error}") from error
         except ValueError as error:
@@ -112,9 +110,7 @@ def simulate_batch(
 
     with ThreadPoolExecutor(threads) as pool:
         runs = list(pool.map(prepared, range(count)))
-        if accuracy is None:
-            return list(pool.map(lambda run: run[0].finish(), runs))
-        return list(pool.map(lambda run: finish(run[0], run[1], places.place), runs))
+        return list(pool.map(lambda finish: finish(), runs))
 
 
 def _count(each: Mapping[str, object]) -> int:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from worm3d.accuracy.runs import finish, first
+from worm3d.accuracy.runs import begin
 from worm3d.actuation import Actuation, Sensor
 from worm3d.physics.friction import Friction
 from worm3d.places import place_kept
@@ -137,7 +137,4 @@ def simulate(
         shown = [] if live is None else [live.follow(run)]
         return [*shown, *([] if observer is None else [Observer(observer, every)])]
 
-    if accuracy is not None:
-        return finish(first(problem, place_kept), problem, place_kept, observed=observers)
-    run = Run(problem, place_kept)
-    return run.finish(*observers(run))
+    return begin(problem, place_kept, observers)()

@@ -39,59 +39,56 @@ LEAST_WAY = 0.1
 """Distance, as a fraction of the body length, that an accuracy is relative to at least."""
 
 
-def first(problem: Problem, placing: Callable[[Problem], Placed] = place) -> Run:
-    """Return the coarsest of the runs with which `finish` begins."""
-    return Run(problem, placing, _allowed(problem, 0))
-
-
-def _allowed(problem: Problem, k: int) -> float:
-    """Return what is allowed in the steps of run k [m]."""
-    assert problem.accuracy is not None
-    share = STEP_ERROR * (problem.accuracy / USUAL) ** 2 * FINER ** (CHECKS - k)
-    return max(FINEST, share) * problem.worm.length
-
-
-def finish(
-    begun: Run,
+def begin(
     problem: Problem,
     placing: Callable[[Problem], Placed] = place,
     observed: Callable[[Run], Sequence[Observer]] = lambda run: (),
     checked: Sequence[Observer] = (),
-) -> Result:
-    """Return a run that is as accurate as its problem asks for, or as far as it got.
+) -> Callable[[], Result]:
+    """Return a function that simulates a problem: as accurately as that asks for, or as far as it gets.
 
     Parameters
     ----------
-    begun : Run
-        Of `first`.
     problem : Problem
     placing : callable, optional
         As of `Run`.
     observed : callable, optional
-        Returns the observers of a run that may be the result. Another follows if it is not accurate enough.
+        Returns the observers of a run that may be the result. With an accuracy another follows if it is not accurate
+        enough.
     checked : sequence of Observer
-        Of the coarser runs that come first.
+        Of the coarser runs that come first then.
     """
-    found: list[FloatArray] = []
-    seconds, run = 0.0, begun
-    for k in range(CHECKS + TIGHTENED + 1):
-        if k > 0:
-            run = Run(problem, placing, _allowed(problem, k))
-        may_be_it = k >= CHECKS
-        result = run.finish(*(observed(run) if may_be_it else checked))
-        seconds += result.wall_s
-        if result.status is not Status.DONE and (may_be_it or not result.status.diverged):
-            break  # a coarser run that failed is no comparison
-        if result.status is Status.DONE:
-            found.append(_measured(result))
-        if may_be_it:
-            result = replace(result, error_estimate=_estimate(found, problem, run, k + 1))
-            if (
-                result.error_estimate is not None
-                and SURE * result.error_estimate.distance <= result.error_estimate.asked
-            ):
-                break
-    return replace(result, wall_s=seconds)
+    accuracy = problem.accuracy
+    if accuracy is None:
+        run = Run(problem, placing)
+        return lambda: run.finish(*observed(run))
+    share = STEP_ERROR * (accuracy / USUAL) ** 2
+    allowed = [max(FINEST, share * FINER ** (CHECKS - k)) * problem.worm.length for k in range(CHECKS + TIGHTENED + 1)]
+    coarsest = Run(problem, placing, allowed[0])
+
+    def finish() -> Result:
+        found: list[FloatArray] = []
+        seconds = 0.0
+        for k, most in enumerate(allowed):
+            run = Run(problem, placing, most) if k > 0 else coarsest
+            may_be_it = k >= CHECKS
+            result = run.finish(*(observed(run) if may_be_it else checked))
+            seconds += result.wall_s
+            if result.status is not Status.DONE and (may_be_it or not result.status.diverged):
+                break  # a coarser run that failed is no comparison
+            if result.status is Status.DONE:
+                found.append(_measured(result))
+            if may_be_it and len(found) > 1:
+                asked = accuracy * max(abs(float(found[-1][0])), LEAST_WAY * problem.worm.length)
+                distance, heading, work = _errors(found)
+                distance = max(distance, LEAST_SHARE * asked)
+                estimate = ErrorEstimate(distance, heading, work, asked, most, int(run.solves), k + 1)
+                result = replace(result, error_estimate=estimate)
+                if SURE * distance <= asked:
+                    break
+        return replace(result, wall_s=seconds)
+
+    return finish
 
 
 def _measured(result: Result) -> FloatArray:
@@ -100,16 +97,11 @@ def _measured(result: Result) -> FloatArray:
     return np.array([way, result.heading[-1] - result.heading[0], result.energy.work_contract.sum()])
 
 
-def _estimate(found: list[FloatArray], problem: Problem, run: Run, runs: int) -> ErrorEstimate | None:
-    """Return what the last run is off by, from what those before it found; None without any."""
+def _errors(found: list[FloatArray]) -> tuple[float, ...]:
+    """Return what the last run is off by, from what those before it found: distance, turn and work."""
     *coarser, last = found
-    if not coarser:
-        return None
-    changed, far = abs(coarser[-1] - last), abs(coarser[max(0, len(coarser) - 2)] - last)
-    changed_before = abs(coarser[max(0, len(coarser) - 2)] - coarser[-1])
+    before, before_that = coarser[-1], coarser[max(0, len(coarser) - 2)]
+    changed, changed_before, far = abs(before - last), abs(before_that - before), abs(before_that - last)
     ratio = changed / np.maximum(np.maximum(changed_before, changed / SLOWEST), 1e-300)
     off = np.maximum(np.maximum(LEAST_FACTOR, ratio / (1.0 - ratio)) * changed, COARSER * far)
-    assert problem.accuracy is not None
-    asked = problem.accuracy * max(abs(float(last[0])), LEAST_WAY * problem.worm.length)
-    distance, heading, work = max(float(off[0]), LEAST_SHARE * asked), float(off[1]), float(off[2])
-    return ErrorEstimate(distance, heading, work, asked, _allowed(problem, runs - 1), int(run.solves), runs)
+    return tuple(off.tolist())

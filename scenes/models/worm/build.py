@@ -33,7 +33,7 @@ from scenes.models.worm.schema import (
     Worm,
 )
 from worm3d import run as runs
-from worm3d.accuracy.runs import finish, first
+from worm3d.accuracy.runs import begin
 from worm3d.actuation import Actuation, Sensor
 from worm3d.actuators import ACTUATORS
 from worm3d.physics.friction_laws import LAWS
@@ -88,10 +88,7 @@ def simulate(
     def observers(run: runs.Run) -> list[runs.Observer]:
         return [looks] if live is None else [live.follow(run), looks]
 
-    if problem.accuracy is not None:
-        return finish(first(problem), problem, observed=observers, checked=[looks])
-    run = runs.Run(problem)
-    return run.finish(*observers(run))
+    return begin(problem, observed=observers, checked=[looks])()
 
 
 def problem_of(
