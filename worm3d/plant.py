@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,18 +103,6 @@ def _roll_damping(worm: Worm) -> FloatArray:
     stiffness = sum(float(np.max(k, initial=0.0)) for k in (worm.k_spring * worm.l0, worm.k_torsion, worm.k_twist))
     damping: FloatArray = ROLL_DAMPING * stiffness * np.maximum(0.0, 1.0 - share)
     return damping
-
-
-class Pose(NamedTuple):
-    """What a plant is put into: the fields of a State of these names, not verified."""
-
-    joints: FloatArray
-    directors: FloatArray
-    bend: FloatArray
-    joint_velocity: FloatArray
-    roll_rate: FloatArray
-    bend_rate: FloatArray
-    contraction: FloatArray
 
 
 class Plant:
@@ -332,7 +320,7 @@ class Plant:
                 )
             view[...] = value
 
-    def set_pose(self, state: State | Pose) -> None:
+    def set_pose(self, state: State) -> None:
         """Put the worm there, moving as the state says, uncommanded and without stored friction."""
         n, x, rate = self.n, self.arrays["x"].reshape(-1, BLOCK), np.zeros((self.n + 1, BLOCK))
         x[:, :3], x[:n, 4] = state.joints, state.bend
@@ -364,23 +352,22 @@ class Plant:
         """Return the normal load of each contact point at the end of the last step, not a copy, shape (8, N) [N]."""
         return self._point_row("load_n")[0, :, : self.n]
 
-    def pose(self, dt: float = np.inf) -> Pose:
-        """Return pose and velocities, copies; `dt` is the last step's, for the rates of roll and bend."""
+    def state(self, time: float, dt: float = np.inf, **more: FloatArray) -> State:
+        """Return the state, with memory and `more` in it; `dt` is the last step's, for the rates of roll and bend."""
         n, a = self.n, self.arrays
         rates = a["last"].reshape(-1, BLOCK)[:n] / dt
-        return Pose(
+        return State.unchecked(
             joints=a["joints"][:3, : n + 1].T.copy(),
             directors=self._segment_row("d_ref").T.copy(),
             bend=a["x"].reshape(-1, BLOCK)[:n, 4].copy(),
             joint_velocity=a["joint_velocity"][:3, : n + 1].T.copy(),
-            roll_rate=rates[:, 3],
-            bend_rate=rates[:, 4],
+            roll_rate=rates[:, 3].copy(),
+            bend_rate=rates[:, 4].copy(),
             contraction=np.minimum(a["given"][0, : 2 * n].reshape(n, 2), GREATEST_CONTRACTION),
+            time=time,
+            laid=False,
+            memory=self.memory() | more,
         )
-
-    def state(self, time: float, dt: float = np.inf, **more: FloatArray) -> State:
-        """Return the state, with memory and `more` in it; `dt` as of `pose`."""
-        return State(**self.pose(dt)._asdict(), time=time, memory=self.memory() | more)
 
     def gap(self) -> float:
         """Return the least distance of a contact point that may touch from the world, infinite without any [m]."""

@@ -11,8 +11,9 @@ import numpy as np
 
 from worm3d.physics import elements
 from worm3d.physics.friction import RESTING_PENETRATION, Friction
-from worm3d.plant import DEEPEST, Plant, Pose
+from worm3d.plant import DEEPEST, Plant
 from worm3d.problem import Problem
+from worm3d.solver.arrays import POINTS
 from worm3d.solver.guard import OK
 from worm3d.solver.pose import settle as settle_core
 from worm3d.state import State, StateError
@@ -23,15 +24,13 @@ from worm3d.worm import Worm
 
 
 class Rested(NamedTuple):
-    """A worm that was brought to rest."""
+    """A worm that was brought to rest, or what it was before."""
 
+    state: State
     status: Status
     """Status DONE, or why it does not come to rest."""
     reason: str = ""
     """Which part was at fault, and what to do."""
-    pose: Pose | None = None
-    load: FloatArray | None = None
-    """Normal load of each contact point, shape (8, N) [N]."""
 
 
 Settling = Callable[[Problem, State], Rested]
@@ -195,8 +194,8 @@ def settle(problem: Problem, start: State) -> Rested:
     """Return the worm at rest under the part of gravity that presses it to the world, and DONE or why it does not rest.
 
     Steps of implicit Euler with a second each and no friction, stopped after each; where the world is `uneven`, short
-    ones with contacts that stick, until the worm rests. There are loads and no anchors yet (anchors are where the worm
-    touches).
+    ones with contacts that stick, until the worm rests. The state has loads and no anchors yet (anchors are where the
+    worm touches).
     """
     for method in STICKING if problem.world is not None and problem.world.uneven else (SLIDING,):
         rested = _settled(problem, start, method)
@@ -219,10 +218,10 @@ def _settled(problem: Problem, start: State, method: _Method) -> Rested:
     if end != OK:
         status = GUARDED[end]
         unsettled = status is Status.NO_CONVERGENCE
-        return Rested(Status.UNSETTLED if unsettled else status, plant.refused(status)[1])
+        return Rested(start, Status.UNSETTLED if unsettled else status, plant.refused(status)[1])
     plant.reset_at_pose()
     rests = moved < REST_TOLERANCE_LOOSE * worm.length
-    return Rested(Status.DONE if rests else Status.UNSETTLED, "", plant.pose(), plant.loads().copy())
+    return Rested(plant.state(start.time), Status.DONE if rests else Status.UNSETTLED)
 
 
 def hold(plant: Plant) -> bool:
@@ -305,12 +304,10 @@ def _is_settled(plant: Plant, start: State, settle_first: bool | None) -> bool:
 
 def _come_to_rest(plant: Plant, problem: Problem, start: State, settling: Settling) -> tuple[Status, str]:
     """Bring the worm to rest from its initial state; return DONE, or why it does not come to rest."""
-    status, reason, pose, load = settling(problem, start)
+    rested, status, reason = settling(problem, start)
     if status is Status.DONE:
-        assert pose is not None
-        assert load is not None
-        plant.set_pose(pose)
-        plant.set_loads(load)
+        plant.set_pose(rested)
+        plant.set_loads(rested.memory["load_n"].reshape(POINTS, -1)[:, : plant.n])
         if plant.world is not None and plant.world.uneven:
             hold(plant)
     return status, reason

@@ -104,6 +104,13 @@ class State(ReadOnly):
         copies = {name: np.array(value) for name, value in (memory or {}).items()}  # `Plant.remember` looks at each
         object.__setattr__(self, "memory", read_only(copies))
 
+    @classmethod
+    def unchecked(cls, **values: Any) -> State:
+        """Return the state of all these fields, which are as they have to be, with arrays of their own."""
+        state = cls.__new__(cls)
+        state.__setstate__(values)
+        return state
+
     def _set(self, name: str, value: ArrayLike, shape: tuple[int, ...]) -> None:
         object.__setattr__(self, name, arguments.array(name, value, shape, fill=True))
 

@@ -51,15 +51,11 @@ class _Utils:
 utils: Any = _Utils()
 
 
-def carray(*_: Any) -> Any:
-    """Stand for `numba.carray`."""
-    raise TypeError("this is for compiled code")
-
-
-def _numbas_carray() -> Any:
+def _carray() -> Any:
     import numba
 
     return numba.carray  # type: ignore[attr-defined]  # not listed in its __all__
 
 
-later(carray, _numbas_carray)
+carray: Any = placeholder(_carray)
+"""`numba.carray`, for compiled code."""
