@@ -3,11 +3,7 @@
 A stiff body has its centre of mass on a curved path, and its ends outside. `Bending` bends it as the path bends under
 it, at both ends (the middle bent as well rolls it over its inner feet); that needs no more time than layer 1.
 
-Chambers and hinges were planned within the wave, too, by an MPC (one iteration of Gauss and Newton from a fresh rollout
-of feet that stand and slip), pulled to this posture. It is gone, since it gained nothing for four times the time: on
-circles of 0.6 body lengths the head was 0.106 off in place of 0.104, with a dead chamber the offset was 0.063 in place
-of 0.056 (`mpc`: 0.055) and the cost of transport 2.55 in place of 2.50 (2.46). How far a bent body turns, and how much
-a steered wave, is a matter of which foot slips at which instant, which the reduced loads did not give.
+The wave itself is layer 1's; what planning chambers and hinges within it would gain is told in `control/README.md`.
 """
 
 from __future__ import annotations
