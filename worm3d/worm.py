@@ -243,10 +243,8 @@ class Worm(ReadOnly):
     def apex_mass(self) -> FloatArray:
         """Mass of each apex in the order of NOTATION.md, shape (N, 6) [kg]."""
         share = np.array([1.0, 1.0, float(self.outward_apexes)] * 2)
-        return np.tile(
-            (1.0 - self.joint_mass_fraction) * (self.mass - self.payload) / self.segments * share / share.sum(),
-            (self.segments, 1),
-        )
+        each = (1.0 - self.joint_mass_fraction) * (self.mass - self.payload) / self.segments * share / share.sum()
+        return np.full((self.segments, 6), each)
 
 
 def _stroke(given: tuple[float, float]) -> tuple[float, float]:

@@ -111,6 +111,11 @@ class Writer:
         """Return a where the mask is true, else b."""
         return self.once("select", mask, a, b)
 
+    def invoke(self, address: Any, result: Any, *args: Any) -> Any:
+        """Call the C function at an address."""
+        kind = ir.FunctionType(result, [arg.type for arg in args])
+        return self.builder.call(self.builder.inttoptr(address, kind.as_pointer()), args)
+
     def intrinsic(self, name: str, *args: Any) -> Any:
         """Call one of LLVM's own functions of doubles or vectors, as "sqrt"."""
         kind = args[0].type
@@ -245,14 +250,15 @@ def on_addresses(result: type = int) -> Callable[[Callable[..., Any]], Any]:
     """
 
     def make(write: Callable[..., Any]) -> Any:
-        return placeholder(lambda: _intrinsic(write, result))
+        return placeholder(lambda: intrinsic(write, result))
 
     return make
 
 
-def _intrinsic(write: Callable[..., Any], result: type) -> Any:
+def intrinsic(write: Callable[..., Any], result: type) -> Any:
+    """Return the intrinsic of such a function."""
+    from numba import extending
     from numba.core import types
-    from numba.extending import intrinsic
 
     def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         value = write(Writer(builder), *args)
@@ -264,4 +270,4 @@ def _intrinsic(write: Callable[..., Any], result: type) -> Any:
 
     typed.__name__, typed.__doc__ = write.__name__, write.__doc__
     typed.__signature__ = inspect.signature(write)  # type: ignore[attr-defined]
-    return intrinsic(typed)
+    return extending.intrinsic(typed)

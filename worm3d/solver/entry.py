@@ -9,31 +9,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from llvmlite import ir
-
 from worm3d.machine.compiled import inner
-from worm3d.machine.later import placeholder
+from worm3d.machine.writer import DOUBLE, Writer, on_addresses
 from worm3d.solver.arrays import COUNTERS, HANDLE, Core
 from worm3d.solver.block import Block, integers
 
 
-def _call() -> Any:
-    from numba.core import types
-    from numba.extending import intrinsic
-
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        integer, number = ir.IntType(64), ir.DoubleType()
-        kind = ir.FunctionType(number, [integer, number, integer, integer])
-        return builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
-
-    def typed(_context: Any, _address: Any, _handle: Any, _value: Any, _a: Any, _b: Any) -> Any:
-        return types.float64(types.int64, types.int64, types.float64, types.int64, types.int64), generate
-
-    return intrinsic(typed)
-
-
-call: Any = placeholder(_call)
-"""Call the entry at an address: (address, handle, value, a, b) -> float."""
+@on_addresses(float)
+def call(w: Writer, address: Any, handle: Any, value: Any, a: Any, b: Any) -> Any:
+    """Call the entry at an address."""
+    return w.invoke(address, DOUBLE, handle, value, a, b)
 
 
 @inner
