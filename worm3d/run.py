@@ -14,16 +14,15 @@ import numpy as np
 
 from worm3d.actuation import Commands, Driver
 from worm3d.energy import Energy
-from worm3d.physics.hysteresis import chamber_states
 from worm3d.plant import HISTORIES
 from worm3d.problem import Problem
 from worm3d.result import Result
-from worm3d.series import COUNTERS, Recorded, heading
+from worm3d.series import COUNTERS, Recorded
 from worm3d.solver.actuate import ask
 from worm3d.solver.advance import LAST, NEXT, SHORTEST, SINCE, SOLVES, advance, worst_residual
-from worm3d.solver.arrays import ALLOWED, POINTS, TOLERANCE
+from worm3d.solver.arrays import ALLOWED, TOLERANCE
 from worm3d.solver.guard import NO_CONVERGENCE, OK
-from worm3d.solver.records import Records, gather, mass_centre, record
+from worm3d.solver.records import Records, gather, record
 from worm3d.start import GUARDED, Placed, place
 from worm3d.state import State
 from worm3d.status import Status, Stop
@@ -306,33 +305,8 @@ class Run:
         return status
 
     def observation(self) -> Observation:
-        """Return what sensors see now, read straight from the solver: controllers ask for it at every step."""
-        arrays, n, worm = self.plant.arrays, self.n, self.plant.worm
-        momentum, com = mass_centre(self.core)
-        joints = arrays["joints"][:3, : n + 1].T.copy()
-        apexes, apex_velocity = (
-            arrays[name][:3].reshape(3, POINTS, -1)[:, :6, :n].T.copy() for name in ("points", "point_velocity")
-        )
-        states = {
-            name: arrays["actuator"][2 * k : 2 * k + 2, :n].T.copy()
-            for k, name in enumerate(chamber_states(type(worm.actuator), type(worm.hysteresis)))
-        }
-        for k, name in enumerate(type(worm.hinge_actuator).states):
-            states[f"hinge_{name}"] = arrays["hinge_states"][k, : n - 1].copy()
-        return Observation(
-            time=self.time(self.done),
-            chamber_strain=arrays["lengths"][:2, :n].T / worm.l0 - 1.0,
-            com=com,
-            com_velocity=momentum[:3] / worm.mass,
-            heading=float(heading(joints[None])[0]),
-            joints=joints,
-            joint_velocity=arrays["joint_velocity"][:3, : n + 1].T.copy(),
-            apexes=apexes,
-            apex_velocity=apex_velocity,
-            contraction=arrays["given"][0, : 2 * n].reshape(n, 2).copy(),
-            normal_load=self.plant.loads()[:6].T.copy(),
-            actuator_states=states,
-        )
+        """Return what sensors see now."""
+        return Observation.of(self.plant, self.time(self.done))
 
     @property
     def solves(self) -> float:

@@ -8,13 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from worm3d.series import Recorded, series_of
+from worm3d.physics.hysteresis import chamber_states
+from worm3d.series import Recorded, heading, series_of
+from worm3d.solver.arrays import POINTS
+from worm3d.solver.records import mass_centre
 from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
 from worm3d.values.documented import with_fields
 from worm3d.values.read_only import read_only
 
 if TYPE_CHECKING:
+    from worm3d.plant import Plant
     from worm3d.result import Result
     from worm3d.run import Run
     from worm3d.state import State
@@ -49,6 +53,36 @@ class Observation:
     """Normal load of each apex, shape (N, 6) [N]."""
     actuator_states: Mapping[str, FloatArray] = field(default_factory=dict)
     """States of the actuators by name, such as a pressure; those of chambers of shape (N, 2), of hinges (N-1,)."""
+
+    @classmethod
+    def of(cls, plant: Plant, time: float) -> Observation:
+        """Return what sensors see of a worm at a time, read straight from the solver: it is asked for at every step."""
+        arrays, n, worm = plant.arrays, plant.n, plant.worm
+        momentum, com = mass_centre(plant.core)
+        joints = arrays["joints"][:3, : n + 1].T.copy()
+        apexes, apex_velocity = (
+            arrays[name][:3].reshape(3, POINTS, -1)[:, :6, :n].T.copy() for name in ("points", "point_velocity")
+        )
+        states = {
+            name: arrays["actuator"][2 * k : 2 * k + 2, :n].T.copy()
+            for k, name in enumerate(chamber_states(type(worm.actuator), type(worm.hysteresis)))
+        }
+        for k, name in enumerate(type(worm.hinge_actuator).states):
+            states[f"hinge_{name}"] = arrays["hinge_states"][k, : n - 1].copy()
+        return cls(
+            time=time,
+            chamber_strain=arrays["lengths"][:2, :n].T / worm.l0 - 1.0,
+            com=com,
+            com_velocity=momentum[:3] / worm.mass,
+            heading=float(heading(joints[None])[0]),
+            joints=joints,
+            joint_velocity=arrays["joint_velocity"][:3, : n + 1].T.copy(),
+            apexes=apexes,
+            apex_velocity=apex_velocity,
+            contraction=arrays["given"][0, : 2 * n].reshape(n, 2).copy(),
+            normal_load=plant.loads()[:6].T.copy(),
+            actuator_states=states,
+        )
 
     @property
     def angular_velocity(self) -> FloatArray:

@@ -63,9 +63,9 @@ def evaluate(
 
 
 def _compiled() -> Any:
-    from worm3d.machine.back_end import dispatcher
+    import numba
 
-    return dispatcher(evaluate)
+    return numba.njit(evaluate)
 
 
 later(_run, lambda: intrinsic(_write, int))
