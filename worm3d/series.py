@@ -172,15 +172,15 @@ def variables_of(holder: Any, *first: str) -> Iterator[Variable]:
 
 
 @by
-def documented(holder: Any, text: str) -> str:
-    """Write the series of a class into its docstring, at the end."""
-    lines = [text.rstrip(), "", "    Attributes", "    ----------"]
+def documented(holder: Any) -> str:
+    """Return the series of a class in words."""
+    lines = ""
     for name, series in series_of(holder).items():
         kind = f"ndarray, shape {series.shape_text}" if series.dims else "number"
         unit = f" [{series.unit}]" if series.unit != "1" else ""
         about = f"{series.meaning[0].upper()}{series.meaning[1:]}{unit}."
-        lines += [f"    {name} : {kind}", fill(about, 110, initial_indent=" " * 8, subsequent_indent=" " * 8)]
-    return "\n".join([*lines, "    "])
+        lines += f"    {name} : {kind}\n{fill(about, 110, initial_indent=' ' * 8, subsequent_indent=' ' * 8)}\n"
+    return lines
 
 
 def heading(joints: FloatArray) -> FloatArray:

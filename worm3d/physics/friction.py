@@ -47,6 +47,8 @@ little (1) and a suddenly applied load overshoots and breaks loose early; the mo
 full load, as a rigid one does at once. The distance that a worm crawls does not depend on it.
 """
 
+_RANGE: dict[str, Any] = {"ge": 0, "le": GREATEST, "each": "segment"}
+
 
 @documented
 @dataclass(frozen=True, eq=False)
@@ -62,28 +64,13 @@ class Friction(ReadOnly):
     """
 
     forward: Numbers = parameter(
-        0.03,
-        meaning="kinetic coefficient against motion towards the head",
-        ge=0,
-        le=GREATEST,
-        each="segment",
-        aka=("mu_forward",),
+        0.03, meaning="kinetic coefficient against motion towards the head", aka=("mu_forward",), **_RANGE
     )
     backward: Numbers = parameter(
-        0.20,
-        meaning="kinetic coefficient against motion towards the tail",
-        ge=0,
-        le=GREATEST,
-        each="segment",
-        aka=("mu_backward",),
+        0.20, meaning="kinetic coefficient against motion towards the tail", aka=("mu_backward",), **_RANGE
     )
     lateral: Numbers = parameter(
-        0.20,
-        meaning="kinetic coefficient against motion sideways",
-        ge=0,
-        le=GREATEST,
-        each="segment",
-        aka=("mu_lateral", "sideways"),
+        0.20, meaning="kinetic coefficient against motion sideways", aka=("mu_lateral", "sideways"), **_RANGE
     )
     static_ratio: float = parameter(1.2, meaning="static over kinetic coefficient", ge=1)
     law: Any = field(default_factory=Coulomb)

@@ -17,31 +17,31 @@ T = TypeVar("T")
 class _Doc:
     """A docstring that is written when it is first read: few read any, and all of them take as long as a short run."""
 
-    def __init__(self, write: Callable[[Any, str], str], text: str) -> None:
-        self._write, self._text = write, text
+    def __init__(self, described: Callable[[Any], str], text: str) -> None:
+        self._described, self._text = described, text
 
     def __get__(self, instance: object, holder: Any) -> str:
-        holder.__doc__ = self._write(holder, self._text)
-        return str(holder.__doc__)
+        head, raises, rest = self._text.partition("    Raises\n")
+        if lines := self._described(holder):
+            head = f"{head.rstrip()}\n\n    Attributes\n    ----------\n{lines}" + ("\n" if raises else "    ")
+        holder.__doc__ = text = head + raises + rest
+        return text
 
 
-def by(write: Callable[[Any, str], str]) -> Callable[[type[T]], type[T]]:
-    """Return a decorator of classes, whose docstring becomes what `write` makes of the class and its own one."""
+def by(described: Callable[[Any], str]) -> Callable[[type[T]], type[T]]:
+    """Return a decorator that adds what is said of a class's attributes to its docstring, before the section Raises."""
 
     def decorate(holder: type[T]) -> type[T]:
-        holder.__doc__ = _Doc(write, holder.__doc__ or "")  # type: ignore[assignment]
+        holder.__doc__ = _Doc(described, holder.__doc__ or "")  # type: ignore[assignment]
         return holder
 
     return decorate
 
 
 @by
-def with_fields(holder: Any, text: str) -> str:
-    """Write the strings below the fields of a class into its docstring, before the section Raises if it has one."""
-    head, raises, rest = text.partition("    Raises\n")
-    lines = [f"    {name} : {kind}\n{indent(text, ' ' * 8)}\n" for name, kind, text in _fields(holder)]
-    gap = "\n" if raises else "    "
-    return f"{head.rstrip()}\n\n    Attributes\n    ----------\n{''.join(lines)}{gap}{raises}{rest}" if lines else text
+def with_fields(holder: Any) -> str:
+    """Return the strings below the fields of a class."""
+    return "".join(f"    {name} : {kind}\n{indent(text, ' ' * 8)}\n" for name, kind, text in _fields(holder))
 
 
 def _fields(holder: type) -> list[tuple[str, str, str]]:

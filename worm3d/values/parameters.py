@@ -170,12 +170,9 @@ def check(instance: Any, *, largest: float = arguments.LARGEST, **sizes: int) ->
 
 
 @by
-def documented(part: Any, text: str) -> str:
-    """Write the parameters of a dataclass into its docstring, before the section Raises if it has one."""
-    head, raises, rest = text.partition("    Raises\n")
-    lines = "".join(_described(known) for known in parameters_of(part).values())
-    gap = "\n" if raises else ""
-    return f"{head.rstrip()}\n\n    Attributes\n    ----------\n{lines}{gap}{raises}{rest}"
+def documented(part: Any) -> str:
+    """Return the parameters of a dataclass in words."""
+    return "".join(map(_described, parameters_of(part).values()))
 
 
 def _described(known: Parameter) -> str:
