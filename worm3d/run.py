@@ -231,7 +231,7 @@ class Run:
         if forces:  # steps of a tick take none at their start
             forces = [self._forces(self.time(self.done)) if self.adapts else forces[0], *forces]
         external, taken = np.array(forces).reshape(-1, 3, self.n + 1), 0
-        while taken < len(commands):
+        while taken + self.parts <= len(commands):
             done, end = self._steps(commands[taken:], external[taken:], self.every, self.dt, self.bdf2)
             taken, self.done = taken + done * self.parts, self.done + done
             if end == OK:

@@ -145,6 +145,18 @@ def test_a_run_that_fails_says_when() -> None:
     assert len(failed.time) == len(failed.newton_iterations) + 1
 
 
+def test_an_actuation_that_fails_between_two_ticks_keeps_the_whole_ones() -> None:
+    def failing(t: float) -> Command:
+        if t > 0.1234:
+            raise RuntimeError("broken")
+        return Command(np.full((6, 2), 0.1 * t))
+
+    failed = crawl(actuation=failing)
+    assert failed.status is Status.BAD_COMMAND
+    assert failed.stop.reason == "RuntimeError: broken"
+    assert_allclose(failed.time[-1], 0.12)
+
+
 def test_a_file_keeps_the_estimate(whole: Result, tmp_path: Path) -> None:
     whole.save(tmp_path / "run.nc")
     kept = load(tmp_path / "run.nc")
