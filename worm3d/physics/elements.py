@@ -9,6 +9,8 @@ by parallel transport and turned about t by the roll; d points left, u = t x d u
     P(a -> b) d = d - (d.b)/(1 + a.b) (a + b)
     d = cos(g) P(t_ref -> t) d_ref + sin(g) t x P(t_ref -> t) d_ref
 
+It turns with the spin w = t x de/l + t (dg + a.de), where a = -(t_ref x t)/((1 + t_ref.t) l).
+
 Chambers (E2) lie at the lateral offsets +b (left) and -b (right): l_L = l - b th, l_R = l + b th; each is a rhombus
 with links a, so that h_c = sqrt(a^2 - l_c^2/4).
 
@@ -70,6 +72,20 @@ def frame(e: ca.SX, roll: ca.SX, t_ref: ca.SX, d_ref: ca.SX) -> Frame:
     carried = transport(t_ref, t, d_ref)
     d = ca.cos(roll) * carried + ca.sin(roll) * ca.cross(t, carried)
     return Frame(length, t, d, ca.cross(t, d))
+
+
+def holonomy(f: Frame, t_ref: ca.SX) -> ca.SX:
+    """Return a of (E1), shape (3,): by how much the frame turns about t as e changes."""
+    return -ca.cross(t_ref, f.t) / ((1.0 + ca.dot(t_ref, f.t)) * f.length)
+
+
+def spin_change(f: Frame, t_ref: ca.SX, m: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return the derivatives in e, for a constant m, of what stands in m.w, (E1), with de (3, 3) and with dg (3,)."""
+    a, room = holonomy(f, t_ref), 1.0 + ca.dot(t_ref, f.t)
+    across = (m - ca.dot(m, f.t) * f.t) / f.length
+    of_a = -(ca.skew(t_ref) + a @ ((t_ref + f.t * (1.0 + room)) * f.length).T) / (room * f.length**2)
+    of_t = ca.skew(m) @ (ca.SX.eye(3) - f.t @ f.t.T) - ca.cross(m, f.t) @ f.t.T
+    return of_t / f.length**2 + a @ across.T + ca.dot(m, f.t) * of_a, across
 
 
 def chamber_lengths(length: ca.SX, bend: ca.SX, offset: ca.SX) -> list[ca.SX]:

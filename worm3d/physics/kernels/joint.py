@@ -2,6 +2,15 @@
 
 Coordinates: [p_{j-1} (3), g_{j-1}, th_{j-1}, p_j (3), g_j, th_j, p_{j+1} (3)] of the segments behind and ahead.
 The dampers act on the strains at the hinge angle of the step, as those of the chambers act at a given command.
+
+Derivatives go through the spins w_1, w_2 of the frames, (E1), of which the strains know the difference alone:
+
+    (J1)  ds_i = m_i.(w_2 - w_1),   m_twist = (t_1 + t_2)/(1 + t_1.t_2)
+          m_pitch = t_2 x (d x t_1) + d_2 x (c - s d)/|d_1 + d_2|   with the mean d of (E5), m_yaw likewise with u
+
+The second variation of an energy with the moment m = sum f_i m_i is, with m' the change of m as w_2 alone turns,
+
+    (J2)  (w_2 - w_1).(m'(w_2' - w_1') + w_1' x m) + m.(dw_2' - dw_1')
 """
 
 from __future__ import annotations
@@ -58,9 +67,12 @@ def _reduced_of(q: ca.SX) -> ca.SX:
 
 @cache
 def _angles_of_reduced() -> ca.SX:
+    return ca.vertcat(*elements.joint_angles(*_frames_of_reduced()), _REDUCED[8])
+
+
+def _frames_of_reduced() -> list[elements.Frame]:
     z = _REDUCED
-    frames = [elements.frame(z[3 * k : 3 * k + 3], z[6 + k], *_reference(k)) for k in range(2)]
-    return ca.vertcat(*elements.joint_angles(*frames), z[8])
+    return [elements.frame(z[3 * k : 3 * k + 3], z[6 + k], *_reference(k)) for k in range(2)]
 
 
 def _reference(k: int) -> tuple[ca.SX, ca.SX]:
@@ -92,21 +104,88 @@ _KNOWN = (("angles_n", "hinge"), ("angles_m", "hinge"), ("angles_n", "hinge_n"))
 
 
 @cache
-def _potential() -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Potential, gradient, and the strains' derivatives (3, 13), each times the root of its stiffness in the step."""
-    s, strains = LAYOUT.symbols, ca.vertcat(*_strains(_angles_of_reduced(), LAYOUT.symbols["hinge"]))
-    damped = s["tau"] / s["span"]
-    phi = ca.dot(s["k"] / 2.0, strains**2 + damped * (strains - s["strain_hat"]) ** 2)
-    root, L = ca.diag(ca.sqrt(s["k"] * (1.0 + damped))), ca.jacobian(_reduced(), s["q"])
-    parts = [phi, L.T @ ca.gradient(phi, _REDUCED), root @ ca.jacobian(strains, _REDUCED) @ L]
-    at = ca.substitute(parts, [_REDUCED], [_reduced()])
-    return at[0], ca.vertcat(at[1], _FILLING), ca.vertcat(at[2].T, ca.SX.zeros(ROW - COORDINATES, STRAINS))
+def _potential() -> tuple[ca.SX, ca.SX]:
+    """Potential, and gradient filled up with zeros."""
+    phi = _energy(_strains_of(_angles_of_reduced()))
+    at = ca.substitute([phi, _linear().T @ ca.gradient(phi, _REDUCED)], [_REDUCED], [_reduced()])
+    return at[0], ca.vertcat(at[1], _FILLING)
+
+
+def _energy(strains: ca.SX) -> ca.SX:
+    """Return the potential of springs and dampers at strains, shape (3,) [J]."""
+    s = LAYOUT.symbols
+    return ca.dot(s["k"] / 2.0, strains**2 + s["tau"] / s["span"] * (strains - s["strain_hat"]) ** 2)
+
+
+def _strains_of(angles: ca.SX) -> ca.SX:
+    return ca.vertcat(*_strains(angles, LAYOUT.symbols["hinge"]))
+
+
+def _linear() -> ca.SX:
+    """Return the derivatives of `_reduced` in the coordinates."""
+    return ca.jacobian(_reduced(), LAYOUT.symbols["q"])
 
 
 def gradient() -> ca.Function:
     """Return potential and gradient (13), filled up with zeros (16)."""
-    phi, slope, _ = _potential()
+    phi, slope = _potential()
     return LAYOUT.function("joint_gradient", {"phi": phi, "gradient": slope})
+
+
+_FRAMES = [elements.Frame(ca.SX.sym("l"), *(ca.SX.sym(axis, 3) for axis in "tdu")) for _ in range(2)]
+
+
+@cache
+def _derivatives() -> tuple[ca.SX, ca.SX]:
+    """Return the strains' derivatives, times the roots of their stiffnesses in the step (13, 3), and the Hessian."""
+    angles, strains = ca.SX.sym("angles", 4), ca.SX.sym("strains", 3)
+    stiffness, force = ca.hessian(_energy(strains), strains)
+    moments, bending = ca.horzcat(*_moments()), ca.jacobian(_strains_of(angles), angles[3])
+    spins = [_spin(k) for k in range(2)]
+    roots = ca.vertcat((spins[1] - spins[0]).T @ moments, bending.T) @ ca.sqrt(stiffness)
+    curve = roots @ roots.T
+    curve[:8, :8] += _curve(moments @ force, spins)
+    curve[8, 8] += ca.dot(force, ca.jacobian(bending, angles[3]))
+    curve = _linear().T @ ca.triu2symm(ca.triu(curve)) @ _linear()
+    known = _angles_of_reduced()
+    symbols = [strains, angles, *(part for frame in _FRAMES for part in frame)]
+    values = [_strains_of(known), known, *(part for frame in _frames_of_reduced() for part in frame)]
+    at = ca.substitute([_linear().T @ roots, ca.triu2symm(ca.triu(curve))], symbols, values)
+    roots, curve = ca.substitute(at, [_REDUCED], [_reduced()])
+    return roots, curve
+
+
+def _moments() -> list[ca.SX]:
+    """Return m of pitch, yaw and twist, (J1), each of shape (3,)."""
+    f, g = _FRAMES
+    c, found = ca.cross(f.t, g.t), []
+    for own, other in ((f.d, g.d), (f.u, g.u)):
+        size = ca.norm_2(own + other)
+        mean = (own + other) / size
+        found.append(ca.cross(g.t, ca.cross(mean, f.t)) + ca.cross(other, (c - ca.dot(c, mean) * mean) / size))
+    return [*found, (f.t + g.t) / (1.0 + ca.dot(f.t, g.t))]
+
+
+def _spin(k: int) -> ca.SX:
+    """Return the derivatives of the spin of a segment, (E1), in `_REDUCED` but the bends, shape (3, 8)."""
+    f, spin = _FRAMES[k], ca.SX.zeros(3, 8)
+    spin[:, 3 * k : 3 * k + 3], spin[:, 6 + k] = (
+        ca.skew(f.t) / f.length + f.t @ elements.holonomy(f, _reference(k)[0]).T,
+        f.t,
+    )
+    return spin
+
+
+def _curve(m: ca.SX, spins: list[ca.SX]) -> ca.SX:
+    """Return (J2) at constant f_i, shape (8, 8)."""
+    axes, between = _FRAMES[1][1:], spins[1] - spins[0]
+    turning = ca.jacobian(m, ca.vertcat(*axes)) @ ca.vertcat(*[-ca.skew(axis) for axis in axes])
+    curve = between.T @ (turning @ between - ca.skew(m) @ spins[0])
+    for k, (sign, f) in enumerate(zip((-1.0, 1.0), _FRAMES, strict=True)):
+        edge, (of_edge, of_roll) = slice(3 * k, 3 * k + 3), elements.spin_change(f, _reference(k)[0], m)
+        curve[edge, edge] += sign * of_edge
+        curve[6 + k, edge] += sign * of_roll.T
+    return curve
 
 
 def roots() -> ca.Function:
@@ -114,14 +193,15 @@ def roots() -> ca.Function:
 
     J^T J is Gauss-Newton's Hessian, without the second derivatives of the strains.
     """
-    phi, slope, roots = _potential()
-    return LAYOUT.function("joint_roots", {"phi": phi, "gradient": slope, "roots": roots})
+    phi, slope = _potential()
+    rows = ca.vertcat(_derivatives()[0], ca.SX.zeros(ROW - COORDINATES, STRAINS))
+    return LAYOUT.function("joint_roots", {"phi": phi, "gradient": slope, "roots": rows})
 
 
 def hessian() -> ca.Function:
     """Return what `gradient` does, and the whole Hessian, row by row, each filled up likewise (13 x 16)."""
-    phi, slope, _ = _potential()
-    rows = ca.vertcat(ca.hessian(phi, LAYOUT.symbols["q"])[0], ca.SX.zeros(ROW - COORDINATES, COORDINATES))
+    phi, slope = _potential()
+    rows = ca.vertcat(_derivatives()[1], ca.SX.zeros(ROW - COORDINATES, COORDINATES))
     return LAYOUT.function("joint_hessian", {"phi": phi, "gradient": slope, "hessian": rows})
 
 

@@ -175,22 +175,49 @@ def _linear() -> ca.SX:
 
 
 def _hessian(actuated: Energy | None) -> ca.SX:
-    """Return the Hessian of everything that moves with the segment, its points being free masses.
-
-    By the chain rule through w: midpoint, edge, d and u of the frame, lengths and roll, of which points and energies
-    are simple functions; that takes half of the operations.
-    """
-    s, x, w = LAYOUT.symbols, _shape_of_reduced(), ca.SX.sym("w", 15)
-    middle, edge, d, u, lengths, roll = ca.vertsplit(w, [0, 3, 6, 9, 12, 14, 15])
-    points = _points(middle, edge, elements.Frame(ca.SX(), ca.SX(), d, u), ca.vertsplit(lengths))
-    own, slope = ca.hessian(_energy(lengths, roll, actuated) + ca.dot(s["f_ahead"], points), w)
-    masses, J = ca.repmat(s["K"][:POINTS], 3, 1), ca.jacobian(points, w)
-    of_w = ca.vertcat(_REDUCED[:6], x.frame.d, x.frame.u, x.lengths, _REDUCED[6])
-    W, force = ca.jacobian(of_w, _REDUCED), ca.SX.sym("force", 15)
-    along = ca.hessian(ca.dot(force, of_w), _REDUCED)[0]
-    curve = W.T @ (own + J.T @ ca.diag(masses) @ J) @ W + ca.substitute(along, force, slope)
-    curve = _linear().T @ ca.triu2symm(ca.triu(ca.substitute(curve, w, of_w))) @ _linear()
+    """Return the Hessian of everything that moves with the segment, its points being free masses."""
+    s, frame = LAYOUT.symbols, _shape_of_reduced().frame
+    axes = ca.horzcat(*frame[1:])
+    turn = ca.diagcat(axes, axes, ca.SX.eye(2))
+    symbols = [ca.SX.sym("length"), ca.SX.sym("bend"), ca.SX.sym("t_ref", 3), ca.SX.sym("f", 3, POINTS)]
+    values = [frame.length, _REDUCED[7], axes.T @ s["t_ref"], axes.T @ ca.reshape(s["f_ahead"], POINTS, 3).T]
+    curve = turn @ ca.substitute([_curve(actuated, *symbols)], symbols, values)[0] @ turn.T
+    curve[:3, :3] = ca.sum1(s["K"][:POINTS]) * ca.SX.eye(3)
+    curve = _linear().T @ ca.triu2symm(ca.triu(curve)) @ _linear()
     return ca.substitute(ca.triu2symm(ca.triu(curve)), _REDUCED, _reduced())
+
+
+def _curve(actuated: Energy | None, length: ca.SX, bend: ca.SX, t_ref: ca.SX, f: ca.SX) -> ca.SX:
+    """Return it in components along the frame, for midpoint, edge, roll and bend.
+
+    There the points r = X - midpoint depend on length and bend alone. With the spin w of the frame, (E1),
+    dX = dm + w x r + dr and d2X = dw x r + w x (w' x r) + w x dr' + w' x dr + d2r.
+    """
+    s, roll, shape = LAYOUT.symbols, _REDUCED[6], ca.vertcat(length, bend)
+    own = elements.Frame(length, *ca.horzsplit(ca.SX.eye(3)))
+    lengths = elements.chamber_lengths(length, bend, s["offset"])
+    points = ca.reshape(_points(ca.SX.zeros(3), length * own.t, own, lengths), POINTS, 3).T
+    phi, twist = _energy(ca.vertcat(*lengths), roll, actuated), points @ f.T
+    curve = ca.SX.zeros(8, 8)  # in dm, w, dl and bend
+    curve[6:, 6:], slope = ca.hessian(phi + ca.dot(f, points), shape)
+    curve[3:6, 3:6] = twist - ca.trace(twist) * ca.SX.eye(3)
+    for k in range(POINTS):
+        moved = ca.jacobian(points[:, k], shape)
+        first = ca.horzcat(ca.SX.eye(3), -ca.skew(points[:, k]), moved)
+        curve += s["K"][k] * (first.T @ first)
+        turned = -ca.skew(f[:, k]) @ moved
+        curve[3:6, 6:] += turned
+        curve[6:, 3:6] += turned.T
+    m = ca.vertcat(twist[1, 2] - twist[2, 1], twist[2, 0] - twist[0, 2], twist[0, 1] - twist[1, 0])
+    a = elements.holonomy(own, t_ref)
+    way = ca.diagcat(ca.SX.eye(3), ca.skew(own.t) / length + own.t @ a.T, ca.SX.zeros(2, 2))
+    way[3, 6] = way[6, 3] = way[7, 7] = 1.0
+    curve = way.T @ curve @ way
+    of_edge, of_roll = elements.spin_change(own, t_ref, m)
+    curve[3:6, 3:6] += of_edge + slope[0] / length * (ca.SX.eye(3) - own.t @ own.t.T)
+    curve[6, 3:6] += of_roll.T
+    curve[6, 6] += ca.hessian(phi, roll)[0]
+    return ca.triu2symm(ca.triu(curve))
 
 
 def _chamber(length: ca.SX, commanded: ca.SX) -> ca.SX:
