@@ -14,7 +14,7 @@ def _transpose(to: int, to_stride: int, source: int, stride: int) -> None:
 
 @njit
 def _sums(eight: int, source: int, rows: int, pitch: int, roots: int) -> None:
-    vectors.add_8(eight, source)
+    vectors.add_rows(eight, 8, source, 8, 1)
     vectors.add_squares(rows, pitch, roots)
 
 

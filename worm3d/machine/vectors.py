@@ -74,9 +74,11 @@ def repeat_8(w: Writer, to: Any, stride: Any, source: Any) -> None:
 
 
 @on_addresses()
-def add_8(w: Writer, to: Any, source: Any) -> None:
-    """Add 8 doubles to those at an address."""
-    w.store(w.add(w.load(to), w.load(source)), to)
+def add_rows(w: Writer, to: Any, pitch: Any, source: Any, stride: Any, count: Any) -> None:
+    """Add rows of 8 doubles, `stride` apart, to those at an address, `pitch` apart."""
+    with utils.for_range(w.builder, count) as loop:
+        there = w.shifted(to, loop.index, pitch)
+        w.store(w.add(w.load(there), w.load(w.shifted(source, loop.index, stride))), there)
 
 
 @on_addresses()

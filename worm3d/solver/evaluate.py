@@ -32,8 +32,8 @@ SHORTEST = 1e-4
 """Shortest length of a chamber, as a fraction of that of its links, which they can take."""
 LENGTHS, TANGENT, DIRECTOR = 0, 2, 5
 """Rows of "rest"."""
-NONE, WHOLE, EXACT, LOCAL, HESSIANS = 0, 1, 2, 3, 4
-"""Parts of the band that `evaluate` fills, and the number of these choices."""
+NONE, WHOLE, EXACT, LOCAL, FORCES, CHOICES = range(6)
+"""What `evaluate` fills, and the number of these choices."""
 PHI, LOAD = 3, 4
 """Rows of "point_out"."""
 STIFFNESS, _ROWS = 8, 17
@@ -94,26 +94,29 @@ def evaluate(core: Core, which: int, coupled: bool, hessian: int) -> float:
         Array with the coordinates, X or TRIAL.
     hessian : int
         Whether to fill the band: NONE; WHOLE, with Gauss-Newton's part of the joints; EXACT, with all of it, which
-        bodies near their limit point need; or LOCAL, only the contributions of the contacts that "changed" names.
+        bodies near their limit point need; or LOCAL, only the contributions of the contacts that "changed" names. With
+        FORCES not even the gradient is filled: points are placed, and their forces computed.
     """
-    value: float = call(kernel(core, a.EVALUATE), core.handle, 0.0, which, HESSIANS * coupled + hessian)
+    value: float = call(kernel(core, a.EVALUATE), core.handle, 0.0, which, CHOICES * coupled + hessian)
     return value
 
 
 def evaluate_entry(handle: int, _value: float, which: int, flags: int) -> float:
     """`evaluate` as an entry."""
     core = opened(handle)
-    return _evaluate(core, vector(core.block, which), flags >= HESSIANS, flags % HESSIANS)
+    return _evaluate(core, vector(core.block, which), flags >= CHOICES, flags % CHOICES)
 
 
 @inner
 def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
     n = core.n
-    count(core, 1 if hessian == NONE else 0)
+    count(core, 1 if hessian in (NONE, FORCES) else 0)
     if not place(core, x):
         return np.inf
     fill(rows(core.block, a.POINT_IN, _COUPLED, 1), 1.0 if coupled else 0.0)
     _points(core, coupled, hessian)
+    if hessian == FORCES:
+        return 0.0
     joint_in, joint_out = matrix(core.block, a.JOINT_IN), matrix(core.block, a.JOINT_OUT)
     to_joints(core, _JOINT_Q, x.ctypes.data)
     if hessian == WHOLE:
@@ -152,16 +155,17 @@ def _points(core: Core, coupled: bool, hessian: int) -> None:
     changed, lanes = vector(core.block, a.CHANGED), point_in.shape[1] // POINTS
     for first in range(0, point_in.shape[1], vectors.WIDTH):
         free = coupled and open_at(core, first)
-        if hessian in (NONE, LOCAL):
+        if hessian in (NONE, LOCAL, FORCES):
             which = a.POINT_FREE_FORCE if free else a.POINT_FORCE
             evaluate_kernel(kernel(core, which), point_in, out[:_FORCES], vectors.WIDTH, first)
             continue
         which = a.POINT_FREE_STIFFNESS if free else a.POINT_AHEAD
         evaluate_kernel(kernel(core, which), point_in, out, vectors.WIDTH, first)
         if not free:
+            beyond = first + core.n - first % lanes
             for k in range(first, first + vectors.WIDTH):
                 loaded = not coupled or point_in[_REGIME, k] != point.OPEN
-                changed[k] = 1.0 if loaded and k % lanes < core.n else 0.0
+                changed[k] = 1.0 if loaded and k < beyond else 0.0
 
 
 @inner
@@ -216,14 +220,13 @@ def _add_gradients(core: Core) -> None:
 def hold(core: Core, in_band: bool) -> None:
     """Set the gradient of held coordinates to zero, and their rows and columns in the band to those of the identity."""
     held, gradient = vector(core.block, a.HELD), vector(core.block, a.GRADIENT)
-    band = matrix(core.block, a.BAND)
-    size, none = len(held), 0
-    for k in range(size):
-        if k % vectors.WIDTH == 0:
-            none = vectors.all_equal(address(core.block, a.HELD, 0) + 8 * k, 0.0)
-        if none != 0:
+    band, size = matrix(core.block, a.BAND), vector(core.block, a.HELD).size
+    for first in range(0, size, vectors.WIDTH):
+        if vectors.all_equal(address(core.block, a.HELD, 0) + 8 * first, 0.0) != 0:
             continue
-        if held[k] != 0.0:
+        for k in range(first, min(first + vectors.WIDTH, size)):
+            if held[k] == 0.0:
+                continue
             gradient[k] = 0.0
             if not in_band:
                 continue
@@ -240,7 +243,7 @@ def _fill_band(core: Core, exact: bool) -> None:
     inertia, drag, pitch = (
         vector(core.block, a.JOINT_INERTIA),
         vector(core.block, a.JOINT_DRAG),
-        8 * (band.shape[1] - 1),
+        band.shape[1] - 1,
     )
     vectors.clear(address(core.block, a.BAND, 0), band.size)
     for j in range(core.n + 1):
@@ -257,17 +260,17 @@ def _fill_band(core: Core, exact: bool) -> None:
             0,
             matrix(core.block, a.JOINT_OUT).shape[0] - 1 if exact else _ROOTS,
         )
-    for i in range(core.n):
-        own = address(core.block, a.SEGMENT_BLOCKS, i)
-        for r in range(_OWN):
-            vectors.add_8(_row(core, a.BAND, i, r), own + 8 * _OWN * (1 + r))
+    for begin in range(2):  # blocks that overlap would wait for each other
+        for i in range(begin, core.n, 2):
+            own = address(core.block, a.SEGMENT_BLOCKS, i) + 8 * _OWN
+            vectors.add_rows(_row(core, a.BAND, i, 0), pitch, own, _OWN, _OWN)
     for i in range(core.n - 1):
-        own = address(core.block, a.JOINT_BLOCKS, i) + 8 * joint.ROW
+        own, to = address(core.block, a.JOINT_BLOCKS, i) + 8 * joint.ROW, _row(core, a.BAND, i, 0)
         if exact:
-            for r in range(0, _BOTH * joint.ROW, vectors.WIDTH):
-                vectors.add_8(_row(core, a.BAND, i, r // joint.ROW) + 8 * (r % joint.ROW), own + 8 * r)
+            for half in range(0, joint.ROW, vectors.WIDTH):
+                vectors.add_rows(to + 8 * half, pitch, own + 8 * half, joint.ROW, _BOTH)
         else:
-            vectors.add_squares(_row(core, a.BAND, i, 0), pitch, own)
+            vectors.add_squares(to, 8 * pitch, own)
     fill(vector(core.block, a.KNOWN), 0.0)
 
 

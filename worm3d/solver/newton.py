@@ -19,7 +19,7 @@ from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import address, combine, copy, dot, fill, matrix, rows, total, vector
 from worm3d.solver.descent import descend, largest
 from worm3d.solver.entry import call, count, kernel, opened
-from worm3d.solver.evaluate import EXACT, LOAD, LOCAL, NONE, WHOLE, evaluate, hold
+from worm3d.solver.evaluate import EXACT, FORCES, LOAD, LOCAL, NONE, WHOLE, evaluate, hold
 from worm3d.values.arrays import FloatArray
 
 MAX_ITERATIONS = 40
@@ -47,6 +47,12 @@ SLIDE_AT_ONCE = 25.0
 """Square of y over the yield limit beyond which a stuck contact slides at once, where no guess is to be trusted."""
 KEPT = 3e-4
 """Motion of x, as a fraction of the segment length, up to which the Jacobian is kept but for contacts that change."""
+SLOWEST = 0.05
+"""Least ratio of the next Newton step to the last, with a kept Jacobian, that is counted on: one that is foreseen to be
+within the tolerance is not computed."""
+QUIET = 1e-9
+"""Newton step, as a fraction of the body length, below which contacts at which nothing was new are not looked at before
+the last one."""
 STAGNATION = 1e-12
 """Newton step, as a fraction of the body length, below which steps that no longer shrink count as rounding."""
 
@@ -141,16 +147,18 @@ def _follow(core: Core, whole: int) -> bool:
         strays += size > far
         if not size <= DIVERGED * length or strays > MAX_STRAYS:
             return False
-        news, lands = _news(core, size, doubt)
         fresh = fresh + 1 if hessian in (EXACT, WHOLE) else 0
+        done = _converged(size / length, previous / length, fresh, hessian, tolerance)
+        quiet = before == NOTHING and hessian == NONE and not done and size < QUIET * length
+        news, lands = (NOTHING, False) if quiet else _news(core, size, doubt)
         if news == CHANGED:
             changes += 1
             doubt *= DOUBT
             if changes > MAX_CHANGES:
                 return False
-        elif news == NOTHING and _converged(size / length, previous / length, fresh, tolerance):
+        elif news == NOTHING and done:
             if not regimes.break_away(core, 0.0):
-                return True
+                return _ended(core, size < tolerance * length)
             news = FREED
         if news == FREED:  # another problem from here on
             count(core, 2)
@@ -185,9 +193,20 @@ def _news(core: Core, size: float, doubt: float) -> tuple[int, bool]:
 
 
 @inner
-def _converged(size: float, previous: float, fresh: int, tolerance: float) -> bool:
-    """Return whether a step, as a fraction of the body length, is small enough, or one that no longer shrinks."""
-    return size < tolerance or (fresh > 1 and size < STAGNATION and size > 0.5 * previous)
+def _converged(size: float, previous: float, fresh: int, hessian: int, tolerance: float) -> bool:
+    """Return whether a step, as a fraction of the body length, or the next one is small enough, or it is rounding."""
+    if size < tolerance or (fresh > 1 and size < STAGNATION and size > 0.5 * previous):
+        return True
+    return hessian == NONE and size * max(size, SLOWEST * previous) < tolerance * previous
+
+
+@inner
+def _ended(core: Core, reached: bool) -> bool:
+    """Take the last step, which leads to the solution, unless x is there; return True."""
+    if not reached:
+        combine(vector(core.block, a.X), 1.0, vector(core.block, a.X), -1.0, vector(core.block, a.DIRECTION))
+        evaluate(core, a.X, True, FORCES)
+    return True
 
 
 @inner

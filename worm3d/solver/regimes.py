@@ -166,14 +166,14 @@ def break_away(core: Core, margin: float) -> bool:
     p, out = matrix(core.block, a.POINT_IN), matrix(core.block, a.YIELDING_OUT)
     stuck, concerned = vector(core.block, a.STUCK), vector(core.block, a.CHANGED)
     excess, recent, breaks = out[STATIC_EXCESS], out[RECENT], False
-    opened = False
-    for k in range(p.shape[1]):
-        if k % vectors.WIDTH == 0:
-            opened = open_at(core, k)
-        if not opened and p[_LIMIT_RATIO, k] > 1.0 and p[_REGIME, k] != point.OPEN:
-            if margin > 0.0 and abs(excess[k]) <= margin * recent[k]:
-                return False
-            breaks = breaks or excess[k] > 0.0
+    for first in range(0, p.shape[1], vectors.WIDTH):
+        if open_at(core, first):
+            continue
+        for k in range(first, first + vectors.WIDTH):
+            if p[_LIMIT_RATIO, k] > 1.0 and p[_REGIME, k] != point.OPEN:
+                if margin > 0.0 and abs(excess[k]) <= margin * recent[k]:
+                    return False
+                breaks = breaks or excess[k] > 0.0
     if not breaks:
         return False
     for k in range(p.shape[1]):
