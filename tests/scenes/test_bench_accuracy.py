@@ -12,12 +12,6 @@ from scenes.commands.runner import simulate
 from scenes.language.loader import shipped_scenes
 from scenes.models.loading import load_scene
 
-UNMEASURED = {
-    *("circling", "inchworm", "larva_network", "phases", "pipe_reflex", "pipe_reflex_vertical", "shc", "sidewinding"),
-    *("turn", "turn_planned"),
-}
-"""Scenes whose time steps nobody has judged yet: they wait for error-controlled steps, which will judge all."""
-
 SHIPPED = Path(accuracy.__file__).with_suffix(".md").read_text(encoding="utf-8")
 
 
@@ -25,7 +19,7 @@ def test_the_shipped_table_has_every_case_and_the_cases_every_scene() -> None:
     for name in accuracy.CASES:
         assert SHIPPED.count(f"| {name} |") == 3, "make it anew: worm3d bench accuracy"
     worms = {n for n in shipped_scenes() if load_scene(n).model.name in ("worm", "worm_planar")}
-    assert {case.scene for case in accuracy.CASES.values()} == worms - {"free_fall", "slope"} - UNMEASURED
+    assert {case.scene for case in accuracy.CASES.values()} == worms - {"free_fall", "slope"}
 
 
 def test_the_shipped_table_fits_a_terminal() -> None:
@@ -77,4 +71,4 @@ def test_a_run_that_stops_is_a_sentence(worm3d, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(accuracy, "CASES", {"folds": Case("flat", ("gait.hinge_deg=110",))})
     done = worm3d("bench", "accuracy", "--out", "out", "--quiet")
     assert (done.code, done.out) == (3, "")
-    assert done.complaints[0].startswith("bench: folds, time step ")
+    assert done.complaints[0].startswith("bench: folds, run.dt_s=")

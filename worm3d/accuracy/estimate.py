@@ -21,6 +21,8 @@ ROUGH = (
     "on uneven ground every stone decides, and a single distance means little: take the mean over "
     f"{ENOUGH} starts or more (worm3d.scattered, worm3d.simulate_batch, worm3d.Spread)"
 )
+ROUGH_FROM = 0.01
+"""Height of bumps, as a fraction of the length of a segment, from which ground is uneven in this sense."""
 SHIFT = 1e-3
 """Distance by which starts differ at most, as a fraction of the body length: small against what a worm can feel."""
 
@@ -90,6 +92,12 @@ class Spread:
                 raise ValueError(f"results: got run {k}, of which {each.stop.sentence}; must have reached its end")
         way = np.array([each.distance for each in results])
         return cls(float(way.mean()), float(way.std(ddof=1) / np.sqrt(len(way))), len(way))
+
+
+def rough(result: Result) -> bool:
+    """Return whether the ground of a run has bumps within the length of a segment: the start decides the distance."""
+    length = result.worm.l0
+    return result.world is not None and result.world.bumps(length) > ROUGH_FROM * length
 
 
 def scattered(state: State, count: int = ENOUGH, within: float | None = None, seed: int = 0) -> list[State]:

@@ -26,13 +26,9 @@ FINER = 4.0
 """How much less is allowed in the steps of each run than in those of the run before."""
 CHECKS, TIGHTENED = 2, 4
 """Number of coarser runs that a run is compared with, and the largest number of times that it is made finer then."""
-LEAST_FACTOR, SLOWEST = 2.0, 0.8
-"""A run is expected to be off by so many times what it differs by from the run before, at least; if the differences of
-runs fall by a ratio r, by r/(1 - r) times that, with r at most so large."""
-COARSER, LEAST_SHARE = 0.5, 0.03
-"""The same for its difference from the run two before, and the least error of the distance that is told, as a share of
-what was asked for: runs may agree by chance."""
-
+FINAL, EARLIER, LEAST_SHARE = 2.0, 1.25, 0.03
+"""A run is expected to be off by so many times what it differs by from the run before, or from the one before that,
+whichever is more, and at least by this share of what was asked for: runs may agree by chance."""
 SURE = 2.0
 """A run is made finer until so many times its estimate is as little as was asked for: errors are rarely larger."""
 LEAST_WAY = 0.1
@@ -100,8 +96,6 @@ def _measured(result: Result) -> FloatArray:
 def _errors(found: list[FloatArray]) -> tuple[float, ...]:
     """Return what the last run is off by, from what those before it found: distance, turn and work."""
     *coarser, last = found
-    before, before_that = coarser[-1], coarser[max(0, len(coarser) - 2)]
-    changed, changed_before, far = abs(before - last), abs(before_that - before), abs(before_that - last)
-    ratio = changed / np.maximum(np.maximum(changed_before, changed / SLOWEST), 1e-300)
-    off = np.maximum(np.maximum(LEAST_FACTOR, ratio / (1.0 - ratio)) * changed, COARSER * far)
+    before = coarser[max(0, len(coarser) - 2)]
+    off = np.maximum(FINAL * abs(coarser[-1] - last), EARLIER * abs(before - last))
     return tuple(off.tolist())

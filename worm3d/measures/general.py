@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from worm3d.accuracy.estimate import ROUGH, ErrorEstimate
+from worm3d.accuracy.estimate import ROUGH, ErrorEstimate, rough
 from worm3d.energy import TERMS, Energy
 from worm3d.measures.table import NoValueError, measure
 from worm3d.measures.way import NO_HEADING, NO_PERIOD, NO_WAY, SHORT_RUN, along_the_ground, averaged, path_length, way
@@ -113,8 +113,7 @@ ERRORS = {
 
 def _error(result: Result, of: Callable[[ErrorEstimate], float]) -> float:
     if result.error_estimate is None:
-        rough = f"; {ROUGH}" if result.world is not None and result.world.uneven else ""
-        raise NoValueError(FIXED + rough)
+        raise NoValueError(f"{FIXED}; {ROUGH}" if rough(result) else FIXED)
     return of(result.error_estimate)
 
 

@@ -13,7 +13,7 @@ from control.sensing.gate import Gate
 from control.sensing.sensors import QUANTITIES
 from control.supervisor import MOST_SHIFTED
 from scenes.records.record import Cell
-from worm3d.accuracy.estimate import ROUGH
+from worm3d.accuracy.estimate import ROUGH, rough
 
 Row = dict[str, Cell]
 """`time_s` [s], when it was found, `kind`, `what` and `advice`."""
@@ -29,8 +29,9 @@ def of_plant(result: worm3d.Result) -> list[Row]:
         advice = "what it does then is not what its gait means: ask for gentler turns, less slope or less of a push"
         found.append(_row(since, "on its side", "the worm lies on its side", advice))
     if error is not None and not error.met:
-        rough = result.world is not None and result.world.uneven
-        advice = ROUGH if rough else "small causes decide here: ask for less, or take the mean of several starts"
+        advice = (
+            ROUGH if rough(result) else "small causes decide here: ask for less, or take the mean of several starts"
+        )
         found.append(_row(float(result.time[-1]), "not accurate", error.sentence, advice))
     return found
 
