@@ -66,11 +66,11 @@ class Function:
 
     def _given(self, place: int, arg: Any) -> tuple[Any, Any, bytes]:
         """Return an argument with its structure and numbers; of a tuple, which often is that of the last call, kept."""
-        if not isinstance(arg, tuple):
-            return arg, _structure(arg), _numbers(arg)
         known = self._tuples.get(place)
         if known is None or known[0] is not arg:
-            known = self._tuples[place] = arg, _structure(arg), _numbers(arg)
+            known = arg, *_read(arg)
+            if isinstance(arg, tuple):
+                self._tuples[place] = known
         return known
 
     @functools.cached_property
@@ -114,7 +114,7 @@ class Function:
         function = self._function
         own = hashlib.sha256(Path(inspect.getfile(function)).read_bytes()).hexdigest()
         parts: list[Any] = [self._version(), own, function.__module__, function.__qualname__, self._level, host]
-        parts += [[*map(_structure, args)], result, llvm.get_process_triple(), llvmlite.__version__]
+        parts += [[_read(arg)[0] for arg in args], result, llvm.get_process_triple(), llvmlite.__version__]
         return hashlib.sha256("\0".join(map(str, parts)).encode()).hexdigest()
 
     def _prepared(self, args: Any) -> Callable[..., Any]:
@@ -142,24 +142,21 @@ def _dispatcher(function: Callable[..., Any]) -> Any:
     return dispatcher(function)
 
 
-def _structure(value: Any) -> Any:
-    """Return what values of the same structure have in common."""
-    if isinstance(value, np.ndarray):
-        return value.dtype.str, value.ndim
-    if isinstance(value, tuple):
-        return type(value).__qualname__, *map(_structure, value)
-    return float if isinstance(value, float) else bool if isinstance(value, bool | np.bool_) else int
+def _read(value: Any) -> tuple[Any, bytes]:
+    """Return what values of the same structure have in common, and the numbers that are handed over for this one.
 
-
-def _numbers(value: Any) -> bytes:
-    """Return the numbers that are handed over for an argument, 8 bytes each: of an array its address and sizes."""
+    These are 8 bytes each; of an array they are its address and sizes.
+    """
     if isinstance(value, np.ndarray):
         if not value.flags.c_contiguous:
             raise ValueError("an array must be C-contiguous")
-        return _PACKS[value.ndim](value.ctypes.data, *value.shape)
+        return (value.dtype.str, value.ndim), _PACKS[value.ndim](value.ctypes.data, *value.shape)
     if isinstance(value, tuple):
-        return b"".join(map(_numbers, value))
-    return _DOUBLE(value) if isinstance(value, float) else _PACKS[0](int(value))
+        parts = [_read(each) for each in value]
+        return (type(value).__qualname__, *(each for each, _ in parts)), b"".join([numbers for _, numbers in parts])
+    if isinstance(value, float):
+        return float, _DOUBLE(value)
+    return bool if isinstance(value, bool | np.bool_) else int, _PACKS[0](int(value))
 
 
 _PACKS = [struct.Struct(f"{1 + ndim}q").pack for ndim in range(8)]
