@@ -56,7 +56,7 @@ class Controller(
     wave: Wave = setting(
         "sine",
         title="form of the contraction. sine: half a sine; steep: segments stay short for longer, so that it is faster "
-        "and takes less work, but turns less sharply",
+        "and takes less work, but turns less sharply, and not well below 0.04 m/s",
     )
     period_s: float = quantity(0.2, unit="s", gt=0, title="time between two decisions", aka=("control_period_s",))
     map: Literal["own", "nearby", "default"] = setting(
