@@ -20,7 +20,6 @@ from itertools import pairwise
 from typing import Any, Literal, get_args
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from worm3d.values import arguments
@@ -229,6 +228,8 @@ class Centreline(ReadOnly):
 
     def _is_apart(self, reach: float) -> bool:
         """Return whether places that are pi times the reach apart along the line are twice as far apart in space."""
+        import scipy  # takes long, and few ask for it
+
         beyond = float(np.linalg.norm(np.ptp(self.start, axis=0))) + self.total / len(self.length) + 4.0 * reach
         count = int(np.ceil((self.total + 2.0 * beyond) / (SAMPLED * reach))) + 1
         along, step = np.linspace(-beyond, self.total + beyond, count, retstep=True)
@@ -304,6 +305,8 @@ def _require_pieces(pieces: Any) -> None:
 
 def _samples(points: FloatArray, spans: int) -> tuple[FloatArray, FloatArray]:
     """Return places and unit tangents of the spline through points (P, 3), `spans` to each stretch, each (S, 3)."""
+    import scipy  # takes long, and few ask for it
+
     chord = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
     spline = scipy.interpolate.CubicSpline(chord, points, bc_type="natural" if len(points) > 2 else "not-a-knot")
     at = np.concatenate([np.linspace(a, b, spans, endpoint=False) for a, b in pairwise(chord)])

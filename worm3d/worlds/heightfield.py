@@ -8,7 +8,6 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from worm3d.values import arguments
@@ -154,6 +153,8 @@ class Heightfield(World, ReadOnly):
     @cached_property
     def _tables(self) -> tuple[FloatArray, FloatArray]:
         """Coefficients of the spline, in spacings, and grips, each with `EDGE` more nodes all around."""
+        import scipy  # takes long, and few ask for it
+
         grips = np.broadcast_to(self.grip, self.heights.shape)
         padded = np.pad(self.heights / self.spacing, EDGE, mode="edge")
         return np.ascontiguousarray(scipy.ndimage.spline_filter(padded, order=3)), np.pad(grips, EDGE, mode="edge")
@@ -161,6 +162,8 @@ class Heightfield(World, ReadOnly):
     @cached_property
     def _tops(self) -> FloatArray:
         """Return what the surface in each cell lies below: the largest coefficient about it."""
+        import scipy  # takes long, and few ask for it
+
         tops: FloatArray = scipy.ndimage.maximum_filter(self._tables[0], size=4, origin=-1)
         return np.ascontiguousarray(tops)
 
@@ -185,6 +188,8 @@ class Heightfield(World, ReadOnly):
 
     def height(self, places: FloatArray) -> FloatArray:
         """Return the height of the surface at x, y of shape (..., 2), shape (...,) [m]."""
+        import scipy  # takes long, and few ask for it
+
         nodes = (np.asarray(places, dtype=float) - self.origin).reshape(-1, 2) / self.spacing + EDGE
         found: FloatArray = scipy.ndimage.map_coordinates(
             self._tables[0], nodes.T, order=3, prefilter=False, mode="nearest"
@@ -229,6 +234,8 @@ class Heightfield(World, ReadOnly):
 
         What an opening by a square of that side takes away (Serra, Image Analysis and Mathematical Morphology, 1982).
         """
+        import scipy  # takes long, and few ask for it
+
         nodes = 2 * round(within / self.spacing / 2.0) + 1
         if min(nodes, *self.heights.shape) < 3:
             return 0.0

@@ -12,7 +12,6 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from worm3d.machine.compiled import inner, njit
@@ -39,6 +38,8 @@ FAR = 1e30
 
 def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:
     """Return the grid of a closed mesh whose faces look outwards."""
+    import scipy  # takes long, and few ask for it
+
     size = node_counts(np.ptp(vertices, axis=0), cell, MARGIN)
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     first = middle - cell * (np.array(size) - 1.0) / 2.0
@@ -50,6 +51,8 @@ def filled(vertices: FloatArray, faces: IntArray, cell: float) -> Grid:
 
 def _everywhere(corners: FloatArray, size: tuple[int, int, int]) -> FloatArray:
     """Return the signed distance of all nodes."""
+    import scipy  # takes long, and few ask for it
+
     distance, nearest = np.full(size, FAR), np.full(size, -1, dtype=np.int32)
     _near(corners, NEAR, distance, nearest)
     unknown = nearest < 0

@@ -8,7 +8,6 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from worm3d.values import arguments
@@ -248,6 +247,8 @@ def _bent(curvature: FloatArray) -> tuple[bool, ...]:
 
 def _along(points: FloatArray, pieces: FloatArray) -> FloatArray:
     """Return how far along a chain of pieces (K, 11) the places nearest to points (P, 3) are, shape (P,) [m]."""
+    import scipy  # takes long, and few ask for it
+
     length = np.concatenate([[np.inf], np.diff(pieces[1:, 9]), [np.inf]])[: len(pieces)]
     apart = scipy.spatial.distance.cdist(points, pieces[:, :3])
     i, k = np.nonzero(apart - length <= apart.min(axis=1)[:, None])  # no other piece can be the nearest
@@ -306,6 +307,8 @@ def _normal_to(tangent: FloatArray) -> FloatArray:
 
 def _spaced(on_path: Callable[[float], FloatArray], along: FloatArray, tail: float) -> FloatArray:
     """Return points on a path as far from one another as the joints."""
+    import scipy  # takes long, and few ask for it
+
     s, joints = tail, [on_path(tail)]
     for way in np.diff(along):
 

@@ -18,7 +18,6 @@ from itertools import product
 from typing import ClassVar
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from worm3d.machine.compiled import inner, njit
@@ -156,6 +155,8 @@ class SampledWorld(GridWorld):
         cls, f: Callable[[FloatArray], ArrayLike], bounds: ArrayLike, spacing: float | None, grip: float
     ) -> SampledWorld:
         """Return the world of a signed distance; see `World.from_distance`."""
+        import scipy  # takes long, and few ask for it
+
         arguments.function("f", f, "a function of points, shape (n, 3), that returns distances, shape (n,)")
         arguments.number("grip", grip, ge=0.0)
         low, high = arguments.array("bounds", bounds, (2, 3))
@@ -255,6 +256,8 @@ def _require_a_distance(distance: FloatArray, cell: float) -> None:
 
 def _next_to_surface(solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which nodes have a neighbour on the other side of the surface."""
+    import scipy  # takes long, and few ask for it
+
     cross = scipy.ndimage.generate_binary_structure(3, 1)
     near: NDArray[np.bool_] = scipy.ndimage.binary_dilation(solid, cross) & scipy.ndimage.binary_dilation(~solid, cross)
     return near
