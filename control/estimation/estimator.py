@@ -58,7 +58,7 @@ CRAB = ReducedState._fields.index("crab")
 """Index of the crab angle in a belief."""
 TOO_SURE = 1.5
 """Ratio of the noise that is found to that of the latest sample above which those that are kept are taken again."""
-BEGIN = {"speed": 0.02, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01, "turn_gain": 0.2}
+BEGIN = {"speed": 0.08, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01, "turn_gain": 0.2}
 """Standard deviations at the start, of a worm at rest that obeys its map [m/s], [rad/s], [1], [rad/s], [1]."""
 CRAB_NOISE, BEGIN_CRAB = 0.01, 0.1
 """Noise of the crab angle, and its standard deviation at the start, where a sensor of the heading shows it
@@ -80,6 +80,7 @@ class _Sample:
     wave: FloatArray | None = None
     deviation: float = 0.0
     standing: float = 0.0
+    frequency: float = 0.0
     heading: float | None = None
     rate: float | None = None
 
@@ -219,7 +220,8 @@ class Estimator:
         if measurement.com is not None:
             instant = measurement.com_time
             wave, stood = self._wave.at(self._history.phase(instant)), self._height_at(instant)
-            samples.append(_Sample(instant, measurement.com, wave, self.noise.deviation, stood))
+            frequency = self._history.frequency(instant)
+            samples.append(_Sample(instant, measurement.com, wave, self.noise.deviation, stood, frequency))
         if measurement.heading is not None:
             samples.append(_Sample(measurement.heading_time, heading=measurement.heading))
         if self._has_rates and measurement.angular_rate is not None:
@@ -251,7 +253,7 @@ class Estimator:
         beliefs, ground, nis, refused = self._predicted(last, sample.time), last.ground, None, last.refused
         if sample.com is not None and sample.wave is not None:
             given = sample.com[:2], sample.wave
-            noise = sample.deviation, sample.time - last.sample.time
+            noise = sample.deviation, sample.time - last.sample.time, sample.frequency
             corrected = self._with_com(beliefs, given, noise, gated=last.placed)
             best = max(corrected, key=lambda each: each.belief.log_weight)
             beliefs, nis, refused = [each.belief for each in corrected], best.nis, refused + best.refused
@@ -268,11 +270,15 @@ class Estimator:
         return _Fused(sample, pruned(beliefs), ground, nis, last.placed or sample.com is not None, refused)
 
     def _with_com(
-        self, beliefs: list[Belief], given: tuple[FloatArray, FloatArray], noise: tuple[float, float], gated: bool
+        self,
+        beliefs: list[Belief],
+        given: tuple[FloatArray, FloatArray],
+        noise: tuple[float, float, float],
+        gated: bool,
     ) -> list[Corrected]:
         """Return the beliefs after a sample of the centre of mass and its wave; a gated one may be refused.
 
-        Its noise is its standard deviation [m] and the time since the sample before [s].
+        Its noise is its standard deviation [m], the time since the sample before [s] and the wave's frequency [Hz].
         """
         # Beliefs for which it is impossible lose their weight; the sample is refused if all of them would.
         if not gated or len(beliefs) > 1:

@@ -1,6 +1,6 @@
 """Extended Kalman filter of a crawling worm: prediction by the reduced model, and correction by samples.
 
-Its state X are the states of (R1) and the matrix C (2 x 2) by which the centre of mass rocks with the wave:
+Its state X are the states of (R1) with (R3), and the matrix C (2 x 2) by which the centre of mass rocks with the wave:
 
     (R1),   drift' = (-kappa |v| s_left - drift)/tau,   C' = 0                                                 (KF2)
 
@@ -30,9 +30,13 @@ taken for one, since the filter expects drift to pass with tau. Only a sensor of
 angle then, which changes slowly. The gain of turning and the yaw bias are told apart by steering that changes. At rest,
 neither heading nor slip shows.
 
+Starts and stops. How far a worm goes while its wave swells or slows down depends on the phase: where it is slower than
+its wave by e, or quicker, the density of noise of the place along the heading has (changing e)^2 more.
+
 Pushes. What pushes a worm aside looks like a turn, since both change its course; but then the innovations of some time
-have a trend m, their mean with forgetting over n samples, of variance S / (2 n - 1). Where it is too large for chance
-the drift is made uncertain, and explains it.
+have a trend m, their mean with forgetting over n samples, of variance S / (2 n - 1), and that of what rocks the worm
+beside (KF3), which slow waves do not average out. Where it is too large for chance the drift is made uncertain, and
+explains it.
 """
 
 from __future__ import annotations
@@ -46,7 +50,7 @@ import casadi as ca
 import numpy as np
 
 from control.estimation.estimate import HEADING, Belief, wrapped
-from control.estimation.reduced import INPUTS, STATES, ReducedInput, ReducedModel, ReducedState
+from control.estimation.reduced import INPUTS, LONGEST_SUBSTEP, STATES, ReducedInput, ReducedModel, ReducedState
 from worm3d.machine.buffered import Buffered
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
@@ -56,6 +60,7 @@ SIZE = STATES + 4
 DRIFT = ReducedState._fields.index("drift")
 GAIN = ReducedState._fields.index("turn_gain")
 SLIP = ReducedState._fields.index("slip")
+SPEED = ReducedState._fields.index("speed")
 TURN_RATE, YAW_BIAS = map(ReducedState._fields.index, ("turn_rate", "yaw_bias"))
 IMPOSSIBLE = 25.0
 """NIS beyond which a sample of the centre of mass is refused; of two normal numbers, one pair in 270 000 has more."""
@@ -67,6 +72,8 @@ TREND = 8
 """Number of samples over which innovations are averaged to their trend, 0.4 s of the default sensors."""
 APART = 0.05
 """Time below which the errors of two samples are alike, so that the later one counts in proportion to the time [s]."""
+RIPPLE = 0.002
+"""Standard deviation of what rocks the centre of mass beside the measured wave, twice a wave [m]."""
 UNEXPLAINED = 20.0
 """NIS of that trend beyond which the worm is taken to be pushed; a probability of 0.00005, since a run has thousands of
 them. (With 16 a worm at 0.01 m/s was taken for pushed within a minute, and never found its way again.)"""
@@ -96,7 +103,10 @@ class Uncertainty:
     place: float = parameter(0.0005, unit="m/sqrt(s)", ge=0, meaning="noise of the position")
     heading: float = parameter(0.004, unit="rad/sqrt(s)", ge=0, meaning="noise of the heading without turning")
     turning: float = parameter(0.12, unit="sqrt(s)", ge=0, meaning="increase of that noise per turn rate")
-    speed: float = parameter(0.003, unit="m/s/sqrt(s)", ge=0, meaning="noise of the speed that the gait makes")
+    changing: float = parameter(
+        0.2, unit="sqrt(s)", ge=0, meaning="increase of the noise ahead per speed by which the worm is behind its wave"
+    )
+    speed: float = parameter(0.006, unit="m/s/sqrt(s)", ge=0, meaning="noise of the speed that the gait makes")
     turn_rate: float = parameter(
         0.008, unit="rad/s/sqrt(s)", ge=0, meaning="noise of the turn rate that the gait makes"
     )
@@ -139,14 +149,15 @@ class Kalman:
     """Filter of one reduced model, compiled."""
 
     def __init__(self, model: ReducedModel, uncertainty: Uncertainty) -> None:
-        self._longest, self._deviation, size = model.longest_step, uncertainty.com, size_of(uncertainty)
+        self._longest = min(model.longest_step, LONGEST_SUBSTEP * model.lag)
+        self._deviation, size = uncertainty.com, size_of(uncertainty)
         self._predict = Buffered(_prediction(model, uncertainty))
         self._com = Buffered(_com_correction(size))
         self._heading = Buffered(_heading_correction(uncertainty))
         self._rate = Buffered(_rate_correction(uncertainty)) if size > SIZE else None
 
     def predicted(self, belief: Belief, given: FloatArray, slope: FloatArray, seconds: float) -> Belief:
-        """Return the belief after some time with the same input (amplitude, frequency, steering) on a slope (2,)."""
+        """Return the belief after some time on a slope (2,) with the same input, as in `InputHistory.between`."""
         mean, covariance = belief.mean, belief.covariance
         parts = int(np.ceil(seconds / self._longest))
         for _ in range(parts):
@@ -161,17 +172,19 @@ class Kalman:
         gated: bool,
         deviation: float | None = None,
         since: float = APART,
+        frequency: float = np.inf,
     ) -> Corrected:
         """Return the belief after a sample of the centre of mass (2,) [m], (KF4), which is refused only if gated.
 
         `wave` (2,) is the measured one, (W2), at its instant, `deviation` the standard deviation of its noise [m], by
-        default `Uncertainty.com`, and `since` the time since the sample before [s].
+        default `Uncertainty.com`, `since` the time since the sample before [s], and `frequency` that of the wave [Hz].
         """
         sigma = self._deviation if deviation is None else deviation
         mean, covariance, nis, log_det, e, spread = self._com(belief.mean, belief.covariance, com, wave, sigma)
         found = float(nis[0]), e, float(spread[0])
         trend = belief.trend + (e - belief.trend) * min(1.0, since / APART) / TREND
-        if gated and sqrt(2 * TREND - 1) * hypot(*trend) > sqrt(UNEXPLAINED * (found[2] + sigma**2)):
+        rocked = RIPPLE**2 / (1.0 + (4.0 * np.pi * frequency * TREND * APART) ** 2)
+        if gated and hypot(*trend) > sqrt(UNEXPLAINED * ((found[2] + sigma**2) / (2 * TREND - 1) + rocked)):
             trend = np.zeros(2)
             widened = _widened(belief.covariance, PUSHED)
             widened[GAIN, :GAIN] = widened[:GAIN, GAIN] = 0.0  # the gain has no part in it
@@ -235,12 +248,15 @@ def _prediction(model: ReducedModel, trust: Uncertainty) -> ca.Function:
     X, P = _belief(size_of(trust))
     given, slope, dt = ca.SX.sym("input", INPUTS), ca.SX.sym("slope", 2), ca.SX.sym("dt")
     s = ReducedState(*ca.vertsplit(X[:STATES]))
-    moved = model.advance(X[:STATES], given, dt)
+    moved = model.advance(X[:STATES], given, dt, model.in_force)
     towards = -trust.slope_yield * ca.fabs(s.speed) * (slope[1] * ca.cos(s.heading) - slope[0] * ca.sin(s.heading))
     moved[DRIFT] = towards + (s.drift - towards) * ca.exp(-dt / trust.drift_time)
     after = ca.vertcat(moved, X[STATES:])
     F = ca.jacobian(after, X)
-    spread = F @ P @ F.T + ca.diag(_noise(s, given, trust)[: X.numel()]) * dt
+    Q = ca.diag(_noise(s, given, trust)[: X.numel()])
+    ahead = ca.vertcat(ca.cos(s.heading), ca.sin(s.heading))
+    Q[:2, :2] += (trust.changing * model.lag * model.in_force(X[:STATES], given)[SPEED]) ** 2 * ahead @ ahead.T
+    spread = F @ P @ F.T + Q * dt
     return ca.Function("predict", [X, P, given, slope, dt], [after, ca.densify((spread + spread.T) / 2.0)])
 
 

@@ -8,6 +8,14 @@ lags n_v in waves and T_w in seconds, f the frequency, L the body length:
     h'  = w + yaw_bias                          u  = L f c(A, f, s) + crab (1 - slip) v + drift
                                                 s' = (s_asked - s) f / blend
 
+A and f are asked for, and the wave takes n_b waves (`BLEND`) to follow. With those in force, which an estimator knows,
+
+    v' = (L f d(A, f, s) - v) / T_v,   T_v = (n_v - n_b) / f_p                                                (R3)
+
+since a worm on dry friction goes as far in a slow wave as in a quick one and stands when its wave does, but for the
+time by which chambers follow their commands. (T_v is 0.155 s for the default worm; what fits its stops and starts, in
+the mean over phases, is 0.15 s from 0.5 Hz, 0.17 from 0.8 and 0.2 from 1.2 Hz.)
+
 s is the steering in force, which `control.gaits.steering.WaveGenerator` leads to the steering asked for: before the
 map, since weak steering turns a worm out of proportion (`control.identification.surrogate`). On paths of the default
 worm (R1) misses the turn rate by 0.005 rad/s; one lag of 0.95 s after a map in odd powers of the steering, by 0.008.
@@ -41,6 +49,10 @@ from control.identification.identified import Identified
 from worm3d import Worm
 from worm3d.physics import elements
 
+IDENTIFIED = 0.8
+"""Frequency f_p at which the lag n_v was found, about [Hz]."""
+LEAST_LAG = 0.05
+"""Least lag of the speed behind the wave in force [waves]."""
 LONGEST_SUBSTEP = 0.5
 """Longest substep of Runge and Kutta, as a fraction of the shortest time constant."""
 
@@ -94,6 +106,10 @@ class ReducedModel:
     """(state (S,), input (3,)) -> rate (S,), S = `STATES`: (R1)."""
     output: ca.Function
     """(state, input) -> velocity of the centre of mass [m/s] and turn rate [rad/s], (3,)."""
+    in_force: ca.Function
+    """The same as `dynamics` for the amplitude and frequency in force."""
+    lag: float
+    """Time T_v by which the speed follows these [s]."""
     shape: ca.Function
     """(chamber_length (N, 2) [m], hinge (N-1,) [rad]) -> joints (N+1, 2) [m] with the centre of mass at the origin and
     the tail-to-head chord along x: (R2)."""
@@ -108,15 +124,20 @@ class ReducedModel:
             raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")
         state, given = ca.SX.sym("state", STATES), ca.SX.sym("input", INPUTS)
         symbols = ReducedState(*ca.vertsplit(state)), ReducedInput(*ca.vertsplit(given))
-        rate = _rate(*symbols, worm, identified, mechanism)
+        lags, ranges = identified.lags[mechanism], identified.maps[mechanism].ranges
+        lag = max(lags.amplitude - BLEND, LEAST_LAG) / IDENTIFIED
+        pace = ca.fmax(symbols[1].frequency, ranges.frequency[0])  # how slowly so ever, feet that stick follow at once
+        rate = _rate(*symbols, worm, identified, mechanism, pace / lags.amplitude)
+        followed = _rate(*symbols, worm, identified, mechanism, ca.SX(1.0 / lag))
         names = ["state", "input"]
-        lags = identified.lags[mechanism]
-        highest = identified.maps[mechanism].ranges.frequency[1]
+        highest = ranges.frequency[1]
         fastest = max(highest / lags.amplitude, highest / BLEND, 1.0 / lags.steering)
         return cls(
             mechanism,
             ca.Function("dynamics", [state, given], [rate], names, ["rate"]),
             ca.Function("output", [state, given], [rate[:3]], names, ["velocity"]),
+            ca.Function("in_force", [state, given], [followed], names, ["rate"]),
+            lag,
             body_shape(worm),
             LONGEST_SUBSTEP / fastest,
         )
@@ -132,12 +153,16 @@ class ReducedModel:
             state = self.advance(state, given, dt / parts)
         return ca.Function("step", [begin, given], [state], ["state", "input"], ["next"])
 
-    def advance(self, state: ca.SX, given: ca.SX, dt: float | ca.SX) -> ca.SX:
-        """Return the state after one step of Runge and Kutta's fourth order; dt [s] up to `longest_step`."""
-        k1 = self.dynamics(state, given)
-        k2 = self.dynamics(state + dt / 2.0 * k1, given)
-        k3 = self.dynamics(state + dt / 2.0 * k2, given)
-        k4 = self.dynamics(state + dt * k3, given)
+    def advance(self, state: ca.SX, given: ca.SX, dt: float | ca.SX, rate: ca.Function | None = None) -> ca.SX:
+        """Return the state after one step of Runge and Kutta's fourth order; dt [s] up to `longest_step`.
+
+        `rate` is `dynamics` if left out.
+        """
+        of = rate or self.dynamics
+        k1 = of(state, given)
+        k2 = of(state + dt / 2.0 * k1, given)
+        k3 = of(state + dt / 2.0 * k2, given)
+        k4 = of(state + dt * k3, given)
         return state + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
     def parameters(self, given: ReducedInput) -> GaitParameters:
@@ -146,16 +171,17 @@ class ReducedModel:
         return GaitParameters(amplitude, frequency).steered(self.mechanism, steering)
 
 
-def _rate(s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, mechanism: Mechanism) -> ca.SX:
-    """Return (R1)."""
+def _rate(
+    s: ReducedState, u: ReducedInput, worm: Worm, identified: Identified, mechanism: Mechanism, follows: ca.SX
+) -> ca.SX:
+    """Return (R1); the speed comes closer to that of the wave at the rate `follows` [1/s]."""
     found, lags = identified.maps[mechanism], identified.lags[mechanism]
     least = found.ranges.amplitude[0]
-    pace = ca.fmax(u.frequency, found.ranges.frequency[0])  # how slowly so ever, feet that stick follow at once
     size, way = ca.fabs(u.amplitude), ca.if_else(u.amplitude < 0.0, -1.0, 1.0)
     known, fading = (ca.fmax(size, least), u.frequency, s.steering), ca.fmin(1.0, size / least)
     forward = (1.0 - s.slip) * s.speed
     sideways = way * fading * worm.length * found.drift_speed(*known) + s.crab * forward + s.drift
-    speed_rate = (way * fading * worm.length * found.speed(*known) - s.speed) * pace / lags.amplitude
+    speed_rate = (way * fading * worm.length * found.speed(*known) - s.speed) * follows
     turn_acceleration = (s.turn_gain * fading * found.turn_rate(*known) - s.turn_rate) / lags.steering
     return ca.vertcat(
         forward * ca.cos(s.heading) - sideways * ca.sin(s.heading),

@@ -23,7 +23,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from control.gaits.steering import Schedule
+from control.gaits.steering import BLEND, PACE, Schedule
 from worm3d.values.arrays import FloatArray
 
 SMOOTHING = 0.25
@@ -33,7 +33,10 @@ UNKNOWNS = 3
 
 
 class InputHistory:
-    """History of commands over a time span [s], for delayed measurements: inputs of the reduced model, and phases."""
+    """History of commands over a time span [s], for delayed measurements: inputs of the reduced model, and phases.
+
+    The phases tell the frequency in force; the amplitude in force follows the one asked for as in a `WaveGenerator`.
+    """
 
     def __init__(self, span: float) -> None:
         self._span = span
@@ -44,16 +47,20 @@ class InputHistory:
         self._times: list[float] = []
         self._phases: list[float] = []
         self._inputs: list[FloatArray] = []
+        self._amplitudes: list[float] = []
 
     def add(self, t: float, given: FloatArray, phase: float) -> None:
         """Add the input that was in force up to t [s], and the phase [rad] at t."""
         last = self._inputs[-1] if self._inputs else given
+        now, passed = (self._amplitudes[-1], t - self._times[-1]) if self._times else (0.0, 0.0)
+        left_over = np.exp(-passed * max(float(last[1]), PACE) / BLEND)
+        self._amplitudes.append(float(given[0] + (now - given[0]) * left_over))
         self._times.append(t)
         self._phases.append(phase)
         self._inputs.append(last if np.array_equal(last, given) else given)
         if self._times[0] < t - 2.0 * self._span:  # many at once, which is cheaper than one by one
             old = bisect_left(self._times, t - self._span)
-            del self._times[:old], self._phases[:old], self._inputs[:old]
+            del self._times[:old], self._phases[:old], self._inputs[:old], self._amplitudes[:old]
 
     def __len__(self) -> int:
         return len(self._times)
@@ -64,14 +71,28 @@ class InputHistory:
 
     def phase(self, t: float) -> float:
         """Return the phase [rad] at t [s]."""
+        return self._at(t, self._phases)
+
+    def _at(self, t: float, values: list[float]) -> float:
+        """Return one of a list of values of each instant at t [s]."""
         k = min(max(bisect_left(self._times, t), 1), len(self._times) - 1)
         if len(self._times) == 1 or self._times[k] == self._times[k - 1]:
-            return self._phases[-1]
+            return values[-1]
         share = (t - self._times[k - 1]) / (self._times[k] - self._times[k - 1])
-        return self._phases[k - 1] + share * (self._phases[k] - self._phases[k - 1])
+        return values[k - 1] + share * (values[k] - values[k - 1])
+
+    def frequency(self, t: float) -> float:
+        """Return the frequency in force at t [s], 0 where only one instant is known [Hz]."""
+        k = min(max(bisect_left(self._times, t - 1e-12), 1), len(self._times) - 1)
+        if k < 1:
+            return 0.0
+        return (self._phases[k] - self._phases[k - 1]) / (2.0 * np.pi * (self._times[k] - self._times[k - 1]))
 
     def between(self, begin: float, end: float) -> Iterator[tuple[FloatArray, float]]:
-        """Yield the inputs in force between two instants [s], and the time for which each was [s]."""
+        """Yield the mean inputs in force between two instants [s], and the time for which each was [s].
+
+        These are amplitude and frequency as the wave had them, and the steering that was asked for.
+        """
         now, k = begin, bisect_left(self._times, begin + 1e-12)
         while now < end - 1e-12:
             k = min(k, len(self._times) - 1)
@@ -79,7 +100,9 @@ class InputHistory:
             while k < len(self._times) - 1 and self._inputs[k + 1] is given:
                 k += 1
             until = end if k == len(self._times) - 1 else min(end, self._times[k])
-            yield given, until - now
+            amplitude = (self._at(now, self._amplitudes) + self._at(until, self._amplitudes)) / 2.0
+            frequency = (self.phase(until) - self.phase(now)) / (2.0 * np.pi * (until - now))
+            yield np.array([amplitude, frequency, given[2]]), until - now
             now, k = until, k + 1
 
 

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from control.estimation.ground import MOST, STRIDE, Ground, GroundTrust, Standing
 from control.estimation.wave import InputHistory, MeasuredWave
-from control.gaits.steering import Schedule
+from control.gaits.steering import GaitParameters, Schedule, WaveGenerator
 from worm3d import Worm
 
 
@@ -144,12 +144,32 @@ def test_inputs_hold_up_to_their_instants() -> None:
     for k in range(11):
         driven.add(0.1 * k, one if k <= 4 else two, 0.5 * k)
     pieces = list(driven.between(0.13, 0.92))
-    assert [piece[0][0] for piece in pieces] == [0.2, 0.3]
+    assert_allclose([piece[0][1] for piece in pieces], 5.0 / (2.0 * np.pi))
     assert_allclose([piece[1] for piece in pieces], [0.4 - 0.13, 0.92 - 0.4])
     assert driven.phase(0.25) == pytest.approx(1.25)
     assert list(driven.between(0.5, 0.5)) == []
     beyond = list(driven.between(0.9, 1.2))
     assert sum(piece[1] for piece in beyond) == pytest.approx(0.3)
+
+
+def test_the_wave_in_force_is_the_generators() -> None:
+    """Also where it swells from nothing, slows down, and turns round."""
+    generator, driven, instants = WaveGenerator(Schedule(), Worm()), InputHistory(9.0), 0.01 * np.arange(601)
+    asked = [GaitParameters(0.3, 0.8)] * 200 + [GaitParameters(0.2, 1e-6)] * 200 + [GaitParameters(-0.3, 1.0)] * 200
+    driven.add(0.0, asked[0].row()[[0, 1, 3]], 0.0)
+    waves = [GaitParameters(0.0, 0.8)]
+    for t, target in zip(instants[1:], asked, strict=True):
+        generator.step(0.01, target)
+        assert generator.parameters is not None
+        waves.append(generator.parameters)
+        driven.add(t, target.row()[[0, 1, 3]], generator.phase)
+    for k in (10, 150, 250, 390):
+        ((given, _),) = driven.between(instants[k], instants[k + 1])
+        two = np.mean([waves[k].row(), waves[k + 1].row()], axis=0)
+        assert_allclose(given[:2], two[:2], rtol=0.02, atol=1e-4)
+    ((given, _),) = driven.between(instants[-2], instants[-1])
+    assert_allclose(given[:2], [-0.3, 1.0], rtol=0.01)
+    assert driven.frequency(5.98) == pytest.approx(1.0, rel=0.01)
 
 
 def test_what_is_old_is_forgotten() -> None:

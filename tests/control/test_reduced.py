@@ -167,6 +167,36 @@ def test_it_foretells_half_a_minute_of_the_plant() -> None:
     assert np.rad2deg(h.max()) > 70.0
 
 
+def test_a_worm_stops_and_starts_with_its_wave() -> None:
+    """In the mean over phases its way is foretold to 4 mm by the wave in force, and not by that asked for."""
+    steady, still, dt, reduced = GaitParameters(0.3, 0.8), GaitParameters(0.3, 1e-6), 0.05, model()
+    state, given = ca.SX.sym("state", STATES), ca.SX.sym("input", INPUTS)
+    follow = ca.Function("follow", [state, given], [reduced.advance(state, given, dt, reduced.in_force)])
+    ways, after = [], dt * np.arange(-25, 76)
+    for stop in 6.25 + 0.3125 * np.arange(4):
+
+        def plan(t: float, stop: float = stop) -> GaitParameters:
+            return still if stop <= t < stop + 2.5 else steady
+
+        wave = PlannedWave(plan, WaveGenerator(Schedule(), WORM))
+        run = simulate(WORM, Plane(), actuation=wave, duration=11.0)
+        ways.append(np.interp(stop + after, run.time, run.com[:, 0]))
+    way = np.mean(ways, axis=0)
+    way, speed = way[25:] - way[25], (way[25] - way[0]) / 1.25
+    generator, ask = WaveGenerator(Schedule(), WORM), reduced.step(dt)
+    generator.parameters = steady
+    one = other = np.where(np.arange(STATES) == 3, speed, REST)
+    found = [(0.0, 0.0)]
+    for k in range(75):
+        target, phase = still if k < 50 else steady, generator.phase
+        generator.step(dt, target)
+        force = [generator.parameters.amplitude, (generator.phase - phase) / (2.0 * np.pi * dt), 0.0]
+        one, other = values(follow, one, force), values(ask, other, [target.amplitude, target.frequency, 0.0])
+        found.append((one[0], other[0]))
+    off = np.abs(np.array(found).T - way).max(axis=1)
+    assert off[0] < 0.004 < 0.01 < off[1]
+
+
 def test_parameters_and_refusals() -> None:
     assert model("bias").parameters(ReducedInput(0.3, 0.8, 0.04)) == GaitParameters(0.3, 0.8, bias=0.04)
     only = Identified(Schedule(), {"hinge": known().maps["hinge"]}, known().lags)
