@@ -10,8 +10,6 @@ import numpy as np
 
 from worm3d.physics.hysteresis import chamber_states
 from worm3d.series import Recorded, heading, series_of
-from worm3d.solver.arrays import POINTS
-from worm3d.solver.records import mass_centre
 from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
 from worm3d.values.documented import with_fields
@@ -57,6 +55,9 @@ class Observation:
     @classmethod
     def of(cls, plant: Plant, time: float) -> Observation:
         """Return what sensors see of a worm at a time, read straight from the solver: it is asked for at every step."""
+        from worm3d.solver.arrays import POINTS  # imports CasADi, which sensors do without
+        from worm3d.solver.records import mass_centre
+
         arrays, n, worm = plant.arrays, plant.n, plant.worm
         momentum, com = mass_centre(plant.core)
         joints = arrays["joints"][:3, : n + 1].T.copy()
