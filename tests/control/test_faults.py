@@ -147,7 +147,7 @@ def sideways(force: float, joint: int, begin: float, end: float) -> Callable[[fl
 @pytest.mark.parametrize(
     ("world", "push"),
     [
-        (Plane(), sideways(0.3, 6, 5.0, 6.5)),
+        (Plane(), sideways(0.4, 6, 5.0, 7.0)),
         (Plane(), sideways(-0.5, 1, 5.0, 5.8)),
         (Plane(slope=np.deg2rad(12.0), heading=np.deg2rad(70.0)), None),
     ],

@@ -133,7 +133,7 @@ STEERING = ("steering_wavelength", "bias_phase_deg", "hinge_phase_deg", "lead_s"
 FEEDBACK = ("feedback", "strain_gain", "strain_threshold", "load_gain", "load_threshold_N")
 IDLE = {f"gait.{key}" for key in (*STEERING, *FEEDBACK, "pace_exponent")}
 """Keys of gaits that are of no use in a program that has one side and senses nothing, or at the default period."""
-OTHERS = {"gait.nodes": "4", "gait.relaxed": "-0.5"}
+OTHERS = {"gait.nodes": "4", "gait.relaxed": "-0.5", "gait.steepness": "2.0"}
 """Values of keys of which the next to the default is refused."""
 
 

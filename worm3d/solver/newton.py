@@ -47,7 +47,7 @@ SLIDE_AT_ONCE = 25.0
 """Square of y over the yield limit beyond which a stuck contact slides at once, where no guess is to be trusted."""
 KEPT = 3e-4
 """Motion of x, as a fraction of the segment length, up to which the Jacobian is kept but for contacts that change."""
-SLOWEST = 0.05
+SLOWEST = 0.1
 """Least ratio of the next Newton step to the last, with a kept Jacobian, that is counted on: one that is foreseen to be
 within the tolerance is not computed."""
 QUIET = 1e-9
