@@ -122,7 +122,7 @@ def judge(names: list[str]) -> None:
     for name in names:
         for phase in PHASES:
             of = replace(problem(CASES[name], phase), accuracy=ACCURACY)
-            run = finished(runs.finish(runs.first(of), of))
+            run = finished(runs.begin(of)())
             estimate = run.error_estimate
             assert estimate is not None
             fine = fixed(replace(of, accuracy=None), FINE)
