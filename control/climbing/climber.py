@@ -9,6 +9,7 @@ stops where it is, with an anchor that holds. As it crawls, the reflex `WallLoad
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from time import perf_counter
 
@@ -17,7 +18,7 @@ import numpy as np
 from control.climbing.climb import CLIMB, Climb, enclosed
 from control.climbing.way import STUCK, Way
 from control.estimation.estimate import Estimate
-from control.faults.rules import Fault
+from control.faults.rules import SLOW_AT_LIMIT, Fault
 from control.gaits.feedback import latest
 from control.gaits.reflexes import WallLoad
 from control.gaits.steering import GaitParameters
@@ -123,16 +124,21 @@ class Climber(Supervisor):
         arrived = estimate is not None and self._arrived(estimate)
         speed = 0.0 if arrived else self._speed(t)
         self._pace = self._way.pace(speed)
-        if self._way.idle >= STUCK and speed > 0.0:
-            self._tell_stuck(t)
+        if speed > 0.0:
+            self.watch.report(self._slow(t, speed))
         frequency = max(self._pace, 1e-3) / self._climb.period
         return Choice("climb", GaitParameters(CLIMB.amplitude, frequency), ARRIVED if arrived else CLIMBS)
 
-    def _tell_stuck(self, t: float) -> None:
-        if all(fault.kind != "stuck" for fault in self.watch.faults):
+    def _slow(self, t: float, speed: float) -> Iterator[Fault]:
+        """Yield what keeps a worm that climbs from the speed that is asked for [m/s]."""
+        advice = "look at the pipe's width, rise and friction, and at what lies in it"
+        fastest = self._way.fastest
+        if self._way.idle >= STUCK:
             what = f"the worm climbs, but makes no way in {STUCK} periods of its gait"
-            advice = "look at the pipe's width, tilt and friction, and at what lies in it"
-            self.watch.faults.append(Fault(t, "stuck", what, advice))
+            yield Fault(t, "stuck", what, advice)
+        elif fastest < SLOW_AT_LIMIT * speed:
+            what = f"the worm climbs at {max(fastest, 0.0):.3g} m/s at most, {speed:.3g} are asked for"
+            yield Fault(t, "too slow", what, f"ask for less speed; {advice}")
 
     def _estimate(self, t: float) -> Estimate | None:
         """Return the estimate; of a worm that climbs the place and speed alone are those of that time."""

@@ -25,6 +25,8 @@ LEAST_STRIDE = 0.01
 """Stride below which a worm makes no way [body lengths]; noise of 5 mm makes strides of 1 mm."""
 STUCK = 4
 """Number of periods without way in a row after which a worm is stuck."""
+JUDGED = 3
+"""Number of strides by which it is judged how fast a worm can go."""
 
 
 @dataclass
@@ -61,6 +63,12 @@ class Way:
         if math.isnan(self.stride):
             return 1.0
         return float(np.clip(speed * self.period / max(self.stride, LEAST_STRIDE * self.length), *PACES))
+
+    @property
+    def fastest(self) -> float:
+        """Speed that the longest of the last strides makes at the greatest pace [m/s]; infinite before these."""
+        last = self._strides[-JUDGED:]
+        return PACES[1] * max(last) / self.period if len(last) == JUDGED else math.inf
 
     def _stride(self) -> None:
         if len(self._means) < 2:

@@ -167,8 +167,7 @@ class Estimator:
         """
         steering = parameters.steering(self._mechanism)
         self._history.add(t, np.array([parameters.amplitude, parameters.frequency, steering]), phase)
-        if not self._past:
-            self._past = [_Fused(_Sample(t), self._begin, Ground.unknown(self._trust_ground), None)]
+        self._begin_at(t)
         if measurement.strain is not None:
             self._take_strain(measurement.strain, measurement.strain_time)
         for sample in self._arrived(measurement):
@@ -201,6 +200,10 @@ class Estimator:
     def innovations(self) -> list[tuple[float, float]]:
         """Instant [s] and nis of every sample of the centre of mass; see `control.estimation.estimate.consistency`."""
         return self._settled + [(each.sample.time, each.nis) for each in self._past if each.nis is not None]
+
+    def _begin_at(self, t: float) -> None:
+        if not self._past:
+            self._past = [_Fused(_Sample(t), self._begin, Ground.unknown(self._trust_ground), None)]
 
     def _take_strain(self, strain: FloatArray, instant: float) -> None:
         self._wave.take(strain, self._history.phase(instant), self._history.is_back(instant))
@@ -318,7 +321,8 @@ class Estimator:
             self._past[k] = replace(each, beliefs=beliefs)
 
     def estimate(self, t: float) -> Estimate:
-        """Return the estimate of the instant of the last measurement [s]."""
+        """Return the estimate of the instant of the last measurement [s]; what is known at the start before one."""
+        self._begin_at(t)
         last = self._past[-1]
         now = merged(self._predicted(last, t))
         nis = next((each.nis for each in reversed(self._past) if each.nis is not None), None)

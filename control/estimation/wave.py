@@ -91,10 +91,11 @@ class InputHistory:
     def between(self, begin: float, end: float) -> Iterator[tuple[FloatArray, float]]:
         """Yield the mean inputs in force between two instants [s], and the time for which each was [s].
 
-        These are amplitude and frequency as the wave had them, and the steering that was asked for.
+        These are amplitude and frequency as the wave had them, and the steering that was asked for; nothing before the
+        first instant is added.
         """
         now, k = begin, bisect_left(self._times, begin + 1e-12)
-        while now < end - 1e-12:
+        while self._times and now < end - 1e-12:
             k = min(k, len(self._times) - 1)
             given = self._inputs[k]
             while k < len(self._times) - 1 and self._inputs[k + 1] is given:

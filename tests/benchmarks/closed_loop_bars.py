@@ -73,9 +73,11 @@ def _pipe_climb(*overrides: str) -> Trial:
     return Trial("pipe_climb_controlled", overrides, controller="climber")
 
 
-def _pipe_climb_radius(radius: float) -> Trial:
+def _pipe_climb_radius(radius: float, *overrides: str) -> Trial:
     places = ((0.0, 0.13), (0.15, 0.13), (0.5, radius))
-    return _pipe_climb(f"world.radii=[{', '.join(f'{{at_m={at}, radius_m={wide:g}}}' for at, wide in places)}]")
+    return _pipe_climb(
+        f"world.radii=[{', '.join(f'{{at_m={at}, radius_m={wide:g}}}' for at, wide in places)}]", *overrides
+    )
 
 
 def _pipe_climb_friction(factor: float) -> Trial:
@@ -153,7 +155,8 @@ TRIALS = {
     ),
     "pipe_climb": _pipe_climb(),
     **{f"pipe_climb_slope_{slope}": _pipe_climb(f"world.slope_deg={slope}") for slope in (6, 10)},
-    **{f"pipe_climb_radius_{radius:g}": _pipe_climb_radius(radius) for radius in (0.083, 0.101)},
+    "pipe_climb_radius_0.083": _pipe_climb_radius(0.083, "run.duration_s=90"),  # it climbs at 0.05 m/s at most
+    "pipe_climb_radius_0.101": _pipe_climb_radius(0.101),
     **{f"pipe_climb_friction_{factor:g}": _pipe_climb_friction(factor) for factor in (0.8, 1.2)},
     **{f"noise_{mm}": _s_curve(f"sensor.com_noise_m={mm / 1000:g}") for mm in NOISES_MM},
     **{

@@ -91,6 +91,14 @@ def test_a_worm_that_slides_back_makes_no_way() -> None:
     assert way.idle == 2
 
 
+def test_the_fastest_climb_is_told_by_the_longest_of_the_last_strides() -> None:
+    way = Way(Line(), 1.0, 2.0)
+    assert way.fastest == np.inf
+    for k in range(500):
+        way.take(k / 100.0, np.array([0.1 * k / 100.0, 0.0, 0.0]))
+    assert way.fastest == pytest.approx(PACES[1] * 0.1 / 2.0)
+
+
 def climber(reference: Reference | None = None) -> Climber:
     found = load(Worm())
     assert found is not None
@@ -119,6 +127,17 @@ def test_it_changes_its_gait_where_walls_close_and_open_without_a_jump() -> None
     assert sources[-1] != "climb"
     assert not made.failures
     assert np.diff([each.time for each in made.decisions]).max() < 0.2 + 1e-6
+
+
+@pytest.mark.parametrize(("speed", "told"), [(0.02, ["too slow"]), (0.048, [])])
+def test_a_climb_that_cannot_be_as_fast_as_asked_is_reported_once(speed: float, told: list[str]) -> None:
+    made, contraction = climber(), np.zeros((6, 2))
+    for k in range(1500):
+        t = k * STEP
+        place = np.array([speed * t, 0.0, 0.05]), t
+        seen = Measurement(t, strain=(-0.8 * contraction, t), com=place, contact_load=(pressed(4, 5), t))
+        contraction = made.step(t, seen).contraction
+    assert [fault.kind for fault in made.faults] == told
 
 
 def test_without_walls_it_is_the_supervisor_bit_for_bit() -> None:
