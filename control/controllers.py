@@ -123,7 +123,10 @@ def made(
     if wrong is not None:
         raise ValueError(f"the controller {name!r} has no part {wrong!r}")
     built = controller(name).of(worm, reference, identified, mechanism, control_period, sensors, **parts)
-    return hosted(name, built, worm, reference, identified, mechanism, control_period)
+    driver = hosted(name, built, worm, reference, identified, mechanism, control_period)
+    if len(identified.held) == worm.segments:
+        driver.held_steering = identified.held
+    return driver
 
 
 def _found(known: Mapping[str, Listed], name: str, what: str, fits: Callable[[Any], bool], form: str) -> Any:

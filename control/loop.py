@@ -14,13 +14,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, nan
 from time import perf_counter
-from typing import ClassVar, Literal, NamedTuple, Protocol, Self, get_args
+from typing import ClassVar, Literal, NamedTuple, Protocol, Self, get_args, runtime_checkable
 
 from control.estimation.estimate import HEADING, Estimate
 from control.faults.chambers import Chambers
 from control.faults.descent import Descent
 from control.faults.rules import Fault
 from control.faults.watch import Watch
+from control.gaits.held import WAVE, HeldSteering, held_schedule
 from control.gaits.steering import GaitParameters, Mechanism, Schedule, WaveGenerator
 from control.identification.identified import Identified
 from control.planning.feed_forward import FeedForward
@@ -99,6 +100,14 @@ class Estimates(Protocol):
         """Return the estimate of time t [s], that of the last measurement, if there is one; it is seldom asked for."""
 
 
+@runtime_checkable
+class LearnsTurning(Protocol):
+    """A source of estimates that can be told how the worm turns now."""
+
+    def turns(self, gain: float) -> None:
+        """Take in that the worm turns by about so much of what its map says from now on."""
+
+
 class WaveController(ABC):
     """A controller for `worm3d.simulate` that decides the parameters of a wave every so often.
 
@@ -118,6 +127,8 @@ class WaveController(ABC):
         `seconds` of each is the time of all steps since the decision before, estimates and commands included.
     failures : int
         Decisions that should have come about in a better way: without an accepted plan, or by an exception.
+    held_steering : tuple of HeldSteering or None
+        How the worm steers while a segment is held still, for each segment; empty if that is not known.
 
     Raises
     ------
@@ -127,6 +138,7 @@ class WaveController(ABC):
 
     plans: ClassVar[bool] = False
     """Whether it plans, so that plans can fail."""
+    held_steering: tuple[HeldSteering | None, ...] = ()
     senses: ClassVar[tuple[str, ...]] = ()
     """Names of the channels that it needs and not every robot has."""
 
@@ -141,7 +153,7 @@ class WaveController(ABC):
     ) -> None:
         arguments.number("control_period", control_period, "s", gt=0.0)
         self.worm, self.reference, self.control_period, self.estimator = worm, reference, control_period, estimator
-        self.generator = WaveGenerator(schedule, worm)
+        self.generator, self._schedule, self._map = WaveGenerator(schedule, worm), schedule, feed_forward.found
         self.gate = Gate(worm, getattr(estimator, "span", SPAN))
         self.chambers = Chambers(worm)
         self.descent = Descent(worm, reference)
@@ -169,6 +181,7 @@ class WaveController(ABC):
         """Begin anew."""
         if self.estimator is not None:
             self.estimator.reset()
+        self.generator.schedule = self._schedule
         self.generator.reset()
         self.gate.reset()
         self.chambers.reset()
@@ -207,8 +220,10 @@ class WaveController(ABC):
         seen = self.gate(t, measurement, moving=self._target.amplitude != 0.0)
         if self.estimator is not None:
             self.estimator.take(t, seen, self._target, self.generator.phase)
-        if self.estimator is not None:  # one without looks at nothing
-            self.watch.report(self.chambers.take(t, seen.strain))
+            found = self.chambers.take(t, seen.strain)
+            self.watch.report(found)
+            if found:
+                self._steer_as_held()
         self.watch.look(t, seen, self._estimate)
         if t >= self._due - 1e-9:
             self._decide(t, self._estimate(t), began)
@@ -217,6 +232,19 @@ class WaveController(ABC):
         self.watch.tell(self.generator.phase, command, self._target)
         self._spent += perf_counter() - began
         return command
+
+    def _steer_as_held(self) -> None:
+        """Steer as the worm can while one segment is held still, where that is known; otherwise as the whole worm."""
+        self.generator.schedule = self._schedule
+        if len(self.chambers.held) > 1 or self._map.mechanism == "bias":
+            return
+        for segment in self.chambers.held:
+            steering = self.held_steering[segment] if segment < len(self.held_steering) else None
+            if steering is not None:
+                self.generator.schedule = held_schedule(self._schedule, segment, self.held_steering)
+                whole = float(self._map.turn(WAVE.amplitude, WAVE.frequency, WAVE.steering(self._map.mechanism)))
+                if isinstance(self.estimator, LearnsTurning):
+                    self.estimator.turns(steering.turn / whole)
 
     def _estimate(self, t: float) -> Estimate | None:
         return None if self.estimator is None else self.estimator.estimate(t)

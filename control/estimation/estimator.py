@@ -27,7 +27,7 @@ import numpy as np
 
 from control.estimation.estimate import Belief, Estimate, merged, pruned
 from control.estimation.ground import Ground, GroundTrust, Standing
-from control.estimation.kalman import IMPOSSIBLE, ROCKING, SIZE, Corrected, Kalman, Uncertainty, size_of
+from control.estimation.kalman import GAIN, GAINS, IMPOSSIBLE, ROCKING, SIZE, Corrected, Kalman, Uncertainty, size_of
 from control.estimation.noise import Noise
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
 from control.estimation.turning import MeanRate
@@ -311,13 +311,23 @@ class Estimator:
 
     def crabs(self, angle: float) -> None:
         """Take the crab angle as known [rad], as long as no sensor of the heading shows it."""
-        if self._knows_crab:
-            return
+        if not self._knows_crab:
+            self._believe(CRAB, angle, 0.0)
+
+    def turns(self, gain: float) -> None:
+        """Take in that the worm turns by about so much of what its map says from now on."""
+        self._believe(GAIN, min(max(gain, GAINS[0]), GAINS[1]), BEGIN["turn_gain"])
+
+    def _believe(self, index: int, value: float, deviation: float) -> None:
+        """Put a number of X, and its standard deviation, in the place of what was known of it."""
         for k, each in enumerate(self._past):
-            means = [each.mean.copy() for each in each.beliefs]
-            for mean in means:
-                mean[CRAB] = angle
-            beliefs = [replace(b, mean=mean) for b, mean in zip(each.beliefs, means, strict=True)]
+            beliefs = []
+            for belief in each.beliefs:
+                mean, covariance = belief.mean.copy(), belief.covariance.copy()
+                mean[index] = value
+                covariance[index] = covariance[:, index] = 0.0
+                covariance[index, index] = deviation**2
+                beliefs.append(replace(belief, mean=mean, covariance=covariance))
             self._past[k] = replace(each, beliefs=beliefs)
 
     def estimate(self, t: float) -> Estimate:

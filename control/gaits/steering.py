@@ -159,8 +159,7 @@ class Schedule:
         pulse = self.pulse(phase[:, None], body.segments)
         unequal = bias * self._wave(ahead + self.bias_phase, self.steering_wavelength, body.segments)
         chambers = amplitude[..., None] * (pulse[..., None] + unequal[..., None] * LEFT_RIGHT)
-        bend = hinge * self._wave(ahead + self.hinge_phase, self.steering_wavelength, body.segments)
-        chambers, bend = np.clip(chambers, *body.stroke), bend[:, 1:]
+        bend, chambers = hinge * self.bend(ahead, body.segments), np.clip(chambers, *body.stroke)
         if back.any():
             chambers = np.where(back[..., None], chambers[:, ::-1, ::-1], chambers)
             bend = np.where(back, -bend[:, ::-1], bend)
@@ -169,6 +168,10 @@ class Schedule:
     def pulse(self, phase: FloatArray, segments: int) -> FloatArray:
         """Return the contractions without steering over the amplitude, at phases (K, 1) [rad], shape (K, N)."""
         return np.clip(self.steepness * self._wave(phase, self.wavelength, segments), 0.0, 1.0)
+
+    def bend(self, ahead: FloatArray, segments: int) -> FloatArray:
+        """Return the hinges of (S2) over the steering, at phases psi + 2 pi f lead (K, 1) [rad], shape (K, N - 1)."""
+        return self._wave(ahead + self.hinge_phase, self.steering_wavelength, segments)[:, 1:]
 
     def _wave(self, phase: FloatArray, wavelength: float, segments: int) -> FloatArray:
         x = (np.arange(segments) + 0.5) / segments

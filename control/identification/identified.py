@@ -42,6 +42,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from control.gaits.held import HeldSteering
 from control.gaits.steering import GaitParameters, Mechanism, Schedule
 from control.identification import surrogate
 from control.identification.surrogate import Misfit, Parity, Polynomial, Ranges
@@ -207,6 +208,8 @@ class Identified:
     """Lags of each mechanism."""
     backward: bool = False
     """Whether the worm crawls backwards as it does forwards, `is_reversible`; known of the worm, not kept in files."""
+    held: tuple[HeldSteering | None, ...] = ()
+    """How it steers while a segment is held still, for each segment; empty where it was not asked."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as JSON can hold it."""
@@ -214,6 +217,7 @@ class Identified:
             "schedule": asdict(self.schedule),
             "maps": {mechanism: found.as_dict() for mechanism, found in self.maps.items()},
             "lags": {mechanism: asdict(lags) for mechanism, lags in self.lags.items()},
+            "held": [each and asdict(each) for each in self.held],
         }
 
     @classmethod
@@ -223,6 +227,7 @@ class Identified:
             Schedule(**content["schedule"]),
             MappingProxyType({name: SteeringMap.from_dict(name, found) for name, found in content["maps"].items()}),
             MappingProxyType({name: Lags(**lags) for name, lags in content["lags"].items()}),
+            held=tuple(each and HeldSteering.from_dict(each) for each in content.get("held", ())),
         )
 
 

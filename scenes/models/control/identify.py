@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
 import worm3d
 from control.gaits import TravellingWave
+from control.gaits.held import WAVE, HeldSchedule, HeldSteering, purely_turning
 from control.gaits.steering import (
     BLEND,
     MECHANISMS,
+    UNITS,
     GaitParameters,
     Mechanism,
     PlannedWave,
@@ -55,6 +57,13 @@ FREQUENCY = 0.875
 """Frequency of the wave whose steps give the lags, in the middle of the map [Hz]."""
 LEAST_LAG = 0.1
 """Least lag of the steering beyond that of the generator [s]; shorter ones make no difference over a wave."""
+ENOUGH = 2.0 / 3.0
+"""Share of a whole worm's turn that one with a segment held still needs to make with the same hinges. Segments 0, 2, 4
+and 5 of the default one leave it 0.87 or more; hinges of their own, which turn it less, make its offset from a line
+0.0002 less to 0.003 body lengths more (seed 10)."""
+MOST_HELD = 12
+"""Number of segments up to which it is asked how a worm steers while one of them is held still: runs grow with its
+square."""
 WINDING = 0.1
 """Frequency of the sines of the steering that give its lag [Hz]."""
 WINDING_WAVES = (0.6, 0.9, 1.1)
@@ -114,7 +123,9 @@ def identify(
         straight = lags[MECHANISMS[0]] if lags else None
         lags[mechanism] = measure_lags(worm, ground, schedule, mechanism, steering, straight)
         watch(done)
-    return Identified(schedule, MappingProxyType(maps), MappingProxyType(lags))
+    known = range(worm.segments if worm.segments <= MOST_HELD else 0)
+    held = tuple(held_steering(worm, ground, schedule, design, segment) for segment in known)
+    return Identified(schedule, MappingProxyType(maps), MappingProxyType(lags), held=held)
 
 
 def map_of(
@@ -155,6 +166,37 @@ def samples(
 def _risk(given: GaitParameters) -> float:
     """Return a figure that is the less, the sooner a worm tips: strong waves, steered sharply."""
     return -given.amplitude * (abs(given.hinge) + abs(given.bias))
+
+
+def held_steering(
+    worm: worm3d.Worm, ground: worm3d.Friction, schedule: Schedule, design: Design, segment: int
+) -> HeldSteering | None:
+    """Return how a worm steers while one segment is held still, (HS2).
+
+    None where it needs no other hinges than as a whole worm, tips over, or cannot turn so.
+    """
+
+    def moved(wave: Schedule, hinge: float = WAVE.hinge) -> Motion | None:
+        found = steady(worm, ground, SteeredWave(replace(WAVE, hinge=hinge), wave), design.waves, design.skipped)
+        return None if found.tipped else found.motion
+
+    def held(hinges: FloatArray) -> Schedule:
+        return HeldSchedule(**asdict(schedule), segment=segment, hinges=hinges, backward=hinges)
+
+    count = worm.segments - 1
+    whole, usual = moved(schedule), moved(held(schedule.bend(np.array([[0.0], [np.pi / 2.0]]), worm.segments)))
+    if whole is None or (usual is not None and usual.turn > ENOUGH * whole.turn):
+        return None
+    single = [moved(held(np.eye(2 * count)[k].reshape(2, count))) for k in range(2 * count)]
+    known = [(each.turn, each.drift) for each in single if each is not None]
+    if len(known) < len(single):
+        return None
+    pattern = purely_turning(*np.array(known).T.reshape(2, 2, count))
+    by_pattern, greatest = moved(held(pattern)), moved(held(pattern), UNITS["both"][0])
+    if by_pattern is None or greatest is None or not 0.0 < by_pattern.turn < greatest.turn:
+        return None
+    a, b = pattern.tolist()
+    return HeldSteering((tuple(a), tuple(b)), by_pattern.turn)
 
 
 def check_parameters(ranges: Ranges, mechanism: Mechanism) -> list[GaitParameters]:

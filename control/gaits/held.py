@@ -1,0 +1,96 @@
+"""Steering of a worm of which one segment is held still, because one of its chambers does not obey.
+
+The bending wave (S2) of `control.gaits.steering` turns a whole worm without moving it aside. Without the feet of one
+segment the two go together: the default worm, with segment 3 held still, turns by 10 degrees a wave in place of 24, and
+goes aside by 2 % of its length, to the side that it turns away from. By hinges of their own sizes and phases,
+
+    hinge_j = hinge (a_j cos(psi + 2 pi f lead) + b_j sin(psi + 2 pi f lead))                                (HS1)
+
+it turns by 13 degrees and stays where it is. With the turn t and the way aside d that each a_j and b_j makes on its
+own, found by one run each, that is the pattern which turns the most for its size among those that do not move aside:
+
+    (a, b) = t - d (t . d) / (d . d),   its greatest hinge 1                                                 (HS2)
+
+The bias is left out. Of the default worm, in degrees to the left and percent of the body length to the left a wave
+(amplitude 0.25, 1 Hz, half of the greatest steering by both mechanisms; as a whole worm 11.9, -0.2):
+
+    segment held      0           1           2           3           4           5
+    by (S2)       10.4, -0.3   6.0,  0.0  11.0,  0.8   4.3, -0.7  10.6,  1.0  10.6, -0.4
+    by (HS1)       7.9, -0.1   8.9, -0.3   8.2,  0.1   5.8,  0.1   8.0,  0.1   9.7, -0.2
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from control.gaits.gait import Body
+from control.gaits.steering import GaitParameters, Schedule
+from worm3d import Commands
+from worm3d.values.arrays import FloatArray
+
+WAVE = GaitParameters(0.25, 1.0, hinge=0.07)
+"""Wave in which the turn by a pattern is measured, about the middle of the map."""
+
+
+@dataclass(frozen=True)
+class HeldSteering:
+    """How a worm steers while one of its segments is held still."""
+
+    hinges: tuple[tuple[float, ...], tuple[float, ...]]
+    """a and b of (HS1), shape (2, N - 1)."""
+    turn: float
+    """Turn to the left in the wave `WAVE` [rad a wave]."""
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> HeldSteering:
+        """Return it from its fields, as JSON holds them."""
+        a, b = map(tuple, content["hinges"])
+        return cls((a, b), content["turn"])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HeldSchedule(Schedule):
+    """Schedule of a worm of which one segment is held still, at its length at rest; it steers by (HS1).
+
+    Its hinges have the shape (2, N - 1), `backward` those of a wave that goes backwards.
+    """
+
+    segment: int
+    hinges: FloatArray
+    backward: FloatArray
+
+    def commands_at(self, phase: FloatArray, parameters: FloatArray, body: Body) -> Commands:
+        """Return the commands at K phases psi (K,) [rad]; see `Schedule.commands_at`."""
+        given = super().commands_at(phase, parameters * [1.0, 1.0, 0.0, 0.0], body)
+        contraction = given.contraction.copy()
+        contraction[:, self.segment] = 0.0
+        amplitude, frequency, _, hinge = parameters.T
+        ahead = phase + 2.0 * np.pi * self.lead * frequency
+        parts = np.column_stack([np.cos(ahead), np.sin(ahead)])
+        bend = np.where(amplitude[:, None] < 0.0, parts @ self.backward, parts @ self.hinges)
+        return Commands(contraction, hinge[:, None] * bend, given.force)
+
+
+def held_schedule(schedule: Schedule, segment: int, steering: Sequence[HeldSteering | None]) -> Schedule:
+    """Return the schedule with which a worm goes on while a segment is held still.
+
+    `steering` has what is known of each segment, N of them; where nothing is known of this one it is the same schedule.
+    """
+    known = steering[segment]
+    if known is None:
+        return schedule
+    other, hinges = steering[-1 - segment] or known, np.array(known.hinges)
+    backward = -np.array(other.hinges)[:, ::-1]  # (S3): the segment is counted from the other end
+    return HeldSchedule(**asdict(schedule), segment=segment, hinges=hinges, backward=backward)
+
+
+def purely_turning(turn: FloatArray, aside: FloatArray) -> FloatArray:
+    """Return (HS2), shape (2, N - 1), from the turns and the ways aside that a and b make, shape (2, N - 1) each."""
+    moves = float((aside * aside).sum())
+    pattern = turn if moves == 0.0 else turn - aside * (turn * aside).sum() / moves
+    greatest = np.hypot(*pattern).max()
+    return np.asarray(pattern / greatest if greatest > 0.0 else pattern)
