@@ -182,7 +182,7 @@ class Supervisor(WaveController):
         The end of the way back is the begin of the path.
         """
         path = self.reference.path
-        if path is None or not self.reference.ends:
+        if path is None or not self.reference.ends or not estimate.is_placed(self.worm.length):
             return False
         self._near = float(path.project(estimate.position, self._near))
         left = (self._near if back else path.length - self._near) / self.worm.length

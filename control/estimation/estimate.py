@@ -33,6 +33,8 @@ HOPELESS = 12.0
 """Logarithm of the likelihood ratio to the best belief at which another is dropped, a hundred thousand."""
 NARROW = 0.25
 """Standard deviation of the heading of all beliefs below which they become one [rad]."""
+FAR = 3.0
+"""Standard deviation of a place from which it says nothing of where on its path a worm is [body lengths]."""
 NIS = ("nis_mean", "nis_low", "nis_high")
 """Names of mean and interval of (KF7) in the summary of a run."""
 PROBABILITY = 0.95
@@ -119,6 +121,10 @@ class Estimate:
     def position(self) -> FloatArray:
         """Centre of mass without its rocking in a wave, shape (2,) [m]."""
         return np.array([self.state.x, self.state.y], dtype=float)
+
+    def is_placed(self, length: float) -> bool:
+        """Return whether the place is known well enough to tell where on its path a worm of a length [m] is."""
+        return bool(np.isfinite(self.position).all() and self.deviations[:2].max() < FAR * length)
 
     @property
     def heading(self) -> float:

@@ -2,14 +2,15 @@
 
 A worm that lies along a descent of gradient g is held by friction up to g = mu_forward, its least coefficient, by
 default 0.03, or 1.7 degrees; beyond it slides, at rest too, and ever faster. So it is stopped before. With the gradient
-G of the ground that the estimator finds, its covariance C, and the direction n in which the path leads a little ahead,
+G of the ground that the estimator finds, its covariance C, and the direction n in which the path leads a little ahead
+(or back, where the worm is to go backwards),
 
     descent = -G . n,   deviation = sqrt(n . C n)                                                             (DE1)
 """
 
 from __future__ import annotations
 
-from math import atan, cos, degrees, inf, sin, sqrt
+from math import atan, cos, degrees, inf, pi, sin, sqrt
 
 import numpy as np
 
@@ -42,9 +43,9 @@ class Descent:
 
     def fault(self, t: float, estimate: Estimate | None) -> Fault | None:
         """Return what is wrong with the way ahead at time t [s]; None if nothing is known to be."""
-        if estimate is None or self.steepest == inf or not np.isfinite(estimate.position).all():
+        if estimate is None or self.steepest == inf or not estimate.is_placed(self._length):
             return None
-        azimuth = self._azimuth(estimate)
+        azimuth = self._azimuth(estimate, back=float(self._reference.speed(t)) < 0.0)
         along = np.array([cos(azimuth), sin(azimuth)])
         descent = -float(estimate.slope @ along)
         deviation = sqrt(max(float(along @ estimate.slope_covariance @ along), 0.0))
@@ -55,10 +56,10 @@ class Descent:
         what = f"the way leads down by {down:.2g} degrees; this worm slides from {holds:.2g} on"
         return Fault(t, "too steep down", what, "it stops: lead it down more gently, or along the slope")
 
-    def _azimuth(self, estimate: Estimate) -> float:
-        """Return the direction of the way ahead [rad]."""
-        path = self._reference.path
+    def _azimuth(self, estimate: Estimate, back: bool) -> float:
+        """Return the direction of the way ahead, or of the way back [rad]."""
+        path, turned = self._reference.path, pi if back else 0.0
         if path is None:
-            return float(estimate.heading)
+            return float(estimate.heading) + turned
         self._near = float(path.project(estimate.position, self._near))
-        return float(path.heading(self._near + AHEAD * self._length))
+        return float(path.heading(self._near + (-AHEAD if back else AHEAD) * self._length)) + turned

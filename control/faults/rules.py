@@ -88,10 +88,12 @@ class Wave:
     """Mean instant of its samples [s]."""
     place_error: float
     """Its standard error [m]."""
-    heading: float | None
-    """Estimated heading, if it is known [rad]."""
+    ahead: float | None
+    """Azimuth of the path where the worm is; without a path its heading, if that is known [rad]."""
     at_limit: bool
     """Whether amplitude and frequency are as great as they get."""
+    made: float
+    """Speed that the map says of the wave at its end [m/s]."""
     least_asked: float
     """Least speed that was asked for in it [m/s]."""
     most_asked: float
@@ -189,7 +191,8 @@ def _speed(waves: Sequence[Wave]) -> Iterator[Fault]:
     if least > CREEPS * last[-1].reach and way + 3.0 * error < slow * least:
         what = f"the worm makes {way:.3g} m/s over three waves, {least:.3g} are asked for"
         yield Fault(last[-1].end, "too slow", what, "ask for less speed; look at ground, slope, load and chambers")
-    if abs(way) - 3.0 * error > FAST * max(most, 0.5 * last[-1].reach):
+    made = max(wave.made for wave in last)
+    if abs(way) - 3.0 * error > FAST * max(most, made, 0.5 * last[-1].reach):
         what = f"the worm is carried along at {abs(way):.3g} m/s, {most:.3g} are asked for"
         yield Fault(last[-1].end, "too fast", what, "hold it: it slides, or something moves it")
 
@@ -202,8 +205,8 @@ def _way(waves: Sequence[Wave]) -> tuple[float, float]:
     ways, last = np.diff(places, axis=0), waves[-1]
     time = last.place_time - waves[0].place_time
     made = float(np.hypot(*ways.T).sum()) / time
-    if last.heading is not None:
-        back = (places[-1] - places[0]) @ [np.cos(last.heading), np.sin(last.heading)] < 0.0
+    if last.ahead is not None:
+        back = (places[-1] - places[0]) @ [np.cos(last.ahead), np.sin(last.ahead)] < 0.0
         made = -made if back != last.back else made
     return made, float(np.linalg.norm([wave.place_error for wave in waves])) / time
 

@@ -97,12 +97,13 @@ class Watch:
                 asked = np.maximum(-asked if back else asked, 0.0)
             if self._parameters.amplitude == 0.0:
                 asked = np.minimum(asked, 0.0)  # it rests because it was told to, and not for want of speed
-            turn, sharpest, aside = self._way(place, max(float(asked[-1]), 0.0))
+            turn, sharpest, aside, ahead = self._way(place, max(float(asked[-1]), 0.0))
         except Exception:  # anybody may write references; the fallback deals with these
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
-            asked, turn, sharpest, aside, back = np.full(MOMENTS, nan), 0.0, inf, None, False
-        top = self._feed_forward.ranges
-        known = estimate is not None and estimate.deviations[2] < KNOWN
+            asked, turn, sharpest, aside, ahead, back = np.full(MOMENTS, nan), 0.0, inf, None, None, False
+        top, wave = self._feed_forward.ranges, (abs(self._parameters.amplitude), self._parameters.frequency)
+        if ahead is None and estimate is not None and estimate.deviations[2] < KNOWN:
+            ahead = estimate.heading
         return Wave(
             end=end,
             gain=gain,
@@ -111,10 +112,10 @@ class Watch:
             place=place,
             place_time=instant,
             place_error=doubt,
-            heading=estimate.heading if estimate is not None and known else None,
-            at_limit=abs(self._parameters.amplitude) >= AT_LIMIT * top.amplitude[1]
-            and self._parameters.frequency >= AT_LIMIT * top.frequency[1],
+            ahead=ahead,
+            at_limit=wave[0] >= AT_LIMIT * top.amplitude[1] and wave[1] >= AT_LIMIT * top.frequency[1],
             back=back,
+            made=self._length * float(self._feed_forward.found.speed(*wave, 0.0)) if wave[0] else 0.0,
             least_asked=float(asked.min()),
             most_asked=float(asked.max()),
             reach=self._feed_forward.fastest,
@@ -160,11 +161,12 @@ class Watch:
         variance = float((twice**2).mean()) / 6.0 if len(twice) else 0.0  # of white noise; waves change slowly
         return rows[:, :2].mean(axis=0), float(rows[:, 2].mean()), float(np.sqrt(2.0 * variance / len(rows)))
 
-    def _way(self, place: FloatArray | None, speed: float) -> tuple[float, float, float | None]:
-        """Return the path's turn rate at a place, the greatest one of the map, and the distance [body lengths]."""
+    def _way(self, place: FloatArray | None, speed: float) -> tuple[float, float, float | None, float | None]:
+        """Return the path's turn rate at a place, the map's greatest one, the distance [body lengths], its azimuth."""
         path = self._reference.path
         if path is None or place is None:
-            return 0.0, inf, None
+            return 0.0, inf, None, None
         self._near = s = float(path.project(place, self._near))
         turn = float(path.curvature(s)) * speed
-        return turn, self._feed_forward.sharpest(speed), abs(float(offset(path, place, s))) / self._length
+        aside = abs(float(offset(path, place, s))) / self._length
+        return turn, self._feed_forward.sharpest(speed), aside, float(path.heading(s))

@@ -24,6 +24,8 @@ PARTS = 16
 """Number of parts of each interval between knots."""
 REACH = 0.125
 """Share of the length by which a projection may lie from the one before."""
+ALIKE = 0.01
+"""Share of the length by which a pass of the curve may be farther off than the nearest one and count as well."""
 ITERATIONS = 20
 """Largest number of Newton iterations; three or four are enough but at the centre of curvature."""
 GAUSS = np.polynomial.legendre.leggauss(5)
@@ -76,7 +78,8 @@ class Curve(ABC):
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
         """Return the arc lengths of the points nearest to places (..., 2) [m], shape (...) [m].
 
-        Only points within an eighth of the curve's length of the arc length `near` are looked at; all if left out.
+        Only points within an eighth of the curve's length of the arc length `near` are looked at. All are if it is left
+        out; where the curve passes a place more than once, nearly as close, its first pass counts.
         """
         places = np.asarray(xy, dtype=float)
         flat = [self._nearest(place, near) for place in places.reshape(-1, 2)]
@@ -84,7 +87,7 @@ class Curve(ABC):
 
     def _nearest(self, place: FloatArray, near: float | None) -> float:
         """Return the arc length of the nearest point by Newton's method in the parameter, from the nearest node."""
-        (nodes, lengths), k, laps = self._nodes, *self._nearest_node(place, near)
+        (nodes, lengths), (k, laps) = self._nodes, self._nearest_node(place, near)
         low, high = self._beside(k)
         u = float(nodes[k])
         for _ in range(ITERATIONS):
@@ -106,16 +109,24 @@ class Curve(ABC):
         return min(along, 0.0) if u == 0.0 else max(along, 0.0)
 
     def _nearest_node(self, place: FloatArray, near: float | None) -> tuple[int, float]:
-        """Return the node that is nearest, of those that are looked at, and the laps before it."""
-        lengths, laps = self._nodes[1], np.zeros(len(self._nodes[1]))
-        distance = np.linalg.norm(self._places - place, axis=1)
-        if near is not None and self.closed:
-            laps = np.round((near - lengths) / self.length)
-        if near is not None:
+        """Return the node beside the nearest point of the chords that are looked at, and the laps before it."""
+        chords = np.diff(self._places, axis=0)
+        share = np.einsum("ij,ij->i", place - self._places[:-1], chords) / np.einsum("ij,ij->i", chords, chords)
+        share = np.clip(share, 0.0, 1.0)
+        distance = np.linalg.norm(self._places[:-1] + share[:, None] * chords - place, axis=1)
+        node = np.arange(len(chords)) + np.round(share).astype(int)
+        lengths, laps = self._nodes[1][node], np.zeros(len(node))
+        if near is None:
+            alike = distance <= distance.min() + ALIKE * self.length
+            first = int(np.argmax(alike))
+            distance[first + int(np.argmin([*alike[first:], False])) :] = np.inf
+        else:
+            if self.closed:
+                laps = np.round((near - lengths) / self.length)
             inside = near if self.closed else min(max(near, 0.0), self.length)
             distance[np.abs(lengths + laps * self.length - inside) > REACH * self.length] = np.inf
         k = int(np.argmin(distance))
-        return k, float(laps[k])
+        return int(node[k]), float(laps[k])
 
     def _beside(self, k: int) -> tuple[float, float]:
         """Return the parameters of the nodes before and after one; those of a closed curve go on beyond its ends."""

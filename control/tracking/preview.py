@@ -37,6 +37,8 @@ APPROACH = 2.5
 """Time T in which the way to the end of a path falls to 37 % [s]: two waves, since the speed lags behind by one."""
 TURNS_IN = 0.3
 """Way over which the curvature of a path is averaged [body lengths]: a worm turns by a right angle in it at best."""
+AWAY = 1.3
+"""Angle between a worm and its path from which it turns round first, before the path is followed [rad]."""
 PLACES = 65
 """Number of places ahead at which the greatest speed is looked up."""
 
@@ -165,8 +167,8 @@ def look_ahead(
         turned = turned + np.arctan2(slope, 1.0 - aside * path.curvature(along))
         left, right = left - aside, right + aside
     turned = _on_turn(turned, float(path.heading(progress)), azimuth)
-    speed = speed_at(reference, ends, along, able)
-    return Preview(speed, point, turned, True, True, progress, left, right, speed * step / able.length)
+    speed, follows = speed_at(reference, ends, along, able), bool(abs(turned[0] - azimuth) < AWAY)
+    return Preview(speed, point, turned, follows, True, progress, left, right, speed * step / able.length)
 
 
 def bounds(reference: Reference, s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -174,7 +176,7 @@ def bounds(reference: Reference, s: FloatArray) -> tuple[FloatArray, FloatArray]
     left, right = np.full(len(s), reference.corridor), np.full(len(s), reference.corridor)
     for disc in reference.obstacles:
         beside, aside, on_left = passing(reference, disc)
-        half = np.sqrt(np.maximum(disc.radius**2 - (s - beside) ** 2, 0.0))
+        half = np.sqrt(np.maximum(disc.radius**2 - _from(reference, beside, s) ** 2, 0.0))
         inside = half > 0.0
         if on_left:
             right[inside] = np.minimum(right, -(aside + half))[inside]
@@ -192,7 +194,7 @@ def detour(reference: Reference, s: FloatArray, length: float) -> tuple[FloatArr
         if most == 0.0:
             continue
         half = np.pi * np.sqrt(abs(most) * max(disc.radius, length) / 2.0)
-        at = np.clip((s - beside) / half, -1.0, 1.0) * np.pi / 2.0
+        at = np.clip(_from(reference, beside, s) / half, -1.0, 1.0) * np.pi / 2.0
         own = most * np.cos(at) ** 2
         slope = np.where(np.abs(own) > np.abs(aside), -most * np.pi / (2.0 * half) * np.sin(2.0 * at), slope)
         aside = np.where(np.abs(own) > np.abs(aside), own, aside)
@@ -206,6 +208,14 @@ def passing(reference: Reference, disc: Disc) -> tuple[float, float, bool]:
     beside = float(path.project(middle))
     aside = float(offset(path, middle, beside))
     return beside, aside, aside < 0.0
+
+
+def _from(reference: Reference, beside: float, s: FloatArray) -> FloatArray:
+    """Return how far arc lengths (K,) are beyond another one [m]; of a closed path, in the nearest lap."""
+    way, path = s - beside, reference.path
+    if path is None or not path.closed:
+        return way
+    return np.asarray(way - path.length * np.round(way / path.length))
 
 
 def turn_rate(reference: Reference, t: float, progress: float, able: Ability = ANY) -> float:

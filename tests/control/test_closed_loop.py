@@ -1,6 +1,6 @@
 """The whole loop on the full plant, with noisy sensors: bars of one seed, injected failures, mirror images.
 
-Offsets may be twice those of the worst of five seeds, which are 0.0044 and 0.0045 on the circle and 0.0032 uphill.
+Offsets may be half as much again as the worst of five seeds on the circle, 0.0041, and twice that uphill, 0.0032.
 All seeds and scenes, and the baselines beside them: `worm3d bench control`.
 """
 
@@ -89,11 +89,23 @@ def test_round_a_circle() -> None:
     reference = Reference(CRUISE, path=Circle(1.5, start=AHEAD))
     result, watched = run(reference, 30.0)
     found = figures(result, watched, reference)
-    assert found["cross_track_rms_bl"] <= 0.009
+    assert found["cross_track_rms_bl"] <= 0.006
     assert abs(found["speed_bias_relative"]) <= 0.02
     assert found["speed_error_rms_relative"] <= 0.06
     assert watched.supervisor.failures == 0
     assert result.heading[-1] == pytest.approx(0.08 * 30.0 / 1.5, abs=0.2)
+
+
+@pytest.mark.parametrize("azimuth", [np.pi, -2.9, np.pi / 2.0])
+def test_a_worm_that_faces_another_way_turns_round(azimuth: float) -> None:
+    reference = Reference(CRUISE, path=Line(start=AHEAD, azimuth=azimuth))
+    result, _ = run(reference, 24.0)
+    late = result.time > 21.0
+    way = result.com[late, :2] @ [np.cos(azimuth), np.sin(azimuth)]
+    assert (way[-1] - way[0]) / 3.0 == pytest.approx(0.08, rel=0.1)
+    aside = (result.com[:, :2] - AHEAD) @ [-np.sin(azimuth), np.cos(azimuth)]
+    assert np.abs(aside[late]).max() < 0.05
+    assert np.abs(aside).max() < 0.7, "it turns where it is"
 
 
 def test_a_steep_wave_goes_at_twice_the_cruise_and_takes_half_the_work() -> None:
@@ -129,7 +141,7 @@ def test_three_failures_in_ten_cost_two_percent_of_the_speed_at_most() -> None:
     found = figures(result, watched, reference)
     assert watched.supervisor.failures > 25
     assert found["speed_bias_relative"] >= -0.02
-    assert found["cross_track_rms_bl"] <= 0.009
+    assert found["cross_track_rms_bl"] <= 0.006
 
 
 def test_up_a_slope_that_it_does_not_know_of() -> None:

@@ -1,5 +1,6 @@
 """Ways down that are too steep: when a worm is stopped, and when not."""
 
+from dataclasses import replace
 from math import atan, inf, radians, tan
 
 import numpy as np
@@ -46,6 +47,19 @@ def test_the_path_ahead_counts_and_not_where_the_worm_looks() -> None:
         at = radius * np.sin(angle), radius * (1.0 - np.cos(angle))
         found = descent.fault(1.0, estimate((0.07, 0.0), 1e-9, 0.0, at))
         assert (found is not None) == stops
+
+
+@pytest.mark.parametrize("path", [Line(azimuth=1.0), None])
+def test_a_worm_that_goes_backwards_minds_the_way_behind_it(path) -> None:
+    descent = Descent(WORM, Reference(Constant(-0.08), path=path), HOLDS)
+    along = np.array([np.cos(1.0), np.sin(1.0)])
+    assert descent.fault(3.0, estimate(tuple(2.0 * HOLDS * along), heading=1.0)) is not None
+    assert descent.fault(3.0, estimate(tuple(-2.0 * HOLDS * along), heading=1.0)) is None
+
+
+def test_a_worm_that_does_not_know_where_it_is_minds_no_slope() -> None:
+    unknown = replace(estimate((-1.0, 0.0)), covariance=100.0 * np.eye(STATES))
+    assert Descent(WORM, Reference(Constant(0.08), path=Line()), HOLDS).fault(1.0, unknown) is None
 
 
 def test_what_is_hardly_known_stops_nobody() -> None:

@@ -1,6 +1,7 @@
 """Faults that show in measurements: chambers, speeds, tipping; on the plant, and none where nothing is wrong."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -102,7 +103,7 @@ def test_all_chambers_without_pressure() -> None:
 
 def test_chambers_that_do_not_move_at_all_are_one_fault() -> None:
     zero = np.zeros((6, 2))
-    wave = Wave(1.0, zero, zero, 0.0, None, np.nan, np.nan, None, False, 0.05, 0.05, 0.1, 0.0, np.inf, None)
+    wave = Wave(1.0, zero, zero, 0.0, None, np.nan, np.nan, None, False, 0.1, 0.05, 0.05, 0.1, 0.0, np.inf, None)
     assert [fault.kind for fault in faults([wave, wave])] == ["chambers"]
 
 
@@ -128,6 +129,17 @@ def test_a_speed_that_a_slope_does_not_allow() -> None:
     assert "too slow" in found
     assert "unreachable speed" not in found
     assert on_its_side(result) is None
+
+
+def test_a_worm_that_goes_the_wrong_way_along_its_path_is_too_slow() -> None:
+    """What it believes of its heading does not count where there is a path: the belief may be what is wrong."""
+    nothing = np.full((6, 2), np.nan)
+    still = Wave(0.0, nothing, nothing, 0.0, None, np.nan, 0.001, 0.0, False, 0.08, 0.08, 0.08, 0.14, 0.0, np.inf, 0.0)
+    for way, kinds in ((0.08, []), (-0.08, ["too slow"]), (0.2, ["too fast"])):
+        waves = [replace(still, end=k, place=np.array([way * k, 0.0]), place_time=k) for k in np.arange(5.0)]
+        assert [fault.kind for fault in faults(waves)] == kinds
+        quick = [replace(wave, made=0.2) for wave in waves]
+        assert [fault.kind for fault in faults(quick)] == [kind for kind in kinds if kind != "too fast"]
 
 
 def test_a_turn_beyond_the_map() -> None:

@@ -9,6 +9,7 @@ from hypothesis import given, seed
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from control.tracking.curves import ALIKE
 from control.tracking.paths import (
     Circle,
     Line,
@@ -74,13 +75,45 @@ def test_a_place_beside_the_path_is_projected_to_where_it_is(path: Path) -> None
 
 
 @every_path
-def test_no_point_of_the_path_is_nearer_than_the_projection(path: Path) -> None:
+def test_no_point_of_the_path_is_nearer_than_the_projection_but_on_a_later_pass(path: Path) -> None:
     rng = np.random.default_rng(5)
     length = min(path.length, 6.0)
-    dense = path.point(np.linspace(0.0, length, 20_001))
+    along = np.linspace(0.0, length, 20_001)
+    dense = path.point(along)
     for p in dense[rng.integers(len(dense), size=12)] + rng.uniform(-0.8, 0.8, (12, 2)):
-        found = float(np.linalg.norm(path.point(path.project(p)) - p))
-        assert found <= np.linalg.norm(dense - p, axis=1).min() + 1e-9
+        far = np.linalg.norm(dense - p, axis=1)
+        s = float(path.project(p))
+        found = float(np.linalg.norm(path.point(s) - p))
+        if found > far.min() + 1e-9:
+            assert found <= far.min() + ALIKE * path.length
+            assert s < along[np.argmin(far)]
+            assert far[np.abs(along - s) < 0.1].min() >= found - 1e-9
+
+
+@pytest.mark.parametrize("behind", [0.02, -0.02])
+def test_a_path_that_ends_where_it_begins_is_begun_at_its_begin(behind: float) -> None:
+    path = SplinePath(np.array([(0, 0), (2, 0), (3, 1.5), (0.5, 3), (-1.5, 1), (0, 0)]))
+    for aside in (-0.1, 0.0, 0.1):
+        assert float(path.project((-behind, aside))) == pytest.approx(-behind, abs=0.05)
+    back = path.point(path.length - 0.3)
+    assert float(path.project(back, path.length - 0.5)) == pytest.approx(path.length - 0.3)
+
+
+def test_a_crossing_belongs_to_the_pass_that_is_first_or_near() -> None:
+    turn = np.linspace(0.0, 2.0 * np.pi, 13)
+    path = SplinePath(np.column_stack([1.0 + 2.0 * np.sin(turn), np.sin(2.0 * turn) - 1.0]))
+    middle = (1.0, -1.0)
+    assert float(path.project(middle)) == pytest.approx(0.0, abs=1e-6)
+    for near in (0.4, 0.5, 0.6):
+        assert float(path.project(middle, near * path.length)) == pytest.approx(path.length / 2.0, abs=1e-6)
+
+
+def test_the_nearest_pass_counts_where_knots_are_far_apart() -> None:
+    """A place beside the middle of a long chord is nearer to a node of another pass than to those of its own."""
+    path = SplinePath(np.array([(0.0, 0.0), (160.0, 0.0), (164.0, 3.0), (160.0, 6.0), (0.0, 6.0)]))
+    s = path.length - path._nodes[1][1:2] * 0.5
+    place = path.point(s)[0] - [0.0, 0.3]
+    assert abs(float(path.project(place)) - s[0]) < 1.0
 
 
 @seed(3)

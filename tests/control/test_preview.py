@@ -71,6 +71,25 @@ def test_an_obstacle_leaves_a_way_within_the_corridor(towards) -> None:
         Reference(Constant(0.1), path=LINE, corridor=0.049, obstacles=(disc,))
 
 
+def test_an_obstacle_on_a_closed_path_is_passed_in_every_lap() -> None:
+    path = Circle(2.0)
+    disc = Disc(*path.point(0.1).tolist(), 0.2)
+    reference = Reference(Constant(0.08), path=path, obstacles=(disc,))
+    s = np.linspace(-2.0, 2.0, 401)
+    first, later = detour(reference, s, 1.0), detour(reference, s + 3.0 * path.length, 1.0)
+    assert np.abs(first[0]).max() >= 0.2
+    assert_allclose(later, first, atol=1e-12)
+    assert_allclose(bounds(reference, s - path.length), bounds(reference, s), atol=1e-7)
+
+
+@pytest.mark.parametrize(("azimuth", "follows"), [(1.2, True), (-1.2, True), (1.4, False), (np.pi, False), (5.1, True)])
+def test_a_path_is_followed_once_the_worm_faces_about_its_way(azimuth: float, follows: bool) -> None:
+    seen = look_ahead(Reference(Constant(0.08), path=LINE), 0.0, 0.4, 8, np.zeros(2), azimuth, None)
+    assert seen.follows == follows
+    assert seen.heads
+    assert np.abs(seen.heading - azimuth).max() <= np.pi + 1e-9
+
+
 def test_what_is_followed_is_the_way_around_and_bounds_are_about_it() -> None:
     disc = Disc(0.3, 0.0, 0.2)
     reference = Reference(Constant(0.1), path=LINE, corridor=0.5, obstacles=(disc,))
