@@ -22,12 +22,25 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import inf, nan
 
 import numpy as np
 
 from control.estimation.estimate import Belief, Estimate, merged, pruned
 from control.estimation.ground import Ground, GroundTrust, Standing
-from control.estimation.kalman import GAIN, GAINS, IMPOSSIBLE, ROCKING, SIZE, Corrected, Kalman, Uncertainty, size_of
+from control.estimation.kalman import (
+    GAIN,
+    GAINS,
+    IMPOSSIBLE,
+    RIPPLE,
+    ROCKING,
+    SIZE,
+    Corrected,
+    Kalman,
+    Uncertainty,
+    size_of,
+    widened,
+)
 from control.estimation.noise import Noise
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
 from control.estimation.turning import MeanRate
@@ -44,12 +57,12 @@ __all__ = ["Estimate", "Estimator"]
 
 PAUSE = 0.2
 """Time without samples after which the filter goes on without one [s]."""
+LATE_STRAIN = 0.1
+"""Time after strains from which they no longer tell how high a worm stands [s]."""
 SIDES = 12
 """Number of headings from which a filter starts where none is told."""
 ANYWHERE = 10.0
 """Standard deviation of the position before the first sample [m]."""
-RIPPLE = 0.002
-"""Least standard deviation of a sample of the centre of mass, its rocking beside the measured wave included [m]."""
 ROCKED = 0.016
 """Standard deviation by which a wave rocks the chord's azimuth about the heading [rad]."""
 NOISIEST = 0.2
@@ -59,7 +72,7 @@ CRAB = ReducedState._fields.index("crab")
 TOO_SURE = 1.5
 """Ratio of the noise that is found to that of the latest sample above which those that are kept are taken again."""
 BEGIN = {"speed": 0.08, "turn_rate": 0.05, "slip": 0.15, "yaw_bias": 0.01, "turn_gain": 0.2}
-"""Standard deviations at the start, of a worm at rest that obeys its map [m/s], [rad/s], [1], [rad/s], [1]."""
+"""Standard deviations at the start, of a worm at rest that obeys its map, lengths in body lengths, angles in rad."""
 CRAB_NOISE, BEGIN_CRAB = 0.01, 0.1
 """Noise of the crab angle, and its standard deviation at the start, where a sensor of the heading shows it
 [rad/sqrt(s)], [rad]."""
@@ -68,7 +81,7 @@ UNSTEADY = 0.005
 LEAST_OFFSET = 1e-4
 """Least constant error of a gyroscope [rad/s]."""
 BEGIN_ROCKING = 0.05
-"""Standard deviation of the entries of C at the start [m]."""
+"""Standard deviation of the entries of C at the start [body lengths]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +100,13 @@ class _Sample:
 
 @dataclass(frozen=True, eq=False)
 class _Fused:
-    """Sample, and the beliefs after it; `placed` after the first sample of the centre of mass."""
+    """Sample, and the beliefs after it; `placed` is the instant of the last sample of the centre of mass [s]."""
 
     sample: _Sample
     beliefs: list[Belief]
     ground: Ground
     nis: float | None
-    placed: bool = False
+    placed: float | None = None
     refused: int = 0
 
 
@@ -135,13 +148,13 @@ class Estimator:
             raise ValueError(f"heading: got {heading!r} rad, must be finite, or None where it is not known")
         arguments.number("heading_deviation", heading_deviation, "rad", gt=0.0)
         self._mechanism, self.span = model.mechanism, span
-        trust = uncertainty or Uncertainty()
-        self._filter, self._knows_crab = Kalman(model, trust), trust.crab > 0.0
-        self._trust_ground = ground or GroundTrust()
+        trust = uncertainty or Uncertainty().sized(worm.length)
+        self._filter, self._knows_crab = Kalman(model, trust, worm.length), trust.crab > 0.0
+        self._trust_ground = ground or GroundTrust().sized(worm.length)
         self._wave, self._standing = MeasuredWave(worm.segments, schedule or Schedule()), Standing(worm)
-        self.noise = Noise(trust.com, NOISIEST * worm.length, RIPPLE)
+        self.noise = Noise(trust.com, NOISIEST * worm.length, RIPPLE * worm.length)
         self._history = InputHistory(2.0 * span)
-        self._begin, self._turning = _beginning(trust, heading, heading_deviation), MeanRate()
+        self._begin, self._turning = _beginning(trust, heading, heading_deviation, worm.length), MeanRate()
         self._has_rates = trust.rate_offset > 0.0
         self.reset()
 
@@ -186,14 +199,16 @@ class Estimator:
         noise = {name: channel.noise for name, channel in sensors.items()}
         place, heading = noise.get("com", COM.noise), noise.get("heading", HEADING_SENSOR.noise)
         rates, root = sensors.get("angular_rate"), np.sqrt(worm.segments)
-        uncertainty = Uncertainty(
-            com=max(place, RIPPLE),
+        place = max(place, RIPPLE * worm.length)
+        uncertainty = replace(
+            Uncertainty().sized(worm.length),
+            com=place,
             rate_sample=float(np.hypot(UNSTEADY, 0.0 if rates is None else rates.noise / root)),
             rate_offset=0.0 if rates is None else float(max(rates.bias, LEAST_OFFSET) / root),
             heading_sample=float(np.hypot(heading, ROCKED)),
             crab=CRAB_NOISE if "heading" in sensors else 0.0,
         )
-        ground = GroundTrust(height=max(place, RIPPLE))
+        ground = replace(GroundTrust().sized(worm.length), height=place)
         return cls(worm, model, schedule, uncertainty=uncertainty, ground=ground, span=span_of(sensors))
 
     @property
@@ -212,9 +227,9 @@ class Estimator:
             self._heights.popleft()
 
     def _height_at(self, t: float) -> float:
-        """Return the height of the axis above the ground at an instant [m]; 0 before the first strains."""
-        if not self._heights:
-            return 0.0
+        """Return the height of the axis above the ground at an instant [m]; NaN where no strains tell it."""
+        if not self._heights or t > self._heights[-1][0] + LATE_STRAIN:
+            return nan
         times, heights = np.array(self._heights).T
         return float(np.interp(t, times, heights))
 
@@ -254,10 +269,11 @@ class Estimator:
     def _fused(self, last: _Fused, sample: _Sample, new: bool) -> _Fused:
         """Return a sample and the beliefs after it; the noise is learnt from new samples."""
         beliefs, ground, nis, refused = self._predicted(last, sample.time), last.ground, None, last.refused
+        placed = last.placed
         if sample.com is not None and sample.wave is not None:
-            given = sample.com[:2], sample.wave
-            noise = sample.deviation, sample.time - last.sample.time, sample.frequency
-            corrected = self._with_com(beliefs, given, noise, gated=last.placed)
+            given, placed = (sample.com[:2], sample.wave), sample.time
+            noise = sample.deviation, inf if last.placed is None else placed - last.placed, sample.frequency
+            corrected = self._with_com(beliefs, given, noise, gated=last.placed is not None)
             best = max(corrected, key=lambda each: each.belief.log_weight)
             beliefs, nis, refused = [each.belief for each in corrected], best.nis, refused + best.refused
             height = sample.com[2] - sample.standing
@@ -270,7 +286,7 @@ class Estimator:
             refused += unlikely
         if sample.rate is not None:
             beliefs = [self._filter.with_rate(belief, sample.rate) for belief in beliefs]
-        return _Fused(sample, pruned(beliefs), ground, nis, last.placed or sample.com is not None, refused)
+        return _Fused(sample, pruned(beliefs), ground, nis, placed, refused)
 
     def _with_com(
         self,
@@ -352,22 +368,20 @@ def span_of(sensors: Mapping[str, Channel]) -> float:
     return SPAN + max((channel.delay for channel in sensors.values()), default=0.0)
 
 
-def _beginning(trust: Uncertainty, heading: float | None, deviation: float) -> list[Belief]:
+def _beginning(trust: Uncertainty, heading: float | None, deviation: float, length: float) -> list[Belief]:
     """Return the beliefs before the first sample, one for each possible heading."""
     if heading is not None:
-        return [_believed(trust, heading, deviation)]
+        return [_believed(trust, heading, deviation, length)]
     apart = 2.0 * np.pi / SIDES
     # Mirror images of each other, so that mirrored worms are treated alike.
     sides = ((np.arange(SIDES) + 0.5 - SIDES / 2.0) * apart).tolist()
-    return [_believed(trust, side, apart / 2.0) for side in sides]
+    return [_believed(trust, side, apart / 2.0, length) for side in sides]
 
 
-def _believed(trust: Uncertainty, heading: float, deviation: float) -> Belief:
+def _believed(trust: Uncertainty, heading: float, deviation: float, length: float) -> Belief:
     mean, deviations = np.zeros(size_of(trust)), np.zeros(size_of(trust))
     mean[:STATES] = ReducedState(0.0, 0.0, heading, 0.0, 0.0)
     crab = BEGIN_CRAB if trust.crab > 0.0 else 0.0
-    known = {"x": ANYWHERE, "y": ANYWHERE, "heading": deviation, "drift": trust.drift, "crab": crab, **BEGIN}
-    for name, each in known.items():
-        deviations[ReducedState._fields.index(name)] = each
-    deviations[ROCKING], deviations[SIZE:] = BEGIN_ROCKING, trust.rate_offset
-    return Belief(mean, np.diag(deviations**2))
+    known = {"x": ANYWHERE, "y": ANYWHERE, "heading": deviation, "drift": trust.drift / length, "crab": crab, **BEGIN}
+    deviations[ROCKING], deviations[SIZE:] = BEGIN_ROCKING * length, trust.rate_offset
+    return Belief(mean, widened(np.diag(deviations**2), known, length))

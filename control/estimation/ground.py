@@ -32,8 +32,6 @@ SHARPNESS = 0.1
 """Ratio of delta to the mean rest half-height."""
 UNKNOWN = 10.0
 """Standard deviation of the height before the first sample [m]."""
-STRIDE = 0.05
-"""Way over which samples are gathered [m]."""
 MOST = 200
 """Largest number of samples that are gathered, since a worm at rest has no stride."""
 BY_CHANCE = 4.0
@@ -43,15 +41,21 @@ BY_CHANCE = 4.0
 @documented
 @dataclass(frozen=True, kw_only=True)
 class GroundTrust:
-    """How far samples of the height are trusted, and how the ground may change."""
+    """How far samples of the height are trusted, and how the ground may change; the defaults suit worms of 1 m."""
 
     height: float = parameter(0.005, unit="m", gt=0, meaning="least standard deviation of a sample of the height")
     standing: float = parameter(0.001, unit="m", gt=0, meaning="standard deviation of (KF5) in the mean of a stride")
     slope: float = parameter(0.02, gt=0, meaning="standard deviation of the slope before the first sample")
     change: float = parameter(0.01, unit="1/sqrt(m)", gt=0, meaning="change of the slope along the way")
+    stride: float = parameter(0.05, unit="m", gt=0, meaning="way over which samples are gathered")
 
     def __post_init__(self) -> None:
         check(self)
+
+    def sized(self, length: float) -> GroundTrust:
+        """Return it for a worm of a length [m] on ground that is in proportion to that."""
+        change = self.change / np.sqrt(length)
+        return replace(self, standing=length * self.standing, change=change, stride=length * self.stride)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +84,7 @@ class Ground:
     def sampled(self, place: FloatArray, height: float, trust: GroundTrust) -> Ground:
         """Return the belief after a sample z - H of the height [m] at a place (2,) [m], (KF6)."""
         gathered = np.vstack([self.gathered, [*place, height]])
-        if np.hypot(*(place - gathered[0, :2])) < STRIDE:
+        if np.hypot(*(place - gathered[0, :2])) < trust.stride:
             return replace(self, gathered=gathered[-MOST:])
         middle, noise = gathered.mean(axis=0), _noise(gathered[:, 2], trust)
         return self._fused(middle[:2], float(middle[2]), trust.standing**2 + noise / len(gathered), trust)

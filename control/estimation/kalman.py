@@ -70,28 +70,30 @@ PATIENCE = 3
 """Number of refused samples in a row after which the belief is taken to be wrong, and the worm to have been moved."""
 TREND = 8
 """Number of samples over which innovations are averaged to their trend, 0.4 s of the default sensors."""
+IN_METRES = ("speed", "drift")
+"""Parts of the state that are in proportion to the length of a worm."""
 APART = 0.05
 """Time below which the errors of two samples are alike, so that the later one counts in proportion to the time [s]."""
 RIPPLE = 0.002
-"""Standard deviation of what rocks the centre of mass beside the measured wave, twice a wave [m]."""
+"""Standard deviation of what rocks the centre of mass beside the measured wave, twice a wave [body lengths]."""
 UNEXPLAINED = 20.0
 """NIS of that trend beyond which the worm is taken to be pushed; a probability of 0.00005, since a run has thousands of
 them. (With 16 a worm at 0.01 m/s was taken for pushed within a minute, and never found its way again.)"""
 PUSHED = {"drift": 0.05, "slip": 0.3, "yaw_bias": 0.01}
-"""Standard deviations that are added where it is pushed [m/s], [1], [rad/s]."""
+"""Standard deviations that are added where it is pushed [body lengths/s], [1], [rad/s]."""
 GAINS = (0.3, 3.0)
 """Least and greatest gain of turning that is believed: steering that turns a worm the other way round is none."""
 SLIPS = (-1.0, 1.0)
 """Least and greatest slip that is believed: a worm that goes more than twice as far as its wave carries it is pushed or
 slides, and would hardly crawl any more if that were put down to its wave."""
 MOVED = {"heading": 0.5, "speed": 0.05, "turn_rate": 0.2}
-"""Standard deviations that are added where the worm was moved [rad], [m/s], [rad/s]."""
+"""Standard deviations that are added where the worm was moved [rad], [body lengths/s], [rad/s]."""
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Uncertainty:
-    """How far sensors and model are trusted; the defaults suit the default worm and `control.sensing.sensors`.
+    """How far sensors and model are trusted; the defaults suit worms of 1 m and `control.sensing.sensors`.
 
     Place, speed and turn rate are about where the innovations of nine runs of a minute are likeliest (line, circle,
     S-curve, way points, steps of the speed, and 3 degrees uphill; seeds 11 to 13). For those the drift could be half of
@@ -131,6 +133,11 @@ class Uncertainty:
     def __post_init__(self) -> None:
         check(self)
 
+    def sized(self, length: float) -> Uncertainty:
+        """Return it for a model of a worm of a length [m], all of whose motion is in proportion to that."""
+        motion = {name: length * getattr(self, name) for name in ("place", "speed", "drift", "rocking")}
+        return replace(self, **motion)
+
 
 class Corrected(NamedTuple):
     """Belief after a sample of the centre of mass."""
@@ -146,9 +153,10 @@ class Corrected(NamedTuple):
 
 
 class Kalman:
-    """Filter of one reduced model, compiled."""
+    """Filter of one reduced model, compiled, for a worm of a length [m]."""
 
-    def __init__(self, model: ReducedModel, uncertainty: Uncertainty) -> None:
+    def __init__(self, model: ReducedModel, uncertainty: Uncertainty, length: float = 1.0) -> None:
+        self._length = length
         self._longest = min(model.longest_step, LONGEST_SUBSTEP * model.lag)
         self._deviation, size = uncertainty.com, size_of(uncertainty)
         self._predict = Buffered(_prediction(model, uncertainty))
@@ -183,22 +191,20 @@ class Kalman:
         mean, covariance, nis, log_det, e, spread = self._com(belief.mean, belief.covariance, com, wave, sigma)
         found = float(nis[0]), e, float(spread[0])
         trend = belief.trend + (e - belief.trend) * min(1.0, since / APART) / TREND
-        rocked = RIPPLE**2 / (1.0 + (4.0 * np.pi * frequency * TREND * APART) ** 2)
+        rocked = (RIPPLE * self._length) ** 2 / (1.0 + (4.0 * np.pi * frequency * TREND * APART) ** 2)
         if gated and hypot(*trend) > sqrt(UNEXPLAINED * ((found[2] + sigma**2) / (2 * TREND - 1) + rocked)):
             trend = np.zeros(2)
-            widened = _widened(belief.covariance, PUSHED)
-            widened[GAIN, :GAIN] = widened[:GAIN, GAIN] = 0.0  # the gain has no part in it
-            mean, covariance, *_ = self._com(belief.mean, widened, com, wave, sigma)
+            wide = widened(belief.covariance, PUSHED, self._length)
+            wide[GAIN, :GAIN] = wide[:GAIN, GAIN] = 0.0  # the gain has no part in it
+            mean, covariance, *_ = self._com(belief.mean, wide, com, wave, sigma)
         if not _usable(nis, mean, covariance):
             return Corrected(belief, *found, refused=True)
         if gated and nis[0] > IMPOSSIBLE:
             if belief.refused < PATIENCE:
                 return Corrected(replace(belief, refused=belief.refused + 1), *found, refused=True)
-            widened = _widened(belief.covariance, MOVED)
-            widened[[0, 1], [0, 1]] += (
-                float(np.hypot(*(com - belief.mean[:2]))) ** 2
-            )  # to about the place of the sample
-            mean, covariance, *_ = self._com(belief.mean, widened, com, wave, sigma)
+            wide = widened(belief.covariance, MOVED, self._length)
+            wide[[0, 1], [0, 1]] += float(np.hypot(*(com - belief.mean[:2]))) ** 2  # to about the place of the sample
+            mean, covariance, *_ = self._com(belief.mean, wide, com, wave, sigma)
         log_weight = belief.log_weight - 0.5 * float(nis[0] + log_det[0])
         mean[GAIN] = min(max(mean[GAIN], GAINS[0]), GAINS[1])
         mean[SLIP] = min(max(mean[SLIP], SLIPS[0]), SLIPS[1])
@@ -232,6 +238,15 @@ class Kalman:
             return belief
         log_weight = belief.log_weight - 0.5 * float(nis[0] + log_det[0])
         return replace(belief, mean=mean, covariance=covariance, log_weight=log_weight)
+
+
+def widened(covariance: FloatArray, deviations: Mapping[str, float], length: float) -> FloatArray:
+    """Return a covariance to which the squares of standard deviations are added, `IN_METRES` in body lengths."""
+    more = covariance.copy()
+    for name, deviation in deviations.items():
+        index = ReducedState._fields.index(name)
+        more[index, index] += (deviation * length if name in IN_METRES else deviation) ** 2
+    return more
 
 
 def size_of(trust: Uncertainty) -> int:
@@ -318,12 +333,3 @@ def _correction(X: ca.SX, P: ca.SX, sample: ca.SX, expected: ca.SX, deviations: 
     kept = ca.SX.eye(X.numel()) - K @ H
     spread = kept @ P @ kept.T + K @ R @ K.T
     return [X + K @ e, ca.densify((spread + spread.T) / 2.0), e.T @ inverse @ e, ca.log(ca.det(S))]
-
-
-def _widened(covariance: FloatArray, deviations: Mapping[str, float]) -> FloatArray:
-    """Return a covariance to which the squares of some standard deviations are added."""
-    widened = covariance.copy()
-    for name, deviation in deviations.items():
-        index = ReducedState._fields.index(name)
-        widened[index, index] += deviation**2
-    return widened

@@ -27,8 +27,8 @@ from unittest import mock
 
 import numpy as np
 
-from control.estimation.estimator import RIPPLE, Estimator
-from control.estimation.kalman import Uncertainty
+from control.estimation.estimator import Estimator
+from control.estimation.kalman import RIPPLE, Uncertainty
 from control.estimation.reduced import ReducedModel
 from control.gaits.steering import GaitParameters
 from control.sensing.sensors import Measurement
@@ -84,7 +84,7 @@ def main() -> None:
         assert isinstance(scene, ControlScene)
         found, worm = identified_of(scene), worm_of(scene)
         assert found is not None
-        trust = Uncertainty(com=max(scene.sensor.com_noise_m, RIPPLE))
+        trust = replace(Uncertainty().sized(worm.length), com=max(scene.sensor.com_noise_m, RIPPLE * worm.length))
         most = replace(
             trust,
             speed=trust.speed * np.sqrt(1.0 - OF_SPEED),

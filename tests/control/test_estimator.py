@@ -343,6 +343,42 @@ def test_the_mirrored_worm_has_the_mirrored_estimate(heading: float | None) -> N
         assert_allclose(two[k].slope, one[k].slope * [1, -1], atol=1e-9)
 
 
+@pytest.mark.parametrize("length", [0.1, 4.0])
+def test_a_worm_of_another_length_has_the_estimate_in_proportion(length: float) -> None:
+    """Samples of a worm that goes, is moved, and climbs, as they are and for a worm of another length."""
+    run, found = recorded("winding", 5.0), load(WORM)
+    assert found is not None
+    seen, asked = Sensors(seed=6), []
+    for each, phase in zip(run.seen[:1000], run.phases, strict=False):
+        sample = seen(each)
+        if sample.com is not None and each.time > 6.0:
+            sample = sample.changed(com=(sample.com + np.array([0.0, 0.2, 0.0]), sample.com_time))
+        asked.append((each.time, sample, run.plan(each.time), phase))
+    states = []
+    for factor in (1.0, length):
+        worm = Worm(length=factor * WORM.length, half_height=factor * WORM.half_height[0])
+        noise = {"com": replace(COM, noise=factor * COM.noise)}
+        estimator = Estimator.for_sensors(worm, ReducedModel.of(worm, found), Schedule(), noise)
+        for t, sample, parameters, phase in asked:
+            com = None if sample.com is None else factor * sample.com
+            estimator.take(t, sample.changed(com=(com, sample.com_time)), parameters, phase)
+        states.append(estimator.estimate(asked[-1][0]))
+    one, other = states
+    sizes = np.array([length if name in ("x", "y", "speed", "drift") else 1.0 for name in ReducedState._fields])
+    assert_allclose(np.array(other.state) / sizes, np.array(one.state), rtol=1e-3, atol=1e-5)
+    assert_allclose(other.deviations / sizes, one.deviations, rtol=1e-3, atol=1e-12)
+    assert_allclose(other.slope, one.slope, rtol=1e-3)
+    assert one.slope[0] == pytest.approx(np.tan(np.deg2rad(5.0)), abs=0.02)
+
+
+def test_strains_that_are_late_say_nothing_of_the_ground_rather_than_what_was() -> None:
+    run, slopes = recorded("straight"), []
+    for delay in (0.0, 0.5):
+        found = estimated(run, Sensors(strain=replace(STRAIN, delay=delay), seed=2), Estimator(WORM, model()))
+        slopes.append(max(float(np.abs(each.slope).max() / np.sqrt(each.slope_covariance[0, 0])) for each in found))
+    assert max(slopes) < 2.5
+
+
 def test_a_reset_estimator_says_the_same_again() -> None:
     run, estimator = recorded("winding"), Estimator(WORM, model())
     one, two = (estimated(run, Sensors(seed=1), estimator, 300) for _ in range(2))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.estimation.ground import MOST, STRIDE, Ground, GroundTrust, Standing
+from control.estimation.ground import MOST, Ground, GroundTrust, Standing
 from control.estimation.wave import InputHistory, MeasuredWave
 from control.gaits.steering import GaitParameters, Schedule, WaveGenerator
 from worm3d import Worm
@@ -103,13 +103,13 @@ def test_the_slope_is_as_uncertain_as_it_says() -> None:
         slope, place, height, ground = trust.slope * random.standard_normal(2), np.zeros(2), 0.5, Ground.unknown(trust)
         for k in range(40):
             towards = np.array([np.cos(0.1 * k), np.sin(0.1 * k)])
-            way = 2.0 * STRIDE * towards
+            way = 2.0 * trust.stride * towards
             height, place = height + slope @ way, place + way
-            slope = slope + trust.change * np.sqrt(2.0 * STRIDE) * random.standard_normal(2)
+            slope = slope + trust.change * np.sqrt(2.0 * trust.stride) * random.standard_normal(2)
             standing = height + trust.standing * random.standard_normal()
             for side in (-0.51, 0.51):  # a stride of two samples
                 noisy = standing + trust.height * random.standard_normal()
-                ground = ground.sampled(place + side * STRIDE * towards, noisy, trust)
+                ground = ground.sampled(place + side * trust.stride * towards, noisy, trust)
         off = ground.slope - slope
         errors.append(off @ np.linalg.solve(ground.covariance[1:, 1:], off))
     assert np.mean(errors) == pytest.approx(2.0, abs=4.0 * 2.0 / np.sqrt(200))
