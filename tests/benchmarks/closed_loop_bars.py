@@ -166,11 +166,15 @@ TRIALS = {
 }
 """Trials by name."""
 
-OFFSET, STEADY, BIAS = "cross_track_rms_bl", "cross_track_mean_bl", "speed_bias_m_s"
+OFFSET, STEADY, BIAS, SHARE = "cross_track_rms_bl", "cross_track_mean_bl", "speed_bias_m_s", "speed_bias_relative"
 HEADING_RMS = "heading_error_rms_deg"
+UNNAMED = "chambers_unnamed"
+"""Number of dead chambers that the report does not name."""
+WALKS = 0.05
+"""Greatest bias of the speed, as a share of it, with which offsets count: a worm at rest leaves no path."""
 THIRD = 1.0 / 3.0
 SLOPING = ("side_slope", "side_slope_gyroscope", "side_slope_heading")
-BARS = (
+_BARS = (
     Bar("line", OFFSET, 0.0015),
     Bar("circle_1.5", OFFSET, 0.0025),
     Bar("s_curve", OFFSET, 0.0025),
@@ -185,7 +189,7 @@ BARS = (
         Bar(f"noise_{mm}{told}", metric, most)
         for mm in NOISES_MM
         for told in ("", "_untold")
-        for metric, most in ((OFFSET, 0.006 if mm <= 20 else 0.010), ("speed_bias_relative", 0.02))
+        for metric, most in ((OFFSET, 0.006 if mm <= 20 else 0.010), (SHARE, 0.02))
     ),
     *(Bar(f"speed_{speed:g}", BIAS, max(0.02 * speed, 0.0005)) for speed in SPEEDS),
     *(Bar(f"speed_{speed:g}", OFFSET, 0.005) for speed in SPEEDS),
@@ -195,11 +199,22 @@ BARS = (
     Bar("circle_0.6_bending", OFFSET, 0.01),
     Bar("circle_0.6", OFFSET, 0.01),
     Bar("circle_on_slope", "roll_max_deg", 15.0),
-    *(Bar(trial, "speed_bias_relative", 0.05) for trial in FAULTS),
-    *(Bar(trial, metric, most) for trial in CHAMBERS for metric, most in ((OFFSET, 0.012), (HEADING_RMS, 15.0))),
-    *(Bar(trial, "speed_bias_relative", 0.05) for trial in ("pipe", "pipe_rising_bend")),
+    *(Bar(trial, SHARE, 0.05) for trial in (*FAULTS, "pipe", "pipe_rising_bend")),
+    *(
+        Bar(trial, metric, most)
+        for trial in CHAMBERS
+        for metric, most in ((OFFSET, 0.012), (HEADING_RMS, 15.0), (UNNAMED, 0.0))
+    ),
     *(Bar(trial, "end_error_bl", 0.1) for trial in TRIALS if trial.startswith("pipe_climb")),
     Bar("s_curve", "control_step_ms_p99", 60.0),
+)
+BARS = (
+    *_BARS,
+    *(
+        Bar(trial, SHARE, WALKS)
+        for trial in dict.fromkeys(bar.trial for bar in _BARS if bar.metric == OFFSET)
+        if all(bar.metric not in (SHARE, BIAS) for bar in _BARS if bar.trial == trial)
+    ),
 )
 """Everything the closed loop is held to, in the order in which it is told."""
 
@@ -232,7 +247,9 @@ def measured(job: Job) -> Found:
         return " ".join(error.lines)
     if record.status != "done":
         return record.sentence
-    metrics = {**record.summary.metrics, **timing(record)}
+    faults = " ".join(str(fault["kind"]) for fault in record.summary.metrics.get("faults", ()))
+    dead = [k for k in CHAMBERS if k == job.trial and f"chamber {k.removeprefix('chamber_')} left" not in faults]
+    metrics = {**record.summary.metrics, **timing(record), UNNAMED: len(dead)}
     return {name: value for name, value in metrics.items() if value is None or isinstance(value, float | int)}
 
 
