@@ -47,6 +47,10 @@ REACH = 1.02
 """Share of the greatest speed of the map from which a speed cannot be reached."""
 TURNS = 1.1
 """Share of the greatest turn rate at a speed from which a turn cannot be reached."""
+ASTRAY = 0.5
+"""Standard deviation of a heading from which it is lost [rad]."""
+ANY_WAY = np.pi / np.sqrt(3.0)
+"""Standard deviation of a heading that may be any [rad]."""
 LEFT_PATH = 0.3
 """Distance that a worm leaves its path by, beyond the least one of the last waves [body lengths]."""
 THREE = 4
@@ -106,13 +110,15 @@ class Wave:
     """Greatest turn rate of the map [rad/s]."""
     aside: float | None
     """Distance from the path [body lengths]."""
+    heading_error: float = 0.0
+    """Standard deviation of the estimated heading [rad]."""
     back: bool = False
     """Whether it is to go backwards, as it can; speeds are counted backwards then."""
 
 
 def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
     """Yield what shows in the last wave and those before it."""
-    for rule in (_unreachable, _too_sharp, _tipped, _chambers, _speed, _off_path, _blind):
+    for rule in (_unreachable, _too_sharp, _tipped, _chambers, _speed, _off_path, _blind, _astray):
         yield from rule(waves)
 
 
@@ -222,3 +228,10 @@ def _blind(waves: Sequence[Wave]) -> Iterator[Fault]:
     if len(waves) >= 3 and all(wave.place is None for wave in waves[-3:]):
         advice = "look at the sensor, its delay and its clock, and at the measurements that were refused"
         yield Fault(waves[-1].end, "no place", "no sample of the centre of mass was used for three waves", advice)
+
+
+def _astray(waves: Sequence[Wave]) -> Iterator[Fault]:
+    error = min((wave.heading_error for wave in waves[-3:]), default=0.0)
+    if len(waves) >= 3 and error > ASTRAY:
+        what = f"the heading is known to {np.rad2deg(min(error, ANY_WAY)):.0f} degrees at best for three waves"
+        yield Fault(waves[-1].end, "lost heading", what, "look at the sensors of place and heading, or give it one")

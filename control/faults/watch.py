@@ -114,6 +114,7 @@ class Watch:
             place_error=doubt,
             ahead=ahead,
             at_limit=wave[0] >= AT_LIMIT * top.amplitude[1] and wave[1] >= AT_LIMIT * top.frequency[1],
+            heading_error=0.0 if estimate is None else float(estimate.deviations[2]),
             back=back,
             made=self._length * float(self._feed_forward.found.speed(*wave, 0.0)) if wave[0] else 0.0,
             least_asked=float(asked.min()),

@@ -202,4 +202,5 @@ def test_no_false_alarms(reference: Reference, world: Plane, sensors: Sensors) -
 
 def test_without_samples_of_the_place_it_says_so() -> None:
     _, _, found = run(Reference(Constant(0.08), path=LINE), 6.0, sensors=Sensors(com=Channel(noise=0.005, dropout=1.0)))
-    assert set(found) == {"no place"}
+    assert set(found) == {"no place", "lost heading"}
+    assert "known to 10" in found["lost heading"].what, "it may look anywhere: 180 / sqrt(3) degrees"
