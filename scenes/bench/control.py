@@ -19,7 +19,7 @@ from scenes.bench.control_trials import Trial
 from scenes.commands.packages import sources, versions
 from scenes.commands.runner import simulate
 from scenes.commands.terminal import timing
-from scenes.models.control.build import loaded
+from scenes.models.control.build import maps_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.loading import Scene, load_scene
 from scenes.records.folder import write_bytes
@@ -184,10 +184,9 @@ def _digest(content: dict[str, Any]) -> str:
 
 
 def basis(scene: Scene) -> str:
-    """Return a digest of the versions, of all sources and of the identified map of a scene with a controller."""
+    """Return a digest of the versions, of all sources and of the identified maps of a scene with a controller."""
     assert isinstance(scene.settings, ControlScene)
-    found = loaded(scene.settings)
-    return _digest({"versions": versions(), "sources": sources(), "map": None if found is None else found.as_dict()})
+    return _digest({"versions": versions(), "sources": sources(), "maps": maps_of(scene.settings)})
 
 
 @dataclass(frozen=True)

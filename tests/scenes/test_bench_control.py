@@ -15,6 +15,7 @@ from scenes.bench.control_trials import FULL, QUICK, SCENES, Trial
 from scenes.commands import packages
 from scenes.language.errors import SceneError
 from scenes.language.loader import shipped_scenes
+from scenes.models.control import build
 from scenes.models.control.model import MODEL
 from scenes.models.loading import load_scene
 
@@ -90,7 +91,7 @@ def test_sources_and_the_identified_map_are_what_a_case_depends_on(
     now = control.basis(scene)
     assert control.basis(load_scene("path_line", ["seed=3"])) == now
     with monkeypatch.context() as patch:
-        patch.setattr(control, "loaded", lambda settings: None)
+        patch.setattr(build, "loaded", lambda settings, wave: None)
         assert control.basis(scene) != now
     (tmp_path / "scenes").mkdir()
     monkeypatch.setattr(packages, "HOME", tmp_path)

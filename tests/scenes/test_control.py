@@ -27,7 +27,7 @@ from scenes.commands import terminal
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.models.base import Watch
-from scenes.models.control.build import controller_of, path_of, reference_of, sensors_of
+from scenes.models.control.build import controller_of, path_of, reference_of, sensors_of, wave_of
 from scenes.models.control.faults import in_turn, of_controller, refused
 from scenes.models.control.model import MODEL
 from scenes.models.control.record import tracked
@@ -124,6 +124,30 @@ def test_controllers_and_sensors_are_those_asked_for() -> None:
     assert (found.noise, found.bias) == pytest.approx((math.radians(0.1), math.radians(2.0)))
     assert found.rate == 200.0
     assert math.isinf(sensors_of(scene("path_line")).channels["strain"].rate)
+
+
+def test_the_mpc_chooses_the_wave_by_the_greatest_speed_of_a_run() -> None:
+    for asked in ("speed_m_s=0.14", "speed_steps=[{at_s=20, speed_m_s=0.14}]", "speed_sine_m_s=0.06"):
+        assert wave_of(scene("path_line", f"reference.{asked}")) == "steep", asked
+        assert wave_of(scene("path_line", f"reference.{asked}", "controller.wave=sine")) == "sine"
+    for asked in ("speed_m_s=0.13", "speed_sine_m_s=0.05"):
+        assert wave_of(scene("path_line", f"reference.{asked}")) == "sine", asked
+    assert wave_of(scene("path_line", "controller.wave=steep")) == "steep"
+
+
+def test_all_but_the_mpc_go_by_the_sine_unless_told() -> None:
+    fast = "reference.speed_m_s=0.2"
+    for kind in ("pi_los", "open_loop", "bending", "control.baselines:PiLineOfSight"):
+        assert wave_of(scene("path_line", fast, f"controller.kind={kind}")) == "sine"
+        assert wave_of(scene("path_line", fast, f"controller.kind={kind}", "controller.wave=auto")) == "steep"
+
+
+def test_a_speed_beyond_the_sine_is_reached() -> None:
+    figures = simulate(load_scene("path_line", ("reference.speed_m_s=0.2", "run.duration_s=12"))).summary.metrics
+    assert figures["wave"] == "steep"
+    assert abs(figures["speed_bias_relative"]) <= 0.02, "the sine is 28 % too slow"
+    assert figures["cross_track_rms_bl"] <= 0.006
+    assert "unreachable" not in figures["faults"]
 
 
 def test_a_run_has_the_figures_that_are_promised(circle: Record) -> None:

@@ -198,6 +198,26 @@ def test_each_wave_has_its_map() -> None:
         assert identified_of(settings).schedule == schedule
 
 
+def test_a_map_of_each_wave_that_a_choice_asks_for_is_made(
+    curves: tuple[study.Curve, ...], turned: tuple[study.Phases, ...], tmp_path: Path, monkeypatch
+) -> None:
+    made = []
+
+    def measure(worm, ground, schedule, quiet):
+        made.append(schedule)
+        return load(WORM, schedule=schedule), curves, turned
+
+    monkeypatch.setattr(command, "_measure", measure)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for speed, waves in ((0.08, ["sine"]), (0.14, ["sine", "steep"])):
+        made.clear()
+        far = load_scene("path_line", ["worm.mass_kg=0.5", f"reference.speed_m_s={speed}"])
+        command.run(far, tmp_path / "out", force=True, quiet=True)
+        assert made == [WAVES[wave] for wave in waves]
+        assert map_name(far.settings) == "identified"
+        assert identified_of(far.settings).schedule == made[-1]
+
+
 def test_the_command_writes_what_controllers_and_people_need(
     curves: tuple[study.Curve, ...], turned: tuple[study.Phases, ...], tmp_path: Path, monkeypatch, capsys
 ) -> None:

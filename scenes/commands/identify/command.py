@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 
 import typer
 
 import worm3d
-from control.gaits.steering import MECHANISMS, WAVES, Schedule
+from control.gaits.steering import MECHANISMS, WAVES, Schedule, Wave
 from control.identification import identified as kept
 from control.identification.identified import Design, Identified
 from scenes.commands.identify import figure, report, study
@@ -16,6 +17,7 @@ from scenes.commands.identify.study import Curve, Phases
 from scenes.commands.terminal import progress
 from scenes.language.errors import SceneError
 from scenes.models.control import identify as runs
+from scenes.models.control.build import wave_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.loading import Scene
 from scenes.models.worm.build import friction_of, worm_of
@@ -32,6 +34,7 @@ Measured = tuple[Identified, tuple[Curve, ...], tuple[Phases, ...]]
 def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
     """Identify the worm of a scene on level ground with the scene's friction, and return the exit code.
 
+    Where the wave is to be chosen, the sine is identified first, and what is written is of the wave that was chosen.
     Without a folder to write to it is `runs/identify-<scene>-<time>`; other options as of the command.
 
     Raises
@@ -44,9 +47,14 @@ def run(scene: Scene, out: Path | None, *, force: bool, quiet: bool) -> int:
         raise SceneError(f"{scene.name}: a scene of the model '{scene.model.name}' does not steer, must be of 'worm'")
     worm, ground = worm_of(settings), friction_of(settings)
     with folders.prepared(out, f"identify-{scene.name}", force=force) as folder:
-        wave = WAVES[settings.controller.wave] if isinstance(settings, ControlScene) else Schedule()
-        found, curves, phases = _measure(worm, ground, wave, quiet)
-        cached = kept.store(found, worm, ground, Design())
+
+        @cache
+        def measured(wave: Wave) -> tuple[Measured, bool]:
+            made = _measure(worm, ground, WAVES[wave], quiet)
+            return made, kept.store(made[0], worm, ground, Design())
+
+        wave = wave_of(settings, lambda wave: measured(wave)[0][0]) if isinstance(settings, ControlScene) else "sine"
+        (found, curves, phases), cached = measured(wave)
         _write(folder, found, curves, phases, worm, ground)
         if not quiet:
             for line in report.terminal_lines(found, curves, worm.length):

@@ -12,11 +12,12 @@ import worm3d
 from control.baselines import Gains
 from control.controllers import estimator, made, model
 from control.faults.injected import INJECTED, Injected
-from control.gaits.steering import WAVES
+from control.gaits.steering import WAVES, Wave
 from control.identification import identified as kept
 from control.identification.identified import Identified
 from control.loop import WaveController
 from control.planning.constraints import CONSTRAINTS, Constraint
+from control.planning.suited import suited
 from control.planning.terms import TERMS, CostTerm
 from control.sensing.sensors import QUANTITIES, Sensors
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
@@ -24,7 +25,7 @@ from control.tracking.references import Constant, Disc, Profile, Reference, Sine
 from scenes.language.errors import SceneError
 from scenes.language.parts import part_of
 from scenes.models.control.nearby import nearby
-from scenes.models.control.schema import Constraints, Controller, ControlScene, Cost
+from scenes.models.control.schema import AUTO, Constraints, Controller, ControlScene, Cost
 from scenes.models.control.schema import Reference as Asked
 from scenes.models.sensors import channels_of
 from scenes.models.switched import switched_parts
@@ -94,21 +95,47 @@ def _listed(section: Cost | Constraints, registry: Mapping[str, Any], kind: type
     ]
 
 
-def identified_of(scene: ControlScene) -> Identified:
-    """Return what the controller knows of the worm; SceneError if it is not identified nor near the default one."""
-    worm, ground, asked = worm_of(scene), friction_of(scene), scene.controller
-    return loaded(scene) or nearby(worm, ground, asked.mechanism, WAVES[asked.wave])
+def identified_of(scene: ControlScene, wave: Wave | None = None) -> Identified:
+    """Return what the controller knows of the worm, or would know with a wave.
+
+    SceneError if it is not identified nor near the default one.
+    """
+    wave = wave or wave_of(scene)
+    found = loaded(scene, wave)
+    return found or nearby(worm_of(scene), friction_of(scene), scene.controller.mechanism, WAVES[wave])
 
 
-def loaded(scene: ControlScene) -> Identified | None:
-    """Return the identified map that the controller goes by; None if it is to be corrected from the default worm's."""
-    worm, ground, wave = worm_of(scene), friction_of(scene), WAVES[scene.controller.wave]
+def waves_of(scene: ControlScene) -> tuple[Wave, ...]:
+    """Return the waves that the controller may go by."""
+    asked = scene.controller.wave
+    return tuple(WAVES) if asked == AUTO else (asked,)
+
+
+def wave_of(scene: ControlScene, known: Callable[[Wave], Identified] | None = None) -> Wave:
+    """Return the wave that the controller goes by in a run; `known` gives what is known of a wave (`identified_of`)."""
+    first, *others = waves_of(scene)
+    if not others:
+        return first
+    sine = known("sine") if known else identified_of(scene, "sine")
+    fastest = float(np.abs(_speeds(scene)).max())
+    return suited(fastest, sine.maps[scene.controller.mechanism], worm_of(scene).length)
+
+
+def loaded(scene: ControlScene, wave: Wave) -> Identified | None:
+    """Return the identified map of a wave that the controller would go by; None if the default worm's is corrected."""
+    worm, ground, schedule = worm_of(scene), friction_of(scene), WAVES[wave]
     chosen: dict[str, Callable[[], Identified | None]] = {
-        "own": lambda: kept.load(worm, ground, wave),
+        "own": lambda: kept.load(worm, ground, schedule),
         "nearby": lambda: None,
-        "default": lambda: kept.load(worm3d.Worm(), schedule=wave),
+        "default": lambda: kept.load(worm3d.Worm(), schedule=schedule),
     }
     return chosen[scene.controller.map]()
+
+
+def maps_of(scene: ControlScene) -> dict[Wave, Any]:
+    """Return the content of each identified map that the controller may go by, None for one that is corrected."""
+    found = {wave: loaded(scene, wave) for wave in waves_of(scene)}
+    return {wave: each and each.as_dict() for wave, each in found.items()}
 
 
 def map_name(scene: ControlScene) -> str:
@@ -116,7 +143,7 @@ def map_name(scene: ControlScene) -> str:
     asked = scene.controller.map
     if asked != "own":
         return asked
-    return "nearby" if loaded(scene) is None else "identified"
+    return "nearby" if loaded(scene, wave_of(scene)) is None else "identified"
 
 
 def reference_of(scene: ControlScene) -> Reference:
@@ -226,9 +253,13 @@ def _points(scene: ControlScene) -> FloatArray:
 
 def _farthest(scene: ControlScene) -> float:
     """Return how far the worm is asked to go, and a body length more [m]."""
-    times = np.linspace(0.0, scene.run.duration_s, 1001)
-    speeds = np.asarray(speed_of(scene.reference)(times), dtype=float)
+    speeds = _speeds(scene)
     return float(max(np.cumsum(speeds).max(), 0.0) / len(speeds) * scene.run.duration_s + scene.worm.length_m)
+
+
+def _speeds(scene: ControlScene) -> FloatArray:
+    """Return the speeds that are asked for in a run, at instants that are equally far apart [m/s]."""
+    return np.asarray(speed_of(scene.reference)(np.linspace(0.0, scene.run.duration_s, 1001)), dtype=float)
 
 
 def faults_of(scene: ControlScene) -> list[Injected]:

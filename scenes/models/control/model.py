@@ -14,7 +14,7 @@ from control.sensing.sensors import Measurement
 from control.tracking.metrics import measured
 from scenes.models.base import Model, Observer, Outcome, Watch, pictures
 from scenes.models.control import view as control_view
-from scenes.models.control.build import controller_of, faults_of, loaded, map_name, reference_of, sensors_of
+from scenes.models.control.build import controller_of, faults_of, map_name, maps_of, reference_of, sensors_of, wave_of
 from scenes.models.control.checks import CONTROL_CHECKS
 from scenes.models.control.faults import in_turn, of_controller, of_plant, refused
 from scenes.models.control.record import motion_of, timing_of, variables_of
@@ -93,6 +93,7 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
         "mpc_failures": controller.failures if controller.plans else None,
         "measurements_refused": refused(controller),
         **found,
+        "wave": wave_of(scene),
         "map": map_name(scene),
         "faults": in_turn([*of_plant(result), *of_controller(controller)]),
     }
@@ -123,12 +124,6 @@ def injected(driver: Phased, scene: ControlScene) -> Phased | Faulty:
     return Faulty(driver, faults, scene.seed, driver.controller) if faults else driver
 
 
-def _map_of(scene: ControlScene) -> object:
-    """Return the identified map by which the controller knows its worm; None if the scene itself tells it."""
-    found = loaded(scene)
-    return None if found is None else found.as_dict()
-
-
 MODEL = Model(
     name="worm_control",
     title="the 3D worm with a controller, sensors and a reference",
@@ -145,7 +140,7 @@ MODEL = Model(
     view=worm_view.view,
     mesh=worm_view.mesh,
     watch=watch,
-    refers_to=_map_of,
+    refers_to=maps_of,
     advice="try a smaller run.dt_s or reference.speed_m_s, a lighter worm or larger worm.spring_N",
     headlines=(
         ("cross_track_rms_bl", "beside the path, rms", "body lengths"),

@@ -20,6 +20,8 @@ from scenes.models.worm.schema import SpatialScene
 HEADING, LINE, CIRCLE, S_CURVE, SPLINE, WAY_POINTS = "heading", "line", "circle", "s_curve", "spline", "way_points"
 BEGUN = (LINE, CIRCLE, S_CURVE)
 """Kinds of paths that have a start and a direction there; others are where their points are."""
+AUTO: Literal["auto"] = "auto"
+"""Name of the wave that is chosen as a run begins."""
 
 
 def _listed(registry: Mapping[str, Listed], what: str = "") -> tuple[Any, Any]:
@@ -53,10 +55,13 @@ class Controller(
         left_out="that of its kind: 'both' for mpc, 'hinge' for all others",
         own={"mpc": "both", OWN: "hinge"},
     )
-    wave: Wave = setting(
+    wave: Literal[Wave, "auto"] = setting(
         "sine",
         title="form of the contraction. sine: half a sine; steep: segments stay short for longer, so that it is faster "
-        "and takes less work, but turns less sharply, and not well below 0.04 m/s",
+        "and takes less work, but turns less sharply, and not well below 0.04 m/s; auto: the steep one in a run in "
+        "which a speed is asked for that the sine hardly reaches, otherwise the sine",
+        left_out="that of its kind: 'auto' for mpc, 'sine' for all others",
+        own={"mpc": AUTO, OWN: "sine"},
     )
     period_s: float = quantity(0.2, unit="s", gt=0, title="time between two decisions", aka=("control_period_s",))
     map: Literal["own", "nearby", "default"] = setting(

@@ -82,7 +82,7 @@ def test_the_key_is_of_scene_programs_files_and_maps(tmp_path: Path, monkeypatch
     assert key_of(load_scene("mesh_tunnel", of_file)) != before
     controlled = load_scene("path_line")
     with_map = key_of(controlled)
-    monkeypatch.setattr(sys.modules["scenes.models.control.model"], "loaded", lambda scene: None)
+    monkeypatch.setattr(sys.modules["scenes.models.control.build"], "loaded", lambda scene, wave: None)
     assert key_of(controlled) != with_map
 
 
