@@ -23,6 +23,7 @@ from math import inf, nan
 
 import numpy as np
 
+from control.tracking.preview import AWAY
 from worm3d.values.arrays import FloatArray
 
 DISOBEYS = 0.55
@@ -51,6 +52,8 @@ ASTRAY = 0.5
 """Standard deviation of a heading from which it is lost [rad]."""
 ANY_WAY = np.pi / np.sqrt(3.0)
 """Standard deviation of a heading that may be any [rad]."""
+TRESPASS = 0.03
+"""Distance inside an obstacle or outside a corridor beyond which a worm was not able to keep out [body lengths]."""
 LEFT_PATH = 0.3
 """Distance that a worm leaves its path by, beyond the least one of the last waves [body lengths]."""
 THREE = 4
@@ -110,6 +113,10 @@ class Wave:
     """Greatest turn rate of the map [rad/s]."""
     aside: float | None
     """Distance from the path [body lengths]."""
+    trespass: float = -inf
+    """Distance by which it is inside an obstacle or outside its corridor [body lengths]."""
+    away: float = 0.0
+    """Angle between its known heading and the path [rad]."""
     heading_error: float = 0.0
     """Standard deviation of the estimated heading [rad]."""
     back: bool = False
@@ -118,7 +125,18 @@ class Wave:
 
 def faults(waves: Sequence[Wave]) -> Iterator[Fault]:
     """Yield what shows in the last wave and those before it."""
-    for rule in (_unreachable, _too_sharp, _tipped, _chambers, _speed, _off_path, _blind, _astray):
+    for rule in (
+        _unreachable,
+        _too_sharp,
+        _tipped,
+        _chambers,
+        _speed,
+        _off_path,
+        _blind,
+        _astray,
+        _facing_away,
+        _trespassing,
+    ):
         yield from rule(waves)
 
 
@@ -189,7 +207,7 @@ def _speed(waves: Sequence[Wave]) -> Iterator[Fault]:
     if len(waves) <= THREE:  # the first wave swells
         return
     last = waves[-THREE:]
-    if any(wave.back != last[-1].back for wave in last):
+    if any(wave.back != last[-1].back or wave.away >= AWAY for wave in last):
         return
     way, error = _way(last)
     least, most = min(wave.least_asked for wave in last), max(wave.most_asked for wave in last)
@@ -218,7 +236,8 @@ def _way(waves: Sequence[Wave]) -> tuple[float, float]:
 
 
 def _off_path(waves: Sequence[Wave]) -> Iterator[Fault]:
-    known = [wave.aside for wave in waves if wave.aside is not None]
+    turned = max((k for k, wave in enumerate(waves) if wave.away >= AWAY), default=-1) + 1
+    known = [wave.aside for wave in waves[turned:] if wave.aside is not None]
     if len(known) > 1 and waves[-1].aside is not None and known[-1] > max(min(known) + LEFT_PATH, known[-2]):
         what = f"the worm is {known[-1]:.2g} body lengths beside its path, and goes farther from it"
         yield Fault(waves[-1].end, "off the path", what, "look at ground and slope, and whether it stands upright")
@@ -231,7 +250,21 @@ def _blind(waves: Sequence[Wave]) -> Iterator[Fault]:
 
 
 def _astray(waves: Sequence[Wave]) -> Iterator[Fault]:
-    error = min((wave.heading_error for wave in waves[-3:]), default=0.0)
+    error = min((wave.heading_error if wave.made > 0.0 else 0.0 for wave in waves[-3:]), default=0.0)
     if len(waves) >= 3 and error > ASTRAY:
         what = f"the heading is known to {np.rad2deg(min(error, ANY_WAY)):.0f} degrees at best for three waves"
         yield Fault(waves[-1].end, "lost heading", what, "look at the sensors of place and heading, or give it one")
+
+
+def _facing_away(waves: Sequence[Wave]) -> Iterator[Fault]:
+    wave = waves[-1]
+    if wave.away >= AWAY and wave.made > 0.0:
+        what = f"the worm faces {np.rad2deg(wave.away):.0f} degrees away from its path, and turns round first"
+        yield Fault(wave.end, "facing away", what, "begin with a worm that looks along its path")
+
+
+def _trespassing(waves: Sequence[Wave]) -> Iterator[Fault]:
+    wave = waves[-1]
+    if wave.trespass > TRESPASS:
+        what = f"the worm is {wave.trespass:.2g} body lengths inside an obstacle or outside its corridor"
+        yield Fault(wave.end, "out of bounds", what, "leave it more room, and way to turn in, or ask for less speed")

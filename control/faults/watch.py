@@ -5,10 +5,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable
 from math import inf, nan
+from typing import NamedTuple
 
 import numpy as np
 
-from control.estimation.estimate import Estimate
+from control.estimation.estimate import Estimate, wrapped
 from control.faults.rules import Fault, Wave, faults
 from control.gaits.steering import GaitParameters
 from control.planning.feed_forward import FeedForward
@@ -34,6 +35,21 @@ MOMENTS = 9
 REMEMBERED = 40
 """Number of waves that are kept."""
 _LOG = logging.getLogger(__name__)
+
+
+class _Way(NamedTuple):
+    """What a reference says of the place of a worm."""
+
+    turn: float = 0.0
+    """Turn rate of the path [rad/s]."""
+    sharpest: float = inf
+    """Greatest turn rate of the map [rad/s]."""
+    aside: float | None = None
+    """Distance from the path [body lengths]."""
+    azimuth: float | None = None
+    """Azimuth of the path [rad]."""
+    trespass: float = -inf
+    """Distance inside an obstacle or outside the corridor [body lengths]."""
 
 
 class Watch:
@@ -97,13 +113,15 @@ class Watch:
                 asked = np.maximum(-asked if back else asked, 0.0)
             if self._parameters.amplitude == 0.0:
                 asked = np.minimum(asked, 0.0)  # it rests because it was told to, and not for want of speed
-            turn, sharpest, aside, ahead = self._way(place, max(float(asked[-1]), 0.0))
+            way = self._way(place, max(float(asked[-1]), 0.0))
         except Exception:  # anybody may write references; the fallback deals with these
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
-            asked, turn, sharpest, aside, ahead, back = np.full(MOMENTS, nan), 0.0, inf, None, None, False
+            asked, way, back = np.full(MOMENTS, nan), _Way(), False
         top, wave = self._feed_forward.ranges, (abs(self._parameters.amplitude), self._parameters.frequency)
-        if ahead is None and estimate is not None and estimate.deviations[2] < KNOWN:
-            ahead = estimate.heading
+        ahead, away = way.azimuth, 0.0
+        if estimate is not None and estimate.deviations[2] < KNOWN:
+            ahead = estimate.heading if ahead is None else ahead
+            away = abs(float(wrapped(np.array(estimate.heading - ahead))))
         return Wave(
             end=end,
             gain=gain,
@@ -120,9 +138,11 @@ class Watch:
             least_asked=float(asked.min()),
             most_asked=float(asked.max()),
             reach=self._feed_forward.fastest,
-            turn=turn,
-            sharpest=sharpest,
-            aside=aside,
+            turn=way.turn,
+            sharpest=way.sharpest,
+            aside=way.aside,
+            trespass=way.trespass,
+            away=away,
         )
 
     def _gains(self) -> tuple[FloatArray, FloatArray, float]:
@@ -162,12 +182,13 @@ class Watch:
         variance = float((twice**2).mean()) / 6.0 if len(twice) else 0.0  # of white noise; waves change slowly
         return rows[:, :2].mean(axis=0), float(rows[:, 2].mean()), float(np.sqrt(2.0 * variance / len(rows)))
 
-    def _way(self, place: FloatArray | None, speed: float) -> tuple[float, float, float | None, float | None]:
-        """Return the path's turn rate at a place, the map's greatest one, the distance [body lengths], its azimuth."""
+    def _way(self, place: FloatArray | None, speed: float) -> _Way:
         path = self._reference.path
         if path is None or place is None:
-            return 0.0, inf, None, None
+            return _Way()
         self._near = s = float(path.project(place, self._near))
         turn = float(path.curvature(s)) * speed
-        aside = abs(float(offset(path, place, s))) / self._length
-        return turn, self._feed_forward.sharpest(speed), aside, float(path.heading(s))
+        aside = offset(path, place, s)
+        trespass = float(self._reference.trespass(place, aside)) / self._length
+        sharpest = self._feed_forward.sharpest(speed)
+        return _Way(turn, sharpest, abs(float(aside)) / self._length, float(path.heading(s)), trespass)

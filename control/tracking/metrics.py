@@ -48,7 +48,7 @@ WITHIN = 0.02
 RESPONSE_METRICS = ("speed_response_time_s", "heading_response_time_s")
 METRICS = (
     *(*SPEED_METRICS, "speed_bias_m_s", *SETTLED_METRICS, *HEADING_METRICS, *PATH_METRICS, *HEAD_METRICS),
-    *("joining_periods", "end_error_bl", "settling_periods", *RESPONSE_METRICS),
+    *("joining_periods", "clearance_min_bl", "end_error_bl", "settling_periods", *RESPONSE_METRICS),
 )
 """Names of the metrics that `summary` returns."""
 STAYED = 4.0
@@ -59,6 +59,7 @@ REASONS = {
     **dict.fromkeys((*SPEED_METRICS, *SETTLED_METRICS), "the reference speed is 0"),
     **dict.fromkeys(HEADING_METRICS, "there is no heading and no path to keep to"),
     **dict.fromkeys((*PATH_METRICS, *HEAD_METRICS, "joining_periods"), "there is no path to follow"),
+    "clearance_min_bl": "there is neither a corridor nor an obstacle",
 }
 """Why a metric of a run that is long enough may have no value."""
 
@@ -185,6 +186,8 @@ def summary(tracked: Tracking, reference: Reference, length: float) -> tuple[dic
     if np.isfinite(aside).all():
         metrics |= zip(PATH_METRICS, (_rms(aside), float(np.abs(aside).max()), float(aside.mean())), strict=True)
         metrics["joining_periods"] = joining_periods(tracked, length)
+        clearance = -float(reference.trespass(tracked.place[taken], tracked.cross_track[taken]).max()) / length
+        metrics["clearance_min_bl"] = clearance if np.isfinite(clearance) else None
         apart = {"joining_periods": f"the worm does not come within {WITHIN:g} body lengths of its path for good"}
     if np.isfinite(head).all():
         metrics |= zip(HEAD_METRICS, (_rms(head), float(np.abs(head).max())), strict=True)

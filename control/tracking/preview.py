@@ -27,8 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from control.tracking.paths import lengthening, offset
-from control.tracking.references import Disc, Reference
+from control.tracking.paths import lengthening
+from control.tracking.references import Reference
 from worm3d.values.arrays import FloatArray
 
 MOMENT = 0.05
@@ -174,8 +174,7 @@ def look_ahead(
 def bounds(reference: Reference, s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return how far a worm may be to the left and to the right at arc lengths (K,) of the path [m], (P2)."""
     left, right = np.full(len(s), reference.corridor), np.full(len(s), reference.corridor)
-    for disc in reference.obstacles:
-        beside, aside, on_left = passing(reference, disc)
+    for disc, (beside, aside, on_left) in zip(reference.obstacles, reference.passings, strict=True):
         half = np.sqrt(np.maximum(disc.radius**2 - _from(reference, beside, s) ** 2, 0.0))
         inside = half > 0.0
         if on_left:
@@ -188,8 +187,7 @@ def bounds(reference: Reference, s: FloatArray) -> tuple[FloatArray, FloatArray]
 def detour(reference: Reference, s: FloatArray, length: float) -> tuple[FloatArray, FloatArray]:
     """Return the offset [m] of the way around all obstacles, (P3), and its slope, at arc lengths (K,) [m]."""
     aside, slope = np.zeros(len(s)), np.zeros(len(s))
-    for disc in reference.obstacles:
-        beside, middle, on_left = passing(reference, disc)
+    for disc, (beside, middle, on_left) in zip(reference.obstacles, reference.passings, strict=True):
         most = max(middle + disc.radius, 0.0) if on_left else min(middle - disc.radius, 0.0)
         if most == 0.0:
             continue
@@ -199,15 +197,6 @@ def detour(reference: Reference, s: FloatArray, length: float) -> tuple[FloatArr
         slope = np.where(np.abs(own) > np.abs(aside), -most * np.pi / (2.0 * half) * np.sin(2.0 * at), slope)
         aside = np.where(np.abs(own) > np.abs(aside), own, aside)
     return aside, slope
-
-
-def passing(reference: Reference, disc: Disc) -> tuple[float, float, bool]:
-    """Return arc length and offset of an obstacle's middle [m], and whether it is passed on its left."""
-    path, middle = reference.path, np.array([disc.x, disc.y])
-    assert path is not None
-    beside = float(path.project(middle))
-    aside = float(offset(path, middle, beside))
-    return beside, aside, aside < 0.0
 
 
 def _from(reference: Reference, beside: float, s: FloatArray) -> FloatArray:

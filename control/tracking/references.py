@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from control.tracking.paths import Path, offset
@@ -88,6 +90,17 @@ class Disc(NamedTuple):
     """Its radius, that of the body added [m]."""
 
 
+class Passing(NamedTuple):
+    """Where an obstacle is beside a path, and how it is passed."""
+
+    beside: float
+    """Arc length of its middle [m]."""
+    aside: float
+    """Distance of its middle to the left of the path [m]."""
+    on_left: bool
+    """Whether it is passed on its left."""
+
+
 @dataclass(frozen=True)
 class Reference:
     """What the worm is to do: a speed, and at most one of heading and path; all of it holds for its centre of mass.
@@ -109,7 +122,7 @@ class Reference:
     corridor: float = math.inf
     """Distance that it may go to either side of the path [m]."""
     obstacles: tuple[Disc, ...] = ()
-    """What it goes around, by the shorter way."""
+    """What it goes around, by the shorter way; those that leave no way between them, on one side of all of them."""
 
     def __post_init__(self) -> None:
         if self.heading is not None and self.path is not None:
@@ -135,18 +148,39 @@ class Reference:
             raise ValueError(f"{asked[0]}: got one without a path, must be left out")
         if self.ends and self.path is not None and (self.path.closed or not math.isfinite(self.path.length)):
             raise ValueError("ends: got true for a path without end; give one that has a length and is not closed")
-        if self.path is not None and math.isfinite(self.corridor):
-            self._check_ways_around(self.path)
-
-    def _check_ways_around(self, path: Path) -> None:
-        for k, disc in enumerate(self.obstacles):
-            beside = path.project(np.array([disc.x, disc.y]))
-            needed = disc.radius - abs(float(offset(path, np.array([disc.x, disc.y]), beside)))
+        for k, (disc, (_, aside, on_left)) in enumerate(zip(self.obstacles, self.passings, strict=True)):
+            needed = disc.radius + (aside if on_left else -aside)
             if needed > self.corridor:
                 raise ValueError(
                     f"obstacles[{k}]: got one that leads {needed:.3g} m off the path, must leave a way within the "
                     f"corridor ({self.corridor:g} m): widen the corridor, or leave it out"
                 )
+
+    @cached_property
+    def passings(self) -> tuple[Passing, ...]:
+        """How each obstacle is passed."""
+        path, discs = self.path, self.obstacles
+        if path is None or not discs:
+            return ()
+        middles, radii = np.array([disc[:2] for disc in discs]), np.array([disc.radius for disc in discs])
+        beside = np.array([float(path.project(middle)) for middle in middles])
+        aside = offset(path, middles, beside)
+        apart = np.linalg.norm(middles[:, None] - middles, axis=-1)
+        count, group = scipy.sparse.csgraph.connected_components(apart < radii[:, None] + radii)
+        to_left, to_right = np.full((2, count), -np.inf)
+        np.maximum.at(to_left, group, aside + radii)
+        np.maximum.at(to_right, group, radii - aside)
+        on_left = (to_left < to_right)[group]
+        return tuple(map(Passing, beside.tolist(), aside.tolist(), on_left.tolist()))
+
+    def trespass(self, places: FloatArray, aside: FloatArray) -> FloatArray:
+        """Return how far places (..., 2) that are `aside` (...) of the path are where they must not be, (...) [m].
+
+        That is inside an obstacle or outside the corridor; below 0 it is the distance from there, infinite without any.
+        """
+        beyond = [np.abs(aside) - self.corridor]
+        beyond += [disc.radius - np.hypot(places[..., 0] - disc.x, places[..., 1] - disc.y) for disc in self.obstacles]
+        return np.asarray(np.max(beyond, axis=0))
 
 
 def _require_finite(profile: Constant | Sine) -> None:

@@ -11,7 +11,7 @@ from control.identification.identified import load
 from control.sensing.sensors import COM, Channel, Measurement, Sensors
 from control.supervisor import BACKWARDS, Supervisor
 from control.tracking.paths import Circle, Line
-from control.tracking.references import Constant, Reference, Steps
+from control.tracking.references import Constant, Disc, Reference, Steps
 from worm3d import Command, Plane, Result, Worm, simulate
 from worm3d.measures.posture import on_its_side, roll
 
@@ -140,6 +140,26 @@ def test_a_worm_that_goes_the_wrong_way_along_its_path_is_too_slow() -> None:
         assert [fault.kind for fault in faults(waves)] == kinds
         quick = [replace(wave, made=0.2) for wave in waves]
         assert [fault.kind for fault in faults(quick)] == [kind for kind in kinds if kind != "too fast"]
+
+
+def test_a_worm_that_faces_away_says_so_and_not_that_it_is_slow() -> None:
+    _, _, found = run(Reference(Constant(0.08), path=Line(start=(0.5, 0.0), azimuth=np.pi)), 14.0)
+    assert set(found) == {"facing away"}
+    assert "faces 1" in found["facing away"].what
+
+
+def test_a_worm_that_is_told_to_stand_misses_no_heading() -> None:
+    assert run(Reference(Constant(0.0), path=LINE), 8.0)[2] == {}
+
+
+def test_an_obstacle_that_leaves_no_way_to_turn_in() -> None:
+    _, _, found = run(Reference(Constant(0.08), path=LINE, obstacles=(Disc(0.7, 0.05, 0.15),)), 8.0)
+    assert set(found) == {"out of bounds"}
+
+
+def test_an_obstacle_with_room_before_it_is_no_fault() -> None:
+    blocked = (Disc(1.5, 0.1, 0.15), Disc(1.5, -0.12, 0.15))
+    assert run(Reference(Constant(0.08), path=LINE, corridor=1.0, obstacles=blocked), 20.0)[2] == {}
 
 
 def test_a_turn_beyond_the_map() -> None:

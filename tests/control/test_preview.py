@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from control.tracking.paths import Circle, Line, WayPoints, offset
-from control.tracking.preview import APPROACH, Ability, Preview, bounds, detour, look_ahead, passing, speed_at
+from control.tracking.preview import APPROACH, Ability, Preview, bounds, detour, look_ahead, speed_at
 from control.tracking.references import Constant, Disc, Reference
 
 SLOW_IN_CURVES = Ability(lambda curvature: 0.1 / (1.0 + np.abs(curvature)), 1.0)
@@ -59,16 +59,39 @@ def test_the_way_around_an_obstacle_stays_outside_and_is_gently_bent(aside, radi
     left, right = bounds(reference, s)
     assert (e <= left + 1e-9).all()
     assert (-e <= right + 1e-9).all()
-    assert (e > 0.0).any() == (passing(reference, disc)[2])
+    assert (e > 0.0).any() == reference.passings[0].on_left
 
 
 @pytest.mark.parametrize("towards", [1.0, -1.0])
 def test_an_obstacle_leaves_a_way_within_the_corridor(towards) -> None:
     disc = Disc(1.5, towards * 0.05, 0.1)  # 0.05 m on the shorter way
     wide = Reference(Constant(0.1), path=LINE, corridor=0.051, obstacles=(disc,))
-    assert passing(wide, disc)[2] is (towards < 0.0)
+    assert wide.passings[0].on_left is (towards < 0.0)
     with pytest.raises(ValueError, match=r"obstacles\[0\]: got one that leads 0.05 m off the path"):
         Reference(Constant(0.1), path=LINE, corridor=0.049, obstacles=(disc,))
+
+
+@pytest.mark.parametrize("ahead", [0.0, 0.2])
+def test_obstacles_that_leave_no_way_between_them_are_passed_on_one_side(ahead: float) -> None:
+    discs = (Disc(1.5, 0.1, 0.15), Disc(1.5 + ahead, -0.12, 0.15))
+    reference = Reference(Constant(0.1), path=LINE, corridor=1.0, obstacles=discs)
+    assert [passing.on_left for passing in reference.passings] == [True, True], "0.25 m there, 0.27 m to the right"
+    s = np.linspace(0.0, 3.0, 301)
+    left, right = bounds(reference, s)
+    assert (left > -right).all()
+    e = detour(reference, s, 1.0)[0]
+    assert (reference.trespass(np.column_stack([s, e]), e) < 1e-9).all()
+    apart = Reference(Constant(0.1), path=LINE, obstacles=(discs[0], Disc(1.5, -0.22, 0.15)))
+    assert [passing.on_left for passing in apart.passings] == [False, True], "there is a way between them"
+    with pytest.raises(ValueError, match=r"obstacles\[0\]: got one that leads 0.25 m off the path"):
+        Reference(Constant(0.1), path=LINE, corridor=0.24, obstacles=discs)
+
+
+def test_how_far_a_place_is_where_it_must_not_be() -> None:
+    reference = Reference(Constant(0.1), path=LINE, corridor=0.5, obstacles=(Disc(1.0, 0.0, 0.2),))
+    places = np.array([[1.1, 0.0], [2.0, 0.6], [0.0, 0.1]])
+    assert_allclose(reference.trespass(places, places[:, 1]), [0.1, 0.1, -0.4])
+    assert Reference(Constant(0.1), path=LINE).trespass(places, places[:, 1]).max() == -np.inf
 
 
 def test_an_obstacle_on_a_closed_path_is_passed_in_every_lap() -> None:
