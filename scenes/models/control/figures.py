@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
 from control.estimation.reduced import ReducedState
 from control.loop import SOURCES
 from control.tracking.metrics import SETTLED, Tracking
+from control.tracking.references import Reference
 from scenes.models.control.build import reference_of
 from scenes.models.control.record import tracked
 from scenes.models.control.schema import ControlScene
@@ -51,10 +53,12 @@ def tracking(record: Record) -> tuple[Figure, Axes]:
 
 
 def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
-    """Draw the path, the centre of mass, its mean over a period, its estimate, and the body at both ends."""
-    path, com, joints = reference_of(_scene(record)).path, record["com"][:, :2], record["joints"][..., :2]
-    if path is not None:
-        axes.plot(*drawn(path, com).T, color="0.6", lw=3, alpha=0.6, label="path")
+    """Draw the path with its bounds, the centre of mass, its mean over a period, its estimate, and the body at ends."""
+    reference, com, joints = reference_of(_scene(record)), record["com"][:, :2], record["joints"][..., :2]
+    if reference.path is not None:
+        line = drawn(reference.path, com)
+        axes.plot(*line.T, color="0.6", lw=3, alpha=0.6, label="path")
+        _bounds(axes, reference, line)
     axes.plot(*com.T, color="C0", lw=0.6, alpha=0.6, label="centre of mass")
     for row, colour in ((0, "0.75"), (-1, "0.35")):
         axes.plot(*joints[row].T, "o-", color=colour, ms=2, lw=1.5)
@@ -66,6 +70,18 @@ def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=f"{record.title}: seen from above")
     _square(axes)
     axes.legend(fontsize=7)
+
+
+def _bounds(axes: Axes, reference: Reference, line: FloatArray) -> None:
+    """Draw the obstacles, and the corridor on both sides of points of the path (P, 2)."""
+    for k, disc in enumerate(reference.obstacles):
+        label = None if k else "obstacle, for the centre of mass"
+        axes.add_patch(Circle((disc.x, disc.y), disc.radius, color="C1", alpha=0.3, lw=0, label=label))
+    if np.isfinite(reference.corridor):
+        along = np.gradient(line, axis=0)
+        left = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+        for side, label in ((1.0, "corridor"), (-1.0, None)):
+            axes.plot(*(line + side * reference.corridor * left).T, color="C1", lw=0.8, ls="--", label=label)
 
 
 def speed_and_heading(record: Record) -> tuple[Figure, Axes]:
