@@ -1,15 +1,7 @@
 """Terms of the cost of a plan, found by name: what a plan is to achieve, and how much each miss weighs.
 
-A term is a frozen dataclass with its tolerances as fields and its misses as symbols of CasADi. A cost of your own:
-
-    @dataclass(frozen=True)
-    class Thrift(CostTerm):  # fast waves cost energy
-        tolerance: float = parameter(0.5, unit="Hz", gt=0, meaning="frequency that weighs 1")
-
-        def misses(self, at: Moment) -> ca.SX:
-            return at.given.frequency / self.tolerance
-
-    GaitMPC(worm, identified, model, terms=[*default_terms(), Thrift()])
+A term is a frozen dataclass with its tolerances as fields and its misses as symbols of CasADi; `control/README.md` shows
+one of a user. In Python it is added by `GaitMPC(worm, identified, model, terms=[*default_terms(), Thrift()])`.
 
 With the speed V_ref, point r, heading psi and frequency f_0 that are wanted, the terms that ship are
 
