@@ -2,7 +2,8 @@
 
 A guest has the methods `reset()` and `step(t, measurement)`, which returns a `worm3d.Command`; it sees what the sensors
 give. Metrics average over a commanded wave: if the guest has an attribute `waves`, the phase that it commands, by that,
-else by the frequency that suits the identified map. What it raises is told, and the worm rests until it returns again.
+else by the frequency that suits the identified map. Where it raises an exception the worm rests until it returns again;
+the first one is logged, and all are a fault.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from control.faults.rules import Fault
 from control.gaits.steering import GaitParameters, Mechanism
 from control.identification.identified import Identified
 from control.loop import Choice, Decision, WaveController, complaint_of
@@ -24,6 +26,8 @@ from control.tracking.references import Reference
 from worm3d import Command, Worm
 from worm3d.actuation import Controller
 
+RAISED = "exception"
+"""Kind of the fault of a guest that raised exceptions."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -60,7 +64,9 @@ class Guest(WaveController):
         """Begin anew."""
         super().reset()
         self.guest.reset()
-        self._waves = 0.0
+        self._waves, self._steps = 0.0, 0
+        self._raised: list[tuple[float, str]] = []
+        self._moves = False
 
     @property
     def waves(self) -> float:
@@ -69,21 +75,37 @@ class Guest(WaveController):
         is_known = isinstance(known, int | float) and math.isfinite(known)
         return float(known) if is_known and known is not None else self._waves
 
+    @property
+    def faults(self) -> list[Fault]:
+        """Those of every controller, and that the guest raised exceptions."""
+        if not self._raised:
+            return super().faults
+        times, complaints = zip(*self._raised, strict=True)
+        share = f"{len(times)} of {self._steps} steps"
+        what = f"{type(self.guest).__name__} raised an exception in {share}, and the worm rested: {complaints[-1]}"
+        return [*super().faults, Fault(times[0], RAISED, what, "see the first one's traceback, above or in the log")]
+
     def step(self, t: float, measurement: Measurement) -> Command:
         """Return the guest's command from time t [s] on, or rest where it raised an exception."""
-        began = perf_counter()
         elapsed, self._time = 0.0 if self._time is None else t - self._time, t
-        complaint = ""
+        self.watch.look(t, self.gate(t, measurement, moving=self._moves), self._estimate)
+        complaint, began = "", perf_counter()
+        self._steps += 1
         try:
             command = self.guest.step(t, measurement)
             if not isinstance(command, Command):
                 raise TypeError(f"step returned {type(command).__name__}, must be a worm3d.Command")
         except Exception as error:
             complaint = complaint_of(error)
-            _LOG.warning("no command at %.3f s", t, exc_info=error)
+            if not self._raised:
+                _LOG.warning("no command at %.3f s; further exceptions are counted only", t, exc_info=error)
+            self._raised.append((t, complaint))
             command = Command(np.zeros((self.worm.segments, 2)))
         self._waves += self._frequency * elapsed
         self._spent += perf_counter() - began
+        self._moves = bool(command.contraction.any())
+        at_rest = None if self._moves else GaitParameters(0.0, self._frequency)
+        self.watch.tell(2.0 * math.pi * self.waves, command, at_rest)
         if t >= self._due - 1e-9:
             self._due = t + self.control_period
             self.failures += bool(complaint)

@@ -85,8 +85,8 @@ class Watch:
             self._end_wave(self._wave(self._begin[0], t, known(t)))
             self._begin = t, phase
 
-    def tell(self, phase: float, command: Command, parameters: GaitParameters) -> None:
-        """Take in what is commanded from now on."""
+    def tell(self, phase: float, command: Command, parameters: GaitParameters | None) -> None:
+        """Take in what is commanded from now on; without parameters it is no wave that the map knows."""
         self._told, self._parameters = (phase, command.contraction), parameters
 
     def _end_wave(self, wave: Wave) -> None:
@@ -111,13 +111,13 @@ class Watch:
             back = self._feed_forward.backward and bool(asked.sum() < 0.0)
             if self._feed_forward.backward:
                 asked = np.maximum(-asked if back else asked, 0.0)
-            if self._parameters.amplitude == 0.0:
+            if self._parameters is not None and self._parameters.amplitude == 0.0:
                 asked = np.minimum(asked, 0.0)  # it rests because it was told to, and not for want of speed
             way = self._way(place, max(float(asked[-1]), 0.0))
         except Exception:  # anybody may write references; the fallback deals with these
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
             asked, way, back = np.full(MOMENTS, nan), _Way(), False
-        top, wave = self._feed_forward.ranges, (abs(self._parameters.amplitude), self._parameters.frequency)
+        at_limit, made = self._ability()
         ahead, away = way.azimuth, 0.0
         if estimate is not None and estimate.deviations[2] < KNOWN:
             ahead = estimate.heading if ahead is None else ahead
@@ -131,10 +131,10 @@ class Watch:
             place_time=instant,
             place_error=doubt,
             ahead=ahead,
-            at_limit=wave[0] >= AT_LIMIT * top.amplitude[1] and wave[1] >= AT_LIMIT * top.frequency[1],
+            at_limit=at_limit,
             heading_error=0.0 if estimate is None else float(estimate.deviations[2]),
             back=back,
-            made=self._length * float(self._feed_forward.found.speed(*wave, 0.0)) if wave[0] else 0.0,
+            made=made,
             least_asked=float(asked.min()),
             most_asked=float(asked.max()),
             reach=self._feed_forward.fastest,
@@ -144,6 +144,14 @@ class Watch:
             trespass=way.trespass,
             away=away,
         )
+
+    def _ability(self) -> tuple[bool, float]:
+        """Return whether the wave is as fast as it gets, and the speed that the map says of it, infinite if unknown."""
+        if self._parameters is None:
+            return False, inf
+        top, wave = self._feed_forward.ranges, (abs(self._parameters.amplitude), self._parameters.frequency)
+        at_limit = wave[0] >= AT_LIMIT * top.amplitude[1] and wave[1] >= AT_LIMIT * top.frequency[1]
+        return at_limit, self._length * float(self._feed_forward.found.speed(*wave, 0.0)) if wave[0] else 0.0
 
     def _gains(self) -> tuple[FloatArray, FloatArray, float]:
         """Return the gains of the chambers, their standard errors, and the bend, by least squares over the wave."""

@@ -49,6 +49,15 @@ class Stops(Blind):
         return 3 if t > 1.0 else super().step(t, measurement)
 
 
+class Silent(Blind):
+    waves = None
+
+
+class Still(Blind):
+    def step(self, t, measurement):
+        return self.generator.step(0.0, steering.GaitParameters(0.0, 0.8))
+
+
 class NoOf:
     pass
 
@@ -111,12 +120,34 @@ def test_a_controller_that_is_no_wave_controller_drives_the_worm_and_is_timed() 
     assert any(each.name == "control_step_ms_p99" for each in record.timing)
 
 
-def test_what_a_controller_raises_is_told_and_the_worm_rests() -> None:
+def test_what_a_controller_raises_is_told_once_and_the_worm_rests(caplog: pytest.LogCaptureFixture) -> None:
     record = simulate(line("controller.kind=own_parts:Stops"))
     assert record.status == "done"
     (fault,) = record.summary.faults
-    assert "step returned int, must be a worm3d.Command" in str(fault["what"])
+    raised = "Stops raised an exception in 299 of 400 steps, and the worm rested: "
+    assert fault["what"] == raised + "TypeError: step returned int, must be a worm3d.Command"
+    assert fault["time_s"] == pytest.approx(1.01)
+    told = [each for each in caplog.records if each.name == "control.guest"]
+    assert [each.exc_info is not None for each in told] == [True]
+    assert record.summary["mpc_failures"] is None
+    assert "plans nothing" not in record.summary.reasons["mpc_failures"], "which would read as: it raised nothing"
     assert np.abs(record["contraction"][-1]).max() < 1e-3
+
+
+@pytest.mark.parametrize("kind", ["Blind", "Silent"])
+def test_what_keeps_the_worm_from_its_way_is_found_whoever_drives_it(kind: str) -> None:
+    """Silent does not tell the phase of its wave, of 0.8 Hz; that of the map is assumed."""
+    longer = ("run.duration_s=9", f"controller.kind=own_parts:{kind}")
+    broken = ("fault.chamber=true", "fault.chamber_segment=2", "fault.chamber_begin_s=3")
+    fault, *_ = simulate(line(*longer, *broken)).summary.faults
+    assert fault["kind"] == "chamber 2 left", "and then that it leaves its path"
+    assert fault["time_s"] < 3.0 + 3.0 / 0.8
+    assert simulate(line(*longer)).summary.faults == []
+
+
+def test_a_worm_that_is_told_to_rest_is_not_too_slow() -> None:
+    """As of controllers that ship: it may be where it is to be."""
+    assert simulate(line("run.duration_s=6", "controller.kind=own_parts:Still")).summary.faults == []
 
 
 def test_an_own_term_of_the_cost_slows_the_wave() -> None:

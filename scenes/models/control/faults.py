@@ -7,6 +7,7 @@ from itertools import groupby
 from operator import itemgetter
 
 import worm3d
+from control.guest import Guest
 from control.loop import Decision, WaveController
 from control.planning.mpc import PlanStatus
 from control.sensing.gate import Gate
@@ -39,7 +40,8 @@ def of_plant(result: worm3d.Result) -> list[Row]:
 def of_controller(controller: WaveController) -> list[Row]:
     """Return what a controller found, and what became of its measurements and plans."""
     found = [_row(fault.time, fault.kind, fault.what, fault.advice) for fault in controller.faults]
-    return [*found, *_of_plans(controller.decisions), *_of_gate(controller.gate)]
+    plans = [] if isinstance(controller, Guest) else _of_plans(controller.decisions)  # a guest has no fallback
+    return [*found, *plans, *_of_gate(controller.gate)]
 
 
 def in_turn(rows: list[Row]) -> list[Row]:

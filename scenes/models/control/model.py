@@ -31,7 +31,7 @@ FIGURES = ("tracking", "speed_and_heading", "commands", "estimates", "control_st
 OF_THE_WORM = ("body", "contraction", "loads_and_slip", "energy_ledger")
 """Pictures of the worm that a controlled run has too."""
 
-NO_MPC = "this controller plans nothing"
+NO_MPC = "this controller makes no plans; exceptions that it raises are faults"
 START, NO_NIS = 3.0, "this controller estimates nothing from innovations, or none came after its start"
 """Waves of the start, in which a heading is sought; they have no part in `nis_mean`."""
 
