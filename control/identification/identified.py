@@ -195,6 +195,11 @@ class Lags:
     steering: float
     """Lag of the turn rate behind the steering in force, by sines of it [s]. (On the default worm 0.4 to 0.6 s from 0.6
     to 1.1 Hz; with the wave generator's own lag, 0.8 to 0.95 s.)"""
+    swing: float = 0.0
+    """Speed to the left beyond that of steady waves, over the turn acceleration, D of (R1): what a line gives for
+    frequency 0 [body lengths s]; 0 where it was not measured."""
+    swing_rise: float = 0.0
+    """Slope of that line over the frequency [body lengths s/Hz]."""
 
 
 @dataclass(frozen=True)

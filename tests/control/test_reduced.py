@@ -1,5 +1,7 @@
 """The reduced model: its derivatives, limits and symmetry, and how well it foretells the plant."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -44,6 +46,18 @@ def test_the_dynamics_are_their_formula() -> None:
     assert rate[4] == pytest.approx((1.1 * found.turn_rate(*INPUT) - 0.1) / lags.steering)
     assert_allclose(rate[5:], 0.0, atol=0.0)
     assert_allclose(values(model().output, STATE, INPUT), rate[:3])
+
+
+def test_a_worm_that_comes_to_turn_swings_aside() -> None:
+    """Its centre of mass goes aside by D = 0.3 - 0.25 f times the turn acceleration, by less in very slow waves."""
+    lags = replace(known().lags["hinge"], swing=0.3, swing_rise=-0.25)
+    swinging = ReducedModel.of(WORM, replace(known(), lags={"hinge": lags}), "hinge")
+    for frequency, swing in ((0.9, 0.3 - 0.25 * 0.9), (0.1, (0.3 - 0.25 * 0.5) * 0.1 / 0.5), (0.0, 0.0)):
+        given = INPUT._replace(frequency=frequency)
+        plain, rate = (values(each.dynamics, STATE, given) for each in (model(), swinging))
+        aside = swing * rate[4] * np.array([-np.sin(0.7), np.cos(0.7)])
+        assert_allclose(rate[:2] - plain[:2], aside, atol=1e-15)
+        assert_allclose(rate[2:], plain[2:], atol=0.0)
 
 
 def test_jacobians_against_central_differences() -> None:

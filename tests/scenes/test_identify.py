@@ -92,6 +92,19 @@ def test_lags_are_those_of_the_file_and_of_a_step() -> None:
     assert lags.steering + BLEND / runs.FREQUENCY == pytest.approx(found, abs=0.15)
 
 
+def test_the_swing_is_that_of_the_file_and_of_a_wave_between() -> None:
+    """From 0.12 s at 0.6 Hz to -0.01 s at 1.1 Hz; sines of half the frequency and steering find the same."""
+    known = load(WORM, schedule=WAVES["steep"])
+    assert known is not None
+    lags = known.lags["both"]
+    measured = runs.measure_lags(WORM, GROUND, WAVES["steep"], "both", 0.5, lags)
+    assert (measured.swing, measured.swing_rise) == pytest.approx((lags.swing, lags.swing_rise), abs=1e-6)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(runs, "WINDING", 0.05)
+        _, found = runs._winding(WORM, GROUND, WAVES["steep"], "both", 0.25, 0.8)
+    assert lags.swing + 0.8 * lags.swing_rise == pytest.approx(found, abs=0.01)
+
+
 def test_a_worm_that_tips_is_identified_over_less_steering(monkeypatch) -> None:
     """Hinges of 0.3 rad tip the default worm, 0.7 times as much does not at this amplitude."""
     asked = []

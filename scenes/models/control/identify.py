@@ -219,14 +219,16 @@ def measure_lags(
     steering: float,
     straight: Lags | None = None,
 ) -> Lags:
-    """Measure how long speed and turn rate lag behind the gait parameters; `steering` is the amplitude of the sines.
+    """Measure how speed, turn rate and drift lag behind the gait parameters; `steering` is the amplitude of the sines.
 
     The lags of the speed are those of a straight wave: `straight`, of another mechanism, has them already.
     """
-    winding = [_winding_lag(worm, ground, schedule, mechanism, steering, frequency) for frequency in WINDING_WAVES]
-    turning = max(float(np.mean(winding)), LEAST_LAG)
+    winding = [_winding(worm, ground, schedule, mechanism, steering, frequency) for frequency in WINDING_WAVES]
+    behind, swings = zip(*winding, strict=True)
+    turning = max(float(np.mean(behind)), LEAST_LAG)
+    rise, swing = np.polyfit(WINDING_WAVES, swings, 1).tolist()
     if straight is not None:
-        return replace(straight, steering=turning)
+        return replace(straight, steering=turning, swing=swing, swing_rise=rise)
     slow, long = GaitParameters(0.2, FREQUENCY), GaitParameters(0.3, FREQUENCY)
     quick = GaitParameters(0.3, 1.2 * FREQUENCY)
 
@@ -235,21 +237,21 @@ def measure_lags(
         # From mean to mean of two waves: the first rate after the step stands for half a wave before it.
         return float(np.mean([lag(each, BEFORE - 1) - 0.5 for each in rates]))
 
-    return Lags(mean_lag(slow, long), mean_lag(long, quick), turning)
+    return Lags(mean_lag(slow, long), mean_lag(long, quick), turning, swing, rise)
 
 
-def _winding_lag(
+def _winding(
     worm: worm3d.Worm,
     ground: worm3d.Friction,
     schedule: Schedule,
     mechanism: Mechanism,
     steering: float,
     frequency: float,
-) -> float:
-    """Return the time constant T [s] by which the turn rate follows a sine of the steering in force, from its phase.
+) -> tuple[float, float]:
+    """Return the time constant T [s] by which the turn rate follows a sine of the steering in force, and the swing.
 
-    A first-order response lags behind a sine of w rad/s by arctan(w T), and so does the steering in force behind that
-    asked for with T = blend/f; the heading is the integral of the turn rate.
+    T follows from its phase. A first-order response lags behind a sine of w rad/s by arctan(w T), and so does the
+    steering in force behind that asked for with T = blend/f; the heading is the integral of the turn rate.
     """
     w = 2.0 * np.pi * WINDING
     wave, generator = GaitParameters(0.28, frequency), WaveGenerator(schedule, worm)
@@ -260,7 +262,22 @@ def _winding_lag(
     waves = np.column_stack([np.sin(w * t), np.cos(w * t), np.ones_like(t), t])
     (sine, cosine, _, _), *_ = np.linalg.lstsq(waves, h, rcond=None)
     behind = np.arctan2(-sine, -cosine) - np.arctan(w * BLEND / frequency)  # the heading is -cos(w t - behind)
-    return float(np.tan(behind) / w)
+    return float(np.tan(behind) / w), _swing(run, round(1.0 / (frequency * DT)))
+
+
+def _swing(run: worm3d.Result, rows: int) -> float:
+    """Return D of (R1) [body lengths s] from a run with sines of the steering; a wave has some `rows`.
+
+    Of the speed to the left it is the part in phase with the turn acceleration, -w^2 times the heading's sine.
+    """
+    w = 2.0 * np.pi * WINDING
+    t, x, y, h = (
+        np.convolve(each, np.full(rows, 1.0 / rows), "valid") for each in (run.time, *run.com[:, :2].T, run.heading)
+    )
+    left = (np.gradient(y, DT) * np.cos(h) - np.gradient(x, DT) * np.sin(h)) / run.worm.length
+    waves = np.column_stack([np.sin(w * t), np.cos(w * t), np.ones_like(t), t])[t >= 1.0 / WINDING]
+    (sine, cosine, _, _), *_ = np.linalg.lstsq(waves, np.column_stack([h, left])[t >= 1.0 / WINDING], rcond=None)
+    return float(-(sine[0] * sine[1] + cosine[0] * cosine[1]) / (w**2 * (sine[0] ** 2 + cosine[0] ** 2)))
 
 
 def step_response(
