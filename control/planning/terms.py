@@ -1,7 +1,7 @@
 """Terms of the cost of a plan, found by name: what a plan is to achieve, and how much each miss weighs.
 
-A term is a frozen dataclass with its tolerances as fields and its misses as symbols of CasADi; `control/README.md` shows
-one of a user. In Python it is added by `GaitMPC(worm, identified, model, terms=[*default_terms(), Thrift()])`.
+A term is a frozen dataclass with its tolerances as fields and its misses as symbols of CasADi; one of a user is
+in `control/README.md`. In Python it is added by `GaitMPC(worm, identified, model, terms=[*default_terms(), Thrift()])`.
 
 With the speed V_ref, point r, heading psi and frequency f_0 that are wanted, the terms that ship are
 
