@@ -25,6 +25,8 @@ from worm3d.values.read_only import ReadOnly
 
 Side = Literal["left", "right"]
 
+STRAIGHT_BACK = math.pi - 0.01
+"""Turn between two straight pieces from which no arc rounds their corner [rad]."""
 MOST_WAVES = 10_000
 """Largest number of waves of an S-curve, whose length is summed up piece by piece."""
 
@@ -299,6 +301,9 @@ def _rounded(points: FloatArray, radius: float) -> Centreline:
     chords = np.diff(points, axis=0)
     length, azimuth = np.linalg.norm(chords, axis=1), np.arctan2(chords[:, 1], chords[:, 0])
     turn = np.mod(np.diff(azimuth) + np.pi, 2.0 * np.pi) - np.pi
+    if (np.abs(turn) > STRAIGHT_BACK).any():
+        k = int(np.argmax(np.abs(turn))) + 1
+        raise ValueError(f"points: the path turns back on itself at point {k}; put a point beside it to turn round")
     cut = np.concatenate([[0.0], radius * np.tan(np.abs(turn) / 2.0), [0.0]])
     left = length - cut[:-1] - cut[1:]
     if left.min() < -1e-9 * length.max():
@@ -325,7 +330,8 @@ def _points(points: ArrayLike, least: int, *, closed: bool = False) -> FloatArra
     """Return points as a read-only array; ValueError if it is not (P, 2) with at least so many, each off the next."""
     found = arguments.array("points", points, ("P", 2), least=least)
     if not (np.linalg.norm(np.diff(_run(found, closed), axis=0), axis=1) > 0.0).all():
-        raise ValueError("points: two that follow each other coincide; leave one of them out")
+        first = ", as the first one of a closed path after the last" if closed else ""
+        raise ValueError(f"points: two that follow each other coincide{first}; leave one of them out")
     return found
 
 

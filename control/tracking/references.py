@@ -147,7 +147,10 @@ class Reference:
         if self.path is None and asked:
             raise ValueError(f"{asked[0]}: got one without a path, must be left out")
         if self.ends and self.path is not None and (self.path.closed or not math.isfinite(self.path.length)):
-            raise ValueError("ends: got true for a path without end; give one that has a length and is not closed")
+            raise ValueError(
+                "ends: got true for a path without end; give it a length (reference.length_m of a line), "
+                "or one that is not closed"
+            )
         for k, (disc, (_, aside, on_left)) in enumerate(zip(self.obstacles, self.passings, strict=True)):
             needed = disc.radius + (aside if on_left else -aside)
             if needed > self.corridor:

@@ -214,7 +214,12 @@ def test_mirrored_paths_are_mirror_images(one: Path, other: Path) -> None:
         (lambda: Line((0.0, math.nan)), "must be finite"),
         (lambda: SCurve(wavelength=0.0), "wavelength: got 0.0, must be finite and above 0"),
         (lambda: SplinePath(np.zeros((1, 2))), r"points: got shape \(1, 2\)"),
-        (lambda: SplinePath(np.zeros((2, 2))), "two that follow each other coincide"),
+        (lambda: SplinePath(np.zeros((2, 2))), "two that follow each other coincide; leave"),
+        (
+            lambda: SplinePath([(0, 0), (1, 0), (1, 1), (0, 0)], closed=True),
+            "coincide, as the first one of a closed path",
+        ),
+        (lambda: WayPoints([(0, 0), (1, 0), (1, 1), (1, 0)], 0.1), "the path turns back on itself at point 2"),
         (lambda: WayPoints([(0, 0), (1, 0), (1, 1)], 1.5), "too large for the stretch of 1 m from point 0 to 1"),
         (lambda: PlanView(Centreline.of([Straight(1.0)], tilt=np.pi / 2)), "vertical somewhere"),
     ],

@@ -364,6 +364,11 @@ TOO_LATE = "override reference.speed_steps: got a step at 70 s: must be before t
         ("path_line", ("reference.kind=pipe",), "must be in one with a pipe"),
         ("pipe_climb_controlled", ("sensor.contact_load=false",), "the controller 'climber' needs it"),
         ("path_waypoints", ("reference.radius_m=4.0",), "too large for the stretch"),
+        (
+            "path_line",
+            ("fault.chamber=true", "fault.chamber_begin_s=60"),
+            "got 60 s: must be before the end of the run",
+        ),
         ("path_line", ("reference.kind=spline",), "points: got shape (0, 2)"),
         ("path_line", ("controller.period_s=0.001",), "must be at least run.dt_s"),
         ("velocity_step", ("reference.speed_sine_m_s=0.01",), "not both: leave one out"),

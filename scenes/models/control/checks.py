@@ -85,6 +85,16 @@ def _steps_in_turn(steps: Sequence[Mapping[str, Any]], duration_s: float, *, key
     }
 
 
+def _begins_in_the_run(asked: bool, begin_s: float, duration_s: float, *, name: str) -> Found:
+    if not asked or begin_s < duration_s:
+        return None
+    return {
+        f"fault.{name}_begin_s": f"got {begin_s:g} s: must be before the end of the run (run.duration_s = "
+        f"{duration_s:g} s), or the fault never shows",
+        "run.duration_s": f"got {duration_s:g} s: must be more than fault.{name}_begin_s ({begin_s:g} s)",
+    }
+
+
 def _steps_or_a_sine(speed_steps: Sequence[Any], speed_sine_m_s: float) -> Found:
     if not (speed_steps and speed_sine_m_s > 0.0):
         return None
@@ -152,6 +162,10 @@ CONTROL_CHECKS = (
     Check(("controller.period_s", "run.dt_s"), _decides_no_more_than_once_a_step),
     *switched_checks(INJECTED, "fault", Faults, "fault"),
     Check(("fault", "controller", "worm", *PARTS), _there_can_be_such_faults),
+    *(
+        Check((f"fault.{name}", f"fault.{name}_begin_s", "run.duration_s"), partial(_begins_in_the_run, name=name))
+        for name in INJECTED
+    ),
     *(Check((key, "run.duration_s"), partial(_steps_in_turn, key=key)) for key in STEPS),
     Check(("reference.speed_steps", "reference.speed_sine_m_s"), _steps_or_a_sine),
     Check(("reference.speed_sine_m_s", "reference.speed_m_s"), _never_backwards),
