@@ -67,7 +67,8 @@ class FeedForward:
         self.swift = 0.5 * float(self._straight[POINTS])
         along = zip(self._amplitudes, self._frequencies, strict=True)
         sharpest = np.array([self._turn_rates(*place).max() for place in along])
-        self._sharpest = np.minimum.accumulate((1.0 - SPARE) * sharpest / self._straight)
+        sharpest = (1.0 - SPARE) * sharpest / self._straight
+        self._sharpest = np.maximum.accumulate(sharpest[::-1])[::-1]  # at a speed or at a greater one
         # From where the speed rises it costs curvature; slower waves turn no sharper.
         self._rises = max(int(np.argmax(self._sharpest < self._sharpest[0])) - 1, 0)
 

@@ -87,3 +87,11 @@ def test_how_fast_a_curve_can_be_followed() -> None:
     assert speeds[2] == speeds[3] > speeds[4]
     for speed, curvature in zip(speeds[3:], curvatures[3:], strict=True):
         assert forward.sharpest(float(speed)) * 0.9 == pytest.approx(speed * curvature, rel=0.02)
+
+
+@pytest.mark.parametrize("mechanism", ["hinge", "bias"])
+def test_nothing_is_followed_more_slowly_than_a_wave_that_turns_as_sharply(mechanism) -> None:
+    """Heavy worms, and those that steer by unequal chambers, turn less sharply per metre in slow waves than in fast."""
+    forward = FeedForward(found(mechanism), 1.0)
+    for speed in np.linspace(0.01, forward.fastest, 40):
+        assert forward.reach(0.98 * 0.9 * forward.sharpest(speed) / speed) > 0.99 * speed
