@@ -117,7 +117,7 @@ class Watch:
         except Exception:  # anybody may write references; the fallback deals with these
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
             asked, way, back = np.full(MOMENTS, nan), _Way(), False
-        at_limit, made = self._ability()
+        at_limit, made, expected = self._ability()
         ahead, away = way.azimuth, 0.0
         if estimate is not None and estimate.deviations[2] < KNOWN:
             ahead = estimate.heading if ahead is None else ahead
@@ -135,6 +135,7 @@ class Watch:
             heading_error=0.0 if estimate is None else float(estimate.deviations[2]),
             back=back,
             made=made,
+            expected=expected,
             least_asked=float(asked.min()),
             most_asked=float(asked.max()),
             reach=self._feed_forward.fastest,
@@ -145,13 +146,20 @@ class Watch:
             away=away,
         )
 
-    def _ability(self) -> tuple[bool, float]:
-        """Return whether the wave is as fast as it gets, and the speed that the map says of it, infinite if unknown."""
+    def _ability(self) -> tuple[bool, float, float]:
+        """Return whether the wave is as fast as it gets, the speed that the map says of it, and its `Wave.expected`.
+
+        The speed is infinite if the wave is not known.
+        """
         if self._parameters is None:
-            return False, inf
-        top, wave = self._feed_forward.ranges, (abs(self._parameters.amplitude), self._parameters.frequency)
-        at_limit = wave[0] >= AT_LIMIT * top.amplitude[1] and wave[1] >= AT_LIMIT * top.frequency[1]
-        return at_limit, self._length * float(self._feed_forward.found.speed(*wave, 0.0)) if wave[0] else 0.0
+            return False, inf, 1.0
+        top, size, pace = self._feed_forward.ranges, abs(self._parameters.amplitude), self._parameters.frequency
+        if size == 0.0:
+            return False, 0.0, 1.0
+        most = top.amplitude[1]
+        made, makes = (float(self._feed_forward.found.speed(each, pace, 0.0)) for each in (size, most))
+        at_limit = size >= AT_LIMIT * most and pace >= AT_LIMIT * top.frequency[1]
+        return at_limit, self._length * made, min(made / size * most / makes, 1.0)
 
     def _gains(self) -> tuple[FloatArray, FloatArray, float]:
         """Return the gains of the chambers, their standard errors, and the bend, by least squares over the wave."""
