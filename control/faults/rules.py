@@ -3,8 +3,8 @@
 *Chambers.* A chamber follows its command by a gain: amplitude of the strain at the wave's frequency over that of the
 command. On the default worm gains are 0.7 to 0.95, and those of one body within a quarter of each other, on slopes, in
 pipes and in turns; a chamber that stays where it is has less than a third of the others', what its neighbours pull.
-Load takes the more of a wave the smaller that is: of worms of twice the mass, gains are 0.31 at the least amplitude and
-0.75 at twice that. A wave goes the less far for it, so that the map tells the gain to expect.
+Load takes the more of a wave the smaller that is: the gains of a worm of 0.4 kg are 0.33 at an amplitude of 0.15, 0.5
+at 0.2, 0.7 at 0.27. A wave goes the less far for it, and by how much is known from the identified map.
 
 *Tipping.* A load on a chamber changes its gain. A worm that lies on its side rests on the chambers of that side: the
 mean gains of left and right, equal to 4 % while it stands on both (slopes of 5 degrees, friction 30 % off),
