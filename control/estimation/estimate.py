@@ -31,8 +31,9 @@ HEADING = ReducedState._fields.index("heading")
 """Index of the heading in the state."""
 HOPELESS = 12.0
 """Logarithm of the likelihood ratio to the best belief at which another is dropped, a hundred thousand."""
-NARROW = 0.25
-"""Standard deviation of the heading of all beliefs below which they become one [rad]."""
+NARROW = 0.12
+"""Standard deviation of the heading of all beliefs below which they become one [rad]; a less sure one takes what a worm
+goes ahead, as far as that is not known, for a way to the side."""
 FAR = 3.0
 """Standard deviation of a place from which it says nothing of where on its path a worm is [body lengths]."""
 NIS = ("nis_mean", "nis_low", "nis_high")

@@ -59,7 +59,7 @@ PAUSE = 0.2
 """Time without samples after which the filter goes on without one [s]."""
 LATE_STRAIN = 0.1
 """Time after strains from which they no longer tell how high a worm stands [s]."""
-SIDES = 12
+SIDES = 24
 """Number of headings from which a filter starts where none is told."""
 ANYWHERE = 10.0
 """Standard deviation of the position before the first sample [m]."""

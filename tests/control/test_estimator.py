@@ -15,7 +15,7 @@ from control.estimation.reduced import ReducedModel, ReducedState
 from control.gaits.steering import GaitParameters, Schedule, WaveGenerator
 from control.identification.identified import load
 from control.sensing.sensors import COM, HEADING, STRAIN, Channel, Measurement, Sensors
-from worm3d import Command, Observation, Plane, Worm, simulate
+from worm3d import Command, Friction, Observation, Plane, Worm, simulate
 
 WORM = Worm()
 BEGUN = 5.0
@@ -201,6 +201,29 @@ def test_an_unknown_heading_is_found_within_two_seconds(angle: float) -> None:
     assert estimates[0].deviations[2] > 1.5, "from all sides"
     assert estimates[-1].deviations[2] < np.deg2rad(4.0)
     assert abs(off) < np.deg2rad(10.0)
+
+
+def test_the_first_stroke_is_taken_neither_for_speed_nor_for_a_push() -> None:
+    """A worm that begins to crawl draws itself together, which takes it 2 cm ahead at once."""
+    run, exact = recorded("straight"), Sensors(Channel(noise=0.0), Channel(noise=0.0))
+    _, _, speed = run.truth()
+    estimates = estimated(run, exact, Estimator(WORM, model()), 200)
+    assert estimates[100].speed == pytest.approx(speed[100], abs=0.015)
+    assert estimates[150].speed == pytest.approx(speed[150], abs=0.008)
+    for seed in range(20, 26):
+        begun = estimated(run, Sensors(seed=seed), Estimator(WORM, model()), 400)
+        assert max(each.deviations[ReducedState._fields.index("drift")] for each in begun) < 0.005, seed
+
+
+def test_a_first_stroke_back_is_not_taken_for_the_way_ahead() -> None:
+    """Uphill on ground that holds feet no better one way than the other, it takes the worm back."""
+    recorder, slope = Recorder(straight), Plane(slope=np.deg2rad(3.0))
+    simulate(WORM, slope, ground=Friction(forward=0.1, backward=0.1, lateral=0.1), actuation=recorder, duration=1.8)
+    run = Recorded(recorder.plan, recorder.phases, recorder.seen)
+    assert min(each.com[0] for each in run.seen) < run.seen[0].com[0] - 0.01
+    for seed in range(10):
+        estimates = estimated(run, Sensors(seed=seed), Estimator(WORM, model()))
+        assert abs(estimates[-1].heading) < 0.5, seed
 
 
 def resting(steps: int, heading: float | None) -> list[Estimate]:
