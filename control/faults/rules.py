@@ -104,7 +104,7 @@ class Wave:
     made: float
     """Speed that the map says of the wave at its end [m/s]."""
     least_asked: float
-    """Least speed that was asked for in it [m/s]."""
+    """Least speed that was asked for in it, or at which by the map its path can be followed [m/s]."""
     most_asked: float
     """Greatest speed that was asked for in it [m/s]."""
     reach: float

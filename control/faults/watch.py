@@ -15,7 +15,7 @@ from control.gaits.steering import GaitParameters
 from control.planning.feed_forward import FeedForward
 from control.sensing.sensors import Measurement
 from control.tracking.paths import offset
-from control.tracking.preview import speed_at
+from control.tracking.preview import ANY, Ability, speed_at
 from control.tracking.references import Reference
 from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
@@ -107,13 +107,14 @@ class Watch:
         place, instant, doubt = self._place()
         try:
             at = np.full(MOMENTS, self._near or 0.0)
-            asked = np.zeros(MOMENTS) + speed_at(self._reference, np.linspace(begin, end, MOMENTS), at)
+            able, times = Ability(self._feed_forward.reach, self._length), np.linspace(begin, end, MOMENTS)
+            asked = np.zeros((2, MOMENTS)) + [speed_at(self._reference, times, at, each) for each in (ANY, able)]
             back = self._feed_forward.backward and bool(asked.sum() < 0.0)
             if self._feed_forward.backward:
                 asked = np.maximum(-asked if back else asked, 0.0)
             if self._parameters is not None and self._parameters.amplitude == 0.0:
                 asked = np.minimum(asked, 0.0)  # it rests because it was told to, and not for want of speed
-            way = self._way(place, max(float(asked[-1]), 0.0))
+            way = self._way(place, max(float(asked[0, -1]), 0.0))
         except Exception:  # anybody may write references; the fallback deals with these
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
             asked, way, back = np.full(MOMENTS, nan), _Way(), False
