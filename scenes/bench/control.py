@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from control.guest import RAISED
 from scenes.bench.control_trials import Trial
 from scenes.commands.packages import sources, versions
 from scenes.commands.runner import simulate
@@ -162,7 +163,8 @@ def _measured(case: Case, scene: Scene, folder: Path) -> Found:
     seen: dict[str, Any] = {**record.summary.metrics, **timing(record)}
     metrics = {name: seen.get(name) for name in METRICS}
     metrics[PERIOD] = 1e3 * scene.settings.controller.period_s
-    found = Found(case.trial.name, case.controller, case.seed, record.status, metrics)
+    raised = any(fault["kind"] == RAISED for fault in record.summary.faults)
+    found = Found(case.trial.name, case.controller, case.seed, RAISED if raised else record.status, metrics)
     content = json.loads(json_bytes({"scene": scene.to_toml(), "basis": basis(scene), **asdict(found)}))
     write_bytes(case.file(folder), json_bytes({**content, "digest": _digest(content)}, indent=1))
     return found
@@ -197,7 +199,7 @@ class Row:
     controller: str
     seeds: int
     failed: int
-    """Runs that did not come to their end."""
+    """Runs that did not come to their end, or in which a controller of a user's own raised an exception."""
     metrics: dict[str, Value]
     """None where a seed has no value."""
 

@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from control.sensing.sensors import QUANTITIES, Channel
 from scenes.bench.control import BLIND, METRICS
 from scenes.bench.control_bars import BARS, RIVALS, SHARE
-from scenes.bench.control_score import FLOORS, LOST
+from scenes.bench.control_report import BAR_BROKEN, FAILED
+from scenes.bench.control_score import FLOORS, LOST, OFF_SPEED
 from scenes.bench.control_trials import FULL, RETUNED, Trial
 from scenes.models.loading import load_scene
 from scenes.records.text import markdown_table
@@ -30,7 +31,9 @@ headings and paths. This page has the rules; `worm3d bench control` runs them an
 1. A controller gets what `control.loop.WaveController.of` gets: the worm, the reference, the identified map of its
    waves, the control period, and the quality of the sensors. It never sees the simulator's state, nor the trial's name.
 2. At each step of 10 ms it takes a measurement and returns contractions and hinges. One set of gains for all trials.
-3. A run lasts as long as its scene says, on the plant as it ships. Who does not finish it with every seed loses it.
+3. A run lasts as long as its scene says, on the plant as it ships. A controller loses a trial that it does not finish
+   with every seed, or in which it raises an exception. It loses a trial that is about an offset or a heading if the
+   worm does not go at about the speed asked for ({off}).
 4. Tune on seeds from 10 on; seeds 0 to {last} are run here, and 40 to 44 in `tests/benchmarks/closed_loop_bars.py`.
 5. State what a controller was tuned or trained on, with how many runs, and how long that took.
 
@@ -40,6 +43,10 @@ A controller of your own enters by its name, beside those that ship, with a line
     worm3d bench control --controller my_module:MyController --trial path_circle --trial corner --seeds 1
 
 `mpc` and `pi_los` are run with {seeds} seeds, `{blind}`, which looks at nothing, with one.
+
+The command ends with {failed} if a run did not come to its end or a controller of yours raised an exception, or else
+with {broken} if a bar of the MPC (below) is not kept, or else with 0. Bars are for runs without `--controller`,
+`--trial` and `--quick`.
 """
 SCORE = """## Score
 
@@ -56,8 +63,9 @@ controller computes in a control period, 99th percentile, on one core.
 def page() -> str:
     """Return the page."""
     floors = ", ".join(f"{METRICS[name].text(value)}" for name, value in FLOORS.items())
+    off = " or ".join(f"{METRICS[name].says} from {most:.0%} on" for name, most in OFF_SPEED.items())
     lines = (
-        INTRO.format(seeds=SEEDS, last=SEEDS - 1, blind=BLIND),
+        INTRO.format(seeds=SEEDS, last=SEEDS - 1, blind=BLIND, off=off, failed=FAILED, broken=BAR_BROKEN),
         "## Trials\n",
         *markdown_table(("trial", "scene", "changed", "lasts", "about"), map(_trial, FULL)),
         "\n## Sensors\n",

@@ -31,7 +31,7 @@ from scenes.records.text import Cells, aligned, markdown_table
 
 PICTURE = "control.png"
 FAILED, BAR_BROKEN = 5, 6
-"""Exit codes: runs that did not come to their end, or else bars that are not kept."""
+"""Exit codes: runs that failed (`control.Row.failed`), or else bars of a complete run that are not kept."""
 
 SAYS = (
     "The worst of all seeds, on the full 3D plant, without a sensor of the heading unless the scene has one. All is "
@@ -55,7 +55,7 @@ SCORED = (
     "worst seed) over that of line-of-sight; a lost trial counts 10."
 )
 VERDICTS = ("scene", "what", "found", "at most", "")
-NO_VERDICTS = "These runs are too short to be held to any bar."
+NO_VERDICTS = "These are not the complete runs of what ships that are held to bars."
 
 PANELS = {
     "speed_error_rms_relative": ("speed error, rms [%]", 0.1),
@@ -74,7 +74,8 @@ def run(
 ) -> int:
     """Run what is not in the folder yet, write what was found and return the exit code; options as of the command.
 
-    It is 5 if runs failed, else 6 if a bar is not kept, else 0; short runs are not held to bars.
+    It is 5 if runs failed, else 6 if a bar is not kept, else 0. Bars are for complete runs of what ships: not for short
+    runs, chosen trials, or runs with controllers of others.
 
     Raises
     ------
@@ -83,6 +84,7 @@ def run(
     """
     if seeds < 1:
         raise SceneError(f"--seeds: got {seeds}, must be at least 1")
+    judged = not (quick or guests or trials)
     asked = QUICK if quick and not trials else chosen(trials)
     _require_controllers(guests)
     plan = Plan(asked, 1 if quick else seeds, tuple(dict.fromkeys((*CONTROLLERS, *guests))))
@@ -92,16 +94,16 @@ def run(
             study = control.study(plan, folder, show)
         rows = list(control.rows(study.found))
         write_bytes(folder / "control.csv", as_csv(study.found).encode())
-        write_bytes(folder / "control.md", markdown(rows, machine(), PICTURE, judged=not quick).encode())
+        write_bytes(folder / "control.md", markdown(rows, machine(), PICTURE, judged=judged).encode())
         save_figure(draw(study.found), folder / PICTURE)
         if not quiet:
-            for line in terminal_lines(rows, judged=not quick):
+            for line in terminal_lines(rows, judged=judged):
                 typer.echo(line)
             typer.echo(_of_the_folder(study))
             typer.echo(f"Written to {folder}: control.md, control.csv, {PICTURE}, cases/")
     if any(each.status != "done" for each in study.found):
         return FAILED
-    return BAR_BROKEN if not quick and any(verdict.word == BROKEN for verdict in verdicts(rows)) else 0
+    return BAR_BROKEN if judged and any(verdict.word == BROKEN for verdict in verdicts(rows)) else 0
 
 
 def _require_controllers(names: Sequence[str]) -> None:

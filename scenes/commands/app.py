@@ -338,7 +338,7 @@ def bench_control(
     of yours: how well speed, heading and path are kept to, how long the control steps take, and a score, one line for
     each controller (rules: scenes/bench/CONTROL.md). Takes an hour; started again on the same --out it goes on
     with what the same programs, scenes and map of the worm have not run yet. Ends with 5 if runs failed, or else with
-    6 if a bar is not kept (with --quick there are no bars).
+    6 if a bar of the MPC is not kept (there are none with --quick, --controller or --trial).
     """
     from scenes.bench import control_report
 

@@ -19,6 +19,27 @@ from scenes.models.control import build
 from scenes.models.control.model import MODEL
 from scenes.models.loading import load_scene
 
+STANDS_OR_RAISES = """
+import numpy as np
+import worm3d
+
+
+class Still:
+    @classmethod
+    def of(cls, *given):
+        return cls()
+
+    def reset(self):
+        pass
+
+    def step(self, t, measurement):
+        return worm3d.Command(np.zeros((6, 2)))
+
+
+class Raises(Still):
+    def step(self, t, measurement):
+        raise RuntimeError("valve stuck")
+"""
 TINY = Plan((Trial("tiny", "path_line", ("run.duration_s=6",)),), seeds=2, controllers=("pi_los", "open_loop"))
 
 
@@ -186,6 +207,23 @@ def test_a_score_is_the_geometric_mean_of_the_errors_over_line_of_sights() -> No
     assert {each.controller: each.lost for each in control_score.scores(list(control.rows(stopped)))}["mpc"] == 2
 
 
+def test_a_worm_that_does_not_go_loses_what_is_about_offset_or_heading() -> None:
+    """It has next to no offset; to the score of speeds it says itself that it stands."""
+
+    def lost(trial: str, **figures: float | None) -> int:
+        metric = control_trials.METRIC[trial]
+        runs = [found(trial, "mine:C", 0, **{metric: 0.5, **figures}), found(trial, "pi_los", 0, **{metric: 0.5})]
+        return next(each.lost for each in control_score.scores(list(control.rows(runs))) if each.controller == "mine:C")
+
+    assert lost("path_circle", speed_bias_relative=-0.9999, speed_error_rms_relative=0.9999) == 1
+    assert lost("path_circle", speed_bias_relative=-0.7, speed_error_rms_relative=0.7) == 1
+    assert lost("heading_hold", speed_bias_relative=-0.9999, speed_error_rms_relative=0.9999) == 1
+    assert lost("there_and_back", speed_bias_relative=0.0001, speed_error_rms_relative=0.9999) == 1
+    assert lost("velocity_step", speed_bias_relative=-0.9999, speed_error_rms_relative=0.9999) == 0
+    assert lost("corner", speed_bias_relative=-0.578, speed_error_rms_relative=0.7257) == 0, "as of open_loop"
+    assert lost("path_circle", speed_bias_relative=None) == 0
+
+
 def test_outside_controllers_run_beside_those_that_ship(
     worm3d, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -222,6 +260,26 @@ def test_outside_controllers_run_beside_those_that_ship(
         ["--controller: the module 'outside' has no 'Mien'; did you mean 'Mine'?"],
     )
     assert not (tmp_path / "runs").exists()
+
+
+def test_outside_controllers_that_stand_or_raise_lose_and_the_mpc_is_held_to_no_bar(
+    worm3d, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "outside_wrong.py").write_text(STANDS_OR_RAISES)
+    monkeypatch.chdir(tmp_path)
+    tiny = Trial("path_line", "path_line", ("run.duration_s=6",))
+    monkeypatch.setattr(control_report, "chosen", lambda names: (tiny,))
+    monkeypatch.setattr(control_report, "CONTROLLERS", ("pi_los",))
+    options = ("bench", "control", "--trial", "path_line", "--seeds", "1", "--controller")
+    for name, code, seeds in (("Still", 0, "1"), ("Raises", 5, "1 (1 failed)")):
+        ended = worm3d(*options, f"outside_wrong:{name}", "--out", name)
+        lines = [line.split() for line in ended.out.splitlines() if " of 1 " in line]
+        assert [(line[0], line[2]) for line in lines] == [("pi_los", "0"), (f"outside_wrong:{name}", "1")]
+        assert lines[1][1] == "10.000"
+        assert f"outside_wrong:{name}  {seeds}" in ended.out
+        assert "not run" not in ended.out
+        assert "held to bars" in ended.out
+        assert ended.code == code
 
 
 def test_the_page_of_rules_is_that_of_the_tables() -> None:
@@ -328,4 +386,9 @@ def test_it_ends_with_a_code_after_everything_is_written(
     assert ("NOT KEPT" in ended.out) == (code != 0)
     quick = worm3d("bench", "control", "--out", "bench", "--quick")
     assert quick.code == (code if code == 5 else 0)
-    assert "too short to be held to any bar" in quick.out
+    assert "not the complete runs of what ships that are held to bars" in quick.out, (
+        "nor are chosen trials, since lately"
+    )
+    one = worm3d("bench", "control", "--out", "bench", "--trial", "path_line_uphill")
+    assert one.code == quick.code, "whoever tries a trial need not keep the bars of the MPC"
+    assert "NOT KEPT" not in one.out
