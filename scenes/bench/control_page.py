@@ -54,9 +54,9 @@ With E the error that a trial is about, of the worst seed, and no less than what
 
     score = geometric mean over all trials of E / (E of pi_los)
 
-so that line-of-sight has 1; a trial that was lost counts {lost:g}. Errors are means over a moving window of one
-commanded wave; the first three waves are left out (`control/tracking/metrics.py`). A control step is all that a
-controller computes in a control period, 99th percentile, on one core.
+so that line-of-sight has 1; a trial that was lost counts {lost:g}, and none counts more. Errors are means over a moving
+window of one commanded wave; the first three waves are left out (`control/tracking/metrics.py`). A control step is all
+that a controller computes in a control period, 99th percentile, on one core.
 """
 
 

@@ -52,7 +52,7 @@ KEYS = ("scene", "controller", "seeds")
 TOLD = {MPC: "MPC", RIVAL: "line-of-sight", BLIND: "open loop"}
 SCORED = (
     "score: geometric mean over the trials of the error (rms of offset, heading or speed, whichever a trial is about, "
-    "worst seed) over that of line-of-sight; a lost trial counts 10."
+    "worst seed) over that of line-of-sight; a lost trial counts 10, none more."
 )
 VERDICTS = ("scene", "what", "found", "at most", "")
 NO_VERDICTS = "These are not the complete runs of what ships that are held to bars."

@@ -3,12 +3,12 @@
 With E(c, t) the worst of the seeds of what trial t is about (rms of offset, heading error or speed error) by
 controller c, no less than what can be told apart, `FLOORS`,
 
-    score(c) = (prod_t E(c, t) / E(pi_los, t))^(1/T)                                                         (B4)
+    score(c) = (prod_t min(E(c, t) / E(pi_los, t), LOST))^(1/T)                                              (B4)
 
 over the T trials that line-of-sight was run in: 1 is as good as line-of-sight with its default gains, 0.5 half its
-error. A trial counts `LOST` times line-of-sight's error if a controller does not finish it with every seed, if it
-raises an exception or has no such value, or if it is about an offset or a heading and the worm does not go at about the
-speed asked for (`OFF_SPEED`): a worm that stands has no offset.
+error. A trial that is lost counts `LOST`, and none counts more: one that a controller does not finish with every seed,
+in which it raises an exception, or that has no such value; and one that is about an offset or a heading if the worm
+does not go at about the speed asked for (`OFF_SPEED`), since a worm that stands has no offset.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def _is_off_speed(row: Row) -> bool:
 
 
 def _ratio(mine: float | None, theirs: float | None) -> float:
-    return LOST if mine is None else 1.0 if theirs is None else mine / theirs
+    return LOST if mine is None else 1.0 if theirs is None else min(mine / theirs, LOST)
 
 
 def _mean(values: Sequence[float]) -> float:
