@@ -29,8 +29,9 @@ from control.tracking.preview import AWAY
 from worm3d.values.arrays import FloatArray
 
 DISOBEYS = 0.55
-"""Gain of a chamber, as a share of the median gain, below which it does not obey. Neighbours of dead chambers, and
-pushed worms, have 0.6 at least in two waves in a row; with half of this chambers that are stuck would be missed."""
+"""Gain of a chamber, as a share of the median gain, below which it does not obey; less in small waves, in proportion to
+`Wave.expected`. Neighbours of dead chambers, and pushed worms, have 0.6 at least in two waves in a row; with half of
+this chambers that are stuck would be missed. Chambers of a worm of 0.4 kg that turns in small waves have 0.43."""
 WEAK = 0.4
 """Median gain, over what a wave of its amplitude leads to expect, below which no chamber obeys as it should."""
 SURE = 2.5
@@ -181,9 +182,9 @@ def _chambers(waves: Sequence[Wave]) -> Iterator[Fault]:
         yield Fault(last[-1].end, "chambers", what, "look at the pressure supply")
     if min(medians) <= 0.0:  # strains that stay the same
         return
-    shares = [gain / median for gain, median in zip(surely, medians, strict=True)]
-    for segment, side in product(range(len(shares[0])), (0, 1)):
-        if max(share[segment, side] for share in shares) < DISOBEYS:  # false where any is NaN
+    least = [DISOBEYS * wave.expected * median for wave, median in zip(last, medians, strict=True)]
+    for segment, side in product(range(len(surely[0])), (0, 1)):
+        if all(gain[segment, side] < limit for gain, limit in zip(surely, least, strict=True)):  # false if any is NaN
             share = 100 * last[-1].gain[segment, side] / medians[-1]
             what = f"the {SIDES[side]} chamber of segment {segment} moves by {share:.0f} % of what the others do"
             yield Fault(last[-1].end, f"chamber {segment} {SIDES[side]}", what, ADVICE)

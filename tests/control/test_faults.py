@@ -108,6 +108,17 @@ def test_chambers_that_do_not_move_at_all_are_one_fault() -> None:
     assert [fault.kind for fault in faults([wave, wave])] == ["chambers"]
 
 
+def test_loads_on_single_chambers_count_the_more_the_smaller_the_wave() -> None:
+    gain = np.full((6, 2), 0.5)
+    gain[2, 1] = 0.22
+    wave = Wave(1.0, gain, 0.0 * gain, 0.0, None, np.nan, np.nan, None, False, 0.1, 0.0, 0.05, 0.1, 0.0, np.inf, None)
+    assert [fault.kind for fault in faults([wave, wave])] == ["chamber 2 right"]
+    small = replace(wave, expected=0.6)
+    assert list(faults([small, small])) == []
+    gain[2, 1] = 0.1
+    assert [fault.kind for fault in faults([small, small])] == ["chamber 2 right"]
+
+
 def test_small_waves_under_load_are_no_fault_of_the_chambers() -> None:
     heavy, slow = replace(WORM, mass=0.4), Reference(Constant(0.02), path=LINE)
     _, _, found = run(slow, 6.0, worm=heavy)
