@@ -69,12 +69,15 @@ class Loop:
         return np.array([plan.inputs[0] for plan in self.plans])
 
 
-def closed_loop(reference: Reference, begin: ReducedState, duration: float, mechanism="hinge", **more) -> Loop:
-    """Return a run of `duration` seconds in which the estimate is exact."""
+def closed_loop(
+    reference: Reference, begin: ReducedState, duration: float, mechanism="hinge", unknown: str = "", **more
+) -> Loop:
+    """Return a run of `duration` seconds in which the estimate is exact, but for one number that it takes for 0."""
     controller, step = mpc(mechanism, **more), model(mechanism).step(PERIOD)
     state, states, plans = np.array(begin, dtype=float), [], []
     for k in range(round(duration / PERIOD)):
-        plan = controller.plan(k * PERIOD, exact(k * PERIOD, state), reference)
+        known_so_far = state * (np.array(ReducedState._fields) != unknown)
+        plan = controller.plan(k * PERIOD, exact(k * PERIOD, known_so_far), reference)
         states.append(state)
         plans.append(plan)
         state = np.array(step(state, plan.inputs[0])).ravel()
@@ -238,6 +241,14 @@ def test_an_offset_dies_away_over_the_way_that_the_tolerances_say(aside: float, 
     run = closed_loop(line, begin, 12.0, terms=terms, steps=steps)
     x, y = run.states[10:, :2].T
     assert -1.0 / np.polyfit(x, np.log(y), 1)[0] == pytest.approx(way, rel=0.05)
+
+
+def test_a_turn_that_is_not_known_leaves_an_offset_in_proportion_to_the_square_of_that_way() -> None:
+    """Steering that is blind to a turn rate b undoes it from the offset e on where e V/L^2 is about b."""
+    way = Offset().tolerance / Heading().tolerance
+    begin = REST._replace(speed=0.08, yaw_bias=0.005)
+    run = closed_loop(Reference(Constant(0.08), path=Line()), begin, 20.0, unknown="yaw_bias")
+    assert_allclose(run.states[-25:, 1], 0.005 * way**2 / 0.08, rtol=0.1)
 
 
 def test_from_afar_a_worm_goes_straighter_for_its_line() -> None:
