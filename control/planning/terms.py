@@ -265,7 +265,7 @@ TERMS: Mapping[str, type[CostTerm]] = MappingProxyType(
 Tolerances of offset (0.01 to 0.02), heading (0.05 to 0.1) and change of the steering (0.25 to 1) were tuned on the
 default worm with the sensors' default noise: seven triples in runs of a minute on line, circle and S-curve with the
 seeds 10 and 11, as many as `control.baselines.Gains` had; mean rms offsets are 0.0017 (0.015 and 0.07) to 0.0021 body
-lengths. The tolerance of the offset has become 0.01 since, for b L^2/V: a side slope of 2 degrees, which turns worms, has
+lengths. The tolerance of the offset is 0.01 since then, for b L^2/V: a side slope of 2 degrees, which turns worms, has
 0.0065 in place of 0.0081, a push 0.026 in place of 0.030, and a worm that begins apart joins its line after 8.4 waves
 in place of 9.6; circles of 1.5 body lengths have 0.0022 in place of 0.0020 (means over the seeds 10 to 14).
 The large miss of the speed (0.004 to 0.02 and none) is that with which a worm that begins apart from its line comes to

@@ -119,15 +119,16 @@ def test_a_steep_wave_goes_at_twice_the_cruise_and_takes_half_the_work() -> None
     assert 0.4 < work[1] / work[0] < 0.65
 
 
-@pytest.mark.parametrize("controller", [Supervisor.of, PiLineOfSight])
-def test_without_a_sensor_a_controller_sees_exactly(controller) -> None:
+@pytest.mark.parametrize(("controller", "most_deg"), [(Supervisor.of, 0.4), (PiLineOfSight, 0.9)])
+def test_without_a_sensor_a_controller_sees_exactly(controller, most_deg: float) -> None:
+    """Line-of-sight changes its speed a lot in the first waves, and the filter is less sure of a worm that does."""
     reference = Reference(CRUISE, path=Circle(1.5, start=AHEAD))
     given = {"worm": WORM, "reference": reference, "identified": known()}
     watched = Watched(controller(**given))
     result = simulate(WORM, Plane(), actuation=watched, duration=12.0)
     found = figures(result, watched, reference)
     assert found["cross_track_rms_bl"] <= 0.002, "a third of what it is with noise"
-    assert found["heading_error_rms_deg"] <= 0.6
+    assert found["heading_error_rms_deg"] <= most_deg
     assert watched.supervisor.gate.refused.total() == 0
     last = watched.supervisor.decisions[-1].estimate
     assert last is not None
