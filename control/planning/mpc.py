@@ -2,6 +2,11 @@
 
 What a plan is to achieve is its cost, (O2), made of `control.planning.terms` and `control.planning.constraints`. Slip,
 yaw bias and drift are those of the estimate and constant over the horizon: what they stand for leaves no lasting error.
+Where something turns the worm (its yaw bias is surely not 0) they are never known well enough, and an offset e is left
+that lasts; what is followed is moved aside by its integral, within bounds,
+
+    e_lasting' = e / T,   r -> r - e_lasting n                                                                (P4)
+
 The search begins at the better of two waves, the plan before and the plain wave of the feed-forward, and is never worse
 than either.
 """
@@ -9,7 +14,7 @@ than either.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from math import isfinite, nan
 from time import perf_counter
@@ -26,11 +31,19 @@ from control.planning.cost import Cost, Prediction, Problem, Scale
 from control.planning.feed_forward import FeedForward
 from control.planning.gauss_newton import GaussNewton, Outcome, Solution, half_square
 from control.planning.terms import CostTerm, default_terms
-from control.tracking.preview import Ability, Preview, look_ahead, speed_at, turn_rate
+from control.tracking.paths import offset
+from control.tracking.preview import Ability, Preview, detour, look_ahead, speed_at, turn_rate
 from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
+TURNED = 2.0
+"""Standard deviations of the yaw bias from which something turns the worm that its map does not know of."""
+YAW_BIAS = ReducedState._fields.index("yaw_bias")
+LASTING = 8.0
+"""Time constant with which an offset that lasts is taken off [s]: four times that in which others die away."""
+MOST_LASTING = 0.01
+"""Greatest offset that is taken for one that lasts [body lengths]; a worm that is farther off is on its way back."""
 LEAST_SHARE = 0.5
 """Least share of the gait's speed that the plain wave counts on, however large the estimated slip is."""
 
@@ -152,6 +165,7 @@ class GaitMPC:
     def reset(self) -> None:
         """Begin anew."""
         self._near: float | None = None
+        self._lasting, self._latest = 0.0, nan
         self.forget()
 
     def forget(self) -> None:
@@ -200,7 +214,23 @@ class GaitMPC:
         if not all(np.isfinite(part).all() for part in (preview.speed, preview.point, preview.heading)):
             return None
         self._near = preview.progress
-        return preview
+        return self._beside(t, estimate, reference, preview) if preview.follows else preview
+
+    def _beside(self, t: float, estimate: Estimate, reference: Reference, preview: Preview) -> Preview:
+        """Return a preview that is moved to the other side of an offset that lasts, (P4)."""
+        assert reference.path is not None
+        most, along = MOST_LASTING * self._length, np.array([preview.progress])
+        aside = float(offset(reference.path, estimate.position, preview.progress))
+        aside -= float(detour(reference, along, self._length)[0][0])
+        turned = abs(estimate.state.yaw_bias) > TURNED * estimate.deviations[YAW_BIAS]
+        if turned and isfinite(self._latest) and abs(aside) < most and preview.speed[0] != 0.0:
+            self._lasting += aside * min(max(t - self._latest, 0.0), 1.0) / LASTING
+            self._lasting = min(max(self._lasting, -most), most)
+        self._latest = t
+        left = np.column_stack([-np.sin(preview.heading), np.cos(preview.heading)])
+        point = preview.point - self._lasting * left
+        bounds = preview.left + self._lasting, preview.right - self._lasting
+        return replace(preview, point=point, left=bounds[0], right=bounds[1])
 
     def _candidates(self, t: float, estimate: Estimate, reference: Reference) -> list[FloatArray]:
         """Return inputs, shape (H, 3), to begin with: the plan before, if there is one, and the plain wave."""

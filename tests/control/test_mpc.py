@@ -1,7 +1,7 @@
 """Gait MPC on the reduced model: its optimum, no lasting error, paths, boxes, mirror images; when there is none."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -249,6 +249,21 @@ def test_a_turn_that_is_not_known_leaves_an_offset_in_proportion_to_the_square_o
     begin = REST._replace(speed=0.08, yaw_bias=0.005)
     run = closed_loop(Reference(Constant(0.08), path=Line()), begin, 20.0, unknown="yaw_bias")
     assert_allclose(run.states[-25:, 1], 0.005 * way**2 / 0.08, rtol=0.1)
+
+
+def test_what_a_turn_that_is_half_known_leaves_is_taken_off() -> None:
+    """The estimate says three quarters of a yaw bias, and that it is surely not 0."""
+    begin, controller = REST._replace(speed=0.08, yaw_bias=0.02), mpc("hinge")
+    state, step, aside = np.array(begin, dtype=float), model("hinge").step(PERIOD), []
+    for k in range(round(60.0 / PERIOD)):
+        known = state * np.where(np.array(ReducedState._fields) == "yaw_bias", 0.75, 1.0)
+        estimate = replace(exact(k * PERIOD, known), covariance=1e-6 * np.eye(len(state)))
+        plan = controller.plan(k * PERIOD, estimate, Reference(Constant(0.08), path=Line()))
+        aside.append(state[1])
+        state = np.array(step(state, plan.inputs[0])).ravel()
+    left = 0.25 * 0.02 * (Offset().tolerance / Heading().tolerance) ** 2 / 0.08
+    assert np.abs(aside[-25:]).max() < 0.05 * left
+    assert np.max(np.abs(aside)) < 2.0 * left
 
 
 def test_from_afar_a_worm_goes_straighter_for_its_line() -> None:
