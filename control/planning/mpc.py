@@ -214,7 +214,7 @@ class GaitMPC:
         if not all(np.isfinite(part).all() for part in (preview.speed, preview.point, preview.heading)):
             return None
         self._near = preview.progress
-        return self._beside(t, estimate, reference, preview) if preview.follows else preview
+        return self._beside(t, estimate, reference, preview) if preview.follows and not preview.walled else preview
 
     def _beside(self, t: float, estimate: Estimate, reference: Reference, preview: Preview) -> Preview:
         """Return a preview that is moved to the other side of an offset that lasts, (P4)."""

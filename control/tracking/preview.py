@@ -68,6 +68,8 @@ class Preview:
     """Greatest offset to the right, as a positive number [m], shape (K,)."""
     way: FloatArray
     """Way forward in each step [body lengths], shape (K,)."""
+    walled: bool = False
+    """Whether walls keep the worm to its path."""
 
     @property
     def ways(self) -> FloatArray:
@@ -168,7 +170,8 @@ def look_ahead(
         left, right = left - aside, right + aside
     turned = _on_turn(turned, float(path.heading(progress)), azimuth)
     speed, follows = speed_at(reference, ends, along, able), bool(abs(turned[0] - azimuth) < AWAY)
-    return Preview(speed, point, turned, follows, True, progress, left, right, speed * step / able.length)
+    way = speed * step / able.length
+    return Preview(speed, point, turned, follows, True, progress, left, right, way, reference.walled)
 
 
 def bounds(reference: Reference, s: FloatArray) -> tuple[FloatArray, FloatArray]:

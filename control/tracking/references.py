@@ -123,6 +123,8 @@ class Reference:
     """Distance that it may go to either side of the path [m]."""
     obstacles: tuple[Disc, ...] = ()
     """What it goes around, by the shorter way; those that leave no way between them, on one side of all of them."""
+    walled: bool = False
+    """Whether walls keep the worm to its path, so that steering against them only costs speed."""
 
     def __post_init__(self) -> None:
         if self.heading is not None and self.path is not None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from control.planning.terms import Arrival, Offset
 from control.tracking.paths import Circle, Line, WayPoints, offset
 from control.tracking.preview import APPROACH, Ability, Preview, bounds, detour, look_ahead, speed_at
 from control.tracking.references import Constant, Disc, Reference
@@ -85,6 +86,14 @@ def test_obstacles_that_leave_no_way_between_them_are_passed_on_one_side(ahead: 
     assert [passing.on_left for passing in apart.passings] == [False, True], "there is a way between them"
     with pytest.raises(ValueError, match=r"obstacles\[0\]: got one that leads 0.25 m off the path"):
         Reference(Constant(0.1), path=LINE, corridor=0.24, obstacles=discs)
+
+
+def test_where_walls_keep_the_worm_to_its_path_a_miss_of_it_counts_less() -> None:
+    seen = [ahead(Reference(Constant(0.1), path=LINE, walled=walled), SLOW_IN_CURVES) for walled in (False, True)]
+    for term in (Offset(), Arrival()):
+        free, walled = (np.max(term.weight(each)) for each in seen)
+        assert walled == pytest.approx(0.1 * free)
+        assert free > 0.0
 
 
 def test_how_far_a_place_is_where_it_must_not_be() -> None:

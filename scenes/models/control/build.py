@@ -160,6 +160,7 @@ def reference_of(scene: ControlScene) -> Reference:
         ends=asked.ends,
         corridor=math.inf if asked.corridor_m is None else asked.corridor_m,
         obstacles=tuple(Disc(each.x_m, each.y_m, each.radius_m) for each in asked.obstacles),
+        walled=asked.kind == "pipe" and scene.world.kind == "pipe",
     )
 
 
