@@ -6,10 +6,14 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
+from importlib import metadata
 from pathlib import Path
 
 import pytest
 from numpy.testing import assert_allclose
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from scenes.sweep.command import Options, checked
 from scenes.sweep.plan import Source
@@ -60,6 +64,22 @@ def test_the_first_command_shows_a_worm_and_the_second_is_the_one_that_ci_runs()
     assert commands()[0] == [".venv/bin/worm3d", "run", "flat", "--out", "flat"]
     assert commands()[1] == [".venv/bin/pytest"]
     assert "grep -m 1 'bin/pytest' README.md" in (ROOT / ".ci" / "run").read_text()
+
+
+def test_what_the_first_command_installs_has_one_version_each_and_runs_sweeps_on_workers() -> None:
+    """All that the plain dependencies need in turn stands in the lock file, Dask's worker processes among it."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    lock = (ROOT / "requirements.lock").read_text().splitlines()
+    locked = {canonicalize_name(line.partition("==")[0]) for line in lock if "==" in line}
+    waiting, needed = list(project["dependencies"]), set()
+    while waiting:
+        each = Requirement(waiting.pop())
+        name = canonicalize_name(each.name)
+        if name not in needed and (each.marker is None or each.marker.evaluate({"extra": ""})):
+            needed.add(name)
+            waiting += metadata.requires(name) or []
+    assert "distributed" in needed
+    assert needed <= locked
 
 
 def test_the_commands(tmp_path: Path) -> None:

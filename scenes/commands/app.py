@@ -54,6 +54,7 @@ def run(
     out: Out = None,
     force: Force = False,
     quiet: Quiet = False,
+    duration: Annotated[str | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Run a scene.
 
@@ -61,6 +62,8 @@ def run(
     worms an animation (of the first 30 s) instead. Ctrl-C keeps what was computed. A scene with a section [sweep] is
     run as 'worm3d sweep' does.
     """
+    if duration is not None:
+        raise SceneError(f"run: --duration is a key of the scene, run.duration_s: -o run.duration_s={duration}")
     from scenes.commands.runner import run_scene
     from scenes.models.loading import load_scene
 

@@ -9,21 +9,16 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import dask
 import typer
+from distributed import Client, LocalCluster
+from distributed.utils import silence_logging_cmgr
 
 from scenes.language.errors import DiscError, MissingPartError, SceneError
 from scenes.records.folder import PREFIX
 from scenes.sweep.executors import LOOPBACK, Perform, Stopped
+from scenes.sweep.flight import PATIENCE, Flight
 from scenes.sweep.job import Ended, Job
-
-try:
-    import dask
-    from distributed import Client, LocalCluster
-    from distributed.utils import silence_logging_cmgr
-except ImportError as error:
-    raise MissingPartError("--workers and --scheduler need Dask: pip install 'worm3d[dask]'") from error
-
-from scenes.sweep.flight import PATIENCE, Flight  # needs Dask too
 
 CONNECT = 5.0
 """Longest time in which a scheduler answers [s]."""

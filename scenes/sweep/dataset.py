@@ -73,7 +73,7 @@ def sweep(
     SceneError
         A mistake in the scene or the varied keys, with a line for each; a folder that cannot be used.
     MissingPartError
-        xarray is not installed, or Dask, which `workers` and `scheduler` need.
+        xarray is not installed.
     """
     try:
         import xarray

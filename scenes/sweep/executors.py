@@ -67,8 +67,6 @@ def chosen(workers: int | None = None, scheduler: str | None = None, bind: str =
     ------
     SceneError
         Both are given, or one makes no sense.
-    MissingPartError
-        Dask is not installed.
     """
     if workers is not None and scheduler is not None:
         raise SceneError(
@@ -78,6 +76,6 @@ def chosen(workers: int | None = None, scheduler: str | None = None, bind: str =
         raise SceneError("--bind is the address of the scheduler that --workers starts: give --workers too")
     if workers is None and scheduler is None:
         return InProcess()
-    from scenes.sweep import cluster
+    from scenes.sweep import cluster  # imports Dask, which takes as long as a short run
 
     return cluster.Remote(scheduler) if scheduler is not None else cluster.Local(workers or 0, bind)

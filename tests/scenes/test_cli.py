@@ -99,6 +99,12 @@ def test_usage_errors_are_2(worm3d, arguments: tuple[str, ...]) -> None:
     assert "Usage: " in ended.out + ended.err
 
 
+def test_the_duration_of_a_run_is_a_key(worm3d) -> None:
+    ended = worm3d("run", "planar_published", "--duration", "5")
+    assert ended.code == 2
+    assert ended.complaints == ["run: --duration is a key of the scene, run.duration_s: -o run.duration_s=5"]
+
+
 def test_init_writes_a_scene_that_is_right_and_complete(worm3d, tmp_path: Path) -> None:
     assert worm3d("init", "mine.toml").code == 0
     assert worm3d("check", "mine.toml").code == 0
