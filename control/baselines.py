@@ -34,6 +34,7 @@ from control.tracking.preview import turn_of_path, turn_rate
 from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.spelling import Spelled
 
 REACHED = 0.01
 """Largest share of a speed by which the map's wave may miss it for the speed to count as reachable."""
@@ -125,7 +126,7 @@ class OpenLoop(_Baseline):
 
 @documented
 @dataclass(frozen=True)
-class Gains:
+class Gains(Spelled):
     """Gains of (B1) to (B3).
 
     Tuned on the default worm at 0.08 m/s with the sensors' default noise, by runs of a minute: seven pairs of reach

@@ -34,6 +34,7 @@ from planar.status import Status, Stop
 from worm3d.values import arguments
 from worm3d.values.arguments import require_room
 from worm3d.values.arrays import FloatArray
+from worm3d.values.spelling import spelled
 
 __all__ = ["Activation", "Observer", "Parameters", "Run", "simulate", "travelling_wave"]
 
@@ -203,6 +204,7 @@ class _Step:
     iterations: int
 
 
+@spelled
 def simulate(
     n: int = 6,
     T_wave: float = 2.0,

@@ -12,6 +12,7 @@ import numpy as np
 
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.spelling import Spelled
 
 BAND = 7
 """Half bandwidth of the Hessian in the flat coordinates (x0, y0, x1, y1, ...)."""
@@ -22,7 +23,7 @@ LARGEST = 1e100
 
 @documented
 @dataclass(frozen=True)
-class Parameters:
+class Parameters(Spelled):
     """Constants of the author's program; the defaults give the paper's results."""
 
     length: float = parameter(1.0, meaning="length at rest", unit="m", gt=0)

@@ -19,13 +19,24 @@ from typing import Any
 _LINES = [line.partition("  #")[0].split() for line in Path(__file__).with_suffix(".pyi").read_text().splitlines()]
 _MODULES = {name: module for _, module, _, *_, name in _LINES if name != "*"}
 """Module of each public name but those of worlds, which `worm3d.worlds` lists."""
+_ELSEWHERE = (
+    "control.gaits",
+    "control.sensing",
+    "control.controllers",
+    "control.tracking.paths",
+    "planar.published",
+    "planar.linkage",
+)
+"""Modules beside this package in which people seek here, for the error that says where a name is."""
 
 
 def __getattr__(name: str) -> Any:
     if name == "__all__":
         return sorted({*_MODULES, *_worlds()})
     if name not in _MODULES and (name.startswith("_") or name not in _worlds()):
-        raise AttributeError(f"module 'worm3d' has no attribute {name!r}")
+        from worm3d.values.spelling import no_attribute  # numpy takes a while
+
+        raise no_attribute("worm3d", name, __getattr__("__all__"), _ELSEWHERE)
     value = getattr(importlib.import_module(_MODULES.get(name, "worm3d.worlds")), name)
     globals()[name] = value
     return value

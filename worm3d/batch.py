@@ -18,6 +18,7 @@ from worm3d.result import Result
 from worm3d.start import LimitPointError
 from worm3d.state import State, StateError
 from worm3d.values import arguments
+from worm3d.values.spelling import spelled
 from worm3d.worlds import World
 from worm3d.worm import Worm
 
@@ -25,6 +26,7 @@ MOST_THREADS = 1024
 """Largest number of threads."""
 
 
+@spelled
 def simulate_batch(
     worm: Worm | Sequence[Worm],
     world: Sequence[World | None] | World | None,

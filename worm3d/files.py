@@ -25,6 +25,7 @@ from worm3d.state import State
 from worm3d.status import Status, Stop
 from worm3d.values import arguments, netcdf
 from worm3d.values.netcdf import Content, FileError
+from worm3d.values.spelling import did_you_mean
 from worm3d.values.variable import Variable
 from worm3d.worm import Worm
 
@@ -86,6 +87,7 @@ def read(path: str | PathLike[str], worm: Worm | None, world: Any) -> dict[str, 
     """Return the fields of the result that a file holds; parameters and errors of `worm3d.load`."""
     arguments.instance("path", path, str | PathLike, "the path of a file")
     file = Path(path) / RESULT if Path(path).is_dir() else Path(path)
+    _require_there(file)
     content, name = netcdf.load(file), str(file)
     content.require_digest(name)
     if "run" not in content.attributes:
@@ -99,6 +101,18 @@ def read(path: str | PathLike[str], worm: Worm | None, world: Any) -> dict[str, 
         raise FileError(f"{name}: made by another version of worm3d: {type(error).__name__}: {error}") from error
     except ValueError as error:
         raise FileError(f"{name}: {error}") from error
+
+
+def _require_there(file: Path) -> None:
+    """Raise FileNotFoundError, with the name beside it that may have been meant, where there is no such file."""
+    if file.exists():
+        return
+    beside = [(each.name, str(each)) for each in file.parent.iterdir()] if file.parent.is_dir() else []
+    meant = did_you_mean(file.name, beside)
+    hint = f"; did you mean {meant!r}?" if meant else ""
+    raise FileNotFoundError(
+        f"{file}: no such file; a result is what Result.save wrote, or the folder that 'worm3d run' wrote{hint}"
+    )
 
 
 def _fields(content: Content, worm: Worm | None, world: Any) -> dict[str, Any]:

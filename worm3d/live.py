@@ -20,6 +20,7 @@ from worm3d.run import Observer, Run
 from worm3d.status import Status
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.spelling import Spelled
 from worm3d.view import View
 from worm3d.viewer.live import LiveView
 from worm3d.viewer.pieces import rounded_up
@@ -45,7 +46,7 @@ A controlled run is slower, and shows every row.
 """
 
 
-class Live:
+class Live(Spelled):
     """Shows runs in a browser while they go on; use it in a `with` statement, which leaves no port and no process.
 
     The worm is seen as chambers, links and end faces; the page of a result has a smooth skin, too.

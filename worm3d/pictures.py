@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.series import Recorded
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.spelling import spelled
 from worm3d.viewer import Frames
 from worm3d.viewer.frames import instants
 from worm3d.worlds import World
@@ -46,6 +47,7 @@ SERIES = (
 ENDINGS = (".html", ".png", ".gif", ".mp4", ".glb")
 
 
+@spelled
 def draw(
     result: Result,
     path: str | Path,
@@ -96,6 +98,7 @@ def draw(
     write(shown, path, at=at, skin=skin, title=title)
 
 
+@spelled
 def show(
     result: Result,
     *,

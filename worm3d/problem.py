@@ -19,6 +19,7 @@ from worm3d.values import arguments
 from worm3d.values.arguments import bytes_of_run, require_room
 from worm3d.values.arrays import BoolArray, FloatArray
 from worm3d.values.documented import with_fields
+from worm3d.values.spelling import Spelled
 from worm3d.worlds import World
 from worm3d.worm import Worm
 
@@ -42,7 +43,7 @@ FARTHEST = 1e10
 
 @with_fields
 @dataclass(frozen=True, eq=False)
-class Held:
+class Held(Spelled):
     """Coordinates that stay as they are at the start."""
 
     joints: ArrayLike = False
@@ -100,7 +101,7 @@ def held_mask(held: Held | ArrayLike | None, segments: int, *, flat: bool, clamp
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Problem:
+class Problem(Spelled):
     """A run to be simulated; frozen and validated.
 
     Attributes, their defaults and the errors raised are those of the parameters of `worm3d.simulate`.

@@ -20,6 +20,7 @@ from worm3d.state import State
 from worm3d.status import Status, Stop
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import brief, listed
+from worm3d.values.spelling import spelled
 from worm3d.values.variable import AXES, Variable, write_csv
 from worm3d.worlds import World
 from worm3d.worm import Worm
@@ -179,6 +180,7 @@ class Result(Recorded, Steps):
         return {name: measure(self) for name, measure in MEASURES.items()}
 
 
+@spelled
 def load(path: str | PathLike[str], *, worm: Worm | None = None, world: Any = ...) -> Result:
     """Return the result that `Result.save` or `worm3d run` wrote.
 

@@ -17,6 +17,7 @@ from worm3d.result import Result
 from worm3d.run import Observer, Run
 from worm3d.state import State
 from worm3d.values import arguments
+from worm3d.values.spelling import spelled
 from worm3d.view import View
 from worm3d.worlds import World
 from worm3d.worm import Worm
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from worm3d.live import Live
 
 
+@spelled
 def simulate(
     worm: Worm,
     world: World | None,

@@ -16,6 +16,7 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.documented import with_fields
 from worm3d.values.read_only import ReadOnly, read_only
+from worm3d.values.spelling import spelled
 from worm3d.worlds.base import World
 from worm3d.worm import Worm
 
@@ -138,6 +139,7 @@ class State(ReadOnly):
         return any(bool(np.any(getattr(self, name))) for name in ("joint_velocity", "roll_rate", "bend_rate"))
 
     @classmethod
+    @spelled
     def straight(
         cls,
         worm: Worm,

@@ -13,6 +13,7 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import ReadOnly
+from worm3d.values.spelling import spelled
 
 Numbers = float | FloatArray
 """A number, or one for each segment or joint."""
@@ -132,6 +133,7 @@ class Worm(ReadOnly):
     flat: bool = parameter(False, meaning="whether the worm stays in its plane: y, roll and bend are held (`planar`)")
 
     @classmethod
+    @spelled
     def planar(
         cls,
         *,

@@ -18,6 +18,7 @@ from control.sensing.sensors import QUANTITIES, Measurement, Sample
 from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.spelling import Spelled
 
 if TYPE_CHECKING:
     from control.planning.mpc import Plan
@@ -41,7 +42,7 @@ class Controller(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Injected:
+class Injected(Spelled):
     """A fault that lasts for a while; a subclass is found in `INJECTED` under its `name`."""
 
     name: ClassVar[str] = ""
@@ -164,7 +165,7 @@ class FaultyPlanner(Injected, name="planner"):
         return replace(make(), status=PlanStatus.NOT_SOLVED)
 
 
-class Faulty:
+class Faulty(Spelled):
     """A controller around which there are faults.
 
     Parameters

@@ -1,5 +1,7 @@
 """Gaits: patterns of contraction, with memory and senses or without, and the waves that controllers drive."""
 
+from typing import Any
+
 from control.gaits.anchoring import Inchworm, TwoAnchor
 from control.gaits.discrete import Discrete
 from control.gaits.extension_wave import ExtensionWave
@@ -20,6 +22,7 @@ from control.gaits.reflexes import REFLEXES, Reach, Reflex, Wait, WallLoad
 from control.gaits.reflexive import Reflexive
 from control.gaits.shc.gait import SHC
 from control.gaits.steered import Steered
+from worm3d.values.spelling import no_attribute
 
 __all__ = [
     "Body",
@@ -54,3 +57,7 @@ __all__ = [
     "WallLoad",
     "WaveDirection",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    raise no_attribute(__name__, name, __all__, ("control.sensing", "control.gaits.steering"))

@@ -27,6 +27,7 @@ import numpy as np
 from worm3d import Command, Commands
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.spelling import Spelled
 
 Direction = Literal["direct", "retrograde"]
 """Way in which waves run: direct from tail to head, retrograde from head to tail."""
@@ -49,7 +50,7 @@ class Body(Protocol):
 
 @documented
 @dataclass(frozen=True, kw_only=True)
-class Gait(ABC):
+class Gait(Spelled, ABC):
     """An activation pattern and how it is applied to the chambers and hinges.
 
     A subclass is found in `GAITS` under its `name`, and says whether it `lengthens`. Runs average over its `period` [s]

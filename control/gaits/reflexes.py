@@ -41,6 +41,7 @@ from control.gaits.gait import Direction
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.spelling import Spelled
 
 REFLEXES: dict[str, type[Reflex]] = {}
 """Class of each reflex, by its name."""
@@ -66,7 +67,7 @@ class ReflexMemory(Protocol):
 
 
 @dataclass(frozen=True)
-class Reflex(ABC):
+class Reflex(Spelled, ABC):
     """A change of the commanded contraction by what is felt; a subclass is found in `REFLEXES` under its `name`."""
 
     senses: ClassVar[tuple[str, ...]]

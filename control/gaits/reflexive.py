@@ -13,10 +13,11 @@ from control.gaits.gait import Gait
 from control.gaits.reflexes import Reflex
 from worm3d import Command, Worm
 from worm3d.values import arguments
+from worm3d.values.spelling import Spelled
 
 
 @dataclass(frozen=True)
-class Reflexive:
+class Reflexive(Spelled):
     """A gait whose contractions reflexes change, one after the other, before they are clipped to the stroke.
 
     Its hinges and forces are the gait's. Where no reflex changes anything, so are its commands, bit for bit. The

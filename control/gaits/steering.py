@@ -66,6 +66,7 @@ from worm3d import Command, Commands
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.spelling import Spelled
 
 Mechanism = Literal["hinge", "bias", "both"]
 MECHANISMS: tuple[Mechanism, ...] = get_args(Mechanism)
@@ -83,7 +84,7 @@ PACE = 0.5
 
 
 @dataclass(frozen=True)
-class GaitParameters:
+class GaitParameters(Spelled):
     """Parameters of a wave, which a controller decides from wave to wave.
 
     Positive bias and hinge turn to the left, with the phases of a schedule that was found to steer.
@@ -126,7 +127,7 @@ class GaitParameters:
 
 @documented
 @dataclass(frozen=True, kw_only=True)
-class Schedule:
+class Schedule(Spelled):
     """Phases at which each segment contracts and bends within a wave, (S1) and (S2).
 
     The defaults steer the default worm.
@@ -184,7 +185,7 @@ WAVES: Mapping[Wave, Schedule] = MappingProxyType({"sine": Schedule(), "steep": 
 
 
 @dataclass(frozen=True)
-class SteeredWave:
+class SteeredWave(Spelled):
     """Wave of constant parameters, as a gait; it swells from nothing like that of a `WaveGenerator`."""
 
     parameters: GaitParameters
@@ -213,7 +214,7 @@ class SteeredWave:
         return self.schedule.commands_at(2.0 * np.pi * asked.frequency * times, parameters, worm)
 
 
-class WaveGenerator:
+class WaveGenerator(Spelled):
     """Wave at run time, whose parameters a controller may change at any time without jumps of the command.
 
     Its `phase` psi [rad] accumulates, psi' = 2 pi f, and each of its `parameters` p (None before the first step)

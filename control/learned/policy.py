@@ -17,6 +17,7 @@ import numpy as np
 from control.learned.acts import ACTS
 from control.learned.senses import OWN
 from worm3d.values.arrays import FloatArray
+from worm3d.values.spelling import Spelled
 
 SHIPPED = Path(__file__).with_name("policy.npz")
 """The policy that comes with the program."""
@@ -25,7 +26,7 @@ ABOUT = "about"
 
 
 @dataclass(frozen=True, eq=False)
-class Policy:
+class Policy(Spelled):
     """A network (LP1), and how it was trained.
 
     Raises

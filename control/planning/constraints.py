@@ -22,9 +22,10 @@ from numpy.typing import ArrayLike
 from control.planning.terms import Moment
 from control.tracking.preview import Preview
 from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.spelling import Spelled
 
 
-class Constraint(ABC):
+class Constraint(Spelled, ABC):
     """A soft constraint of a plan."""
 
     @abstractmethod

@@ -44,6 +44,7 @@ from numpy.typing import ArrayLike
 from control.estimation.reduced import ReducedInput, ReducedState
 from control.tracking.preview import Preview
 from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.spelling import Spelled
 
 MAX_CRAB = 0.3
 """Largest angle by which the body may stand across its path [rad]."""
@@ -106,7 +107,7 @@ class Moment:
         return (state.y - wanted.y) * ca.cos(wanted.heading) - (state.x - wanted.x) * ca.sin(wanted.heading)
 
 
-class CostTerm(ABC):
+class CostTerm(Spelled, ABC):
     """A term of the cost: half the sum of squares of its misses at the end of each step."""
 
     @abstractmethod

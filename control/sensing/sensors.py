@@ -32,6 +32,7 @@ from worm3d import Observation, Worm
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
+from worm3d.values.spelling import Spelled
 
 ROUNDING = 1e-9
 """Time by which an instant may be missed, since times are sums of time steps [s]."""
@@ -49,7 +50,7 @@ MAX_HEADING = 1e4
 
 @documented
 @dataclass(frozen=True, kw_only=True)
-class Channel:
+class Channel(Spelled):
     """Quality of a sensor; noise and bias are in the unit of what it measures."""
 
     noise: float = parameter(meaning="standard deviation of the white noise of each sample", ge=0)
@@ -73,7 +74,7 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class Quantity(Spelled):
     """Quantity that a channel measures."""
 
     meaning: str

@@ -19,6 +19,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from worm3d.values.arrays import FloatArray
+from worm3d.values.spelling import Spelled
 
 PARTS = 16
 """Number of parts of each interval between knots."""
@@ -32,7 +33,7 @@ GAUSS = np.polynomial.legendre.leggauss(5)
 """Points and weights of Gauss's rule on [-1, 1]."""
 
 
-class Curve(ABC):
+class Curve(Spelled, ABC):
     """A curve by arc length; subclasses give r(u), u from 0 to the last knot."""
 
     closed: bool = False

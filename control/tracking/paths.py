@@ -22,6 +22,7 @@ from worm3d import Bend, Centreline, Straight
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
+from worm3d.values.spelling import Spelled
 
 Side = Literal["left", "right"]
 
@@ -57,7 +58,7 @@ class Path(Protocol):
 
 
 @dataclass(frozen=True)
-class Line:
+class Line(Spelled):
     """A straight line."""
 
     start: tuple[float, float] = (0.0, 0.0)
@@ -91,7 +92,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Circle:
+class Circle(Spelled):
     """A circle."""
 
     radius: float

@@ -15,13 +15,14 @@ from numpy.typing import ArrayLike
 from control.tracking.paths import Path, offset
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.spelling import Spelled
 
 Profile = Callable[[Any], Any]
 """Function of the time [s], a number or an array, that gives as many speeds [m/s] or headings [rad]."""
 
 
 @dataclass(frozen=True)
-class Constant:
+class Constant(Spelled):
     """A profile that is the same at all times."""
 
     value: float
@@ -35,7 +36,7 @@ class Constant:
 
 
 @dataclass(frozen=True)
-class Steps:
+class Steps(Spelled):
     """A profile that changes in steps."""
 
     first: float
@@ -63,7 +64,7 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class Sine:
+class Sine(Spelled):
     """The profile mean + amplitude sin(2 pi t / period)."""
 
     mean: float
@@ -102,7 +103,7 @@ class Passing(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Reference:
+class Reference(Spelled):
     """What the worm is to do: a speed, and at most one of heading and path; all of it holds for its centre of mass.
 
     Raises

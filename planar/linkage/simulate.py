@@ -27,6 +27,7 @@ from planar.status import Status, Stop
 from worm3d.values import arguments
 from worm3d.values.arguments import require_room
 from worm3d.values.arrays import FloatArray
+from worm3d.values.spelling import spelled
 
 Gait = Callable[[float], FloatArray]
 """Time [s] -> contraction of each segment, shape (N,): the commanded rest length is l0 (1 - contraction)."""
@@ -44,6 +45,7 @@ def bytes_per_step(segments: int) -> float:
     return 2000.0 + 1200.0 * segments
 
 
+@spelled
 def simulate(
     worm: Linkage,
     gait: Gait,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from scenes.language.errors import SceneError
-from scenes.language.mistakes import did_you_mean
+from worm3d.values.spelling import did_you_mean
 
 OFFSET, HEADING, SPEED = "cross_track_rms_bl", "heading_error_rms_deg", "speed_error_rms_relative"
 

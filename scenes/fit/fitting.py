@@ -18,6 +18,7 @@ from scenes.models.loading import load_scene
 from scenes.records import measured
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
+from worm3d.values.spelling import spelled
 from worm3d.values.variable import Variable
 
 MOST_RUNS = 1000
@@ -113,6 +114,7 @@ class Fit:
         return self.data.values - self.simulated
 
 
+@spelled
 def fit(
     scene: str | Path,
     to: str | Path | Record,

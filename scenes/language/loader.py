@@ -14,11 +14,12 @@ from typing import Any, Generic, Protocol, TypeVar
 from scenes.language import toml
 from scenes.language.checks import Check, Passed, cross_mistakes
 from scenes.language.errors import DiscError, SceneError, printable
-from scenes.language.mistakes import Mistake, did_you_mean, report, validated
+from scenes.language.mistakes import Mistake, report, validated
 from scenes.language.overrides import apply_overrides
 from scenes.language.schema import Section, field_at, is_file, section_type, with_own_defaults
 from scenes.language.sweep_section import OUTSIDE, STUDY, SWEEP, outside_mistakes
 from worm3d.values import regular_file
+from worm3d.values.spelling import did_you_mean
 
 SHIPPED = Path(__file__).parents[1]
 """Folder of the scenes that come with the program."""

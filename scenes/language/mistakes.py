@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from scenes.language.schema import FORMS, Section, choices, describe, field_at, meaning, names, section_type, table_type
 from scenes.language.toml import KeyPath, line_of, shown
+from worm3d.values.spelling import did_you_mean, unknown
 
 S = TypeVar("S", bound=Section)
 
@@ -58,13 +58,6 @@ def validated(
         return None, explained + [Mistake(_path(detail), "wrong too") for detail in details[MOST_LINES:]]
 
 
-def did_you_mean(word: str, known: Iterable[tuple[str, str]]) -> str | None:
-    """Return the name that `word` was probably meant to be; `known` pairs what people write with the name."""
-    meaning = dict(known)
-    close = get_close_matches(word.lower(), {tried.lower() for tried in meaning}, n=1)
-    return next((name for tried, name in meaning.items() if [tried.lower()] == close), None)
-
-
 def _translated(schema: type[Section], detail: Any, models: Models) -> Mistake:
     path, found = _path(detail), detail["input"]
     if detail["type"] == "extra_forbidden":
@@ -109,12 +102,12 @@ def _home(schema: type[Section], path: KeyPath) -> type[Section]:
 
 def _unknown(schema: type[Section], path: KeyPath, what: str, models: Models) -> Mistake:
     home = _home(schema, path[:-1])
-    meant = did_you_mean(str(path[-1]), names(home))
+    meant, text = did_you_mean(str(path[-1]), names(home)), unknown(what, str(path[-1]), names(home))
     if meant:
-        return Mistake(path, f"unknown {what}; did you mean '{meant}'?", spoils=(*path[:-1], meant))
+        return Mistake(path, text, spoils=(*path[:-1], meant))
     owners = models(str(path[0])) if len(path) == 1 else ()
     hint = f"; scenes with model = {' or '.join(map(repr, owners))} have it" if owners else ""
-    return Mistake(path, f"unknown {what}; known here: {', '.join(home.model_fields)}{hint}")
+    return Mistake(path, text + hint)
 
 
 def _suggestion(word: str, known: Iterable[tuple[str, str]]) -> str:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from scenes.language.errors import SceneError
 from scenes.language.formulas import evaluated
-from scenes.language.mistakes import did_you_mean
 from scenes.language.sweep_section import Study
 from scenes.models.loading import Scene
 from scenes.sweep.design import CASE, SAMPLE, Varied
@@ -20,6 +19,7 @@ from scenes.sweep.links import value_at
 from scenes.sweep.table import Table, cell, is_numeric
 from worm3d.metrics import ROUNDING, named, written
 from worm3d.values.arrays import FloatArray
+from worm3d.values.spelling import did_you_mean
 
 MOST_CURVES = 5
 """Largest number of values of a second number that are drawn as curves, and of curves that are told one by one; more

@@ -14,11 +14,13 @@ from scenes.sweep.executors import LOOPBACK, chosen
 from scenes.sweep.outputs import DATASET, write_outputs
 from scenes.sweep.plan import Source, planned
 from scenes.sweep.vary import cases_of
+from worm3d.values.spelling import spelled
 
 if TYPE_CHECKING:
     import xarray
 
 
+@spelled
 def sweep(
     scene: str | Path,
     vary: Mapping[str, Any] | None = None,

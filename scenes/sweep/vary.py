@@ -16,10 +16,10 @@ import numpy as np
 
 from scenes.language.errors import SceneError
 from scenes.language.loader import read_text
-from scenes.language.mistakes import did_you_mean
 from scenes.language.schema import Section, field_at, is_whole, unit_of
 from scenes.language.toml import shown
 from scenes.sweep.design import CASE, SAMPLE, Design, Varied
+from worm3d.values.spelling import did_you_mean
 
 MOST_CASES = 100_000
 """Largest number of cases of a sweep: each has a file."""

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from worm3d.values.spelling import Spelled
+
 LISTED = 3
 """Arrays of so many numbers at most are printed whole."""
 
@@ -17,7 +19,7 @@ COLUMNS, LINES = 110, 5
 """An object is printed on so many lines at most, so wide."""
 
 
-class ReadOnly:
+class ReadOnly(Spelled):
     """Base of frozen dataclasses that hold arrays, or mappings of arrays.
 
     A dataclass that has a `__post_init__` of its own makes its arrays read-only there; others inherit this one.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from worm3d.values.arrays import FloatArray
+from worm3d.values.spelling import Spelled
 from worm3d.worlds.kernels import Formula, WorldKernel, compiled, looked_up
 
 WORLDS: dict[str, type[World]] = {}
@@ -21,7 +22,7 @@ UPRIGHT = 1e-3
 """Vertical part of a unit normal below which a wall is vertical."""
 
 
-class World:
+class World(Spelled):
     """Base of everything to crawl on or in: a signed distance, negative inside the solid, and what follows from it.
 
     A world of one's own has `symbolic` (a formula) or a `kernel` and `distance` of its own, and `height` or a `placed`

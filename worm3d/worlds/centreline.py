@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly, read_only
+from worm3d.values.spelling import Spelled, spelled
 
 Side = Literal["left", "right", "up", "down"]
 
@@ -54,7 +55,7 @@ KINK = 1e-9
 
 
 @dataclass(frozen=True)
-class Straight:
+class Straight(Spelled):
     """A straight piece of a pipe; `length` in m."""
 
     length: float
@@ -64,7 +65,7 @@ class Straight:
 
 
 @dataclass(frozen=True)
-class Bend:
+class Bend(Spelled):
     """A circular arc.
 
     Attributes
@@ -135,6 +136,7 @@ class Centreline(ReadOnly):
             raise ValueError(f"centreline: pieces {k} and {k + 1} do not meet without a kink; put a bend between them")
 
     @classmethod
+    @spelled
     def of(
         cls,
         pieces: Sequence[Straight | Bend],
@@ -168,6 +170,7 @@ class Centreline(ReadOnly):
         return cls(*map(np.array, zip(*rows, strict=True)))
 
     @classmethod
+    @spelled
     def through(cls, points: ArrayLike, spans: int = 4) -> Centreline:
         """Return a smooth centre line through points: a cubic spline, replaced by pairs of arcs (biarcs).
 

@@ -13,6 +13,7 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import read_only
+from worm3d.values.spelling import Spelled
 from worm3d.worlds.base import World
 from worm3d.worlds.kernels import Formula, WorldKernel
 
@@ -21,7 +22,7 @@ MOST_PATCHES = 1000
 
 
 @dataclass(frozen=True)
-class Patch:
+class Patch(Spelled):
     """A rectangle of the plane with another friction.
 
     Attributes

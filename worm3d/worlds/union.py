@@ -17,6 +17,7 @@ from worm3d.machine.compiled import inner
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
+from worm3d.values.spelling import spelled
 from worm3d.worlds import kernels
 from worm3d.worlds.base import World
 from worm3d.worlds.centreline import Bend, Centreline, Straight
@@ -193,6 +194,7 @@ def union(inputs: int, rows_in: int, lanes_in: int, outputs: int, rows_out: int,
     return FINE
 
 
+@spelled
 def slope_into_pipe(
     slope: float,
     mouth: float,

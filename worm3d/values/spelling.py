@@ -1,0 +1,118 @@
+"""Misspelt names, of arguments, attributes and keys: which one was meant, in the same words everywhere.
+
+A class below `Spelled`, and a function with `@spelled`, refuse an argument that they do not have with a sentence:
+
+    Worm: n_segments: unknown argument; did you mean 'segments'?
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
+from functools import cache, wraps
+from importlib import import_module
+from inspect import Parameter, signature
+from typing import Any, ParamSpec, Self, TypeVar
+
+from worm3d.values.parameters import PARAMETER
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def did_you_mean(word: str, known: Iterable[tuple[str, str]]) -> str | None:
+    """Return the name that `word` was probably meant to be; `known` pairs what people write with the name."""
+    meaning = {tried.lower(): name for tried, name in known}
+    close = get_close_matches(word.lower(), meaning, n=1)
+    return meaning[close[0]] if close else None
+
+
+def unknown(what: str, word: str, known: Iterable[tuple[str, str]]) -> str:
+    """Return the sentence about an unknown name; `what` is a word for such names, the rest as of `did_you_mean`."""
+    pairs = list(known)
+    meant = did_you_mean(word, pairs)
+    listed = ", ".join(dict.fromkeys(name for _, name in pairs)) or "none"
+    hint = f"did you mean '{meant}'?" if meant else f"known here: {listed}"
+    return f"unknown {what}; {hint}"
+
+
+class Spelled:
+    """Base of classes that refuse arguments that they do not have, with the one that may have been meant."""
+
+    def __new__(cls, *given: Any, **named: Any) -> Self:
+        """Return the object, which `__init__` fills.
+
+        Raises
+        ------
+        TypeError
+            An argument by a name that `__init__` does not have.
+        """
+        if named:
+            _require_known(cls, cls.__init__, named)
+        return super().__new__(cls)
+
+
+def spelled(function: Callable[P, R]) -> Callable[P, R]:
+    """Make a function refuse arguments that it does not have, as classes below `Spelled` do: with a TypeError."""
+
+    @wraps(function)
+    def called(*given: P.args, **named: P.kwargs) -> R:
+        if named:
+            _require_known(function, function, named)
+        return function(*given, **named)
+
+    return called
+
+
+def no_attribute(module: str, name: str, known: Iterable[str], elsewhere: Iterable[str] = ()) -> AttributeError:
+    """Return the error about a name that a module does not have.
+
+    Parameters
+    ----------
+    module, name : str
+    known : iterable of str
+        Names that it has.
+    elsewhere : iterable of str
+        Other modules, in which the name is sought too; their own last names count.
+    """
+    if name.startswith("_"):  # asked for by programs, not by people
+        return AttributeError(f"module {module!r} has no attribute {name!r}")
+    for other in elsewhere:
+        package, _, last = other.rpartition(".")
+        if last == name:
+            return AttributeError(f"{module}: {name}: unknown name; it is in {package}: from {package} import {name}")
+        if name in getattr(import_module(other), "__all__", ()):
+            return AttributeError(f"{module}: {name}: unknown name; it is in {other}: from {other} import {name}")
+    return AttributeError(f"{module}: {name}: {unknown('name', name, [(each, each) for each in known])}")
+
+
+def _require_known(owner: Any, function: Callable[..., Any], named: Mapping[str, Any]) -> None:
+    known = _arguments(function)
+    if known is None or named.keys() <= known.keys():
+        return
+    wrong = next(name for name in named if name not in known)
+    pairs = [(name, name) for name in known]
+    if isinstance(owner, type) and dataclasses.is_dataclass(owner):
+        pairs = [*((each.name, each.name) for each in dataclasses.fields(owner) if each.name in known), *_tried(owner)]
+    name = owner.__name__ if isinstance(owner, type) else owner.__qualname__
+    raise TypeError(f"{name}: {wrong}: {unknown('argument', wrong, pairs)}")
+
+
+def _tried(owner: Any) -> Iterable[tuple[str, str]]:
+    """Yield what people try in the place of the parameters of a dataclass, and the names of these."""
+    for field in dataclasses.fields(owner):
+        if known := field.metadata.get(PARAMETER):
+            yield from ((other, field.name) for other in (known.key, *known.aka) if other)
+
+
+@cache
+def _arguments(function: Callable[..., Any]) -> dict[str, None] | None:
+    """Return the arguments that a function takes by name; None if it takes any."""
+    if function is object.__init__:
+        return {}
+    found = signature(function).parameters.values()
+    if any(each.kind is Parameter.VAR_KEYWORD for each in found):
+        return None
+    names = (each.name for each in found if each.kind is not Parameter.POSITIONAL_ONLY)
+    return dict.fromkeys(name for name in names if name not in ("self", "cls"))
