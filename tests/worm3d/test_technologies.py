@@ -149,6 +149,7 @@ RANDOM = {
     "charging": (0.3, 1.0),
     "efficiency": (0.1, 1.0),
     "stall": (0.0, 0.1),
+    "idle": (0.0, 1.0),
     "hot": (0.0, 70.0),
     "heat_capacity": (0.01, 10.0),
     "cooling": (0.1, 100.0),
@@ -168,6 +169,7 @@ def some_technology(seed: int) -> Technology:
         lengthens=kind == 3,
         hysteresis=0.0 if kind == 2 else rng.uniform(0.0, 1.0),
         lever=rng.uniform(0.5, 3.0, 6),
+        gauge=rng.uniform(1e-6, 1e-4, 6) if seed % 2 else None,
     )
 
 

@@ -30,6 +30,7 @@ SPANS = {
     "charging": (0.3, 1.0),
     "efficiency": (0.1, 1.0),
     "stall": (0.0, 0.1),
+    "idle": (0.0, 1.0),
     "hot": (0.0, 70.0),
     "heat_capacity": (0.01, 1.0),
     "cooling": (0.05, 1.0),
@@ -174,6 +175,8 @@ def test_what_is_drawn_kept_and_lost(p: Values, said: Values) -> None:
         1.0 / p["efficiency"] - 1.0
     )
     wasted += np.maximum(-power, 0.0) + np.maximum(-work, 0.0)
+    idle = p["idle"] * p["dt"]
+    drawn, wasted = drawn + idle, wasted + idle
     scale = largest * p["l0"] * 0.1 + full + drawn
     one_sign = said["drive"] * p["drive_n"] >= 0.0
     assert one_sign.mean() > 0.9
@@ -187,9 +190,9 @@ def test_what_is_drawn_kept_and_lost(p: Values, said: Values) -> None:
 
 
 def test_warmth(p: Values, said: Values) -> None:
-    """(T5), with the losses of the step spread over it."""
+    """(T5), with the losses of the step, but for those of idling, spread over it."""
     left, capacity = p["warmth_n"] - p["hot"] * abs(p["drive_n"]), p["heat_capacity"] * p["stress"] * p["area"]
-    h, lost = p["dt"] / SUBSTEPS, said["lost"] / p["dt"]
+    h, lost = p["dt"] / SUBSTEPS, said["lost"] / p["dt"] - p["idle"]
     heated = lost / capacity * p["dt"]
     for _ in range(SUBSTEPS):
         left = (left * (1.0 - h / (2.0 * p["cooling"])) + h * lost / capacity) / (1.0 + h / (2.0 * p["cooling"]))
@@ -198,7 +201,7 @@ def test_warmth(p: Values, said: Values) -> None:
 
 
 def test_rest_is_rest(p: Values) -> None:
-    """A constant command leaves the states that it has led to as they are, and draws what leaks and what holds."""
+    """A constant command leaves the states that it has led to, and draws what leaks, what holds and what idles."""
     p = p | {"command_n": p["command"], "length_n": p["length"], "hottest": np.full(COUNT, np.inf)}
     p["heat_capacity"] = np.full(COUNT, np.inf)
     rest = answers(p, "at_rest")
@@ -208,5 +211,5 @@ def test_rest_is_rest(p: Values) -> None:
         assert_allclose(after[name], values, rtol=1e-9, atol=1e-9, err_msg=name)
     leaks = p["leak"] * p["charge"] * p["area"] * p["l0"] * abs(rest["drive"]) * p["dt"]
     holds = p["stall"] * p["lever"] ** 2 / (p["stress"] * p["area"]) * rest["pull"] ** 2 * p["dt"]
-    assert_allclose(after["work"], leaks / p["charging"] + holds, rtol=1e-6, atol=1e-12)
+    assert_allclose(after["work"], leaks / p["charging"] + holds + p["idle"] * p["dt"], rtol=1e-6, atol=1e-12)
     assert_allclose(after["stored"], 0.0, atol=1e-12)
