@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,11 +17,13 @@ from scenes.technologies.runs import Bench
 COLOURS = {"speed": "C0", "force": "C3", "stroke": "C1", "heat": "C5", ALL: "C4", "": "0.6"}
 MEANINGS = {"speed": "too slow", "force": "too weak", "stroke": "too short", "heat": "too warm", ALL: "all together"}
 STYLES = ("-", "--", ":")
+BELOW: Mapping[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.12), "fontsize": 8}
+"""Place of a legend: under the axes, where it hides nothing."""
 
 
 def draw(bench: Bench, verdicts: Sequence[Verdict]) -> Figure:
     """Return the figure."""
-    figure = Figure(figsize=(15, max(0.36 * len(verdicts) + 2.2, 3.6)), layout="constrained", dpi=120)
+    figure = Figure(figsize=(15, max(0.36 * len(verdicts) + 3.0, 4.4)), layout="constrained", dpi=120)
     left, middle, right = figure.subplots(1, 3)
     _speeds(left, bench, verdicts)
     _periods(middle, bench, verdicts)
@@ -37,13 +40,15 @@ def _speeds(axes: Axes, bench: Bench, verdicts: Sequence[Verdict]) -> None:
     axes.plot(free, rows, "k|", ms=14, mew=2)
     for k, each in enumerate(verdicts):
         if not each.moves:
-            axes.text(0.0, k, "  does not move it", va="center", fontsize=8, color=COLOURS[each.limit])
+            axes.text(
+                np.nanmax([0.0, free[k]]), k, "  does not move it", va="center", fontsize=8, color=COLOURS[each.limit]
+            )
     axes.set_yticks(rows, [each.kind for each in verdicts])
     axes.set_ylim(len(verdicts) - 0.4, -0.6)
     axes.set_xlabel(f"speed at the scene's period of {bench.period:g} s [BL/s]")
     shown = [name for name in COLOURS if any(each.limit == name for each in verdicts)]
     marks = [Patch(color=COLOURS[name], label=MEANINGS.get(name, "no limit of its own")) for name in shown]
-    axes.legend(handles=marks, title="what limits it (|: without that limit)", fontsize=8, title_fontsize=8)
+    axes.legend(handles=marks, title="what limits it (|: without that limit)", title_fontsize=8, ncols=3, **BELOW)
     axes.grid(axis="x", alpha=0.3)
 
 
@@ -58,7 +63,7 @@ def _periods(axes: Axes, bench: Bench, verdicts: Sequence[Verdict]) -> None:
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())
-    axes.legend(fontsize=7, ncols=2, handlelength=3.5)
+    axes.legend(ncols=3, handlelength=3.5, **BELOW)
 
 
 def _costs(axes: Axes, verdicts: Sequence[Verdict]) -> None:
@@ -67,11 +72,15 @@ def _costs(axes: Axes, verdicts: Sequence[Verdict]) -> None:
         np.array([getattr(each.own, name) if each.moves else np.nan for each in verdicts])
         for name in ("drawn", "given")
     )
-    axes.barh(rows - 0.18, drawn, height=0.36, color="C7", label="energy drawn")
+    parts = [each.acting.uncounted for each in verdicts]
+    bars = axes.barh(rows - 0.18, drawn, height=0.36, color="C7", label="energy drawn")
+    for bar, part in zip(bars, parts, strict=True):
+        bar.set(hatch="////" if part else "", facecolor="white" if part else "C7", edgecolor="C7")
     axes.barh(rows + 0.18, given, height=0.36, color="C2", label="work on the worm")
     axes.set_xscale("log")
     axes.set_yticks(rows, [each.kind for each in verdicts])
     axes.set_ylim(len(verdicts) - 0.4, -0.6)
     axes.set_xlabel("energy over weight and distance")
-    axes.legend(fontsize=8)
+    hatched = [Patch(facecolor="white", edgecolor="C7", hatch="////", label="energy drawn without that of its source")]
+    axes.legend(handles=[*axes.get_legend_handles_labels()[0], *(hatched if any(parts) else [])], **BELOW)
     axes.grid(axis="x", alpha=0.3)

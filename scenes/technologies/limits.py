@@ -54,6 +54,11 @@ class Verdict:
         return float(np.min(self.acting.stress * self.area / self.acting.lever))
 
     @property
+    def idle(self) -> float:
+        """Power that all drives draw whatever they do [W]."""
+        return self.acting.idle * 2.0 * len(self.area)
+
+    @property
     def stroke(self) -> float:
         """Smallest free stroke, as a fraction of a chamber's length."""
         return min(float(np.min(self.acting.strain * np.asarray(self.acting.lever))), MOST_STROKE)
@@ -100,6 +105,7 @@ class Verdict:
 
     def _why(self, name: str) -> str:
         own, acting = self.own, self.acting
+        slower = float(acting.slower(self.area).max())
         got = f"of the {self.asked:.2g} that the gait asks for in {own.period:g} s"
         if name == "stroke":
             return f"{got} it has {self.stroke:.2g}"
@@ -110,8 +116,8 @@ class Verdict:
         if name == "heat" and acting.hot == 0.0:
             return f"it warms by {own.warmth:.3g} K, and is switched off at {acting.hottest:.3g} K"
         if name == "heat":
-            return f"{got} it gives {own.free:.2g}: it cools with {acting.fall:.2g} s"
-        lags = [f"{max(acting.rise, 0.0 if acting.hot else acting.fall):.2g} s of lag"]
+            return f"{got} it gives {own.free:.2g}: it cools with {slower * acting.fall:.2g} s"
+        lags = [f"{slower * max(acting.rise, 0.0 if acting.hot else acting.fall):.2g} s of lag"]
         lags += [f"{acting.delay:.2g} s of delay"] if acting.delay else []
         lags += [f"at most {acting.rate:.2g} of its stroke a second"] if np.isfinite(acting.rate) else []
         return f"{got} it gives {own.free:.2g}, with {' and '.join(lags)}"

@@ -19,6 +19,7 @@ COLUMNS = (
     ("cost_of_transport_input", "cost of transport, energy drawn"),
     ("cost_of_transport_given", "cost of transport, work on the worm"),
     ("power_W", "power drawn [W]"),
+    ("idle_W", "of it idle [W]"),
     ("efficiency", "efficiency"),
     ("limit", "limit"),
     ("best_period_s", "best period [s]"),
@@ -27,6 +28,7 @@ COLUMNS = (
     ("blocking_N", "blocking force of a chamber [N]"),
     ("area_mm2", "cross-section [mm^2]"),
     ("warmth_K", "warmth [K]"),
+    ("not_counted", "not counted in what is drawn"),
 )
 """Columns of the CSV file, and their names in the text."""
 
@@ -41,7 +43,8 @@ def row(of: Verdict) -> dict[str, Any]:
         "cost_of_transport_input": own.drawn if of.moves else math.nan,
         "cost_of_transport_given": own.given if of.moves else math.nan,
         "power_W": own.power,
-        "efficiency": own.given / own.drawn if of.moves else math.nan,
+        "idle_W": of.idle,
+        "efficiency": own.given / own.drawn if of.moves and not of.acting.uncounted else math.nan,
         "limit": of.limit or "-",
         "best_period_s": best.period,
         "best_speed_bl_s": best.speed,
@@ -49,6 +52,7 @@ def row(of: Verdict) -> dict[str, Any]:
         "blocking_N": of.blocking,
         "area_mm2": float(of.area.min()) * 1e6,
         "warmth_K": own.warmth,
+        "not_counted": of.acting.uncounted,
     }
 
 
@@ -80,7 +84,8 @@ def text(bench: Bench, verdicts: Sequence[Verdict]) -> str:
         "",
         *(f"* {each.sentence}." for each in verdicts),
         "",
-        *_conclusion(verdicts),
+        conclusion(verdicts),
+        "",
         "## Where the numbers are from",
         "",
     ]
@@ -92,19 +97,28 @@ def text(bench: Bench, verdicts: Sequence[Verdict]) -> str:
     return "\n".join(lines)
 
 
-def _conclusion(verdicts: Sequence[Verdict]) -> list[str]:
-    """Return which is fastest and which needs least, from the numbers."""
+def conclusion(verdicts: Sequence[Verdict]) -> str:
+    """Return which is fastest and which needs least, from the numbers, and what these leave out."""
     moving = [each for each in verdicts if each.moves]
     if not moving:
-        return ["None of them moves this worm with this gait.", ""]
-    fast, thrifty = max(moving, key=lambda each: each.own.speed), min(moving, key=lambda each: each.own.drawn)
-    still = [each.kind for each in verdicts if not each.moves]
-    return [
-        f"With this gait {fast.kind} is fastest ({fast.own.speed:.2g} BL/s), and {thrifty.kind} draws least for its "
-        f"way ({thrifty.own.drawn:.2g} times weight times distance)."
-        + (f" Not moved by: {', '.join(still)}." if still else ""),
-        "",
+        return "None of them moves this worm with this gait."
+    fast, whole = max(moving, key=lambda each: each.own.speed), [each for each in moving if not each.acting.uncounted]
+    said = [f"With this gait {fast.kind} is fastest ({fast.own.speed:.2g} BL/s)."]
+    if whole:
+        thrifty, idle = min(whole, key=lambda each: each.own.drawn), [each.kind for each in whole if each.idle]
+        said.append(
+            f"{thrifty.kind} draws least for its way ({thrifty.own.drawn:.2g} times weight times distance) of those "
+            f"whose source is counted; idle power is counted of {', '.join(idle) or 'none'} alone, that of the pumps, "
+            "valves and supplies of others is not known."
+        )
+    said += [
+        f"{each.kind} is not compared: what it draws leaves out {each.acting.uncounted}."
+        for each in moving
+        if each.acting.uncounted
     ]
+    if still := [each.kind for each in verdicts if not each.moves]:
+        said.append(f"Not moved by: {', '.join(still)}.")
+    return " ".join(said)
 
 
 def _cell(value: Any) -> str:

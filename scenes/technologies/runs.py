@@ -82,6 +82,12 @@ class Acting(NamedTuple):
     needed: FloatArray
     """Cross-section of actuators with enough force for the worm, shape (N,) [m^2]."""
 
+    @property
+    def slowest(self) -> float:
+        """Largest of rise, fall and delay of the drives [s]."""
+        made = self.technology
+        return max(max(made.rise, made.fall) * float(made.slower(self.area).max()), made.delay)
+
 
 class Bench:
     """The worm of a scene, to be run on technologies.
@@ -126,8 +132,7 @@ class Bench:
         """Run the worm on a technology, with the scene's gait or with another period."""
         period = self.period if period is None else period
         dt = self._dt * min(period / self.period, LONGEST_STEP)
-        acting = self.technology(kind).technology
-        count = max(PERIODS, 2 * math.ceil(LAGS * max(acting.rise, acting.fall, acting.delay) / (2.0 * period)))
+        count = max(PERIODS, 2 * math.ceil(LAGS * self.technology(kind).slowest / (2.0 * period)))
         told = (
             f"actuator.kind={kind}",
             f"gait.period_s={period!r}",
@@ -148,14 +153,19 @@ def lifted(bench: Bench, kind: str) -> dict[str, Changes]:
     """Return the changes of the scene that take one limit from a technology, by the limit; those that it has.
 
     speed: its drive follows at once (what is driven by heat, while it warms); heat: it cools at once, and may get hot;
-    force: it is ten times as strong, and goes where its drive says; stroke: its free stroke is what the gait asks for.
+    force: it is ten times as strong, by more wires of the same thickness, and goes where its drive says; stroke: its
+    free stroke is what the gait asks for.
     """
     acting, area, needed = bench.technology(kind)
     thermal, stroke = acting.hot > 0.0, np.minimum(acting.strain * np.asarray(acting.lever), MOST_STROKE)
     at_once: Changes = ("actuator.delay_s=0", "actuator.rise_s=0", f"actuator.rate_per_s={AT_ONCE!r}")
+    strong = STRONGER * np.maximum(area, needed)
+    bundled: Changes = (
+        () if acting.gauge is None else (f"actuator.gauge_m2={(acting.gauge * strong / area).tolist()!r}",)
+    )
     found: dict[str, Changes] = {
         "speed": at_once if thermal else (*at_once, "actuator.fall_s=0"),
-        "force": (f"actuator.area_m2={(STRONGER * np.maximum(area, needed)).tolist()!r}", *RIGID),
+        "force": (f"actuator.area_m2={strong.tolist()!r}", *bundled, *RIGID),
     }
     cool: Changes = ("actuator.hottest=1e9",) if math.isfinite(acting.hottest) else ()
     if thermal or cool:

@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 
 from scenes.commands.app import app
 from scenes.language.errors import SceneError
-from scenes.technologies import limits, runs
+from scenes.models.worm.build import worm_of
+from scenes.technologies import limits, report, runs
 from scenes.technologies.limits import ALL, Verdict, judged
 from scenes.technologies.runs import Bench, Trial
 from worm3d.actuators import TECHNOLOGIES
@@ -80,3 +81,30 @@ def test_what_cannot_be_compared_is_refused() -> None:
         Bench("planar_wave", ())
     done = CliRunner().invoke(app, ["technologies", "flat", "--only", "steam"])
     assert "must be one of sma_wire" in str(done.exception or done.output)
+
+
+def test_what_is_not_counted_is_said_and_not_ranked() -> None:
+    """Magnets draw least here, but their coils are not counted; servos idle, and their share is named."""
+    verdicts = []
+    for kind, drawn in (("magnetic", 2.9), ("hydraulic", 5.3), ("servo_cable", 170.0)):
+        own = Trial(period=2.0, speed=0.05, drawn=drawn, given=0.8, power=0.3)
+        verdicts.append(Verdict(kind, TECHNOLOGIES[kind](), np.full(6, 1e-4), 0.2, own, (own,)))
+    rows = {verdict.kind: report.row(verdict) for verdict in verdicts}
+    assert [rows[kind]["idle_W"] for kind in rows] == pytest.approx([0.0, 0.0, 7.2])
+    assert np.isnan(rows["magnetic"]["efficiency"])
+    assert "coils" in rows["magnetic"]["not_counted"]
+    said = report.conclusion(verdicts)
+    assert "hydraulic draws least for its way (5.3 times" in said
+    assert "idle power is counted of servo_cable alone" in said
+    assert "magnetic is not compared: what it draws leaves out what the coils or magnets draw" in said
+    assert report.conclusion(verdicts[:1]).endswith("the work of the field alone.")
+
+
+def test_wires_that_are_made_stronger_are_more_wires_of_the_same_thickness() -> None:
+    bench = Bench("flat", RIGHT)
+    acting, area, _ = bench.technology("sma_wire")
+    worm = worm_of(bench.scene_of(("actuator.kind=sma_wire", *runs.lifted(bench, "sma_wire")["force"])).settings)
+    given = worm.actuator.values(worm, hinge=False)
+    assert np.asarray(given["area"]) == pytest.approx(runs.STRONGER * area)
+    assert np.asarray(given["fall"]) == pytest.approx(acting.fall * acting.slower(area))
+    assert bench.technology("sma_coil").slowest == pytest.approx(2.33, abs=0.01)

@@ -262,7 +262,7 @@ TABLE: dict[str, tuple[str, dict[str, Row]]] = {
 }
 """By name: what the technology is, and its numbers with their sources; the others are those of `Technology`."""
 
-UNCOUNTED = {"magnetic": "the coils or magnets that make the field: only the work of the field counts"}
+UNCOUNTED = {"magnetic": "what the coils or magnets draw that make the field; it is the work of the field alone"}
 """By name: what the energy drawn leaves out, where that is known to be most of it."""
 
 
