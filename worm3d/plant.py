@@ -14,7 +14,7 @@ from worm3d.machine import vectors
 from worm3d.machine.codegen import Kernel, compile_kernel
 from worm3d.machine.compiled import announce, cfunc
 from worm3d.physics.actuators import Actuator, FirstOrder
-from worm3d.physics.friction import ContactConstants, Friction
+from worm3d.physics.friction import ContactConstants, Friction, natural_time
 from worm3d.physics.friction_laws import Coulomb, FrictionLaw
 from worm3d.physics.hysteresis import PREFIX, Hysteresis, chamber_states
 from worm3d.physics.kernels import GREATEST_CONTRACTION, actuator, joint, medium, node, point, segment
@@ -272,6 +272,11 @@ class Plant:
         worm = self.worm
         chambers = actuator.chambers(worm.actuator.compiled(), type(worm.hysteresis))
         return chambers, actuator.hinges(worm.hinge_actuator.compiled())
+
+    @property
+    def natural_time(self) -> float:
+        """Time in which the worm falls half its length [s]; see `worm3d.physics.friction.natural_time`."""
+        return natural_time(self.worm, self._weight)
 
     def refused(self, status: Status) -> tuple[int, str]:
         """Return the segment in which a step ended that was refused, and why, in words."""

@@ -40,16 +40,23 @@ Settling = Callable[[Problem, State], Rested]
 class _Method(NamedTuple):
     mu: float
     """Coefficient of friction."""
-    dt: float
-    """Time step [s]."""
+    rate: float
+    """Number of time steps in a `Plant.natural_time`."""
     steps: int
     """Largest number of steps."""
 
 
-SLIDING = _Method(0.0, 1.0, 200)
+STICKING_RATE = 100.0 * float(np.sqrt(1.0 / 9.81))
+"""Number of time steps in a `Plant.natural_time` on uneven worlds: steps of 0.01 s for the default worm.
+
+Contacts that stick hold the worm where they first can, which depends on the step: half and double move the pose by up
+to 1.2e-2 and 1.7e-3 of the body length, on rubble and in bends. No value is more right than another one.
+"""
+
+SLIDING = _Method(0.0, STICKING_RATE / 100.0, 200)
 """Method for even worlds."""
 
-STICKING = tuple(_Method(mu, 0.01, 1000) for mu in (3.0, 1.0, 10.0))
+STICKING = tuple(_Method(mu, STICKING_RATE, 1000) for mu in (3.0, 1.0, 10.0))
 """Methods for uneven worlds, tried in turn: too little friction lets a worm slide down a steep place, too much may jam
 it in a pose to which no step leads."""
 
@@ -66,8 +73,8 @@ Half and double are the same: from 1e3 to 1e12 pneumatic chambers with valves fr
 in one pose, to 4e-13 m; at 1 those of 1e-8 kg/(s Pa) and below do not come to rest.
 """
 
-HOLDING_DT, HOLDING_STEPS = 0.01, 2000
-"""Time step [s] and largest number of steps in which a worm comes to rest by the friction of its run."""
+HOLDING_STEPS = 2000
+"""Largest number of steps in which a worm comes to rest by the friction of its run."""
 
 SLIDES = 0.03
 """Motion meanwhile, as a fraction of the body length, from which the worm is not held: its slide belongs to the run."""
@@ -193,9 +200,9 @@ def require_clear(plant: Plant, overlap: float) -> None:
 def settle(problem: Problem, start: State) -> Rested:
     """Return the worm at rest under the part of gravity that presses it to the world, and DONE or why it does not rest.
 
-    Steps of implicit Euler with a second each and no friction, stopped after each; where the world is `uneven`, short
-    ones with contacts that stick, until the worm rests. The state has loads and no anchors yet (anchors are where the
-    worm touches).
+    Long steps of implicit Euler without friction, stopped after each; where the world is `uneven`, short steps with
+    contacts that stick, until the worm rests. The state has loads and no anchors yet (anchors are where the worm
+    touches).
     """
     for method in STICKING if problem.world is not None and problem.world.uneven else (SLIDING,):
         rested = _settled(problem, start, method)
@@ -214,7 +221,8 @@ def _settled(problem: Problem, start: State, method: _Method) -> Rested:
     command = np.zeros(5 * worm.segments)
     command[: 2 * worm.segments] = start.contraction.ravel()
     slides, rest = method.mu == 0.0, REST_TOLERANCE * worm.length
-    end, moved, _ = settle_core(plant.core, command, method.dt, method.steps, slides, rest, np.inf)
+    dt = plant.natural_time / method.rate
+    end, moved, _ = settle_core(plant.core, command, dt, method.steps, slides, rest, np.inf)
     if end != OK:
         status = GUARDED[end]
         unsettled = status is Status.NO_CONVERGENCE
@@ -232,7 +240,8 @@ def hold(plant: Plant) -> bool:
     before, command, length = plant.memory(), plant.arrays["asked"][0].copy(), plant.worm.length
     plant.hasten(HASTE)
     rest, far = REST_TOLERANCE * length, SLIDES * length
-    end, moved, away = settle_core(plant.core, command, HOLDING_DT, HOLDING_STEPS, False, rest, far)
+    dt = plant.natural_time / STICKING_RATE
+    end, moved, away = settle_core(plant.core, command, dt, HOLDING_STEPS, False, rest, far)
     holds = end == OK and moved < REST_TOLERANCE_LOOSE * length and away <= far
     if not holds:
         plant.remember(before)

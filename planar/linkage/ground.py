@@ -62,6 +62,10 @@ suddenly applied load overshoots and breaks loose early; the more, the sooner th
 rigid one does at once. The distance that a worm crawls does not depend on it.
 """
 
+WEIGHTLESS = 0.075
+"""Weight that stands for that of a worm without weight, as a fraction of the mean stiffness of its springs; the same as
+in `worm3d`."""
+
 TIE = 1e-9
 """Distance to the static limit at which a contact breaks away (G4), as a fraction of the limit."""
 
@@ -138,8 +142,8 @@ class Ground(NamedTuple):
 
     @classmethod
     def of(cls, worm: Linkage, friction: Friction, gravity: float) -> Ground:
-        """Return the constants scaled to a worm's weight (to 9.81 m/s^2 where it has none)."""
-        g = gravity if gravity > 0.0 else 9.81
+        """Return the constants scaled to a worm's weight, or to `natural_gravity` without one."""
+        g = natural_gravity(worm, gravity)
         share = worm.total_mass / worm.segments
         stiffness = share * g / (RESTING_PENETRATION * worm.l0)
         forward, backward = friction.coefficients(worm.segments)
@@ -161,3 +165,8 @@ class Ground(NamedTuple):
             gauge_damping=TANGENTIAL_DAMPING_RATIO * 2.0 / (mu * float(np.sqrt(yield_gauge * g))),
             static_ratio=float(friction.static_ratio),
         )
+
+
+def natural_gravity(worm: Linkage, gravity: float) -> float:
+    """Return the acceleration to which contacts are scaled [m/s^2]: gravity, or that of `WEIGHTLESS` where it is 0."""
+    return gravity if gravity > 0.0 else WEIGHTLESS * float(np.mean(worm.k_spring)) / worm.total_mass

@@ -19,8 +19,9 @@ from worm3d.values.arrays import FloatArray
 FLAT = 0.02
 """Height below which a rhombus counts as flattened, as a fraction of its rest height."""
 
-SETTLING_TIME = 1.0
-"""Pseudo time step of settling [s]."""
+SETTLING_TIME = float(np.sqrt(9.81))
+"""Pseudo time step of settling, as a multiple of the time in which the worm falls half its length: 1 s for a worm of
+1 m."""
 
 MAX_SETTLING = 200
 """Greatest number of steps of settling."""
@@ -106,8 +107,9 @@ def settled(worm: Linkage, weight: FloatArray, held: NDArray[np.bool_], joints: 
     stepper = ContactStepper(
         worm, np.array([0.0, weight[1]]), Ground.of(worm, Friction(0.0, 0.0), float(np.hypot(*weight))), held
     )
+    dt = SETTLING_TIME * float(np.sqrt(worm.length / np.hypot(*weight)))
     for _ in range(MAX_SETTLING):
-        step = stepper.step(state, state.l_cmd, np.zeros((worm.segments + 1, 2)), SETTLING_TIME)
+        step = stepper.step(state, state.l_cmd, np.zeros((worm.segments + 1, 2)), dt)
         status = shape_status(worm, step.end.joints, on_ground=True)
         if status is not Status.DONE:
             return state, status

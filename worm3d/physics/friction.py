@@ -47,6 +47,11 @@ little (1) and a suddenly applied load overshoots and breaks loose early; the mo
 full load, as a rigid one does at once. The distance that a worm crawls does not depend on it.
 """
 
+WEIGHTLESS = 0.075
+"""Weight to which the contacts of a worm without weight are scaled, as a fraction of the mean stiffness of its springs:
+about the weight of the default worm. Such a worm touches its world with the forces of its springs alone. At half and
+double the contacts yield by twice and half as much."""
+
 _RANGE: dict[str, Any] = {"ge": 0, "le": GREATEST, "each": "segment"}
 
 
@@ -121,11 +126,11 @@ class ContactConstants:
 
     @classmethod
     def of(cls, worm: Worm, friction: Friction, gravity: float) -> ContactConstants:
-        """Return the constants scaled to a worm's weight (to 9.81 m/s^2 where it has none).
+        """Return the constants scaled to a worm's weight, or to `natural_gravity` without one.
 
         Left and right apexes below a segment share its load, so that one of them has half of its stiffness.
         """
-        g = gravity if gravity > 0.0 else 9.81
+        g = natural_gravity(worm, gravity)
         share = worm.mass / (2 * worm.segments)
         stiffness = share * g / (RESTING_PENETRATION * worm.l0)
         mu = friction.coefficients(worm.segments)
@@ -142,6 +147,20 @@ class ContactConstants:
             mu=mu,
             hardness=np.maximum(1.0, least / mu),
         )
+
+
+def natural_gravity(worm: Worm, gravity: float) -> float:
+    """Return the acceleration to which contacts are scaled [m/s^2]: gravity, or that of `WEIGHTLESS` where it is 0."""
+    return gravity if gravity > 0.0 else WEIGHTLESS * float(np.mean(worm.k_spring)) / worm.mass
+
+
+def natural_time(worm: Worm, gravity: float) -> float:
+    """Return the time in which the worm falls half its length [s].
+
+    Contacts are scaled to the weight and the segment length, so that their own times grow with it; those of a worm
+    without weight grow with its periods of vibration (`natural_gravity`).
+    """
+    return float(np.sqrt(worm.length / natural_gravity(worm, gravity)))
 
 
 def _least(mu: FloatArray) -> float:

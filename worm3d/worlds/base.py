@@ -181,7 +181,8 @@ class World(Spelled):
                 f"position: got {np.asarray(position).tolist()!r} m: the world has no ground under the worm at "
                 f"x = {x:.4g}, y = {y:.4g} m; move or turn it, or give a State"
             )
-        return laid(lambda places: np.nan_to_num(self.height(places), nan=PIT), along, clearance, position, azimuth)
+        pit = -PIT * float(along[-1] - along[0])
+        return laid(lambda places: np.nan_to_num(self.height(places), nan=pit), along, clearance, position, azimuth)
 
 
 def chord(joints: FloatArray) -> FloatArray:
@@ -190,8 +191,8 @@ def chord(joints: FloatArray) -> FloatArray:
     return np.asarray(chord / np.linalg.norm(chord))
 
 
-PIT = -1e3
-"""Height of places beside a worm that have no ground [m]."""
+PIT = 1e3
+"""Depth of places beside a worm that have no ground, in body lengths."""
 
 REACH = 1.6
 """Reach of the body sideways from its axis, in clearances: that of the outward apexes of the default worm."""
@@ -201,6 +202,10 @@ SOLE = 0.8
 
 ACROSS, ALONG = 17, 129
 """Samples of the ground under the body, across and along it."""
+
+
+EVEN = 1e-9
+"""Distance that counts as rounding, as a fraction of the samples' extent."""
 
 
 def laid(
@@ -231,24 +236,27 @@ def laid(
 
 def _widened(values: FloatArray, s: FloatArray, reach: float) -> FloatArray:
     """Return the greatest value within a reach of each place."""
-    near = np.abs(s[:, None] - s) <= reach
+    near = np.abs(s[:, None] - s) <= reach + EVEN * (s[-1] - s[0])
     widest: FloatArray = np.where(near, values, -np.inf).max(axis=1)
     return widest
 
 
 def _lowest_line_above(s: FloatArray, values: FloatArray, middle: float) -> tuple[float, float]:
-    """Return height at 0 and slope of the line above all values that is lowest in the middle."""
-    floor = values.min() - 1.0
+    """Return height at 0 and slope of the line above all values that is lowest in the middle; of several the flattest.
+
+    There are several where the middle lies below a corner of the hull, as on the top of a bump.
+    """
+    floor, slack = values.min() - (s[-1] - s[0]), EVEN * (s[-1] - s[0])
     points = np.vstack([np.column_stack([s, values]), [[s[0], floor], [s[-1], floor]]])
     import scipy.spatial  # takes long, and few ask for it
 
     hull = scipy.spatial.ConvexHull(points).simplices
     ends = points[hull]
     over = (
-        (ends[:, :, 0].min(axis=1) <= middle)
-        & (middle <= ends[:, :, 0].max(axis=1))
+        (ends[:, :, 0].min(axis=1) <= middle + slack)
+        & (middle - slack <= ends[:, :, 0].max(axis=1))
         & (ends[:, :, 1].min(axis=1) > floor)
     )
-    (s_0, z_0), (s_1, z_1) = ends[over][0]
-    rise = (z_1 - z_0) / (s_1 - s_0)
-    return float(z_0 - rise * s_0), float(rise)
+    rises = [(z_1 - z_0) / (s_1 - s_0) for (s_0, z_0), (s_1, z_1) in ends[over]]
+    (s_0, z_0), flattest = ends[over][0, 0], float(np.clip(0.0, min(rises), max(rises)))
+    return float(z_0 - rises[0] * s_0 + (rises[0] - flattest) * middle), flattest

@@ -183,8 +183,11 @@ World.sampled = SampledWorld.of
 
 
 def node_counts(sides: FloatArray, cell: float, margin: int = 0) -> tuple[int, int, int]:
-    """Return the number of nodes along each axis that boxes of these sides, shape (3,) [m], and a margin need."""
-    a, b, c = (int(np.ceil(side / cell)) + 2 * margin + 1 for side in sides)
+    """Return the number of nodes along each axis that boxes of these sides, shape (3,) [m], and a margin need.
+
+    A side of whole cells has as many, however rounding makes it.
+    """
+    a, b, c = (int(np.ceil(side / cell * (1.0 - 1e-12))) + 2 * margin + 1 for side in sides)
     return a, b, c
 
 
