@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import ceil, floor, log10
+
 UNITS = {
     **{f"_{unit}": unit for unit in ("m", "s", "ms", "deg", "J", "N", "kg")},
     "_m_s": "m/s",
@@ -18,9 +20,28 @@ ROUNDING = {"deg": 1e-9, "rad": 1e-11, "m": 1e-12, "m/s": 1e-12, "m/m": 1e-12}
 """Magnitude below which a metric is rounding and written as 0, by its unit."""
 
 
+MOST_DECIMALS = 7
+"""Largest number of decimals of a metric that is written with its error."""
+
+
 def written(value: float, unit: str, digits: int = 6) -> str:
     """Return a metric as text, without its unit."""
     return f"{0.0 if abs(value) < ROUNDING.get(unit, 0.0) else value:.{digits}g}"
+
+
+def with_error(value: float, error: float, unit: str) -> str:
+    """Return a metric and what it may be off by as text, both with the digits that the error leaves; no unit.
+
+    An error that is 0, or not known (NaN), is left out; at most six digits are written.
+    """
+    if not error > 0.0 or abs(value) < ROUNDING.get(unit, 0.0):
+        return written(value, unit, 3)
+    last = max(floor(log10(error)), floor(log10(max(abs(value), error))) - 5)
+    off = ceil(error / 10.0**last - 1e-9) * 10.0**last
+    if last < -MOST_DECIMALS:
+        return f"{value:.3g} ± {off:.1g}"
+    digits = max(0, -last)
+    return f"{round(value, -last):.{digits}f} ± {round(off, -last):.{digits}f}"
 
 
 def named(metric: str) -> tuple[str, str]:

@@ -133,7 +133,7 @@ def simulate(
         sentence=outcome.sentence,
         seed=scene.settings.seed,
         versions=versions(),
-        summary=Summary({"status": outcome.status, **outcome.summary}, outcome.reasons),
+        summary=Summary({"status": outcome.status, **outcome.summary}, outcome.reasons, outcome.errors),
         variables=outcome.variables,
         timing=_timing(outcome),
         checkpoint=outcome.checkpoint,

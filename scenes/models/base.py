@@ -76,6 +76,8 @@ class Outcome:
     """State from which the run can go on; empty if this model cannot."""
     timing: tuple[Variable, ...] = ()
     """Further wall-clock figures; single numbers stand in `summary.json`."""
+    errors: Mapping[str, float] = field(default_factory=dict)
+    """What a figure of the summary may be off by, where the run was asked for an accuracy."""
     run: str = ""
     parts: tuple[Variable, ...] = ()
     """Worm, world and end of the run, and their arrays, as in `Record`."""

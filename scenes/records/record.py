@@ -31,6 +31,8 @@ class Summary:
 
     metrics: Mapping[str, Metric]
     reasons: Mapping[str, str] = field(default_factory=dict)
+    errors: Mapping[str, float] = field(default_factory=dict)
+    """What a metric may be off by, where that is known."""
 
     def __post_init__(self) -> None:
         metrics = {name: metric if _has_value(metric) else None for name, metric in self.metrics.items()}
@@ -52,8 +54,8 @@ class Summary:
         return found if isinstance(found, list) else []
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the metrics, and the reasons under `reasons`, as JSON can hold them."""
-        return {**self.metrics, "reasons": dict(self.reasons)}
+        """Return the metrics, the reasons under `reasons` and any errors under `errors`, as JSON can hold them."""
+        return {**self.metrics, "reasons": dict(self.reasons), **({"errors": dict(self.errors)} if self.errors else {})}
 
 
 def _has_value(metric: Metric) -> bool:

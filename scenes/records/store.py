@@ -118,12 +118,12 @@ def content_of(record: Record) -> Content:
 def _record(content: Content) -> Record:
     attributes, groups = content.attributes, content.groups
     metrics = json.loads(attributes["summary"])
-    reasons = metrics.pop("reasons")
+    reasons, errors = metrics.pop("reasons"), metrics.pop("errors", {})
     return Record(
         **{name: attributes[name] for name in ("name", "model", "scene", "status", "sentence")},
         seed=int(attributes["seed"]),
         versions=json.loads(attributes["versions"]),
-        summary=Summary(metrics, reasons),
+        summary=Summary(metrics, reasons, errors),
         variables=groups[netcdf.ROOT],
         timing=groups[netcdf.TIMING],
         checkpoint=groups.get("checkpoint", ()),

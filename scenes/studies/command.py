@@ -15,12 +15,18 @@ from scenes.records import folder as folders
 from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.studies.lessons import answers, lessons
-from scenes.studies.report import PICTURE, TEXT, document, together
+from scenes.studies.report import NUMBERS, PICTURE, TEXT, document, numbers, together
 from scenes.studies.study import Grid
 from scenes.sweep import command as sweeps
+from scenes.sweep.links import given_keys
+from scenes.sweep.plan import Source
 from scenes.sweep.table import Table
 
 REPORT = "report.md"
+ACCURACY, INTEGRATOR = "run.accuracy", "run.integrator"
+"""Keys that decide whether a case knows its errors."""
+ASKED = 0.01
+"""Accuracy of the cases of a study: 0.003 takes twice as long for a third of the error, 0.03 half as long."""
 
 
 def shipped_studies() -> dict[str, Path]:
@@ -49,10 +55,26 @@ def _run(name: str, overrides: Sequence[str], out: Path | None, options: sweeps.
         from scenes.studies.figure import draw  # imports matplotlib
 
         write_bytes(folder / TEXT, document(grid).encode())
+        write_bytes(folder / NUMBERS, numbers(grid).encode())
         save_figure(draw(grid), folder / PICTURE)
         yield from (*answers(grid), *lessons(grid))
 
-    return sweeps.run(shipped_studies().get(name, name), overrides, out, options, tell)
+    scene = shipped_studies().get(name, name)
+    return sweeps.run(scene, with_accuracy(scene, overrides), out, options, tell)
+
+
+def with_accuracy(scene: str | Path, overrides: Sequence[str]) -> Sequence[str]:
+    """Return the overrides of a study, whose cases are to know their errors: `run.accuracy` if nothing else is said.
+
+    It is left out for a model that has none, and where the scene or its sweep chooses the steps.
+    """
+    source = Source.of(scene, overrides)
+    base = source.base()
+    run = getattr(base.settings, "run", None)
+    chosen = {ACCURACY, INTEGRATOR} & given_keys(base.sweep)
+    if chosen or getattr(run, "accuracy", ASKED) is not None or getattr(run, "integrator", "") != "bdf2":
+        return overrides
+    return (*overrides, f"{ACCURACY}={ASKED}")
 
 
 def run_all(out: Path | None, options: sweeps.Options) -> int:

@@ -1,11 +1,16 @@
-"""Shape of a curve, found from its values and told in a sentence: rising, falling, a peak, a dip, flat, or several."""
+"""Shape of a curve, found from its values and told in a sentence: rising, falling, a peak, a dip, flat, or several.
+
+Values have errors. What two values differ by is nothing if it is no more than both may be off by: `apart`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from worm3d.values.arrays import FloatArray
 
@@ -20,8 +25,15 @@ MOST = 0.9
 """Share of a change after which the rest matters little."""
 EARLY = 2.0 / 3.0
 """Share of the places up to which `MOST` of a change is worth telling."""
+AT_END, AT_GAP = "the range ends there", "the values end there"
 
-Told = Callable[[float], str]
+Told = Callable[[int], str]
+"""Text of what is at a place."""
+
+
+def apart(first: Any, second: Any, off: Any, other_off: Any) -> NDArray[np.bool_]:
+    """Return whether values differ by more than the sum of what they may be off by."""
+    return np.asarray(np.abs(first - second) > off + other_off)
 
 
 @dataclass(frozen=True)
@@ -30,18 +42,23 @@ class Shape:
 
     y: FloatArray
     """Values, NaN where there is none."""
+    off: FloatArray
+    """What they may be off by; 0 where that is not known."""
     turns: tuple[int, ...]
     """Places of the ends and of the extremes between them, ripples left out; fewer than two known values: none."""
     flat: bool
 
     @classmethod
-    def of(cls, y: FloatArray) -> Shape:
-        """Return the shape of a curve of values (X,), NaN where there is none."""
+    def of(cls, y: FloatArray, off: FloatArray | None = None) -> Shape:
+        """Return the shape of a curve of values (X,), NaN where there is none, that may be off by some (X,)."""
         known = np.flatnonzero(np.isfinite(y))
+        off = np.zeros(len(y)) if off is None else np.nan_to_num(off)
         if len(known) < 2:
-            return cls(y, (), flat=False)
+            return cls(y, off, (), flat=False)
         span = float(np.ptp(y[known]))
-        return cls(y, _turns(y, known, RIPPLE * span), flat=span <= FLAT * float(np.abs(y[known]).max()))
+        small = span <= FLAT * float(np.abs(y[known]).max())
+        turns = _turns(y, off, known, RIPPLE * span)
+        return cls(y, off, turns, flat=small or not _resolved(y, off))
 
     @property
     def kind(self) -> str:
@@ -57,6 +74,17 @@ class Shape:
         """Return the place of the best value, the largest one if neither `more` nor `less` is better."""
         return int(np.nanargmin(self.y) if better == "less" else np.nanargmax(self.y))
 
+    def level(self, place: int) -> list[int]:
+        """Return the places, one included, whose values are not apart from the value there."""
+        alike = ~apart(self.y, self.y[place], self.off, self.off[place]) & np.isfinite(self.y)
+        return [int(k) for k in np.flatnonzero(alike)]
+
+    def edge(self, place: int) -> str:
+        """Return what is beyond a place where the curve ends; empty where there are values on both sides."""
+        if len(self.y) > 1 and place in (0, len(self.y) - 1):
+            return AT_END
+        return AT_GAP if np.isnan(self.y[max(0, place - 1) : place + 2]).any() else ""
+
     def near(self, place: int) -> tuple[int, int]:
         """Return the first and the last place about one from which on its value is hardly lost."""
         alike = np.abs(self.y - self.y[place]) <= NEAR * abs(float(self.y[place]))
@@ -68,58 +96,77 @@ class Shape:
         return low, high
 
 
-def _turns(y: FloatArray, known: np.ndarray, tolerance: float) -> tuple[int, ...]:
-    """Return the places of the ends and of the extremes of a curve that stand out by more than a tolerance."""
+def _resolved(y: FloatArray, off: FloatArray) -> bool:
+    """Return whether the largest and the least value are apart."""
+    most, least = int(np.nanargmax(y)), int(np.nanargmin(y))
+    return bool(apart(y[most], y[least], off[most], off[least]))
+
+
+def _turns(y: FloatArray, off: FloatArray, known: np.ndarray, tolerance: float) -> tuple[int, ...]:
+    """Return the places of the ends and of the extremes that stand out by more than a tolerance, and their errors."""
     turns, extreme, way = [int(known[0])], int(known[0]), 0
     for place in map(int, known[1:]):
-        ahead = float(y[place] - y[extreme])
-        if way == 0 and abs(ahead) > tolerance:
+        ahead, least = float(y[place] - y[extreme]), max(tolerance, float(off[place] + off[extreme]))
+        if way == 0 and abs(ahead) > least:
             way, extreme = (1 if ahead > 0.0 else -1), place
         elif way * ahead > 0.0:
             extreme = place
-        elif way and -way * ahead > tolerance:
+        elif way and -way * ahead > least:
             turns.append(extreme)
             way, extreme = -way, place
     return (*turns, int(known[-1]))
 
 
-def sentence(y: FloatArray, what: str, along: str, x: Callable[[int], str], told: Told, better: str = "") -> str:
+def sentence(shape: Shape, what: str, along: str, x: Told, told: Told, better: str = "") -> str:
     """Return a sentence on a curve, without its final stop.
 
     Parameters
     ----------
-    y : ndarray, shape (X,)
-        Values, NaN where there is none.
+    shape : Shape
     what, along : str
         Words for the values and for x.
-    x : callable
-        Text of the value of x at a place.
-    told : callable
-        Text of a value of y.
+    x, told : callable
+        Text of the value of x at a place, and of the value of y there, with its error.
     better : str
         `more` or `less`; empty if neither.
     """
-    shape = Shape.of(y)
-    low, high = (told(float(end(y))) if np.isfinite(y).any() else "" for end in (np.nanmin, np.nanmax))
-    at = [f"{told(float(y[k]))} at {x(k)}" for k in shape.turns]
+    y = shape.y
+    at = [f"{told(k)} at {x(k)}" for k in shape.turns]
+    best = shape.best(better) if better and shape.turns else -1
+    end = f" ({edge})" if best >= 0 and (edge := shape.edge(best)) else ""
+    at = [f"{text}{end if k == best else ''}" for k, text in zip(shape.turns, at, strict=True)]
     match shape.kind:
         case "none":
-            return f"{what} is known at one value of {along} alone, {low} at {x(int(np.nanargmax(y)))}" if low else (
-                f"{what} is known nowhere"
-            )  # fmt: skip
+            known = np.flatnonzero(np.isfinite(y)).tolist()
+            return (
+                f"{what} is known at one value of {along} alone, {told(known[0])} at {x(known[0])}"
+                if known
+                else f"{what} is known nowhere"
+            )
         case "flat":
-            return f"{what} hardly depends on {along}: {low} to {high}"
+            low, high = told(shape.best("less")), told(shape.best("more"))
+            return f"{what} hardly depends on {along}: {low} to {high}{_unresolved(shape)}"
         case "rises" | "falls" as way:
             return f"{what} {way} with {along}, from {at[0]} to {at[-1]}{factor(y, shape)}{_early(shape, x)}"
         case "peak" | "dip" as kind:
-            first, middle, last = at
+            first, _, last = at
             most = "greatest" if kind == "peak" else "least"
             near = _near(shape, shape.turns[1], x) if (kind == "peak") == (better != "less") else ""
-            return (
-                f"{what} is {most} at {x(shape.turns[1])}: {middle.split(' at ')[0]}{near}, beside {first} and {last}"
-            )
-    best = f"; best at {x(shape.best(better))}" if better else ""
-    return f"{what} goes up and down with {along}: " + ", ".join(at) + best
+            top = shape.turns[1]
+            return f"{what} is {most} at {x(top)}: {told(top)}{near}, beside {first} and {last}"
+    where = f"; best at {_best(shape, x, better)}" if better else ""
+    return f"{what} goes up and down with {along}: " + ", ".join(at) + where
+
+
+def _unresolved(shape: Shape) -> str:
+    return "" if _resolved(shape.y, shape.off) else ", no further apart than their errors"
+
+
+def _best(shape: Shape, x: Told, better: str) -> str:
+    """Return where the best value is, and where values are level with it."""
+    best = shape.best(better)
+    level = [x(k) for k in shape.level(best) if k != best]
+    return x(best) + (f", level with {', '.join(level)}" if level else "")
 
 
 def factor(y: FloatArray, shape: Shape) -> str:
@@ -133,7 +180,7 @@ def factor(y: FloatArray, shape: Shape) -> str:
     return f" ({ratio:.3g} times as much)" if ratio > 1.0 else f" (a factor of {1.0 / ratio:.3g} less)"
 
 
-def _early(shape: Shape, x: Callable[[int], str]) -> str:
+def _early(shape: Shape, x: Told) -> str:
     """Return where most of a rise or fall is reached, if that is early."""
     begin, end = shape.turns
     change = (shape.y[begin : end + 1] - shape.y[begin]) / (shape.y[end] - shape.y[begin])
@@ -142,6 +189,6 @@ def _early(shape: Shape, x: Callable[[int], str]) -> str:
     return f", nine tenths of the way at {x(place)}" if early else ""
 
 
-def _near(shape: Shape, place: int, x: Callable[[int], str]) -> str:
+def _near(shape: Shape, place: int, x: Told) -> str:
     low, high = shape.near(place)
     return f" (within {NEAR:.0%} of it from {x(low)} to {x(high)})" if low < high else ""

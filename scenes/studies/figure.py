@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from scenes.studies.lessons import views
-from scenes.studies.study import Axis, Grid, Measure
+from scenes.studies.study import Grid
+from scenes.studies.view import Axis, View
 from scenes.sweep.figures import FAILED, colours, edges, is_logarithmic
 from worm3d.values.arrays import FloatArray
 
@@ -37,14 +37,15 @@ MOST_NUMBERS = 9
 
 def draw(grid: Grid) -> Figure:
     """Return the figure of a study."""
-    panels = [panel for panel in views(grid) if np.isfinite(panel[2]).any()]
+    panels = [view for view in grid.views() if np.isfinite(view.values).any()]
     columns = min(len(panels), 2 if len(panels) == 4 else COLUMNS)
     rows = math.ceil(len(panels) / columns)
     figure = Figure(figsize=(PANEL[0] * columns, PANEL[1] * rows + 0.8), layout="constrained", dpi=120)
     places = figure.subplots(rows, columns, squeeze=False)
-    for axes, (where, measure, values) in zip(places.flat, panels, strict=False):
-        (_map if grid.is_map else _curves if grid.x.is_number else _bars)(axes, grid, measure, values)
-        axes.set_title(textwrap.fill(where, WRAPPED), fontsize=8)
+    for axes, view in zip(places.flat, panels, strict=False):
+        (_map if grid.is_map else _curves if grid.x.is_number else _bars)(axes, grid, view)
+        said = "; ".join(filter(None, (view.where, _errors(view.without(grid.left_out())))))
+        axes.set_title(textwrap.fill(said, WRAPPED), fontsize=8)
     for axes in places.flat[len(panels) :]:
         axes.set_axis_off()
     handles, labels = places.flat[0].get_legend_handles_labels()
@@ -59,11 +60,19 @@ def draw(grid: Grid) -> Figure:
     return figure
 
 
-def _curves(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> None:
+def _errors(view: View) -> str:
+    """Return what the values of a panel may be off by; empty where no error is known."""
+    known = view.off[np.isfinite(view.off) & np.isfinite(view.values)]
+    return f"errors: median {np.median(known):.1g}, largest {known.max():.1g}" if known.size else ""
+
+
+def _curves(axes: Axes, grid: Grid, view: View) -> None:
+    values = view.values
     x = np.array(grid.x.varied.values, dtype=float)
     order, foot = np.argsort(x, kind="stable"), axes.get_xaxis_transform()
-    for c, (name, y) in enumerate(zip(grid.curves, values.T, strict=True)):
-        axes.plot(x[order], y[order], f"{MARKERS[c % len(MARKERS)]}-", color=_colour(c), label=name, **STYLES)
+    for c, (name, y, off) in enumerate(zip(grid.curves, values.T, np.nan_to_num(view.off).T, strict=True)):
+        style: dict[str, Any] = {"color": _colour(c), "label": name, **STYLES}
+        axes.errorbar(x[order], y[order], yerr=off[order], fmt=f"{MARKERS[c % len(MARKERS)]}-", **style)
     for marked in grid.marked().values():
         rows, columns = np.nonzero(marked)
         axes.plot(x[rows], values[rows, columns], "o", ms=9, mfc="none", color="k")
@@ -74,7 +83,7 @@ def _curves(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> Non
     elif _spans_much(values):
         axes.set_yscale("log")
         _plain_ticks(axes, "y")
-    axes.set_ylabel(measure.label, fontsize=9)
+    axes.set_ylabel(view.measure.label, fontsize=9)
     axes.grid(alpha=0.3)
 
 
@@ -83,26 +92,30 @@ def _colour(curve: int) -> str:
     return f"C{curve}" if curve < 10 else "k"
 
 
-def _bars(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> None:
+def _bars(axes: Axes, grid: Grid, view: View) -> None:
+    values, offs = view.values, np.nan_to_num(view.off)
     names, width = [grid.x.told(k) for k in range(len(values))], 0.8 / values.shape[1]
-    for c, (name, y) in enumerate(zip(grid.curves, values.T, strict=True)):
-        axes.barh(np.arange(len(values)) + (c + 0.5) * width - 0.4, y, height=width, color=f"C{c}", label=name)
+    for c, (name, y, off) in enumerate(zip(grid.curves, values.T, offs.T, strict=True)):
+        at = np.arange(len(values)) + (c + 0.5) * width - 0.4
+        axes.barh(at, y, xerr=off, height=width, color=f"C{c}", label=name, capsize=2.0)
     axes.set_yticks(range(len(names)), names, fontsize=8)
     axes.invert_yaxis()
-    axes.set_xlabel(measure.label, fontsize=9)
+    axes.set_xlabel(view.measure.label, fontsize=9)
     axes.grid(alpha=0.3, axis="x")
     axes.set_axisbelow(True)
 
 
-def _map(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> None:
+def _map(axes: Axes, grid: Grid, view: View) -> None:
     assert grid.other is not None
+    values = view.values
     keys = (grid.x, grid.other)
     marks = [np.array(each.varied.values, dtype=float) for each in keys]
     orders = [np.argsort(each, kind="stable") for each in marks]
     x, y = (each[order] for each, order in zip(marks, orders, strict=True))
     cells = values[np.ix_(*orders)].T
     corners = (edges(x), edges(y))
-    style = {"cmap": "viridis", "norm": LogNorm()} if _spans_much(values) else colours(_without_faint(values))
+    counted = view.without(grid.left_out()).values
+    style = _colours(counted if np.isfinite(counted).any() else values)
     mesh = axes.pcolormesh(*corners, np.ma.masked_invalid(cells), **style)
     axes.set_facecolor("0.92")
     columns, rows = np.nonzero(grid.failed[np.ix_(*orders)])
@@ -111,11 +124,18 @@ def _map(axes: Axes, grid: Grid, measure: Measure, values: FloatArray) -> None:
         shown = np.ma.masked_equal(marked[np.ix_(*orders)].T.astype(float), 0.0)
         axes.pcolor(*corners, shown, hatch=hatch, cmap=ListedColormap([(0.0, 0.0, 0.0, 0.0)]))
     assert isinstance(axes.figure, Figure)
-    bar = axes.figure.colorbar(mesh, ax=axes, label=measure.label)
+    bar = axes.figure.colorbar(mesh, ax=axes, label=view.measure.label)
     if _spans_much(values):
         _plain_ticks(bar.ax, "y")
     for which, key, along in (("x", grid.x, x), ("y", grid.other, y)):
         _number_axis(axes, which, key, along)
+
+
+def _colours(values: FloatArray) -> dict[str, Any]:
+    """Return the colours of a map by the values that count."""
+    if not _spans_much(values):
+        return colours(_without_faint(values))
+    return {"cmap": "viridis", "norm": LogNorm(float(np.nanmin(values)), float(np.nanmax(values)))}
 
 
 def _spans_much(values: FloatArray) -> bool:

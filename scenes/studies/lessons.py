@@ -1,37 +1,46 @@
-"""What a designer learns from a study: sentences that follow from the figures of its cases."""
+"""What a designer learns from a study: sentences that follow from the figures of its cases, and from their errors.
+
+A lead that is no more than what both values may be off by is a tie, and is called so. A best value at the end of a
+range says that the range ends there. Cases that are marked, or whose waves are aliased, are no best values.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scenes.studies.curves import Shape, sentence
-from scenes.studies.study import MOST_CURVES, Grid, Measure
+from scenes.commands.terminal import counted
+from scenes.studies.curves import Shape, apart, sentence
+from scenes.studies.study import MOST_CURVES, Grid
+from scenes.studies.view import Axis, View
 from worm3d.values.arrays import FloatArray
 
 VERDICTS = {"rises": ("rises", "falls"), "falls": ("falls", "rises")}
 """Shape of a curve for yes, and for no."""
+MOST_LEVEL = 3
+"""Number of cases that are level with the best one and named."""
+TIES = "; '=' joins those that are no further apart than their errors"
 
 
 def answers(grid: Grid) -> Iterator[str]:
     """Yield the answer to a study's yes-or-no question, a sentence for each figure that decides it and each curve."""
     for name, way in grid.asked.yes.items():
         better = grid.asked.measures.get(name, "")
-        for where, measure, values in views(grid):
-            if measure.name == name:
-                for curve, y in zip(grid.curves, values.T, strict=True):
-                    told = _sentence(grid, measure, y)
-                    yield f"{_verdict(y, way, better)}{_where(where, curve)}: {told}."
+        for view in judged(grid):
+            if view.measure.name == name:
+                for c, curve in enumerate(grid.curves):
+                    told = _sentence(grid, view, c)
+                    yield f"{_verdict(_shape(view, c), way, better)}{_where(view.where, curve)}: {told}."
 
 
-def _verdict(y: FloatArray, way: str, better: str) -> str:
-    kind = Shape.of(y).kind
-    if kind == "none":
+def _verdict(shape: Shape, way: str, better: str) -> str:
+    if shape.kind == "none":
         return "Not known"
     yes, no = VERDICTS[way]
-    turned = "Up to a point" if better and kind in ("dip" if better == "less" else "peak") else "Not throughout"
-    return {yes: "Yes", no: "No", "flat": "No"}.get(kind, turned)
+    turned = "Up to a point" if better and shape.kind in ("dip" if better == "less" else "peak") else "Not throughout"
+    return {yes: "Yes", no: "No", "flat": "No"}.get(shape.kind, turned)
 
 
 def lessons(grid: Grid) -> Iterator[str]:
@@ -40,43 +49,35 @@ def lessons(grid: Grid) -> Iterator[str]:
         shown = set(range(len(grid.curves)))
         if len(shown) > MOST_CURVES:
             shown = {0, len(shown) - 1} if grid.is_map else set()
-        for where, measure, values in views(grid):
-            for c, (curve, y) in enumerate(zip(grid.curves, values.T, strict=True)):
-                if c in shown:
-                    told = _sentence(grid, measure, y)
-                    head = "; ".join(part for part in (curve, where) if part)
-                    yield f"{head}: {told}." if head else f"{told[0].upper()}{told[1:]}."
+        for view in judged(grid):
+            for c in sorted(shown):
+                told, head = _sentence(grid, view, c), "; ".join(part for part in (grid.curves[c], view.where) if part)
+                yield f"{head}: {told}." if head else f"{told[0].upper()}{told[1:]}."
     yield from verdicts(grid)
+
+
+def judged(grid: Grid) -> Iterator[View]:
+    """Yield the figures of a study without the cases in which no best is looked for."""
+    left_out = grid.left_out()
+    for view in grid.views():
+        yield view.without(left_out)
 
 
 def verdicts(grid: Grid) -> Iterator[str]:
     """Yield what is marked or failed, and what is best where; cases that are marked are not recommended."""
-    marks = grid.marked()
-    for name, marked in marks.items():
+    for name, marked in grid.marked().items():
         yield _extent(grid, name, marked)
-    left_out = np.logical_or.reduce(list(marks.values())) if marks else np.zeros(grid.failed.shape, dtype=bool)
-    for where, measure, every in views(grid):
-        values = np.where(left_out, np.nan, every)
+    for view in judged(grid):
         if not grid.x.is_number:
-            yield from _ranking(grid, measure, values, where)
-        elif len(grid.curves) > 1 and measure.better and np.isfinite(values).any():
-            yield (_moving if grid.other is not None and grid.other.is_number else _each)(grid, measure, values, where)
-            yield _overall(grid, measure, values, where)
+            yield from _ranking(grid, view)
+        elif view.measure.better and np.isfinite(view.values).any() and len(grid.curves) > 1:
+            yield (_moving if grid.other is not None and grid.other.is_number else _each)(grid, view)
+            yield _overall(grid, view)
+    yield from _elsewhere(grid)
+    yield from _unknown(grid)
     if grid.failed.any():
         reasons = [reason for reason, lost in zip(grid.table.reasons, grid.table.failed.tolist(), strict=True) if lost]
         yield f"{len(reasons)} of {len(grid.table)} cases fail, the first because {reasons[0].rstrip('.')}."
-
-
-def views(grid: Grid) -> Iterator[tuple[str, Measure, FloatArray]]:
-    """Yield the figures of a study, shape (X, C): as they are, then costs at equal figures, and words for which."""
-    for measure in grid.measures:
-        yield grid.own, measure, grid.values(measure.name)
-    for figure, target in grid.asked.equal.items():
-        equal = grid.measure(figure)
-        for measure in grid.measures:
-            if measure.name != figure and measure.better == "less" and grid.by is not None:
-                values = grid.equal_values(measure.name, figure, target, measure.better)
-                yield f"at equal {equal.words} of {equal.told(target)}, by the {grid.by.words}", measure, values
 
 
 def _where(where: str, curve: str) -> str:
@@ -84,93 +85,200 @@ def _where(where: str, curve: str) -> str:
     return f" ({said})" if said else ""
 
 
-def _sentence(grid: Grid, measure: Measure, y: FloatArray) -> str:
-    return sentence(y, f"the {measure.words}", f"the {grid.x.words}", grid.x.told, measure.told, measure.better)
+def _shape(view: View, curve: int) -> Shape:
+    return Shape.of(view.values[:, curve], view.off[:, curve])
 
 
-def _ranking(grid: Grid, measure: Measure, values: FloatArray, where: str) -> Iterator[str]:
+def _sentence(grid: Grid, view: View, curve: int) -> str:
+    words, along, better = f"the {view.measure.words}", f"the {grid.x.words}", view.measure.better
+    return sentence(_shape(view, curve), words, along, grid.x.told, lambda k: view.told(k, curve), better)
+
+
+def _most(view: View) -> str:
+    return f"{'least' if view.measure.better == 'less' else 'greatest'} {view.measure.words}{_where(view.where, '')}"
+
+
+def _ranking(grid: Grid, view: View) -> Iterator[str]:
     """Yield the order of names, best first."""
-    for curve, y in zip(grid.curves, values.T, strict=True):
-        known = [int(k) for k in np.argsort(y, kind="stable") if np.isfinite(y[k])]
-        order = known if measure.better == "less" else known[::-1]
-        none = [grid.x.told(k) for k in range(len(y)) if k not in known]
-        told = ", ".join(f"{grid.x.told(k)} ({measure.told(float(y[k]))})" for k in order)
-        yield f"By {measure.words}{_where(where, curve)}: {told or 'none'}" + (
+    for c, curve in enumerate(grid.curves):
+        known = np.flatnonzero(np.isfinite(view.values[:, c])).tolist()
+        none = [grid.x.told(k) for k in range(len(view.values)) if k not in known]
+        told = _ordered(view, [(k, c, f"{grid.x.told(k)} ({view.told(k, c)})") for k in known])
+        yield f"By {view.measure.words}{_where(view.where, curve)}: {told or 'none'}" + (
             f"; without: {', '.join(none)}." if none else "."
         )
 
 
-def _each(grid: Grid, measure: Measure, values: FloatArray, where: str) -> str:
+def _ordered(view: View, items: Sequence[tuple[int, int, str]]) -> str:
+    """Return texts of cases, each with its places, best first; `=` between those that are not apart."""
+    sign = 1.0 if view.measure.better == "less" else -1.0
+    order = sorted(items, key=lambda each: sign * float(view.values[each[:2]]))
+    told, tied = "", False
+    for k, (x, c, text) in enumerate(order):
+        tie = k > 0 and not _apart(view, (x, c), order[k - 1][:2])
+        told += f"{(' = ' if tie else ', ') if k else ''}{text}"
+        tied |= tie
+    return told + (TIES if tied else "")
+
+
+def _apart(view: View, first: tuple[int, int], second: tuple[int, int]) -> bool:
+    off = np.nan_to_num(view.off)
+    return bool(apart(view.values[first], view.values[second], off[first], off[second]))
+
+
+def _each(grid: Grid, view: View) -> str:
     """Return the best of each named curve, and where it lies, the best one first."""
     found = []
-    for curve, y in zip(grid.curves, values.T, strict=True):
-        if np.isfinite(y).any():
-            place = Shape.of(y).best(measure.better)
-            found.append((float(y[place]), f"{curve} ({measure.told(float(y[place]))} at {grid.x.told(place)})"))
-    found.sort(key=lambda each: each[0], reverse=measure.better == "more")
-    most = f"{'least' if measure.better == 'less' else 'greatest'} {measure.words}{_where(where, '')}"
-    return f"The {most} of each: {', '.join(text for _, text in found)}."
+    for c, curve in enumerate(grid.curves):
+        if np.isfinite(view.values[:, c]).any():
+            shape = _shape(view, c)
+            x = shape.best(view.measure.better)
+            found.append((x, c, f"{curve} ({view.told(x, c)} at {_best_place(grid.x, shape, x)})"))
+    return f"The {_most(view)} of each: {_ordered(view, found)}."
 
 
-def _moving(grid: Grid, measure: Measure, values: FloatArray, where: str) -> str:
+def _moving(grid: Grid, view: View) -> str:
     """Return where the best of each curve, or row of a map, lies."""
-    runs: list[tuple[int, list[str]]] = []
-    for curve, y in zip(grid.curves, values.T, strict=True):
-        if np.isfinite(y).any():
-            best = Shape.of(y).best(measure.better)
+    runs: list[tuple[str, list[int]]] = []
+    for c in range(len(grid.curves)):
+        if np.isfinite(view.values[:, c]).any():
+            shape = _shape(view, c)
+            best = _best_place(grid.x, shape, shape.best(view.measure.better))
             if not runs or runs[-1][0] != best:
                 runs.append((best, []))
-            runs[-1][1].append(curve)
-    most = f"{'least' if measure.better == 'less' else 'greatest'} {measure.words}{_where(where, '')}"
+            runs[-1][1].append(c)
     if len(runs) == 1:
-        return f"The {most} is at {grid.x.words} {grid.x.told(runs[0][0])} in every case of {_other(grid)}."
-    places = "; ".join(f"{grid.x.told(best)} for {_span(curves)}" for best, curves in runs)
-    return f"The {grid.x.words} of the {most}: {places}."
+        return f"The {_most(view)} is at {grid.x.words} {runs[0][0]} in every case of {_other(grid).words}."
+    places = "; ".join(f"{best} for {_curves(grid, curves)}" for best, curves in runs)
+    return f"The {grid.x.words} of the {_most(view)}: {places}."
 
 
-def _span(names: Sequence[str]) -> str:
-    """Return one name, two, or the first and the last one."""
-    return names[0] if len(names) == 1 else f"{names[0]} {'and' if len(names) == 2 else 'to'} {names[-1]}"
+def _best_place(axis: Axis, shape: Shape, best: int) -> str:
+    """Return a best place along x, what is level with it, and whether the range ends there."""
+    level = [k for k in shape.level(best) if k != best]
+    said = [f"level with {_runs(axis, level)}"] if level else []
+    said += [edge] if (edge := shape.edge(best)) else []
+    return axis.told(best) + (f" [{', '.join(said)}]" if said else "")
 
 
-def _overall(grid: Grid, measure: Measure, values: FloatArray, where: str) -> str:
+def _overall(grid: Grid, view: View) -> str:
     """Return which curve is best, and where."""
-    sign = -1.0 if measure.better == "less" else 1.0
-    rows = np.flatnonzero(np.isfinite(values).any(axis=1))
-    ahead = np.array([int(np.nanargmax(sign * values[k])) for k in rows])
-    x, c = np.unravel_index(int(np.nanargmax(sign * values)), values.shape)
-    leads = f"best of all is {measure.told(float(values[x, c]))} at {grid.x.told(int(x))} with '{grid.curves[c]}'"
-    first = max(set(ahead.tolist()), key=ahead.tolist().count)
-    places = _places(grid, [int(k) for k in rows[ahead == first]])
-    return f"By {measure.words}{_where(where, '')}, '{grid.curves[first]}' is ahead at {places}; {leads}."
+    rows = [k for k in range(len(view.values)) if np.isfinite(view.values[k]).any()]
+    level = np.array([_level_with_best(view, view.values[k], view.off[k]) for k in rows])
+    alone = level & (level.sum(axis=1) == 1)[:, None]
+    first = int(np.argmax((alone if alone.any() else level).sum(axis=0)))
+    ahead = [k for k, lead in zip(rows, alone[:, first].tolist(), strict=True) if lead]
+    tied = [k for k, here in zip(rows, (level & ~alone)[:, first].tolist(), strict=True) if here]
+    said = [f"ahead at {_places(grid.x, ahead)}"] if ahead else []
+    said += [f"level with others at {_places(grid.x, tied)}"] if tied else []
+    best = _best_of_all(grid, view)
+    return f"By {view.measure.words}{_where(view.where, '')}, '{grid.curves[first]}' is {' and '.join(said)}; {best}."
 
 
-def _extent(grid: Grid, name: str, marked: np.ndarray) -> str:
+def _level_with_best(view: View, values: FloatArray, off: FloatArray) -> NDArray[np.bool_]:
+    """Return which of some values of a figure are not apart from the best one, of the shape of these."""
+    off, known = np.nan_to_num(off), np.isfinite(values)
+    best = int(np.nanargmin(values) if view.measure.better == "less" else np.nanargmax(values))
+    level: NDArray[np.bool_] = known & ~apart(values, values.flat[best], off, off.flat[best])
+    return level
+
+
+def _best_of_all(grid: Grid, view: View) -> str:
+    """Return the best case, those that are level with it, and the ranges that end there."""
+    pick = np.nanargmin if view.measure.better == "less" else np.nanargmax
+    x, c = map(int, np.unravel_index(int(pick(view.values)), view.values.shape))
+    told = f"best of all is {view.told(x, c)} at {_case(grid, x, c)}"
+    level = [
+        (int(k), int(m)) for k, m in np.argwhere(_level_with_best(view, view.values, view.off)) if (k, m) != (x, c)
+    ]
+    if level:
+        named = [_case(grid, *each) for each in level[:MOST_LEVEL]]
+        more = [f"{len(level) - MOST_LEVEL} more"] if len(level) > MOST_LEVEL else []
+        told += f", level with {_listed([*named, *more])}"
+    axes = [(grid.x, x), *([(grid.other, c)] if grid.other is not None and grid.other.is_number else [])]
+    ended = [axis.words for axis, place in axes if _at_end(axis, place)]
+    return told + (f"; the range of the {_listed(ended)} ends there, the best may lie beyond" if ended else "")
+
+
+def _at_end(axis: Axis, place: int) -> bool:
+    """Return whether a place holds the least or the greatest of several numbers of an axis."""
+    values = axis.varied.values
+    return len(values) > 1 and values[place] in (min(values), max(values))
+
+
+def _case(grid: Grid, x: int, curve: int) -> str:
+    return grid.x.told(x) + (f" with '{grid.curves[curve]}'" if grid.curves[curve] else "")
+
+
+def _listed(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
+
+
+def _elsewhere(grid: Grid) -> Iterator[str]:
+    """Yield the best cases at the other values of `by`, a sentence for each figure."""
+    if not grid.x.is_number:
+        return
+    for measure in grid.measures:
+        every = [grid.view(measure, k).without(grid.left_out(k)) for k in grid.elsewhere] if measure.better else []
+        views = [view for view in every if np.isfinite(view.values).any()]
+        if grid.other is not None and grid.other.is_number:
+            yield from (_moving(grid, view) for view in views)
+        if views:
+            told = [f"at {view.where} {_best_of_all(grid, view)}" for view in views]
+            yield f"By {measure.words} elsewhere: {'; '.join(told)}."
+
+
+def _unknown(grid: Grid) -> Iterator[str]:
+    """Yield which figures have no errors, and how many cases are left out for want of one."""
+    without = [measure.words for measure in grid.measures if not np.isfinite(grid.errors(measure.name)).any()]
+    if without:
+        yield f"What steps in time put the {_listed(without)} off by is not known."
+    for view in grid.views():
+        if view.unknown.any():
+            words, number = f"{view.measure.words}{_where(view.where, '')}", int(view.unknown.sum())
+            yield f"The error of the {words} is not known in {counted(number, 'case')}, where no best is looked for."
+
+
+def _extent(grid: Grid, name: str, marked: NDArray[np.bool_]) -> str:
     """Return a sentence on the cases that have a property."""
     if not marked.any():
         return f"In no case: {name}."
-    rows = [
-        f"{_places(grid, np.flatnonzero(column).tolist())}{_where('', curve)}"
-        for curve, column in zip(grid.curves, marked.T, strict=True)
-        if column.any()
-    ]
-    begin = f"In {int(marked.sum())} of {marked.size} cases, {name}: at {grid.x.words} {'; '.join(rows)}."
+    rows: dict[str, list[int]] = {}
+    for c in np.flatnonzero(marked.any(axis=0)).tolist():
+        rows.setdefault(_places(grid.x, np.flatnonzero(marked[:, c]).tolist()), []).append(c)
+    told = [f"{at}{_where('', _curves(grid, curves))}" for at, curves in rows.items()]
+    begin = f"In {int(marked.sum())} of {marked.size} cases, {name}: at {grid.x.words} {'; '.join(told)}."
     return f"{begin} The best is looked for among the others."
 
 
-def _places(grid: Grid, places: Sequence[int]) -> str:
-    """Return places along x as text, runs of them as ranges."""
-    if len(places) == len(grid.x.varied.values):
-        return f"every {grid.x.words}"
+def _places(axis: Axis, places: Sequence[int]) -> str:
+    """Return places along an axis as text, runs of them as ranges."""
+    return f"every {axis.words}" if len(places) == len(axis.varied.values) else _runs(axis, places)
+
+
+def _runs(axis: Axis, places: Sequence[int]) -> str:
     runs: list[list[int]] = []
     for place in places:
         if runs and place == runs[-1][-1] + 1:
             runs[-1].append(place)
         else:
             runs.append([place])
-    return ", ".join(grid.x.told(r[0]) + (f" to {grid.x.told(r[-1])}" if len(r) > 1 else "") for r in runs)
+    return ", ".join(axis.told(*dict.fromkeys((run[0], run[-1]))) for run in runs)
 
 
-def _other(grid: Grid) -> str:
+def _curves(grid: Grid, curves: Sequence[int]) -> str:
+    """Return the names of curves, those of numbers as ranges; empty if there is only one."""
+    if grid.other is None:
+        return ""
+    if not grid.other.is_number:
+        return _listed([grid.curves[c] for c in curves])
+    return (
+        _places(grid.other, curves)
+        if len(curves) == len(grid.curves)
+        else f"{grid.other.words} {_runs(grid.other, curves)}"
+    )
+
+
+def _other(grid: Grid) -> Axis:
     assert grid.other is not None
-    return grid.other.words
+    return grid.other

@@ -2,23 +2,56 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import itertools
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
 from scenes.records.text import markdown_table
 from scenes.studies.lessons import answers, lessons, verdicts
 from scenes.studies.study import Grid
+from scenes.sweep.table import cell
 
-PICTURE, TEXT = "study.png", "study.md"
+PICTURE, TEXT, NUMBERS = "study.png", "study.md", "study.csv"
 """Files of a study in its folder."""
 MOST_ROWS = 48
-"""Largest number of cases that the table of a study has; `sweep.csv` has all."""
+"""Largest number of cases that the table of a study has; `study.csv` has all."""
+OFF = "± is what steps in time may put a number off by"
 
 
 def document(grid: Grid) -> str:
     """Return the report of one study."""
     return "\n".join(_study(grid, "#", "")) + "\n"
+
+
+def numbers(grid: Grid) -> str:
+    """Return the figures of all cases, what each may be off by, and whether the case is marked, as CSV."""
+    places = range(len(grid.by.varied.values)) if grid.by is not None else range(1)
+    axes = [axis for axis in (grid.x, grid.other, grid.by) if axis is not None]
+    names = [name for each in grid.measures for name in (each.name, f"{each.name}_off")]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*(axis.varied.key for axis in axes), *names, "marked"])
+    for place in places:
+        columns = [each for m in grid.measures for each in (grid.values(m.name, place), grid.errors(m.name, place))]
+        marks = grid.marked(place)
+        for k, c in itertools.product(range(len(grid.x.varied.values)), range(len(grid.curves))):
+            at = [cell(axis.varied.values[p]) for axis, p in zip(axes, _at(grid, k, c, place), strict=True)]
+            marked = "; ".join(name for name, each in marks.items() if each[k, c])
+            writer.writerow([*at, *(_cell(each[k, c]) for each in columns), marked])
+    return text.getvalue()
+
+
+def _at(grid: Grid, x: int, curve: int, by: int) -> list[int]:
+    """Return the places of a case along the axes that there are."""
+    return [x, *([curve] if grid.other is not None else []), *([by] if grid.by is not None else [])]
+
+
+def _cell(value: Any) -> str:
+    return repr(float(value)) if np.isfinite(value) else ""
 
 
 def together(grids: Mapping[str, Grid]) -> str:
@@ -56,15 +89,15 @@ def _study(grid: Grid, level: str, folder: str) -> Iterator[str]:
 def _table(grid: Grid) -> Iterator[str]:
     rows = len(grid.x.varied.values) * len(grid.curves)
     if rows > MOST_ROWS:
-        yield "All cases are in `sweep.csv`."
+        yield f"All cases are in `{NUMBERS}`, with what each number may be off by (`_off`)."
         return
-    columns = {measure: grid.values(measure.name) for measure in grid.measures}
-    header = [grid.x.label, *([grid.other.label] if grid.other else []), *(m.label for m in columns)]
+    views, marks = [grid.view(measure) for measure in grid.measures], grid.marked()
+    header = [grid.x.label, *([grid.other.label] if grid.other else []), *(each.measure.label for each in views)]
     body = []
     for k, c in np.ndindex(len(grid.x.varied.values), len(grid.curves)):
         cells = [grid.x.told(k), *([grid.other.told(c)] if grid.other else [])]
-        figures = (f"{values[k, c]:.3g}" if np.isfinite(values[k, c]) else "none" for values in columns.values())
-        body.append([*cells, *figures])
-    if grid.own:
-        yield from (f"With {grid.own}:", "")
+        marked = "; ".join(name for name, each in marks.items() if each[k, c])
+        body.append([*cells, *(each.number(k, c) for each in views), *([marked] if marks else [])])
+    header += ["marked"] if marks else []
+    yield from (f"{f'With {grid.own}; ' if grid.own else ''}{OFF}:", "")
     yield from markdown_table(header, body)

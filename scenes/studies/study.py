@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,12 @@ from scenes.language.errors import SceneError
 from scenes.language.formulas import evaluated
 from scenes.language.sweep_section import Study
 from scenes.models.loading import Scene
-from scenes.sweep.design import CASE, SAMPLE, Varied
-from scenes.sweep.links import value_at
-from scenes.sweep.table import Table, cell, is_numeric
-from worm3d.metrics import ROUNDING, named, written
+from scenes.studies.view import Axis, Measure, View
+from scenes.sweep.design import CASE, SAMPLE
+from scenes.sweep.links import given_keys, value_at
+from scenes.sweep.table import Table
+from scenes.sweep.waves import ALIASED
+from worm3d.metrics import ROUNDING, named
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import did_you_mean
 
@@ -26,56 +28,12 @@ MOST_CURVES = 5
 numbers make a map."""
 NOTHING = 1e-9
 """Magnitude of a figure, over its largest in the study, that is rounding."""
+IMAGE = f"the wave is aliased (at most {ALIASED:.1f} segments long)"
+"""Mark of cases whose segments cannot carry their wave."""
+PERIOD = "gait.period_s"
+"""Key of the time in which inertia and lags of a gait show: sentences name it where it is the same in all cases."""
 DEFAULT: Mapping[str, Any] = {"mean_speed_m_s": "more", "cost_of_transport": "less"}
 """Figures of a study that names none, and which is better."""
-
-
-@dataclass(frozen=True)
-class Axis:
-    """A varied key as people read it."""
-
-    varied: Varied
-    words: str
-
-    @property
-    def unit(self) -> str:
-        """Unit, empty for a pure number and for names."""
-        return "" if self.varied.unit == "1" else self.varied.unit
-
-    @property
-    def label(self) -> str:
-        """Words and unit."""
-        return f"{self.words} [{self.unit}]" if self.unit else self.words
-
-    @property
-    def is_number(self) -> bool:
-        """Whether its values are numbers."""
-        return is_numeric(self.varied)
-
-    def told(self, place: int) -> str:
-        """Return a value with its unit."""
-        value = cell(self.varied.values[place])
-        return f"{value:.3g} {self.unit}".strip() if isinstance(value, int | float) else str(value)
-
-
-@dataclass(frozen=True)
-class Measure:
-    """A figure of the summary as people read it."""
-
-    name: str
-    words: str
-    unit: str
-    better: str
-    """`more` or `less`, whichever is better; empty if neither is."""
-
-    @property
-    def label(self) -> str:
-        """Words and unit."""
-        return f"{self.words} [{self.unit}]" if self.unit else self.words
-
-    def told(self, value: float) -> str:
-        """Return a value with its unit."""
-        return f"{written(value, self.unit, 3)} {self.unit}".strip()
 
 
 @dataclass(frozen=True)
@@ -163,41 +121,96 @@ class Grid:
         told = self.other.told(place)
         return f"{self.other.words} {told}" if self.other.is_number else told
 
-    def values(self, name: str) -> FloatArray:
-        """Return a figure at the scene's own value of `by`, shape (X, C); NaN where a case has none, 0 for rounding."""
+    def views(self) -> Iterator[View]:
+        """Yield the figures of the study: as they are, then costs at equal figures."""
+        for measure in self.measures:
+            yield self.view(measure)
+        for figure, target in self.asked.equal.items():
+            equal = self.measure(figure)
+            for measure in self.measures:
+                if measure.name != figure and measure.better == "less" and self.by is not None:
+                    where = f"at equal {equal.words} of {equal.told(target)}, by the {self.by.words}"
+                    yield View(
+                        ", ".join([where, *self._period]),
+                        measure,
+                        *self.equal_values(measure.name, figure, target, measure.better),
+                    )
+
+    def view(self, measure: Measure, place: int | None = None) -> View:
+        """Return a figure; `place` as of `values`."""
+        return View(
+            self.at(self._own if place is None else place),
+            measure,
+            self.values(measure.name, place),
+            self.errors(measure.name, place),
+        )
+
+    def values(self, name: str, place: int | None = None) -> FloatArray:
+        """Return a figure at a place along `by`, or the scene's own, shape (X, C); NaN for none, 0 for rounding."""
         column = self._column(name)
-        known = np.abs(column[np.isfinite(column)])
-        least = max(ROUNDING.get(named(name)[1], 0.0), NOTHING * float(known.max(initial=0.0)))
-        return self._cube(np.where(np.abs(column) < least, 0.0, column))[..., self._own]
+        return self._at(np.where(np.abs(column) < self._least(name), 0.0, column), place)
 
-    def equal_values(self, name: str, figure: str, target: float, better: str) -> FloatArray:
-        """Return a figure where another one has a given value, on straight lines along `by`, shape (X, C).
+    def errors(self, name: str, place: int | None = None) -> FloatArray:
+        """Return what these may be off by through steps in time, shape (X, C); NaN where that is not known."""
+        column = self._errors(name)
+        return self._at(np.where(column < self._least(name), 0.0, column), place)
 
-        Of several such places the best counts; NaN where it is nowhere reached.
+    def _errors(self, name: str) -> FloatArray:
+        return self.table.errors.get(name, np.full(len(self.table), np.nan))
+
+    def _least(self, name: str) -> float:
+        """Return the magnitude of a figure below which it is rounding."""
+        known = np.abs(self._column(name))
+        return max(ROUNDING.get(named(name)[1], 0.0), NOTHING * float(known[np.isfinite(known)].max(initial=0.0)))
+
+    def _at(self, column: NDArray[Any], place: int | None) -> NDArray[Any]:
+        """Return a column of the table at a place along `by`, or the scene's own, shape (X, C)."""
+        return self._cube(column)[..., self._own if place is None else place]
+
+    def equal_values(self, name: str, figure: str, target: float, better: str) -> tuple[FloatArray, FloatArray]:
+        """Return a figure where another one has a given value, on straight lines along `by`, and its error.
+
+        Both have the shape (X, C). Of several such places the best counts; NaN where it is nowhere reached. A figure y
+        at a share s of the way from a case 1 to a case 2, where the figure x is the given one, may be off by
+        (1 - s) dy1 + s dy2 + |dy/dx| ((1 - s) dx1 + s dx2).
         """
         given, wanted = self._cube(self._column(figure)), self._cube(self._column(name))
+        if given.shape[-1] < 2:
+            return np.full(given.shape[:-1], np.nan), np.full(given.shape[:-1], np.nan)
         low, high = given[..., :-1] - target, given[..., 1:] - target
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.where(low * high <= 0.0, low / (low - high), np.nan)
-        at = wanted[..., :-1] + share * (wanted[..., 1:] - wanted[..., :-1])
+            slope = np.diff(wanted) / np.diff(given)
+        off, given_off = (
+            each[..., :-1] + share * np.diff(each) for each in map(self._cube, map(self._errors, (name, figure)))
+        )
+        at = wanted[..., :-1] + share * np.diff(wanted)
         worst = np.inf if better == "less" else -np.inf
-        best = (np.min if better == "less" else np.max)(np.where(np.isnan(at), worst, at), axis=-1, initial=worst)
-        found: FloatArray = np.where(np.isinf(best), np.nan, best)
-        return found
+        reached = np.where(np.isnan(at), worst, at)
+        best = (np.argmin if better == "less" else np.argmax)(reached, axis=-1)[..., None]
+        found = np.take_along_axis(np.stack([at, off + np.abs(slope) * given_off]), best[None], axis=-1)[..., 0]
+        return found[0], found[1]
 
     @cached_property
     def failed(self) -> NDArray[np.bool_]:
         """Whether each case failed, shape (X, C)."""
-        failed: NDArray[np.bool_] = self._cube(self.table.failed)[..., self._own]
-        return failed
+        return self._at(self.table.failed, None)
 
-    def marked(self) -> dict[str, NDArray[np.bool_]]:
-        """Return which cases have each property that the study marks, shape (X, C)."""
+    def marked(self, place: int | None = None) -> dict[str, NDArray[np.bool_]]:
+        """Return which cases have each property that the study marks, shape (X, C); `place` as of `values`."""
         found = {}
         with np.errstate(invalid="ignore"):
             for name, formula in self.asked.marked.items():
-                found[name] = np.asarray(evaluated(formula, self.values), dtype=bool)
-        return found
+                found[name] = np.asarray(evaluated(formula, partial(self.values, place=place)), dtype=bool)
+            aliased = self._at(np.array(self.table.segments_per_wave) <= ALIASED * (1.0 + 1e-9), place)
+        return found | ({IMAGE: aliased} if aliased.any() else {})
+
+    def left_out(self, place: int | None = None) -> NDArray[np.bool_]:
+        """Return whether each case is marked: no best is looked for there; shape (X, C), `place` as of `values`."""
+        left_out = np.zeros(self.failed.shape, dtype=bool)
+        for marked in self.marked(place).values():
+            left_out |= marked
+        return left_out
 
     @cached_property
     def _own(self) -> int:
@@ -209,8 +222,29 @@ class Grid:
 
     @property
     def own(self) -> str:
-        """Value of `by` for the curves that are not at equal figures."""
-        return "" if self.by is None else f"{self.by.words} {self.by.told(self._own)}"
+        """What the figures hold at that are not at equal figures."""
+        return self.at(self._own)
+
+    def at(self, place: int) -> str:
+        """Return the value of `by` at a place along it, and the period of the gait where no key changes it."""
+        said = [] if self.by is None else [f"{self.by.words} {self.by.told(place)}"]
+        return ", ".join([*said, *self._period])
+
+    @property
+    def _period(self) -> list[str]:
+        """The period of the gait in words; nothing where it differs between cases."""
+        period = None if PERIOD in self._given else value_at(self.scene.settings, PERIOD, None)
+        return [] if period is None else [f"period {period:g} s"]
+
+    @property
+    def elsewhere(self) -> list[int]:
+        """Places along `by` other than the scene's own."""
+        return [] if self.by is None else [k for k in range(len(self.by.varied.values)) if k != self._own]
+
+    @cached_property
+    def _given(self) -> set[str]:
+        """Keys that differ between cases, or follow from such."""
+        return {*given_keys(self.scene.sweep), *(each.varied.key for each in self._axes)}
 
     def _cube(self, column: NDArray[Any]) -> NDArray[Any]:
         """Return a column of the table along x, the second axis, and `by`; each of length 1 if there is none."""

@@ -48,6 +48,8 @@ class CaseResult:
     """Figures of `summary.json` by name; empty if it failed."""
     reasons: Mapping[str, str] = field(default_factory=dict)
     """Why a figure has no value."""
+    errors: Mapping[str, float] = field(default_factory=dict)
+    """What a figure may be off by, where that is known."""
     timing: Mapping[str, float] = field(default_factory=dict)
     """Wall-clock figures, which differ when the case is run again."""
     versions: Mapping[str, str] = field(default_factory=dict)
@@ -66,6 +68,7 @@ def result_of(key: str, record: Record, scene: Mapping[str, Any]) -> CaseResult:
         seed=record.seed,
         summary=record.summary.metrics,
         reasons=record.summary.reasons,
+        errors=record.summary.errors,
         timing=timing(record),
         versions=record.versions,
         scene=scene,
@@ -114,6 +117,7 @@ def _of_record(path: Path) -> CaseResult:
         **{name: str(said[name]) for name in ("name", "model", "status", "sentence")},
         seed=int(said["seed"]),
         reasons=summary.pop("reasons"),
+        errors=summary.pop("errors", {}),
         summary=summary,
         timing=wall,
         versions=json.loads(said["versions"]),

@@ -79,6 +79,12 @@ class Links:
         return float(value)
 
 
+def given_keys(sweep: Mapping[str, Any]) -> set[str]:
+    """Return the keys that a section [sweep] gives to its cases."""
+    choices = [keys for axis in sweep.get("choices", {}).values() for keys in axis.values()]
+    return set().union(*map(varied_keys, (sweep.get("vary", {}), sweep.get("set", {}), *choices)))
+
+
 def _names(value: Any) -> set[str]:
     """Return the names in the formula that a value is, or in those of its items."""
     if isinstance(value, list):

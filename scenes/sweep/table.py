@@ -14,6 +14,7 @@ from scenes.language.toml import value as toml_value
 from scenes.records.record import Cell, Metric
 from scenes.sweep.case_file import NOT_RUN, CaseResult
 from scenes.sweep.design import Design, Varied
+from scenes.sweep.waves import segments_per_wave
 from worm3d.values.arrays import FloatArray
 
 DONE = "done"
@@ -35,6 +36,10 @@ class Table:
     seeds: list[int] = field(default_factory=list)
     figures: dict[str, FloatArray] = field(default_factory=dict)
     """Numbers of the summaries by name, and lengths of their lists, each of shape (C,), NaN where a case has none."""
+    errors: dict[str, FloatArray] = field(default_factory=dict)
+    """What these may be off by likewise, where cases know."""
+    segments_per_wave: list[float] = field(default_factory=list)
+    """Wavelength that is commanded [segments], NaN for a gait without."""
     timing: dict[str, FloatArray] = field(default_factory=dict)
     """Wall-clock figures likewise: they differ when a case is run again."""
 
@@ -58,8 +63,10 @@ class Table:
         self.status.append(result.status)
         self.reasons.append("; ".join(sorted(set(result.reasons.values()))) if ended else result.sentence)
         self.seeds.append(result.seed)
+        self.segments_per_wave.append(segments_per_wave(result))
         if ended:
             self._enter(self.figures, row, result.summary)
+            self._enter(self.errors, row, result.errors)
             self._enter(self.timing, row, result.timing)
 
     def _enter(self, columns: dict[str, FloatArray], row: int, metrics: Mapping[str, Metric]) -> None:

@@ -228,3 +228,18 @@ def test_a_mean_has_a_standard_error(whole: Result) -> None:
     assert (spread.mean, spread.standard_error, spread.count) == (pytest.approx(whole.distance), 0.0, 24)
     with pytest.raises(ValueError, match="results: got 3, must be"):
         Spread.of([whole] * 3)
+
+
+def test_every_figure_has_an_error_that_holds() -> None:
+    """Each figure of a crawl lies within two estimates of a run that is ten times as accurate; the clock has none."""
+    crawl = TravellingWave(period=1.0, amplitude=0.25)
+    asked, exact = (simulate(Worm(), Plane(), actuation=crawl, duration=4.0, accuracy=a) for a in (0.01, 0.001))
+    assert asked.error_estimate is not None
+    errors, found, reference = dict(asked.error_estimate.figures), asked.summary(), exact.summary()
+    names = ("distance_m", "mean_speed_m_s", "speed_bl_s", "cost_of_transport", "slip_per_metre", "work_contract_J")
+    for name in (*names, "roll_margin_deg", "effort"):
+        assert abs(float(found[name]) - float(reference[name])) <= 2.0 * errors[name], name
+    assert all(0.0 < errors[name] < 0.03 * abs(float(found[name])) for name in names)
+    assert errors["duration_s"] == 0.0
+    assert errors.keys().isdisjoint(runs.OF_THE_COMPUTATION | {"status", "distance_error_m"})
+    assert (asked.error_estimate + asked.error_estimate).figures == ()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,11 +45,13 @@ class ErrorEstimate:
     steps: int
     """Steps that were solved in this run, and `runs` in all."""
     runs: int
+    figures: tuple[tuple[str, float], ...] = field(default=(), repr=False)
+    """Name and error of each number of the summary, in the unit of the number."""
 
     def __add__(self, rest: ErrorEstimate) -> ErrorEstimate:
-        """Return the estimate of a run and another that went on from its end."""
+        """Return the estimate of a run and another that went on from its end; it has no `figures`."""
         both = {each.name: getattr(self, each.name) + getattr(rest, each.name) for each in fields(self)}
-        return ErrorEstimate(**both | {"step_error": max(self.step_error, rest.step_error)})
+        return ErrorEstimate(**both | {"step_error": max(self.step_error, rest.step_error), "figures": ()})
 
     @property
     def met(self) -> bool:

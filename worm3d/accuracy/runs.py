@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,8 @@ FINAL, EARLIER, LEAST_SHARE = 2.0, 1.25, 0.03
 whichever is more, and at least by this share of what was asked for: runs may agree by chance."""
 SURE = 2.0
 """A run is made finer until so many times its estimate is as little as was asked for: errors are rarely larger."""
+OF_THE_COMPUTATION = frozenset({"real_time_factor", "newton_iterations_mean", "halved_steps"})
+"""Numbers of a summary that tell of the computation: no error is estimated for them."""
 LEAST_WAY = 0.1
 """Distance, as a fraction of the body length, that an accuracy is relative to at least."""
 
@@ -64,6 +67,7 @@ def begin(
 
     def finish() -> Result:
         found: list[FloatArray] = []
+        summaries: list[Mapping[str, Any]] = []
         seconds = 0.0
         for k, most in enumerate(allowed):
             run = Run(problem, placing, most) if k > 0 else coarsest
@@ -74,11 +78,13 @@ def begin(
                 break  # a coarser run that failed is no comparison
             if result.status is Status.DONE:
                 found.append(_measured(result))
+                summaries.append(result.summary())
             if may_be_it and len(found) > 1:
                 asked = accuracy * max(abs(float(found[-1][0])), LEAST_WAY * problem.worm.length)
                 distance, heading, work = _errors(found)
                 distance = max(distance, LEAST_SHARE * asked)
-                estimate = ErrorEstimate(distance, heading, work, asked, most, int(run.solves), k + 1)
+                figures = _errors_of_figures(summaries, accuracy)
+                estimate = ErrorEstimate(distance, heading, work, asked, most, int(run.solves), k + 1, figures)
                 result = replace(result, error_estimate=estimate)
                 if SURE * distance <= asked:
                     break
@@ -99,3 +105,17 @@ def _errors(found: list[FloatArray]) -> tuple[float, ...]:
     before = coarser[max(0, len(coarser) - 2)]
     off = np.maximum(FINAL * abs(coarser[-1] - last), EARLIER * abs(before - last))
     return tuple(off.tolist())
+
+
+def _errors_of_figures(summaries: Sequence[Mapping[str, Any]], accuracy: float) -> tuple[tuple[str, float], ...]:
+    """Return name and error of each number that the last runs all have; 0 for one that is the same in all of them."""
+    compared = summaries[-CHECKS - 1 :]
+    names = [
+        name
+        for name in compared[-1]
+        if name not in OF_THE_COMPUTATION and all(isinstance(each.get(name), float) for each in compared)
+    ]
+    values = [np.array([each[name] for name in names]) for each in compared]
+    off = np.array(_errors(values))
+    least = LEAST_SHARE * accuracy * abs(values[-1])
+    return tuple(zip(names, np.where(off > 0.0, np.maximum(off, least), 0.0).tolist(), strict=True))

@@ -101,9 +101,18 @@ def outcome(result: worm3d.Result) -> Outcome:
         reasons={**reasons, "speed_BL_per_period": reasons.get("mean_speed_m_s", "")},
         wall_s=result.wall_s,
         checkpoint=checkpoint_of(result.state),
+        errors=_errors(result),
         run=run,
         parts=parts,
     )
+
+
+def _errors(result: worm3d.Result) -> dict[str, float]:
+    """Return what figures of the summary may be off by; nothing without an accuracy."""
+    errors = {} if result.error_estimate is None else dict(result.error_estimate.figures)
+    if result.period and "mean_speed_m_s" in errors:
+        errors["speed_BL_per_period"] = errors["mean_speed_m_s"] * result.period / result.worm.length
+    return errors
 
 
 def _status(status: worm3d.Status) -> Status:

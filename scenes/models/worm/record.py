@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import fields, replace
 from typing import Any
 
@@ -51,6 +52,8 @@ def joined(earlier: Record, rest: worm3d.Result) -> worm3d.Result:
 
 
 def _error(earlier: Record, rest: worm3d.Result) -> worm3d.ErrorEstimate | None:
-    """Return the estimate of the error of both; None where a part has none."""
-    begun = restored("error_estimate", json.loads(earlier.run).get("error_estimate"), [])
+    """Return the estimate of the error of both; None where a part has none, or another version's."""
+    begun = None
+    with suppress(KeyError):
+        begun = restored("error_estimate", json.loads(earlier.run).get("error_estimate"), [])
     return None if begun is None or rest.error_estimate is None else begun + rest.error_estimate

@@ -1,0 +1,94 @@
+"""What the figures of a study are called and how they are written: axes, figures of the summary, views of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenes.sweep.design import Varied
+from scenes.sweep.table import cell, is_numeric
+from worm3d.metrics import with_error, written
+from worm3d.values.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A varied key as people read it."""
+
+    varied: Varied
+    words: str
+
+    @property
+    def unit(self) -> str:
+        """Unit, empty for a pure number and for names."""
+        return "" if self.varied.unit == "1" else self.varied.unit
+
+    @property
+    def label(self) -> str:
+        """Words and unit."""
+        return f"{self.words} [{self.unit}]" if self.unit else self.words
+
+    @property
+    def is_number(self) -> bool:
+        """Whether its values are numbers."""
+        return is_numeric(self.varied)
+
+    def told(self, *places: int) -> str:
+        """Return a value with its unit, or a range from a first to a last one."""
+        values = [cell(self.varied.values[place]) for place in places]
+        words = " to ".join(f"{value:.3g}" if isinstance(value, int | float) else str(value) for value in values)
+        return f"{words} {self.unit}".strip()
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A figure of the summary as people read it."""
+
+    name: str
+    words: str
+    unit: str
+    better: str
+    """`more` or `less`, whichever is better; empty if neither is."""
+
+    @property
+    def label(self) -> str:
+        """Words and unit."""
+        return f"{self.words} [{self.unit}]" if self.unit else self.words
+
+    def told(self, value: float) -> str:
+        """Return a value with its unit."""
+        return f"{written(value, self.unit, 3)} {self.unit}".strip()
+
+
+@dataclass(frozen=True)
+class View:
+    """A figure of the cases, as it is or at equal values of another."""
+
+    where: str
+    """Words for what it holds at; empty if nothing is to be said."""
+    measure: Measure
+    values: FloatArray
+    """Shape (X, C), NaN where a case has none."""
+    off: FloatArray
+    """What the values may be off by, shape (X, C), NaN where that is not known."""
+
+    @property
+    def unknown(self) -> NDArray[np.bool_]:
+        """Whether a case has a value whose error is not known, although those of others are, shape (X, C)."""
+        lacking: NDArray[np.bool_] = np.isfinite(self.values) & ~np.isfinite(self.off) & np.isfinite(self.off).any()
+        return lacking
+
+    def without(self, left_out: NDArray[np.bool_]) -> View:
+        """Return the view without some cases, shape (X, C), and without those that are `unknown`."""
+        return replace(self, values=np.where(left_out | self.unknown, np.nan, self.values))
+
+    def told(self, x: int, curve: int) -> str:
+        """Return the value of a case with its error and its unit."""
+        return f"{self.number(x, curve)} {self.measure.unit}".strip()
+
+    def number(self, x: int, curve: int) -> str:
+        """Return the value of a case with its error; `none` where it has no value."""
+        value, off = float(self.values[x, curve]), float(self.off[x, curve])
+        return with_error(value, off, self.measure.unit) if np.isfinite(value) else "none"
