@@ -1,20 +1,21 @@
 """Controllers and their parts by name, as scenes choose them: those that ship, and a user's own as `module:Class`.
 
-A controller of your own is a class with the class method `of`, which takes what `control.loop.WaveController.of` takes,
-and returns an object with the methods of `worm3d.actuation.Controller`: `reset()` and `step(t, measurement)`, which
-returns a `worm3d.Command`. If it is a `control.loop.WaveController`, runs also record its decisions and estimates. What
-ships has a row in `CONTROLLERS`, `ESTIMATORS` or `MODELS`.
+A controller of your own is a class, marked as one (`control.parts`), with the class method `of`, which takes what
+`control.loop.WaveController.of` takes, and returns an object with the methods of `worm3d.actuation.Controller`:
+`reset()` and `step(t, measurement)`, which returns a `worm3d.Command`. If it is a `control.loop.WaveController`, runs
+also record its decisions and estimates. What ships has a row in `CONTROLLERS`, `ESTIMATORS` or `MODELS`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from importlib import import_module
 from inspect import Parameter, signature
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from control.gaits.steering import Mechanism
 from control.identification.identified import Identified
+from control.parts import CONTROLLER, ESTIMATOR, MODEL
 from control.sensing.sensors import Channel
 from control.tracking.references import Reference
 from worm3d import Worm
@@ -51,10 +52,6 @@ ESTIMATORS = {"kalman": Listed("a Kalman filter with several beliefs", "control.
 MODELS = {"reduced": Listed("the worm averaged over a wave, (R1)", "control.estimation.reduced", "ReducedModel")}
 """Models of planners and estimators by the name that scenes use."""
 
-CONTROLLER_FORM = "a class with of(worm, reference, identified, mechanism, control_period, sensors)"
-ESTIMATOR_FORM = "a class with for_sensors(worm, model, schedule, sensors)"
-MODEL_FORM = "a class with of(worm, identified, mechanism), such as control.estimation.reduced.ReducedModel"
-
 
 def controller(name: str) -> Any:
     """Return the class of a controller, which is imported only now: its solvers take a while.
@@ -64,17 +61,17 @@ def controller(name: str) -> Any:
     ValueError
         There is no such controller, or what has that name is none.
     """
-    return _found(CONTROLLERS, name, "a controller", _has("of"), CONTROLLER_FORM)
+    return _found(CONTROLLERS, name, CONTROLLER)
 
 
 def estimator(name: str) -> Any:
     """Return the class of an estimator; ValueError as of `controller`."""
-    return _found(ESTIMATORS, name, "an estimator", _has("for_sensors"), ESTIMATOR_FORM)
+    return _found(ESTIMATORS, name, ESTIMATOR)
 
 
 def model(name: str) -> Any:
     """Return the class of a reduced model; ValueError as of `controller`."""
-    return _found(MODELS, name, "a model", _has("of"), MODEL_FORM)
+    return _found(MODELS, name, MODEL)
 
 
 def refused(name: str, parts: Mapping[str, Any]) -> str | None:
@@ -129,13 +126,9 @@ def made(
     return driver
 
 
-def _found(known: Mapping[str, Listed], name: str, what: str, fits: Callable[[Any], bool], form: str) -> Any:
+def _found(known: Mapping[str, Listed], name: str, kind: named.Kind) -> Any:
     if name in known:
         return getattr(import_module(known[name].module), known[name].name)
     if not named.is_own(name):
         raise ValueError(named.unknown(name, known))
-    return named.own(name, what, fits, form)
-
-
-def _has(method: str) -> Callable[[Any], bool]:
-    return lambda part: isinstance(part, type) and callable(getattr(part, method, None))
+    return named.own(name, kind)

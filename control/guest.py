@@ -25,6 +25,7 @@ from control.sensing.sensors import Channel, Measurement
 from control.tracking.references import Reference
 from worm3d import Command, Worm
 from worm3d.actuation import Controller
+from worm3d.values.named import EXCEPTIONS
 
 RAISED = "exception"
 """Kind of the fault of a guest that raised exceptions."""
@@ -95,7 +96,7 @@ class Guest(WaveController):
             command = self.guest.step(t, measurement)
             if not isinstance(command, Command):
                 raise TypeError(f"step returned {type(command).__name__}, must be a worm3d.Command")
-        except Exception as error:
+        except EXCEPTIONS as error:
             complaint = complaint_of(error)
             if not self._raised:
                 _LOG.warning("no command at %.3f s; further exceptions are counted only", t, exc_info=error)

@@ -32,6 +32,7 @@ from control.tracking.references import Reference
 from worm3d import Command, Worm
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.named import EXCEPTIONS
 
 Source = Literal["mpc", "shifted plan", "gait", "stop", "pi_los", "open_loop", "own", "climb"]
 SOURCES: tuple[Source, ...] = get_args(Source)
@@ -278,7 +279,7 @@ class WaveController(ABC):
                 self.watch.report([steep])
                 return Choice("stop", rest(self._target), steep.what)
             choice, self._held = self._choose(t, estimate), 0
-        except Exception as error:
+        except EXCEPTIONS as error:
             _LOG.warning("no decision at %.3f s", t, exc_info=error)
             self._held += 1
             if self._held <= MOST_HELD:
@@ -303,7 +304,7 @@ class KnownHeading:
         return self._known
 
 
-def complaint_of(error: Exception) -> str:
+def complaint_of(error: BaseException) -> str:
     """Return an exception as a line."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST_COMPLAINT]
 

@@ -40,6 +40,7 @@ from control.tracking.preview import turn_of_path
 from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values import arguments
+from worm3d.values.named import EXCEPTIONS
 
 Deadline = Literal["iterations", "wall"]
 
@@ -246,7 +247,7 @@ def _tried(act: Callable[..., Any], *given: Any) -> tuple[Any, str]:
     """Return what a function returns and an empty text, or None and why it raised an exception."""
     try:
         return act(*given), ""
-    except Exception as error:
+    except EXCEPTIONS as error:
         return None, complaint_of(error)
 
 

@@ -28,6 +28,7 @@ from worm3d.state import State
 from worm3d.status import Status, Stop
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.named import EXCEPTIONS
 from worm3d.view import Observation, View
 
 HALVINGS = 6
@@ -107,7 +108,7 @@ class Run:
             if first is not None:
                 ask(self.core, first)  # from this command the actuators' ramp begins
             self._forces(self.time(0))  # wrong shapes show before the first step
-        except Exception as error:
+        except EXCEPTIONS as error:
             if _is_ours(error):
                 raise
             self.begun, self.complaint = Status.BAD_COMMAND, _complaint(error)
@@ -220,7 +221,7 @@ class Run:
                 if self.external_force is not None:
                     forces.append(self._forces(t))
                 commands.append(self._command(t) if table is None else table[k])
-        except Exception as error:
+        except EXCEPTIONS as error:
             self.complaint = _complaint(error)
         return np.array(commands).reshape(-1, 5 * self.n), forces[: len(commands)]
 
@@ -261,7 +262,7 @@ class Run:
             status = self._part(command, self.done, 0.5, HALVINGS - 1)
             if status is Status.DONE:
                 status = self._part(command, self.done + 0.5, 0.5, HALVINGS - 1)
-        except Exception as error:
+        except EXCEPTIONS as error:
             self.complaint, status = _complaint(error), Status.BAD_COMMAND
         if status is not Status.DONE:
             self.plant.remember(before)  # the parts are no finished step
@@ -352,13 +353,13 @@ class Run:
         )
 
 
-def _is_ours(error: Exception) -> bool:
+def _is_ours(error: BaseException) -> bool:
     """Return whether it is a complaint of this package, not an error in the user's code."""
     raised_in = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
     return isinstance(error, ValueError) and raised_in.is_relative_to(Path(__file__).parent)
 
 
-def _complaint(error: Exception) -> str:
+def _complaint(error: BaseException) -> str:
     """Return what an error says; one that the user's code raises, no complaint of ours about its values, is logged."""
     if _is_ours(error):
         return str(error)

@@ -19,6 +19,7 @@ from control.tracking.preview import ANY, Ability, speed_at
 from control.tracking.references import Reference
 from worm3d import Command, Worm
 from worm3d.values.arrays import FloatArray
+from worm3d.values.named import EXCEPTIONS
 
 AT_LIMIT = 0.97
 """Share of the greatest amplitude and frequency from which a wave is as fast as it gets."""
@@ -115,7 +116,7 @@ class Watch:
             if self._parameters is not None and self._parameters.amplitude == 0.0:
                 asked = np.minimum(asked, 0.0)  # it rests because it was told to, and not for want of speed
             way = self._way(place, max(float(asked[0, -1]), 0.0))
-        except Exception:  # anybody may write references; the fallback deals with these
+        except EXCEPTIONS:  # anybody may write references; the fallback deals with these
             _LOG.warning("at %.3f s nothing is known of the reference", end, exc_info=True)
             asked, way, back = np.full(MOMENTS, nan), _Way(), False
         at_limit, made, expected = self._ability()

@@ -9,6 +9,7 @@ s > length), a closed one repeats, its heading counting on. Places lie to the le
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, Protocol, get_args, runtime_checkable
@@ -37,28 +38,34 @@ class Path(Protocol):
     """A path that can be followed."""
 
     @property
+    @abstractmethod
     def length(self) -> float:
         """Length, infinite for a line without end [m]."""
 
     @property
+    @abstractmethod
     def closed(self) -> bool:
         """Whether it leads back to its start."""
 
+    @abstractmethod
     def point(self, s: ArrayLike) -> FloatArray:
         """Return the points at arc lengths of shape (...) [m], shape (..., 2) [m]."""
 
+    @abstractmethod
     def heading(self, s: ArrayLike) -> FloatArray:
         """Return the azimuths of the path there, continuous along it, shape (...) [rad]."""
 
+    @abstractmethod
     def curvature(self, s: ArrayLike) -> FloatArray:
         """Return the curvatures of the path there, positive to the left, shape (...) [1/m]."""
 
+    @abstractmethod
     def project(self, xy: ArrayLike, near: float | None = None) -> FloatArray:
         """Return the arc lengths of the points nearest to places (..., 2) [m], shape (...); by preference near one."""
 
 
 @dataclass(frozen=True)
-class Line(Spelled):
+class Line(Spelled, Path):
     """A straight line."""
 
     start: tuple[float, float] = (0.0, 0.0)
@@ -92,7 +99,7 @@ class Line(Spelled):
 
 
 @dataclass(frozen=True)
-class Circle(Spelled):
+class Circle(Spelled, Path):
     """A circle."""
 
     radius: float
@@ -144,7 +151,7 @@ class Circle(Spelled):
 
 
 @dataclass(frozen=True)
-class SCurve(Curve):
+class SCurve(Curve, Path):
     """A sine wave, y = amplitude sin(2 pi x / wavelength), turned so that it begins along `azimuth`."""
 
     amplitude: float = 0.4
@@ -182,7 +189,7 @@ class SCurve(Curve):
 
 
 @dataclass(frozen=True, eq=False)
-class SplinePath(ReadOnly, Curve):
+class SplinePath(ReadOnly, Curve, Path):
     """A cubic spline through points, with continuous curvature; over the chords, and natural at its ends."""
 
     points: FloatArray
@@ -210,7 +217,7 @@ class SplinePath(ReadOnly, Curve):
 
 
 @dataclass(frozen=True, eq=False)
-class PlanView(ReadOnly, Curve):
+class PlanView(ReadOnly, Curve, Path):
     """The centre line of a pipe seen from above."""
 
     centreline: Centreline

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from scenes.commands.arguments import Force, Out, Overrides, Quiet, ResultArgument, SceneArgument, path_of
+from scenes.commands.arguments import Force, NoCode, Out, Overrides, Quiet, ResultArgument, SceneArgument, path_of
 from scenes.commands.gait_app import gait
 from scenes.commands.study_app import studies
 from scenes.language.errors import SceneError
@@ -54,6 +54,7 @@ def run(
     out: Out = None,
     force: Force = False,
     quiet: Quiet = False,
+    no_code: NoCode = False,
     duration: Annotated[str | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Run a scene.
@@ -99,7 +100,7 @@ def resume(
 
 
 @app.command()
-def check(scene: SceneArgument, o: Overrides = None) -> None:
+def check(scene: SceneArgument, o: Overrides = None, no_code: NoCode = False) -> None:
     """Check a scene without running it.
 
     All mistakes are listed at once, a line each.
@@ -170,6 +171,7 @@ def view(
     speed: Annotated[float, typer.Option(min=0.01, max=1000.0, help="With --live: simulated over real time.")] = 1.0,
     skin: Annotated[bool, typer.Option(help="Cover the worm with a smooth skin; without it: chambers, links.")] = True,
     no_open: Annotated[bool, typer.Option("--no-open", help="Only name the page.")] = False,
+    no_code: NoCode = False,
 ) -> None:
     """Open the page of a result in a browser, or watch a run while it goes on.
 

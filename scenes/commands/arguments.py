@@ -15,6 +15,13 @@ def path_of(text: str) -> Path:
     return Path(text)
 
 
+def _refuse_code(context: typer.Context, asked: bool) -> None:
+    from worm3d.values.named import code_refused
+
+    if asked:
+        context.with_resource(code_refused())
+
+
 SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A name of 'worm3d list', or a TOML file.")]
 ResultArgument = Annotated[Path, typer.Argument(metavar="RESULT", help="Folder of a run, or its result.nc.")]
 Overrides = Annotated[
@@ -22,4 +29,11 @@ Overrides = Annotated[
 ]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", parser=path_of, help="Folder to write to.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
+NoCode = Annotated[
+    bool,
+    typer.Option(
+        "--no-code", callback=_refuse_code, help="Refuse a scene that names a module (module:NAME), which it would run."
+    ),
+]
+"""Holds while the command runs; the command itself needs not look at it."""
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print only what went wrong.")]

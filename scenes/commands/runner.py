@@ -123,8 +123,16 @@ def simulate(
 
     With a first part of the run the simulation goes on from its end, and the record is that of the whole run. With
     `how` it is seen in a live view, where the model has one.
+
+    Raises
+    ------
+    SceneError
+        The plant or a part of the user's own refuses the scene.
     """
-    outcome = _outcome(scene, observer, earlier, how)
+    try:
+        outcome = _outcome(scene, observer, earlier, how)
+    except SystemExit as error:  # of a part of the user's own, whose mistake it is: nothing of ours ends so in a run
+        raise SceneError(f"{scene.name}: a part of your own raised SystemExit({error.code!r})") from error
     return Record(
         name=scene.name,
         model=scene.model.name,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scenes.commands.arguments import Force, Out, Overrides, Quiet, SceneArgument, path_of
+from scenes.commands.arguments import Force, NoCode, Out, Overrides, Quiet, SceneArgument, path_of
 from scenes.language.errors import SceneError
 
 studies = typer.Typer(rich_markup_mode=None)
@@ -54,6 +54,7 @@ def sweep(
     out: Out = None,
     force: Anew = False,
     quiet: Quiet = False,
+    no_code: NoCode = False,
 ) -> None:
     """Run a scene many times, some of its keys varied.
 
@@ -84,6 +85,7 @@ def study(
     out: Out = None,
     force: Anew = False,
     quiet: Quiet = False,
+    no_code: NoCode = False,
 ) -> None:
     """Run a study: a sweep, its table and figure, and what a designer learns from it in sentences.
 

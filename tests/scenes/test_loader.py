@@ -341,11 +341,22 @@ def test_checks_know_the_default_of_the_kind() -> None:
         parse_scene('model = "worm"\n[gait]\nperiod_s = -1\n', "mine")
 
 
+OWN_CONTROLLER = """
+from control.parts import part
+
+
+@part("controller")
+class Own:
+    @classmethod
+    def of(cls, *given): ...
+"""
+
+
 @pytest.mark.parametrize(("written", "steers"), [("", "both"), ("pi_los", "hinge"), ("my_steered:Own", "hinge")])
 def test_the_mechanism_that_is_left_out_is_that_of_the_controller(
     written: str, steers: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "my_steered.py").write_text("class Own:\n    @classmethod\n    def of(cls, *given): ...\n")
+    (tmp_path / "my_steered.py").write_text(OWN_CONTROLLER)
     monkeypatch.syspath_prepend(tmp_path)
     kind = (f"controller.kind={written}",) if written else ()
     assert load_scene("path_line", kind).settings.controller.mechanism == steers

@@ -20,10 +20,12 @@ from dataclasses import dataclass
 import worm3d
 from control.estimation.estimator import Estimator
 from control.gaits import steering
+from control.parts import part
 from control.planning.terms import CostTerm
 from control.tracking.paths import Line
 
 
+@part("controller")
 class Blind:
     @classmethod
     def of(cls, worm, reference, identified, mechanism, control_period, sensors):
@@ -58,8 +60,34 @@ class Still(Blind):
         return self.generator.step(0.0, steering.GaitParameters(0.0, 0.8))
 
 
+@part("controller")
+@part("estimator")
 class NoOf:
     pass
+
+
+class Unmarked:
+    @classmethod
+    def of(cls, *given):
+        raise AssertionError("called")
+
+    for_sensors = of
+
+
+@part("path")
+def diagonal():
+    return Line(azimuth=0.5)
+
+
+@part("path")
+class Nowhere:
+    def __init__(self):
+        raise SystemExit(3)
+
+
+@part("term")
+def three():
+    return 3
 
 
 class Raises(Blind):
@@ -88,6 +116,7 @@ class Wrong(Thrift):
 
 
 DIAGONAL = Line(azimuth=0.5)
+UNMARKED = Unmarked()
 
 
 class Own(Estimator):
@@ -99,6 +128,7 @@ class Own(Estimator):
 def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     (tmp_path / "own_parts.py").write_text(MODULE)
     (tmp_path / "own_broken.py").write_text("import nothing_of_that_name\n")
+    (tmp_path / "own_ends.py").write_text("import sys\nsys.exit(4)\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     yield
@@ -169,7 +199,8 @@ def test_tolerances_and_gains_of_scenes_arrive() -> None:
 
 
 def test_own_paths_and_estimators_are_used() -> None:
-    assert path_of(line("reference.kind=own_parts:DIAGONAL").settings).azimuth == 0.5
+    for name in ("DIAGONAL", "diagonal"):
+        assert path_of(line(f"reference.kind=own_parts:{name}").settings).azimuth == 0.5
     found = controller_of(line("controller.estimator=own_parts:Own").settings).estimator
     assert type(found).__name__ == "Own"
 
@@ -183,8 +214,22 @@ def test_own_paths_and_estimators_are_used() -> None:
         ("controller.kind=own_parts:Blnd", "has no 'Blnd'; did you mean 'Blind'?"),
         ("controller.kind=own_parts:NoOf", "must be a controller: a class with of("),
         ("controller.kind=own_parts:", "or module:NAME"),
-        ("reference.kind=own_parts:NoOf", "must be a path"),
-        ('cost.parts=["speed", "own_parts:NoOf"]', "must be a control.planning.terms.CostTerm"),
+        ("reference.kind=own_parts:NoOf", "is the class NoOf, not marked as a path: derive it from control.tracking"),
+        ("reference.kind=own_parts:UNMARKED", "is an object of Unmarked, not marked as a path: derive its class from"),
+        ("reference.kind=own_parts:Nowhere", "own_parts:Nowhere() raised SystemExit: 3"),
+        (
+            "controller.kind=own_parts:Unmarked",
+            "or write @part('controller') above it (from control.parts import part)",
+        ),
+        (
+            "controller.model=own_parts:Blind",
+            "the class Blind, not marked as a model: derive it from control.estimation",
+        ),
+        ('cost.parts=["speed", "own_parts:NoOf"]', "not marked as a term of the cost: derive it from control.planning"),
+        ('cost.parts=["own_parts:three"]', "three() is an object of int, must be a term of the cost, with all that"),
+        ("controller.kind=own_ends:Blind", "the module 'own_ends' cannot be imported: SystemExit: 4"),
+        ("controller.kind=os:abort", "os:abort: 'os' is a module of Python itself; a module of your own needs another"),
+        ("controller.kind=pip.__main__:main", "'pip.__main__' is a program, which ends when it has run"),
         ('cost.parts=["sped"]', "did you mean 'speed'?"),
         ("cost.parts=[]", "parts: got none, must be at least one"),
         ("controller.estimator=own_parts:NoOf", "a class with for_sensors"),

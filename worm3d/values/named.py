@@ -1,20 +1,74 @@
 """Parts by name: those of a registry, or a user's own as `module:NAME`, such as `my_robot:MyController`.
 
-The module is one that Python finds, or a file in the current folder. NAME is what it calls the part: a class, or
-where parts are used as they are, an object.
+The module is one that Python finds, or a file in the current folder. NAME is what it calls the part: a class, or where
+parts are used as they are, an object or a function that returns one. A name in a scene must not make a program out of
+whatever happens to be installed: a part has to be marked for the kind that is asked for, by its base class or by
+`marked`, and nothing that is not is called. The module itself is imported, which runs what stands in it.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import BuiltinFunctionType, FunctionType
+from typing import Any, TypeVar
+
+T = TypeVar("T", bound=Callable[..., Any])
 
 LONGEST = 200
 """Number of characters of an exception's text that are kept."""
+EXCEPTIONS = (Exception, SystemExit)
+"""Exceptions of a user's own code that become a sentence. A SystemExit is one: it would end this program silently."""
+FUNCTIONS = (FunctionType, BuiltinFunctionType)
+MARK = "__worm3d_parts__"
+"""Attribute of a class or function: the kinds of parts that it is marked as."""
+_bases, _names, _title = (type.__dict__[name].__get__ for name in ("__mro__", "__dict__", "__name__"))
+"""Bases of a class, itself included, its attributes and its name; they run no code of a metaclass."""
+_code_is_refused: ContextVar[bool] = ContextVar("_code_is_refused", default=False)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of parts that users write."""
+
+    name: str
+    """Name, as `marked` takes it."""
+    what: str
+    """With its article: "a controller"."""
+    module: str
+    """Module of its base class, imported when a part of this kind is asked for."""
+    base: str
+    """Name of the base class there."""
+    form: str = ""
+    """Class method that a class of this kind has, with its arguments; empty for parts that are objects."""
+
+    @property
+    def base_class(self) -> type:
+        """Class from which a part may be derived."""
+        found: type = getattr(import_module(self.module), self.base)
+        return found
+
+    def marks(self, part: Any) -> bool:
+        """Return whether a class, function or object is marked as one, by its class or by `marked`; runs none of it."""
+        return self.name in _marks(part) or self.base_class in _bases(_class_of(part))
+
+    def accepts(self, part: Any) -> bool:
+        """Return whether a marked part has the form of one."""
+        return not self.form or (_is_class(part) and callable(getattr(part, self.form.partition("(")[0], None)))
+
+
+def marked(kind: str, part: T) -> T:
+    """Mark a class or function as a part of a kind; TypeError for anything else."""
+    if not (_is_class(part) or type(part) is FunctionType):
+        raise TypeError(f"part: got {_described(part)}, must be a class or a function")
+    setattr(part, MARK, frozenset({*_marks(part), kind}))
+    return part
 
 
 def is_own(name: str) -> bool:
@@ -23,36 +77,45 @@ def is_own(name: str) -> bool:
     return bool(colon) and attribute.isidentifier() and all(map(str.isidentifier, module.split(".")))
 
 
-def own(name: str, what: str, fits: Callable[[Any], bool], allowed: str) -> Any:
-    """Return a user's own part.
+@contextmanager
+def code_refused() -> Iterator[None]:
+    """While entered, a user's own parts are refused, and no module of theirs is imported."""
+    token = _code_is_refused.set(True)
+    try:
+        yield
+    finally:
+        _code_is_refused.reset(token)
+
+
+def own(name: str, kind: Kind) -> Any:
+    """Return a user's own part, of which nothing is called.
 
     Parameters
     ----------
     name : str
         `module:NAME`.
-    what : str
-        What it is, for errors: "a controller".
-    fits : callable
-        Part -> whether it can be one.
-    allowed : str
-        What can be one: "a class with of(...)".
+    kind : Kind
+        What it has to be.
 
     Raises
     ------
     ValueError
-        There is no such module or part, the module cannot be imported, or the part is of another kind.
+        There is no such module or part, the module cannot be imported, the part is not marked for the kind or has not
+        its form, or users' own parts are refused.
     """
     if not is_own(name):
-        raise ValueError(f"got {name!r}, must be {what} of your own as module:NAME")
+        raise ValueError(f"got {name!r}, must be {kind.what} of your own as module:NAME")
     module, _, attribute = name.partition(":")
+    _require_allowed(name, module)
     part = _attribute(_imported(module), module, attribute)
-    if not fits(part):
-        kind = f"the class {part.__name__}" if isinstance(part, type) else f"an object of {type(part).__name__}"
-        raise ValueError(f"{name} is {kind}, must be {what}: {allowed}")
+    if not kind.marks(part):
+        raise ValueError(f"{name} is {_described(part)}, not marked as {kind.what}: {_how(part, kind)}")
+    if not kind.accepts(part):
+        raise ValueError(f"{name} is {_described(part)}, must be {kind.what}: a class with {kind.form}")
     return part
 
 
-def ready(name: str, kind: type, allowed: str) -> Any:
+def ready(name: str, kind: Kind) -> Any:
     """Return a user's own part as an object of a kind; a class, or a function, is called without arguments.
 
     Raises
@@ -60,19 +123,22 @@ def ready(name: str, kind: type, allowed: str) -> Any:
     ValueError
         As of `own`, or calling it raises an exception.
     """
-    found = own(name, allowed, lambda part: callable(part) or isinstance(part, kind), "or a class of that kind")
-    if isinstance(found, kind) and not isinstance(found, type):
+    found = own(name, kind)
+    base = kind.base_class
+    if not _is_class(found) and isinstance(found, base):
         return found
     try:
         made = found()
-    except Exception as error:
+    except EXCEPTIONS as error:
         raise ValueError(f"{name}() raised {told(error)}") from error
-    if not isinstance(made, kind):
-        raise ValueError(f"{name}() is an object of {type(made).__name__}, must be {allowed}")
+    if _is_class(made) or not isinstance(made, base):
+        raise ValueError(
+            f"{name}() is {_described(made)}, must be {kind.what}, with all that {kind.module}.{kind.base} has"
+        )
     return made
 
 
-def told(error: Exception) -> str:
+def told(error: BaseException) -> str:
     """Return an exception of a user's own part as a line."""
     text = str(error) if isinstance(error, ValueError) and str(error) else f"{type(error).__name__}: {error}"
     return " ".join(text.split())[:LONGEST]
@@ -86,6 +152,50 @@ def unknown(name: str, known: Iterable[str]) -> str:
     return f"got {name!r}, must be one of {', '.join(map(repr, words))}, or module:NAME{meant}"
 
 
+def _is_class(part: Any) -> bool:
+    return issubclass(type(part), type)
+
+
+def _class_of(part: Any) -> Any:
+    return part if _is_class(part) else type(part)
+
+
+def _marks(part: Any) -> frozenset[str]:
+    """Return the kinds that a function, or a class or one of its bases, is marked as by hand."""
+    is_function = type(part) is FunctionType
+    spaces = [part.__dict__] if is_function else [_names(base) for base in _bases(_class_of(part))]
+    return frozenset().union(*(space.get(MARK, ()) for space in spaces))
+
+
+def _described(part: Any) -> str:
+    """Return what something is, in words; what its class says of itself is not asked."""
+    if _is_class(part):
+        return f"the class {_title(part)}"
+    return "a function" if type(part) in FUNCTIONS else f"an object of {_title(type(part))}"
+
+
+def _how(part: Any, kind: Kind) -> str:
+    """Return what to write so that a part is marked."""
+    by_hand = f"write @part({kind.name!r}) above it (from control.parts import part)"
+    if type(part) in FUNCTIONS and not kind.form:
+        return by_hand
+    whose = "derive it" if _is_class(part) else "derive a class" if type(part) in FUNCTIONS else "derive its class"
+    return f"{whose} from {kind.module}.{kind.base}, or {by_hand}"
+
+
+def _require_allowed(name: str, module: str) -> None:
+    """Refuse what cannot be a user's own part, before it is imported."""
+    first = module.partition(".")[0]
+    if _code_is_refused.get():
+        raise ValueError(f"{name} is code of a module, refused here (--no-code): choose a part that ships with worm3d")
+    if first in sys.stdlib_module_names:
+        raise ValueError(f"{name}: {first!r} is a module of Python itself; a module of your own needs another name")
+    if module.endswith(".__main__"):
+        raise ValueError(
+            f"{name}: {module!r} is a program, which ends when it has run; move the part to another module"
+        )
+
+
 def _imported(module: str) -> Any:
     here = str(Path.cwd())
     if here not in sys.path:
@@ -96,15 +206,14 @@ def _imported(module: str) -> Any:
         if error.name is not None and (module == error.name or module.startswith(f"{error.name}.")):
             raise ValueError(f"there is no module {module!r}, neither installed nor as a file in {here}") from None
         raise ValueError(f"the module {module!r} cannot be imported: {error}") from error
-    except Exception as error:
+    except EXCEPTIONS as error:
         raise ValueError(f"the module {module!r} cannot be imported: {told(error)}") from error
 
 
 def _attribute(found: Any, module: str, attribute: str) -> Any:
-    try:
-        return getattr(found, attribute)
-    except AttributeError:
-        names = [name for name in vars(found) if not name.startswith("_")]
-        close = get_close_matches(attribute, names, n=1)
+    names: dict[str, Any] = object.__getattribute__(found, "__dict__")  # and no __getattr__ of the module
+    if attribute not in names:
+        close = get_close_matches(attribute, [name for name in names if not name.startswith("_")], n=1)
         meant = f"; did you mean {close[0]!r}?" if close else ""
-        raise ValueError(f"the module {module!r} has no {attribute!r}{meant}") from None
+        raise ValueError(f"the module {module!r} has no {attribute!r}{meant}")
+    return names[attribute]

@@ -16,9 +16,10 @@ from control.gaits.steering import WAVES, Wave
 from control.identification import identified as kept
 from control.identification.identified import Identified
 from control.loop import WaveController
-from control.planning.constraints import CONSTRAINTS, Constraint
+from control.parts import CONSTRAINT, PATH, TERM
+from control.planning.constraints import CONSTRAINTS
 from control.planning.suited import suited
-from control.planning.terms import TERMS, CostTerm
+from control.planning.terms import TERMS
 from control.sensing.sensors import QUANTITIES, Sensors
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Disc, Profile, Reference, Sine, Steps
@@ -50,7 +51,7 @@ def controller_of(scene: ControlScene) -> WaveController:
         driver = made(
             asked.kind, worm, reference_of(scene), found, asked.mechanism, asked.period_s, told, **parts_of(scene)
         )
-    except Exception as error:
+    except named.EXCEPTIONS as error:
         names = (asked.kind, asked.estimator, asked.model, *scene.cost.parts, *scene.constraints.parts)
         own = [name for name in names if named.is_own(name)]
         if not own:
@@ -77,20 +78,18 @@ def parts_of(scene: ControlScene) -> dict[str, Any]:
     if gains != part_of(Gains, usual, prefix="gain_"):
         parts["gains"] = gains
     for key, given, registry, kind in (
-        ("terms", scene.cost, TERMS, CostTerm),
-        ("constraints", scene.constraints, CONSTRAINTS, Constraint),
+        ("terms", scene.cost, TERMS, TERM),
+        ("constraints", scene.constraints, CONSTRAINTS, CONSTRAINT),
     ):
         if given != type(given)():
             parts[key] = _listed(given, registry, kind)
     return parts
 
 
-def _listed(section: Cost | Constraints, registry: Mapping[str, Any], kind: type) -> list[Any]:
+def _listed(section: Cost | Constraints, registry: Mapping[str, Any], kind: named.Kind) -> list[Any]:
     """Return the parts of a section: those of a registry with the section's parameters, and the user's own."""
     return [
-        part_of(registry[name], section, prefix=f"{name}_")
-        if name in registry
-        else named.ready(name, kind, f"a {kind.__module__}.{kind.__qualname__}")
+        part_of(registry[name], section, prefix=f"{name}_") if name in registry else named.ready(name, kind)
         for name in section.parts
     ]
 
@@ -148,6 +147,11 @@ def map_name(scene: ControlScene) -> str:
 
 def reference_of(scene: ControlScene) -> Reference:
     """Return what the worm is asked to do."""
+    return reference_along(scene, path_of(scene))
+
+
+def reference_along(scene: ControlScene, path: Path | None) -> Reference:
+    """Return what the worm is asked to do, given its path."""
     asked = scene.reference
     heading = None
     if asked.kind == "heading":
@@ -156,7 +160,7 @@ def reference_of(scene: ControlScene) -> Reference:
     return Reference(
         speed_of(asked),
         heading,
-        path_of(scene),
+        path,
         ends=asked.ends,
         corridor=math.inf if asked.corridor_m is None else asked.corridor_m,
         obstacles=tuple(Disc(each.x_m, each.y_m, each.radius_m) for each in asked.obstacles),
@@ -182,7 +186,7 @@ def path_of(scene: ControlScene) -> Path | None:
     """Return the path, if there is one; ValueError if there can be no such path."""
     kind = scene.reference.kind
     if named.is_own(kind):
-        path: Path = named.ready(kind, Path, "a path, with all that control.tracking.paths.Path has")
+        path: Path = named.ready(kind, PATH)
         return path
     make = PATHS.get(kind)
     return None if make is None else make(scene)

@@ -15,10 +15,10 @@ from control.estimation.reduced import ReducedState
 from control.loop import SOURCES
 from control.tracking.metrics import SETTLED, Tracking
 from control.tracking.references import Reference
-from scenes.models.control.build import reference_of
-from scenes.models.control.record import tracked
+from scenes.models.control.build import speed_of
+from scenes.models.control.record import path_points, tracked
 from scenes.models.control.schema import ControlScene
-from scenes.models.control.view import drawn
+from scenes.models.control.view import reference_seen
 from scenes.models.worm.view import scene_of
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
@@ -54,9 +54,9 @@ def tracking(record: Record) -> tuple[Figure, Axes]:
 
 def _from_above(axes: Axes, record: Record, seen: Tracking | None) -> None:
     """Draw the path with its bounds, the centre of mass, its mean over a period, its estimate, and the body at ends."""
-    reference, com, joints = reference_of(_scene(record)), record["com"][:, :2], record["joints"][..., :2]
+    reference, com, joints = reference_seen(record, _scene(record)), record["com"][:, :2], record["joints"][..., :2]
     if reference.path is not None:
-        line = drawn(reference.path, com)
+        line = path_points(reference.path, com)
         axes.plot(*line.T, color="0.6", lw=3, alpha=0.6, label="path")
         _bounds(axes, reference, line)
     axes.plot(*com.T, color="C0", lw=0.6, alpha=0.6, label="centre of mass")
@@ -101,7 +101,7 @@ def speed_and_heading(record: Record) -> tuple[Figure, Axes]:
 
 def _speed(axes: Axes, record: Record, seen: Tracking | None) -> None:
     time = record["time"]
-    wanted = np.asarray(reference_of(_scene(record)).speed(time), dtype=float)
+    wanted = np.asarray(speed_of(_scene(record).reference)(time), dtype=float)
     axes.fill_between(time, (1 - SETTLED) * wanted, (1 + SETTLED) * wanted, color="0.85", lw=0, label="10 % of it")
     axes.plot(time, wanted, color="0.4", lw=1.2, label="asked for")
     if "estimate" in record:
@@ -202,7 +202,7 @@ def _scene(record: Record) -> ControlScene:
 
 
 def _tracked(record: Record) -> Tracking | None:
-    return tracked(record, reference_of(_scene(record)))
+    return tracked(record, reference_seen(record, _scene(record)))
 
 
 def _index(name: str) -> int:

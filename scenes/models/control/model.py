@@ -17,13 +17,14 @@ from scenes.models.control import view as control_view
 from scenes.models.control.build import controller_of, faults_of, map_name, maps_of, reference_of, sensors_of, wave_of
 from scenes.models.control.checks import CONTROL_CHECKS
 from scenes.models.control.faults import in_turn, of_controller, of_plant, refused
-from scenes.models.control.record import motion_of, timing_of, variables_of
+from scenes.models.control.record import motion_of, path_variable, timing_of, variables_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.worm import model as worm
 from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
 from scenes.records.record import Metric
 from worm3d.values.arrays import FloatArray
+from worm3d.values.named import is_own
 
 FIGURES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
 """Stems of the pictures of a controlled run, each the name of a function in `scenes.models.control.figures`."""
@@ -86,7 +87,9 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
     waves = driver.at_rows(len(result.time), scene.run.record_every)
     plain, controller, decisions = worm.outcome(result), driver.controller, driver.controller.decisions
     found, unfounded = innovations(controller)
-    figures, reasons = measured(motion_of(result, waves), reference_of(scene), result.worm.length)
+    reference = reference_of(scene)
+    figures, reasons = measured(motion_of(result, waves), reference, result.worm.length)
+    path = [path_variable(reference.path, result.com[:, :2])] if reference.path and is_own(scene.reference.kind) else ()
     merits: dict[str, Metric] = {
         **plain.summary,
         **figures,
@@ -99,7 +102,7 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
     }
     return replace(
         plain,
-        variables=(*plain.variables, *variables_of(decisions, waves)),
+        variables=(*plain.variables, *variables_of(decisions, waves), *path),
         summary=merits,
         reasons={**plain.reasons, **reasons, "mpc_failures": NO_MPC, **unfounded},
         checkpoint=(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import astuple
 
@@ -11,6 +12,7 @@ import worm3d
 from control.estimation.reduced import STATES, ReducedState
 from control.loop import SOURCES, Decision
 from control.tracking.metrics import Motion, Tracking, tracking
+from control.tracking.paths import Path, SplinePath
 from control.tracking.references import Reference
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
@@ -18,6 +20,10 @@ from worm3d.values.variable import Variable
 
 PARAMETERS = "amplitude, frequency [Hz], bias, hinge [rad]"
 SERIES = ("time", "com", "heading", "joints")
+PATH = "path"
+"""Variable with the points of a path of a user's own."""
+SPACING = 0.02
+"""Spacing of the points of a path that is drawn or kept [m]."""
 STATE = ", ".join(ReducedState._fields)
 
 
@@ -82,6 +88,28 @@ def timing_of(decisions: Sequence[Decision], control_period: float) -> tuple[Var
         Variable("control_step_ms_p99", (), np.percentile(later, 99.0), "ms", "99th percentile of the control steps"),
         Variable("overruns", (), int(np.sum(seconds > control_period)), "1", "control steps longer than their period"),
     )
+
+
+def path_points(path: Path, com: FloatArray) -> FloatArray:
+    """Return points of the part of a path that a worm, shape (T, 2), passed, and a little more, shape (P, 2) [m]."""
+    ends = [float(path.project(place)) for place in (com[0], com[-1])]
+    end = path.length if math.isfinite(path.length) else max(ends) + 1.0
+    begin = 0.0 if math.isfinite(path.length) else min(ends) - 0.5
+    return path.point(np.linspace(begin, end, max(2, math.ceil((end - begin) / SPACING) + 1)))
+
+
+def path_variable(path: Path, com: FloatArray) -> Variable:
+    """Return the path of a user's own as points, so that its code is not needed to look at the run."""
+    return Variable(PATH, ("place", "plane"), path_points(path, com), "m", "points of the path, a module's own")
+
+
+def stored_path(record: Record) -> Path | None:
+    """Return the path through the points that a record holds, closed if they lead back; None if it holds none."""
+    if PATH not in record:
+        return None
+    points = record[PATH]
+    closed = len(points) > 3 and bool(np.linalg.norm(points[-1] - points[0]) < 1e-9)
+    return SplinePath(points[:-1] if closed else points, closed)
 
 
 def motion_of(result: worm3d.Result | Record, waves: FloatArray) -> Motion:

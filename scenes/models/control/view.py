@@ -12,18 +12,17 @@ from numpy.typing import NDArray
 from scenes.models.control.schema import ControlScene
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
+from worm3d.values.named import is_own
 
 if TYPE_CHECKING:
     from control.loop import Decision
     from control.tracking.paths import Path
+    from control.tracking.references import Reference
     from worm3d.live import Horizon
 
 
 ABOVE = 0.004
 """Height of lines over the ground, so that they are seen [m]."""
-
-SPACING = 0.02
-"""Spacing of the points of a path that is drawn [m]."""
 
 
 class Overlay(TypedDict, total=False):
@@ -36,29 +35,41 @@ class Overlay(TypedDict, total=False):
 
 def overlay(record: Record, scene: ControlScene, rows: NDArray[np.bool_] | slice) -> Overlay:
     """Return the path and, at the stored instants `rows`, the predicted way and the speed asked for; what there is."""
-    from scenes.models.control.build import path_of, speed_of  # imports the solvers
+    from scenes.models.control.build import speed_of  # imports the solvers
+    from scenes.models.control.record import path_points
 
     lines: Overlay = {"reference_speed": np.asarray(speed_of(scene.reference)(record["time"][rows]), dtype=float)}
-    path = path_of(scene)
+    path = path_seen(record, scene)
     if path is not None:
-        lines["reference"] = _raised(drawn(path, record["com"][:, :2]), record, scene)
+        lines["reference"] = _raised(path_points(path, record["com"][:, :2]), record, scene)
     if "horizon" in record:
         lines["horizon"] = _raised(_horizons(record)[rows], record, scene)
     return lines
+
+
+def path_seen(record: Record, scene: ControlScene) -> Path | None:
+    """Return the path of a stored run; that of a module of a user's own as it was stored, for nothing is imported."""
+    from scenes.models.control.build import path_of
+    from scenes.models.control.record import stored_path
+
+    return stored_path(record) if is_own(scene.reference.kind) else path_of(scene)
+
+
+def reference_seen(record: Record, scene: ControlScene) -> Reference:
+    """Return what the worm of a stored run was asked to do, with `path_seen`."""
+    from control.tracking.references import Reference
+    from scenes.models.control.build import reference_along, speed_of
+
+    path = path_seen(record, scene)
+    if path is None and is_own(scene.reference.kind):
+        return Reference(speed_of(scene.reference))  # an earlier version stored no path, whose bounds mean nothing
+    return reference_along(scene, path)
 
 
 def period(record: Record) -> float | None:
     """Return the mean commanded period [s]; None for a worm that was not told to move."""
     waves = float(record["waves"][-1] - record["waves"][0])
     return float(record["time"][-1] - record["time"][0]) / waves if waves > 0.0 else None
-
-
-def drawn(path: Path, com: FloatArray) -> FloatArray:
-    """Return points of the part of a path that a worm, shape (T, 2), passed, and a little more, shape (P, 2) [m]."""
-    ends = [float(path.project(place)) for place in (com[0], com[-1])]
-    end = path.length if math.isfinite(path.length) else max(ends) + 1.0
-    begin = 0.0 if math.isfinite(path.length) else min(ends) - 0.5
-    return path.point(np.linspace(begin, end, max(2, math.ceil((end - begin) / SPACING) + 1)))
 
 
 def _horizons(record: Record) -> FloatArray:

@@ -1,0 +1,274 @@
+"""A scene with `module:NAME` is a program, and no other scene is: what is called, when, and what ends it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pytest
+import strangers
+from pydantic import TypeAdapter, ValidationError
+
+import worm3d as package
+from control.parts import KINDS, part
+from scenes.commands.runner import simulate
+from scenes.language.errors import SceneError
+from scenes.language.schema import choices, section_type
+from scenes.models.control.build import reference_of
+from scenes.models.control.record import tracked
+from scenes.models.control.schema import ControlScene
+from scenes.models.control.view import path_seen, reference_seen
+from scenes.models.loading import load_scene
+from scenes.records.store import load, save
+from worm3d.values import named
+
+STRANGERS = strangers.__file__
+BRIEF = ("run.duration_s=3", "run.record_every=4")
+MODULE = """
+from pathlib import Path
+
+from control.baselines import PiLineOfSight
+from control.estimation.estimator import Estimator
+from control.parts import part
+from control.planning.terms import CostTerm
+from control.tracking.paths import Circle, SCurve
+
+with Path("imported").open("a") as file:
+    file.write("x")
+
+CIRCLE = Circle(0.6)
+CURVE = SCurve(0.05, 1.0)
+
+
+class Mine(PiLineOfSight):
+    def _choose(self, t, estimate):
+        if END == "never" and t > 0.5:
+            while True:
+                pass
+        if END and t > 0.5:
+            raise SystemExit(END)
+        return super()._choose(t, estimate)
+
+
+@part("controller")
+class Ends:
+    of = classmethod(lambda cls, *given: cls())
+
+    def reset(self): ...
+
+    def step(self, t, measurement):
+        raise SystemExit(0)
+
+
+class Leaves(Circle):
+    def project(self, *given):
+        raise SystemExit(0)
+
+
+LEAVES = Leaves(1.0)
+
+
+@part("controller")
+class Unbuilt(Ends):
+    @classmethod
+    def of(cls, *given):
+        Path("built").touch()
+        raise SystemExit(0)
+
+
+END = None
+"""
+
+
+@pytest.fixture(autouse=True)
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    file = tmp_path / "own_code.py"
+    file.write_text(MODULE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield file
+    sys.modules.pop("own_code", None)
+
+
+def tried(*arguments: object, before: str = "pass") -> dict[str, list[str]]:
+    program = f"import strangers; {before}; strangers.main(*{arguments})"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=Path(STRANGERS).parent
+    )
+    found: dict[str, list[str]] = json.loads(done.stdout)
+    return found
+
+
+def test_nothing_that_happens_to_be_installed_is_called() -> None:
+    """200 classes and functions of installed distributions in each of the keys that take `module:NAME`."""
+    assert tried(0, 200) == {"tried": 200, "called": [], "accepted": []}
+
+
+def test_a_call_would_be_noticed() -> None:
+    """The same where all that there is counts as marked."""
+    ready = "strangers.KEYS = {key: kind for key, kind in strangers.KEYS.items() if kind in ('term', 'path')}"
+    marked = "from worm3d.values.named import Kind; Kind.marks = lambda *given: True"
+    assert len(tried(0, 5, before=f"{ready}; {marked}")["called"]) >= 10
+
+
+def test_each_key_that_takes_a_part_of_a_module_is_tried() -> None:
+    takes = set()
+    for name, declared in ControlScene.model_fields.items():
+        for key, field in getattr(section_type(declared), "model_fields", {}).items():
+            for given in ("a:B", ("a:B",)):
+                with suppress(ValidationError):
+                    TypeAdapter(Annotated[field.annotation, field]).validate_python(given, strict=True)
+                    if choices(field):
+                        takes.add(f"{name}.{key}")
+    assert takes == {key.partition("=")[0] for key in strangers.KEYS}
+    assert {*strangers.KEYS.values()} == {*KINDS}
+
+
+@pytest.mark.parametrize("value", ["os:abort", "sys:exit", "http.server:test", "antigravity:fly_to", "pip.__main__:x"])
+@pytest.mark.parametrize("key", strangers.KEYS)
+def test_modules_of_python_and_programs_are_not_even_imported(key: str, value: str) -> None:
+    imported = {*sys.modules}
+    with pytest.raises(SceneError, match=f"{value.partition(':')[0]}") as caught:
+        load_scene("path_line", [key.format(value)])
+    assert len(caught.value.lines) == 1
+    assert not {"antigravity", "pip.__main__", "http.server"} & ({*sys.modules} - imported)
+
+
+def test_what_ends_a_program_ends_none(console) -> None:
+    for value in ("os:abort", "sys:exit", "http.server:test"):
+        ended = console("check", "path_line", "-o", f'constraints.parts=["roll", "{value}"]')
+        assert (ended.code, ended.out, len(ended.complaints)) == (2, "", 1)
+        assert "is a module of Python itself" in ended.err
+
+
+def test_a_check_builds_no_controller(worm3d, tmp_path: Path) -> None:
+    ended = worm3d("check", "path_line", "-o", "controller.kind=own_code:Unbuilt")
+    assert ended.code == 0
+    assert not (tmp_path / "built").exists()
+    ended = worm3d("run", "path_line", "-o", "controller.kind=own_code:Unbuilt", "--out", "x")
+    assert (ended.code, ended.complaints[-1]) == (2, "controller: own_code:Unbuilt: SystemExit: 0")
+
+
+@pytest.mark.parametrize("command", ["check", "run", "sweep"])
+def test_scenes_that_name_a_module_are_refused_without_code(worm3d, tmp_path: Path, command: str) -> None:
+    more = {"check": (), "run": ("--out", "x"), "sweep": ("--vary", "run.duration_s=1,2", "--out", "x")}[command]
+    for key in strangers.KEYS:
+        ended = worm3d(command, "path_line", "-o", key.format("own_code:CIRCLE"), *more, "--no-code")
+        assert ended.code == 2
+        assert "own_code:CIRCLE is code of a module, refused here (--no-code)" in ended.err
+    assert not (tmp_path / "imported").exists()
+    assert not (tmp_path / "x").exists()
+    assert worm3d("check", "path_line", "--no-code").code == 0
+    assert worm3d("check", "path_line", "-o", "reference.kind=own_code:CIRCLE").code == 0, "the next command is free"
+
+
+def test_the_mark_says_the_kind() -> None:
+    @part("term")
+    @part("path")
+    def both() -> None: ...
+
+    assert [name for name, kind in KINDS.items() if kind.marks(both)] == ["term", "path"]
+    with pytest.raises(ValueError, match=r"part: got 'Bare', must be one of 'controller', .*: @part\('controller'\)"):
+
+        @part
+        class Bare: ...
+
+    with pytest.raises(ValueError, match="got 'controler', must be one of"):
+        part("controler")
+    with pytest.raises(TypeError, match="got an object of int, must be a class or a function"):
+        part("path")(3)
+
+
+def test_what_claims_to_be_anything_is_not_asked() -> None:
+    """Objects that answer to any name, and classes of a metaclass that does, are not marked, and run nothing."""
+
+    class Any(type):
+        def __getattribute__(cls, name):
+            raise AssertionError(name)
+
+    class Chameleon:
+        def __getattribute__(self, name):
+            raise AssertionError(name)
+
+    for thing in (Chameleon(), Any("Thing", (), {})):
+        assert not any(kind.marks(thing) for kind in KINDS.values())
+        assert "Chameleon" in named._described(thing) or "Thing" in named._described(thing)
+
+
+def test_a_part_that_ends_the_program_has_failed(worm3d, tmp_path: Path) -> None:
+    ended = worm3d("run", "path_line", *("-o", "run.duration_s=1"), "-o", "controller.kind=own_code:Ends", "--out", "x")
+    assert ended.code == 0
+    assert "Ends raised an exception in 100 of 100 steps, and the worm rested: SystemExit: 0" in ended.err
+    assert (tmp_path / "x" / "result.nc").is_file()
+    leaves = ("-o", "reference.kind=own_code:LEAVES", "-o", "run.duration_s=1")
+    ended = worm3d("run", "path_line", *leaves, "--out", "y")
+    assert (ended.code, ended.complaints[-1]) == (2, "path_line: a part of your own raised SystemExit(0)")
+
+
+def test_a_choice_that_ends_the_program_is_a_failed_one(own: Path) -> None:
+    own.write_text(MODULE.replace("END = None", "END = 7"))
+    record = simulate(load_scene("path_line", (*BRIEF, "controller.kind=own_code:Mine")))
+    assert record.status == "done"
+    assert "SystemExit: 7" in record.variable("decision_status").long_name
+
+
+def test_a_case_that_ends_the_program_has_failed(worm3d, tmp_path: Path) -> None:
+    vary = ("--vary", "reference.kind=line,own_code:LEAVES,circle", "--vary", "run.dt_s=0.01")
+    ended = worm3d("sweep", "path_line", "-o", "run.duration_s=1", *vary, "--vary", "seed=1", "--out", "x")
+    assert ended.code == 5
+    assert "failed: path_line: a part of your own raised SystemExit(0)" in ended.err
+    assert "3 of 3 cases, 1 failed" in ended.out
+
+
+LOOKS = (
+    ("view", "a", "--no-open"),
+    ("plot", "a"),
+    ("export", "a", "--csv", "a.csv", "--npz", "a.npz", "--glb", "a.glb"),
+    ("compare", "a", "b", "--out", "c"),
+)
+
+
+def test_results_are_looked_at_without_the_code_they_were_made_with(worm3d, tmp_path: Path, own: Path) -> None:
+    """The module is another one meanwhile, which leaves a file where it is imported, and then is gone."""
+    asked = (
+        "controller.kind=own_code:Mine",
+        "reference.kind=own_code:CIRCLE",
+        "controller.estimator=own_code:Estimator",
+    )
+    save(simulate(load_scene("path_line", (*BRIEF, *asked))), tmp_path / "result.nc")
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        shutil.copy("result.nc", folder)
+    sys.modules.pop("own_code")
+    own.write_text(MODULE.replace('"imported"', '"imported again"'))
+    for command in LOOKS:
+        ended = worm3d(*command)
+        assert ended.code == 0, (command, ended.err)
+    own.unlink()
+    assert worm3d("view", "a", "--no-open").code == 0
+    assert package.load("a").com.shape == load(tmp_path / "a")["com"].shape
+    assert not (tmp_path / "imported again").exists()
+    assert "own_code" not in sys.modules
+
+
+@pytest.mark.parametrize("name", ["CIRCLE", "CURVE"])
+def test_a_path_as_it_is_stored_is_the_path(own: Path, tmp_path: Path, name: str) -> None:
+    """Through its points, 20 mm apart at most: the offset within a micrometre."""
+    scene = load_scene("path_line", (*BRIEF, f"reference.kind=own_code:{name}"))
+    record = simulate(scene)
+    exact = tracked(record, reference_of(scene.settings))
+    assert path_seen(record, scene.settings).closed is (name == "CIRCLE")
+    stored = tracked(record, reference_seen(record, scene.settings))
+    np.testing.assert_allclose(stored.cross_track, exact.cross_track, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(stored.heading_error, exact.heading_error, rtol=0, atol=2e-4)
+    older = replace(record, variables=tuple(each for each in record.variables if each.name != "path"))
+    assert path_seen(older, scene.settings) is None
+    assert np.isnan(tracked(older, reference_seen(older, scene.settings)).cross_track).all()
