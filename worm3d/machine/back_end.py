@@ -13,6 +13,7 @@ from typing import Any
 import numba
 import numpy as np
 from numba.core import types
+from numba.core.registry import cpu_target
 
 from worm3d.machine import vectors
 from worm3d.machine.codegen import native
@@ -32,6 +33,7 @@ def objects_of(
     function: Callable[..., Any], args: Any, level: int, result: Any, host: native.Host
 ) -> tuple[bytes, bytes]:
     """Return the object code of a function for arguments of such structure, and that of the C function around it."""
+    _aim_at(host)
     ready()
     kinds = [types.float64 if isinstance(each, float) else types.int64 for arg in args for each in _places(arg)]
     signature = tuple(kinds)
@@ -45,6 +47,25 @@ def objects_of(
     return made.library._get_compiled_object(), native.compile_text(
         _around(made.fndesc.mangled_name, kinds, result), host
     )
+
+
+def _aim_at(host: native.Host) -> None:
+    """Let Numba compile for a kind of processor, where one is named: it looks when it is first used.
+
+    Raises
+    ------
+    RuntimeError
+        It was used before, for another processor.
+    """
+    if host.cpu not in native.KINDS:
+        return
+    numba.config.CPU_NAME, numba.config.CPU_FEATURES = host.cpu, host.features  # type: ignore[attr-defined]
+    aim = cpu_target.target_context.codegen().magic_tuple()[1]
+    if aim != host.cpu:
+        raise RuntimeError(
+            f"{native.SWITCH} asks for {host.cpu}, but Numba compiles for {aim} in this process: "
+            f"import worm3d before Numba compiles anything, or set NUMBA_CPU_NAME to {host.cpu} too"
+        )
 
 
 def _places(arg: Any) -> Iterator[Any]:

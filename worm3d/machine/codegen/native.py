@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import hashlib
+import os
 import sys
 from pathlib import Path
 from typing import NamedTuple
@@ -29,10 +30,39 @@ class Host(NamedTuple):
     """Whether it has fused multiply-add."""
 
 
+_V2 = ("cx16", "popcnt", "sahf", "sse3", "sse4.1", "sse4.2", "ssse3")
+_V3 = (*_V2, "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
+FEATURES = {"x86-64-v4": (*_V3, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"), "x86-64-v3": _V3}
+FEATURES["x86-64-v2"] = _V2
+"""Features of each kind of processor, the best kind first."""
+KINDS = {"x86-64-v4": (8, True), "x86-64-v3": (4, True), "x86-64-v2": (2, False)}
+"""Vectors of each kind, as in `Host`."""
+SWITCH = "WORM3D_COMPILE_FOR"
+"""Environment variable that names the kind of processor to compile for, "host" for this one: nothing that comes with
+the package is used."""
+
+
+def kind(name: str) -> Host:
+    """Return what code for a kind of processor is made for."""
+    return Host(name, "", *KINDS[name])
+
+
 @functools.cache
 def this_host() -> Host:
-    """Return the processor this runs on."""
+    """Return the processor this runs on, or the kind that `SWITCH` names.
+
+    Raises
+    ------
+    ValueError
+        The variable names no kind, or one whose code this processor cannot run.
+    """
     features = llvm.get_host_cpu_features()
+    asked = os.environ.get(SWITCH, "host") or "host"
+    able = [name for name, needed in FEATURES.items() if all(map(features.get, needed))]
+    if asked in able:
+        return kind(asked)
+    if asked != "host":
+        raise ValueError(f"{SWITCH} is {asked!r}, on this processor it must be one of {', '.join(['host', *able])}")
     width = 8 if features.get("avx512f") else 4 if features.get("avx2") else 2
     arm = llvm.get_process_triple().startswith(("aarch64", "arm64"))
     return Host(llvm.get_host_cpu_name(), features.flatten(), width, arm or bool(features.get("fma")))
