@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import llvmlite.binding as llvm
 import numba
 import numpy as np
 from numba.core import types
@@ -31,8 +32,11 @@ def dispatcher(function: Callable[..., Any]) -> Any:
 
 def objects_of(
     function: Callable[..., Any], args: Any, level: int, result: Any, host: native.Host
-) -> tuple[bytes, bytes]:
-    """Return the object code of a function for arguments of such structure, and that of the C function around it."""
+) -> tuple[bytes, bytes, set[str]]:
+    """Return the object code of a function for arguments of such structure, and that of the C function around it.
+
+    Third are the names that Numba's code calls and the two do not define.
+    """
     _aim_at(host)
     ready()
     kinds = [types.float64 if isinstance(each, float) else types.int64 for arg in args for each in _places(arg)]
@@ -44,9 +48,15 @@ def objects_of(
     finally:
         numba.config.OPT = before  # type: ignore[attr-defined]
     made = compiled.overloads[signature]
-    return made.library._get_compiled_object(), native.compile_text(
-        _around(made.fndesc.mangled_name, kinds, result), host
-    )
+    around = _around(made.fndesc.mangled_name, kinds, result)
+    named = _declared(made.library._final_module) - _declared(llvm.parse_assembly(around), declared=False)
+    return made.library._get_compiled_object(), native.compile_text(around, host), named
+
+
+def _declared(module: Any, declared: bool = True) -> set[str]:
+    """Return the names of functions that a module declares, or of those that it defines."""
+    names = {each.name for each in module.functions if each.is_declaration is declared}
+    return {name for name in names if not name.startswith("llvm.")}
 
 
 def _aim_at(host: native.Host) -> None:

@@ -48,12 +48,14 @@ def cfunc(
 @functools.cache
 def announce() -> None:
     """Say on stderr, once, that the solver is compiled, for half a minute."""
+    from worm3d.machine import packed  # imports what unpacks
+
     folder = cache.folder(FOLDER)
     why = cache.obstacle(folder)
     if why is None:
-        sys.stderr.write(f"worm3d: compiling, once, for about half a minute (kept in {folder})\n")
+        sys.stderr.write(f"worm3d: compiling, once, for about half a minute (kept in {folder}){packed.reason()}\n")
     else:
-        sys.stderr.write(f"worm3d: compiling, for about half a minute, every time: {why}\n")
+        sys.stderr.write(f"worm3d: compiling, for about half a minute, every time: {why}{packed.reason()}\n")
     sys.stderr.flush()
 
 

@@ -8,6 +8,7 @@ import hashlib
 import inspect
 import os
 import struct
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +22,10 @@ from worm3d.machine import cache
 from worm3d.machine.codegen import native
 from worm3d.machine.codegen.call import REFUSED
 from worm3d.machine.later import later
+from worm3d.machine.symbols import missing
 
+Objects = tuple[bytes, bytes]
+"""Object code of a function, and that of the C function around it."""
 FOLDER = "compiled"
 """Folder of compiled functions in the cache."""
 _LOCK = threading.RLock()
@@ -84,35 +88,53 @@ class Function:
         """Return the address of the function for such arguments, as `worm3d.machine.back_end` describes it."""
         with _LOCK:
             folder, host = cache.folder(FOLDER), native.this_host()
-            key = self._name(args, result, host)
-            code = cache.load(folder, key)
-            if code is None:
+            key = self.key(args, result, host)
+            objects = _objects(cache.load(folder, key))
+            if objects is None:
                 with cache.alone(folder, key):
-                    code = cache.load(folder, key)  # what another process has compiled meanwhile
-                    if code is None:
-                        code = self._packed(args, result, host)
-                    if code is None:
-                        self._missed()
-                        from worm3d.machine.back_end import objects_of  # imports Numba
-
-                        objects = objects_of(self, args, self._level, result, host)
-                        code = len(objects[0]).to_bytes(_HEAD, "little") + b"".join(objects)
-                    cache.store(folder, key, code)
-            end = _HEAD + int.from_bytes(code[:_HEAD], "little")
-            address, owner = native.load(code[end:], host, code[_HEAD:end])
+                    objects = _objects(cache.load(folder, key))  # what another process has compiled meanwhile
+                    if objects is None:
+                        objects, lacking = self._made(args, result, host)
+                        if lacking:
+                            self._tell(lacking)
+                        else:
+                            cache.store(folder, key, joined(objects))
+            address, owner = native.load(objects[1], host, objects[0])
             self._owners.append(owner)
             return address
 
-    def _packed(self, args: Any, result: Any, host: native.Host) -> bytes | None:
+    def _made(self, args: Any, result: Any, host: native.Host) -> tuple[Objects, tuple[str, ...]]:
+        found = self._packed(args, result, host)
+        if found is not None:
+            return found, ()
+        self._missed()
+        return self.compiled(args, result, host)
+
+    def _packed(self, args: Any, result: Any, host: native.Host) -> Objects | None:
         """Return what the package has for such a processor, made of the same sources."""
         if os.environ.get(native.SWITCH):
             return None
         from worm3d.machine import packed  # imports what unpacks
 
         kind = packed.kind_of(host)
-        return None if kind is None else packed.load(self._name(args, result, kind), kind)
+        return None if kind is None else _objects(packed.load(self.key(args, result, kind), kind))
 
-    def _name(self, args: Any, result: Any, host: native.Host) -> str:
+    def compiled(self, args: Any, result: Any, host: native.Host) -> tuple[Objects, tuple[str, ...]]:
+        """Return the two objects, and the names that they need and a fresh process lacks."""
+        from worm3d.machine.back_end import objects_of  # imports Numba
+
+        function, around, named = objects_of(self, args, self._level, result, host)
+        return (function, around), missing((function, around), named)
+
+    def _tell(self, lacking: tuple[str, ...]) -> None:
+        sys.stderr.write(
+            f"worm3d: {self._function.__module__}.{self._function.__qualname__} is compiled in every process: its code "
+            f"cannot be kept, for it calls {', '.join(lacking)}, which only a compiling Numba has; .ravel(), "
+            ".reshape() and np.dot make such calls, loops over the axes of arrays do not\n"
+        )
+        sys.stderr.flush()
+
+    def key(self, args: Any, result: Any, host: native.Host) -> str:
         """Return the key of the object code in the cache; a version of llvmlite belongs to one of Numba's."""
         function = self._function
         own = hashlib.sha256(Path(inspect.getfile(function)).read_bytes()).hexdigest()
@@ -137,6 +159,20 @@ class Function:
 
 
 _OF: dict[Any, Any] = {float: ctypes.c_double, int: ctypes.c_int64, bool: ctypes.c_bool}
+
+
+def joined(objects: Objects) -> bytes:
+    """Return two objects as they are kept."""
+    return len(objects[0]).to_bytes(_HEAD, "little") + b"".join(objects)
+
+
+def _objects(code: bytes | None) -> Objects | None:
+    """Return the two objects that are kept, where this process has all names that they need."""
+    if code is None:
+        return None
+    end = _HEAD + int.from_bytes(code[:_HEAD], "little")
+    objects = code[_HEAD:end], code[end:]
+    return None if missing(objects) else objects
 
 
 def _dispatcher(function: Callable[..., Any]) -> Any:

@@ -1,91 +1,65 @@
 """Object code that comes with the package, for processors of a kind: who has it need not compile at the first start.
 
-    python -m worm3d.machine.packed
-
-makes it anew, for the kinds that the processor can run: two files of less than 100 kB. Code is found under the digest
-of its sources, as in the cache, and verified by a checksum: of other sources it is ignored. The command makes the
-same bytes from the same sources.
+It is made by `python -m worm3d.machine.packing`. Code is found under the digest of its sources, as in the cache, and
+verified by a checksum: of other sources it is ignored.
 """
 
 from __future__ import annotations
 
-import io
 import lzma
-import os
-import subprocess
 import sys
 import tarfile
-import tempfile
 from functools import cache
 from pathlib import Path
+
+import llvmlite
 
 from worm3d.machine.cache import files
 from worm3d.machine.codegen import native
 
-_V3 = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
-KINDS = {"x86-64-v4": (*_V3, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"), "x86-64-v3": _V3}
-"""Features of the processors of each kind, the best first."""
+KINDS = ("x86-64-v4", "x86-64-v3")
+"""Kinds of processors that there is code for, the best one first."""
 FOLDER = Path(__file__).with_name("packed")
-RUNS = """
-import sys
-import worm3d
-from worm3d.machine.codegen import native
-kind = native.Host(sys.argv[1], "", int(sys.argv[2]), True)
-native.this_host = lambda: kind
-command = lambda t: worm3d.Command(contraction=[[0.1, 0.1]] * 6)
-for more in ({}, {"observer": lambda t, view: view.com, "every": 1, "record_every": 2}, {"accuracy": 0.05}):
-    worm3d.simulate(worm3d.Worm(), worm3d.Plane(0.1), duration=0.02, actuation=command, **more)
-"""
-"""Runs that call what is packed."""
+MADE_WITH = "made_with"
+"""Entry of an archive that lists the versions it was made with, as `llvmlite 0.50.0`, a line each."""
 
 
 def kind_of(host: native.Host) -> native.Host | None:
     """Return the best kind of processor for which a host's code may be made, None for another family."""
     known = set(host.features.split(","))
-    for name, needed in KINDS.items():
-        if known.issuperset(f"+{each}" for each in needed) and sys.platform == "linux":
-            return _host(name)
+    for name in KINDS:
+        if known.issuperset(f"+{each}" for each in native.FEATURES[name]) and sys.platform == "linux":
+            return native.kind(name)
     return None
-
-
-def _host(name: str) -> native.Host:
-    return native.Host(name, "", 8 if name.endswith("4") else 4, True)
 
 
 def load(key: str, kind: native.Host) -> bytes | None:
     """Return the code under a key, or None."""
-    content = _content(kind.cpu).get(f"{key}.kernel")
+    content = content_of(archive(kind.cpu)).get(f"{key}.kernel")
     try:
         return None if content is None else files.verified(key, content)
     except files.DamagedError:
         return None
 
 
+def reason() -> str:
+    """Return why nothing that comes with the package is used, as far as versions say it; else ""."""
+    kind = kind_of(native.this_host())
+    made = content_of(archive(kind.cpu)).get(MADE_WITH, b"").decode().splitlines() if kind else []
+    others = [line for line in made if line.startswith("llvmlite ") and line != f"llvmlite {llvmlite.__version__}"]
+    return f"; the compiled solver that comes with it is for {others[0]}, not {llvmlite.__version__}" if others else ""
+
+
+def archive(kind: str) -> Path:
+    """Return the place of the archive for a kind of processor."""
+    return FOLDER / f"{kind}.tar.xz"
+
+
 @cache
-def _content(name: str) -> dict[str, bytes]:
+def content_of(place: Path) -> dict[str, bytes]:
+    """Return the files of an archive by name, none where it cannot be read."""
     try:
-        with tarfile.open(FOLDER / f"{name}.tar.xz") as archive:
-            return {each.name: file.read() for each in archive if (file := archive.extractfile(each)) is not None}
+        with tarfile.open(place) as opened:
+            return {each.name: file.read() for each in opened if (file := opened.extractfile(each)) is not None}
     except (OSError, tarfile.TarError, EOFError, lzma.LZMAError):
         return {}
-
-
-def make() -> None:
-    """Compile what is packed for each kind, and write its archive."""
-    FOLDER.mkdir(exist_ok=True)
-    for name in KINDS:
-        with tempfile.TemporaryDirectory() as folder:
-            chosen = {"XDG_CACHE_HOME": folder, "NUMBA_CPU_NAME": name, "NUMBA_CPU_FEATURES": ""}
-            command = [sys.executable, "-c", RUNS, name, str(_host(name).width)]
-            (FOLDER / f"{name}.tar.xz").unlink(missing_ok=True)
-            subprocess.run(command, env=os.environ | chosen, check=True)
-            with tarfile.open(FOLDER / f"{name}.tar.xz", "w:xz") as archive:
-                for path in sorted((Path(folder) / "worm3d" / "compiled").glob("*.kernel")):
-                    content = path.read_bytes()
-                    entry = tarfile.TarInfo(path.name)
-                    entry.size = len(content)
-                    archive.addfile(entry, io.BytesIO(content))
-
-
-if __name__ == "__main__":
-    make()

@@ -39,18 +39,17 @@ def advance(
 ) -> None:
     """Advance the rates in place by steps of dt [s], while input and what is felt stay as they are."""
     at, k, total = np.empty_like(rates), np.empty_like(rates), np.empty_like(rates)
-    y, at_, k_, total_ = rates.ravel(), at.ravel(), k.ravel(), total.ravel()
     for _ in range(steps):
-        at_[:], total_[:] = y, 0.0
+        at[:], total[:] = rates, 0.0
         for stage in range(4):
             slope(at, constants, drive, share, felt, k)
             weight = 1.0 if stage in (0, 3) else 2.0
             ahead = dt if stage == 2 else 0.5 * dt
-            for j in range(y.size):
-                total_[j] += weight * k_[j]
-                at_[j] = y[j] + ahead * k_[j]
-        for j in range(y.size):
-            y[j] += dt / 6.0 * total_[j]
+            for p, i, s in np.ndindex(rates.shape):
+                total[p, i, s] += weight * k[p, i, s]
+                at[p, i, s] = rates[p, i, s] + ahead * k[p, i, s]
+        for p, i, s in np.ndindex(rates.shape):
+            rates[p, i, s] += dt / 6.0 * total[p, i, s]
 
 
 def onsets(

@@ -72,7 +72,7 @@ def store(folder: Path | None, key: str, content: bytes, suffix: str = ".kernel"
     try:
         make(folder)
         with entered(folder) as place:
-            _write_whole(place, key + suffix, _digest(key, content) + content)
+            _write_whole(place, key + suffix, signed(key, content))
         _prune(folder, suffix, KEPT if most is None else most)
     except UntrustedError as error:
         _tell_untrusted(folder, error)
@@ -151,6 +151,11 @@ def _content(place: _Place, name: str) -> bytes:
             raise DamagedError(f"{name} is not a file of the cache")
         require_own(status, place.folder / name)
         return file.read()
+
+
+def signed(key: str, content: bytes) -> bytes:
+    """Return what is kept under a key, with its checksum."""
+    return _digest(key, content) + content
 
 
 def verified(key: str, content: bytes) -> bytes:

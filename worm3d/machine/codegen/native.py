@@ -6,7 +6,6 @@ import ctypes
 import functools
 import hashlib
 import os
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ import llvmlite.binding as llvm
 from worm3d.machine.codegen.emit import FLAGS, SYMBOL, module
 from worm3d.machine.codegen.lanes import LIBRARY
 from worm3d.machine.codegen.program import Program
+from worm3d.machine.symbols import c_library
 
 
 class Host(NamedTuple):
@@ -138,6 +138,5 @@ def _bind_library() -> None:
     unseen = [name for name in LIBRARY if not llvm.address_of_symbol(name)]
     if not unseen:
         return
-    library = ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
     for name in unseen:
-        llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
+        llvm.add_symbol(name, ctypes.cast(getattr(c_library(), name), ctypes.c_void_p).value)
