@@ -12,6 +12,13 @@ from scenes.validate.rows import Chapter, Row
 ABOVE_1, BELOW_1 = (1.0, math.inf), (-math.inf, 1.0)
 """Bands of trends of which only the sign was published."""
 
+NO_TREND = 0.05
+"""Largest distance of a ratio from 1 that is no trend, 1.
+
+As of the curves of studies, which are flat if they change by less. With half as much no row changes; with twice as
+much the stiff mesh robot's ratio, 1.09, would be no trend.
+"""
+
 
 def friction(mu: float) -> Changes:
     """Return the changes of a scene that make its friction the same in all directions."""
@@ -44,6 +51,8 @@ class Comparison:
     source: str
     trust: str
     note: str
+    kind: str
+    standing: str = "prediction"
     unit: str = "1"
     unknown: Sequence[Changes] = ()
     """Changes of the scene to other values of what the source does not tell."""
@@ -73,16 +82,18 @@ class Comparison:
             trust=self.trust,
             unit=self.unit,
             scene=self.measure.scene,
+            kind=self.kind,
+            standing=self.standing,
             spread=(min(model, *found), max(model, *found)) if found else None,
-            sign_agrees=self._sign_agrees(model),
+            sign_agrees=all(map(self._has_sign, (model, *found))) if self.trend and not math.isnan(model) else None,
         )
 
-    def _sign_agrees(self, model: float) -> bool | None:
-        if not self.trend or math.isnan(model):
-            return None
-        if self.published is None:
-            return self.band[0] <= model <= self.band[1]
-        return (model > 1.0) == (self.published > 1.0)
+    def _has_sign(self, value: float) -> bool:
+        """Return whether a number has the sign of the trend: a ratio clearly above or below 1, or a number its own."""
+        if self.published is None and self.unit != "1":
+            return self.band[0] <= value <= self.band[1]
+        above = self.band[0] >= 1.0 if self.published is None else self.published > 1.0
+        return value > 1.0 + NO_TREND if above else 0.0 < value < 1.0 - NO_TREND
 
 
 def _found(measure: Measure, changes: Changes = ()) -> float | None:

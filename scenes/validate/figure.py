@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from scenes.validate.rows import Row
+from scenes.validate.rows import AGREES, DEPENDS, MISSES, Row
 
 LEAST, GREATEST = 0.03, 30.0
 """Range of the ratios; what lies outside is drawn at its end."""
@@ -16,8 +17,11 @@ LEAST, GREATEST = 0.03, 30.0
 SMALLEST, LARGEST = 1e-4, 30.0
 """Range of errors over tolerances; what lies outside is drawn at its end."""
 
-HIT, MISS = "C2", "C3"
-"""Colours of rows in their bands, and of the others."""
+COLOURS = {AGREES: "C2", DEPENDS: "C1", MISSES: "C3"}
+"""Colours of rows by their agreement."""
+
+NOT_COUNTED = "0.6"
+"""Colour of rows that do not count."""
 
 ERRORS, RATIOS = "error over tolerance", "model over published number (trends: model), bands, and spreads"
 
@@ -31,10 +35,13 @@ def draw(chapters: Mapping[str, Sequence[Row]]) -> Figure:
     if not panels:
         return Figure()
     heights = [len(each) + 3 for each, _, _ in panels]
-    figure = Figure(figsize=(9.0, 0.22 * sum(heights)), layout="constrained", dpi=110)
+    figure = Figure(figsize=(9.0, 0.22 * sum(heights) + 0.3), layout="constrained", dpi=110)
     grid = figure.subplots(len(panels), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, (some, mark, label) in zip(grid, panels, strict=True):
         _panel(axes, some, mark, label)
+    words = {**COLOURS, "fitted or input, not counted": NOT_COUNTED}
+    marks = [Line2D([], [], marker="o", ls="", color=colour, label=word) for word, colour in words.items()]
+    figure.legend(handles=marks, loc="outside upper right", ncols=len(marks), fontsize=7)
     return figure
 
 
@@ -54,7 +61,7 @@ def _error(axes: Axes, place: int, row: Row) -> None:
     low, high = row.band
     if math.isfinite(row.model):
         error = abs(row.model - 0.5 * (low + high)) / (0.5 * (high - low))
-        _dot(axes, place, error, (SMALLEST, LARGEST), ok=row.ok)
+        _dot(axes, place, error, (SMALLEST, LARGEST), row)
 
 
 def _ratio(axes: Axes, place: int, row: Row) -> None:
@@ -64,14 +71,18 @@ def _ratio(axes: Axes, place: int, row: Row) -> None:
     axes.barh(place, high - low, left=low, height=0.7, color="0.88", zorder=0)
     if row.spread is not None:
         ends = [_within(end / scale, limits) for end in row.spread]
-        axes.plot(ends, (place, place), color=HIT if row.ok else MISS, lw=1.5)
+        axes.plot(ends, (place, place), color=_colour(row), lw=1.5)
     if math.isfinite(row.model):
-        _dot(axes, place, row.model / scale, limits, ok=row.ok)
+        _dot(axes, place, row.model / scale, limits, row)
 
 
-def _dot(axes: Axes, place: int, value: float, limits: tuple[float, float], *, ok: bool) -> None:
-    marker = "<" if value < limits[0] else ">" if value > limits[1] else "o" if ok else "X"
-    axes.plot(_within(value, limits), place, marker, color=HIT if ok else MISS, ms=5, clip_on=False, zorder=3)
+def _dot(axes: Axes, place: int, value: float, limits: tuple[float, float], row: Row) -> None:
+    marker = "<" if value < limits[0] else ">" if value > limits[1] else "o" if row.ok else "X"
+    axes.plot(_within(value, limits), place, marker, color=_colour(row), ms=5, clip_on=False, zorder=3)
+
+
+def _colour(row: Row) -> str:
+    return COLOURS[row.agreement] if row.counts else NOT_COUNTED
 
 
 def _scale(row: Row) -> float | None:

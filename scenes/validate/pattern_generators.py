@@ -12,6 +12,7 @@ from scenes.validate.rows import Row
 
 PEHLEVAN = "Pehlevan, Paoletti, Mahadevan, eLife 5 (2016) e11031, table 1, computed anew from its equations"
 HORCHLER = "Horchler, Daltorio, Chiel, Quinn, Bioinspir. Biomim. 10 (2015) 026001; passage time of Stone and Holmes"
+KIND = "pattern generator"
 CYCLES = ((3, 2.0, 1.5, 1e-8), (6, 2.0, 1.5, 1e-8), (3, 2.0, 3.0, 1e-8), (4, 1.0, 6.0, 1e-12))
 """Nodes, alpha, nu and noise of some cycles."""
 NOISE = np.geomspace(1e-8, 1e-4, 5)
@@ -37,7 +38,9 @@ def larva() -> Iterator[Row]:
     note = "ten segments on their own mechanics; the text has about 0.04, 0.04, 30 % and 3"
     command = "control.gaits.larva_ei.network.crawling()"
     for name, model, published, unit in figures:
-        yield Row(f"Larva's network: {name}", model, published, 0.02, PEHLEVAN, note, unit=unit, scene=command)
+        yield Row(
+            f"Larva's network: {name}", model, published, 0.02, PEHLEVAN, note, unit=unit, scene=command, kind=KIND
+        )
 
 
 def cycles() -> Iterator[Row]:
@@ -55,11 +58,13 @@ def cycles() -> Iterator[Row]:
             f"{cycle.mean_period / nodes:.4g} s",
             unit="s",
             scene=f"control.gaits.shc.cycle.Cycle({nodes}, ...)",
+            kind=KIND,
         )
     times = [sample(Cycle(3, noise=each), seed) for seed, each in enumerate(NOISE)]
     slope = float(np.polyfit(-np.log(NOISE), times, 1)[0])
     what = "SHC: sub-period over -ln(noise), alpha = 2, nu = 1.5, noise 1e-8 to 1e-4"
-    yield Row(what, slope, 0.75, 0.02, HORCHLER, "nu/alpha", unit="s", scene="control.gaits.shc.cycle.Cycle(3, ...)")
+    scene = "control.gaits.shc.cycle.Cycle(3, ...)"
+    yield Row(what, slope, 0.75, 0.02, HORCHLER, "nu/alpha", unit="s", scene=scene, kind=KIND)
 
 
 def sample(cycle: Cycle, seed: int = 1) -> float:

@@ -16,7 +16,7 @@ from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes, markdown_table
 from scenes.validate import animals, closed_forms, pattern_generators, powered, robots
 from scenes.validate.figure import draw
-from scenes.validate.rows import TRUST, Chapter, Row
+from scenes.validate.rows import AGREES, DEPENDS, KINDS, STANDINGS, TRUST, Chapter, Row
 
 CHAPTERS: Mapping[str, Chapter] = {
     "Closed forms of crawling": closed_forms.rows,
@@ -27,10 +27,17 @@ CHAPTERS: Mapping[str, Chapter] = {
 }
 """Parts of the report by their titles."""
 
+PREFACE = (
+    "A spread is over numbers that the source does not tell. A row agrees if the whole spread lies in the band, and "
+    "depends if only the number for the scene's values does. Numbers were chosen to meet rows that are fitted, which "
+    "do not count, and no others."
+)
+"""What a reader of the tables has to know."""
+
 WIDTH = 66
 """Width of the names on a terminal."""
 
-HEADER = ("", "what", "model", "published", "ratio", "band", "spread", "sign", "source")
+HEADER = ("", "what", "against", "standing", "model", "published", "ratio", "band", "spread", "sign", "source")
 
 
 @dataclass(frozen=True)
@@ -61,21 +68,45 @@ def run(out: Path | None, *, quick: bool, force: bool, quiet: bool) -> int:
         write_bytes(folder / "validate.md", markdown(found).encode())
         save_figure(draw(found.chapters), folder / "validate.png")
     if not quiet:
-        typer.echo(f"{verdict(found.rows)}; {folder / 'validate.md'} says why")
+        for line in verdict(found.rows):
+            typer.echo(line)
+        typer.echo(f"  {folder / 'validate.md'} says why")
     return 0
 
 
 def content(found: Found) -> dict[str, object]:
     """Return the content of `validate.json`."""
     rows = [{**row.to_dict(), "chapter": title} for title, rows in found.chapters.items() for row in rows]
-    return {"rows": rows, "trust": TRUST, "versions": versions()}
+    meanings = {"trust": TRUST, "kinds": KINDS, "standings": STANDINGS}
+    return {"rows": rows, "counts": counts(found.rows), **meanings, "versions": versions()}
 
 
-def verdict(rows: Sequence[Row]) -> str:
-    """Return one line on how many rows agree."""
-    signs = [row.sign_agrees for row in rows if row.sign_agrees is not None]
-    trends = f", {sum(signs)} of {len(signs)} trends have the right sign" if signs else ""
-    return f"{sum(row.ok for row in rows)} of {len(rows)} rows lie in their bands{trends}"
+def counts(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
+    """Return by kind how many rows count, and of those how many agree or depend on what is not published."""
+    of = {kind: [row for row in rows if row.counts and row.kind == kind] for kind in KINDS}
+    return {
+        kind: {
+            "rows": len(some),
+            AGREES: sum(row.agreement == AGREES for row in some),
+            DEPENDS: sum(row.agreement == DEPENDS for row in some),
+        }
+        for kind, some in of.items()
+        if some
+    }
+
+
+def verdict(rows: Sequence[Row]) -> list[str]:
+    """Return a line for each kind on how many rows agree, and one on trends and on rows that do not count."""
+    lines = []
+    for kind, n in counts(rows).items():
+        depends = f", {n[DEPENDS]} more for the scene's values of what is not published" if n[DEPENDS] else ""
+        lines.append(f"{kind}: {n[AGREES]} of {n['rows']} agree{depends}")
+    signs = [row.sign_agrees for row in rows if row.counts and row.sign_agrees is not None]
+    if signs:
+        lines.append(f"of them trends: {sum(signs)} of {len(signs)} have the right sign, over their whole spreads")
+    if left := sum(not row.counts for row in rows):
+        lines.append(f"not counted, fitted or following from an input: {left}")
+    return lines
 
 
 def markdown(found: Found) -> str:
@@ -86,11 +117,16 @@ def markdown(found: Found) -> str:
 def _lines(found: Found) -> Iterator[str]:
     yield "# Validation"
     yield ""
-    yield f"What the model gives beside what was published: {verdict(found.rows)}."
-    yield "A spread is over numbers that the source does not tell; nothing was chosen to meet a row. Sources: " + (
-        "; ".join(f"{tag}: {meaning}" for tag, meaning in TRUST.items()) + "."
-    )
-    yield from ("", "![Model over published, and bands](validate.png)")
+    yield "What the model gives beside what was published, counted by what it is compared with:"
+    yield ""
+    yield from (f"* {line}" for line in verdict(found.rows))
+    yield ""
+    yield PREFACE
+    yield ""
+    for title, meanings in (("Against", KINDS), ("Standing", STANDINGS), ("Sources", TRUST)):
+        yield f"{title}: " + "; ".join(f"{tag}: {meaning}" for tag, meaning in meanings.items()) + "."
+        yield ""
+    yield from ("![Model over published, and bands](validate.png)")
     for title, rows in found.chapters.items():
         yield from ("", f"## {title}", "")
         yield from markdown_table(HEADER, map(_cells, rows))
@@ -102,12 +138,14 @@ def _cells(row: Row) -> tuple[str, ...]:
     return (
         _mark(row),
         row.name,
+        row.kind,
+        row.standing,
         _number(row.model),
         _number(row.published),
         _ratio(row),
         _band(row),
         _range(row.spread),
-        {None: "", True: "agrees", False: "does not agree"}[row.sign_agrees],
+        {None: "", True: "agrees", False: "not all" if row.ok else "does not agree"}[row.sign_agrees],
         f"{row.source} [{row.trust}]",
     )
 
@@ -115,16 +153,16 @@ def _cells(row: Row) -> tuple[str, ...]:
 def _told(rows: Iterator[Row], title: str, quiet: bool) -> Iterator[Row]:
     """Yield rows, and print each as soon as it is known."""
     if not quiet:
-        typer.echo(f"{title:{WIDTH + 9}}{'model':>12}{'published':>12}{'ratio':>10}  band")
+        typer.echo(f"{title:{WIDTH + 10}}{'model':>12}{'published':>12}{'ratio':>10}  band")
     for row in rows:
         if not quiet:
             numbers = f"{_number(row.model):>12}{_number(row.published):>12}{_ratio(row):>10}"
-            typer.echo(f"  {_mark(row):7}{row.name:{WIDTH}}{numbers}  {_band(row)}")
+            typer.echo(f"  {_mark(row):8}{row.name:{WIDTH}}{numbers}  {_band(row)}")
         yield row
 
 
 def _mark(row: Row) -> str:
-    return "ok" if row.ok else "misses"
+    return row.agreement if row.counts else row.standing
 
 
 def _number(value: float | None) -> str:

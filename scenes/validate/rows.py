@@ -15,6 +15,29 @@ TRUST = {
 }
 """How far a published number can be trusted, by its tag, best first."""
 
+KINDS = {
+    "robot": "measured on a robot",
+    "animal": "measured on animals",
+    "other model": "found by another simulation or analysis, not measured",
+    "closed form": "an exact solution of the equations",
+    "pattern generator": "what its authors' equations or formulas give",
+}
+"""What a row is compared with, by kind."""
+
+STANDINGS = {
+    "prediction": "the model was not told the number",
+    "verification": "shows that equations are solved right, nothing about robots or animals",
+    "fitted": "the scene was fitted to the number; does not count",
+    "input": "the number follows from one that the scene was given; does not count",
+}
+"""What agreement means, by standing."""
+
+COUNTED = ("prediction", "verification")
+"""Standings of the rows that count."""
+
+AGREES, DEPENDS, MISSES = "agrees", "depends", "misses"
+"""Words for a row: in its band whatever is not published; in its band for the scene's values alone; not in its band."""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -41,11 +64,15 @@ class Row:
         Unit of `model` and `published`.
     scene : str
         Scene that was run, or scenes.
+    kind : str
+        A key of `KINDS`.
+    standing : str
+        A key of `STANDINGS`.
     spread : (float, float), optional
         Least and greatest number that the model gives over what the source does not tell; `model` is for the values
         that the scene has.
     sign_agrees : bool, optional
-        Of a trend, whether the model has its sign.
+        Of a trend, whether the model has its sign, over the whole spread.
     """
 
     name: str
@@ -57,11 +84,15 @@ class Row:
     trust: str = "C"
     unit: str = "1"
     scene: str = ""
+    kind: str = "closed form"
+    standing: str = "verification"
     spread: tuple[float, float] | None = None
     sign_agrees: bool | None = None
 
     def __post_init__(self) -> None:
         assert self.trust in TRUST, self.trust
+        assert self.kind in KINDS, self.kind
+        assert self.standing in STANDINGS, self.standing
         assert self.published is not None or isinstance(self.tolerance, tuple), self.name
 
     @property
@@ -80,6 +111,20 @@ class Row:
         return low <= self.model <= high
 
     @property
+    def agreement(self) -> str:
+        """AGREES, DEPENDS or MISSES."""
+        low, high = self.band
+        ends = self.spread or (self.model, self.model)
+        if not self.ok:
+            return MISSES
+        return AGREES if low <= min(ends) and max(ends) <= high and self.sign_agrees is not False else DEPENDS
+
+    @property
+    def counts(self) -> bool:
+        """Whether agreement says anything, by the standing."""
+        return self.standing in COUNTED
+
+    @property
     def ratio(self) -> float | None:
         """Model over published; None where there is no such number."""
         if not self.published or not math.isfinite(self.model):
@@ -95,6 +140,10 @@ class Row:
             "published": self.published,
             "ratio": self.ratio,
             "ok": self.ok,
+            "agreement": self.agreement,
+            "kind": self.kind,
+            "standing": self.standing,
+            "counts": self.counts,
             "low": low,
             "high": high,
             "unit": self.unit,

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from scenes.models.loading import load_scene
-from scenes.validate import animals, report, robots
+from scenes.validate import animals, powered, report, robots
 from scenes.validate.animals import earthworm
 from scenes.validate.comparison import ABOVE_1, BELOW_1, Comparison
 from scenes.validate.measures import FIGURES, HOME, Exponent, Figure, Ratio, StoppedError, figures, stride
@@ -21,7 +21,7 @@ def test_scenes_are_right_and_say_what_they_are(name):
 
 
 def comparison(measure, published=None, band=(1.0, math.inf), **more):
-    return Comparison("x", measure, published, band, "here", "C", "A note.", **more)
+    return Comparison("x", measure, published, band, "here", "C", "A note.", **{"kind": "robot", **more})
 
 
 class Fixed:
@@ -62,15 +62,55 @@ def test_run_that_stops():
     ("model", "published", "band", "agrees"),
     [
         (1.1, None, ABOVE_1, True),
+        (1.04, None, ABOVE_1, False),
         (0.9, None, ABOVE_1, False),
         (0.9, None, BELOW_1, True),
+        (0.96, None, BELOW_1, False),
+        (-0.9, None, BELOW_1, False),
         (1.1, 3.0, (1.5, 6.0), True),
         (0.9, 3.0, (1.5, 6.0), False),
         (0.9, 0.4, (0.2, 0.8), True),
+        (0.99, 0.4, (0.2, 0.8), False),
     ],
 )
 def test_sign_of_a_trend(model, published, band, agrees):
     assert comparison(Fixed(model), published, band, trend=True).row(quick=True).sign_agrees is agrees
+
+
+@pytest.mark.parametrize(
+    ("others", "agreement", "sign"),
+    [((0.4, 0.7), "agrees", True), ((-2.8, 0.7), "depends", False), ((0.3, 0.9), "depends", True)],
+)
+def test_a_spread_that_leaves_the_band_is_no_agreement(others, agreement, sign):
+    row = comparison(Fixed(0.5), 0.4, (0.2, 0.8), trend=True, others=tuple(map(Fixed, others))).row(quick=False)
+    assert (row.ok, row.agreement, row.sign_agrees) == (True, agreement, sign)
+    assert (row.to_dict()["agreement"], row.to_dict()["counts"]) == (agreement, True)
+
+
+def test_speeds_whose_sign_is_published_have_it_over_their_spread():
+    told = {"band": (0.0, math.inf), "unit": "m/s", "trend": True}
+    assert comparison(Fixed(1e-6), **told).row(quick=True).sign_agrees is True
+    assert comparison(Fixed(1e-6), **told, others=(Fixed(-1e-7),)).row(quick=False).sign_agrees is False
+
+
+def test_rows_that_were_fitted_or_follow_from_an_input_say_so():
+    rows = [*robots.COMPARISONS, *animals.COMPARISONS, *powered.COMPARISONS]
+    assert {c.name for c in rows if c.standing == "fitted"} == {c.name for c in rows if c.source == robots.LOAD_FRAME}
+    assert {c.name for c in rows if c.kind == "other model"} == {
+        c.name for c in rows if c.source in (robots.RIDDLE, robots.KANDHARI)
+    }
+    given = [c for c in rows if c.standing == "input"]
+    assert {c.name.partition(":")[2] for c in given} == {
+        " speed",
+        " exponent of the speed over the mass",
+        " exponent of the stride over the mass",
+    }
+
+
+@pytest.mark.parametrize(("what", "given"), [("speed", 0.34 - 0.07), ("stride", 0.34)])
+def test_exponents_of_the_earthworm_are_those_that_it_was_given(what, given):
+    row = next(c for c in animals.COMPARISONS if c.name == f"Earthworm: exponent of the {what} over the mass")
+    assert row.measure() == pytest.approx(given, abs=0.002)
 
 
 def test_measures():
@@ -128,22 +168,45 @@ def test_mirrored_wave_goes_backward():
 
 
 def test_command(tmp_path, capsys, monkeypatch):
-    some = [comparison(Fixed(2.0)), comparison(Fixed(0.5), 1.0, (0.8, 1.2), unknown=(("a",),))]
+    some = [
+        comparison(Fixed(2.0), trend=True),
+        comparison(Fixed(0.5), 1.0, (0.8, 1.2), unknown=(("a",),)),
+        comparison(Fixed(1.0), 1.0, (0.8, 1.2), kind="animal", unknown=(("a",),)),
+        comparison(Fixed(1.0), 1.0, (0.8, 1.2), standing="fitted"),
+    ]
     exact = [Row("y", 1.0 + 2e-7, 1.0, 1e-6, "here"), Row("z", math.nan, 0.0, 1e-6, "here", "folded")]
     chapters = {"Some": lambda quick: (c.row(quick=quick) for c in some), "Exact": lambda quick: iter(exact)}
     monkeypatch.setattr(report, "CHAPTERS", chapters)
     assert report.run(tmp_path / "out", quick=False, force=False, quiet=False) == 0
     said = capsys.readouterr().out
-    assert "misses x" in said
-    assert "2 of 4 rows lie in their bands" in said
-    rows = json.loads((tmp_path / "out" / "validate.json").read_text())["rows"]
+    assert "misses  x" in said
+    for line in (
+        "robot: 1 of 2 agree\n",
+        "animal: 0 of 1 agree, 1 more for the scene's values of what is not published",
+        "closed form: 1 of 2 agree",
+        "of them trends: 1 of 1 have the right sign, over their whole spreads",
+        "not counted, fitted or following from an input: 1",
+    ):
+        assert line in said
+    content = json.loads((tmp_path / "out" / "validate.json").read_text())
+    rows = content["rows"]
+    assert content["counts"] == {
+        "robot": {"rows": 2, "agrees": 1, "depends": 0},
+        "animal": {"rows": 1, "agrees": 0, "depends": 1},
+        "closed form": {"rows": 2, "agrees": 1, "depends": 0},
+    }
+    assert [row["standing"] for row in rows] == [*["prediction"] * 3, "fitted", *["verification"] * 2]
     assert [(row["model"], row["published"], row["ratio"], row["ok"]) for row in rows] == [
         (2.0, None, None, True),
         (0.5, 1.0, 0.5, False),
+        (1.0, 1.0, 1.0, True),
+        (1.0, 1.0, 1.0, True),
         (1.0 + 2e-7, 1.0, 1.0 + 2e-7, True),
         (None, 0.0, None, False),
     ]
     text = (tmp_path / "out" / "validate.md").read_text()
-    assert "| misses | x | 0.5 | 1 | 0.5 | 0.8 to 1.2 | 0.5 to 1.5 |" in text
-    assert "| ok | y | 1 | 1 | 1 + 2e-07 | within 1e-06 |" in text
+    assert "| misses | x | robot | prediction | 0.5 | 1 | 0.5 | 0.8 to 1.2 | 0.5 to 1.5 |" in text
+    assert "| fitted | x | robot | fitted | 1 | 1 | 1 | 0.8 to 1.2 |" in text
+    assert "| agrees | y | closed form | verification | 1 | 1 | 1 + 2e-07 | within 1e-06 |" in text
+    assert "Numbers were chosen to meet rows that are fitted" in text
     assert (tmp_path / "out" / "validate.png").stat().st_size > 1000
