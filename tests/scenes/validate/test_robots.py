@@ -210,3 +210,17 @@ def test_command(tmp_path, capsys, monkeypatch):
     assert "| agrees | y | closed form | verification | 1 | 1 | 1 + 2e-07 | within 1e-06 |" in text
     assert "Numbers were chosen to meet rows that are fitted" in text
     assert (tmp_path / "out" / "validate.png").stat().st_size > 1000
+
+
+def test_periods_are_tried_until_two_in_a_row_are_slower(monkeypatch):
+    speeds = {10.0: 1.0, 7.0: 3.0, 5.0: 2.0, 3.5: 4.0, 2.5: 3.9, 1.7: 3.0}
+    tried = []
+
+    def figure(name, scene, told):
+        period = float(told[0].partition("=")[2])
+        tried.append(period)
+        return lambda changes: speeds[round(period, 6)]
+
+    monkeypatch.setattr(powered, "Figure", figure)
+    assert powered.Fastest("none", 10.0)() == 4.0
+    assert tried == pytest.approx(list(speeds))
