@@ -36,6 +36,14 @@ Bind = Annotated[
     str,
     typer.Option("--bind", metavar="ADDRESS", help="Where the scheduler of --workers listens; others may reach it."),
 ]
+CaseLimit = Annotated[
+    float | None,
+    typer.Option(
+        "--case-limit-s",
+        metavar="SECONDS",
+        help="Longest time of a case, which fails if it takes longer (left out: 3600, or as [sweep] says).",
+    ),
+]
 Anew = Annotated[bool, typer.Option("--force", help="Run all cases anew, and write to a folder with other files.")]
 
 
@@ -51,6 +59,7 @@ def sweep(
     workers: Workers = None,
     scheduler: Scheduler = None,
     bind: Bind = "127.0.0.1",
+    case_limit_s: CaseLimit = None,
     out: Out = None,
     force: Anew = False,
     quiet: Quiet = False,
@@ -65,7 +74,7 @@ def sweep(
     from scenes.sweep.command import Options, run
 
     options = Options(
-        vary or (), random, listed, results, retry_failed, workers, scheduler, bind, force=force, quiet=quiet
+        vary or (), random, listed, results, retry_failed, workers, scheduler, bind, case_limit_s, force, quiet
     )
     raise typer.Exit(run(scene, o or (), out, options))
 
@@ -81,6 +90,7 @@ def study(
     ] = False,
     o: Overrides = None,
     workers: Workers = None,
+    case_limit_s: CaseLimit = None,
     retry_failed: RetryFailed = False,
     out: Out = None,
     force: Anew = False,
@@ -95,7 +105,7 @@ def study(
     from scenes.studies import command
     from scenes.sweep.command import Options
 
-    options = Options(workers=workers, retry_failed=retry_failed, force=force, quiet=quiet)
+    options = Options(workers=workers, case_limit_s=case_limit_s, retry_failed=retry_failed, force=force, quiet=quiet)
     if every:
         if name is not None or o:
             raise SceneError("study: --all runs the studies as they are; leave out the name and -o")

@@ -14,6 +14,14 @@ SWEEP, STUDY = "sweep", "study"
 """Names of the sections."""
 
 
+CASE_LIMIT = 3600.0
+"""Default of the longest time of a case, from its first step on [s]. Cases take seconds to minutes. With half of it
+long ones fail on slow machines, with double a case that never ends holds up the others longer."""
+LONGEST_CASE_LIMIT = 1e7
+"""Longest time limit of a case that can be given [s]: 16 weeks. Timers overflow at some hundred times as much, and
+half or double of it makes no difference to sweeps."""
+
+
 class Sweep(Section):
     """Keys that are varied, and how many cases are drawn."""
 
@@ -21,6 +29,9 @@ class Sweep(Section):
         title='keys and their values: { "gait.period_s" = [2, 3], "worm.segments" = "3:7:5" }', aka=("values", "keys")
     )
     random: int | None = quantity(ge=1, left_out="none are drawn", title="cases drawn from keys given as lo:hi")
+    case_limit_s: float = quantity(
+        CASE_LIMIT, unit="s", gt=0, le=LONGEST_CASE_LIMIT, title="longest time of a case; one that takes longer fails"
+    )
     choices: dict[str, dict[str, dict[str, Any]]] = Field(
         default={},
         title='names for values of several keys: { ground = { ice = { "friction.forward" = 0.01 }, felt = {} } }',

@@ -5,18 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import typer
 
 from scenes.commands.runner import EXIT_CODES
 from scenes.commands.terminal import Interruption, busy, counted, progress
+from scenes.language.sweep_section import CASE_LIMIT
 from scenes.models.loading import Scene
 from scenes.records import folder as folders
 from scenes.sweep.design import Design, told
 from scenes.sweep.engine import Sweep, require_place
 from scenes.sweep.executors import LOOPBACK, Executor, chosen
+from scenes.sweep.limit import limit_of
 from scenes.sweep.outputs import CSV, report, write_outputs
 from scenes.sweep.plan import Plan, Source, planned
 from scenes.sweep.progress import shown, summed_up
@@ -42,6 +44,7 @@ class Options:
     workers: int | None = None
     scheduler: str | None = None
     bind: str = LOOPBACK
+    case_limit_s: float | None = None
     force: bool = False
     quiet: bool = False
 
@@ -65,10 +68,11 @@ def run(
     executor = chosen(options.workers, options.scheduler, options.bind)
     source = Source.of(scene, overrides)
     plan = checked(source, options)
+    limit_s = limit_of(plan.base.sweep, options.case_limit_s)
     if out is not None:
         require_place(out, force=options.force)
     with folders.prepared(out, source.name, force=True) as folder:
-        return _run_into(folder, plan, executor, options, then)
+        return _run_into(folder, plan, executor, replace(options, case_limit_s=limit_s), then)
 
 
 def checked(source: Source, options: Options) -> Plan:
@@ -104,7 +108,11 @@ def _run_and_write(
     folder: Path, plan: Plan, executor: Executor, options: Options, then: Then
 ) -> tuple[bool, Sequence[str], int]:
     """Return whether Ctrl-C stopped it, the lines that end its report, and the exit code."""
-    sweep, name, begun = Sweep(plan, folder, options.results), plan.base.name, time.monotonic()
+    sweep, name, begun = (
+        Sweep(plan, folder, options.results, options.case_limit_s or CASE_LIMIT),
+        plan.base.name,
+        time.monotonic(),
+    )
     with Interruption() as interruption, shown(name, quiet=options.quiet) as show:
         far = sweep.run(
             executor, lambda: interruption.requested, show, anew=options.force, retry_failed=options.retry_failed

@@ -11,6 +11,7 @@ from scenes.language.errors import MissingPartError
 from scenes.records import folder as folders
 from scenes.sweep.engine import Sweep, require_place
 from scenes.sweep.executors import LOOPBACK, chosen
+from scenes.sweep.limit import limit_of
 from scenes.sweep.outputs import DATASET, write_outputs
 from scenes.sweep.plan import Source, planned
 from scenes.sweep.vary import cases_of
@@ -30,6 +31,7 @@ def sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     bind: str = LOOPBACK,
+    case_limit_s: float | None = None,
     out: str | Path | None = None,
     results: bool = False,
     retry_failed: bool = False,
@@ -56,6 +58,9 @@ def sweep(
         Address of a Dask scheduler whose workers run the cases.
     bind : str
         Address on which the scheduler of `workers` listens.
+    case_limit_s : float, optional
+        Longest time of a case from its first step on [s]; one that takes longer fails. Left out: as the section [sweep]
+        says, or an hour.
     out : str or Path, optional
         Folder of the cases and of what they show together, as `worm3d sweep` writes it; with the same folder only
         missing cases are run. Left out: nothing is kept.
@@ -88,7 +93,7 @@ def sweep(
         folder = Path(scratch if out is None else out)
         require_place(folder, force=False)
         with folders.locked(folders.made(folder)):
-            job = Sweep(plan, folder, results)
+            job = Sweep(plan, folder, results, limit_of(plan.base.sweep, case_limit_s))
             job.run(executor, retry_failed=retry_failed)
             write_outputs(folder, plan.base, plan.design, job.ended())
             return xarray.load_dataset(folder / DATASET)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from scenes.language.errors import DiscError, SceneError
+from scenes.language.sweep_section import CASE_LIMIT
 from scenes.records.folder import PREFIX, made
 from scenes.sweep.case_file import CASES, FAILED, NOT_RUN, CaseResult
 from scenes.sweep.executors import Executor, Stopped
@@ -45,6 +46,8 @@ class Sweep:
     folder: Path
     results: bool = False
     """Whether the files of the cases hold whole records."""
+    limit_s: float = CASE_LIMIT
+    """Longest time of a case from its first step on [s]."""
     _lost: dict[str, str] = field(default_factory=dict)
     """Why a case that has no file failed, by key."""
 
@@ -75,6 +78,7 @@ class Sweep:
             The disc refused a file, or a package is missing where the cases run.
         """
         made(self.cases_folder)
+        self._remove_parts()
         cases = {case.key: case for case in self.plan.cases}.values()
         impossible = self._jobs(tuple(case for case in cases if case.refused))
         jobs = self._jobs(tuple(case for case in cases if not case.refused))
@@ -104,7 +108,7 @@ class Sweep:
         return self.folder.resolve() / CASES
 
     def _jobs(self, cases: tuple[Case, ...]) -> Jobs:
-        return Jobs(self.plan.base.name, cases, self.cases_folder, self.results)
+        return Jobs(self.plan.base.name, cases, self.cases_folder, self.results, self.limit_s)
 
     def _missing(self, jobs: Jobs, *, anew: bool, retry_failed: bool) -> tuple[Jobs, int]:
         """Return the jobs that are to be run, and how many others have failed; what is outdated is removed."""

@@ -17,6 +17,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import astuple
 from itertools import islice
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
@@ -26,7 +27,8 @@ from distributed import Client, Future, KilledWorker, get_worker
 from scenes.language.errors import SceneError
 from scenes.sweep.case_file import FAILED
 from scenes.sweep.executors import Perform, Stopped
-from scenes.sweep.job import Ended, Job
+from scenes.sweep.job import Ended, Job, too_late
+from scenes.sweep.limit import ended_when_stuck
 
 COMPANY = (2, 1, 0)
 """Cases under way for each worker, in the first try and in the further ones; 0 is one on all workers together."""
@@ -180,7 +182,13 @@ def _perform(perform: Perform, batch: Batch, topic: str) -> _Report:
     """Run jobs on a worker and tell the driver; one at a time in a process."""
     with _alone:
         begun = time.monotonic()
-        ended = [astuple(perform(job)) for job in batch]
+        ended = [astuple(_performed(perform, job)) for job in batch]
         report = _Report(batch[0].key, time.monotonic() - begun, ended)
     get_worker().log_event(topic, tuple(report))
     return report
+
+
+def _performed(perform: Perform, job: Job) -> Ended:
+    """Run a job, or end this process if it never ends; a job that ended one in another try is not tried again."""
+    with ended_when_stuck(Path(job.path), job.limit_s) as was_stuck:
+        return too_late(job) if was_stuck else perform(job)

@@ -11,10 +11,12 @@ from typing import Any
 from scenes.commands.packages import versions
 from scenes.commands.runner import simulate
 from scenes.language.errors import DiscError, MissingPartError, SceneError, printable
+from scenes.language.sweep_section import CASE_LIMIT
 from scenes.models.loading import Scene, trusted_scene
 from scenes.records.store import save
 from scenes.sweep.case_file import FAILED, CaseResult, read, result_of, write
 from scenes.sweep.key import key_of
+from scenes.sweep.limit import Clock, told
 
 INTERRUPTED = "interrupted"
 
@@ -33,6 +35,8 @@ class Job:
     """Absolute path of the case's file, `<key>.json`, or `<key>.nc` where the whole record is kept."""
     results: bool = False
     """Whether the file holds the whole record."""
+    limit_s: float = CASE_LIMIT
+    """Longest time from its first step on [s]."""
 
 
 @dataclass(frozen=True)
@@ -73,20 +77,26 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
             f"{job.name}: a worker's worm3d, its libraries, or a file or map that the scene needs, is not that of the "
             "driver: install the same versions where both run"
         )
+    clock = Clock(job.limit_s)
     try:
-        record = simulate(scene, lambda done: not stopped())
+        record = simulate(scene, lambda done: clock.looks() and not stopped())
     except (DiscError, MissingPartError):
         raise
     except Exception as error:  # whatever a case does, the others go on
         return _failed(job, scene, data, error)
     if record.status == INTERRUPTED:
-        return Ended(job.key, INTERRUPTED)
+        return too_late(job) if clock.is_over else Ended(job.key, INTERRUPTED)
     result = result_of(job.key, record, data)
     if job.results:
         save(record, Path(job.path))
     else:
         write(result, Path(job.path))
     return _ended(result)
+
+
+def too_late(job: Job) -> Ended:
+    """Return the end of a case that took longer than its limit: without a file, since elsewhere it may be in time."""
+    return Ended(job.key, FAILED, told(job.limit_s))
 
 
 def found(job: Job) -> CaseResult | None:

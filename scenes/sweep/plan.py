@@ -16,7 +16,7 @@ from scenes.commands.terminal import counted
 from scenes.language import toml
 from scenes.language.errors import SceneError
 from scenes.language.loader import Draft, ImpossibleError, find_scene, read_text
-from scenes.language.sweep_section import varied_keys
+from scenes.language.sweep_section import CASE_LIMIT, varied_keys
 from scenes.models.base import Model
 from scenes.models.loading import Scene, draft
 from scenes.sweep.design import Design, told
@@ -83,10 +83,10 @@ class Case:
     refused: str = ""
     """Why it cannot be, although each of its keys is right; empty if it can."""
 
-    def job(self, name: str, folder: Path, *, results: bool) -> Job:
+    def job(self, name: str, folder: Path, *, results: bool, limit_s: float) -> Job:
         """Return the job that runs it into a folder."""
         path = folder / f"{self.key}{'.nc' if results else '.json'}"
-        return Job(self.key, name, zlib.decompress(self.packed).decode(), str(path), results)
+        return Job(self.key, name, zlib.decompress(self.packed).decode(), str(path), results, limit_s)
 
 
 @dataclass(frozen=True)
@@ -110,6 +110,8 @@ class Jobs(Sequence[Job]):
     folder: Path
     """Folder of the files of the cases."""
     results: bool
+    limit_s: float = CASE_LIMIT
+    """Longest time of a case from its first step on [s]."""
 
     def __len__(self) -> int:
         """Return their number."""
@@ -119,7 +121,7 @@ class Jobs(Sequence[Job]):
         """Return the job at a place, or the jobs of a slice."""
         if isinstance(place, slice):
             return replace(self, cases=self.cases[place])
-        return self.cases[place].job(self.name, self.folder, results=self.results)
+        return self.cases[place].job(self.name, self.folder, results=self.results, limit_s=self.limit_s)
 
 
 def planned(

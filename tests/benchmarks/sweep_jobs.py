@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import signal
 import time
 from collections.abc import Callable
@@ -12,10 +13,11 @@ from pathlib import Path
 from scenes.language.errors import DiscError
 from scenes.records.folder import write_bytes
 from scenes.sweep.job import Ended, Job
+from scenes.sweep.limit import Clock
 
 
 def jobs(folder: Path, what: str, number: int, first: int = 0) -> list[Job]:
-    """Return jobs that all do the same: `spin 0.1`, `kill`, `crash`, `raise`, `full`."""
+    """Return jobs that all do the same: `spin 0.1`, `kill`, `hang`, `crash`, `raise`, `full`."""
     keys = [f"{what.split()[0]}{k:04}" for k in range(first, first + number)]
     return [Job(key, key, what, str(folder / f"{key}.json")) for key in keys]
 
@@ -28,6 +30,9 @@ def perform(job: Job, stopped: Callable[[], bool] = lambda: False) -> Ended:
     what, _, seconds = job.scene.partition(" ")
     if what == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
+    elif what == "hang":
+        Clock(job.limit_s).looks()
+        re.match(r"(a+)+$", "a" * 60 + "b")  # takes years in a single step, in which no other thread of Python runs
     elif what == "crash":
         ctypes.string_at(0)
     elif what == "raise":

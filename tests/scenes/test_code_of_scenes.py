@@ -236,6 +236,45 @@ LOOKS = (
 )
 
 
+@pytest.mark.parametrize(("hangs", "workers"), [("sleep(0.2)", ()), ("sleep(1e9)", ("--workers", "1"))])
+def test_a_case_that_never_ends_has_a_time_limit(
+    worm3d, tmp_path: Path, own: Path, hangs: str, workers: tuple[str]
+) -> None:
+    """Between steps in this process; a worker is replaced, even within a step."""
+    own.write_text(f"from time import sleep\n{MODULE}".replace("while True:\n                pass", hangs + "\n"))
+    own.write_text(own.read_text().replace("END = None", 'END = "never"').replace("if END and", "if False and"))
+    vary = ("--vary", "controller.kind=own_code:Mine,open_loop", "--vary", "run.dt_s=0.01", "--vary", "seed=1")
+    command = ("sweep", "path_line", "-o", "run.duration_s=4", *vary, *workers, "--out", "x")
+    ended = worm3d(*command, "--case-limit-s", "1.5")
+    assert ended.code == 5
+    assert "failed: took longer than 1.5 s, the time limit of a case: give it longer by --case-limit-s" in ended.err
+    assert "2 of 2 cases, 1 failed" in ended.out
+    assert len([*(tmp_path / "x" / "cases").iterdir()]) == 1, "the case that was late has no file"
+    own.write_text(MODULE)
+    sys.modules.pop("own_code", None)
+    again = worm3d(*command)
+    assert (again.code, again.complaints[0]) == (0, "path_line: 1 of 2 cases, 1 kept from before")
+
+
+@pytest.mark.parametrize("limit", ["0", "-1", "nan", "inf", "1e9"])
+def test_a_time_limit_has_a_range(worm3d, tmp_path: Path, limit: str) -> None:
+    vary = ("--vary", "gait.period_s=1,2", "--out", "x")
+    ended = worm3d("sweep", "planar_published", *vary, "--case-limit-s", limit)
+    assert (ended.code, len(ended.complaints)) == (2, 1)
+    assert "--case-limit-s: got" in ended.err
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_scene_with_a_sweep_has_a_time_limit_of_its_own(worm3d, tmp_path: Path) -> None:
+    swept = 'model = "planar_published"\n[run]\nduration_s = 20.0\n[sweep]\ncase_limit_s = {}\n'
+    vary = 'vary = { "gait.period_s" = [1], "run.dt_s" = 0.0001, "friction.forward" = 0.03 }\n'
+    (tmp_path / "swept.toml").write_text(swept.format("-1") + vary)
+    assert "sweep.case_limit_s: got -1" in worm3d("check", "swept.toml").err
+    (tmp_path / "swept.toml").write_text(swept.format("0.01") + vary)
+    ended = worm3d("run", "swept.toml", "--out", "x")
+    assert (ended.code, "took longer than 0.01 s" in ended.err) == (5, True)
+
+
 def test_results_are_looked_at_without_the_code_they_were_made_with(worm3d, tmp_path: Path, own: Path) -> None:
     """The module is another one meanwhile, which leaves a file where it is imported, and then is gone."""
     asked = (

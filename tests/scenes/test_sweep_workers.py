@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import psutil
@@ -19,6 +20,7 @@ import sweep_jobs
 from sweep_jobs import jobs, perform
 
 from scenes.language.errors import DiscError, SceneError
+from scenes.records.folder import PREFIX
 from scenes.sweep import cluster
 from scenes.sweep.executors import InProcess, chosen
 from scenes.sweep.flight import DEATH, SchedulerError
@@ -46,10 +48,10 @@ def runs_of(job: Job) -> list[str]:
 
 
 def require_complete(wanted: list[Job]) -> None:
-    """Check that each job was finished once, and that nothing else is in the folder."""
+    """Check that each job was finished once, and that nothing else is in the folder that a sweep does not remove."""
     folder = Path(wanted[0].path).parent
     assert [len(runs_of(job)) for job in wanted] == [1] * len(wanted)
-    assert {path.name for path in folder.iterdir()} == {
+    assert {path.name for path in folder.iterdir() if not path.match(f"{PREFIX}*.part")} == {
         name for job in wanted for name in (Path(job.path).name, f"begun-{job.key}")
     }
 
@@ -90,6 +92,23 @@ def test_short_cases_that_share_a_task_with_a_killing_one_are_run_once(tmp_path:
     assert told.pop(wrong.key) == Ended(wrong.key, "failed", "ZeroDivisionError: nothing to divide by")
     assert {each.status for each in told.values()} == {"done"}
     require_complete(innocent)
+
+
+def test_the_worker_of_a_case_that_never_ends_is_replaced(tmp_path: Path) -> None:
+    innocent = jobs(tmp_path, "spin 0.2", 6)
+    stuck = replace(jobs(tmp_path, "hang", 1)[0], limit_s=0.5)
+    begun = time.monotonic()
+    ended = list(cluster.Local(2).run([innocent[0], stuck, *innocent[1:]], perform, never))
+    assert time.monotonic() < begun + 60.0
+    told = {each.key: each for each in ended}
+    why = "took longer than 0.5 s, the time limit of a case: give it longer by --case-limit-s"
+    assert told.pop(stuck.key) == Ended(stuck.key, "failed", why)
+    assert {each.status for each in told.values()} == {"done"}
+    assert len(told) == len(innocent)
+    assert [path.name for path in tmp_path.glob(f"{PREFIX}*")] == [f"{PREFIX}{stuck.key}.late.part"], (
+        "a sweep removes it"
+    )
+    assert all(len(runs_of(job)) == 1 for job in innocent)
 
 
 @contextmanager
