@@ -22,7 +22,7 @@ from worm3d.physics.kernels.layout import Layout, once
 from worm3d.physics.media import Medium
 from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
-from worm3d.solver.evaluate import evaluate_entry
+from worm3d.solver.evaluate import DIRECTOR, TANGENT, evaluate_entry
 from worm3d.solver.guard import SIDES, refused
 from worm3d.solver.newton import solve_entry
 from worm3d.solver.pose import put_entry
@@ -243,6 +243,7 @@ class Plant:
         self._point_row("law")[:, :, : self.n] = law
         self._point_row("weight")[:] = self.arrays["point_mass"] * self.gravity[:, None, None]
         self._point_row("tangent")[[0, 4]] = 1.0
+        self.arrays["rest"][[TANGENT, DIRECTOR + 2]] = 1.0  # vectors of four lanes leave some without a segment alone
         self._point_row("dt")[:] = self._point_row("limit_ratio")[:] = 1.0
 
     def _fill_actuators(self) -> None:

@@ -291,3 +291,15 @@ def test_most_of_the_default_worms_work_is_damped_by_its_material() -> None:
     result = crawl(CASES["flat"], duration=6.0)
     uses = result.energy.uses
     assert_allclose(uses["damping"] / (sum(uses.values()) - uses["gained"]), 0.98, atol=0.02)
+
+
+@pytest.mark.parametrize("world", [None, Plane()], ids=["air", "plane"])
+@pytest.mark.parametrize("segments", [*range(1, 13), 17, 20])
+def test_the_ledger_is_finite_and_closes_for_every_number_of_segments(segments: int, world: Plane | None) -> None:
+    """Kernels run on four or eight lanes at once: lanes without a segment count for nothing."""
+    worm = Worm(segments=segments, length=0.2 * segments, mass=0.02 * segments)
+    gravity = (0.0, 0.0, 0.0 if world is None else -9.81)
+    run = simulate(worm, world, actuation=TravellingWave(amplitude=0.1), duration=0.1, dt=0.005, gravity=gravity)
+    terms = np.array([getattr(run.energy, name) for name in (*STORED, *LOST, *INCOMING)])
+    assert np.isfinite(terms).all()
+    assert np.abs(run.energy.residual.sum()) < 1e-10 * max(np.abs(terms).sum(), 1e-6)
