@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scenes.fit.identifiability import Relation
-from scenes.fit.lack import Lack, lack_of
+from scenes.fit.lack import Lack
 from scenes.fit.noise import autocorrelation, noise_of
 from scenes.fit.solving import Solution, solve
 from scenes.fit.trials import Data, Trials
@@ -162,7 +162,7 @@ def fit(
         correlation=_correlation(found),
         channels=tuple(_channels(trials.data, found.simulated)),
         data=trials.data,
-        lack=lack_of(np.full_like(found.simulated, np.nan) if found.exact else trials.data.values - found.simulated),
+        lack=found.lack,
         simulated=found.simulated,
         abscissa=trials.abscissa,
         scene=trials.scene(found.values).to_toml(),

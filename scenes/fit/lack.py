@@ -1,26 +1,55 @@
-"""Lack of fit: whether what a fit leaves is noise, or what the scene cannot follow."""
+"""Lack of fit: whether what a fit leaves is noise, or what the scene cannot follow.
+
+Noise is taken for autoregressive of first order, e_t = a e_{t-1} + u_t, of which there are two estimates. A slow error
+of the model hardly changes from sample to sample, so the differences of neighbours tell of the noise alone,
+
+    a = 1 + 2 r,  var(u) = (1 + a) var(d)/2,  with d_t = e_t - e_{t-1} of variance var(d) and correlation r       (FL1)
+
+but roughly. The most likely a, with a share q of white noise beside it (P. Whittle, Bulletin of the International
+Statistical Institute 39, 1962), is more exact, but takes a part of the error for noise:
+
+    least over a, q of  ln mean_k(P_k/S_k) + mean_k ln S_k,  P_k the power of the residuals at frequency w_k,     (FL2)
+    S_k = (1 - q) (1 - a^2)/(1 - 2 a cos w_k + a^2) + q
+
+The power at low frequencies over that of the noise is the ratio of each. Right scenes seldom have a large one, nor
+residuals that are alike to the effect of a key (`scenes.fit.suspects`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
-from scipy import fft
+from scipy import fft, signal, special
 
+from scenes.fit.suspects import NONE, Suspects
 from worm3d.values.arrays import FloatArray
 
 LEAST_SAMPLES = 30
 """Least number of samples of a channel that is looked at."""
 LONGEST = 0.9
 """Largest correlation of neighbouring samples of what passes for noise: a memory of ten samples."""
+TRIED = np.array([(a, q) for a in np.linspace(0.0, LONGEST, 19) for q in (0.0, 0.1, 0.3, 0.5, 0.7)])
+"""Values of a and q that are tried for (FL2)."""
 BAND = 6
 """Number of frequencies of a band."""
 SLOW = 8
 """One over the part of the frequencies that counts as slow."""
-LIMIT = 20.0
-"""Ratio that tells a lack of fit. About one in a hundred series of autoregressive noise with a correlation of 0.8 and
-as much white noise exceeds it, fewer without white noise, and none of four series together."""
+CERTAIN = 20.0
+"""Ratio to the noise (FL1) that tells a lack of fit by itself. About one in a hundred series of autoregressive noise
+with a correlation of 0.8 and as much white noise exceeds it, fewer without white noise, and none of four series."""
+LIMIT = 3.0
+"""Ratio to the noise (FL2) that tells a lack of fit where noise has it by no more than `CHANCE`; at 1.5 the chance
+alone decides, at 6 a wrong mass seen 25 times a second is missed."""
+CHANCE = 1e-4
+"""Largest chance of noise that tells a lack of fit, by the normal tail of drawn logarithms, whose true one is longer:
+of 2000 sets of four noisy series at most two or three have it. At a tenth of it a wrong mass is missed more often."""
+DRAWS = 100
+"""Number of drawn series of each channel, for mean and scatter of the logarithm of the ratio to 10 %."""
+MEMORY = 100
+"""Number of samples after which a drawn series has forgotten its start."""
 
 
 @dataclass(frozen=True)
@@ -28,58 +57,111 @@ class Lack:
     """How much slower residuals change than noise would."""
 
     ratio: float
-    """Power of their slow part over that of the noise which their quick changes tell of: of each channel in its worst
-    band of frequencies, then the geometric mean of the channels; 0 if too little is known."""
+    """Power of their slow part over that of the noise (FL1): of each channel in its worst band of frequencies, then the
+    geometric mean of the channels; 0 if too little is known."""
+    likely: float = 0.0
+    """The same over the noise (FL2)."""
+    chance: float = 1.0
+    """Probability that noise has a ratio (FL2) as large; 1 below `LIMIT`."""
+    suspects: Suspects = NONE
+    """Fixed keys that would take most of the residuals away."""
 
     @property
     def found(self) -> bool:
         """Whether the scene does not follow the data."""
-        return self.ratio > LIMIT
+        return self.ratio > CERTAIN or self.chance <= CHANCE or self.suspects.found
 
     @property
-    def sentence(self) -> str:
-        """What it means and what to do, for people."""
-        return (
-            f"the scene does not follow the data: the slow part of the residuals has {self.ratio:.3g} times the power "
-            "of noise with their quick changes, so values may be off by more than the intervals say; vary further keys "
-            "that may be wrong, such as those of friction, gait and worm, and look at the residuals in fit.png"
-        )
+    def widening(self) -> float:
+        """Factor of the errors: slow residuals of r times the power of noise move the values sqrt(r) times as far."""
+        return float(np.sqrt(max(1.0, self.likely))) if self.found else 1.0
 
 
-def lack_of(residuals: FloatArray) -> Lack:
+def ratio_of(residuals: FloatArray) -> float:
+    """Return the ratio (FL1) of residuals, shape (C, T), NaN where nothing was measured."""
+    ratios = [_by_differences(series) for series in _series(residuals)]
+    return float(np.exp(np.mean(np.log(ratios)))) if ratios else 0.0
+
+
+def lack_of(residuals: FloatArray, seed: int = 0) -> Lack:
     """Return the lack of fit of residuals, shape (C, T), NaN where nothing was measured.
 
-    The differences of neighbouring samples hardly see a slow error of the model, so they tell the variance and the
-    correlation of first-order autoregressive noise, hence the power that it would have at low frequencies. The errors
-    of a wrong scene go with strides and with the whole crawl, far slower than noise, and exceed this power many times,
-    in a single channel too and however the noise of different channels is correlated.
+    The errors of a wrong scene go with strides and with the whole crawl, far slower than noise, and exceed its power
+    many times, in a single channel too. `seed` is what the random numbers of drawn series start from.
     """
-    ratios = [ratio for ratio in map(_ratio, _series(residuals)) if ratio > 0.0]
-    if not ratios:
+    channels = list(_series(residuals))
+    if not channels:
         return Lack(0.0)
-    return Lack(float(np.exp(np.mean(np.log(ratios)))))
+    found = [_by_likelihood(series) for series in channels]
+    likely = float(np.mean([np.log(ratio) for _, ratio in found]))
+    chance = 1.0
+    if likely >= np.log(LIMIT):
+        random = np.random.default_rng(seed)
+        drawn = [_drawn(noise, len(series), random) for (noise, _), series in zip(found, channels, strict=True)]
+        means = np.mean([np.log(_by_likelihood(each)[1]) for each in drawn], axis=0)
+        chance = float(special.ndtr((means.mean() - likely) / means.std()))
+    return Lack(ratio_of(residuals), float(np.exp(likely)), chance)
 
 
 def _series(residuals: FloatArray) -> Iterator[FloatArray]:
-    """Yield the known values of each channel that has enough of them."""
+    """Yield the known values of each channel that has enough of them, and any noise."""
     for series in residuals:
         known = series[np.isfinite(series)]
-        if len(known) >= LEAST_SAMPLES:
+        if len(known) >= LEAST_SAMPLES and np.ptp(known) > 0.0:
             yield known
 
 
-def _ratio(series: FloatArray) -> float:
-    """Return the largest ratio, over bands of low frequencies, of the power of a series to that of the noise in it.
-
-    Of e_t = a e_{t-1} + u_t the differences have a correlation of (a - 1)/2 and a variance of 2 var(u)/(1 + a).
-    """
+def _by_differences(series: FloatArray) -> float:
+    """Return the ratio of a series, shape (T,), by (FL1)."""
     steps = np.diff(series)
     power = float(steps @ steps)
-    if power == 0.0:
-        return 0.0
-    a = float(np.clip(1.0 + 2.0 * (steps[1:] @ steps[:-1]) / power, 0.0, LONGEST))
-    angle = np.pi * np.arange(len(series)) / len(series)
-    noise = 0.5 * (1.0 + a) * power / len(steps) / (1.0 - 2.0 * a * np.cos(angle) + a**2)
-    ratio = fft.dct(series, norm="ortho") ** 2 / noise
-    bands = max(1, len(series) // (SLOW * BAND))
-    return float(ratio[: bands * BAND].reshape(bands, BAND).mean(axis=1).max())
+    a = np.clip(1.0 + 2.0 * (steps[1:] @ steps[:-1]) / power, 0.0, LONGEST)
+    innovations = 0.5 * (1.0 + a) * power / len(steps)
+    return float(_worst(_power(series) * (1.0 - a**2) / (innovations * _shape(a, 0.0, len(series)))))
+
+
+def _by_likelihood(series: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a and q, shape (..., 2), and the ratio of series, shape (..., T), by (FL2)."""
+    power, (shapes, inverse, level) = _power(series), _tried(series.shape[-1])
+    sizes = power @ inverse / series.shape[-1]
+    best = np.argmin(np.log(sizes) + level, axis=-1)
+    own = np.take_along_axis(sizes, best[..., None], axis=-1)
+    return TRIED[best], _worst(power / (own * shapes[best]))
+
+
+@lru_cache(maxsize=8)
+def _tried(length: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return S_k for `TRIED`, shape (K, T), one over it, shape (T, K), and the mean of its logarithm, shape (K,)."""
+    shapes = _shape(TRIED[:, 0], TRIED[:, 1], length)
+    return shapes, (1.0 / shapes).T, np.log(shapes).mean(axis=-1)
+
+
+def _power(series: FloatArray) -> FloatArray:
+    """Return the power at each frequency, shape (..., T)."""
+    power: FloatArray = fft.dct(series, norm="ortho", axis=-1) ** 2
+    return power
+
+
+def _shape(a: FloatArray | float, q: FloatArray | float, length: int) -> FloatArray:
+    """Return the power of noise of variance 1 at each frequency, S_k of (FL2), shape (..., T)."""
+    cosine = np.cos(np.pi * np.arange(length) / length)
+    a, q = np.asarray(a)[..., None], np.asarray(q)[..., None]
+    shape: FloatArray = (1.0 - q) * (1.0 - a**2) / (1.0 - 2.0 * a * cosine + a**2) + q
+    return shape
+
+
+def _worst(relative: FloatArray) -> FloatArray:
+    """Return the largest mean over a band of low frequencies of relative power, shape (..., T)."""
+    bands = max(1, relative.shape[-1] // (SLOW * BAND))
+    split = relative[..., : bands * BAND].reshape(*relative.shape[:-1], bands, BAND)
+    worst: FloatArray = split.mean(axis=-1).max(axis=-1)
+    return worst
+
+
+def _drawn(noise: FloatArray, length: int, random: np.random.Generator) -> FloatArray:
+    """Return noise of variance 1 with a and q, shape (2,), shape (DRAWS, length)."""
+    a, q = map(float, noise)
+    innovations = np.sqrt((1.0 - q) * (1.0 - a**2)) * random.standard_normal((DRAWS, length + MEMORY))
+    coloured: FloatArray = signal.lfilter([1.0], [1.0, -a], innovations, axis=-1)[:, MEMORY:]
+    coloured += np.sqrt(q) * random.standard_normal(coloured.shape)
+    return coloured

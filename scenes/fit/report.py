@@ -7,7 +7,7 @@ from typing import Any
 
 from scenes.commands.terminal import counted
 from scenes.fit.fitting import Channel, Fit, Fitted
-from scenes.fit.lack import LIMIT
+from scenes.fit.lack import LIMIT, Lack
 from scenes.fit.noise import HIGHEST_ORDER
 from scenes.records.text import aligned
 
@@ -43,12 +43,29 @@ def warnings(fit: Fit) -> Iterator[str]:
     yield from (relation.sentence for relation in fit.relations)
     long = [channel.name for channel in fit.channels if channel.order == HIGHEST_ORDER and not fit.exact]
     if fit.lack.found:
-        yield fit.lack.sentence
+        yield from doubts(fit.lack)
     elif long:
         yield (
             f"the residuals of {', '.join(long[:SHOWN])} are alike for longer than {HIGHEST_ORDER} samples, so the "
             "scene lacks something that the data have: intervals are those of a wrong model"
         )
+
+
+def doubts(lack: Lack) -> Iterator[str]:
+    """Yield what it means that the residuals are no noise, and what to do."""
+    yield (
+        f"the scene does not follow the data: the model misses more than the noise explains, the slow part of the "
+        f"residuals has {max(lack.ratio, lack.likely):.3g} times the power of noise; intervals are widened "
+        f"{lack.widening:.2g} times and by what the first suspect would move the values, but hold for no wrong model: "
+        "look at the residuals in fit.png"
+    )
+    if named := lack.suspects.named:
+        yield (
+            "vary next what takes most of the residuals' squares away: "
+            f"{'; '.join(each.sentence for each in named)}{'' if lack.suspects.found else '; it may be something else'}"
+        )
+    else:
+        yield "no other key that was tried takes the residuals away: the scene lacks something else"
 
 
 def outcome(fit: Fit) -> str:
@@ -68,7 +85,7 @@ def content(fit: Fit) -> dict[str, Any]:
         "failed_runs": fit.failed_runs,
         "measured_values": fit.measured_values,
         "met_exactly": fit.exact,
-        "lack_of_fit": {"found": fit.lack.found, "slow_over_noise_power": fit.lack.ratio, "limit": LIMIT},
+        "lack_of_fit": _lack(fit.lack),
         "keys": [_key(each) for each in fit.keys],
         "correlation": fit.correlation.tolist(),
         "cannot_tell_apart": [
@@ -99,6 +116,22 @@ def scene(fit: Fit) -> str:
     """Return the scene with the fitted values as TOML, with what was fitted on top."""
     head = [f"# {fit.name} with values fitted to {fit.measured}:", *(f"# {_told(each)}" for each in fit.keys), ""]
     return "\n".join([*head, fit.scene])
+
+
+def _lack(lack: Lack) -> dict[str, Any]:
+    return {
+        "found": lack.found,
+        "slow_over_noise_power": lack.ratio,
+        "slow_over_likely_noise_power": lack.likely,
+        "limit": LIMIT,
+        "chance_of_noise": lack.chance,
+        "chance_of_noise_like_a_suspect": lack.suspects.chance,
+        "intervals_widened": lack.widening,
+        "suspects": [
+            {"what": each.what, "value": each.value, "larger": each.larger, "share_of_squares": each.share}
+            for each in lack.suspects.named
+        ],
+    }
 
 
 def _key(each: Fitted) -> dict[str, Any]:

@@ -17,8 +17,9 @@ from scipy.optimize import least_squares
 
 from scenes.fit.dips import dips
 from scenes.fit.identifiability import LOST, Determined, Relation, axes_of, determined, vague
-from scenes.fit.lack import lack_of
+from scenes.fit.lack import Lack, lack_of, ratio_of
 from scenes.fit.slopes import HALVINGS, Slopes, slopes_at
+from scenes.fit.suspects import suspects_of
 from scenes.fit.trials import SpentError, Trials
 from scenes.fit.uncertainty import DRAWS, MOST_CHANNELS, Uncertainty, uncertainty_of
 from worm3d.values.arrays import BoolArray, FloatArray
@@ -77,6 +78,8 @@ class Solution:
     """Whether it is a minimum; False if the runs were used up before."""
     exact: bool
     """Whether the data are met but for errors of integration, so that nothing is known of the noise."""
+    lack: Lack
+    """Whether the residuals are too slow for noise."""
 
 
 def solve(trials: Trials) -> Solution:
@@ -183,7 +186,7 @@ class _Problem:
 
     def elsewhere(self, u: FloatArray, weights: FloatArray, steps: FloatArray) -> FloatArray:
         """Return the lowest of the minima from places around a minimum at which the residuals are no noise."""
-        if lack_of(self._residuals(u)).ratio < SUSPECT:
+        if ratio_of(self._residuals(u)) < SUSPECT:
             return u
         random = np.random.default_rng(0)
         lowest = u
@@ -258,6 +261,13 @@ class _Problem:
         each = self._each(weights)[:, None]
         weighted, bent = each * slopes.values[self.known], each * (slopes.roughness * steps)[self.known]
         scaled = scaled.widened(found.inverse @ weighted.T @ bent)
+        lack = Lack(0.0) if exact else lack_of(self._residuals(u))
+        if finished and not exact:
+            suspects = suspects_of(self.trials, u * self.scale, self._residuals(u), slopes.values, weights)
+            lack = replace(lack, suspects=suspects)
+        if lack.found:
+            shifts = [suspect.shift for suspect in lack.suspects.named]
+            scaled = scaled.scaled(lack.widening).widened(np.stack([np.zeros(len(u)), *shifts[:1]], axis=-1))
         vaguely = tuple(vague(self.varied, scaled.covariance, weighted))
         return Solution(
             values=u * self.scale,
@@ -272,6 +282,7 @@ class _Problem:
             relations=(*found.relations, *vaguely),
             finished=finished,
             exact=exact,
+            lack=lack,
         )
 
     def _channels(self, u: FloatArray) -> FloatArray | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -89,7 +90,7 @@ class Trials:
         self.varied, self.most, self.runs, self.failed = tuple(varied), most, 0, 0
         self._go_on, self._measured, self._model = go_on, measured, scene.model
         self._known: dict[tuple[float, ...], FloatArray | None] = {}
-        self._name, self._text = scene.name, scene.to_toml()
+        self._name, self._text, self._settings = scene.name, scene.to_toml(), scene.settings
         self._shorter = _shortened(scene, float(measured["time"][-1]))
         self.why = ""
         """Why the last failed run failed."""
@@ -115,6 +116,23 @@ class Trials:
             self._known[key] = found
         return self._known[key]
 
+    def changed(self, values: FloatArray, override: str) -> FloatArray | None:
+        """Return what would have been measured with another key changed too; None if the run fails, or cannot be.
+
+        Raises
+        ------
+        SpentError, StoppedError
+            No further run is allowed.
+        """
+        return self._channels(tuple(map(float, values)), override)
+
+    def number(self, key: str) -> float | None:
+        """Return the number that the scene has for a key, None if it has none, or varies it."""
+        value: Any = None if key in [each.key for each in self.varied] else self._settings
+        for name in key.split("."):
+            value = getattr(value, name, None)
+        return float(value) if isinstance(value, float | int) and not isinstance(value, bool) else None
+
     def narrow(self, used: BoolArray) -> None:
         """Leave out the other channels from now on."""
         self.left_out += tuple(name for name, use in zip(self.data.names, used, strict=True) if not use)
@@ -128,18 +146,18 @@ class Trials:
         """Allow more runs."""
         self.most += more
 
-    def scene(self, values: Sequence[float] | FloatArray, *shorter: str) -> Scene:
+    def scene(self, values: Sequence[float] | FloatArray, *changes: str) -> Scene:
         """Return the scene with values of the varied keys; SceneError if it is refused."""
         given = [f"{each.key}={float(value)!r}" for each, value in zip(self.varied, values, strict=True)]
-        return parse_scene(self._text, self._name, [*given, *shorter])
+        return parse_scene(self._text, self._name, [*given, *changes])
 
     def told(self, values: Sequence[float]) -> str:
         """Return values of the keys as a person reads them."""
         return ", ".join(f"{each.key} = {value:.6g}" for each, value in zip(self.varied, values, strict=True))
 
-    def _channels(self, values: tuple[float, ...]) -> FloatArray | None:
+    def _channels(self, values: tuple[float, ...], *changes: str) -> FloatArray | None:
         try:
-            record = self._run(values)
+            record = self._run(values, *changes)
             if record is None:
                 return None
             found = simulated_like(record, self._measured)
@@ -156,7 +174,7 @@ class Trials:
             return None
         return channels
 
-    def _run(self, values: tuple[float, ...]) -> Record | None:
+    def _run(self, values: tuple[float, ...], *changes: str) -> Record | None:
         """Return the record of a run, None if it diverged."""
         if self.runs >= self.most:
             raise SpentError
@@ -170,7 +188,7 @@ class Trials:
             going = self._go_on(self.runs - 1)
             return going
 
-        record = simulate(self.scene(values, *self._shorter), observer)
+        record = simulate(self.scene(values, *self._shorter, *changes), observer)
         if not going:
             raise StoppedError
         if record.status != "done":

@@ -42,6 +42,10 @@ class Uncertainty:
     half_width: FloatArray
     """Half of the width of the intervals with the probability `COVERAGE`, shape (P,)."""
 
+    def scaled(self, factor: float) -> Uncertainty:
+        """Return it with errors larger by a factor."""
+        return Uncertainty(self.covariance * factor**2, self.half_width * factor)
+
     def widened(self, shifts: FloatArray) -> Uncertainty:
         """Return it with shifts of the estimates by unknown signs, shape (P, K), as further errors."""
         more = shifts @ shifts.T
@@ -57,7 +61,7 @@ class Uncertainty:
 
 
 @dataclass(frozen=True)
-class _Group:
+class Group:
     """Channels that were measured at the same T instants, or C combinations of them."""
 
     residuals: FloatArray
@@ -99,7 +103,7 @@ def uncertainty_of(
     draws, seed : int
         Number of drawn series, and what their random numbers start from.
     """
-    groups = list(_groups(residuals, slopes, weights, inverse))
+    groups = list(groups_of(residuals, slopes, weights, inverse))
     models = [noise_of(group.residuals) for group in groups]
     found = _covariance(groups, models, inverse)
     if not draws:
@@ -114,7 +118,7 @@ def uncertainty_of(
     return Uncertainty(found * np.outer(bias, bias), half_width)
 
 
-def _groups(residuals: FloatArray, slopes: FloatArray, weights: FloatArray, inverse: FloatArray) -> Iterator[_Group]:
+def groups_of(residuals: FloatArray, slopes: FloatArray, weights: FloatArray, inverse: FloatArray) -> Iterator[Group]:
     """Yield the channels in groups that were measured at the same instants."""
     known: BoolArray = np.isfinite(residuals)
     for rows in np.unique(known, axis=0):
@@ -124,7 +128,7 @@ def _groups(residuals: FloatArray, slopes: FloatArray, weights: FloatArray, inve
             patterns = weights[members, None] * _patterns(weights[members, None, None] * own @ inverse)
             left, own, squared = patterns.T @ left, np.tensordot(patterns.T, own, 1), np.ones(patterns.shape[1])
         spectra, size = spectra_of(squared[:, None, None] * own)
-        yield _Group(left, own, squared, spectra, size)
+        yield Group(left, own, squared, spectra, size)
 
 
 def _patterns(estimators: FloatArray) -> FloatArray:
@@ -139,7 +143,7 @@ def _patterns(estimators: FloatArray) -> FloatArray:
     return found
 
 
-def _covariance(groups: Sequence[_Group], models: Sequence[Noise], inverse: FloatArray) -> FloatArray:
+def _covariance(groups: Sequence[Group], models: Sequence[Noise], inverse: FloatArray) -> FloatArray:
     """Return (F2), shape (P, P)."""
     inner = sum(model.score_covariance(g.spectra, g.size) for g, model in zip(groups, models, strict=True))
     covariance: FloatArray = inverse @ inner @ inverse
@@ -147,7 +151,7 @@ def _covariance(groups: Sequence[_Group], models: Sequence[Noise], inverse: Floa
 
 
 def _drawn(
-    groups: Sequence[_Group], models: Sequence[Noise], inverse: FloatArray, draws: int, random: np.random.Generator
+    groups: Sequence[Group], models: Sequence[Noise], inverse: FloatArray, draws: int, random: np.random.Generator
 ) -> FloatArray:
     """Return the variances by (F2) of fits to drawn series, shape (draws, P)."""
     variances = []

@@ -96,11 +96,14 @@ def test_a_wrong_scene_is_said_to_be_wrong(tmp_path: Path) -> None:
     found = fit("flat", seen, ["gait.amplitude"], (*SHORT, *fine))
     (key,) = found.keys
     assert key.interval is not None
-    assert not key.interval[0] < 0.2 < key.interval[1]
-    assert report.content(found)["lack_of_fit"]["found"]
-    (warning,) = report.warnings(found)
-    assert warning.startswith("the scene does not follow the data: the slow part of the residuals has ")
-    assert "vary further keys" in warning
+    assert key.interval[0] < 0.2 < key.interval[1]  # widened; that of a right scene would miss
+    assert abs(key.value - 0.2) > 0.5 * np.diff(key.interval)[0] / found.lack.widening**2
+    lack = report.content(found)["lack_of_fit"]
+    assert lack["found"]
+    assert "friction.forward" in [each["what"] for each in lack["suspects"]]
+    warning, advice = report.warnings(found)
+    assert warning.startswith("the scene does not follow the data: the model misses more than the noise explains")
+    assert advice.startswith("vary next what takes most of the residuals' squares away: friction.forward, above 0.03")
     assert repr(found).endswith("; the scene does not follow the data>")
 
 
