@@ -100,7 +100,8 @@ def study(
     """Run a study: a sweep, its table and figure, and what a designer learns from it in sentences.
 
     Without a name the studies are listed. A scene with a section [sweep] is run too; [study] says what it is to tell.
-    Beside what 'worm3d sweep' writes there are study.md and study.png.
+    Beside what 'worm3d sweep' writes there are study.md, study.csv and study.png. Each number has an error: a case runs
+    with run.accuracy=0.01 unless the scene or -o says otherwise.
     """
     from scenes.studies import command
     from scenes.sweep.command import Options

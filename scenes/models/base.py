@@ -77,7 +77,7 @@ class Outcome:
     timing: tuple[Variable, ...] = ()
     """Further wall-clock figures; single numbers stand in `summary.json`."""
     errors: Mapping[str, float] = field(default_factory=dict)
-    """What a figure of the summary may be off by, where the run was asked for an accuracy."""
+    """Errors of the figures of the summary, by name; empty for a run without an accuracy."""
     run: str = ""
     parts: tuple[Variable, ...] = ()
     """Worm, world and end of the run, and their arrays, as in `Record`."""

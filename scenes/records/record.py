@@ -32,7 +32,7 @@ class Summary:
     metrics: Mapping[str, Metric]
     reasons: Mapping[str, str] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
-    """What a metric may be off by, where that is known."""
+    """Errors of the metrics, by name, where these are known."""
 
     def __post_init__(self) -> None:
         metrics = {name: metric if _has_value(metric) else None for name, metric in self.metrics.items()}

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes.commands.terminal import counted
-from scenes.studies.curves import Shape, apart, sentence
+from scenes.studies.curves import NEAR, Shape, apart, sentence
 from scenes.studies.study import MOST_CURVES, Grid
 from scenes.studies.view import Axis, View
 from worm3d.values.arrays import FloatArray
@@ -143,7 +143,7 @@ def _moving(grid: Grid, view: View) -> str:
     for c in range(len(grid.curves)):
         if np.isfinite(view.values[:, c]).any():
             shape = _shape(view, c)
-            best = _best_place(grid.x, shape, shape.best(view.measure.better))
+            best = _best_place(grid.x, shape, shape.best(view.measure.better), near=True)
             if not runs or runs[-1][0] != best:
                 runs.append((best, []))
             runs[-1][1].append(c)
@@ -153,10 +153,12 @@ def _moving(grid: Grid, view: View) -> str:
     return f"The {grid.x.words} of the {_most(view)}: {places}."
 
 
-def _best_place(axis: Axis, shape: Shape, best: int) -> str:
-    """Return a best place along x, what is level with it, and whether the range ends there."""
+def _best_place(axis: Axis, shape: Shape, best: int, *, near: bool = False) -> str:
+    """Return a best place along x, what is level with it or `near`, and whether the range ends there."""
     level = [k for k in shape.level(best) if k != best]
     said = [f"level with {_runs(axis, level)}"] if level else []
+    low, high = shape.near(best)
+    said += [f"within {NEAR:.0%} of it from {axis.told(low, high)}"] if near and low < high else []
     said += [edge] if (edge := shape.edge(best)) else []
     return axis.told(best) + (f" [{', '.join(said)}]" if said else "")
 
@@ -197,7 +199,10 @@ def _best_of_all(grid: Grid, view: View) -> str:
         told += f", level with {_listed([*named, *more])}"
     axes = [(grid.x, x), *([(grid.other, c)] if grid.other is not None and grid.other.is_number else [])]
     ended = [axis.words for axis, place in axes if _at_end(axis, place)]
-    return told + (f"; the range of the {_listed(ended)} ends there, the best may lie beyond" if ended else "")
+    end = (
+        f"ranges of {_listed(ended)} end" if len(ended) > 1 else f"range of the {_listed(ended)} ends" if ended else ""
+    )
+    return told + (f"; the {end} there, the best may lie beyond" if ended else "")
 
 
 def _at_end(axis: Axis, place: int) -> bool:

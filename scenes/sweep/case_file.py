@@ -49,7 +49,7 @@ class CaseResult:
     reasons: Mapping[str, str] = field(default_factory=dict)
     """Why a figure has no value."""
     errors: Mapping[str, float] = field(default_factory=dict)
-    """What a figure may be off by, where that is known."""
+    """Errors of the figures, by name, where these are known."""
     timing: Mapping[str, float] = field(default_factory=dict)
     """Wall-clock figures, which differ when the case is run again."""
     versions: Mapping[str, str] = field(default_factory=dict)

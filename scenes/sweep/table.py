@@ -37,7 +37,7 @@ class Table:
     figures: dict[str, FloatArray] = field(default_factory=dict)
     """Numbers of the summaries by name, and lengths of their lists, each of shape (C,), NaN where a case has none."""
     errors: dict[str, FloatArray] = field(default_factory=dict)
-    """What these may be off by likewise, where cases know."""
+    """Errors of these numbers, likewise, NaN where a case knows none."""
     segments_per_wave: list[float] = field(default_factory=list)
     """Wavelength that is commanded [segments], NaN for a gait without."""
     timing: dict[str, FloatArray] = field(default_factory=dict)
