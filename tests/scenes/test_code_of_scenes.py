@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -20,6 +21,7 @@ from pydantic import TypeAdapter, ValidationError
 import worm3d as package
 from control.parts import KINDS, part
 from scenes.commands.runner import simulate
+from scenes.language import toml
 from scenes.language.errors import SceneError
 from scenes.language.schema import choices, section_type
 from scenes.models.control.build import reference_of
@@ -27,6 +29,7 @@ from scenes.models.control.record import tracked
 from scenes.models.control.schema import ControlScene
 from scenes.models.control.view import path_seen, reference_seen
 from scenes.models.loading import load_scene
+from scenes.models.worm.view import scene_of
 from scenes.records.store import load, save
 from worm3d.values import named
 
@@ -296,6 +299,26 @@ def test_results_are_looked_at_without_the_code_they_were_made_with(worm3d, tmp_
     assert package.load("a").com.shape == load(tmp_path / "a")["com"].shape
     assert not (tmp_path / "imported again").exists()
     assert "own_code" not in sys.modules
+
+
+def test_results_with_parts_of_modules_that_are_not_imported_are_looked_at(worm3d, tmp_path: Path) -> None:
+    """A gait, an actuator and a law of friction that are known only where their module has been imported."""
+    record = simulate(load_scene("flat", ("run.duration_s=0.5", "gait.period_s=0.5")))
+    written = tomllib.loads(record.scene)
+    kinds = {"gait": "kind", "actuator": "kind", "friction": "law"}
+    for section, key in kinds.items():
+        written[section] |= {key: "unheard_of", "unheard_of_s": 1.0}
+    text = "".join(
+        f"{name} = {toml.value(value)}\n"
+        for name, value in sorted(written.items(), key=lambda each: type(each[1]) is dict)
+    )
+    (tmp_path / "a").mkdir()
+    save(replace(record, scene=text), tmp_path / "a" / "result.nc")
+    for command in LOOKS[:2]:
+        ended = worm3d(*command)
+        assert ended.code == 0, (command, ended.err)
+    seen = scene_of(load(tmp_path / "a"))
+    assert (seen.gait.period_s, seen.worm) == (0.5, load_scene("flat").settings.worm)
 
 
 @pytest.mark.parametrize("name", ["CIRCLE", "CURVE"])

@@ -86,9 +86,9 @@ def test_a_missing_folder_is_a_disc_error(record: Record, tmp_path: Path) -> Non
 
 
 def test_a_run_with_parts_that_are_not_known_here_says_so(record: Record) -> None:
-    other = replace(record, model="worm", scene='model = "worm"\n[gait]\nkind = "inch"\n')
+    other = replace(record, model="worm", scene='model = "worm"\n[world]\nkind = "inch"\n')
     with pytest.raises(SceneError) as error:
         scene_of(other)
     first, second = error.value.lines
     assert first.endswith("made with parts that are not known here; modules of one's own are to be imported before")
-    assert second.startswith("line 3: gait.kind: got 'inch'")
+    assert second.startswith("line 3: world.kind: got 'inch'")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from scenes import models
 from scenes.language.errors import SceneError
 from scenes.language.mistakes import report, schema_mistakes
+from scenes.language.schema import with_own_defaults
 from scenes.language.toml import key_lines
 from scenes.models.base import MOVIE_S
 from scenes.models.worlds.build import world_of
@@ -25,20 +26,29 @@ if TYPE_CHECKING:
     from worm3d.viewer import Frames
 
 
+SEEN = ("model", "worm", "world")
+"""Sections without which a worm cannot be drawn; of the others only the period of the gait is."""
+
+
 def scene_of(record: Record) -> AnyWormScene:
-    """Return the scene that a record was made from.
+    """Return the scene that a record was made from, as far as it is seen.
+
+    Sections with what is not known here, such as a gait of a module that has not been imported, are as by default.
 
     Raises
     ------
     SceneError
-        It has what is not known here, such as a part whose module has not been imported.
+        There is such a thing in a section that is seen.
     """
     schema, written = models.get(record.model).schema, tomllib.loads(record.scene)
     if mistakes := schema_mistakes(schema, written):
-        reason = (
-            f"{record.name}: made with parts that are not known here; modules of one's own are to be imported before"
-        )
-        raise SceneError(reason, *report(mistakes, key_lines(record.scene), []))
+        unknown = {mistake.path[0] for mistake in mistakes}
+        if unknown & {*SEEN}:
+            reason = "made with parts that are not known here; modules of one's own are to be imported before"
+            raise SceneError(f"{record.name}: {reason}", *report(mistakes, key_lines(record.scene), []))
+        period = {key: value for key, value in written.get("gait", {}).items() if key == "period_s"}
+        written = {name: value for name, value in written.items() if name not in unknown}
+        written = with_own_defaults(schema, {**written, "gait": period} if "gait" in unknown else written)
     scene: AnyWormScene = schema.model_validate(written)
     return scene
 
