@@ -45,6 +45,8 @@ class Found:
     """Rows of each chapter."""
 
     chapters: Mapping[str, Sequence[Row]]
+    quick: bool = False
+    """Whether the spreads were left out."""
 
     @property
     def rows(self) -> list[Row]:
@@ -63,12 +65,12 @@ def run(out: Path | None, *, quick: bool, force: bool, quiet: bool) -> int:
         The folder cannot be used, or the disc refused a file.
     """
     with folders.prepared(out, "validate", force=force) as folder:
-        found = Found({title: list(_told(chapter(quick), title, quiet)) for title, chapter in CHAPTERS.items()})
+        found = Found({title: list(_told(chapter(quick), title, quiet)) for title, chapter in CHAPTERS.items()}, quick)
         write_bytes(folder / "validate.json", json_bytes(content(found)))
         write_bytes(folder / "validate.md", markdown(found).encode())
         save_figure(draw(found.chapters), folder / "validate.png")
     if not quiet:
-        for line in verdict(found.rows):
+        for line in verdict(found):
             typer.echo(line)
         typer.echo(f"  {folder / 'validate.md'} says why")
     return 0
@@ -78,7 +80,7 @@ def content(found: Found) -> dict[str, object]:
     """Return the content of `validate.json`."""
     rows = [{**row.to_dict(), "chapter": title} for title, rows in found.chapters.items() for row in rows]
     meanings = {"trust": TRUST, "kinds": KINDS, "standings": STANDINGS}
-    return {"rows": rows, "counts": counts(found.rows), **meanings, "versions": versions()}
+    return {"rows": rows, "counts": counts(found.rows), "quick": found.quick, **meanings, "versions": versions()}
 
 
 def counts(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
@@ -95,17 +97,20 @@ def counts(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
     }
 
 
-def verdict(rows: Sequence[Row]) -> list[str]:
+def verdict(found: Found) -> list[str]:
     """Return a line for each kind on how many rows agree, and one on trends and on rows that do not count."""
-    lines = []
+    rows, lines = found.rows, []
     for kind, n in counts(rows).items():
         depends = f", {n[DEPENDS]} more for the scene's values of what is not published" if n[DEPENDS] else ""
         lines.append(f"{kind}: {n[AGREES]} of {n['rows']} agree{depends}")
     signs = [row.sign_agrees for row in rows if row.counts and row.sign_agrees is not None]
     if signs:
-        lines.append(f"of them trends: {sum(signs)} of {len(signs)} have the right sign, over their whole spreads")
+        over = "" if found.quick else ", over their whole spreads"
+        lines.append(f"of them trends: {sum(signs)} of {len(signs)} have the right sign{over}")
     if left := sum(not row.counts for row in rows):
         lines.append(f"not counted, fitted or following from an input: {left}")
+    if found.quick:
+        lines.append("without the spreads over what is not published, over which some of these rows would not agree")
     return lines
 
 
@@ -119,14 +124,14 @@ def _lines(found: Found) -> Iterator[str]:
     yield ""
     yield "What the model gives beside what was published, counted by what it is compared with:"
     yield ""
-    yield from (f"* {line}" for line in verdict(found.rows))
+    yield from (f"* {line}" for line in verdict(found))
     yield ""
     yield PREFACE
     yield ""
     for title, meanings in (("Against", KINDS), ("Standing", STANDINGS), ("Sources", TRUST)):
         yield f"{title}: " + "; ".join(f"{tag}: {meaning}" for tag, meaning in meanings.items()) + "."
         yield ""
-    yield from ("![Model over published, and bands](validate.png)")
+    yield "![Model over published, and bands](validate.png)"
     for title, rows in found.chapters.items():
         yield from ("", f"## {title}", "")
         yield from markdown_table(HEADER, map(_cells, rows))

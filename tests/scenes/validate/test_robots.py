@@ -209,6 +209,11 @@ def test_command(tmp_path, capsys, monkeypatch):
     assert "| fitted | x | robot | fitted | 1 | 1 | 1 | 0.8 to 1.2 |" in text
     assert "| agrees | y | closed form | verification | 1 | 1 | 1 + 2e-07 | within 1e-06 |" in text
     assert "Numbers were chosen to meet rows that are fitted" in text
+    assert "\n![Model over published, and bands](validate.png)\n\n## Some\n" in text
+    quick = report.verdict(report.Found({"Some": [c.row(quick=True) for c in some]}, quick=True))
+    assert "animal: 1 of 1 agree" in quick
+    assert "of them trends: 1 of 1 have the right sign" in quick
+    assert quick[-1].startswith("without the spreads")
     assert (tmp_path / "out" / "validate.png").stat().st_size > 1000
 
 
