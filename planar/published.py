@@ -31,7 +31,7 @@ from scipy.linalg.lapack import dgbsv
 from planar.published_run import Run
 from planar.published_worm import BAND, Net, Parameters
 from planar.status import Status, Stop
-from worm3d.values import arguments
+from worm3d.values import arguments, time_steps
 from worm3d.values.arguments import require_room
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import spelled
@@ -248,6 +248,8 @@ def simulate(
     arguments.whole("steps", steps)
     for name, seconds in (("T_wave", T_wave), ("dt", dt)):
         arguments.number(name, seconds, "s", gt=0.0)
+    if activation is None:
+        time_steps.require_period(dt, "T_wave", T_wave)
     require_room("steps", steps * bytes_per_step(n), f"{steps} steps of {n} segments", "fewer of them")
     p = Parameters() if parameters is None else parameters
     arguments.instance("parameters", p, Parameters, "planar.published.Parameters")

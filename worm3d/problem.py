@@ -15,7 +15,7 @@ from worm3d.physics.friction import Friction
 from worm3d.physics.friction_laws import Coulomb
 from worm3d.plant import ROUNDING
 from worm3d.state import State
-from worm3d.values import arguments
+from worm3d.values import arguments, time_steps
 from worm3d.values.arguments import bytes_of_run, require_room
 from worm3d.values.arrays import BoolArray, FloatArray
 from worm3d.values.documented import with_fields
@@ -162,8 +162,8 @@ class Problem(Spelled):
             raise ValueError(
                 f"dt: got {self.dt!r} s, must be at least {SHORTEST_STEP:g} s: rounding shows in shorter steps"
             )
-        if not self.steps:
-            raise ValueError(f"dt: got {self.dt:g} s, must be at most the duration of the run, {self.duration:g} s")
+        time_steps.require_fit(self.dt, "the duration of the run", self.duration)
+        self._check_resolved()
         arguments.whole("record_every", self.record_every)
         arguments.choice("integrator", self.integrator, get_args(Integrator))
         arguments.number("tolerance", self.tolerance, "body lengths", ge=ROUNDING, le=LARGEST_TOLERANCE)
@@ -173,6 +173,14 @@ class Problem(Spelled):
                 raise ValueError(f"accuracy: got one for {self.integrator!r}, must be None: only bdf2 has steps for it")
         if self.settle_first is not None:
             arguments.flag("settle_first", self.settle_first)
+
+    def _check_resolved(self) -> None:
+        """Raise ValueError for time steps that are too long for the actuation."""
+        require_steps = getattr(self.actuation, "require_steps", None)
+        if require_steps is not None:  # that of a gait, which knows more than its period
+            require_steps(self.dt)
+        elif isinstance(self.period, int | float) and self.period > 0.0:
+            time_steps.require_period(self.dt, "the period of the actuation", self.period)
 
     @property
     def steps(self) -> int:

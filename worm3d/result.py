@@ -47,7 +47,7 @@ class Result(Recorded, Steps):
     """State at the end, with memory: a run from it goes on bit for bit."""
     stop: Stop
     wall_s: float
-    """Wall time of the steps [s]."""
+    """Wall time of the steps, of commands and forces too, a controller's or a gait's [s]."""
     error_estimate: ErrorEstimate | None = None
     """How far the run is off, where an accuracy was asked for."""
 

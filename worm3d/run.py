@@ -170,8 +170,11 @@ class Run:
         if self.begun is not Status.DONE:
             return self.begun
         self.holds, self.parts, self.beat = True, 1, 1
+        began = perf_counter()
         forces = [] if self.external_force is None else [self._forces(t) for t in self.times(self.done + 1, 1, count)]
-        return self._advance(rows, forces)
+        status = self._advance(rows, forces)
+        self.wall += perf_counter() - began
+        return status
 
     def _until_seen(self, observers: tuple[Observer, ...]) -> int:
         """Return the number of steps to the next observer's turn, or that may be taken at once if that is less."""
@@ -203,6 +206,7 @@ class Run:
 
     def _chunk(self, most: int) -> Status:
         """Ask for commands and forces and take the steps, at most so many."""
+        began = perf_counter()
         count = 1 if self.driver.controller is not None else min(most, self.steps - self.done)
         times = self.times(self.done * self.parts + 1, 1, count * self.parts, self.parts)
         forces: list[FloatArray] = []
@@ -210,6 +214,7 @@ class Run:
         if commands is None or self.external_force is not None:
             commands, forces = self._ask(times.tolist(), commands)
         status = self._advance(np.ascontiguousarray(commands), forces)
+        self.wall += perf_counter() - began
         return Status.BAD_COMMAND if status is Status.DONE and self.complaint else status
 
     def _ask(self, times: list[float], table: FloatArray | None) -> tuple[FloatArray, list[FloatArray]]:
@@ -246,11 +251,9 @@ class Run:
         return Status.DONE
 
     def _steps(self, commands: FloatArray, external: FloatArray, every: int, dt: float, bdf2: bool) -> tuple[int, int]:
-        began = perf_counter()
         beats = self.parts, self.beat, self.first + self.done
         given = self.core, self.records.block, self.counters, commands, external, self.done, every, dt, bdf2
         found: tuple[int, int] = advance(*given, self.pace, beats)
-        self.wall += perf_counter() - began
         return found
 
     def _halve(self, command: FloatArray) -> Status:

@@ -156,7 +156,8 @@ class State(ReadOnly):
         world : World, optional
         position : array_like, shape (2,) or (3,)
             Where the tail is, seen from above; a third entry lifts the worm so far off the surface [m]. In a pipe:
-            how far along it the tail is, and 0.
+            how far along it the tail is, and 0. No world lets a worm start below its surface, and the clamped ground
+            none above it.
         azimuth : float
             Heading, from x towards y; in a pipe 0 (along it) or pi (back) [rad].
         contraction : float or array_like, shape (N, 2)
@@ -178,6 +179,7 @@ class State(ReadOnly):
         azimuth = arguments.number("azimuth", azimuth, "rad")
         along = worm.l0 * np.arange(worm.segments + 1.0)
         lift = float(at[2]) if len(at) == 3 else 0.0
+        _require_lift(lift, world)
         if world is None:
             tangent = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
             joints = np.append(at[:2], lift) + along[:, None] * tangent
@@ -193,6 +195,17 @@ class State(ReadOnly):
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         laid = self.laid and not {"joints", "directors", "bend"} & changes.keys()
         return State(**{**given, "memory": None, "laid": laid, **changes})
+
+
+def _require_lift(lift: float, world: World | None) -> None:
+    """Raise ValueError for a height above the surface of a world that no worm can start at."""
+    if world is None or lift == 0.0 or (lift > 0.0 and not world.clamped):
+        return
+    allowed = "0 on a ClampedGround, which holds the joints at its height" if world.clamped else "at least 0"
+    raise ValueError(
+        f"position: got {lift:g} m as its third number, must be {allowed}: it lifts the worm off the surface, and is "
+        "no height above z = 0"
+    )
 
 
 def _laid(

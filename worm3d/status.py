@@ -20,7 +20,9 @@ class Status(Enum):
         "holds it in a steep place (contract it, or start with settle_first=False)"
     )
     FLATTENED = "a chamber was pressed flat (limit point); the steps before are kept"
-    FOLDED = "two neighbouring segments folded, or were bent, by 90 degrees or more; the steps before are kept"
+    FOLDED = (
+        "two neighbouring segments were bent by 90 degrees or more, or asked to bend so far; the steps before are kept"
+    )
     SUNK = "a joint was pressed deep into the world; the steps before are kept"
     BAD_COMMAND = (
         "the actuation (or the external force) failed, or did not return a Command for as many segments as "

@@ -96,6 +96,7 @@ class FeedbackGait(Gait):
 
     def bind(self, worm: Body) -> Any:
         """Return the actuation of `worm`: a `Feedback` where the gait senses, else a `BoundGait`."""
+        self.require_stroke(worm.stroke)
         if self.senses:
             return Feedback(worm, self.senses, partial(_Activating, self, worm))
         self.require_body(worm.segments)
@@ -199,6 +200,7 @@ class _Activating:
     """Memory of a gait whose activations are applied as those of any gait."""
 
     def __init__(self, gait: FeedbackGait, worm: Body) -> None:
+        gait.require_stroke(worm.stroke)
         self._gait, self._worm, self._memory = gait, worm, gait.start(worm)
 
     def command(self, t: float, felt: Felt) -> Command:

@@ -25,6 +25,7 @@ from typing import ClassVar, Literal, Protocol
 import numpy as np
 
 from worm3d import Command, Commands
+from worm3d.values import time_steps
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
@@ -110,15 +111,30 @@ class Gait(Spelled, ABC):
         """Raise ValueError unless a body of so many segments can have the gait."""
         self.activations(np.zeros(1), segments)
 
+    def require_stroke(self, stroke: tuple[float, float]) -> None:
+        """Raise ValueError for an amplitude beyond a stroke.
+
+        A stroke that ends at 0 is that of chambers which only lengthen, or only contract, and leaves the other part of
+        a gait out. Lengthening by a share of the amplitude, bias and steering are clipped to the stroke.
+        """
+        require_amplitude(self.amplitude, stroke)
+
+    def require_steps(self, dt: float) -> None:
+        """Raise ValueError for time steps [s] that are too long for the gait."""
+        period = getattr(self, "period", None)
+        if period is not None:
+            time_steps.require_period(dt, "the gait's period", period)
+
     def bind(self, worm: Body) -> BoundGait:
         """Return the actuation of `worm`: time [s] -> `worm3d.Command`, clipped to the worm's stroke.
 
         Raises
         ------
         ValueError
-            The worm has not the segments that the gait needs.
+            The worm has not the segments that the gait needs, or no stroke of its amplitude.
         """
         self.require_body(worm.segments)
+        self.require_stroke(worm.stroke)
         return BoundGait(partial(self.commands, worm=worm))
 
     def commands(self, times: FloatArray, worm: Body) -> Commands:
@@ -143,6 +159,17 @@ class BoundGait:
         """Return the command at time t [s]."""
         contraction, hinge, force = self.commands(np.array([t]))
         return Command(contraction[0], hinge[0], force[0])
+
+
+def require_amplitude(amplitude: float, stroke: tuple[float, float]) -> None:
+    """Raise ValueError for an amplitude beyond a stroke, the least and the greatest contraction of a chamber."""
+    end = stroke[0] if amplitude < 0.0 else stroke[1]
+    if end != 0.0 and abs(amplitude) > abs(end) * (1.0 + time_steps.EQUAL):
+        what = "lengthen" if amplitude < 0.0 else "contract"
+        raise ValueError(
+            f"amplitude: got {amplitude!r}, must be at {'least' if amplitude < 0.0 else 'most'} {end!r}, the worm's "
+            f"stroke: its chambers {what} no further"
+        )
 
 
 def sides(activations: FloatArray) -> FloatArray:

@@ -27,6 +27,7 @@ from control.gaits.gait import BoundGait as BoundGait
 from control.gaits.gait import Direction as Direction
 from control.gaits.gait import Gait as Gait
 from control.gaits.gait import half_cosine as half_cosine
+from worm3d.values import time_steps
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
@@ -124,6 +125,13 @@ class ContractionEngine_segmentdriven(Gait, name="segment_driven"):  # noqa: N80
                 f"T_contract: got {self.T_contract!r} s, must be at most T_wave ({self.T_wave!r} s): "
                 "a segment must end its contraction before it is activated again"
             )
+
+    def require_steps(self, dt: float) -> None:
+        """Raise ValueError for time steps [s] that are too long for the gait."""
+        time_steps.require_period(dt, "T_wave", self.T_wave)
+        time_steps.require_fit(dt, "T_contract", self.T_contract, time_steps.CONTRACTION_MISSED)
+        if self.contractType == "dirac":
+            time_steps.require_fit(dt, "impulse", self.impulse, time_steps.CONTRACTION_MISSED)
 
     @property
     def lengthens(self) -> bool:

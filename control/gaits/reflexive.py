@@ -47,6 +47,10 @@ class Reflexive(Spelled):
         period: float | None = getattr(self.gait, "period", getattr(self.gait, "T_wave", None))
         return period
 
+    def require_steps(self, dt: float) -> None:
+        """Raise ValueError for time steps [s] that are too long for the gait."""
+        self.gait.require_steps(dt)
+
     @property
     def senses(self) -> tuple[str, ...]:
         """Names of the channels of `control.sensing.QUANTITIES` that gait and reflexes sense."""

@@ -61,7 +61,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from control.gaits.gait import Body, BoundGait, Direction
+from control.gaits.gait import Body, BoundGait, Direction, require_amplitude
 from worm3d import Command, Commands
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
@@ -204,7 +204,14 @@ class SteeredWave(Spelled):
         return 1.0 / self.parameters.frequency
 
     def bind(self, worm: Body) -> BoundGait:
-        """Return the actuation of `worm`: time [s] -> `worm3d.Command`."""
+        """Return the actuation of `worm`: time [s] -> `worm3d.Command`.
+
+        Raises
+        ------
+        ValueError
+            An amplitude beyond the worm's stroke.
+        """
+        require_amplitude(abs(self.parameters.amplitude), worm.stroke)
         return BoundGait(partial(self._commands, worm=worm))
 
     def _commands(self, times: FloatArray, worm: Body) -> Commands:

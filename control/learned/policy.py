@@ -6,8 +6,10 @@ z_0 = seen,    z_{k+1} = tanh(W_k z_k + b_k),    action = clip(W_n z_n + b_n, -1
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,11 +18,16 @@ import numpy as np
 
 from control.learned.acts import ACTS
 from control.learned.senses import OWN
+from worm3d.values import regular_file
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import Spelled
 
 SHIPPED = Path(__file__).with_name("policy.npz")
 """The policy that comes with the program."""
+LARGEST_FILE = 100_000_000
+"""Largest file of a policy [byte]; one with two layers of 1000 has 8 MB."""
+LONGEST = 120
+"""Largest number of characters of a library's complaint that are told."""
 ABOUT = "about"
 """Name of the text in a file that says how the policy was trained."""
 
@@ -41,6 +48,8 @@ class Policy(Spelled):
     """How it was trained; "acts" names what its actions mean, "channels" what is seen beyond `senses.OWN` numbers."""
 
     def __post_init__(self) -> None:
+        if not (isinstance(self.about, Mapping) and all(isinstance(name, str) for name in self.channels)):
+            raise ValueError(f"about: got {type(self.about).__name__}, must be a mapping, with names as its channels")
         sizes = [weights.shape for weights, _ in self.layers]
         fits = all(len(size) == 2 for size in sizes) and all(b.shape == w.shape[:1] for w, b in self.layers)
         if not (sizes and fits and all(a[0] == b[1] for a, b in pairwise(sizes))):
@@ -86,14 +95,33 @@ class Policy(Spelled):
 
     @classmethod
     def load(cls, path: Path = SHIPPED) -> Policy:
-        """Return a policy from a file; ValueError if it is not one."""
+        """Return a policy from a file.
+
+        Raises
+        ------
+        ValueError
+            It cannot be read, or is no policy, or a damaged one.
+        """
         try:
-            with np.load(path, allow_pickle=False) as found:
-                about = json.loads(str(found[ABOUT]))
-                count = sum(name.startswith("W") for name in found.files)
-                layers = tuple((found[f"W{k}"].astype(float), found[f"b{k}"].astype(float)) for k in range(count))
+            data = regular_file.read(path, LARGEST_FILE)
         except OSError as error:
             raise ValueError(f"{path}: cannot be read: {error.strerror or error}") from error
-        except (KeyError, ValueError, TypeError) as error:
-            raise ValueError(f"{path}: is no policy of 'worm3d learn' ({error})") from error
-        return cls(layers, about)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")  # numpy warns of what is no array of ours, and takes it
+                return cls(*_unpacked(data))
+        except Exception as error:  # zip files and arrays that are damaged fail in ways of their own
+            why = (str(error).splitlines() or [""])[0][:LONGEST]
+            raise ValueError(
+                f"{path}: is no policy of 'worm3d learn', or a damaged one ({type(error).__name__}: {why}); "
+                "take a copy of it, or train it again"
+            ) from error
+
+
+def _unpacked(data: bytes) -> tuple[tuple[tuple[FloatArray, FloatArray], ...], Any]:
+    """Return layers and text of a file's bytes; any exception where it has none."""
+    with np.load(BytesIO(data), allow_pickle=False) as found:
+        about = json.loads(str(found[ABOUT]))
+        count = sum(name.startswith("W") for name in found.files)
+        layers = tuple((found[f"W{k}"].astype(float), found[f"b{k}"].astype(float)) for k in range(count))
+    return layers, about

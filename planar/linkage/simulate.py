@@ -24,7 +24,7 @@ from planar.linkage.start import (
 from planar.linkage.step import ClampedStepper, ContactStepper, State, Step, Stepper, ThresholdStepper
 from planar.linkage.worm import Linkage
 from planar.status import Status, Stop
-from worm3d.values import arguments
+from worm3d.values import arguments, time_steps
 from worm3d.values.arguments import require_room
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import spelled
@@ -126,6 +126,7 @@ def simulate(
     arguments.choice("ground", ground, ("contact", "clamped"))
     arguments.choice("friction_law", friction_law, ("anchored", "threshold"))
     require_shape("gait", gait(0.0), (n,), "one value per segment")
+    time_steps.require_fit(dt, "the duration of the run", duration)
     steps = duration / dt
     require_room("duration", steps * bytes_per_step(n), f"{steps:.3g} steps of {n} segments", "a longer dt")
     if external_force is not None:

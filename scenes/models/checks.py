@@ -17,23 +17,19 @@ from scenes.language.parts import key_of
 from scenes.language.schema import Section, each_of
 from scenes.language.toml import shown
 from scenes.models.sections import gait_from
+from worm3d.values import time_steps
 from worm3d.values.arguments import MOST_MEMORY
 from worm3d.values.parameters import parameters_of
+from worm3d.values.time_steps import PER_PERIOD
 
 AMPLITUDE = "gait.amplitude"
 
 BODY = ("worm.half_height_m", "worm.length_m", "worm.segments")
 """Keys that say how far the links of a chamber reach."""
 
-STEPS_PER_PERIOD = 10
-"""Fewest time steps of a gait's period."""
-
-EQUAL = 1e-9
-"""Largest relative difference of times that count as equal: 0.7 / 0.07 is not quite 10."""
-
 
 def _step_fits_run(dt_s: float, duration_s: float) -> Found:
-    if dt_s <= duration_s * (1.0 + EQUAL):
+    if time_steps.fits(dt_s, duration_s):
         return None
     return {
         "run.dt_s": f"got {dt_s} s: must be at most run.duration_s ({duration_s} s)",
@@ -42,12 +38,12 @@ def _step_fits_run(dt_s: float, duration_s: float) -> Found:
 
 
 def _step_resolves_period(dt_s: float, period_s: float) -> Found:
-    if dt_s * STEPS_PER_PERIOD <= period_s * (1.0 + EQUAL):
+    if time_steps.fits(dt_s, period_s, PER_PERIOD):
         return None
-    why = "or the wave falls between the steps"
+    why = time_steps.WAVE_MISSED
     return {
-        "run.dt_s": f"got {dt_s} s: must be at most a {STEPS_PER_PERIOD}th of gait.period_s ({period_s} s), {why}",
-        "gait.period_s": f"got {period_s} s: must be at least {STEPS_PER_PERIOD} times run.dt_s ({dt_s} s), {why}",
+        "run.dt_s": f"got {dt_s} s: must be at most a {PER_PERIOD}th of gait.period_s ({period_s} s), {why}",
+        "gait.period_s": f"got {period_s} s: must be at least {PER_PERIOD} times run.dt_s ({dt_s} s), {why}",
     }
 
 
@@ -81,9 +77,9 @@ def _greatest_divisor(number: int, most: int) -> int:
 
 
 def _contraction_resolved(contract_time_s: float, dt_s: float, kind: str) -> Found:
-    if kind != "segment_driven" or contract_time_s >= dt_s * (1.0 - EQUAL):
+    if kind != "segment_driven" or time_steps.fits(dt_s, contract_time_s):
         return None
-    why = "or the steps miss the contraction"
+    why = time_steps.CONTRACTION_MISSED
     return {
         "gait.contract_time_s": f"got {contract_time_s} s: must be at least run.dt_s ({dt_s} s), {why}",
         "run.dt_s": f"got {dt_s} s: must be at most gait.contract_time_s ({contract_time_s} s), {why}",
@@ -131,7 +127,8 @@ def gait_checks(
     `without` are keys of the section that are not the gait's; `can_sense` says whether the model has anything to sense.
     """
     told = tuple(f"gait.{name}" for name in gait.model_fields if name not in without)
-    body = (AMPLITUDE, *(("worm.stroke",) if "stroke" in worm.model_fields else ()), *BODY)
+    stroke = ("worm.stroke",) if "stroke" in worm.model_fields else ()
+    body = (AMPLITUDE, *stroke, *BODY)
     has_links = "half_height_m" in worm.model_fields
     return (
         *kind_checks(gait),
@@ -139,6 +136,7 @@ def gait_checks(
         Check(("run.dt_s", "gait.period_s"), _step_resolves_period),
         Check(("gait.contract_time_s", "run.dt_s", "gait.kind"), _contraction_resolved),
         Check(("worm.segments", *told), partial(_gait_fits, told=told)),
+        *([Check(("worm.stroke", *told), partial(_stroke_reaches, told=told))] if stroke else []),
         *([] if can_sense else [Check(told, partial(_senses_nothing, told=told))]),
         *([Check((*body, *told), partial(_links_reach, told=told, body=body))] if has_links else []),
     )
@@ -156,6 +154,20 @@ def _gait_fits(segments: int, *values: Any, told: tuple[str, ...]) -> Found:
     except ValueError as error:
         gait = GAITS[values[told.index("gait.kind")]]
         return by_key(str(error), {name: f"gait.{key_of(known)}" for name, known in parameters_of(gait).items()})
+    return None
+
+
+def _stroke_reaches(stroke: tuple[float, float], *values: Any, told: tuple[str, ...]) -> Found:
+    """Tell of an amplitude beyond the stroke."""
+    try:
+        gait = _asked(told, values)
+    except ValueError:
+        return None  # `_gait_fits` tells
+    try:
+        gait.require_stroke(stroke)
+    except ValueError as error:
+        text = str(error).removeprefix("amplitude: ").replace("the worm's stroke", "worm.stroke")
+        return {AMPLITUDE: text, "worm.stroke": f"got {shown(stroke)}, with {AMPLITUDE} too large for it: {text}"}
     return None
 
 

@@ -73,7 +73,7 @@ def test_a_wave_of_no_turn_is_an_extension_wave() -> None:
 
 
 def test_lengths_stay_within_reach_and_one_is_used_up() -> None:
-    given = PlannedTurn(amplitude=0.5, turn=0.35).bind(WORM).commands(np.linspace(0.0, 10.0, 961))
+    given = PlannedTurn(amplitude=0.45, turn=0.35).bind(WORM).commands(np.linspace(0.0, 10.0, 961))
     assert given.contraction.max() == pytest.approx(0.45)  # the stroke
     assert given.contraction.min() == pytest.approx(-0.1, abs=1e-6)
     assert np.abs(given.hinge).max() < 0.6

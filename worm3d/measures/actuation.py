@@ -26,6 +26,18 @@ def _effort(result: Result) -> float:
     return float(np.sqrt(waves.mean((given**2).mean(axis=(1, 2))))) / stroke
 
 
+@measure("commands_at_limit", "recorded instants at which the contraction asked of a chamber met an end of its stroke")
+def _at_limit(result: Result) -> float:
+    """Count rows, of commands within the stroke; an end of 0, at which a chamber rests, is none."""
+    worm = result.worm
+    acting = worm.actuator.values(worm, hinge=False)
+    least, greatest = (
+        np.reshape(acting.get(name, end), (-1, 1)) for name, end in zip(("least", "greatest"), worm.stroke, strict=True)
+    )
+    low, high = (result.command <= least) & (least < 0.0), (result.command >= greatest) & (greatest > 0.0)
+    return float((low | high).any(axis=(1, 2)).sum())
+
+
 @measure("work_input_J", "energy that the actuators drew from their sources")
 def _input(result: Result) -> float:
     actuator = result.worm.actuator

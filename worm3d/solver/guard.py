@@ -123,10 +123,11 @@ def joint_angles(arrays: Arrays, segments: int) -> tuple[FloatArray, FloatArray]
 def _where_folded(arrays: Arrays, segments: int) -> tuple[int, str]:
     enclosed, asked = joint_angles(arrays, segments)
     i = int(np.argmax(np.maximum(enclosed, asked)))
+    bent, wanted = np.rad2deg(enclosed[i]), np.rad2deg(asked[i])
     return i + 1, (
-        f"joint {i + 1}, between segments {i} and {i + 1}, is bent by {np.rad2deg(enclosed[i]):.3g} degrees, where "
-        f"hinge and chambers ask for {np.rad2deg(asked[i]):.3g}; ask for less (hinge, bias, amplitude), or make it "
-        "stiffer (k_yaw, k_torsion)"
+        f"joint {i + 1}, between segments {i} and {i + 1}, is bent by {bent:.3g} degrees, hinge and chambers ask for "
+        f"{wanted:.3g}, and each must stay below 90; ask for less (hinge, bias, amplitude)"
+        f"{', or make it stiffer (k_yaw, k_torsion)' if bent >= wanted else ''}"
     )
 
 

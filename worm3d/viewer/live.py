@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import subprocess
 import sys
 import threading
@@ -18,11 +19,20 @@ from worm3d.viewer.piece import Piece
 from worm3d.viewer.pieces import Scales
 from worm3d.viewer.world import WorldMesh
 
+STARTUP = 60.0
+"""Longest start of a server of our own [s]: 1 s on an idle machine; a busy one takes many times as long. Half would
+give up on busy machines; double would make one wait for what has stopped."""
+
 REFRESH = 500
 """Number of frames after which coloured pieces are sent anew."""
 
 UNANSWERED = 200
 """Largest number of commands under way at a time; the server drops answers beyond a thousand."""
+
+DROPPED = "dropped="
+"""Begin of the server's line that says that a browser was dropped, and why."""
+
+_LOG = logging.getLogger(__name__)
 
 SERVER = Path(__file__).with_name("server.py")
 """Program of the server, run as a file."""
@@ -48,7 +58,7 @@ class LiveView:
     open_browser : bool
         Whether a browser is opened; the address to visit is `url` in any case.
     timeout : float
-        How long to wait for the server [s].
+        How long to wait for an answer of the server [s].
 
     Raises
     ------
@@ -73,7 +83,7 @@ class LiveView:
         self._window: Connection | None = None
         try:
             if address is None:
-                self._server = Server(timeout)
+                self._server = Server()
                 address = self._server.address
             self._window = Connection(address, timeout)
             self.url = self._window.ask("url")
@@ -204,7 +214,7 @@ class Connection:
 class Server:
     """A meshcat server of our own; it also stops when this process ends, however that happens."""
 
-    def __init__(self, timeout: float) -> None:
+    def __init__(self, timeout: float = STARTUP) -> None:
         self._process = subprocess.Popen(
             # As a file: the package would bring the simulator along. -P: its neighbours are not to be imported.
             [sys.executable, "-P", str(SERVER)],
@@ -220,15 +230,25 @@ class Server:
         self._ready.wait(timeout)
         address = [line.removeprefix("zmq_url=") for line in self._lines if line.startswith("zmq_url=")]
         if not address:
+            why = self._not_started(timeout)
             self.stop()
-            raise ConnectionError("live view: meshcat's server did not start:\n" + "\n".join(self._lines[-5:]))
+            raise ConnectionError(f"live view: {why}")
         self.address = address[0]
+
+    def _not_started(self, timeout: float) -> str:
+        """Return why there is no address."""
+        if self.running:
+            return f"meshcat's server has not answered for {timeout:g} s, the machine is too busy: try again later"
+        self._reader.join()
+        return f"meshcat's server did not start: {' '.join(self._lines[-1:]) or 'it said nothing'}"
 
     def _read(self) -> None:
         """Read all it says, or it would wait for us; the address is said first."""
         assert self._process.stdout is not None
         for line in self._process.stdout:
             self._lines = [*self._lines[-20:], line.strip()]
+            if line.startswith(DROPPED):
+                _LOG.warning("live view: %s", line.removeprefix(DROPPED).strip())
             if line.startswith("web_url="):
                 self._ready.set()
         self._ready.set()

@@ -1,8 +1,9 @@
 """meshcat's server as a process of its own: for this machine only, and not longer than whoever started it.
 
 Started as it is, it listens on every network interface, survives its parent, answers whatever name it is called by (so
-that a page from elsewhere whose name leads to 127.0.0.1 could look on), and stops answering for good when a browser
-goes away while it is sent to. Started here, by running this file, it does none of that.
+that a page from elsewhere whose name leads to 127.0.0.1 could look on), stops answering for good when a browser goes
+away while it is sent to, and keeps for ever what a browser does not read. Started here, by running this file, it does
+none of that.
 """
 
 from __future__ import annotations
@@ -24,6 +25,27 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)
     from meshcat.servers import zmqserver
 
+MOST_BROWSERS = 8
+"""Largest number of browsers at a time; more are refused.
+
+The server sends each command to each of them: half as many would be enough for one user, twice as many slow pictures.
+"""
+
+PATIENCE = 10.0
+"""Time in which a browser must answer a ping [s]; one that reads nothing never does.
+
+Half would drop slow ones that still load a large world; double would let silent ones keep their places longer.
+"""
+
+MOST_UNREAD = 32_000_000
+"""Bytes on their way to a browser, beside the scene that it begins with, at which it is dropped: a thousand pictures.
+
+Half would do as well; double is memory for nothing.
+"""
+
+DROPPED = "dropped="
+"""Begin of the line that says that a browser was dropped."""
+
 NAMES = ("127.0.0.1", "localhost", "[::1]")
 """Names of this machine, as a browser may call it."""
 
@@ -43,6 +65,13 @@ class Local:
 class Files(Local, zmqserver.StaticFileHandlerNoCache):  # type: ignore[misc]  # meshcat has no types
     """meshcat's page and scripts."""
 
+    def validate_absolute_path(self, root: str, absolute_path: str) -> str | None:
+        """Return the path of a file, or refuse it as missing where no file can have such a name."""
+        if "\0" in absolute_path:
+            raise HTTPError(404)
+        found: str | None = super().validate_absolute_path(root, absolute_path)
+        return found
+
     def set_extra_headers(self, path: str) -> None:
         """Add the headers that a browser enforces."""
         super().set_extra_headers(path)
@@ -53,6 +82,35 @@ class Files(Local, zmqserver.StaticFileHandlerNoCache):  # type: ignore[misc]  #
 class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
     """A browser's connection, which may end at any time; tornado refuses those from pages of other hosts."""
 
+    _unread, _most, _reads = 0, float("inf"), True
+
+    def prepare(self) -> None:
+        """Refuse it where there are enough."""
+        super().prepare()
+        if len(self.bridge.websocket_pool) >= MOST_BROWSERS:
+            raise HTTPError(503, reason=f"{MOST_BROWSERS} browsers look on already: close one of them")
+
+    def open(self) -> None:
+        """Send the scene, however large that is."""
+        super().open()
+        self._most = self._unread + MOST_UNREAD
+        self._ask()
+
+    def _ask(self) -> None:
+        """Ask it for a sign of life, and drop it if none comes."""
+        self._reads = False
+        with suppress(WebSocketClosedError):
+            self.ping()
+            self.bridge.ioloop.call_later(PATIENCE, self._look)
+
+    def _look(self) -> None:
+        if self in self.bridge.websocket_pool:
+            self._ask() if self._reads else self._drop(f"it read nothing for {PATIENCE:g} s")
+
+    def on_pong(self, data: bytes) -> None:
+        """Take note that it reads."""
+        self._reads = True
+
     def on_message(self, message: object) -> None:
         """Do nothing: a picture that nobody asked for would take the place of an answer."""
 
@@ -61,11 +119,28 @@ class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
         self.bridge.websocket_pool.discard(self)
 
     def write_message(self, *arguments: Any, **options: Any) -> None:
-        """Send, if there is still somebody."""
+        """Send, if there is still somebody who reads."""
+        if self._unread > self._most:
+            self._drop(f"it left {self._unread / 1e6:.3g} MB unread")
+            return
+        size = len(arguments[0])
+        self._unread += size
         try:
-            super().write_message(*arguments, **options).add_done_callback(_heed)
+            super().write_message(*arguments, **options).add_done_callback(functools.partial(self._sent, size))
         except WebSocketClosedError:
             self.on_close()
+
+    def _sent(self, size: int, sent: Any) -> None:
+        """Take note of how sending ended: the connection's own end follows."""
+        self._unread, self._reads = self._unread - size, True
+        with suppress(Exception):
+            sent.exception()
+
+    def _drop(self, why: str) -> None:
+        """End the connection, and say why; a closing frame would wait behind what is not read."""
+        self.on_close()
+        _say(f"{DROPPED}a browser was dropped: {why}")
+        self.ws_connection.stream.close()
 
 
 class LocalBridge(zmqserver.ZMQWebSocketBridge):  # type: ignore[misc]
@@ -88,8 +163,7 @@ def main() -> None:
     """Serve; print the addresses for commands and for the browser, a line each."""
     bridge = LocalBridge()
     threading.Thread(target=_stop_with_parent, args=(bridge.ioloop,), daemon=True).start()
-    sys.stdout.write(f"zmq_url={bridge.zmq_url}\nweb_url={bridge.web_url}\n")
-    sys.stdout.flush()
+    _say(f"zmq_url={bridge.zmq_url}\nweb_url={bridge.web_url}")
     bridge.run()
 
 
@@ -115,10 +189,9 @@ def _beside(name: str) -> Any:
     return module
 
 
-def _heed(sent: Any) -> None:
-    """Take note of how sending ended: the connection's own end follows."""
-    with suppress(Exception):
-        sent.exception()
+def _say(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
 
 
 def _stop_with_parent(loop: Any) -> None:

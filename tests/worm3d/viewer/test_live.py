@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from worm3d.viewer import Frames, html
+from worm3d.viewer import Frames, html, live
 from worm3d.viewer.live import LiveView, Server
+from worm3d.viewer.server import MOST_BROWSERS
 
 
 @pytest.fixture(scope="module")
@@ -199,3 +200,66 @@ def test_imports_are_cheap(module: str) -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_what_is_no_file_of_the_page_is_missing(window: LiveView) -> None:
+    for name in ("%00", "main.min.js%00", "nothing", "%2e%2e/%2e%2e/setup.py", "x" * 5000):
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(f"{window.url}{name}", timeout=5)
+        assert refused.value.code in (403, 404), name
+
+
+def _looking_on(url: str) -> tuple[socket.socket, bytes]:
+    """Return a browser's connection that never reads what it is sent, and the first line of the answer."""
+    host, port = url.split("/")[2].split(":")
+    browser = socket.create_connection((host, int(port)), timeout=10.0)
+    lines = ("GET / HTTP/1.1", f"Host: {host}:{port}", "Upgrade: websocket", "Connection: Upgrade")
+    lines += ("Sec-WebSocket-Version: 13", "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==", "", "")
+    browser.sendall("\r\n".join(lines).encode())
+    return browser, browser.recv(12)
+
+
+def test_browsers_that_never_read_do_not_slow_the_view(short: Frames, caplog: pytest.LogCaptureFixture) -> None:
+    with LiveView() as view:
+        show(view, short, 0)
+        alone = _time_of(view, short, 20)
+        found = [_looking_on(view.url) for _ in range(100)]
+        answers = [answer for _, answer in found]
+        assert answers.count(b"HTTP/1.1 101") == MOST_BROWSERS
+        assert answers.count(b"HTTP/1.1 503") == 100 - MOST_BROWSERS
+        _time_of(view, short, 20)
+        deadline = time.monotonic() + 60.0
+        while time.monotonic() < deadline and caplog.text.count("a browser was dropped") < MOST_BROWSERS:
+            show(view, short, 1)
+            time.sleep(0.2)
+        assert caplog.text.count("a browser was dropped: it read nothing for 10 s") == MOST_BROWSERS
+        assert _time_of(view, short, 20) < 5.0 * alone + 1.0
+        browser, answer = _looking_on(view.url)
+        assert answer == b"HTTP/1.1 101", "there is room again"
+        for each, _ in (*found, (browser, answer)):
+            each.close()
+
+
+def _time_of(view: LiveView, frames: Frames, count: int) -> float:
+    began = time.perf_counter()
+    for k in range(count):
+        show(view, frames, k % 5)
+    return time.perf_counter() - began
+
+
+def test_a_server_that_is_only_slow_is_told_from_one_that_does_not_start(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    slow, broken = tmp_path / "slow.py", tmp_path / "broken.py"
+    slow.write_text("import sys\nsys.stdin.read()\n")
+    broken.write_text("import this_is_not_there\n")
+    monkeypatch.setattr(live, "SERVER", slow)
+    with pytest.raises(
+        ConnectionError, match=r"has not answered for 0\.5 s, the machine is too busy: try again later$"
+    ):
+        Server(timeout=0.5)
+    monkeypatch.setattr(live, "SERVER", broken)
+    with pytest.raises(
+        ConnectionError, match=r"did not start: ModuleNotFoundError: No module named .this_is_not_there.$"
+    ):
+        Server()
