@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +11,9 @@ import pytest
 from PIL import Image
 
 from scenes import models
+from scenes.commands import app as app_module
 from scenes.commands import cli
+from scenes.language.errors import SceneError
 from scenes.language.loader import shipped_scenes
 from scenes.models.loading import parse_scene
 from scenes.records.store import save
@@ -294,3 +297,37 @@ def test_it_runs_as_a_module_too(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "scenes.commands.cli", "list"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert "flat  the default worm crawls" in done.stdout
+
+
+@pytest.mark.parametrize("made", [RuntimeError("KeyboardInterrupt"), SystemError("error set"), SceneError("no")])
+def test_ctrl_c_that_a_library_makes_another_error_of_ends_without_a_traceback(
+    made: Exception, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """CasADi looks for signals while it computes, and raises errors of its own kinds where there was one."""
+
+    def command(args: object) -> None:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise made from None
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    monkeypatch.setattr(app_module, "app", command)
+    try:
+        with pytest.raises(SystemExit) as ended:
+            cli.main([])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert ended.value.code == 130
+    assert capsys.readouterr().err == ""
+
+
+def test_an_error_without_ctrl_c_remains_what_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    def command(args: object) -> None:
+        raise RuntimeError("ours")
+
+    before = signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(app_module, "app", command)
+    with pytest.raises(RuntimeError, match="ours"):
+        cli.main([])
+    assert signal.getsignal(signal.SIGINT) is before

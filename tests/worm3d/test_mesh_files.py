@@ -1,8 +1,11 @@
 """Mesh files that cannot be a world: one sentence each that says what is wrong and what to do."""
 
+import json
+import struct
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ import trimesh
 
 from worm3d import Mesh, MeshError
 from worm3d.worlds import mesh as module
+from worm3d.worlds import mesh_file
 
 BOX = trimesh.creation.box((1.0, 0.7, 0.5))
 KINDS = ("stl", "obj", "ply", "glb")
@@ -40,11 +44,14 @@ def test_empty_truncated_and_garbage(kind: str, tmp_path: Path) -> None:
     path.write_bytes(b"")
     refused(path, "the file is empty; export it again")
     path.write_bytes(np.random.default_rng(0).bytes(999))
-    refused(path, r"(truncated or no STL|truncated, or no \w+ file at all|no triangles in it).*; export it again")
+    refused(
+        path,
+        r"(truncated or no STL|truncated, or no \w+ file at all|no triangles|binary, must|no GLB).*export it",
+    )
     path.write_bytes(box(kind)[: len(box(kind)) * 2 // 3])
     refused(path, r"truncated|no triangles in it|not closed")
     path.write_text("this is a text\n" * 20)
-    refused(path, r"(truncated|no triangles in it).*; export it again")
+    refused(path, r"(truncated|no triangles in it|no GLB file).*export it")
 
 
 def test_a_cut_text_stl(tmp_path: Path) -> None:
@@ -134,3 +141,63 @@ def test_settings_out_of_range(settings: dict[str, object], sentence: str, tmp_p
 def test_trimesh_is_not_imported_before_a_file_is_read() -> None:
     program = "import sys, worm3d; worm3d.Mesh, worm3d.Heightfield; assert 'trimesh' not in sys.modules"
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+GLB = BOX.export(file_type="glb")
+SIZE = int.from_bytes(GLB[12:16], "little")
+
+
+def glb(content: Any = None, version: int = 2, **changes: Any) -> bytes:
+    """Return a GLB file with other JSON, or the box's JSON with some entries changed (None: left out)."""
+    if content is None:
+        content = json.loads(GLB[20 : 20 + SIZE]) | changes
+        content = {name: value for name, value in content.items() if value is not None}
+    text = json.dumps(content).encode()
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<II", len(text), 0x4E4F534A) + text + GLB[20 + SIZE :]
+    return b"glTF" + struct.pack("<II", version, 12 + len(body)) + body
+
+
+def primitive(**changes: Any) -> list[Any]:
+    (mesh,) = json.loads(GLB[20 : 20 + SIZE])["meshes"]
+    return [{"primitives": [mesh["primitives"][0] | changes]}]
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "sentence"),
+    [
+        ("a.obj", BOX.export(file_type="stl"), "binary, must be the text of an OBJ file"),
+        ("a.obj", GLB, "a GLB file, must be the text of an OBJ file"),
+        ("a.obj", BOX.export(file_type="ply"), "a PLY file, must be the text of an OBJ file"),
+        ("a.obj", bytes(500), "binary, must be the text of an OBJ file"),
+        ("a.obj", BOX.export(file_type="obj").encode("utf-16"), "a text in UTF-16, must be one in UTF-8"),
+        ("a.glb", GLB[:400], "truncated: got 400 bytes where its header tells of 960"),
+        ("a.glb", b"{}", "glTF as text, must be a binary GLB file"),
+        ("a.glb", BOX.export(file_type="stl"), "no GLB file: it does not begin with 'glTF'"),
+        ("a.glb", glb(version=1), "got version 1 of glTF, must be 2"),
+        ("a.glb", glb([]), "damaged: its JSON is no object"),
+        ("a.glb", glb({}), "no mesh in it, only a scene without shapes"),
+        ("a.glb", glb(meshes=None), "no mesh in it, only a scene without shapes"),
+        ("a.glb", glb(meshes=primitive(mode=1)), "no triangles in it, only points or lines"),
+        ("a.glb", glb(meshes=primitive(attributes={})), r"a mesh in it has no positions \(POSITION\)"),
+        ("a.glb", glb(buffers=[{"byteLength": 9, "uri": "b.bin"}]), "has its data in another file"),
+        ("a.glb", glb(accessors=[]), "it refers to what it does not have"),
+        (
+            "a.glb",
+            glb(extensionsRequired=["KHR_draco_mesh_compression"]),
+            "needs the glTF extension KHR_draco_mesh_compression, which is not read; export it without compression",
+        ),
+    ],
+)
+def test_the_cause_is_told_of_files_of_another_kind(name: str, data: bytes, sentence: str) -> None:
+    with pytest.raises(MeshError, match=f"^mesh '{name}': .*{sentence}") as refused:
+        mesh_file.triangles(Path(name), data, 1.0)
+    assert "\n" not in str(refused.value)
+
+
+def test_what_changes_no_shape_is_read() -> None:
+    """Names in Latin-1, as some programs write them, and materials that a GLB file asks for."""
+    latin = b"# ma\xeftre\n" + BOX.export(file_type="obj").encode()
+    for name, data in (("a.obj", latin), ("a.glb", glb(extensionsRequired=["KHR_materials_unlit"]))):
+        vertices, faces = mesh_file.triangles(Path(name), data, 1.0)
+        assert (len(vertices), len(faces)) == (8, 12)

@@ -14,6 +14,7 @@ import numpy as np
 
 from worm3d.values import regular_file
 from worm3d.values.arrays import FloatArray, IntArray
+from worm3d.worlds import mesh_format
 
 Units = Literal["m", "cm", "mm", "in", "ft"]
 
@@ -93,6 +94,8 @@ def triangles(path: Path, data: bytes, scale: float) -> tuple[FloatArray, IntArr
         What the file has is truncated, garbage, not finite, of an unlikely size, not closed, or inside-out.
     """
     _require_whole_stl(path, data)
+    if said := mesh_format.wrong(path.suffix.lower(), data):
+        raise MeshError(f"mesh {path.name!r}: {said}")
     mesh = _read(path, data)
     _require_finite(path.name, mesh)
     with np.errstate(all="ignore"):
@@ -121,6 +124,7 @@ def _require_whole_stl(path: Path, data: bytes) -> None:
 def _read(path: Path, data: bytes) -> Any:
     import trimesh  # takes a second or two
 
+    data = mesh_format.as_utf8(data) if path.suffix.lower() == ".obj" else data
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -129,10 +133,11 @@ def _read(path: Path, data: bytes) -> Any:
         if vertices.ndim != 2 or vertices.shape[1] != 3:
             raise ValueError("vertices without x, y and z")
     except Exception as error:  # readers fail in ways of their own
-        reason = str(error).strip().splitlines() or [type(error).__name__]
+        dangles = isinstance(error, LookupError | TypeError | AttributeError)
+        reason = ["it refers to what it does not have"] if dangles else str(error).strip().splitlines()
         raise MeshError(
-            f"mesh {path.name!r}: truncated, or no {path.suffix.lower()[1:].upper()} file at all ({reason[0][:80]}); "
-            "export it again"
+            f"mesh {path.name!r}: truncated, or no {path.suffix.lower()[1:].upper()} file at all "
+            f"({(reason or [type(error).__name__])[0][:80]}); export it again"
         ) from None
     if len(faces) == 0:
         raise MeshError(f"mesh {path.name!r}: no triangles in it: empty, truncated or garbage; export it again")
