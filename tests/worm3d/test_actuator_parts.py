@@ -120,7 +120,7 @@ def test_the_default_is_the_worms_own_lag_stroke_and_rate() -> None:
     own = FirstOrder(lag=np.full(6, 0.05), least=0.0, greatest=0.15, rate_limit=0.5)
     other = Worm(actuator=own, hinge_actuator=FirstOrder(lag=0.05))
     runs = [
-        worm3d.simulate(each, Plane(), actuation=TravellingWave(bias=0.2, hinge=0.3), duration=1.0)
+        worm3d.simulate(each, Plane(), actuation=TravellingWave(amplitude=0.15, bias=0.2, hinge=0.3), duration=1.0)
         for each in (worm, other)
     ]
     assert_array_equal(runs[0].joints, runs[1].joints)
