@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from functools import cache, wraps
 from importlib import import_module
+from importlib.util import find_spec
 from inspect import Parameter, signature
 from typing import Any, ParamSpec, Self, TypeVar
 
@@ -76,7 +77,8 @@ def no_attribute(module: str, name: str, known: Iterable[str], elsewhere: Iterab
     elsewhere : iterable of str
         Other modules, in which the name is sought too; their own last names count.
     """
-    if name.startswith("_"):  # asked for by programs, not by people
+    # Programs ask for names with "_", and `from package import submodule` for that submodule, which is imported next.
+    if name.startswith("_") or find_spec(f"{module}.{name}") is not None:
         return AttributeError(f"module {module!r} has no attribute {name!r}")
     for other in elsewhere:
         package, _, last = other.rpartition(".")
