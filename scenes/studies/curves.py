@@ -159,7 +159,8 @@ def sentence(shape: Shape, what: str, along: str, x: Told, told: Told, better: s
 
 
 def _unresolved(shape: Shape) -> str:
-    return "" if _resolved(shape.y, shape.off) else ", no further apart than their errors"
+    differ = np.nanmax(shape.y) > np.nanmin(shape.y)
+    return ", no further apart than their errors" if differ and not _resolved(shape.y, shape.off) else ""
 
 
 def _best(shape: Shape, x: Told, better: str) -> str:

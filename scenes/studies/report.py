@@ -99,5 +99,7 @@ def _table(grid: Grid) -> Iterator[str]:
         marked = "; ".join(name for name, each in marks.items() if each[k, c])
         body.append([*cells, *(each.number(k, c) for each in views), *([marked] if marks else [])])
     header += ["marked"] if marks else []
-    yield from (f"{f'With {grid.own}; ' if grid.own else ''}{OFF}:", "")
+    known = any(np.isfinite(each.off).any() for each in views)
+    said = "; ".join([*([f"with {grid.own}"] if grid.own else []), *([OFF] if known else [])])
+    yield from (f"{said[0].upper()}{said[1:]}:", "") if said else ()
     yield from markdown_table(header, body)

@@ -126,7 +126,15 @@ def test_lessons_name_who_is_ahead_and_what_is_marked() -> None:
 def test_the_report_has_question_sentences_figure_and_table(tmp_path: Path) -> None:
     tried = grid(lambda n, period, body: n / period, lambda n, period, body: period / n)
     text = document(tried)
-    for part in ("# Tried", "More?", "Held constant: the rest.", "![tried](study.png)", "| 6 | thick | 3 | 0.333 |"):
+    assert "±" not in text
+    for part in (
+        "# Tried",
+        "More?",
+        "Held constant: the rest.",
+        "With period 2 s:",
+        "![tried](study.png)",
+        "| 6 | thick | 3 | 0.333 |",
+    ):
         assert part in text
     assert "## More?" in together({"tried": tried})
     draw(tried).savefig(tmp_path / "a.png")
