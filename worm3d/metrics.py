@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, floor, log10
+from math import ceil, floor, inf, log10
 
 UNITS = {
     **{f"_{unit}": unit for unit in ("m", "s", "ms", "deg", "J", "N", "kg")},
@@ -20,7 +20,9 @@ ROUNDING = {"deg": 1e-9, "rad": 1e-11, "m": 1e-12, "m/s": 1e-12, "m/m": 1e-12}
 """Magnitude below which a metric is rounding and written as 0, by its unit."""
 
 
-MOST_DECIMALS = 7
+TWO_DIGITS = 2.95
+"""First digits of an error below which two digits are written: one digit alone would make it twice as large."""
+MOST_DECIMALS = 9
 """Largest number of decimals of a metric that is written with its error."""
 
 
@@ -29,19 +31,32 @@ def written(value: float, unit: str, digits: int = 6) -> str:
     return f"{0.0 if abs(value) < ROUNDING.get(unit, 0.0) else value:.{digits}g}"
 
 
-def with_error(value: float, error: float, unit: str) -> str:
-    """Return a metric and what it may be off by as text, both with the digits that the error leaves; no unit.
+def rounded_up(error: float) -> float:
+    """Return an error rounded up to the digits with which it is written: two if the first is a 1 or a 2, else one."""
+    if not 0.0 < error < inf:
+        return error
+    last = _last(error)
+    return float(f"{ceil(error / 10.0**last - 1e-9) * 10.0**last:.2g}")
 
-    An error that is 0, or not known (NaN), is left out; at most six digits are written.
+
+def _last(error: float) -> int:
+    """Return the power of ten of the last digit of an error that is written."""
+    first = floor(log10(error))
+    return first - 1 if error < TWO_DIGITS * 10.0**first else first
+
+
+def with_error(value: float, error: float, unit: str) -> str:
+    """Return a metric and its error as text, both with the digits that the error leaves; no unit.
+
+    An error that is 0, or not known (NaN), is left out.
     """
     if not error > 0.0 or abs(value) < ROUNDING.get(unit, 0.0):
         return written(value, unit, 3)
-    last = max(floor(log10(error)), floor(log10(max(abs(value), error))) - 5)
-    off = ceil(error / 10.0**last - 1e-9) * 10.0**last
+    off = rounded_up(error)
+    last = _last(off)
     if last < -MOST_DECIMALS:
-        return f"{value:.3g} ± {off:.1g}"
-    digits = max(0, -last)
-    return f"{round(value, -last):.{digits}f} ± {round(off, -last):.{digits}f}"
+        return f"{value:.6g} ± {off:.2g}"
+    return f"{round(value, -last):.{max(0, -last)}f} ± {off:.{max(0, -last)}f}"
 
 
 def named(metric: str) -> tuple[str, str]:

@@ -14,7 +14,7 @@ from scenes.language.errors import SceneError
 from scenes.language.formulas import evaluated
 from scenes.language.sweep_section import Study
 from scenes.models.loading import Scene
-from scenes.studies.view import Axis, Measure, View
+from scenes.studies.view import Axis, Measure, View, rounded
 from scenes.sweep.design import CASE, SAMPLE
 from scenes.sweep.links import given_keys, value_at
 from scenes.sweep.table import Table
@@ -153,7 +153,7 @@ class Grid:
     def errors(self, name: str, place: int | None = None) -> FloatArray:
         """Return what these may be off by through steps in time, shape (X, C); NaN where that is not known."""
         column = self._errors(name)
-        return self._at(np.where(column < self._least(name), 0.0, column), place)
+        return rounded(self._at(np.where(column < self._least(name), 0.0, column), place))
 
     def _errors(self, name: str) -> FloatArray:
         return self.table.errors.get(name, np.full(len(self.table), np.nan))
@@ -189,7 +189,7 @@ class Grid:
         reached = np.where(np.isnan(at), worst, at)
         best = (np.argmin if better == "less" else np.argmax)(reached, axis=-1)[..., None]
         found = np.take_along_axis(np.stack([at, off + np.abs(slope) * given_off]), best[None], axis=-1)[..., 0]
-        return found[0], found[1]
+        return found[0], rounded(found[1])
 
     @cached_property
     def failed(self) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scenes.sweep.design import Varied
 from scenes.sweep.table import cell, is_numeric
-from worm3d.metrics import with_error, written
+from worm3d.metrics import rounded_up, with_error, written
 from worm3d.values.arrays import FloatArray
 
 
@@ -60,6 +60,11 @@ class Measure:
     def told(self, value: float) -> str:
         """Return a value with its unit."""
         return f"{written(value, self.unit, 3)} {self.unit}".strip()
+
+
+def rounded(off: FloatArray) -> FloatArray:
+    """Return errors as they are written, so that what is level is level in print too."""
+    return np.array([rounded_up(each) for each in off.ravel().tolist()]).reshape(off.shape)
 
 
 @dataclass(frozen=True)

@@ -98,7 +98,9 @@ def test_the_error_at_equal_speed_bounds_what_errors_of_cost_and_speed_do() -> N
         for c in (-0.001, 0.001)
     ]
     others = [each.equal_values("cost_of_transport", "speed_bl_s", 0.3, "less")[0] for each in moved]
-    assert_allclose(np.max(np.abs(np.array(others) - value), axis=0), off, rtol=1e-9)
+    most = np.max(np.abs(np.array(others) - value), axis=0)
+    assert (most <= off * (1.0 + 1e-9)).all()
+    assert (off <= 4.0 / 3.0 * most).all()
 
 
 def test_the_answer_turns_with_the_numbers() -> None:
@@ -243,10 +245,10 @@ def test_numbers_stand_with_their_errors(tmp_path: Path) -> None:
 
 
 def test_a_best_place_is_told_for_the_other_values_of_by_too() -> None:
-    told = list(lessons(grid(lambda n, period, body: n * (3.0 - period), lambda *at: 1.0, off=1e-6)))
+    told = list(lessons(grid(lambda n, period, body: n * (3.0 - period), lambda *at: 1.0, off=0.003)))
     elsewhere = next(line for line in told if line.startswith("By speed elsewhere"))
-    assert "at period 1 s best of all is 12.0000 ± 0.0001 BL/s at 6 with 'thick'; the range" in elsewhere
-    assert "at period 4 s best of all is -4.00000 ± 0.00001 BL/s at 4 with 'thin', level with 4" in elsewhere
+    assert "at period 1 s best of all is 12.000 ± 0.003 BL/s at 6 with 'thick'; the range" in elsewhere
+    assert "at period 4 s best of all is -4.000 ± 0.003 BL/s at 4 with 'thin', level with 4" in elsewhere
 
 
 def test_cases_without_an_error_are_no_best_ones_where_others_have_one() -> None:
