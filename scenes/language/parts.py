@@ -196,6 +196,8 @@ def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaul
         words = dict.fromkeys(word for own in owners.values() for word in own.choices)
         whose = {word: tuple(owner for owner, own in owners.items() if word in own.choices) for word in words}
         return Literal[tuple(words)], setting(default, words={} if "" in owners else whose, **common)
+    if known.hint is str:
+        return str | None if left_out else str, setting(default, **common)
     if known.hint is bool:
         return bool | None if left_out else bool, setting(default, **common)
     common["unit"] = known.unit

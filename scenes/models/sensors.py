@@ -31,5 +31,13 @@ def channel_keys(*, exact: bool = False) -> Keys:
 
 
 def channels_of(section: Any, names: Collection[str]) -> Mapping[str, Channel]:
-    """Return the channels that a section describes, of those names that there are."""
-    return {name: part_of(Channel, section, prefix=f"{name}_", units=units_of(name)) for name in names}
+    """Return the channels of some names, as a section describes them; one without keys there is a usual sensor.
+
+    Such a channel was added to `QUANTITIES` by a module that was imported later, as that of a controller.
+    """
+    return {
+        name: part_of(Channel, section, prefix=f"{name}_", units=units_of(name))
+        if any(key.startswith(f"{name}_") for key in type(section).model_fields)
+        else QUANTITIES[name].default
+        for name in names
+    }

@@ -24,8 +24,13 @@ def switched_keys(registry: Mapping[str, type]) -> Keys:
 
 
 def switched_parts(registry: Mapping[str, type[T]], section: Any) -> list[T]:
-    """Return the parts that a section asks for, in the order of the registry; ValueError where one refuses its keys."""
-    return [part_of(part, section, prefix=f"{name}_") for name, part in registry.items() if getattr(section, name)]
+    """Return the parts that a section asks for, in the order of the registry; ValueError where one refuses its keys.
+
+    A part that was registered after the section was made has no key there.
+    """
+    return [
+        part_of(part, section, prefix=f"{name}_") for name, part in registry.items() if getattr(section, name, False)
+    ]
 
 
 def switched_checks(registry: Mapping[str, type], section: str, schema: type[Section], what: str) -> tuple[Check, ...]:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from control.faults.injected import INJECTED
+from control.sensing.sensors import QUANTITIES
 from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.models.control.build import controller_of, path_of
 from scenes.models.loading import load_scene
+from scenes.models.switched import switched_keys, switched_parts
 
 MODULE = """
 from dataclasses import dataclass
@@ -269,3 +274,73 @@ def test_who_is_not_told_takes_the_sensors_for_usual_ones() -> None:
     )
     assert told.estimator.noise.told == 0.02
     assert untold.estimator.noise.told == 0.005
+
+
+SENSING = """
+from dataclasses import dataclass
+
+import numpy as np
+from own_parts import Blind
+
+from control.faults.injected import Injected
+from control.sensing.sensors import QUANTITIES, Channel, Quantity
+from worm3d.values.parameters import parameter
+
+for name in ("tail", "unasked"):
+    QUANTITIES[name] = Quantity(
+        "height of the tail",
+        "m",
+        Channel(noise=0.001),
+        true_value=lambda seen: np.array(seen.joints[0, 2]),
+        shape=lambda worm: (),
+        limits=lambda worm: (-1.0, 1.0),
+        mirrored=lambda value: value,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Worded(Injected, name="worded"):
+    word: str = parameter("some", meaning="a word")
+
+
+class Feeler(Blind):
+    senses = ("tail",)
+    felt = []
+
+    def step(self, t, measurement):
+        self.felt.append((measurement["tail"].value, "unasked" in measurement))
+        return super().step(t, measurement)
+"""
+
+
+@pytest.fixture
+def sensing(own: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "own_senses.py").write_text(SENSING)
+    yield
+    for table, names in ((QUANTITIES, ("tail", "unasked")), (INJECTED, ("worded",))):
+        for name in names:
+            table.pop(name, None)
+    sys.modules.pop("own_senses", None)
+
+
+def test_a_controller_may_stand_in_the_module_of_its_sensor_and_of_a_fault(sensing: None) -> None:
+    record = simulate(line("controller.kind=own_senses:Feeler", "run.duration_s=0.4"))
+    assert record.status == "done"
+    felt = sys.modules["own_senses"].Feeler.felt
+    assert len(felt) == 40
+    assert np.isfinite([float(value) for value, _ in felt]).all()
+    assert not any(unasked for _, unasked in felt), "which the controller does not sense"
+
+
+def test_a_fault_may_have_a_field_of_text(sensing: None) -> None:
+    importlib.import_module("own_senses")
+    fault = INJECTED["worded"]
+    assert fault(word="other").word == "other"
+    with pytest.raises(ValueError, match="word: got int, must be a text"):
+        fault(word=3)
+    keys = switched_keys({"worded": fault})
+    assert keys["worded_word"][0] is str
+    section = SimpleNamespace(worded=True, worded_word="third", worded_begin_s=1.0, worded_duration_s=None)
+    (made,) = switched_parts({"worded": fault}, section)
+    assert (made.word, made.begin) == ("third", 1.0)

@@ -112,6 +112,8 @@ class Parameter:
             return arguments.choice(self.name, value, self.choices)
         if self.hint is bool:
             return arguments.flag(self.name, value)
+        if self.hint is str:
+            return arguments.instance(self.name, value, str, "a text")
         if self.hint is int:
             return arguments.whole(self.name, value, **{key: int(bound) for key, bound in self.bounds.items()})
         if not self.each:

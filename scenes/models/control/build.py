@@ -10,7 +10,7 @@ import numpy as np
 
 import worm3d
 from control.baselines import Gains
-from control.controllers import estimator, made, model
+from control.controllers import controller, estimator, made, model
 from control.faults.injected import INJECTED, Injected
 from control.gaits.steering import WAVES, Wave
 from control.identification import identified as kept
@@ -276,7 +276,12 @@ def faults_of(scene: ControlScene) -> list[Injected]:
 
 
 def sensors_of(scene: ControlScene) -> Sensors:
-    """Return the sensors; their errors follow from the scene's seed."""
-    asked = [name for name in QUANTITIES if getattr(scene.sensor, name, True)]
+    """Return the sensors; their errors follow from the scene's seed.
+
+    A channel that the section has no key for is there where every robot has it, or the controller `senses` it.
+    """
+    senses = getattr(controller(scene.controller.kind), "senses", ())
+    kept = {name for name, each in QUANTITIES.items() if each.standard or name in senses}
+    asked = [name for name in QUANTITIES if getattr(scene.sensor, name, name in kept)]
     channels: dict[str, Any] = dict(channels_of(scene.sensor, asked))
     return Sensors(seed=scene.seed, **channels)
