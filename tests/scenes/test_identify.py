@@ -93,12 +93,15 @@ def test_lags_are_those_of_the_file_and_of_a_step() -> None:
 
 
 def test_the_swing_is_that_of_the_file_and_of_a_wave_between() -> None:
-    """From 0.12 s at 0.6 Hz to -0.01 s at 1.1 Hz; sines of half the frequency and steering find the same."""
+    """From 0.12 s at 0.6 Hz to -0.01 s at 1.1 Hz; sines of half the frequency and steering find the same.
+
+    Linear algebra for AVX2 and for AVX-512 moves the swing by 1.3e-5 s; 1e-4 s are eight times as much.
+    """
     known = load(WORM, schedule=WAVES["steep"])
     assert known is not None
     lags = known.lags["both"]
     measured = runs.measure_lags(WORM, GROUND, WAVES["steep"], "both", 0.5, lags)
-    assert (measured.swing, measured.swing_rise) == pytest.approx((lags.swing, lags.swing_rise), abs=1e-6)
+    assert (measured.swing, measured.swing_rise) == pytest.approx((lags.swing, lags.swing_rise), abs=1e-4)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(runs, "WINDING", 0.05)
         _, found = runs._winding(WORM, GROUND, WAVES["steep"], "both", 0.25, 0.8)
