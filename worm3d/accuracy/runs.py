@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from worm3d.accuracy.estimate import ErrorEstimate
+from worm3d.measures.way import way
 from worm3d.problem import Problem
 from worm3d.result import Result
 from worm3d.run import Observer, Run
@@ -30,6 +31,13 @@ CHECKS, TIGHTENED = 2, 4
 FINAL, EARLIER, LEAST_SHARE = 2.0, 1.25, 0.03
 """A run is expected to be off by so many times what it differs by from the run before, or from the one before that,
 whichever is more, and at least by this share of what was asked for: runs may agree by chance."""
+TURN_AND_WORK = 1.25
+"""Further factor of the errors of turn and work, which fall less steadily with the step than the error of the distance.
+Of the turns of 127 random runs 98 % lie within two estimates, at 1 it is 94 %; double makes estimates twice as large."""
+LATER_SHARE = 0.5
+"""Last share of a run in which the rms difference to another run counts as much as the difference at the end: runs that
+cross at the end by chance do not cross all the time. Half and double leave 98 and 96 % of these turns within two
+estimates, and 97 % of the distances."""
 SURE = 2.0
 """A run is made finer until so many times its estimate is as little as was asked for: errors are rarely larger."""
 OF_THE_COMPUTATION = frozenset({"real_time_factor", "newton_iterations_mean", "halved_steps"})
@@ -80,9 +88,8 @@ def begin(
                 found.append(_measured(result))
                 summaries.append(result.summary())
             if may_be_it and len(found) > 1:
-                asked = accuracy * max(abs(float(found[-1][0])), LEAST_WAY * problem.worm.length)
-                distance, heading, work = _errors(found)
-                distance = max(distance, LEAST_SHARE * asked)
+                asked = accuracy * max(abs(float(found[-1][0, -1])), LEAST_WAY * problem.worm.length)
+                distance, heading, work = _errors_on_the_way(found, asked, problem)
                 figures = _errors_of_figures(summaries, accuracy)
                 estimate = ErrorEstimate(distance, heading, work, asked, most, int(run.solves), k + 1, figures)
                 result = replace(result, error_estimate=estimate)
@@ -94,13 +101,29 @@ def begin(
 
 
 def _measured(result: Result) -> FloatArray:
-    """Return distance, turn and work of a run."""
-    way = result.distance if np.isfinite(result.distance) else float(np.linalg.norm(result.com[-1] - result.com[0]))
-    return np.array([way, result.heading[-1] - result.heading[0], result.energy.work_contract.sum()])
+    """Return distance [m], turn [rad] and work [J] of a run until each row, shape (3, T)."""
+    along = way(result.com, result.joints[0], result.world)
+    moved = np.linalg.norm(result.com - result.com[0], axis=1) if along is None else along - along[0]
+    return np.array([moved, result.heading - result.heading[0], np.cumsum(result.energy.work_contract)])
 
 
-def _errors(found: list[FloatArray]) -> tuple[float, ...]:
-    """Return what the last run is off by, from what those before it found: distance, turn and work."""
+def _errors_on_the_way(found: Sequence[FloatArray], asked: float, problem: Problem) -> tuple[float, ...]:
+    """Return what distance, turn and work of the last run are off by at its end.
+
+    Runs differ at the end, or before, and one that was asked for little differs by little by chance: the least errors
+    are the same share of what was asked for, of the turn that moves an end of the body by that, and of the work.
+    """
+    accuracy, last = problem.accuracy or 0.0, found[-1]
+    at_end = _errors([each[:, -1] for each in found])
+    later = int((1.0 - LATER_SHARE) * last.shape[1])
+    rms = [np.sqrt(np.mean(np.nan_to_num(each - last)[:, later:] ** 2, axis=1)) for each in found]
+    least = np.array([asked, asked / problem.worm.length, accuracy * float(np.abs(last[2]).max())])
+    off = np.maximum(np.maximum(at_end, _errors(rms)) * [1.0, TURN_AND_WORK, TURN_AND_WORK], LEAST_SHARE * least)
+    return tuple(off.tolist())
+
+
+def _errors(found: Sequence[FloatArray]) -> tuple[float, ...]:
+    """Return what the last run is off by, from what those before it found."""
     *coarser, last = found
     before = coarser[max(0, len(coarser) - 2)]
     off = np.maximum(FINAL * abs(coarser[-1] - last), EARLIER * abs(before - last))
