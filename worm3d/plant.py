@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d.balance import warn_of_imbalance
 from worm3d.machine import vectors
 from worm3d.machine.codegen import Kernel, compile_kernel
 from worm3d.machine.compiled import announce, cfunc
@@ -128,6 +129,8 @@ class Plant:
         own = type(worm.hysteresis)
         around = type(worm.medium)
         self._kernels = kernels(type(friction.law), chamber, hinge, own, around)
+        if chamber.__module__.partition(".")[0] != "worm3d":  # tests look after the others
+            warn_of_imbalance(worm)
         width = max(vectors.WIDTH, *(kernel.width for kernel in self._kernels.values()))
         lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
         self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
