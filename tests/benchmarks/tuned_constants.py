@@ -35,7 +35,6 @@ COMPILED = {
     "worm3d.solver.descent": "MAX_DESCENT MAX_SEARCH SUFFICIENT SLOPE_LEFT DESCENT_TOLERANCE",
     "worm3d.solver.regimes": "SHALLOW PRESSED",
     "worm3d.solver.fronts": "MAX_LEAD SMOOTH",
-    "worm3d.solver.step": "IMPACT",
 }
 """Constants of compiled modules."""
 

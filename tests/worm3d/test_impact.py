@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from control.gaits import TravellingWave
 from worm3d import Friction, Plane, Result, State, Status, Worm, simulate
 from worm3d.physics.friction import ContactConstants
 
@@ -129,3 +130,29 @@ def test_a_body_that_slides_at_landing_loses_by_friction_what_its_impulse_takes(
     horizontal = worm.mass / 2 * (4.0 - result.com_velocity[-1, 0] ** 2)
     assert horizontal > 0.03
     assert abs(energy.numerical_loss.sum()) < 0.03 * lost(result)
+
+
+@pytest.mark.parametrize("height", [0.005, 0.02, 0.1])
+def test_what_a_landing_takes_does_not_depend_on_the_step(height: float) -> None:
+    """Also where steps of BDF2 resolve the landing: of the energy of the fall, down to 0.05 ms."""
+    runs = {dt: fall("bdf2", dt, height, duration=0.3) for dt in (0.01, 1e-3, 5e-4, 2.5e-4, 5e-5)}
+    impact = {dt: float(run.energy.impact.sum()) / lost(run) for dt, run in runs.items()}
+    numerical = {dt: float(run.energy.numerical_loss.sum()) / lost(run) for dt, run in runs.items()}
+    for dt, within in {1e-3: 0.03, 5e-4: 0.02, 2.5e-4: 0.01}.items():
+        assert abs(impact[dt] - impact[5e-5]) < within
+        assert abs(numerical[dt]) < 0.01
+    assert all(0.0 < share < 1.0 for share in impact.values())
+    assert abs(numerical[0.01]) < 0.12
+
+
+def test_in_a_crawl_impact_and_numerical_loss_have_limits_of_their_own() -> None:
+    """Numerical loss vanishes; impact comes to half a percent of the work."""
+    uses = {}
+    for dt in (2e-3, 5e-4, 1e-4):
+        run = simulate(Worm(), Plane(), actuation=TravellingWave(), duration=4.0, dt=dt, record_every=round(0.02 / dt))
+        uses[dt] = {name: part / run.energy.work_contract.sum() for name, part in run.energy.uses.items()}
+    assert abs(uses[2e-3]["numerical"]) < 5e-3
+    assert abs(uses[5e-4]["numerical"]) < 1e-3
+    assert abs(uses[1e-4]["numerical"]) < 1e-4
+    assert abs(uses[5e-4]["impact"] - uses[1e-4]["impact"]) < 2e-3
+    assert 0.003 < uses[1e-4]["impact"] < 0.006

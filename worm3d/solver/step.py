@@ -7,6 +7,7 @@ import numpy as np
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
+from worm3d.physics.friction import RESTING_PENETRATION
 from worm3d.physics.kernels import actuator, inertia, joint, medium, node, point, segment
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, ledger
@@ -33,9 +34,6 @@ _SLIPPED, _NEW_VELOCITY, _NEW_ANCHOR, _NEW_STORED = point.AFTER.firsts("slipped"
 _N_SPAN, _N_DT, _N_RATIO = node.LAYOUT.firsts("span", "dt", "ratio")
 _OF_LEDGER, _OF_JOINTS_LEDGER, _OF_NODES_LEDGER = (len(each.LEDGER_TERMS) for each in (segment, joint, node))
 _GIVEN, _HINGE_STATES = actuator.LEDGER_ROWS, actuator.HINGE_ROWS
-IMPACT = 1e-3
-"""Depth that a point would reach in a step, as a fraction of the segment length, beyond which it strikes the world,
-unless gravity alone moves it as far."""
 
 
 @inner
@@ -124,12 +122,13 @@ def place_start(core: Core) -> None:
 
 @inner
 def _strikes(core: Core, dt: float) -> bool:
-    """Return whether a point strikes the world in this step.
+    """Return whether a point strikes the world in this step: it would get deeper than it sinks at rest.
 
-    BDF2, which extrapolates velocities, would throw it back; implicit Euler's impact is inelastic.
+    BDF2, which extrapolates velocities, would throw it back; implicit Euler's impact is inelastic. A point that gravity
+    alone moves as far in the step does not strike.
     """
     p, numbers = matrix(core.block, a.POINT_IN), vector(core.block, a.NUMBERS_)
-    deep = max(gravity(core) * dt * dt, IMPACT * numbers[a.L0])
+    deep = max(gravity(core) * dt * dt, RESTING_PENETRATION * numbers[a.L0])
     return bool(vectors.greatest(address(core.block, a.POINT_IN, _DEEP), p.shape[1]) > deep)
 
 
