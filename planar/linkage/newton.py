@@ -3,12 +3,14 @@
 Each pass minimises the potential of a step for given normal loads (it always descends), then polishes with the
 loads of the iterate itself, whose Jacobian is exact too but unsymmetric. Where the polish does not converge, the
 loads are updated and the next pass begins; after the last one it polishes with given regimes of the contacts, which
-change until the law confirms them.
+change until the law confirms them: all that it denies in the first rounds and one later, then one from the first round;
+from the last iterate, from the first guess, and from where the joints would go by themselves.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import scipy
@@ -79,8 +81,8 @@ class Newton:
                     return Solution(polished, self.gradient.copy(), True, iterations)
             load = loads(q, self.body, self.ground, now)
             now.load[:] += relaxation * (load - now.load)
-        for start in (q, guess):
-            polished, used, converged = self._by_regimes(start, now)
+        for first, start in product((0, regimes.AT_ONCE), (q, guess, now.joint_hat.ravel())):
+            polished, used, converged = self._by_regimes(start, now, first)
             iterations += used
             if converged:
                 return Solution(polished, self.gradient.copy(), True, iterations)
@@ -141,10 +143,13 @@ class Newton:
             step = float(between[len(between) // 2]) if len(between) else 0.5 * (low + high)
         return best
 
-    def _by_regimes(self, q: FloatArray, now: Now) -> tuple[FloatArray, int, bool]:
-        """Polish with given regimes, first those of the law at q, until they are those of the law at the solution."""
+    def _by_regimes(self, q: FloatArray, now: Now, first: int) -> tuple[FloatArray, int, bool]:
+        """Polish with given regimes, first those of the law at q, until they are those of the law at the solution.
+
+        Rounds count from `first`: from `regimes.AT_ONCE` on one contact changes in each.
+        """
         regime, iterations = regimes.of_law(q, self.body.a, self.ground, now), 0
-        for turn in range(MAX_REGIMES):
+        for turn in range(first, MAX_REGIMES):
             taken = now._replace(regime=regime)
             q, used, converged = self._polish(q, taken, MAX_SMOOTH)
             iterations += used

@@ -1,6 +1,7 @@
 """Random planar worms, run by `planar.linkage` and by `worm3d`: do two programs, written independently, agree?
 
     python tests/worm3d/planar_worms.py [--seed 1] [--count 200] [--steps 300] [--only INDEX]
+                                        [--ratio 1.8]
 
 A study; `test_planar_worms.py` runs it with fewer steps. Worm `index` of a seed is always the same. A third of them is
 uneven along the body, a quarter has a coefficient of 0 or close to it, three quarters have a static ratio above 1.
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -22,11 +24,18 @@ from planar import linkage
 from planar.linkage.ground import Ground
 from planar.linkage.newton import loads
 from planar.linkage.shape import apexes
-from planar.linkage.step import ContactStepper
+from planar.linkage.step import ContactStepper, State
 
 GRAVITY = 9.81
 AGREE = 1e-9
-"""[m]"""
+"""Largest distance of joints that agree [m]."""
+
+NEAR = 1e-8
+"""Largest distance of a solution from the joints that a program found [m]: what both start from differs by `AGREE`."""
+
+BALANCED = 1e-6
+"""Largest force that is left at a joint where forces balance, as a fraction of the weight: a contact carries it within
+1e-5 of a segment, so that 1e-12 of the body, to which Newton's method is exact, are 1e-7 of it."""
 
 
 @dataclass(frozen=True)
@@ -48,14 +57,14 @@ class Outcome:
     Attributes
     ----------
     refused : bool
-        The worm's weight would flatten it: neither begins.
+        Neither program begins: the worm's weight would flatten it, or it does not come to rest.
     agree : bool
-        Joints within `AGREE` after each step, as many steps, and the same end (where no shape solves a step it is
-        either program's word what the worm was about to do).
+        Joints within `AGREE` after each step, as many steps, and the same end; or both refuse the same step, each with
+        the word for its own solution.
     step : int
         First one in which they do not.
     solved : tuple of bool
-        Whether the solution of `planar.linkage` and that of `worm3d` solve that step, undivided.
+        Whether what `planar.linkage` and `worm3d` found solves that step, undivided.
     """
 
     refused: bool
@@ -63,10 +72,19 @@ class Outcome:
     step: int = 0
     solved: tuple[bool, bool] = (True, True)
     sentence: str = ""
+    apart: float = 0.0
+    """Largest distance of the two solutions from each other [m]."""
+    end: float = 0.0
+    """Largest distance of the joints at the end of the runs [m]; infinite where they do not end alike."""
+
+    @property
+    def two_solutions(self) -> bool:
+        """Whether that step has two solutions, each program's own."""
+        return all(self.solved) and self.apart > 10.0 * NEAR
 
 
-def case(seed: int, index: int) -> Case:
-    """Return worm number `index` of a seed."""
+def case(seed: int, index: int, ratio: float | None = None) -> Case:
+    """Return worm number `index` of a seed, with its own static ratio or another one."""
     rng = np.random.default_rng([seed, index])
     n, uneven = int(rng.integers(2, 13)), bool(rng.random() < 0.3)
 
@@ -90,7 +108,8 @@ def case(seed: int, index: int) -> Case:
             mu[side] = float(rng.choice([0.0, 0.0, 1e-9, 1e-3]))
     if rng.random() < 0.15:
         mu[1] = mu[0]
-    ratio = float(rng.choice([1.0, *rng.uniform(1.0, 2.0, 3)]))
+    own = float(rng.choice([1.0, *rng.uniform(1.0, 2.0, 3)]))
+    ratio = own if ratio is None else ratio
     rectified = bool(rng.random() < 0.7)
     amplitude, period = float(rng.uniform(0.0, 0.3 if rectified else 0.1)), float(rng.uniform(0.5, 4.0))
     way, waves = float(rng.choice([-1.0, 1.0])), float(rng.choice([0.0, 1.0, 1.0, 2.0]))
@@ -133,43 +152,69 @@ def outcome(it: Case, steps: int) -> Outcome:
     )
     joints = (result.joints @ plane.axes.T)[..., [0, 2]]
     both = min(len(joints), len(oracle.joints))
-    away = np.abs(joints[:both] - oracle.joints[:both]).max(axis=(1, 2))
     ends = {oracle.status.name, result.status.name}
-    same_end = len(ends) == 1 or (len(joints) == len(oracle.joints) and "NO_CONVERGENCE" in ends)
+    if len(joints) == len(oracle.joints) == 1 and "DONE" not in ends:
+        return Outcome(refused=True)
+    away = np.abs(joints[:both] - oracle.joints[:both]).max(axis=(1, 2))
+    same_end = len(ends) == 1 or (len(joints) == len(oracle.joints) and "DONE" not in ends)
     if (away <= AGREE).all() and same_end:
         return Outcome(refused=False)
     step = int(np.argmax(away > AGREE)) if (away > AGREE).any() else both
-    solved = (step < len(oracle.joints), step < len(joints))
-    if all(solved):
-        found = (oracle.joints[step], oracle.slip[step - 1]), (joints[step], result.slip[step, :, :2])
-        solved = solves(it, oracle, step, *found[0]), solves(it, oracle, step, *found[1])
+    found = [_planar_solution(it, oracle, step)]
+    if step < len(joints):
+        found.append(solution_near(it, oracle, step, joints[step], result.slip[step, :, :2]))
+    solved = found[0] is not None, len(found) > 1 and found[1] is not None
+    apart = float(np.abs(found[0] - found[1]).max()) if all(solved) else 0.0
     parts = len(oracle.steps[step - 1]) if step <= len(oracle.steps) else 0
     ends_as = f"{oracle.status.name} in {parts} parts/{result.status.name}, {result.halved_steps} steps halved"
-    return Outcome(False, False, step, solved, f"{it.sentence}; {ends_as}")
+    end = float(away[-1]) if same_end else np.inf
+    return Outcome(False, False, step, solved, f"{it.sentence}; {ends_as}", apart, end)
 
 
-def solves(it: Case, oracle: linkage.Run, step: int, q: np.ndarray, slipped: np.ndarray) -> bool:
-    """Return whether joints (N+1, 2) solve a step from the state of `planar.linkage` before it, undivided.
-
-    Forces balance, with friction by the law (G2), which keeps it inside its set: kinetic for what was stuck and has
-    `slipped` (N, 2), else static. No load pulls, friction is against the motion where an anchor moves, and no anchor of
-    what sticks does.
-    """
+def _stepper(it: Case) -> ContactStepper:
     worm = linkage.Linkage(**it.worm)
     ground = Ground.of(worm, linkage.Friction(*it.friction), GRAVITY)
     weight = GRAVITY * np.array([-np.sin(it.slope), -np.cos(it.slope)])
-    stepper = ContactStepper(worm, weight, ground, np.zeros((worm.segments + 1, 2), dtype=bool))
-    start = oracle.steps[step - 1][0].start
+    return ContactStepper(worm, weight, ground, np.zeros((worm.segments + 1, 2), dtype=bool))
+
+
+def _start(oracle: linkage.Run, step: int) -> State:
+    """Return the state of `planar.linkage` from which a step begins."""
+    return oracle.steps[step - 1][0].start if step <= len(oracle.steps) else oracle.steps[-1][-1].end
+
+
+def _planar_solution(it: Case, oracle: linkage.Run, step: int) -> np.ndarray | None:
+    """Return the joints with which `planar.linkage` solves a step, though its guard refuse them; None without any."""
+    if step < len(oracle.joints):
+        return solution_near(it, oracle, step, oracle.joints[step], oracle.slip[step - 1])
+    stepper, worm = _stepper(it), linkage.Linkage(**it.worm)
+    command, force = worm.l0 * (1.0 - it.gait(step * it.dt)), np.zeros((worm.segments + 1, 2))
+    taken = stepper.step(_start(oracle, step), command, force, it.dt)
+    return solution_near(it, oracle, step, taken.end.joints, taken.slip) if taken.solution.converged else None
+
+
+def solution_near(it: Case, oracle: linkage.Run, step: int, q: np.ndarray, slipped: np.ndarray) -> np.ndarray | None:
+    """Return the solution of an undivided step, from the state of `planar.linkage`, next to joints q (N+1, 2).
+
+    None where Newton's method leads further than `NEAR` from q, or to what does not solve the step: forces balance,
+    with friction by the law (G2), which keeps it inside its set: kinetic for what was stuck and has `slipped` (N, 2),
+    else static. No load pulls, friction is against the motion where an anchor moves, and no anchor of what sticks does.
+    """
+    stepper, start, worm = _stepper(it), _start(oracle, step), linkage.Linkage(**it.worm)
     command, force = worm.l0 * (1.0 - it.gait(step * it.dt)), np.zeros((worm.segments + 1, 2))
     static = start.stuck & (slipped == 0.0)
     now = stepper._now(start, command, force, np.where(static, it.friction[2], 1.0), it.dt)
-    load = loads(q.ravel(), stepper.body, stepper.ground, now)
-    slip, _ = stepper._return_map(q.ravel(), now, load)
+    near, _, converged = stepper.newton._polish(q.ravel(), now)
+    if not converged or np.abs(near - q.ravel()).max() > NEAR:
+        return None
+    load = loads(near, stepper.body, stepper.ground, now)
+    slip, _ = stepper._return_map(near, now, load)
+    q = near.reshape(-1, 2)
     moved = now.direction[:, None] * (apexes(q, worm.link_length)[..., 0] - now.anchor)  # friction is against it
-    balanced = np.abs(stepper.newton.residual(q.ravel(), now)).max() < 1e-5 * worm.total_mass * GRAVITY
+    balanced = np.abs(stepper.newton.residual(near, now)).max() < BALANCED * worm.total_mass * GRAVITY
     rests = (slip[static] == 0.0).all()
     against = (slip * moved >= 0.0).all()
-    return bool(balanced and rests and against and (load >= 0.0).all())
+    return q if balanced and rests and against and (load >= 0.0).all() else None
 
 
 def main() -> None:
@@ -179,16 +224,21 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--steps", type=int, default=300)
     parser.add_argument("--only", type=int)
+    parser.add_argument("--ratio", type=float, help="static ratio of all worms; their own if left out")
     given = parser.parse_args()
     indices = range(given.count) if given.only is None else [given.only]
-    refused = agree = 0
+    ends: Counter[str] = Counter()
     for index in indices:
-        one = outcome(case(given.seed, index), given.steps)
-        refused, agree = refused + one.refused, agree + (one.agree and not one.refused)
+        one = outcome(case(given.seed, index, given.ratio), given.steps)
+        ends["refused" if one.refused else "agree" if one.agree else "two" if one.two_solutions else "differ"] += 1
         if not one.agree:
-            sys.stdout.write(f"{given.seed}/{index}: step {one.step}, solved {one.solved}: {one.sentence}\n")
+            found = f"solved {one.solved}, {one.apart:.2g} m apart, at the end {one.end:.2g} m"
+            sys.stdout.write(f"{given.seed}/{index}: step {one.step}, {found}: {one.sentence}\n")
             sys.stdout.flush()
-    sys.stdout.write(f"{agree} of {len(indices) - refused} agree to {AGREE:g} m over {given.steps} steps\n")
+    sys.stdout.write(
+        f"{ends['agree']} of {ends.total() - ends['refused']} agree to {AGREE:g} m over {given.steps} steps; "
+        f"{ends['two']} have a step with two solutions, {ends['differ']} differ\n"
+    )
 
 
 if __name__ == "__main__":

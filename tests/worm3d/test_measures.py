@@ -125,6 +125,20 @@ def test_peak_load_and_roll(still: Result) -> None:
     assert_allclose(run["roll_margin_deg"], np.rad2deg(ON_ITS_SIDE) - 10.0, rtol=1e-6)
 
 
+def test_largest_penetration_is_the_load_over_the_stiffness(still: Result) -> None:
+    """At rest, where no damper acts: the largest load over the stiffness, by which the mean load sinks in by 1e-5."""
+    mean = still.worm.mass * 9.81 / (2.0 * still.worm.segments)
+    load = max(still.normal_load[-1].max(), still.joint_load[-1].max())
+    assert_allclose(still.summary()["largest_penetration"], 1e-5 * load / mean, rtol=1e-3)
+
+
+def test_what_no_load_is_on_does_not_sink(still: Result) -> None:
+    """A point in the solid that bears no load is none of a contact's; without a world there is none."""
+    free = replace(still, normal_load=0.0 * still.normal_load, joint_load=0.0 * still.joint_load)
+    assert free.summary()["largest_penetration"] == 0.0
+    assert "no world" in replace(still, world=None).reasons()["largest_penetration"]
+
+
 @pytest.mark.parametrize("radius", [0.1, 0.5, 0.9, 1.3])
 def test_return_map_of_a_shape_that_decays(still: Result, radius: float) -> None:
     """Changes of shape shrink by this factor a period; place and heading, which go on, take no part."""

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 AT_REST = 1e-3
 """Slide of an anchored segment at most [body lengths a period]: what anchors yield elastically is no slide at all, and
 a worm that slides makes some 0.05 of it a period; half and double give the same anchoring duty of the default worm."""
+NO_WALL = "there is no world in which it could sink"
 NO_GROUND = "the worm lies on no ground: there is none below it, or no gravity"
 
 
@@ -118,6 +119,16 @@ def _duty(result: Result) -> float:
 @measure("peak_wall_load_N", "greatest normal load of a segment's feet (or of a joint) over the run")
 def _peak(result: Result) -> float:
     return float(max(result.normal_load.sum(axis=2).max(), result.joint_load.max()))
+
+
+@measure("largest_penetration", "largest depth of a loaded foot or joint in the world over the run, in segment lengths")
+def _penetration(result: Result) -> float:
+    if result.world is None or result.world.clamped:
+        raise NoValueError(NO_WALL)
+    points = result.points
+    joints = np.concatenate([points[:, :, 6], points[:, -1:, 7]], axis=1)
+    loaded = np.concatenate([points[:, :, :6][result.normal_load > 0.0], joints[result.joint_load > 0.0]])
+    return float(-np.min(result.world.distance(loaded), initial=0.0)) / result.worm.l0
 
 
 @measure("roll_max_deg", "largest roll over the run, to either side")
