@@ -144,10 +144,12 @@ class Newton:
         return best
 
     def _by_regimes(self, q: FloatArray, now: Now, first: int) -> tuple[FloatArray, int, bool]:
-        """Polish with given regimes, first those of the law at q, until they are those of the law at the solution.
+        """Polish with given regimes, at first by the law at q, until the law at the solution confirms the regimes.
 
         Rounds count from `first`: from `regimes.AT_ONCE` on one contact changes in each.
         """
+        if not np.isfinite(self._evaluate(q, now, coupled=False)):
+            return q, 1, False  # no shape of the worm
         regime, iterations = regimes.of_law(q, self.body.a, self.ground, now), 0
         for turn in range(first, MAX_REGIMES):
             taken = now._replace(regime=regime)
