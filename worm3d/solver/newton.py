@@ -103,35 +103,22 @@ def _solve(core: Core, again: bool) -> bool:
     if found:
         return True
     count(core, 3)
-    copy(vector(core.block, a.X), vector(core.block, a.X_N))
-    return _fall_back(core)
-
-
-@inner
-def _fall_back(core: Core) -> bool:
-    """Descend for given loads and solve from there, in passes; the loads are updated after each.
-
-    Where a contact breaks away the passes start again from the first one: it is another problem then, as in `_follow`.
-    """
-    x, best, stuck = vector(core.block, a.X), vector(core.block, a.BEST), vector(core.block, a.STUCK)
+    x, best = vector(core.block, a.X), vector(core.block, a.BEST)
     load, own = rows(core.block, a.POINT_IN, _LOAD, 1), rows(core.block, a.POINT_OUT, LOAD, 1)
-    passes, held = 0, total(stuck)
-    while passes < len(RELAXATIONS):
+    copy(x, vector(core.block, a.X_N))
+    for relaxation in RELAXATIONS:
         if descend(core):
             copy(best, x)
             evaluate(core, a.X, True, NONE)
             regimes.set_regimes_from_law(core)
             found = _follow(core, EXACT)
-            fill(rows(core.block, a.POINT_IN, _REGIME, 1), point.FREE)
+            fill(regime, point.FREE)
             if found:
                 return True
             copy(x, best)
         if not evaluate(core, a.X, False, NONE) < np.inf:
             return False
-        if total(stuck) < held:
-            passes, held = 0, total(stuck)
-        combine(load, 1.0 - RELAXATIONS[passes], load, RELAXATIONS[passes], own)
-        passes += 1
+        combine(load, 1.0 - relaxation, load, relaxation, own)
     return False
 
 
