@@ -9,10 +9,12 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import typer
 
 from control.gaits.neural.chain import EiChain
-from control.gaits.neural.training import StoppedError, Target, Training, fit, uniform
+from control.gaits.neural.shared import ALONE, LeftOut, Profile, left_out, shared
+from control.gaits.neural.training import StoppedError, Target, Training, fit
 from scenes.commands.terminal import Interruption, busy
 from scenes.gait_fit import recordings
 from scenes.gait_fit.comparison import Comparison, Row, compared, sentences
@@ -46,14 +48,17 @@ def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: b
     if unknown := [name for name in use if name not in names]:
         raise SceneError(f"--use: got '{unknown[0]}', must be one of {', '.join(names)}, the recordings in {to}")
     fitted = list(use) or names
-    targets = [Target(each.waves.period, each.waves.median()) for each in found if each.name in fitted]
-    with folders.prepared(out, f"gait-{to.stem}", force=force) as folder:
+    waves = [each.waves for each in found if each.name in fitted]
+    told = left_out(waves) if len(waves) > 1 else None
+    targets = [Target(each.period, each.median()) for each in waves]
+    profile = shared(targets, told.strength if told else ALONE)
+    with folders.prepared(out, f"gait-{to.name.partition('.')[0]}", force=force) as folder:
         try:
-            training = _trained(targets, EiChain(direction=direction), quiet=quiet)
+            training = _trained(profile, targets, EiChain(direction=direction), quiet=quiet)
         except StoppedError:
             typer.echo(f"{to}: stopped by Ctrl-C; nothing of this fit was kept", err=True)
             return INTERRUPTED
-        comparison = compared(training.gait, uniform(targets, training.gait.pace_exponent), found, fitted)
+        comparison = compared(training.gait, shared(targets, np.inf), found, fitted, told)
         with busy("drawing", quiet=quiet):
             _write(training, comparison, found, fitted, to, folder)
     if not quiet:
@@ -61,9 +66,12 @@ def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: b
     return 0
 
 
-def _trained(targets: Sequence[Target], like: EiChain, *, quiet: bool) -> Training:
+def _trained(profile: Profile, targets: Sequence[Target], like: EiChain, *, quiet: bool) -> Training:
+    """Return the chain that has the profile at the fastest and the slowest pace."""
+    paces = sorted({choose(target.period for target in targets) for choose in (min, max)})
     with Interruption() as interruption, busy("fitting", quiet=quiet):
-        return fit(targets, like, lambda tried: not interruption.requested)
+        wanted = [Target(period, profile.delays(period)) for period in paces]
+        return fit(wanted, like, lambda tried: not interruption.requested)
 
 
 def _write(
@@ -126,10 +134,15 @@ def _content(training: Training, comparison: Comparison, fitted: Sequence[str], 
         "cost": training.cost,
         "networks_tried": training.tried,
         "carried": comparison.carried,
+        "leaving_one_out": None if comparison.told is None else _told(comparison.told),
         "paces": [{field.name: getattr(pace, field.name) for field in fields(pace)} for pace in comparison.paces],
         "rows": [{name: getattr(row, name) for name in (*COLUMNS, *ERRORS, "kept")} for row in comparison.rows],
         "sentences": list(sentences(comparison)),
     }
+
+
+def _told(told: LeftOut) -> dict[str, Any]:
+    return {field.name: getattr(told, field.name) for field in fields(told)} | {"learnt": told.learnt}
 
 
 def _tell(training: Training, comparison: Comparison, to: Path, folder: Path) -> None:

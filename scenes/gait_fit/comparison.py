@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from control.gaits.neural.chain import EiChain
-from control.gaits.neural.training import FRAME, Target
+from control.gaits.neural.shared import LeftOut, Profile
+from control.gaits.neural.training import FRAME
 from control.gaits.neural.waves import carrying, timing_of
 from scenes.gait_fit.recordings import Recording
-from worm3d.values.arrays import FloatArray
 
 NOISE, DRAWS, SEED = 0.1, 40, 20261122
 """Relative noise of all constants, networks drawn and seed of the draws, which are not those of the fit."""
@@ -71,6 +71,8 @@ class Comparison:
     paces: tuple[Pace, ...]
     carried: float
     """Share of noisy chains that carry waves both ways, at the middle pace of the recordings."""
+    told: LeftOut | None = None
+    """How well the fitted recordings are told by each other; None of a single one."""
 
     def worst(self, use: str, attribute: str) -> float:
         """Return the largest error of the recordings of a use [s]; NaN if there are none."""
@@ -79,7 +81,7 @@ class Comparison:
 
 
 def compared(
-    gait: EiChain, even: Callable[[Target], FloatArray], recordings: Sequence[Recording], fitted: Sequence[str]
+    gait: EiChain, even: Profile, recordings: Sequence[Recording], fitted: Sequence[str], told: LeftOut | None = None
 ) -> Comparison:
     """Return how a chain and a wave of uniform delays, `even`, compare with recordings."""
     rows, paces = [], []
@@ -87,7 +89,7 @@ def compared(
         waves, use = each.waves, "fitted" if each.name in fitted else "predicted"
         timing = timing_of(replace(gait, period=waves.period), len(waves.bands))
         medians, (low, high) = waves.median(), waves.interval()
-        uniform = even(Target(waves.period, medians))
+        uniform = even.delays(waves.period)
         for k, band in enumerate(waves.bands):
             if k != waves.middle:
                 numbers = (float(series[k]) for series in (medians, low, high, timing.delays, uniform))
@@ -95,7 +97,7 @@ def compared(
         paces.append(Pace(each.name, use, len(waves.times), waves.period, timing.period))
     middling = replace(gait, period=float(np.exp(np.mean([np.log(pace.period_s) for pace in paces]))))
     carried = carrying(middling, len(recordings[0].waves.bands), NOISE, DRAWS, SEED)
-    return Comparison(tuple(rows), tuple(paces), carried)
+    return Comparison(tuple(rows), tuple(paces), carried, told)
 
 
 def sentences(found: Comparison) -> Iterator[str]:
@@ -109,7 +111,24 @@ def sentences(found: Comparison) -> Iterator[str]:
                 f"{1e3 * found.worst(use, 'network_error_s'):.0f} ms off; uniform delays "
                 f"{1e3 * found.worst(use, 'uniform_error_s'):.0f} ms"
             )
+    if found.told:
+        yield from learnt(found.told)
     yield (
         f"noise of {NOISE:.0%} in all constants: {round(found.carried * DRAWS)} of {DRAWS} networks, none of them of "
         "the fit, carry waves forward and backward"
+    )
+
+
+def learnt(told: LeftOut) -> Iterator[str]:
+    """Yield what leaving out one recording at a time says of what is learnt."""
+    gain, ends = 1e3 * (told.uniform_s - told.shared_s), [1e3 * end for end in told.gain_s]
+    yield (
+        f"a recording left out is missed by {1e3 * told.shared_s:.0f} ms rms with the delays that the others "
+        f"share, by {1e3 * told.uniform_s:.0f} ms with uniform ones: {gain:.0f} ms less, {ends[0]:.0f} to "
+        f"{ends[1]:.0f} with a probability of 90 % by sampling"
+    )
+    yield (
+        f"learnt: the size of the delays, the exponent of pace ({told.exponents[0]:.2f} to {told.exponents[1]:.2f})"
+        f"{' and a profile along the body' if told.learnt else ''}; not learnt: "
+        f"{'a time constant of each segment by itself' if told.learnt else 'any profile along the body'}"
     )

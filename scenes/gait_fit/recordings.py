@@ -87,6 +87,6 @@ def _by_name(titles: list[str], rows: csv_file.Rows, path: Path) -> dict[str, cs
     for line, row in rows:
         if len(row) != len(titles):
             raise SceneError(f"line {line}: got {len(row)} cells, must be {len(titles)} as in the row of column names")
-        name = path.stem if named is None else row[named].strip()
+        name = path.name.partition(".")[0] if named is None else row[named].strip()
         found.setdefault(name, []).append((line, [row[time], *(row[n] for n in kept)]))
     return found

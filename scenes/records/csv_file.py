@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import io
 import re
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,9 @@ LARGEST_FILE = 1_000_000_000
 
 LARGEST_NUMBER = 1e100
 """Largest number of a cell: its square and its products with units are finite."""
+
+PACKED = ".gz"
+"""Ending of the name of a file that gzip has packed."""
 
 _HEADER = re.compile(r"#\s*(?P<name>[^:]+?)\s*:\s*(?P<text>.*?)\s*")
 
@@ -36,7 +41,7 @@ def split(path: Path) -> tuple[dict[str, str], list[str], Rows]:
         The file may not be read.
     """
     try:
-        text = regular_file.read(path, LARGEST_FILE).decode("utf-8-sig")
+        text = _unpacked(regular_file.read(path, LARGEST_FILE), path).decode("utf-8-sig")
     except FileNotFoundError:
         raise SceneError(f"{path}: no such file") from None
     except OSError as error:
@@ -59,6 +64,20 @@ def split(path: Path) -> tuple[dict[str, str], list[str], Rows]:
         raise SceneError(f"{path}: not a table: {error}") from None
     numbered = [(number, row) for number, row in enumerate(rows[1:], start=start + 2) if any(map(str.strip, row))]
     return header, [title.strip() for title in rows[0]], numbered
+
+
+def _unpacked(data: bytes, path: Path) -> bytes:
+    """Return data, unpacked if the name ends in .gz; SceneError if it is damaged or too large."""
+    if path.suffix.lower() != PACKED:
+        return data
+    try:
+        with gzip.open(io.BytesIO(data)) as file:
+            unpacked = file.read(LARGEST_FILE + 1)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise SceneError(f"{path}: damaged, or not packed by gzip: {str(error).lower()}") from None
+    if len(unpacked) > LARGEST_FILE:
+        raise SceneError(f"{path}: unpacked larger than {LARGEST_FILE / 1e6:g} MB")
+    return unpacked
 
 
 def table(titles: list[str], rows: Rows) -> FloatArray:

@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 
 import worm3d
 from control import gaits
-from control.gaits.neural import kernel, network, training
-from control.gaits.neural.recording import pick
+from control.gaits.neural import kernel, network, shared, training
+from control.gaits.neural.recording import Waves, pick
 from control.gaits.neural.waves import carrying, timing_of
 from scenes.gait_fit.recordings import load
 from scenes.language.loader import shipped_scenes
@@ -186,17 +186,31 @@ def test_default_chain_has_the_timing_of_larvae(larvae) -> None:
         assert ((off <= frame) if name in FITTED else ((off <= 0.075) | inside)).all()
 
 
-def test_fitted_delays_are_better_than_uniform_ones(larvae) -> None:
-    targets = [training.Target(larvae[name].period, larvae[name].median()) for name in FITTED]
-    uniform = training.uniform(targets, gaits.EiChain().pace_exponent)
-    worst = {"network": 0.0, "uniform": 0.0}
-    for target in targets:
-        network_delays = timing_of(gaits.EiChain(period=target.period), 7).delays
-        even = uniform(target)
-        assert np.ptp(np.diff(even)) < 1e-12
-        for name, delays in (("network", network_delays), ("uniform", even)):
-            worst[name] = max(worst[name], np.abs(delays - target.delays).max())
-    assert worst["network"] < 0.6 * worst["uniform"]
+def test_recordings_tell_a_shared_profile_but_little_of_it(larvae) -> None:
+    """Left out, a recording is missed by less than with uniform delays, beyond the error of sampling."""
+    told = shared.left_out(list(larvae.values()))
+    assert told.learnt
+    assert 0.0 < told.gain_s[0] < told.uniform_s - told.shared_s < told.gain_s[1]
+    assert 0.045 < told.shared_s < told.uniform_s < 0.065
+    spans = [np.ptp(timing_of(gaits.EiChain(period=period), 7).delays) for period in (1.75, 5.26)]
+    assert told.exponents[0] < np.log(spans[1] / spans[0]) / np.log(5.26 / 1.75) < told.exponents[1]
+
+
+def test_what_is_shared_is_found_again_and_noise_is_not_learnt() -> None:
+    random, places = np.random.default_rng(4), np.arange(7) - 3
+    bent = np.array([-0.04, 0.0, 0.0, 0.0, 0.0, 0.03, 0.0])
+    for shape, scatter in ((bent, 0.01), (0.0 * bent, 0.03)):
+        waves = []
+        for period in (1.5, 2.2, 3.0, 4.5):
+            delays = period * (0.1 * places + shape) + random.normal(0.0, scatter, (30, 7))
+            times = 10.0 * np.arange(30)[:, None] + delays - delays[:, [3]]
+            waves.append(Waves(tuple("abcdefg"), times, np.full(29, period)))
+        told = shared.left_out(waves)
+        targets = [training.Target(each.period, each.median()) for each in waves]
+        assert shared.shared(targets, np.inf).exponent == pytest.approx(1.0, abs=0.1)
+        assert told.learnt == bool(shape.any())
+        if shape.any():
+            assert_allclose(shared.shared(targets, 0.0).delays(2.0), 2.0 * (0.1 * places + shape), atol=0.015)
 
 
 @pytest.mark.parametrize("segments", [6, 7])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -43,6 +44,17 @@ def written(folder: Path, text: str) -> Path:
     path = folder / "lab.csv"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def test_a_packed_file_reads_like_a_plain_one(tmp_path: Path) -> None:
+    packed = tmp_path / "lab.csv.gz"
+    packed.write_bytes(gzip.compress(TEXT.encode()))
+    plain = measured.load(written(tmp_path, TEXT))
+    assert_array_equal(measured.load(packed)["com"], plain["com"])
+    for damaged in (packed.read_bytes()[:-9], b"time_s,com_x_m\n0,1\n1,2\n"):
+        packed.write_bytes(damaged)
+        with pytest.raises(SceneError, match="damaged, or not packed by gzip"):
+            measured.load(packed)
 
 
 def simulation(time: FloatArray, **series: tuple[FloatArray, str]) -> Record:

@@ -62,13 +62,13 @@ class Waves:
 
     def median(self) -> FloatArray:
         """Return the median delay of each band [s], shape (bands,)."""
-        return _median(self.delays)
+        return median_of(self.delays)
 
     def interval(self, seed: int = 0) -> FloatArray:
         """Return the bootstrap interval of each median delay, waves drawn with replacement [s], shape (2, bands)."""
         random, delays = np.random.default_rng(seed), self.delays
         draws = random.integers(0, len(delays), (RESAMPLED, len(delays)))
-        medians = np.array([_median(delays[draw]) for draw in draws])
+        medians = np.array([median_of(delays[draw]) for draw in draws])
         ends: FloatArray = np.nanpercentile(medians, [50 * (1 - CONFIDENCE), 50 * (1 + CONFIDENCE)], axis=0)
         return ends
 
@@ -179,7 +179,7 @@ def _longest(flags: NDArray[np.bool_]) -> int:
     return longest
 
 
-def _median(values: FloatArray) -> FloatArray:
+def median_of(values: FloatArray) -> FloatArray:
     """Return the median of each column of what is not NaN; NaN of a column without any."""
     some = np.isfinite(values).any(axis=0)
     median = np.full(values.shape[1], np.nan)

@@ -170,21 +170,3 @@ def weighed(errors: FloatArray) -> FloatArray:
     size = np.abs(errors)
     weighed: FloatArray = np.sign(errors) * np.where(size < COARSE, size**2, (2.0 * size - COARSE) * COARSE)
     return weighed
-
-
-def uniform(targets: Sequence[Target], exponent: float) -> Callable[[Target], FloatArray]:
-    """Return the baseline of a fit: delays that are the same from segment to segment, of a target [s], shape (N,).
-
-    They follow the period with the exponent of the network (0: the same time, 1: the same phase at any pace); their
-    size is fitted by least squares to the delays that `fit` fits.
-    """
-
-    def places(target: Target) -> FloatArray:
-        n = len(target.delays)
-        found: FloatArray = target.period**exponent * (np.arange(n) - n // 2)
-        return found
-
-    x, y = np.concatenate([places(each) for each in targets]), np.concatenate([each.delays for each in targets])
-    known = np.isfinite(y)
-    size = float(x[known] @ y[known] / (x[known] @ x[known]))
-    return lambda target: size * places(target)
