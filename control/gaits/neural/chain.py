@@ -39,7 +39,8 @@ TURNING = 0.4
 """Input of each side at asymmetry 1, in thresholds: below 1, so that it sets nothing off by itself."""
 TAU_E = (0.08181, 0.07674, 0.07443, 0.06863, 0.08121, 0.1008, 0.09251)
 """Time constants tau_2 of the segments A7 to A1 [s]; these and the other defaults were fitted to the recordings 3a
-and 3c of `scenes/data/larva_denticle_bands.csv` without shrinkage. The recordings tell their size, the exponent and a little of a profile (`control.gaits.neural.shared`), but not each constant by itself."""
+and 3c of `scenes/data/larva_denticle_bands.csv` without shrinkage. The recordings tell their size, the
+exponent and a little of a profile (`control.gaits.neural.shared`), but not each constant by itself."""
 FASTEST = 1.5
 """Period below which all time constants are shortened alike [s]: larvae of third instar at their fastest, from whom no
 more of the exponent is known."""
