@@ -35,7 +35,7 @@ run flat -o gait.kind=ei_chain --out chain
 run planar_published --out planar
 resume flat --duration 0.1 --out further
 plot flat --out figures
-animate planar
+animate planar --force
 export flat --csv flat.csv --glb flat.glb
 sweep flat --vary worm.segments=5,6 --out grid
 compare flat further --out both
@@ -95,7 +95,7 @@ def parts() -> Iterator[Part]:
         yield scene(name)
     for section in ("actuator", "hysteresis", "medium"):
         kinds = choices(type(getattr(settings, section)).model_fields["kind"])
-        yield from (scene("flat", f"{section}.kind={kind}") for kind in kinds)
+        yield from (scene("flat", f"{section}.kind={kind}", "worm.drag_N_s_m=0.1") for kind in kinds)
     yield from (scene("flat", f"gait.kind={kind}") for kind in gaits.GAITS)
     yield from (scene("flat", f"friction.law={law}") for law in LAWS)
     yield from (scene("flat", f"world.kind={kind}") for kind in ("clamped", "groove", "none"))
