@@ -151,4 +151,4 @@ class Run(ReadOnly):
             ]
         )
         scale = np.abs(terms).sum()
-        return float(abs(terms.sum()) / scale) if scale > 0 else 0.0
+        return 0.0 if scale == 0.0 else float(abs(terms.sum()) / scale)

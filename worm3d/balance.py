@@ -33,7 +33,7 @@ MOTION_STROKE = 0.3
 LARGEST_MISS = 0.005
 """Largest missing energy, as a fraction of the largest energy that is declared or given, that is not warned of.
 
-The actuators that come with worm3d miss 1.5e-4 at most; a declared work that is 5 % too much misses 0.05. Half and
+The actuators that come with worm3d miss 1.6e-4 at most; a declared work that is 5 % too much misses 0.05. Half and
 double tell these apart as well.
 """
 

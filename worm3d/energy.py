@@ -77,9 +77,9 @@ class Energy(ReadOnly):
 
     @property
     def balance_error(self) -> float:
-        """|Residual of the run| over the sum of its absolute terms."""
+        """|Residual of the run| over the sum of its absolute terms; NaN where a term is."""
         scale = sum(float(np.abs(getattr(self, name)).sum()) for name in (*INCOMING, *STORED, *LOST))
-        return abs(float(self.residual.sum())) / scale if scale > 0.0 else 0.0
+        return 0.0 if scale == 0.0 else abs(float(self.residual.sum())) / scale
 
 
 TERMS = tuple(each.name for each in fields(Energy))

@@ -100,10 +100,10 @@ class Ledger:
 
     @property
     def balance_error(self) -> float:
-        """|Residual of the run| over the sum of its absolute terms."""
+        """|Residual of the run| over the sum of its absolute terms; NaN where a term is."""
         terms = [f.name for f in fields(self) if not f.name.endswith(("_p11", "_p13"))]
         scale = sum(float(np.abs(getattr(self, name)).sum()) for name in terms)
-        return abs(float(self.residual.sum())) / scale if scale > 0.0 else 0.0
+        return 0.0 if scale == 0.0 else abs(float(self.residual.sum())) / scale
 
     def summed(self, owner: NDArray[np.int64], steps: int) -> Ledger:
         """Return the ledger with the parts of each step added up."""

@@ -1,6 +1,6 @@
 """Order of the integrator, the ledger, momentum, and the limit of stiff links."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from planar import linkage
 from planar.linkage import Friction, Linkage
+from planar.linkage.ledger import Ledger
 from planar.linkage.newton import Newton
 from planar.linkage.shape import apexes, cross_products, hinge_angles
 from planar.published_worm import Net, Parameters
@@ -346,3 +347,10 @@ def test_what_touches_the_ground_is_settled_and_what_does_not_falls(
     run = linkage.simulate(default_worm, lambda t: np.zeros(6), duration=0.01, start=start)
     assert bool(run.first.load.sum() > 0.1) is settled
     assert bool(np.abs(run.joints[0] - start).max() == 0.0) is not settled
+
+
+def test_a_ledger_with_nan_does_not_balance() -> None:
+    """The error of the balance is NaN then, not 0."""
+    terms = {each.name: np.ones(3) for each in fields(Ledger)}
+    assert np.isnan(Ledger(**terms | {"numerical_loss": np.array([0.0, np.nan, 0.0])}).balance_error)
+    assert Ledger.empty().balance_error == 0.0

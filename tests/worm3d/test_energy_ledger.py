@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from control.gaits import TravellingWave
 from worm3d import ClampedGround, Command, Friction, Held, Patch, Plane, Result, State, Status, Worm, simulate
-from worm3d.energy import INCOMING, LOST, STORED
+from worm3d.energy import INCOMING, LOST, STORED, TERMS, Energy
 from worm3d.physics.friction import ContactConstants
 
 INTEGRATORS = ("implicit_euler", "bdf2")
@@ -303,3 +303,12 @@ def test_the_ledger_is_finite_and_closes_for_every_number_of_segments(segments: 
     terms = np.array([getattr(run.energy, name) for name in (*STORED, *LOST, *INCOMING)])
     assert np.isfinite(terms).all()
     assert np.abs(run.energy.residual.sum()) < 1e-10 * max(np.abs(terms).sum(), 1e-6)
+
+
+@pytest.mark.parametrize("term", [*STORED, *LOST, *INCOMING])
+def test_a_ledger_with_nan_does_not_balance(term: str) -> None:
+    """The error of the balance is NaN then, not 0."""
+    rows = np.ones((3, len(TERMS)))
+    rows[1, TERMS.index(term)] = np.nan
+    assert np.isnan(Energy.of(rows).balance_error)
+    assert Energy.of(np.zeros((3, len(TERMS)))).balance_error == 0.0
