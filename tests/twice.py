@@ -22,7 +22,7 @@ import numpy as np
 
 Part = tuple[str, Callable[[], object]]
 
-STEPS = ("run.duration_s=0.1",)
+STEPS = ("run.duration_s=0.2",)
 """What shortens a scene to a few steps."""
 SECOND = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 COMMANDS = """
