@@ -122,10 +122,10 @@ def place_start(core: Core) -> None:
 
 @inner
 def _strikes(core: Core, dt: float) -> bool:
-    """Return whether a point strikes the world in this step: it would get deeper than it sinks at rest.
+    """Return whether a point strikes the world in this step: it would sink in by more than at rest, beyond where it is.
 
     BDF2, which extrapolates velocities, would throw it back; implicit Euler's impact is inelastic. A point that gravity
-    alone moves as far in the step does not strike.
+    alone moves as far in the step does not strike, nor does a foot that bears much and stays where it is.
     """
     p, numbers = matrix(core.block, a.POINT_IN), vector(core.block, a.NUMBERS_)
     deep = max(gravity(core) * dt * dt, RESTING_PENETRATION * numbers[a.L0])

@@ -39,7 +39,7 @@ LAYOUT = Layout(
         "carried": 1,  # d* of (C1) [m]
         "r": 1,  # of (C3) [m]
         "centre": 2,  # s* of (C3) [m]
-        "deep": 1,  # how deep it would get in the step as it moves towards the world, else 0 [m]
+        "deep": 1,  # by how much it would get deeper in the step as it moves towards the world, else 0 [m]
         "anchor": 3,
         "mu": 3,  # forward, backward, lateral
         "hardness": 3,  # H of (C2), likewise
@@ -235,7 +235,7 @@ def start() -> ca.Function:
         "carried": ca.if_else(stiff > 0.0, damping * depth / stiff, 0.0),
         "r": r,
         "centre": [gauge_damping * r * each for each in slide],
-        "deep": ca.if_else(strikes, approach * s["dt"] - s["distance"], 0.0),
+        "deep": ca.if_else(strikes, approach * s["dt"] - ca.fmax(0.0, s["distance"]), 0.0),
     }
     return LAYOUT.function("point_start", rows)
 
