@@ -84,6 +84,14 @@ def test_keys_of_scenes_lead_to_the_parameter(part: Any) -> None:
                 part(**{tried: 1})
 
 
+@pytest.mark.parametrize("function", [worm3d.simulate, worm3d.simulate_batch])
+def test_words_of_scenes_and_pages_lead_to_the_arguments(function: Any) -> None:
+    meant = {"gait": "actuation", "gaits": "actuation", "controller": "actuation", "friction": "ground"}
+    for tried, name in {**meant, "time_step": "dt", "terrain": "world"}.items():
+        with pytest.raises(TypeError, match=f"{tried}: unknown argument; did you mean '{name}'"):
+            function(**{tried: 1})
+
+
 @pytest.mark.parametrize(
     ("ask", "sentence"),
     [

@@ -242,4 +242,4 @@ def _shape(shape: tuple[int | str, ...], least: int) -> str:
 
 
 def _type_of(value: Any) -> str:
-    return type(value).__name__
+    return f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__

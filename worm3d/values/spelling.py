@@ -21,6 +21,17 @@ from worm3d.values.parameters import PARAMETER
 P = ParamSpec("P")
 R = TypeVar("R")
 
+ELSEWHERE = {
+    "gait": "actuation",
+    "controller": "actuation",
+    "command": "actuation",
+    "friction": "ground",
+    "terrain": "world",
+    "time": "duration",
+    "time_step": "dt",
+}
+"""Words of scenes, pages and other programs for what arguments are called here."""
+
 
 def did_you_mean(word: str, known: Iterable[tuple[str, str]]) -> str | None:
     """Return the name that `word` was probably meant to be; `known` pairs what people write with the name."""
@@ -97,6 +108,7 @@ def _require_known(owner: Any, function: Callable[..., Any], named: Mapping[str,
     pairs = [(name, name) for name in known]
     if isinstance(owner, type) and dataclasses.is_dataclass(owner):
         pairs = [*((each.name, each.name) for each in dataclasses.fields(owner) if each.name in known), *_tried(owner)]
+    pairs += [(other, name) for other, name in ELSEWHERE.items() if name in known and other not in known]
     name = owner.__name__ if isinstance(owner, type) else owner.__qualname__
     raise TypeError(f"{name}: {wrong}: {unknown('argument', wrong, pairs)}")
 
