@@ -101,7 +101,7 @@ class FeedbackGait(Gait):
             return Feedback(worm, self.senses, partial(_Activating, self, worm))
         self.require_body(worm.segments)
         played = Played(partial(self.start, worm))
-        return BoundGait(lambda times: self.applied(played(times), worm))
+        return BoundGait(lambda times: self.applied(played(times), worm), self.require_steps)
 
 
 class Played:

@@ -135,7 +135,7 @@ class Gait(Spelled, ABC):
         """
         self.require_body(worm.segments)
         self.require_stroke(worm.stroke)
-        return BoundGait(partial(self.commands, worm=worm))
+        return BoundGait(partial(self.commands, worm=worm), self.require_steps)
 
     def commands(self, times: FloatArray, worm: Body) -> Commands:
         """Return the commands to `worm` at K times [s]."""
@@ -150,10 +150,13 @@ class Gait(Spelled, ABC):
 
 
 class BoundGait:
-    """Gait as the actuation of one worm, time [s] -> `worm3d.Command`; `commands` takes times (K,)."""
+    """Gait as the actuation of one worm, time [s] -> `worm3d.Command`; `commands` takes times (K,).
 
-    def __init__(self, commands: Callable[[FloatArray], Commands]) -> None:
-        self.commands = commands
+    `require_steps` is that of the gait.
+    """
+
+    def __init__(self, commands: Callable[[FloatArray], Commands], require_steps: Callable[[float], None]) -> None:
+        self.commands, self.require_steps = commands, require_steps
 
     def __call__(self, t: float) -> Command:
         """Return the command at time t [s]."""

@@ -63,7 +63,7 @@ import numpy as np
 
 from control.gaits.gait import Body, BoundGait, Direction, require_amplitude
 from worm3d import Command, Commands
-from worm3d.values import arguments
+from worm3d.values import arguments, time_steps
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
@@ -212,7 +212,8 @@ class SteeredWave(Spelled):
             An amplitude beyond the worm's stroke.
         """
         require_amplitude(abs(self.parameters.amplitude), worm.stroke)
-        return BoundGait(partial(self._commands, worm=worm))
+        steps = partial(time_steps.require_period, name="the gait's period", period=self.period)
+        return BoundGait(partial(self._commands, worm=worm), steps)
 
     def _commands(self, times: FloatArray, worm: Body) -> Commands:
         asked = self.parameters

@@ -18,6 +18,7 @@ from control.gaits import (
     Reflexive,
     TravellingWave,
 )
+from control.gaits.gait import BoundGait
 from control.gaits.steering import GaitParameters, SteeredWave
 from planar import linkage, published
 from scenes.language import toml
@@ -67,6 +68,10 @@ def test_no_gait_takes_steps_that_miss_its_wave_nor_an_amplitude_beyond_the_stro
     if hasattr(gait(), period):
         with pytest.raises(ValueError, match=r"dt: got 0\.21 s, must be at most a 10th of .*, 2 s"):
             worm3d.simulate(Worm(), Plane(), actuation=gait(**{period: 2.0}), duration=1.0, dt=0.21)
+        bound = gait(**{period: 2.0}).bind(Worm())
+        if isinstance(bound, BoundGait):  # a gait that senses is a controller
+            with pytest.raises(ValueError, match=r"dt: got 0\.21 s, must be at most a 10th of .*, 2 s"):
+                worm3d.simulate(Worm(), Plane(), actuation=bound, duration=1.0, dt=0.21)
     for amplitude in (0.4501, 0.9, 20.0):
         with pytest.raises(ValueError, match=f"amplitude: got {amplitude}, must be at most 0.45, the worm's stroke"):
             worm3d.simulate(Worm(), Plane(), actuation=gait(amplitude=amplitude), duration=0.5)
