@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import typer
 
-from control.gaits.neural.chain import EiChain
+from control.gaits.neural.chain import FASTEST, EiChain
 from control.gaits.neural.shared import ALONE, LeftOut, Profile, left_out, shared
 from control.gaits.neural.training import StoppedError, Target, Training, fit
 from scenes.commands.terminal import Interruption, busy
@@ -31,6 +31,8 @@ from worm3d.values.parameters import parameters_of
 SCENE, TABLE, CONTENT, PICTURE = "gait.toml", "gait.csv", "gait.json", "gait.png"
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
+APART = 1.5
+"""Smallest ratio of the two periods at which a chain has the profile: less does not tell its exponent of pace."""
 DIGITS = 4
 """Significant digits of the constants in the scene."""
 
@@ -67,8 +69,9 @@ def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: b
 
 
 def _trained(profile: Profile, targets: Sequence[Target], like: EiChain, *, quiet: bool) -> Training:
-    """Return the chain that has the profile at the fastest and the slowest pace."""
-    paces = sorted({choose(target.period for target in targets) for choose in (min, max)})
+    """Return the chain that has the profile at the fastest pace, and at the slowest or one `APART` from it."""
+    fastest, slowest = (choose(target.period for target in targets) for choose in (min, max))
+    paces = (fastest, max(slowest, APART * max(fastest, FASTEST)))
     with Interruption() as interruption, busy("fitting", quiet=quiet):
         wanted = [Target(period, profile.delays(period)) for period in paces]
         return fit(wanted, like, lambda tried: not interruption.requested)

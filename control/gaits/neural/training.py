@@ -4,14 +4,15 @@ The constants of `control.gaits.neural.chain.EiChain` are sought whose waves hav
 recordings, each at its own pace, and that noise disturbs little. What is made least is the sum of the squares of
 
     g((delay - measured)/FRAME)             each band, each recording                                             (ET1)
-    (pace_exponent - 1)/PACE_SPREAD         phases are expected to stay alike when the pace changes               (ET2)
-    (share of active segments - DUTY)/DUTY_SPREAD                                                                 (ET3)
-    (second difference of ln tau_e)/ROUGH   along the body                                                        (ET4)
+    (share of active segments - DUTY)/DUTY_SPREAD                                                                 (ET2)
+    (second difference of ln tau_e)/ROUGH   along the body                                                        (ET3)
 
-and of CARRIED times the share of DRAWS noisy networks that do not carry waves, direct and retrograde ones (ET5).
+and of CARRIED times the share of DRAWS noisy networks that do not carry waves, direct and retrograde ones (ET4).
 g(e) is e^2, with the sign of e, for nobody sees a small part of a frame, and straight beyond COARSE frames.
-(ET1) to (ET4) are smooth: least squares over tau_e, inhibition and pace exponent, for each of `COUPLINGS`, of which
-that with the least sum is taken. A recording's period is no result: the pace is set to it.
+(ET1) to (ET3) are smooth: least squares over tau_e, inhibition and pace exponent, for each of `COUPLINGS`, of which
+that with the least sum is taken. A recording's period is no result: the pace is set to it. The exponent of pace is told
+by delays at two paces or more; from one it stays where the search begins, for what is expected of it has its part in
+`control.gaits.neural.shared` already.
 """
 
 from __future__ import annotations
@@ -30,13 +31,6 @@ FRAME = 0.05
 """Unit of the errors of delays: a frame of 20 pictures a second [s]."""
 COARSE = 3.0
 """Error beyond which g is straight, in frames."""
-PACE_SPREAD = 0.24
-"""Standard deviation of the exponent that is expected: larvae that crawl slower have slower waves (the L1 larvae of
-`L1`, 5 s a wave, take five times as long from segment to segment as third-instar larvae at 1 s a wave). It matters:
-the recordings 3a and 3c have nearly the same delays at paces of 3.2 and 2.1 s, and alone would give an exponent near 0,
-with which the slower 5b is missed. At 0.37 the worst delay of 3a and 3c is 45 ms off and that of 3b and 5b 96 ms, at
-0.27 54 and 82 ms, at 0.24 58 and 71 ms: no exponent brings the last band within a frame of 3a and 3c and that before it
-within 1.5 frames of 5b. 0.24 was chosen in view of all four recordings, so that 3b and 5b are no blind test of it."""
 DUTY, DUTY_SPREAD = 0.4, 0.1
 """Share of the period for which a segment is active: 0.32 to 0.48 in the larvae of `L1`."""
 ROUGH = 1.0
@@ -77,9 +71,9 @@ class Training:
     gait: EiChain
     """The fitted chain, at the pace of the first recording."""
     cost: float
-    """Sum of the squares (ET1) to (ET5)."""
+    """Sum of the squares (ET1) to (ET4)."""
     carried: float
-    """Share of the noisy networks of (ET5) that carry waves."""
+    """Share of the noisy networks of (ET4) that carry waves."""
     tried: int
     """Networks tried."""
 
@@ -151,8 +145,8 @@ def gait_at(point: FloatArray, like: EiChain) -> EiChain:
 
 
 def residuals(gait: EiChain, targets: Sequence[Target]) -> FloatArray:
-    """Return the terms (ET1) to (ET4) of a chain; `LARGE` ones of a chain that makes no waves."""
-    terms = [(gait.pace_exponent - 1.0) / PACE_SPREAD, *(np.diff(np.log(gait.tau_e), 2) / ROUGH)]
+    """Return the terms (ET1) to (ET3) of a chain; `LARGE` ones of a chain that makes no waves."""
+    terms = [*(np.diff(np.log(gait.tau_e), 2) / ROUGH)]
     for target in targets:
         segments = len(target.delays)
         try:
