@@ -23,7 +23,7 @@ from worm3d.values.arrays import FloatArray
 
 PACE_SPREAD = 0.24
 """Standard deviation of the exponent of pace about the 1 that is expected: larvae that crawl slower have slower waves
-(first-instar larvae at 5 s a wave, `L1`, take five times as long from segment to segment as third-instar larvae at 1 s).
+(first-instar larvae at 5 s a wave, `L1`, take five times as long from segment to segment as third-instar ones at 1 s).
 It matters where paces are alike: with half of it the four recordings give 0.77, as it is 0.68, with twice 0.65 and with
 no expectation 0.64, but 3a and 3c alone 0.88, 0.65, 0.35 and 0.13. It was chosen in view of all four recordings."""
 STRENGTHS = (0.1, 0.3, 1.0, 3.0, 10.0, np.inf)
