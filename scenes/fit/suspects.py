@@ -64,7 +64,7 @@ class Suspect:
 
     @property
     def sentence(self) -> str:
-        """What to do, and what it gives."""
+        """The change of the scene, and the share of the squares that the change takes away."""
         way = "" if self.value is None else f", {'above' if self.larger else 'below'} {self.value:g}"
         return f"{self.what}{way} ({self.share:.0%})"
 

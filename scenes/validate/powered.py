@@ -1,7 +1,7 @@
 """Robots on the actuators that they are built with, at the period at which they are fastest, beside published speeds.
 
-The actuators are those of `worm3d.physics.technologies`, of the size that they give themselves; of the robots their
-scenes say what was published and what is assumed. `scenes.validate.robots` says how to read the rows.
+The actuators are those of `worm3d.physics.technologies`, with their default sizes. The scene of each robot lists the
+published values and the assumptions. `scenes.validate.robots` says how to read the rows.
 """
 
 from __future__ import annotations

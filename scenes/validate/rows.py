@@ -1,4 +1,4 @@
-"""One row of the validation report: what the model gives beside what was published."""
+"""One row of the validation report: the value of the model beside the published one."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ command = lambda t: worm3d.Command(contraction=[[0.1, 0.1]] * 6)
 for more in ({}, {"observer": lambda t, view: view.com, "every": 1, "record_every": 2}, {"accuracy": 0.05}):
     worm3d.simulate(worm3d.Worm(), worm3d.Plane(0.1), duration=0.02, actuation=command, **more)
 """
-"""Runs that call what is packed."""
+"""Runs that call every function of the archives."""
 Call = tuple[Function, Any, Any]
 """A function with the arguments and the result that it is built for."""
 
@@ -39,7 +39,7 @@ Call = tuple[Function, Any, Any]
 def make(folder: Path) -> None:
     """Write an archive of each kind into a folder.
 
-    What is compiled is what the runs call on this processor. Of what is made nothing is run.
+    The functions are those that the runs call on this processor. The code that is made is not run.
     """
     subprocess.run([sys.executable, "-c", RUNS], check=True)  # compiles, so that Numba is fresh in what is forked below
     calls = _called()
