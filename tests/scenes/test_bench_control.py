@@ -22,8 +22,10 @@ from scenes.models.loading import load_scene
 STANDS_OR_RAISES = """
 import numpy as np
 import worm3d
+from control.parts import part
 
 
+@part("controller")
 class Still:
     @classmethod
     def of(cls, *given):
@@ -36,6 +38,7 @@ class Still:
         return worm3d.Command(np.zeros((6, 2)))
 
 
+@part("controller")
 class Raises(Still):
     def step(self, t, measurement):
         raise RuntimeError("valve stuck")

@@ -227,20 +227,14 @@ class Server:
         self._ready = threading.Event()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-        self._ready.wait(timeout)
+        spoke = self._ready.wait(timeout)
         address = [line.removeprefix("zmq_url=") for line in self._lines if line.startswith("zmq_url=")]
         if not address:
-            why = self._not_started(timeout)
             self.stop()
-            raise ConnectionError(f"live view: {why}")
+            said = " ".join(self._lines[-1:]) or "it said nothing"
+            slow = f"has not answered for {timeout:g} s, the machine is too busy: try again later"
+            raise ConnectionError(f"live view: meshcat's server {f'did not start: {said}' if spoke else slow}")
         self.address = address[0]
-
-    def _not_started(self, timeout: float) -> str:
-        """Return why there is no address."""
-        if self.running:
-            return f"meshcat's server has not answered for {timeout:g} s, the machine is too busy: try again later"
-        self._reader.join()
-        return f"meshcat's server did not start: {' '.join(self._lines[-1:]) or 'it said nothing'}"
 
     def _read(self) -> None:
         """Read all it says, or it would wait for us; the address is said first."""

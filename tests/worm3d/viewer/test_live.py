@@ -131,8 +131,9 @@ def test_it_answers_by_the_names_of_this_machine_only(window: LiveView, headers:
         assert "script-src 'self' 'sha256-" in policy
         assert "frame-ancestors 'none'" in policy
     else:
-        with pytest.raises(urllib.error.HTTPError, match="403"):
+        with pytest.raises(urllib.error.HTTPError, match="403") as refused:
             urllib.request.urlopen(request, timeout=10)
+        refused.value.close()
 
 
 def test_a_dead_address_does_not_hang() -> None:
@@ -206,6 +207,7 @@ def test_what_is_no_file_of_the_page_is_missing(window: LiveView) -> None:
     for name in ("%00", "main.min.js%00", "nothing", "%2e%2e/%2e%2e/setup.py", "x" * 5000):
         with pytest.raises(urllib.error.HTTPError) as refused:
             urllib.request.urlopen(f"{window.url}{name}", timeout=5)
+        refused.value.close()
         assert refused.value.code in (403, 404), name
 
 
@@ -250,9 +252,10 @@ def _time_of(view: LiveView, frames: Frames, count: int) -> float:
 def test_a_server_that_is_only_slow_is_told_from_one_that_does_not_start(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    slow, broken = tmp_path / "slow.py", tmp_path / "broken.py"
+    slow, broken, silent = (tmp_path / f"{name}.py" for name in ("slow", "broken", "silent"))
     slow.write_text("import sys\nsys.stdin.read()\n")
     broken.write_text("import this_is_not_there\n")
+    silent.write_text("import os, sys\nos.close(1)\nos.close(2)\nsys.stdin.read()\n")
     monkeypatch.setattr(live, "SERVER", slow)
     with pytest.raises(
         ConnectionError, match=r"has not answered for 0\.5 s, the machine is too busy: try again later$"
@@ -262,4 +265,7 @@ def test_a_server_that_is_only_slow_is_told_from_one_that_does_not_start(
     with pytest.raises(
         ConnectionError, match=r"did not start: ModuleNotFoundError: No module named .this_is_not_there.$"
     ):
+        Server()
+    monkeypatch.setattr(live, "SERVER", silent)
+    with pytest.raises(ConnectionError, match=r"did not start: it said nothing$"):
         Server()
