@@ -178,7 +178,7 @@ class State(ReadOnly):
             raise ValueError(f"position: got {arguments.shown(position)} m, must be finite: x, y (and a lift)")
         azimuth = arguments.number("azimuth", azimuth, "rad")
         along = worm.l0 * np.arange(worm.segments + 1.0)
-        lift = float(at[2]) if len(at) == 3 else 0.0
+        lift = float(at[2]) if len(at) == 3 and abs(at[2]) > TOUCHES * worm.length else 0.0
         _require_lift(lift, world)
         if world is None:
             tangent = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])

@@ -115,6 +115,7 @@ def test_the_planar_models_have_the_same_rule() -> None:
 
 
 def test_a_height_that_a_world_cannot_give_is_refused() -> None:
+    assert State.straight(Worm(), Plane(), (0.0, 0.0, -1e-17)).laid, "rounding lifts nothing"
     with pytest.raises(ValueError, match="position: got -1 m as its third number, must be at least 0"):
         State.straight(Worm(), Plane(), position=(0.0, 0.0, -1.0))
     for lift in (-1.0, 1.0):
