@@ -81,10 +81,10 @@ def parts() -> Iterator[Part]:
     """Yield all parts by name."""
     from control import gaits
     from scenes.commands.cli import main as command
-    from scenes.commands.runner import simulate
     from scenes.language.loader import shipped_scenes
     from scenes.language.schema import choices
     from scenes.models.loading import load_scene
+    from scenes.running.runner import simulate
     from worm3d.physics.friction_laws import LAWS
 
     def scene(name: str, *changes: str) -> Part:

@@ -16,13 +16,13 @@ import numpy as np
 import typer
 
 from scenes.bench.plant_measures import StoppedError
-from scenes.commands.packages import machine
-from scenes.commands.runner import simulate
-from scenes.commands.terminal import each
 from scenes.models.loading import load_scene
 from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
 from scenes.records.text import Cells, aligned, markdown_table
+from scenes.running.packages import machine
+from scenes.running.runner import simulate
+from scenes.running.terminal import each
 from worm3d.values.arrays import FloatArray
 
 STEPS = (0.02, 0.01, 0.005, 0.002)

@@ -17,14 +17,14 @@ from typing import Any, NamedTuple
 
 from control.guest import RAISED
 from scenes.bench.control_trials import Trial
-from scenes.commands.packages import sources, versions
-from scenes.commands.runner import simulate
-from scenes.commands.terminal import timing
 from scenes.models.control.build import maps_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.loading import Scene, load_scene
 from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes
+from scenes.running.packages import sources, versions
+from scenes.running.runner import simulate
+from scenes.running.terminal import timing
 from worm3d.values.named import is_own
 
 CONTROLLERS = ("mpc", "pi_los", "open_loop")

@@ -21,13 +21,13 @@ from scenes.bench.control import BLIND, CONTROLLERS, METRICS, PERIOD, Found, Pla
 from scenes.bench.control_bars import BROKEN, MPC, RIVAL, Verdict, verdicts
 from scenes.bench.control_score import HEADER, cells, names
 from scenes.bench.control_trials import METRIC, QUICK, chosen
-from scenes.commands.packages import machine
-from scenes.commands.terminal import counted, progress
 from scenes.language.errors import SceneError
 from scenes.records import folder as folders
 from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.records.text import Cells, aligned, markdown_table
+from scenes.running.packages import machine
+from scenes.running.terminal import counted, progress
 
 PICTURE = "control.png"
 FAILED, BAR_BROKEN = 5, 6

@@ -21,8 +21,8 @@ from scenes.bench.plant_measures import (
     measure_throughput,
 )
 from scenes.bench.plant_parts import Shares, measure_shares
-from scenes.commands.packages import machine
-from scenes.commands.terminal import each
+from scenes.running.packages import machine
+from scenes.running.terminal import each
 
 
 @dataclass(frozen=True, kw_only=True)

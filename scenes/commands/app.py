@@ -65,8 +65,8 @@ def run(
     """
     if duration is not None:
         raise SceneError(f"run: --duration is a key of the scene, run.duration_s: -o run.duration_s={duration}")
-    from scenes.commands.runner import run_scene
     from scenes.models.loading import load_scene
+    from scenes.running.runner import run_scene
 
     changes = [*(o or ()), *([] if accuracy is None else [f"run.accuracy={accuracy!r}"])]
     loaded = load_scene(scene, changes)
@@ -92,8 +92,8 @@ def resume(
 
     Writes the whole run, its first part included, as if it had never been stopped, into a new folder.
     """
-    from scenes.commands.runner import lengthened, run_scene
     from scenes.records.store import load
+    from scenes.running.runner import lengthened, run_scene
 
     earlier = load(result)
     raise typer.Exit(run_scene(lengthened(earlier, duration), out, force=force, quiet=quiet, earlier=earlier))
@@ -105,8 +105,8 @@ def check(scene: SceneArgument, o: Overrides = None, no_code: NoCode = False) ->
 
     All mistakes are listed at once, a line each.
     """
-    from scenes.commands.terminal import counted
     from scenes.models.loading import load_scene
+    from scenes.running.terminal import counted
 
     loaded = load_scene(scene, o or ())
     size = counted(loaded.settings.steps, "step")
@@ -355,7 +355,7 @@ def bench_control(
 @app.command()
 def info() -> None:
     """Print versions, the platform and where the packages come from."""
-    from scenes.commands.packages import info_lines
+    from scenes.running.packages import info_lines
 
     for line in info_lines():
         typer.echo(line)

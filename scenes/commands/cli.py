@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             stream.reconfigure(errors="backslashreplace")  # what the terminal's encoding lacks is shown as an escape
     with _listening() as pressed:
         try:
-            from scenes.commands.packages import require_own_packages
+            from scenes.running.packages import require_own_packages
 
             require_own_packages()
             from scenes.commands.app import app

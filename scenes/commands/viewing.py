@@ -8,13 +8,13 @@ import webbrowser
 
 import typer
 
-from scenes.commands import terminal
-from scenes.commands.runner import EXIT_CODES, simulate
-from scenes.commands.terminal import Interruption
 from scenes.language.errors import SceneError
 from scenes.models.base import Watch
 from scenes.models.loading import Scene
 from scenes.records.record import Record
+from scenes.running import terminal
+from scenes.running.runner import EXIT_CODES, simulate
+from scenes.running.terminal import Interruption
 
 
 def open_in_browser(address: str) -> bool:

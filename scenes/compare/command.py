@@ -10,7 +10,6 @@ from pathlib import Path
 
 import typer
 
-from scenes.commands.terminal import busy, counted
 from scenes.compare import page
 from scenes.compare.aligned import aligned as aligned_to
 from scenes.compare.differences import (
@@ -28,6 +27,7 @@ from scenes.compare.sources import Source, records, sources
 from scenes.records.drawing import save_figure
 from scenes.records.folder import prepared, write_bytes
 from scenes.records.text import aligned
+from scenes.running.terminal import busy, counted
 from worm3d.metrics import written
 
 TABLE, PAGE = "compare.csv", "compare.html"

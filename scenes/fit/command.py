@@ -8,7 +8,6 @@ from pathlib import Path
 
 import typer
 
-from scenes.commands.terminal import Interruption, busy, progress
 from scenes.fit import report
 from scenes.fit.fitting import Fit, fit
 from scenes.fit.trials import StoppedError
@@ -17,6 +16,7 @@ from scenes.records import folder as folders
 from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes
+from scenes.running.terminal import Interruption, busy, progress
 
 CONTENT, SCENE, PICTURE = "fit.json", "fit.toml", "fit.png"
 INTERRUPTED = 130

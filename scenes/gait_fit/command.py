@@ -15,7 +15,6 @@ import typer
 from control.gaits.neural.chain import FASTEST, EiChain
 from control.gaits.neural.shared import ALONE, LeftOut, Profile, left_out, shared
 from control.gaits.neural.training import StoppedError, Target, Training, fit
-from scenes.commands.terminal import Interruption, busy
 from scenes.gait_fit import recordings
 from scenes.gait_fit.comparison import Comparison, Row, compared, sentences
 from scenes.gait_fit.recordings import Recording
@@ -26,6 +25,7 @@ from scenes.records import folder as folders
 from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.records.text import aligned, json_bytes
+from scenes.running.terminal import Interruption, busy
 from worm3d.values.parameters import parameters_of
 
 SCENE, TABLE, CONTENT, PICTURE = "gait.toml", "gait.csv", "gait.json", "gait.png"

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.commands.terminal import counted
+from scenes.running.terminal import counted
 from scenes.studies.curves import NEAR, Shape, apart, sentence
 from scenes.studies.study import MOST_CURVES, Grid
 from scenes.studies.view import Axis, View

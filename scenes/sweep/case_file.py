@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from scenes.commands.terminal import timing
 from scenes.records.folder import write_bytes
 from scenes.records.record import Metric, Record
 from scenes.records.text import finite
+from scenes.running.terminal import timing
 from worm3d.values import netcdf
 
 CASES = "cases"

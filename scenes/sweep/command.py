@@ -10,11 +10,11 @@ from pathlib import Path
 
 import typer
 
-from scenes.commands.runner import EXIT_CODES
-from scenes.commands.terminal import Interruption, busy, counted, progress
 from scenes.language.sweep_section import CASE_LIMIT
 from scenes.models.loading import Scene
 from scenes.records import folder as folders
+from scenes.running.runner import EXIT_CODES
+from scenes.running.terminal import Interruption, busy, counted, progress
 from scenes.sweep.design import Design, told
 from scenes.sweep.engine import Sweep, require_place
 from scenes.sweep.executors import LOOPBACK, Executor, chosen

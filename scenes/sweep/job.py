@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenes.commands.packages import versions
-from scenes.commands.runner import simulate
 from scenes.language.errors import DiscError, MissingPartError, SceneError, printable
 from scenes.language.sweep_section import CASE_LIMIT
 from scenes.models.loading import Scene, trusted_scene
 from scenes.records.store import save
+from scenes.running.packages import versions
+from scenes.running.runner import simulate
 from scenes.sweep.case_file import FAILED, CaseResult, read, result_of, write
 from scenes.sweep.key import key_of
 from scenes.sweep.limit import Clock, told

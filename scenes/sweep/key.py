@@ -11,10 +11,10 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from scenes.commands.packages import sources, versions
 from scenes.language.loader import SHIPPED
 from scenes.language.schema import is_file, section_type
 from scenes.models.loading import Scene
+from scenes.running.packages import sources, versions
 
 LENGTH = 20
 """Number of characters of a key: 80 bits, so that a million cases hardly ever share one."""

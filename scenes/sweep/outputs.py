@@ -16,8 +16,6 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from scenes.commands.packages import versions
-from scenes.commands.terminal import HEADLINES
 from scenes.language.errors import DiscError
 from scenes.language.sweep_section import SWEEP
 from scenes.models.loading import Scene
@@ -25,6 +23,8 @@ from scenes.records.drawing import save_figure
 from scenes.records.folder import SUMMARY, write_bytes, written_whole
 from scenes.records.record import Cell, Metric, Summary
 from scenes.records.text import aligned, json_bytes
+from scenes.running.packages import versions
+from scenes.running.terminal import HEADLINES
 from scenes.sweep.case_file import NOT_RUN, CaseResult
 from scenes.sweep.design import Design, Varied
 from scenes.sweep.table import OF_A_CASE, Table, cell, is_numeric

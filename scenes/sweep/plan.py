@@ -12,13 +12,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from scenes.commands.terminal import counted
 from scenes.language import toml
 from scenes.language.errors import SceneError
 from scenes.language.loader import Draft, ImpossibleError, find_scene, read_text
 from scenes.language.sweep_section import CASE_LIMIT, varied_keys
 from scenes.models.base import Model
 from scenes.models.loading import Scene, draft
+from scenes.running.terminal import counted
 from scenes.sweep.design import Design, told
 from scenes.sweep.job import Job
 from scenes.sweep.key import key_of

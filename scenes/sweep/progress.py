@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import typer
 
-from scenes.commands.terminal import counted
+from scenes.running.terminal import counted
 from scenes.sweep.engine import Progress
 
 Watch = Callable[[Progress], None]

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.models.loading import Scene, load_scene, parse_scene
 from scenes.models.worm.build import gait_of, worm_of
 from scenes.models.worm.schema import WormScene
 from scenes.records.record import Record
+from scenes.running.runner import simulate
 from worm3d.physics.technologies.law import MOST_STROKE, Technology
 from worm3d.values.arrays import FloatArray
 

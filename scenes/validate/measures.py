@@ -11,10 +11,10 @@ from typing import Protocol
 
 import numpy as np
 
-from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
 from scenes.records.record import Record
+from scenes.running.runner import simulate
 
 HOME = Path(__file__).parent
 """Folder of the scenes of this room."""

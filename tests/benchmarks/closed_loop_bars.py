@@ -17,10 +17,10 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 from scenes.bench.control_trials import APART, CORNER, RETUNED, SIDE
-from scenes.commands.runner import simulate
-from scenes.commands.terminal import timing
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
+from scenes.running.runner import simulate
+from scenes.running.terminal import timing
 from worm3d import Friction
 
 SEEDS = (40, 41, 42, 43, 44)

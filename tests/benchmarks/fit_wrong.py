@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.commands.runner import simulate
 from scenes.fit import Fit, fit
 from scenes.models.loading import load_scene
+from scenes.running.runner import simulate
 
 SCENE, CRAWL = "flat", ("run.duration_s=4.0",)
 EVERY = 4

@@ -32,9 +32,9 @@ import scipy
 
 from control.estimation.estimate import Estimate
 from control.estimation.estimator import Estimator
-from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
+from scenes.running.runner import simulate
 from worm3d import Friction, Worm
 from worm3d.values.arrays import FloatArray
 

@@ -32,11 +32,11 @@ from control.estimation.kalman import RIPPLE, Uncertainty
 from control.estimation.reduced import ReducedModel
 from control.gaits.steering import GaitParameters
 from control.sensing.sensors import Measurement
-from scenes.commands.runner import simulate
 from scenes.models.control.build import identified_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.loading import Scene, load_scene
 from scenes.models.worm.build import worm_of
+from scenes.running.runner import simulate
 
 SETTLED = 10.0
 OF_SPEED, OF_TURN = 0.5, 0.2

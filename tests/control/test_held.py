@@ -141,8 +141,8 @@ def test_without_hinges_or_with_two_held_it_steers_as_the_whole_worm(mechanism: 
 
 def test_a_dead_chamber_in_the_middle_is_lived_with() -> None:
     """Seed 10: 0.053 body lengths, and winding on and on, with the steering of the whole worm."""
-    from scenes.commands.runner import simulate
     from scenes.models.loading import load_scene
+    from scenes.running.runner import simulate
 
     faults = ["fault.chamber=true", "fault.chamber_segment=3", "fault.chamber_begin_s=10"]
     run = simulate(load_scene("path_line", [*faults, "seed=10", "run.duration_s=40"]))

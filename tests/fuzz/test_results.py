@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from fuzzing import TIMES, no_hang
 
-from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
 from scenes.records import store
+from scenes.running.runner import simulate
 from worm3d.values import netcdf
 
 SEED = 5 if TIMES == 1 else None

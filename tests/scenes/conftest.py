@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from scenes.commands.cli import main
-from scenes.commands.runner import simulate
 from scenes.models.loading import load_scene
 from scenes.records.record import Record
+from scenes.running.runner import simulate
 from worm3d.plant import entries
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")

@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 
 from scenes.bench import accuracy
 from scenes.bench.accuracy import Case, Found
-from scenes.commands.runner import simulate
 from scenes.language.loader import shipped_scenes
 from scenes.models.loading import load_scene
+from scenes.running.runner import simulate
 
 SHIPPED = Path(accuracy.__file__).with_suffix(".md").read_text(encoding="utf-8")
 

@@ -12,12 +12,12 @@ import pytest
 from scenes.bench import control, control_bars, control_page, control_report, control_score, control_trials
 from scenes.bench.control import Found, Plan, Row
 from scenes.bench.control_trials import FULL, QUICK, SCENES, Trial
-from scenes.commands import packages
 from scenes.language.errors import SceneError
 from scenes.language.loader import shipped_scenes
 from scenes.models.control import build
 from scenes.models.control.model import MODEL
 from scenes.models.loading import load_scene
+from scenes.running import packages
 
 STANDS_OR_RAISES = """
 import numpy as np

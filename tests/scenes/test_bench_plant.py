@@ -18,7 +18,7 @@ from numpy.testing import assert_allclose
 
 from scenes.bench import calibration, plant, plant_measures, plant_parts, plant_report
 from scenes.bench.plant_measures import MemoryGrowth, Speed, Start, StoppedError, Throughput, crawl, steps_of
-from scenes.commands.packages import cpu_name, machine
+from scenes.running.packages import cpu_name, machine
 from worm3d import Status
 
 TINY = plant.Plan(

@@ -287,7 +287,7 @@ def test_ctrl_c_outside_a_run_is_130(worm3d, monkeypatch: pytest.MonkeyPatch) ->
     def interrupted() -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("scenes.commands.packages.info_lines", interrupted)
+    monkeypatch.setattr("scenes.running.packages.info_lines", interrupted)
     ended = worm3d("info")
     assert ended.code == 130
     assert "Traceback" not in ended.err

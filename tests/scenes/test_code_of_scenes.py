@@ -20,7 +20,6 @@ from pydantic import TypeAdapter, ValidationError
 
 import worm3d as package
 from control.parts import KINDS, part
-from scenes.commands.runner import simulate
 from scenes.language import toml
 from scenes.language.errors import SceneError
 from scenes.language.schema import choices, section_type
@@ -31,6 +30,7 @@ from scenes.models.control.view import path_seen, reference_seen
 from scenes.models.loading import load_scene
 from scenes.models.worm.view import scene_of
 from scenes.records.store import load, save
+from scenes.running.runner import simulate
 from worm3d.values import named
 
 STRANGERS = strangers.__file__

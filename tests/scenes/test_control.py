@@ -23,8 +23,6 @@ from control.supervisor import Supervisor
 from control.tracking.paths import Circle, Line, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Sine, Steps
 from scenes.bench.control_trials import SCENES
-from scenes.commands import terminal
-from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.models.base import Watch
 from scenes.models.control.build import controller_of, path_of, reference_of, sensors_of, wave_of
@@ -36,6 +34,8 @@ from scenes.models.loading import load_scene
 from scenes.models.worm import view as worm_view
 from scenes.records.record import Record
 from scenes.records.store import load, save
+from scenes.running import terminal
+from scenes.running.runner import simulate
 from worm3d.viewer import Frames
 from worm3d.viewer.live import LiveView
 

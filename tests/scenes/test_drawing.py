@@ -9,12 +9,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from scenes import models
-from scenes.commands.runner import simulate
 from scenes.language.errors import DiscError, MissingPartError, SceneError
 from scenes.models.loading import load_scene
 from scenes.models.worm.view import scene_of
 from scenes.records import drawing
 from scenes.records.record import Record
+from scenes.running.runner import simulate
 
 MODEL = models.get("planar_published")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from scenes.commands.packages import HOME, OURS
+from scenes.running.packages import HOME, OURS
 
 
 def python_in(path: Path, code: str, *arguments: str) -> subprocess.CompletedProcess[str]:

@@ -12,13 +12,13 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
-from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.language.loader import SHIPPED
 from scenes.models.load_frame import figures, overview
 from scenes.models.loading import load_scene, parse_scene
 from scenes.records import measured
 from scenes.records.record import Record
+from scenes.running.runner import simulate
 
 DATA = SHIPPED / "data" / "mesh_segment_load_frame.csv"
 

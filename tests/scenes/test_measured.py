@@ -14,12 +14,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from scenes.commands.runner import simulate
 from scenes.language.errors import DiscError, SceneError
 from scenes.models.loading import load_scene
 from scenes.records import measured, store
 from scenes.records.columns import UNITS
 from scenes.records.record import Record, Summary
+from scenes.running.runner import simulate
 from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import Variable
 

@@ -13,11 +13,11 @@ import pytest
 
 from control.faults.injected import INJECTED
 from control.sensing.sensors import QUANTITIES
-from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.models.control.build import controller_of, path_of
 from scenes.models.loading import load_scene
 from scenes.models.switched import switched_keys, switched_parts
+from scenes.running.runner import simulate
 
 MODULE = """
 from dataclasses import dataclass

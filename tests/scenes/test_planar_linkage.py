@@ -15,7 +15,6 @@ from control import gaits
 from planar import linkage
 from planar.linkage.ledger import Ledger
 from scenes import models
-from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene, parse_scene
 from scenes.models.planar.linkage import INCOMING, LOST, STORED
@@ -23,6 +22,7 @@ from scenes.models.planar.linkage_scene import LinkageScene, gait_of, worm_of
 from scenes.records import drawing
 from scenes.records.record import Record
 from scenes.records.store import load, save
+from scenes.running.runner import simulate
 
 REQUIRED = [
     "status", "duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J",

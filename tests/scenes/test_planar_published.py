@@ -11,12 +11,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from control.gaits import GAITS
 from planar import metrics, published
-from scenes.commands.runner import simulate
 from scenes.language.parts import key_of
 from scenes.language.schema import only_for, own_defaults
 from scenes.models.loading import load_scene
 from scenes.models.planar.published import MODEL, PublishedGait, PublishedScene, gait_of, parameters_of
 from scenes.records.record import Record
+from scenes.running.runner import simulate
 from worm3d.values.parameters import Parameter
 from worm3d.values.parameters import parameters_of as declared_in
 

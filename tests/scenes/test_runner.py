@@ -15,11 +15,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from scenes import models
-from scenes.commands import runner, terminal
-from scenes.commands.terminal import Interruption, ending
 from scenes.language.errors import DiscError
 from scenes.records.record import Summary
 from scenes.records.store import load
+from scenes.running import runner, terminal
+from scenes.running.terminal import Interruption, ending
 from worm3d.metrics import written
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")

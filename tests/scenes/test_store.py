@@ -11,12 +11,12 @@ import pytest
 import xarray
 from numpy.testing import assert_array_equal
 
-from scenes.commands.runner import simulate
 from scenes.language.errors import DiscError, SceneError
 from scenes.models.loading import load_scene
 from scenes.records import store
 from scenes.records.record import Record
 from scenes.records.store import load, save
+from scenes.running.runner import simulate
 from worm3d.values.variable import Variable
 
 

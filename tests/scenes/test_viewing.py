@@ -13,10 +13,10 @@ import pytest
 import trimesh
 from PIL import Image
 
-from scenes.commands.runner import simulate
 from scenes.models.loading import load_scene
 from scenes.records.record import Record
 from scenes.records.store import save
+from scenes.running.runner import simulate
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 

@@ -15,8 +15,6 @@ from PIL import Image
 import worm3d
 from control import gaits
 from scenes import models
-from scenes.commands import terminal
-from scenes.commands.runner import simulate
 from scenes.language.errors import SceneError
 from scenes.language.schema import choices
 from scenes.models.loading import load_scene
@@ -38,6 +36,8 @@ from scenes.models.worm.schema import PlanarWormScene, Push, WormScene
 from scenes.records import drawing
 from scenes.records.record import Record
 from scenes.records.store import load, save
+from scenes.running import terminal
+from scenes.running.runner import simulate
 from worm3d import pictures
 from worm3d.energy import INCOMING, LOST, STORED
 from worm3d.series import Recorded, Steps, series_of

@@ -15,14 +15,14 @@ from matplotlib.contour import ContourSet
 from numpy.testing import assert_array_equal
 
 from scenes import models
-from scenes.commands import runner
-from scenes.commands.runner import lengthened, simulate
 from scenes.language.errors import SceneError
 from scenes.language.loader import shipped_scenes
 from scenes.models.loading import Scene, load_scene
 from scenes.models.worm import figures as worm_figures
 from scenes.records.record import Record
 from scenes.records.store import load, save
+from scenes.running import runner
+from scenes.running.runner import lengthened, simulate
 from worm3d.values.variable import Variable
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")

@@ -14,7 +14,6 @@ from control.identification import identified as kept
 from control.identification.identified import Design, Identified
 from scenes.commands.identify import figure, report, study
 from scenes.commands.identify.study import Curve, Phases
-from scenes.commands.terminal import progress
 from scenes.language.errors import SceneError
 from scenes.models.control import identify as runs
 from scenes.models.control.build import wave_of
@@ -26,6 +25,7 @@ from scenes.records import folder as folders
 from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes
+from scenes.running.terminal import progress
 
 CONTENT, TABLES, PICTURE = "identified.json", "steering.md", "steering.png"
 Measured = tuple[Identified, tuple[Curve, ...], tuple[Phases, ...]]

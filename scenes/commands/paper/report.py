@@ -14,18 +14,18 @@ import typer
 from planar import linkage
 from planar.animation import Movie
 from planar.published import Run
-from scenes.commands.packages import versions
 from scenes.commands.paper import cases
 from scenes.commands.paper.cases import PERIODS, SEGMENTS, CorrectedRow, GroundKey, Key, Overstatement, Row
 from scenes.commands.paper.claims import Claim, claims
 from scenes.commands.paper.corrected_claims import corrected_claims
 from scenes.commands.paper.differences import Difference, differences
 from scenes.commands.paper.figures import corrected_figures, published_figures
-from scenes.commands.terminal import busy, each
 from scenes.records import folder as folders
 from scenes.records.drawing import save_figure, save_movie
 from scenes.records.folder import write_bytes
 from scenes.records.text import Column, aligned, json_bytes, markdown_table, table
+from scenes.running.packages import versions
+from scenes.running.terminal import busy, each
 
 MOVIE = "animation_6_segments.gif"
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes.commands.runner import simulate
 from scenes.compare import overlays, page
 from scenes.compare.differences import named_by_settings
 from scenes.compare.sources import Source, sources
@@ -20,6 +19,7 @@ from scenes.models.loading import load_scene
 from scenes.records import measured
 from scenes.records.record import Record
 from scenes.records.store import export_csv, save
+from scenes.running.runner import simulate
 from scenes.sweep import case_file
 
 BRIEF = ("run.duration_s=0.3", "worm.segments=3", "worm.mass_kg=0.03")

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from numpy.testing import assert_array_equal
 
-from scenes.commands.runner import simulate
 from scenes.language.errors import DiscError, SceneError
 from scenes.models.loading import load_scene
 from scenes.records.store import load
+from scenes.running.runner import simulate
 from scenes.sweep import case_file, job
 from scenes.sweep.job import Ended, Job, found, perform
 from scenes.sweep.key import key_of

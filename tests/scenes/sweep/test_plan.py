@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from scenes.commands import packages
 from scenes.language.errors import SceneError
 from scenes.language.loader import find_scene
 from scenes.models.loading import load_scene, parse_scene, trusted_scene
+from scenes.running import packages
 from scenes.sweep import key as keys
 from scenes.sweep.key import key_of
 from scenes.sweep.plan import LARGEST_SEED, Jobs, Plan, Source, planned

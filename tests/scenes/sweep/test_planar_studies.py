@@ -11,9 +11,9 @@ import pytest
 import xarray
 from numpy.testing import assert_allclose, assert_array_equal
 
-from scenes.commands.runner import simulate
 from scenes.models.loading import load_scene
 from scenes.records.store import load
+from scenes.running.runner import simulate
 
 BRIEF = ("-o", "run.duration_s=0.4", "-o", "gait.period_s=0.2")
 

@@ -7,9 +7,6 @@ from pathlib import Path
 
 import typer
 
-from scenes.commands import terminal
-from scenes.commands.packages import versions
-from scenes.commands.terminal import Interruption, busy, progress
 from scenes.language.errors import SceneError
 from scenes.models.base import Observer, Outcome, Watch
 from scenes.models.loading import Scene, parse_scene
@@ -19,6 +16,9 @@ from scenes.records.folder import RESULT, write_bytes
 from scenes.records.record import Record, Summary
 from scenes.records.store import save
 from scenes.records.text import json_bytes
+from scenes.running import terminal
+from scenes.running.packages import versions
+from scenes.running.terminal import Interruption, busy, progress
 from worm3d.values.variable import Variable
 
 EXIT_CODES = {"done": 0, "diverged": 3, "incomplete": 5, "interrupted": 130}

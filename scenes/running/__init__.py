@@ -1,0 +1,1 @@
+"""Running a scene: what a person sees of it, and its pictures."""
