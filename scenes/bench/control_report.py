@@ -23,9 +23,9 @@ from scenes.bench.control_score import HEADER, cells, names
 from scenes.bench.control_trials import METRIC, QUICK, chosen
 from scenes.language.errors import SceneError
 from scenes.records import folder as folders
-from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.records.text import Cells, aligned, markdown_table
+from scenes.running.drawing import save_figure
 from scenes.running.packages import machine
 from scenes.running.terminal import counted, progress
 

@@ -16,9 +16,9 @@ from scenes.bench import plant
 from scenes.bench.plant import Study
 from scenes.bench.plant_measures import FLATTENED, STIFFER
 from scenes.records import folder as folders
-from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.records.text import Cells, Column, aligned, json_bytes, markdown_table, table
+from scenes.running.drawing import save_figure
 
 PICTURE = "plant.png"
 

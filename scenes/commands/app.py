@@ -151,9 +151,9 @@ def init(
 @app.command()
 def plot(result: ResultArgument, out: Out = None) -> None:
     """Draw all figures of a result, into its folder or another."""
-    from scenes.records import drawing
     from scenes.records.folder import made
     from scenes.records.store import load
+    from scenes.running import drawing
 
     record = load(result)
     folder = made(out or _home(result))
@@ -186,9 +186,9 @@ def view(
         raise typer.Exit(viewing.watch(load_scene(result, o or ()), speed=speed, opens=not no_open))
     if o:
         raise SceneError("view: -o changes a scene, and a result has been computed; it goes with --live")
-    from scenes.records import drawing
     from scenes.records.folder import VIEWER, made
     from scenes.records.store import load
+    from scenes.running import drawing
 
     path = path_of(result)
     record = load(path)
@@ -209,9 +209,9 @@ def animate(
     force: Force = False,
 ) -> None:
     """Draw the animation of a result, in real time; a longer run than 30 s up to there."""
-    from scenes.records import drawing
     from scenes.records.folder import ANIMATION, made, require_free
     from scenes.records.store import load
+    from scenes.running import drawing
 
     path = out or _home(result) / ANIMATION
     require_free([path], result, force=force)
@@ -239,9 +239,9 @@ def export(
     force: Force = False,
 ) -> None:
     """Write a result for other programs."""
-    from scenes.records import drawing
     from scenes.records.folder import require_free
     from scenes.records.store import export_csv, export_npz, load
+    from scenes.running import drawing
 
     if csv is None and npz is None and glb is None:
         raise SceneError("export: nothing to write; give --csv FILE, --npz FILE or --glb FILE")

@@ -22,11 +22,11 @@ from scenes.compare.differences import (
     series,
     settings,
 )
-from scenes.compare.overlays import OVERLAYS, drawn
 from scenes.compare.sources import Source, records, sources
-from scenes.records.drawing import save_figure
 from scenes.records.folder import prepared, write_bytes
 from scenes.records.text import aligned
+from scenes.running.drawing import save_figure
+from scenes.running.overlays import OVERLAYS, drawn
 from scenes.running.terminal import busy, counted
 from worm3d.metrics import written
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from scenes.records.drawing import is_drawable, pictures_of
 from scenes.records.folder import VIEWER, write_bytes
 from scenes.records.record import Record
+from scenes.running.drawing import is_drawable, pictures_of
 from worm3d.viewer.beside import MOST, Page, side_by_side
 
 

@@ -13,9 +13,9 @@ from scenes.fit.fitting import Fit, fit
 from scenes.fit.trials import StoppedError
 from scenes.language.loader import find_scene
 from scenes.records import folder as folders
-from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes
+from scenes.running.drawing import save_figure
 from scenes.running.terminal import Interruption, busy, progress
 
 CONTENT, SCENE, PICTURE = "fit.json", "fit.toml", "fit.png"

@@ -22,9 +22,9 @@ from scenes.language.errors import SceneError
 from scenes.language.parts import key_of
 from scenes.language.toml import value
 from scenes.records import folder as folders
-from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.records.text import aligned, json_bytes
+from scenes.running.drawing import save_figure
 from scenes.running.terminal import Interruption, busy
 from worm3d.values.parameters import parameters_of
 

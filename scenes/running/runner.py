@@ -11,12 +11,12 @@ from scenes.language.errors import SceneError
 from scenes.models.base import Observer, Outcome, Watch
 from scenes.models.loading import Scene, parse_scene
 from scenes.records import folder as folders
-from scenes.records.drawing import animate, clear_pictures, cut_short, draw_overview, is_drawable, model_of, view
 from scenes.records.folder import RESULT, write_bytes
 from scenes.records.record import Record, Summary
 from scenes.records.store import save
 from scenes.records.text import json_bytes
 from scenes.running import terminal
+from scenes.running.drawing import animate, clear_pictures, cut_short, draw_overview, is_drawable, model_of, view
 from scenes.running.packages import versions
 from scenes.running.terminal import Interruption, busy, progress
 from worm3d.values.variable import Variable

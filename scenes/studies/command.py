@@ -11,8 +11,8 @@ from scenes.language.errors import SceneError
 from scenes.language.loader import SHIPPED, says
 from scenes.models.loading import Scene
 from scenes.records import folder as folders
-from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
+from scenes.running.drawing import save_figure
 from scenes.running.runner import EXIT_CODES
 from scenes.studies.lessons import answers, lessons
 from scenes.studies.report import NUMBERS, PICTURE, TEXT, document, numbers, together

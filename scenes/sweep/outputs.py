@@ -19,10 +19,10 @@ import numpy as np
 from scenes.language.errors import DiscError
 from scenes.language.sweep_section import SWEEP
 from scenes.models.loading import Scene
-from scenes.records.drawing import save_figure
 from scenes.records.folder import SUMMARY, write_bytes, written_whole
 from scenes.records.record import Cell, Metric, Summary
 from scenes.records.text import aligned, json_bytes
+from scenes.running.drawing import save_figure
 from scenes.running.packages import versions
 from scenes.running.terminal import HEADLINES
 from scenes.sweep.case_file import NOT_RUN, CaseResult

@@ -9,8 +9,8 @@ import typer
 
 from scenes.language.errors import SceneError
 from scenes.records import folder as folders
-from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
+from scenes.running.drawing import save_figure
 from scenes.running.terminal import busy, each
 from scenes.technologies import report
 from scenes.technologies.limits import Verdict, judged

@@ -10,9 +10,9 @@ from pathlib import Path
 import typer
 
 from scenes.records import folder as folders
-from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes, markdown_table
+from scenes.running.drawing import save_figure
 from scenes.running.packages import versions
 from scenes.validate import animals, closed_forms, pattern_generators, powered, robots
 from scenes.validate.figure import draw

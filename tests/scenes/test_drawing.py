@@ -12,8 +12,8 @@ from scenes import models
 from scenes.language.errors import DiscError, MissingPartError, SceneError
 from scenes.models.loading import load_scene
 from scenes.models.worm.view import scene_of
-from scenes.records import drawing
 from scenes.records.record import Record
+from scenes.running import drawing
 from scenes.running.runner import simulate
 
 MODEL = models.get("planar_published")

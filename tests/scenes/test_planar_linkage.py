@@ -19,9 +19,9 @@ from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene, parse_scene
 from scenes.models.planar.linkage import INCOMING, LOST, STORED
 from scenes.models.planar.linkage_scene import LinkageScene, gait_of, worm_of
-from scenes.records import drawing
 from scenes.records.record import Record
 from scenes.records.store import load, save
+from scenes.running import drawing
 from scenes.running.runner import simulate
 
 REQUIRED = [

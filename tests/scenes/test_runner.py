@@ -254,7 +254,7 @@ def test_rounding_is_not_told_as_a_number(record) -> None:
 
 
 def test_an_animation_that_stops_early_says_so(worm3d, monkeypatch) -> None:
-    for module in ("scenes.records.drawing", "scenes.models.planar.merit"):
+    for module in ("scenes.running.drawing", "scenes.models.planar.merit"):
         monkeypatch.setattr(f"{module}.MOVIE_S", 0.1)
     ended = worm3d("run", "planar_published", *SHORT, "--out", "x")
     assert ended.out.splitlines()[-1] == "  the animation shows the first 0.1 s of 0.2 s"

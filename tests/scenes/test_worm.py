@@ -33,10 +33,9 @@ from scenes.models.worm.build import (
     worm_of,
 )
 from scenes.models.worm.schema import PlanarWormScene, Push, WormScene
-from scenes.records import drawing
 from scenes.records.record import Record
 from scenes.records.store import load, save
-from scenes.running import terminal
+from scenes.running import drawing, terminal
 from scenes.running.runner import simulate
 from worm3d import pictures
 from worm3d.energy import INCOMING, LOST, STORED

@@ -22,9 +22,9 @@ from scenes.models.loading import Scene
 from scenes.models.worm.build import friction_of, worm_of
 from scenes.models.worm.schema import SpatialScene
 from scenes.records import folder as folders
-from scenes.records.drawing import save_figure
 from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes
+from scenes.running.drawing import save_figure
 from scenes.running.terminal import progress
 
 CONTENT, TABLES, PICTURE = "identified.json", "steering.md", "steering.png"

@@ -21,9 +21,9 @@ from scenes.commands.paper.corrected_claims import corrected_claims
 from scenes.commands.paper.differences import Difference, differences
 from scenes.commands.paper.figures import corrected_figures, published_figures
 from scenes.records import folder as folders
-from scenes.records.drawing import save_figure, save_movie
 from scenes.records.folder import write_bytes
 from scenes.records.text import Column, aligned, json_bytes, markdown_table, table
+from scenes.running.drawing import save_figure, save_movie
 from scenes.running.packages import versions
 from scenes.running.terminal import busy, each
 

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes.compare import overlays, page
+from scenes.compare import page
 from scenes.compare.differences import named_by_settings
 from scenes.compare.sources import Source, sources
 from scenes.models.loading import load_scene
 from scenes.records import measured
 from scenes.records.record import Record
 from scenes.records.store import export_csv, save
+from scenes.running import overlays
 from scenes.running.runner import simulate
 from scenes.sweep import case_file
 

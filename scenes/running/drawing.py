@@ -12,6 +12,7 @@ from scenes.models.base import MOVIE_S, Model, Movie, Pictures
 from scenes.records import measured
 from scenes.records.folder import ANIMATION, OVERVIEW, PREFIX, SUMMARY, VIEWER, write_bytes, written_whole
 from scenes.records.record import Record
+from scenes.running.overlays import measured_pictures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
@@ -40,8 +41,6 @@ def model_of(record: Record) -> Model[Any]:
 def pictures_of(record: Record) -> Pictures:
     """Return what can be drawn of a record; errors as of `model_of`."""
     if measured.is_measured(record):
-        from scenes.compare.overlays import measured_pictures
-
         return measured_pictures(record)
     return model_of(record)
 
