@@ -16,8 +16,8 @@ from scenes.records import folder as folders
 from scenes.running.runner import EXIT_CODES
 from scenes.running.terminal import Interruption, busy, counted, progress
 from scenes.sweep.design import Design, told
-from scenes.sweep.engine import Sweep, require_place
-from scenes.sweep.executors import LOOPBACK, Executor, chosen
+from scenes.sweep.engine import Sweep, chosen, require_place
+from scenes.sweep.executors import LOOPBACK, Executor
 from scenes.sweep.limit import limit_of
 from scenes.sweep.outputs import CSV, report, write_outputs
 from scenes.sweep.plan import Plan, Source, planned

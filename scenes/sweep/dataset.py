@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from scenes.language.errors import MissingPartError
 from scenes.records import folder as folders
-from scenes.sweep.engine import Sweep, require_place
-from scenes.sweep.executors import LOOPBACK, chosen
+from scenes.sweep.engine import Sweep, chosen, require_place
+from scenes.sweep.executors import LOOPBACK
 from scenes.sweep.limit import limit_of
 from scenes.sweep.outputs import DATASET, write_outputs
 from scenes.sweep.plan import Source, planned

@@ -12,7 +12,7 @@ from scenes.language.errors import DiscError, SceneError
 from scenes.language.sweep_section import CASE_LIMIT
 from scenes.records.folder import PREFIX, made
 from scenes.sweep.case_file import CASES, FAILED, NOT_RUN, CaseResult
-from scenes.sweep.executors import Executor, Stopped
+from scenes.sweep.executors import LOOPBACK, Executor, InProcess, Stopped
 from scenes.sweep.job import Ended, found, perform, refused
 from scenes.sweep.plan import Case, Jobs, Plan
 
@@ -172,3 +172,33 @@ def require_place(folder: Path, *, force: bool) -> None:
         raise SceneError(
             f"{folder} is not empty, and no folder of a sweep: choose another --out, or write to it with --force"
         )
+
+
+def chosen(workers: int | None = None, scheduler: str | None = None, bind: str = LOOPBACK) -> Executor:
+    """Return the executor that a user asks for; this process if nothing is asked for.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Processes to start on this machine, which Dask looks after.
+    scheduler : str, optional
+        Address of a Dask scheduler that is running, such as tcp://127.0.0.1:8786.
+    bind : str
+        Address that the scheduler started for `workers` listens on. Beyond 127.0.0.1 others can reach it.
+
+    Raises
+    ------
+    SceneError
+        Both are given, or one makes no sense.
+    """
+    if workers is not None and scheduler is not None:
+        raise SceneError(
+            "--workers starts processes, --scheduler uses those of a running scheduler: give one of the two"
+        )
+    if workers is None and bind != LOOPBACK:
+        raise SceneError("--bind is the address of the scheduler that --workers starts: give --workers too")
+    if workers is None and scheduler is None:
+        return InProcess()
+    from scenes.sweep import cluster  # imports Dask, which takes as long as a short run
+
+    return cluster.Remote(scheduler) if scheduler is not None else cluster.Local(workers or 0, bind)

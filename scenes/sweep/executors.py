@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
-from scenes.language.errors import SceneError
 from scenes.sweep.job import INTERRUPTED, Ended, Job
 
 Stopped = Callable[[], bool]
@@ -49,33 +48,3 @@ class InProcess:
                 return
             if (ended := perform(job, stopped)).status != INTERRUPTED:
                 yield ended
-
-
-def chosen(workers: int | None = None, scheduler: str | None = None, bind: str = LOOPBACK) -> Executor:
-    """Return the executor that a user asks for; this process if nothing is asked for.
-
-    Parameters
-    ----------
-    workers : int, optional
-        Processes to start on this machine, which Dask looks after.
-    scheduler : str, optional
-        Address of a Dask scheduler that is running, such as tcp://127.0.0.1:8786.
-    bind : str
-        Address that the scheduler started for `workers` listens on. Beyond 127.0.0.1 others can reach it.
-
-    Raises
-    ------
-    SceneError
-        Both are given, or one makes no sense.
-    """
-    if workers is not None and scheduler is not None:
-        raise SceneError(
-            "--workers starts processes, --scheduler uses those of a running scheduler: give one of the two"
-        )
-    if workers is None and bind != LOOPBACK:
-        raise SceneError("--bind is the address of the scheduler that --workers starts: give --workers too")
-    if workers is None and scheduler is None:
-        return InProcess()
-    from scenes.sweep import cluster  # imports Dask, which takes as long as a short run
-
-    return cluster.Remote(scheduler) if scheduler is not None else cluster.Local(workers or 0, bind)

@@ -22,7 +22,8 @@ from sweep_jobs import jobs, perform
 from scenes.language.errors import DiscError, SceneError
 from scenes.records.folder import PREFIX
 from scenes.sweep import cluster
-from scenes.sweep.executors import InProcess, chosen
+from scenes.sweep.engine import chosen
+from scenes.sweep.executors import InProcess
 from scenes.sweep.flight import DEATH, SchedulerError
 from scenes.sweep.job import Ended, Job
 
@@ -197,6 +198,6 @@ def test_what_cannot_be_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_dask_is_imported_on_demand() -> None:
-    program = "import sys; from scenes.sweep.executors import chosen; chosen(); print('distributed' in sys.modules)"
+    program = "import sys; from scenes.sweep.engine import chosen; chosen(); print('distributed' in sys.modules)"
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ended.stdout == "False\n"
