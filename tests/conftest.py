@@ -1,5 +1,6 @@
 """Tests run what users run, louder: floating point errors raise, plots need no screen; a browser looks at pages."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +11,11 @@ import pytest
 from devtools import HIGH, Chromium, Picture
 
 mpl.use("Agg")
+
+
+def pytest_configure() -> None:
+    """Give linear algebra of each worker one thread: workers take all cores, and more threads wait for each other."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 class Browser(Chromium):
