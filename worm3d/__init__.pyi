@@ -5,10 +5,10 @@ from worm3d.accuracy.estimate import Spread as Spread
 from worm3d.accuracy.estimate import scattered as scattered
 from worm3d.actuation import Command as Command
 from worm3d.actuation import Commands as Commands
-from worm3d.actuators import ACTUATORS as ACTUATORS
 from worm3d.batch import simulate_batch as simulate_batch
 from worm3d.energy import Energy as Energy
 from worm3d.live import Live as Live
+from worm3d.physics.actuator_names import ACTUATORS as ACTUATORS
 from worm3d.physics.actuators import Actuator as Actuator
 from worm3d.physics.actuators import FirstOrder as FirstOrder
 from worm3d.physics.actuators import Response as Response
@@ -21,6 +21,7 @@ from worm3d.physics.hysteresis import Jenkins as Jenkins
 from worm3d.physics.media import Medium as Medium
 from worm3d.physics.media import StrainDrag as StrainDrag
 from worm3d.physics.pneumatic import Pneumatic as Pneumatic
+from worm3d.physics.worm import Worm as Worm
 from worm3d.pictures import draw as draw
 from worm3d.pictures import show as show
 from worm3d.problem import Held as Held
@@ -38,4 +39,3 @@ from worm3d.status import Stop as Stop
 from worm3d.view import Observation as Observation
 from worm3d.view import View as View
 from worm3d.worlds import *  # noqa: F403
-from worm3d.worm import Worm as Worm

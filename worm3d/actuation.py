@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from worm3d.physics.worm import Worm
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.documented import with_fields
 from worm3d.values.read_only import ReadOnly
-from worm3d.worm import Worm
 
 if TYPE_CHECKING:
     from worm3d.view import Observation

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from worm3d.energy import Energy
 from worm3d.physics.kernels import GREATEST_CONTRACTION
+from worm3d.physics.worm import Worm
 from worm3d.series import Recorded, Steps, series_of, states_of
 from worm3d.state import State
 from worm3d.status import Status, Stop
@@ -27,7 +28,6 @@ from worm3d.values import arguments, netcdf
 from worm3d.values.netcdf import Content, FileError
 from worm3d.values.spelling import did_you_mean
 from worm3d.values.variable import Variable
-from worm3d.worm import Worm
 
 if TYPE_CHECKING:
     from worm3d.result import Result

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from worm3d.physics.worm import Worm
 from worm3d.series import Recorded
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
@@ -22,7 +23,6 @@ from worm3d.viewer import Frames
 from worm3d.viewer.frames import instants
 from worm3d.worlds import World
 from worm3d.worlds.scenery import Window, on_ground, scenery
-from worm3d.worm import Worm
 
 if TYPE_CHECKING:
     from worm3d.result import Result

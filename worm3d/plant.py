@@ -10,17 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.balance import warn_of_imbalance
 from worm3d.machine import vectors
 from worm3d.machine.codegen import Kernel, compile_kernel
 from worm3d.machine.compiled import announce, cfunc
 from worm3d.physics.actuators import Actuator, FirstOrder
+from worm3d.physics.balance import warn_of_imbalance
 from worm3d.physics.friction import ContactConstants, Friction, natural_time
 from worm3d.physics.friction_laws import Coulomb, FrictionLaw
 from worm3d.physics.hysteresis import PREFIX, Hysteresis, chamber_states
 from worm3d.physics.kernels import GREATEST_CONTRACTION, actuator, joint, medium, node, point, segment
 from worm3d.physics.kernels.layout import Layout, once
 from worm3d.physics.media import Medium
+from worm3d.physics.worm import Worm
 from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
 from worm3d.solver.evaluate import DIRECTOR, TANGENT, evaluate_entry
@@ -33,7 +34,6 @@ from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World, WorldKernel
 from worm3d.worlds.plane import Plane
-from worm3d.worm import Worm
 
 FLAT = 0.02
 """Height of a chamber that counts as flattened, as a fraction of its rest height."""

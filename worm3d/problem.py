@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from worm3d.actuation import Actuation, Sensor
 from worm3d.physics.friction import Friction
 from worm3d.physics.friction_laws import Coulomb
+from worm3d.physics.worm import Worm
 from worm3d.plant import ROUNDING
 from worm3d.state import State
 from worm3d.values import arguments, time_steps
@@ -21,7 +22,6 @@ from worm3d.values.arrays import BoolArray, FloatArray
 from worm3d.values.documented import with_fields
 from worm3d.values.spelling import Spelled
 from worm3d.worlds import World
-from worm3d.worm import Worm
 
 Integrator = Literal["bdf2", "implicit_euler"]
 

@@ -15,6 +15,7 @@ from worm3d.measures import MEASURES, Metric
 from worm3d.measures.posture import Rolled, on_its_side
 from worm3d.measures.waves import Waves
 from worm3d.measures.way import distance
+from worm3d.physics.worm import Worm
 from worm3d.series import Recorded, Steps, documented, variables_of
 from worm3d.state import State
 from worm3d.status import Status, Stop
@@ -23,7 +24,6 @@ from worm3d.values.read_only import brief, listed
 from worm3d.values.spelling import spelled
 from worm3d.values.variable import AXES, Variable, write_csv
 from worm3d.worlds import World
-from worm3d.worm import Worm
 
 if TYPE_CHECKING:
     import xarray

@@ -18,11 +18,11 @@ import numpy as np
 
 from worm3d.physics.actuators import Actuator
 from worm3d.physics.hysteresis import Hysteresis, chamber_states
+from worm3d.physics.worm import Worm
 from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.values.documented import by
 from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.values.variable import Variable
-from worm3d.worm import Worm
 
 T = TypeVar("T")
 

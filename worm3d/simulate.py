@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from worm3d.accuracy.runs import begin
 from worm3d.actuation import Actuation, Sensor
 from worm3d.physics.friction import Friction
+from worm3d.physics.worm import Worm
 from worm3d.places import place_kept
 from worm3d.plant import ROUNDING
 from worm3d.problem import Force, Held, Integrator, Problem
@@ -20,7 +21,6 @@ from worm3d.values import arguments
 from worm3d.values.spelling import spelled
 from worm3d.view import View
 from worm3d.worlds import World
-from worm3d.worm import Worm
 
 if TYPE_CHECKING:
     from worm3d.live import Live

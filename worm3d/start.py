@@ -11,6 +11,7 @@ import numpy as np
 
 from worm3d.physics import elements
 from worm3d.physics.friction import RESTING_PENETRATION, Friction
+from worm3d.physics.worm import Worm
 from worm3d.plant import DEEPEST, Plant
 from worm3d.problem import Problem
 from worm3d.solver.arrays import POINTS
@@ -20,7 +21,6 @@ from worm3d.state import State, StateError
 from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World
-from worm3d.worm import Worm
 
 
 class Rested(NamedTuple):

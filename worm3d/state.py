@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from worm3d.physics import elements
+from worm3d.physics.worm import Worm
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.documented import with_fields
 from worm3d.values.read_only import ReadOnly, read_only
 from worm3d.values.spelling import spelled
 from worm3d.worlds.base import World
-from worm3d.worm import Worm
 
 LIFTS = 50
 """Largest number of times that a worm put on its world is lifted until it fits."""

@@ -15,7 +15,7 @@ from scenes.running.terminal import busy, each
 from scenes.technologies import report
 from scenes.technologies.limits import Verdict, judged
 from scenes.technologies.runs import Bench
-from worm3d.actuators import TECHNOLOGIES
+from worm3d.physics.actuator_names import TECHNOLOGIES
 
 TABLE, TEXT, PICTURE = "technologies.csv", "technologies.md", "technologies.png"
 

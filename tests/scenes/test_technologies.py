@@ -14,7 +14,7 @@ from scenes.models.worm.build import worm_of
 from scenes.technologies import limits, report, runs
 from scenes.technologies.limits import ALL, Verdict, judged
 from scenes.technologies.runs import Bench, Trial
-from worm3d.actuators import TECHNOLOGIES
+from worm3d.physics.actuator_names import TECHNOLOGIES
 
 RIGHT = ["run.dt_s=0.02"]
 

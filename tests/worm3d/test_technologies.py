@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Command, Held, Plane, Status, Worm, simulate
-from worm3d.actuators import ACTUATORS, TECHNOLOGIES, Technology
+from worm3d.physics.actuator_names import ACTUATORS, TECHNOLOGIES, Technology
 from worm3d.physics.kernels import actuator
 from worm3d.physics.technologies.presets import TABLE
 from worm3d.plant import kernels

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from worm3d.actuators import Technology
+from worm3d.physics.actuator_names import Technology
 from worm3d.physics.actuators import KNOWN
 from worm3d.values.parameters import parameters_of
 

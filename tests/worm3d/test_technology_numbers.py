@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Command, Held, Plane, Status, Worm, simulate
-from worm3d.actuators import ACTUATORS, TECHNOLOGIES, Actuator, Pneumatic, Technology
+from worm3d.physics.actuator_names import ACTUATORS, TECHNOLOGIES, Actuator, Pneumatic, Technology
 from worm3d.physics.technologies.law import THICKNESS_POWER
 from worm3d.physics.technologies.presets import ROOM_PRESSURE, TABLE, bending, compressed_air
 

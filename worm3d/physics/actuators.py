@@ -11,7 +11,7 @@ solves p_{n+1} = p_n + dt f(p_{n+1}, length) for p_{n+1}(length) and integrates 
 the minimum of one potential. `Pneumatic` is an example to start from.
 
 An actuator is found by its name once its module has been imported: a class in a module of its own has to be imported
-once, as `worm3d/actuators.py` does with `Pneumatic`.
+once, as `worm3d/physics/actuator_names.py` does with `Pneumatic`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter, parameters_of
 
 if TYPE_CHECKING:
-    from worm3d.worm import Worm
+    from worm3d.physics.worm import Worm
 
 KNOWN = (*COMMANDS, "dt", "span", "length", "length_n", "l0", "link", "k")
 """Names of what `Actuator.respond` finds beside parameters and states."""

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from worm3d.physics.friction_laws import Coulomb, law_of
+from worm3d.physics.worm import Worm
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.read_only import ReadOnly
-from worm3d.worm import Worm
 
 Numbers = float | FloatArray
 

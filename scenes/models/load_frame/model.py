@@ -25,10 +25,10 @@ from scenes.models.load_frame.schema import NO_FILE, Frame, LoadFrameScene, Worm
 from scenes.models.worm.schema import Hysteresis
 from scenes.records import measured
 from worm3d.physics.hysteresis import HYSTERESES
+from worm3d.physics.worm import Worm as PlantWorm
 from worm3d.solver import segment_law
 from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import Variable
-from worm3d.worm import Worm as PlantWorm
 
 KEYS = keys_by_parameter(PlantWorm, Worm)
 """Key of each parameter of the segment in the section [worm]."""

@@ -8,7 +8,7 @@ from scenes.language.parts import PartSection, keys_of
 from scenes.language.schema import Section, quantity, setting
 from scenes.models.sections import BODY_BOUNDS, Settings
 from scenes.models.worm.schema import Hysteresis
-from worm3d.worm import Worm as PlantWorm
+from worm3d.physics.worm import Worm as PlantWorm
 
 NO_FILE = "none"
 

@@ -35,7 +35,7 @@ from scenes.models.worm.schema import (
 from worm3d import run as runs
 from worm3d.accuracy.runs import begin
 from worm3d.actuation import Actuation, Sensor
-from worm3d.actuators import ACTUATORS
+from worm3d.physics.actuator_names import ACTUATORS
 from worm3d.physics.friction_laws import LAWS
 from worm3d.physics.hysteresis import HYSTERESES
 from worm3d.physics.media import MEDIA

@@ -12,12 +12,12 @@ from scenes.models.sections import BODY_BOUNDS, Run, Settings, gait_keys, planar
 from scenes.models.sensors import channel_keys
 from scenes.models.switched import switched_keys
 from scenes.models.worlds.schema import World
-from worm3d.actuators import ACTUATORS
+from worm3d.physics.actuator_names import ACTUATORS
 from worm3d.physics.friction import Friction as PlantFriction
 from worm3d.physics.friction_laws import LAWS
 from worm3d.physics.hysteresis import HYSTERESES
 from worm3d.physics.media import MEDIA
-from worm3d.worm import Worm as PlantWorm
+from worm3d.physics.worm import Worm as PlantWorm
 
 
 class Actuator(PartSection, keys=keys_of(ACTUATORS, by="kind", title="what drives the chambers", own_defaults=True)):

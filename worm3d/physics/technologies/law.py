@@ -67,7 +67,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
 if TYPE_CHECKING:
-    from worm3d.worm import Worm
+    from worm3d.physics.worm import Worm
 
 MOST_STROKE = 0.9
 """Largest free stroke, as a fraction of the chamber's rest length."""

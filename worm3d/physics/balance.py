@@ -22,9 +22,9 @@ import numpy as np
 from worm3d.physics.actuators import KNOWN, Actuator
 from worm3d.physics.kernels import losses
 from worm3d.physics.kernels.layout import once
+from worm3d.physics.worm import Worm
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import parameters_of
-from worm3d.worm import Worm
 
 MOTION_TIME, MOTION_STEPS = 1.0, 100
 """Time of the motion [s], a usual period of a gait, and number of its steps, which are then halved."""
