@@ -15,9 +15,9 @@ from worm3d.physics.worm import Worm
 from worm3d.places import Places
 from worm3d.plant import ROUNDING
 from worm3d.problem import Force, Held, Integrator, Problem
+from worm3d.recorded.state import State, StateError
 from worm3d.result import Result
 from worm3d.start import LimitPointError
-from worm3d.state import State, StateError
 from worm3d.values import arguments
 from worm3d.values.spelling import spelled
 from worm3d.worlds import World

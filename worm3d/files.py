@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.energy import Energy
 from worm3d.physics.kernels import GREATEST_CONTRACTION
 from worm3d.physics.worm import Worm
-from worm3d.series import Recorded, Steps, series_of, states_of
-from worm3d.state import State
-from worm3d.status import Status, Stop
+from worm3d.recorded.energy import Energy
+from worm3d.recorded.series import Recorded, Steps, series_of, states_of
+from worm3d.recorded.state import State
+from worm3d.recorded.status import Status, Stop
 from worm3d.values import arguments, netcdf
 from worm3d.values.netcdf import Content, FileError
 from worm3d.values.spelling import did_you_mean

@@ -16,8 +16,8 @@ import numpy as np
 
 from worm3d import pictures
 from worm3d.pictures import FPS
+from worm3d.recorded.status import Status
 from worm3d.run import Observer, Run
-from worm3d.status import Status
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import Spelled

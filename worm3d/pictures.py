@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from worm3d.physics.worm import Worm
-from worm3d.series import Recorded
+from worm3d.recorded.series import Recorded
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import spelled

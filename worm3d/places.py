@@ -10,8 +10,8 @@ from threading import Lock
 from typing import Generic, TypeVar
 
 from worm3d.problem import Problem
+from worm3d.recorded.state import State
 from worm3d.start import Placed, Rested, place, settle
-from worm3d.state import State
 from worm3d.worlds import World
 
 T = TypeVar("T")

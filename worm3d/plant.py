@@ -22,6 +22,8 @@ from worm3d.physics.kernels import GREATEST_CONTRACTION, actuator, joint, medium
 from worm3d.physics.kernels.layout import Layout, once
 from worm3d.physics.media import Medium
 from worm3d.physics.worm import Worm
+from worm3d.recorded.state import State, StateError
+from worm3d.recorded.status import Status
 from worm3d.solver import arrays
 from worm3d.solver.arrays import BLOCK, POINTS, CoreMemory, Sizes
 from worm3d.solver.evaluate import DIRECTOR, TANGENT, evaluate_entry
@@ -29,8 +31,6 @@ from worm3d.solver.guard import SIDES, refused
 from worm3d.solver.newton import solve_entry
 from worm3d.solver.pose import put_entry
 from worm3d.solver.step import step_entry
-from worm3d.state import State, StateError
-from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World, WorldKernel
 from worm3d.worlds.plane import Plane

@@ -9,16 +9,16 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from worm3d import metrics
-from worm3d.accuracy.estimate import ErrorEstimate
-from worm3d.energy import Energy
 from worm3d.measures import MEASURES, Metric
 from worm3d.measures.posture import Rolled, on_its_side
 from worm3d.measures.waves import Waves
 from worm3d.measures.way import distance
 from worm3d.physics.worm import Worm
-from worm3d.series import Recorded, Steps, documented, variables_of
-from worm3d.state import State
-from worm3d.status import Status, Stop
+from worm3d.recorded.energy import Energy
+from worm3d.recorded.estimate import ErrorEstimate
+from worm3d.recorded.series import Recorded, Steps, documented, variables_of
+from worm3d.recorded.state import State
+from worm3d.recorded.status import Status, Stop
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import brief, listed
 from worm3d.values.spelling import spelled

@@ -13,19 +13,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from worm3d.actuation import Commands, Driver
-from worm3d.energy import Energy
 from worm3d.plant import HISTORIES
 from worm3d.problem import Problem
+from worm3d.recorded.energy import Energy
+from worm3d.recorded.series import COUNTERS, Recorded
+from worm3d.recorded.state import State
+from worm3d.recorded.status import Status, Stop
 from worm3d.result import Result
-from worm3d.series import COUNTERS, Recorded
 from worm3d.solver.actuate import ask
 from worm3d.solver.advance import LAST, NEXT, SHORTEST, SINCE, SOLVES, advance, worst_residual
 from worm3d.solver.arrays import ALLOWED, TOLERANCE
 from worm3d.solver.guard import NO_CONVERGENCE, OK
 from worm3d.solver.records import Records, gather, record
 from worm3d.start import GUARDED, Placed, place
-from worm3d.state import State
-from worm3d.status import Status, Stop
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.named import EXCEPTIONS

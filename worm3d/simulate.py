@@ -14,9 +14,9 @@ from worm3d.physics.worm import Worm
 from worm3d.places import place_kept
 from worm3d.plant import ROUNDING
 from worm3d.problem import Force, Held, Integrator, Problem
+from worm3d.recorded.state import State
 from worm3d.result import Result
 from worm3d.run import Observer, Run
-from worm3d.state import State
 from worm3d.values import arguments
 from worm3d.values.spelling import spelled
 from worm3d.view import View

@@ -14,11 +14,11 @@ from worm3d.physics.friction import RESTING_PENETRATION, Friction
 from worm3d.physics.worm import Worm
 from worm3d.plant import DEEPEST, Plant
 from worm3d.problem import Problem
+from worm3d.recorded.state import State, StateError
+from worm3d.recorded.status import Status
 from worm3d.solver.arrays import POINTS
 from worm3d.solver.guard import OK
 from worm3d.solver.pose import settle as settle_core
-from worm3d.state import State, StateError
-from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World
 

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from worm3d.physics.hysteresis import chamber_states
-from worm3d.series import Recorded, heading, series_of
-from worm3d.status import Status
+from worm3d.recorded.series import Recorded, heading, series_of
+from worm3d.recorded.status import Status
 from worm3d.values.arrays import FloatArray
 from worm3d.values.documented import with_fields
 from worm3d.values.read_only import read_only
 
 if TYPE_CHECKING:
     from worm3d.plant import Plant
+    from worm3d.recorded.state import State
     from worm3d.result import Result
     from worm3d.run import Run
-    from worm3d.state import State
 
 
 @with_fields

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenes.language.errors import SceneError
-from worm3d.series import Recorded, series_of
+from worm3d.recorded.series import Recorded, series_of
 from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import AXES, Variable
 

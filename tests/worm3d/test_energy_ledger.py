@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 
 from control.gaits import TravellingWave
 from worm3d import ClampedGround, Command, Friction, Held, Patch, Plane, Result, State, Status, Worm, simulate
-from worm3d.energy import INCOMING, LOST, STORED, TERMS, Energy
 from worm3d.physics.friction import ContactConstants
+from worm3d.recorded.energy import INCOMING, LOST, STORED, TERMS, Energy
 
 INTEGRATORS = ("implicit_euler", "bdf2")
 N = 6

@@ -13,7 +13,7 @@ from numpy.testing import assert_array_equal
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Centreline, Command, Friction, Heightfield, Pipe, Plane, Worm
-from worm3d.series import Recorded, Steps, series_of
+from worm3d.recorded.series import Recorded, Steps, series_of
 from worm3d.values import netcdf
 from worm3d.values.netcdf import FileError
 

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Friction, Heightfield, Plane, State, Status, Worm
-from worm3d.energy import INCOMING, LOST, STORED
+from worm3d.recorded.energy import INCOMING, LOST, STORED
 from worm3d.worlds.kernels import looked_up
 
 RUBBLE = Heightfield.rubble(3.0, 1.5, 0.02, height=0.04, size=0.12, seed=1)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Friction, Mesh, Plane, State, Status, Worm
-from worm3d.energy import INCOMING, LOST, STORED
+from worm3d.recorded.energy import INCOMING, LOST, STORED
 from worm3d.worlds import mesh as module
 from worm3d.worlds.kernels import looked_up
 

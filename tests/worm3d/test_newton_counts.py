@@ -5,7 +5,7 @@ import pytest
 
 from control.gaits import TravellingWave
 from worm3d import Bend, Centreline, Friction, Pipe, Plane, Result, Straight, Worm, simulate
-from worm3d.status import Status
+from worm3d.recorded.status import Status
 from worm3d.worlds import World
 
 ALONG = np.linspace(0.0, 1.0, 7)

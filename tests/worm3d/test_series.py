@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Plane, State, Worm
-from worm3d.series import Recorded, Steps, series_of
+from worm3d.recorded.series import Recorded, Steps, series_of
 
 RUN = worm3d.simulate(Worm(), Plane(), actuation=TravellingWave(amplitude=0.3, bias=0.5), duration=0.5, record_every=5)
 

@@ -10,6 +10,7 @@ from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import njit
 from worm3d.physics.kernels import point
 from worm3d.plant import Plant
+from worm3d.recorded.state import State
 from worm3d.solver import arrays
 from worm3d.solver.advance import OK, advance
 from worm3d.solver.arrays import BLOCK, Core
@@ -17,7 +18,6 @@ from worm3d.solver.evaluate import EXACT, LOAD, LOCAL, NONE, WHOLE, evaluate
 from worm3d.solver.newton import _newton_step
 from worm3d.solver.records import Records
 from worm3d.solver.regimes import EXCESS, evaluate_yielding
-from worm3d.state import State
 
 DT = 0.01
 """[s]"""

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from control.gaits import TravellingWave
 from worm3d import Actuator, Command, FirstOrder, Plane, Pneumatic, Result, State, Status, Worm, simulate
-from worm3d.energy import INCOMING, LOST, STORED
+from worm3d.recorded.energy import INCOMING, LOST, STORED
 from worm3d.run import HALVINGS, NEVER
 from worm3d.solver.guard import NO_CONVERGENCE, OK
 

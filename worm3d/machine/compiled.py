@@ -18,7 +18,7 @@ from worm3d.machine.later import later
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-COMPILED = {"worm3d": ("machine", "physics", "solver", "worlds", "energy.py"), "planar": (".",)}
+COMPILED = {"worm3d": ("machine", "physics", "solver", "worlds", "recorded/energy.py"), "planar": (".",)}
 """Folders and files, by package, of the modules that a compiled function of the package is made of."""
 
 OPTIMISATION = 1

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from worm3d.accuracy.estimate import ROUGH, ErrorEstimate, rough
-from worm3d.energy import TERMS, Energy
 from worm3d.measures.table import NoValueError, measure
 from worm3d.measures.way import NO_HEADING, NO_PERIOD, NO_WAY, SHORT_RUN, along_the_ground, averaged, path_length, way
+from worm3d.recorded.energy import TERMS, Energy
+from worm3d.recorded.estimate import ROUGH, ErrorEstimate, rough
 
 if TYPE_CHECKING:
     from worm3d.result import Result

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from worm3d.series import heading
+from worm3d.recorded.series import heading
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:

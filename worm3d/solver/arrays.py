@@ -18,8 +18,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d import series
-from worm3d.energy import TERMS
 from worm3d.machine import vectors
 from worm3d.machine.banded import WIDTH, B
 from worm3d.physics.actuators import Actuator
@@ -27,6 +25,8 @@ from worm3d.physics.hysteresis import Hysteresis, chamber_states
 from worm3d.physics.kernels import COMMANDS, actuator, joint, medium, node, point, regime, segment
 from worm3d.physics.kernels.layout import Layout
 from worm3d.physics.media import Medium
+from worm3d.recorded import series
+from worm3d.recorded.energy import TERMS
 from worm3d.solver.block import Block, Memory, Plan
 from worm3d.values.arrays import FloatArray
 

@@ -7,12 +7,12 @@ import numpy as np
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import joint, point, segment
+from worm3d.recorded.status import Status
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import matrix, rows, total, vector
 from worm3d.solver.entry import kernel
 from worm3d.solver.evaluate import LENGTHS, TANGENT
-from worm3d.status import Status
 from worm3d.values.arrays import FloatArray
 
 Arrays = dict[str, FloatArray]

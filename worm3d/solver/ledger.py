@@ -33,11 +33,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.energy import TERMS
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import actuator, joint, node, point, segment
+from worm3d.recorded.energy import TERMS
 from worm3d.solver import arrays as a
 from worm3d.solver import regimes
 from worm3d.solver.arrays import BLOCK, Core

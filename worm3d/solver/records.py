@@ -1,7 +1,8 @@
 """What is kept of a run: a row for every recorded instant.
 
-Which arrays of a core a row is gathered from follows from the declarations in `worm3d.series`: Python makes a plan of
-them, and compiled code follows it. An entry of the plan is a block of numbers, i < count_i, j < count_j, k < count_k:
+Which arrays of a core a row is gathered from follows from the declarations in `worm3d.recorded.series`: Python makes a
+plan of them, and compiled code follows it. An entry of the plan is a block of numbers, i < count_i, j < count_j,
+k < count_k:
 
     row[(i count_j + j) count_k + k] = source[i step_i + j step_j + k step_k]
 """
@@ -16,13 +17,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.energy import TERMS
 from worm3d.machine import vectors
 from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.machine.later import carray
 from worm3d.machine.vectors import doubles_at
-from worm3d.series import Entries, Points, Recorded, Rows, Series, Source, series_of, states_of_parts
+from worm3d.recorded.energy import TERMS
+from worm3d.recorded.series import Entries, Points, Recorded, Rows, Series, Source, series_of, states_of_parts
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import POINTS, Core
 from worm3d.solver.block import Block, Memory, Plan, address, fill, integers, matrix, vector

@@ -14,7 +14,7 @@ from control.sensing.gate import Gate
 from control.sensing.sensors import QUANTITIES
 from control.supervisor import MOST_SHIFTED
 from scenes.records.record import Cell
-from worm3d.accuracy.estimate import ROUGH, rough
+from worm3d.recorded.estimate import ROUGH, rough
 
 Row = dict[str, Cell]
 """`time_s` [s], when it was found, `kind`, `what` and `advice`."""

@@ -15,7 +15,7 @@ from scenes.models.worm.body_figure import body
 from scenes.models.worm.overview import in_its_frame
 from scenes.models.worm.view import scene_of
 from scenes.records.record import Record
-from worm3d.energy import INCOMING, LOST, STORED
+from worm3d.recorded.energy import INCOMING, LOST, STORED
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""A run of the 3D worm as a record from which it can go on: what is kept is declared in `worm3d.series`."""
+"""A run of the 3D worm as a record from which it can go on: what is kept is declared in `worm3d.recorded.series`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 import worm3d
 from scenes.records.record import Record
 from worm3d.files import FIELD, STATE, restored
-from worm3d.series import Recorded, Steps, series_of, states_of
+from worm3d.recorded.series import Recorded, Steps, series_of, states_of
 from worm3d.values.arrays import FloatArray
 
 STORED = {name: series for name, series in (series_of(Recorded) | series_of(Steps)).items() if not series.derived}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from worm3d.state import State
+from worm3d.recorded.state import State
 from worm3d.values import arguments
 from worm3d.values.documented import with_fields
 

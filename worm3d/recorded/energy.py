@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from worm3d.series import derived, documented, recorded
+from worm3d.recorded.series import derived, documented, recorded
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 
