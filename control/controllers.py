@@ -1,7 +1,7 @@
 """Controllers and their parts by name, as scenes choose them: those that ship, and a user's own as `module:Class`.
 
 A controller of your own is a class, marked as one (`control.parts`), with the class method `of`, which takes what
-`control.loop.WaveController.of` takes, and returns an object with the methods of `worm3d.actuation.Controller`:
+`control.loop.WaveController.of` takes, and returns an object with the methods of `worm3d.Controller`:
 `reset()` and `step(t, measurement)`, which returns a `worm3d.Command`. If it is a `control.loop.WaveController`, runs
 also record its decisions and estimates. What ships has a row in `CONTROLLERS`, `ESTIMATORS` or `MODELS`.
 """

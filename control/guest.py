@@ -24,7 +24,7 @@ from control.planning.feed_forward import FeedForward
 from control.sensing.sensors import Channel, Measurement
 from control.tracking.references import Reference
 from worm3d import Command, Worm
-from worm3d.actuation import Controller
+from worm3d.running.actuation import Controller
 from worm3d.values.named import EXCEPTIONS
 
 RAISED = "exception"

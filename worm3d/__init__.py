@@ -2,7 +2,7 @@
 
     result = worm3d.simulate(worm, world, ground, actuation=gait, duration=10.0)
 
-Start reading at `worm3d/simulate.py`, then `worm3d/solver/step.py`, and the formulas in
+Start reading at `worm3d/running/simulate.py`, then `worm3d/solver/step.py`, and the formulas in
 `worm3d/physics/elements.py` and `worm3d/physics/contact.py`; the letters are listed in NOTATION.md.
 
 The public names and their modules are listed once, in `__init__.pyi`, where editors and type checkers find them too
@@ -11,9 +11,7 @@ compiler.
 """
 
 import importlib
-import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 _LINES = [line.partition("  #")[0].split() for line in Path(__file__).with_suffix(".pyi").read_text().splitlines()]
@@ -49,14 +47,3 @@ def _worlds() -> list[str]:
 
 def __dir__() -> list[str]:
     return sorted({*__getattr__("__all__"), *(name for name in globals() if name.startswith("__"))})
-
-
-class _Package(ModuleType):
-    """Keeps `worm3d.simulate` the function: importing the module of that name does not put it in its place."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if not (name == "simulate" and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package

@@ -1,9 +1,5 @@
 from scenes.fit import fit as fit
 from scenes.sweep.dataset import sweep as sweep
-from worm3d.actuation import Command as Command
-from worm3d.actuation import Commands as Commands
-from worm3d.batch import simulate_batch as simulate_batch
-from worm3d.live import Live as Live
 from worm3d.physics.actuator_names import ACTUATORS as ACTUATORS
 from worm3d.physics.actuators import Actuator as Actuator
 from worm3d.physics.actuators import FirstOrder as FirstOrder
@@ -20,8 +16,6 @@ from worm3d.physics.pneumatic import Pneumatic as Pneumatic
 from worm3d.physics.worm import Worm as Worm
 from worm3d.pictures import draw as draw
 from worm3d.pictures import show as show
-from worm3d.problem import Held as Held
-from worm3d.problem import Problem as Problem
 from worm3d.recorded.energy import Energy as Energy
 from worm3d.recorded.estimate import ErrorEstimate as ErrorEstimate
 from worm3d.recorded.estimate import Spread as Spread
@@ -32,10 +26,18 @@ from worm3d.recorded.status import Status as Status
 from worm3d.recorded.status import Stop as Stop
 from worm3d.result import Result as Result
 from worm3d.result import load as load
-from worm3d.simulate import simulate as simulate
-from worm3d.solver.segment_law import stretch_segment as stretch_segment
-from worm3d.start import LimitPointError as LimitPointError
-from worm3d.start import flattening_weight as flattening_weight
-from worm3d.view import Observation as Observation
-from worm3d.view import View as View
+from worm3d.running.actuation import Command as Command
+from worm3d.running.actuation import Commands as Commands
+from worm3d.running.actuation import Controller as Controller
+from worm3d.running.batch import simulate_batch as simulate_batch
+from worm3d.running.live import Live as Live
+from worm3d.running.problem import Held as Held
+from worm3d.running.problem import Problem as Problem
+from worm3d.running.recovery import recovery as recovery
+from worm3d.running.segment_law import stretch_segment as stretch_segment
+from worm3d.running.simulate import simulate as simulate
+from worm3d.running.start import LimitPointError as LimitPointError
+from worm3d.running.start import flattening_weight as flattening_weight
+from worm3d.running.view import Observation as Observation
+from worm3d.running.view import View as View
 from worm3d.worlds import *  # noqa: F403

@@ -17,8 +17,8 @@ from scenes.bench.plant_measures import DT, crawl, us_per_step
 from worm3d import Friction, Result
 from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import njit
-from worm3d.plant import Plant
-from worm3d.problem import held_mask
+from worm3d.running.plant import Plant
+from worm3d.running.problem import held_mask
 from worm3d.solver import arrays as a
 from worm3d.solver import fronts, ledger, regimes
 from worm3d.solver.actuate import actuate

@@ -34,7 +34,7 @@ from scenes.models.control.build import identified_of, reference_of, sensors_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.worm.build import problem_of, worm_of
 from worm3d.recorded.status import Status
-from worm3d.run import Run
+from worm3d.running.run import Run
 from worm3d.values.arrays import FloatArray
 
 NEAR, CLOSE = 0.01, 0.05

@@ -29,10 +29,10 @@ from scenes.bench.calibration import calibrate
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import problem_of
 from worm3d import Result, Status
-from worm3d.accuracy import runs
-from worm3d.actuation import Command, Commands
-from worm3d.problem import Problem
-from worm3d.run import Run
+from worm3d.running import accuracy as runs
+from worm3d.running.actuation import Command, Commands
+from worm3d.running.problem import Problem
+from worm3d.running.run import Run
 
 ACCURACY, SECONDS, PHASES = 0.01, 10.0, (1.0 / 6.0, 1.0 / 2.0, 5.0 / 6.0)
 FINE, FINER = 5e-5, 120.0

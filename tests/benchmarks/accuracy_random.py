@@ -20,8 +20,8 @@ from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import problem_of
 from worm3d import Result
-from worm3d.accuracy import runs
-from worm3d.problem import Problem
+from worm3d.running import accuracy as runs
+from worm3d.running.problem import Problem
 
 FINER = 64.0
 """Error allowed in a step of the run that is asked for, over that of the truth."""

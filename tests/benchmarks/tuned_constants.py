@@ -125,8 +125,8 @@ def _set(home: ModuleType, name: str, value: float) -> None:
     if name in PLACES:
         VALUES[PLACES[name]] = value
         return
-    from worm3d import plant
     from worm3d.physics.kernels import point
+    from worm3d.running import plant
 
     for made in (plant._kernel, point.contact_of, point._force):
         made.cache_clear()  # type: ignore[attr-defined]

@@ -147,5 +147,5 @@ def test_a_sensor_without_the_channel_ends_the_run_with_a_sentence() -> None:
 def test_feedback_is_a_controller_that_gives_the_command_of_a_start() -> None:
     bound = SENSING.bind(WORM)
     assert isinstance(bound, Feedback)
-    assert isinstance(bound, worm3d.actuation.Controller)
+    assert isinstance(bound, worm3d.Controller)
     assert_allclose(bound(0.0).contraction, TravellingWave().bind(WORM)(0.0).contraction, atol=1e-14)

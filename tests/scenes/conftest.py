@@ -14,7 +14,7 @@ from scenes.commands.cli import main
 from scenes.models.loading import load_scene
 from scenes.records.record import Record
 from scenes.running.runner import simulate
-from worm3d.plant import entries
+from worm3d.running.plant import entries
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 

@@ -10,7 +10,7 @@ from worm3d.physics.actuators import FirstOrder
 from worm3d.physics.friction_laws import Coulomb, FrictionLaw
 from worm3d.physics.kernels import actuator, joint, node, point, segment
 from worm3d.physics.kernels.layout import Layout
-from worm3d.plant import kernels
+from worm3d.running.plant import kernels
 from worm3d.solver.regimes import PREDICTED_FRICTION, SWING
 
 COUNT = 40

@@ -12,10 +12,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from control.gaits import TravellingWave
 from tests.worm3d.test_free_flight import fly, tumbling, uneven_worm, writhing
 from worm3d import Command, Plane, Result, Spread, State, Status, Worm, load, scattered, simulate, simulate_batch
-from worm3d.accuracy import runs
 from worm3d.physics.kernels.inertia import weights
-from worm3d.problem import Problem
-from worm3d.run import Run
+from worm3d.running import accuracy as runs
+from worm3d.running.problem import Problem
+from worm3d.running.run import Run
 from worm3d.solver.advance import LAST, NEXT, advance
 
 

@@ -10,7 +10,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import worm3d
-from worm3d import Actuator, FirstOrder, Response, Worm, balance
+from worm3d import Actuator, FirstOrder, Response, Worm
+from worm3d.physics import balance
 from worm3d.physics.actuators import ACTUATORS
 from worm3d.physics.pneumatic import Pneumatic
 from worm3d.physics.technologies.presets import TECHNOLOGIES

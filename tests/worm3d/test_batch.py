@@ -7,8 +7,8 @@ import pytest
 
 from control.gaits import TravellingWave
 from worm3d import Command, Friction, LimitPointError, Plane, State, Status, Worm, simulate, simulate_batch
-from worm3d import places as places_of_batch
-from worm3d.start import place
+from worm3d.running import places as places_of_batch
+from worm3d.running.start import place
 
 WORMS = [Worm(), Worm(segments=8), Worm(mass=0.15)]
 GAITS = [TravellingWave(), TravellingWave(amplitude=0.3, bias=0.3), TravellingWave(period=1.0)]

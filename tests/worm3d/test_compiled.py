@@ -8,7 +8,7 @@ import pytest
 from worm3d.machine.compiled import COMPILED
 
 ROOT = Path(__file__).parents[2]
-NOT_COMPILED = ("worm3d/values/", "worm3d/recorded/status.py", "worm3d/recorded/series.py", "worm3d/plant.py")
+NOT_COMPILED = ("worm3d/values/", "worm3d/recorded/status.py", "worm3d/recorded/series.py", "worm3d/running/plant.py")
 """What modules beside compiled functions import, and no compiled function depends on."""
 
 

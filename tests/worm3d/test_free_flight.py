@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from worm3d import Command, Friction, Held, Result, State, Status, Worm, simulate
 from worm3d.physics.kernels import segment
-from worm3d.plant import Plant
+from worm3d.running.plant import Plant
 
 N = 4
 PLACES = (np.arange(N) + 0.5) / N

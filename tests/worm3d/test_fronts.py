@@ -8,8 +8,8 @@ from control.gaits import TravellingWave
 from worm3d import Friction, Plane, Worm, simulate
 from worm3d.machine.compiled import njit
 from worm3d.physics.kernels import point
-from worm3d.plant import Plant
-from worm3d.problem import held_mask
+from worm3d.running.plant import Plant
+from worm3d.running.problem import held_mask
 from worm3d.solver import arrays, fronts, regimes
 from worm3d.solver.arrays import Core
 from worm3d.solver.fronts import ETA

@@ -15,7 +15,7 @@ import worm3d
 from control.gaits import TravellingWave
 from worm3d import Command, FirstOrder, Hysteresis, Jenkins, Plane, Pneumatic, Status, Worm
 from worm3d.physics.kernels import actuator
-from worm3d.plant import kernels
+from worm3d.running.plant import kernels
 from worm3d.values.parameters import parameter
 
 LAYOUT = actuator.chambers(FirstOrder, Jenkins)

@@ -23,7 +23,7 @@ from numpy.testing import assert_allclose
 from worm3d import Plane
 from worm3d.machine.codegen import compile_kernel
 from worm3d.physics.kernels import actuator, joint, node, point, regime, segment
-from worm3d.plant import kernels
+from worm3d.running.plant import kernels
 
 FUNCTIONS: tuple[Callable[[], ca.Function], ...] = (
     segment.shape,

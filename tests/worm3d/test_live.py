@@ -11,7 +11,7 @@ from numpy.testing import assert_array_equal
 
 import worm3d
 from control import gaits
-from worm3d import live as module
+from worm3d.running import live as module
 from worm3d.viewer import Frames
 
 

@@ -8,9 +8,10 @@ from numpy.testing import assert_array_equal
 
 import worm3d
 from control.gaits import TravellingWave
-from worm3d import Friction, Plane, State, StateError, Worm, places
-from worm3d.problem import Problem
-from worm3d.start import place
+from worm3d import Friction, Plane, State, StateError, Worm
+from worm3d.running import places
+from worm3d.running.problem import Problem
+from worm3d.running.start import place
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from control.gaits import TravellingWave
 from scenes.language.errors import SceneError
 from worm3d import Command, Held, Plane, Pneumatic, Status, Worm, simulate
 from worm3d.physics.kernels import actuator
-from worm3d.plant import kernels
+from worm3d.running.plant import kernels
 
 RT = 287.05 * 293.15
 """Gas constant times temperature of the default air [J/kg]."""

@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 import worm3d
 from control.gaits import ContractionEngine_segmentdriven, TravellingWave
 from worm3d import ClampedGround, Command, Friction, Pipe, Plane, State, Status, Worm
-from worm3d import run as run_module
-from worm3d.problem import Problem
 from worm3d.result import Energy
+from worm3d.running import run as run_module
+from worm3d.running.problem import Problem
 
 BOTH = pytest.mark.parametrize("integrator", ["bdf2", "implicit_euler"])
 TURNING = TravellingWave(amplitude=0.3, bias=0.3, hinge=0.5, force=0.1)

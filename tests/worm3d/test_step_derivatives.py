@@ -9,8 +9,8 @@ from worm3d import Friction, Plane, Worm
 from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import njit
 from worm3d.physics.kernels import point
-from worm3d.plant import Plant
 from worm3d.recorded.state import State
+from worm3d.running.plant import Plant
 from worm3d.solver import arrays
 from worm3d.solver.advance import OK, advance
 from worm3d.solver.arrays import BLOCK, Core

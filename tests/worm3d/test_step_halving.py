@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from control.gaits import TravellingWave
 from worm3d import Actuator, Command, FirstOrder, Plane, Pneumatic, Result, State, Status, Worm, simulate
 from worm3d.recorded.energy import INCOMING, LOST, STORED
-from worm3d.run import HALVINGS, NEVER
+from worm3d.running.run import HALVINGS, NEVER
 from worm3d.solver.guard import NO_CONVERGENCE, OK
 
 N = 6
@@ -21,7 +21,7 @@ Deny = Callable[[set[int], float], None]
 @pytest.fixture
 def deny(monkeypatch: pytest.MonkeyPatch) -> Deny:
     """Return a function that lets the given steps fail until their parts are no longer than some time."""
-    module = sys.modules["worm3d.run"]
+    module = sys.modules["worm3d.running.run"]
     real = module.advance
 
     def install(steps: set[int], longest: float) -> None:

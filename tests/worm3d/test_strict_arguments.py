@@ -28,7 +28,7 @@ from scenes.models.loading import parse_scene
 from scenes.models.worm.build import problem_of
 from scenes.models.worm.schema import WormScene
 from worm3d import ClampedGround, Command, Plane, State, Worm
-from worm3d.run import Run
+from worm3d.running.run import Run
 
 REFUSED = [
     ("run.dt_s=0.5",),

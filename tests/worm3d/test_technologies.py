@@ -14,7 +14,7 @@ from worm3d import Command, Held, Plane, Status, Worm, simulate
 from worm3d.physics.actuator_names import ACTUATORS, TECHNOLOGIES, Technology
 from worm3d.physics.kernels import actuator
 from worm3d.physics.technologies.presets import TABLE
-from worm3d.plant import kernels
+from worm3d.running.plant import kernels
 from worm3d.values.parameters import parameters_of
 
 AT_ONCE: dict[str, Any] = {"rise": 0.0, "fall": 0.0}

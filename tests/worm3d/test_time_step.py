@@ -4,7 +4,7 @@ import pytest
 
 from control.gaits import TravellingWave
 from worm3d import Plane, Status, Worm, simulate
-from worm3d.problem import Integrator
+from worm3d.running.problem import Integrator
 
 WORMS = {"default": Worm(), "lightly damped": Worm(kelvin_voigt_time=0.01), "20 segments": Worm(segments=20)}
 

@@ -10,7 +10,7 @@ import worm3d
 from control.gaits import TravellingWave
 from worm3d import Plane, Status, Worm
 from worm3d.recorded.series import Recorded, series_of
-from worm3d.view import SEEN
+from worm3d.running.view import SEEN
 
 GIVEN: dict[str, Any] = {"actuation": TravellingWave(amplitude=0.3, bias=0.3, hinge=0.5), "duration": 0.5}
 

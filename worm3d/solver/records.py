@@ -31,7 +31,7 @@ from worm3d.solver.entry import kernel
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from worm3d.plant import Plant
+    from worm3d.running.plant import Plant
 
 STATE = "actuator_"
 """Prefix of the names of the actuators' states."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from control.loop import Decision
     from control.tracking.paths import Path
     from control.tracking.references import Reference
-    from worm3d.live import Horizon
+    from worm3d.running.live import Horizon
 
 
 ABOVE = 0.004

@@ -26,7 +26,7 @@ from scenes.models.worm.schema import Hysteresis
 from scenes.records import measured
 from worm3d.physics.hysteresis import HYSTERESES
 from worm3d.physics.worm import Worm as PlantWorm
-from worm3d.solver import segment_law
+from worm3d.running import segment_law
 from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import Variable
 

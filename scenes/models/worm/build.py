@@ -32,14 +32,14 @@ from scenes.models.worm.schema import (
     Start,
     Worm,
 )
-from worm3d import run as runs
-from worm3d.accuracy.runs import begin
-from worm3d.actuation import Actuation, Sensor
 from worm3d.physics.actuator_names import ACTUATORS
 from worm3d.physics.friction_laws import LAWS
 from worm3d.physics.hysteresis import HYSTERESES
 from worm3d.physics.media import MEDIA
-from worm3d.problem import Problem
+from worm3d.running import run as runs
+from worm3d.running.accuracy import begin
+from worm3d.running.actuation import Actuation, Sensor
+from worm3d.running.problem import Problem
 
 KEYS, PLANAR_KEYS = keys_by_parameter(worm3d.Worm, Worm), keys_by_parameter(Linkage, PlanarWorm)
 """Key of each parameter of `worm3d.Worm`, and of `worm3d.Worm.planar`, in the section [worm]."""

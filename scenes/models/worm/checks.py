@@ -34,8 +34,8 @@ from scenes.models.worm.schema import (
     WormGait,
     WormScene,
 )
-from worm3d import start
 from worm3d.recorded.state import StateError
+from worm3d.running import start
 from worm3d.values.arguments import bytes_of_run
 
 STARTS_WITH = ("worm", "world", "start", "run")

@@ -9,9 +9,9 @@ from concurrent.futures import Future
 from threading import Lock
 from typing import Generic, TypeVar
 
-from worm3d.problem import Problem
 from worm3d.recorded.state import State
-from worm3d.start import Placed, Rested, place, settle
+from worm3d.running.problem import Problem
+from worm3d.running.start import Placed, Rested, place, settle
 from worm3d.worlds import World
 
 T = TypeVar("T")
@@ -50,7 +50,7 @@ class Places:
         self._placed, self._rested = _Once[Placed](most), _Once[Rested](most)
 
     def place(self, problem: Problem) -> Placed:
-        """Return what `worm3d.start.place` returns."""
+        """Return what `worm3d.running.start.place` returns."""
         key = self._key(problem, problem.settle_first, problem.friction, problem.state)
         placed = self._placed(key, lambda: place(problem, self._settle))
         own = placed.plant.copy()
@@ -85,7 +85,7 @@ _kept = Places(KEPT)
 
 
 def place_kept(problem: Problem) -> Placed:
-    """Return what `worm3d.start.place` returns, a copy where an equal worm was put on this world before.
+    """Return what `worm3d.running.start.place` returns, a copy where an equal worm was put on this world before.
 
     Worlds of one's own, which may change, and states that go on are put there anew.
     """

@@ -7,23 +7,23 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from worm3d.accuracy.runs import begin
-from worm3d.actuation import Actuation, Sensor
 from worm3d.physics.friction import Friction
 from worm3d.physics.worm import Worm
-from worm3d.places import place_kept
-from worm3d.plant import ROUNDING
-from worm3d.problem import Force, Held, Integrator, Problem
 from worm3d.recorded.state import State
 from worm3d.result import Result
-from worm3d.run import Observer, Run
+from worm3d.running.accuracy import begin
+from worm3d.running.actuation import Actuation, Sensor
+from worm3d.running.places import place_kept
+from worm3d.running.plant import ROUNDING
+from worm3d.running.problem import Force, Held, Integrator, Problem
+from worm3d.running.run import Observer, Run
+from worm3d.running.view import View
 from worm3d.values import arguments
 from worm3d.values.spelling import spelled
-from worm3d.view import View
 from worm3d.worlds import World
 
 if TYPE_CHECKING:
-    from worm3d.live import Live
+    from worm3d.running.live import Live
 
 
 @spelled
@@ -59,8 +59,8 @@ def simulate(
     ground : Friction, optional
         Coefficients of friction; `Friction()` if left out.
     actuation : gait, controller, or function of time, optional
-        Gives the commands (`worm3d.actuation`); left alone if None. Where it has a number `period` [s], the result has
-        the mean speed over such periods.
+        Gives the commands (`worm3d.running.actuation`); left alone if None. Where it has a number `period` [s], the
+        result has the mean speed over such periods.
     duration, dt : float
         Simulated time, rounded to whole time steps, and time step [s]. With an `accuracy` dt is the time between two
         rows, and between two decisions of a controller.

@@ -17,11 +17,11 @@ import numpy as np
 from worm3d import pictures
 from worm3d.pictures import FPS
 from worm3d.recorded.status import Status
-from worm3d.run import Observer, Run
+from worm3d.running.run import Observer, Run
+from worm3d.running.view import View
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import Spelled
-from worm3d.view import View
 from worm3d.viewer.live import LiveView
 from worm3d.viewer.pieces import rounded_up
 from worm3d.worlds.scenery import Window, scenery

@@ -12,24 +12,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from worm3d.actuation import Commands, Driver
-from worm3d.plant import HISTORIES
-from worm3d.problem import Problem
 from worm3d.recorded.energy import Energy
 from worm3d.recorded.series import COUNTERS, Recorded
 from worm3d.recorded.state import State
 from worm3d.recorded.status import Status, Stop
 from worm3d.result import Result
+from worm3d.running.actuation import Commands, Driver
+from worm3d.running.plant import HISTORIES
+from worm3d.running.problem import Problem
+from worm3d.running.start import GUARDED, Placed, place
+from worm3d.running.view import Observation, View
 from worm3d.solver.actuate import ask
 from worm3d.solver.advance import LAST, NEXT, SHORTEST, SINCE, SOLVES, advance, worst_residual
 from worm3d.solver.arrays import ALLOWED, TOLERANCE
 from worm3d.solver.guard import NO_CONVERGENCE, OK
 from worm3d.solver.records import Records, gather, record
-from worm3d.start import GUARDED, Placed, place
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.named import EXCEPTIONS
-from worm3d.view import Observation, View
 
 HALVINGS = 6
 """Largest number of times that a step that does not converge is halved."""
@@ -67,7 +67,7 @@ class Run:
     ----------
     problem : Problem
     placing : callable, optional
-        Returns the worm in its initial state, as `worm3d.start.place`.
+        Returns the worm in its initial state, as `worm3d.running.start.place`.
     allowed : float, optional
         Largest estimated error of a step [m], whose length follows from it. Steps are else dt long; here dt is a tick:
         the time between two rows, and between two samples of a controller.
@@ -359,7 +359,7 @@ class Run:
 def _is_ours(error: BaseException) -> bool:
     """Return whether it is a complaint of this package, not an error in the user's code."""
     raised_in = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
-    return isinstance(error, ValueError) and raised_in.is_relative_to(Path(__file__).parent)
+    return isinstance(error, ValueError) and raised_in.is_relative_to(Path(__file__).parents[1])
 
 
 def _complaint(error: BaseException) -> str:

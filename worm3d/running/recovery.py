@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from worm3d.measures.stability import UNEVEN_ROWS, decay, shapes
-from worm3d.problem import Problem
 from worm3d.result import Result
-from worm3d.run import Run
+from worm3d.running.problem import Problem
+from worm3d.running.run import Run
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 

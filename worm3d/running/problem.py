@@ -10,12 +10,12 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from worm3d.actuation import Actuation, Sensor
 from worm3d.physics.friction import Friction
 from worm3d.physics.friction_laws import Coulomb
 from worm3d.physics.worm import Worm
-from worm3d.plant import ROUNDING
 from worm3d.recorded.state import State
+from worm3d.running.actuation import Actuation, Sensor
+from worm3d.running.plant import ROUNDING
 from worm3d.values import arguments, time_steps
 from worm3d.values.arguments import bytes_of_run, require_room
 from worm3d.values.arrays import BoolArray, FloatArray

@@ -8,16 +8,16 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from worm3d.accuracy.runs import begin
-from worm3d.actuation import Actuation
 from worm3d.physics.friction import Friction
 from worm3d.physics.worm import Worm
-from worm3d.places import Places
-from worm3d.plant import ROUNDING
-from worm3d.problem import Force, Held, Integrator, Problem
 from worm3d.recorded.state import State, StateError
 from worm3d.result import Result
-from worm3d.start import LimitPointError
+from worm3d.running.accuracy import begin
+from worm3d.running.actuation import Actuation
+from worm3d.running.places import Places
+from worm3d.running.plant import ROUNDING
+from worm3d.running.problem import Force, Held, Integrator, Problem
+from worm3d.running.start import LimitPointError
 from worm3d.values import arguments
 from worm3d.values.spelling import spelled
 from worm3d.worlds import World

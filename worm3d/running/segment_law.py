@@ -15,7 +15,7 @@ from worm3d.physics.actuators import FirstOrder
 from worm3d.physics.hysteresis import PREFIX as FRICTION
 from worm3d.physics.kernels import actuator
 from worm3d.physics.worm import Worm
-from worm3d.plant import kernels
+from worm3d.running.plant import kernels
 from worm3d.solver.segment_way import KERNELS, follow
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray

@@ -12,10 +12,10 @@ import numpy as np
 from worm3d.physics import elements
 from worm3d.physics.friction import RESTING_PENETRATION, Friction
 from worm3d.physics.worm import Worm
-from worm3d.plant import DEEPEST, Plant
-from worm3d.problem import Problem
 from worm3d.recorded.state import State, StateError
 from worm3d.recorded.status import Status
+from worm3d.running.plant import DEEPEST, Plant
+from worm3d.running.problem import Problem
 from worm3d.solver.arrays import POINTS
 from worm3d.solver.guard import OK
 from worm3d.solver.pose import settle as settle_core

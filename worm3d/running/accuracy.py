@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from worm3d.measures.way import way
-from worm3d.problem import Problem
 from worm3d.recorded.estimate import ErrorEstimate
 from worm3d.recorded.status import Status
 from worm3d.result import Result
-from worm3d.run import Observer, Run
-from worm3d.start import Placed, place
+from worm3d.running.problem import Problem
+from worm3d.running.run import Observer, Run
+from worm3d.running.start import Placed, place
 from worm3d.values.arrays import FloatArray
 
 USUAL = 0.01

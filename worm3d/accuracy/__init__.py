@@ -1,1 +1,0 @@
-"""Accuracy on request: `runs` repeats a run until it is as accurate as asked, `estimate` is what it says of itself."""
