@@ -14,8 +14,6 @@ from worm3d.physics.media import Medium as Medium
 from worm3d.physics.media import StrainDrag as StrainDrag
 from worm3d.physics.pneumatic import Pneumatic as Pneumatic
 from worm3d.physics.worm import Worm as Worm
-from worm3d.pictures import draw as draw
-from worm3d.pictures import show as show
 from worm3d.recorded.energy import Energy as Energy
 from worm3d.recorded.estimate import ErrorEstimate as ErrorEstimate
 from worm3d.recorded.estimate import Spread as Spread
@@ -24,8 +22,10 @@ from worm3d.recorded.state import State as State
 from worm3d.recorded.state import StateError as StateError
 from worm3d.recorded.status import Status as Status
 from worm3d.recorded.status import Stop as Stop
-from worm3d.result import Result as Result
-from worm3d.result import load as load
+from worm3d.results.pictures import draw as draw
+from worm3d.results.pictures import show as show
+from worm3d.results.result import Result as Result
+from worm3d.results.result import load as load
 from worm3d.running.actuation import Command as Command
 from worm3d.running.actuation import Commands as Commands
 from worm3d.running.actuation import Controller as Controller

@@ -28,7 +28,7 @@ from scenes.records.text import aligned
 from scenes.running.drawing import save_figure
 from scenes.running.overlays import OVERLAYS, drawn
 from scenes.running.terminal import busy, counted
-from worm3d.metrics import written
+from worm3d.values.metrics import written
 
 TABLE, PAGE = "compare.csv", "compare.html"
 

@@ -15,8 +15,8 @@ from scenes.records import measured
 from scenes.records.columns import MARKER
 from scenes.records.record import Record
 from scenes.sweep.key import LENGTH
-from worm3d.metrics import ROUNDING, named
 from worm3d.values.arrays import FloatArray
+from worm3d.values.metrics import ROUNDING, named
 
 NOT_SHOWN = ("title", "says")
 """Keys of a scene that say nothing of the run."""

@@ -189,7 +189,7 @@ def _sentence(record: Record) -> str:
 
 
 def _metric(record: Record, key: str, unit: str) -> str:
-    from worm3d.metrics import written  # a check of a scene prints none
+    from worm3d.values.metrics import written  # a check of a scene prints none
 
     value = record.summary[key]
     return (

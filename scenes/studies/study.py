@@ -19,8 +19,8 @@ from scenes.sweep.design import CASE, SAMPLE
 from scenes.sweep.links import given_keys, value_at
 from scenes.sweep.table import Table
 from scenes.sweep.waves import ALIASED
-from worm3d.metrics import ROUNDING, named
 from worm3d.values.arrays import FloatArray
+from worm3d.values.metrics import ROUNDING, named
 from worm3d.values.spelling import did_you_mean
 
 MOST_CURVES = 5

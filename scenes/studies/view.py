@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from scenes.sweep.design import Varied
 from scenes.sweep.table import cell, is_numeric
-from worm3d.metrics import rounded_up, with_error, written
 from worm3d.values.arrays import FloatArray
+from worm3d.values.metrics import rounded_up, with_error, written
 
 
 @dataclass(frozen=True)

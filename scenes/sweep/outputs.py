@@ -28,9 +28,9 @@ from scenes.running.terminal import HEADLINES
 from scenes.sweep.case_file import NOT_RUN, CaseResult
 from scenes.sweep.design import Design, Varied
 from scenes.sweep.table import OF_A_CASE, Table, cell, is_numeric
-from worm3d.metrics import ROUNDING, named, written
 from worm3d.values import netcdf
 from worm3d.values.arrays import FloatArray
+from worm3d.values.metrics import ROUNDING, named, written
 from worm3d.values.netcdf import Content
 from worm3d.values.variable import Variable
 

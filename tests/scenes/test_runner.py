@@ -20,7 +20,7 @@ from scenes.records.record import Summary
 from scenes.records.store import load
 from scenes.running import runner, terminal
 from scenes.running.terminal import Interruption, ending
-from worm3d.metrics import written
+from worm3d.values.metrics import written
 
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
 # The only segment pushes with an absurd force from t = T/2 on.

@@ -37,9 +37,9 @@ from scenes.records.record import Record
 from scenes.records.store import load, save
 from scenes.running import drawing, terminal
 from scenes.running.runner import simulate
-from worm3d import pictures
 from worm3d.recorded.energy import INCOMING, LOST, STORED
 from worm3d.recorded.series import Recorded, Steps, series_of
+from worm3d.results import pictures
 from worm3d.values.variable import Variable
 from worm3d.viewer import Frames
 

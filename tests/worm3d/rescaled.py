@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from worm3d import Bend, Centreline, Heightfield, Pipe, Plane, Profile, State, Straight, Worm, simulate
-from worm3d.result import Result
+from worm3d.results.result import Result
 from worm3d.values.parameters import PARAMETER
 from worm3d.worlds import Groove, Union, World
 

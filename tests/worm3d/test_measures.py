@@ -15,8 +15,8 @@ from control.gaits import GAITS, TravellingWave
 from worm3d import Friction, Plane, Problem, Result, State, Worm, simulate
 from worm3d.measures import MEASURES, general, measure
 from worm3d.measures.posture import ON_ITS_SIDE
-from worm3d.metrics import UNITS, named
 from worm3d.running.recovery import recovery
+from worm3d.values.metrics import UNITS, named
 
 PERIOD, DT = 0.5, 0.01
 

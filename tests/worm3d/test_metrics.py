@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from worm3d.metrics import rounded_up, with_error
+from worm3d.values.metrics import rounded_up, with_error
 
 
 @pytest.mark.parametrize(

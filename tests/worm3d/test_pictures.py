@@ -12,7 +12,7 @@ from PIL import Image
 
 import worm3d
 from control import gaits
-from worm3d import pictures
+from worm3d.results import pictures
 from worm3d.viewer import plane
 
 

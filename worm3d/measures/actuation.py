@@ -10,7 +10,7 @@ from worm3d.measures.general import carried
 from worm3d.measures.table import NoValueError, measure
 
 if TYPE_CHECKING:
-    from worm3d.result import Result
+    from worm3d.results.result import Result
 
 
 @measure("effort", "rms of the contraction that chambers give, as a fraction of their stroke")

@@ -25,7 +25,7 @@ from worm3d.measures.waves import Waves
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from worm3d.result import Result
+    from worm3d.results.result import Result
 
 AT_REST = 1e-3
 """Slide of an anchored segment at most [body lengths a period]: what anchors yield elastically is no slide at all, and

@@ -23,7 +23,7 @@ from worm3d.measures.waves import Waves
 from worm3d.measures.way import NO_WAY
 
 if TYPE_CHECKING:
-    from worm3d.result import Result
+    from worm3d.results.result import Result
 
 STRAIGHT = 1000.0
 """Radius beyond which a worm crawls straight [body lengths]."""

@@ -14,7 +14,7 @@ from worm3d.recorded.energy import TERMS, Energy
 from worm3d.recorded.estimate import ROUGH, ErrorEstimate, rough
 
 if TYPE_CHECKING:
-    from worm3d.result import Result
+    from worm3d.results.result import Result
 
 SPARSE = "the rows of the result lie further apart than a period of the gait: record more of them"
 NOT_SETTLED = (

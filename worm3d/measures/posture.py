@@ -10,7 +10,7 @@ import numpy as np
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from worm3d.result import Result
+    from worm3d.results.result import Result
     from worm3d.worlds import World
 
 ON_ITS_SIDE = float(np.deg2rad(35.0))

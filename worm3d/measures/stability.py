@@ -27,7 +27,7 @@ from worm3d.measures.way import along_the_ground
 from worm3d.values.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
-    from worm3d.result import Result
+    from worm3d.results.result import Result
 
 REPEATS = 1e-10
 """Change of shape from period to period that is rounding, root mean square over the joints [body lengths]."""

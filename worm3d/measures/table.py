@@ -15,7 +15,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
-    from worm3d.result import Result
+    from worm3d.results.result import Result
 
 Metric = tuple[float | str | None, str]
 """A value, and why there is none if it is None."""
@@ -36,7 +36,7 @@ class Measure:
     """A measure of a run."""
 
     name: str
-    """Name, which ends in its unit as `worm3d.metrics.UNITS` has them."""
+    """Name, which ends in its unit as `worm3d.values.metrics.UNITS` has them."""
     meaning: str
     """What it is, in a few words."""
     function: Function

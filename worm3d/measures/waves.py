@@ -12,7 +12,7 @@ from worm3d.measures.way import NO_HEADING, NO_PERIOD, SHORT_RUN, along_the_grou
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from worm3d.result import Result
+    from worm3d.results.result import Result
 
 FEWEST_ROWS = 8
 """Recorded instants in a period from which what happens within it shows."""

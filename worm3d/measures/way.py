@@ -10,7 +10,7 @@ from worm3d.recorded.series import heading
 from worm3d.values.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from worm3d.result import Result
+    from worm3d.results.result import Result
     from worm3d.worlds import World
 
 NO_HEADING = "the body is vertical at the start: it has no heading"

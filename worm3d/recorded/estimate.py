@@ -13,7 +13,7 @@ from worm3d.values import arguments
 from worm3d.values.documented import with_fields
 
 if TYPE_CHECKING:
-    from worm3d.result import Result
+    from worm3d.results.result import Result
 
 ENOUGH = 24
 """Number of starts from which a mean is told: its error is then a fifth of the spread."""

@@ -11,7 +11,7 @@ import numpy as np
 from worm3d.measures.way import way
 from worm3d.recorded.estimate import ErrorEstimate
 from worm3d.recorded.status import Status
-from worm3d.result import Result
+from worm3d.results.result import Result
 from worm3d.running.problem import Problem
 from worm3d.running.run import Observer, Run
 from worm3d.running.start import Placed, place

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from worm3d import pictures
-from worm3d.pictures import FPS
 from worm3d.recorded.status import Status
+from worm3d.results import pictures
+from worm3d.results.pictures import FPS
 from worm3d.running.run import Observer, Run
 from worm3d.running.view import View
 from worm3d.values import arguments
@@ -27,7 +27,7 @@ from worm3d.viewer.pieces import rounded_up
 from worm3d.worlds.scenery import Window, scenery
 
 if TYPE_CHECKING:
-    from worm3d.result import Result
+    from worm3d.results.result import Result
 
 
 AHEAD = 3.0

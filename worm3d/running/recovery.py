@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from worm3d.measures.stability import UNEVEN_ROWS, decay, shapes
-from worm3d.result import Result
+from worm3d.results.result import Result
 from worm3d.running.problem import Problem
 from worm3d.running.run import Run
 from worm3d.values import arguments

@@ -16,7 +16,7 @@ from worm3d.recorded.energy import Energy
 from worm3d.recorded.series import COUNTERS, Recorded
 from worm3d.recorded.state import State
 from worm3d.recorded.status import Status, Stop
-from worm3d.result import Result
+from worm3d.results.result import Result
 from worm3d.running.actuation import Commands, Driver
 from worm3d.running.plant import HISTORIES
 from worm3d.running.problem import Problem

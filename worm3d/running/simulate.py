@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from worm3d.physics.friction import Friction
 from worm3d.physics.worm import Worm
 from worm3d.recorded.state import State
-from worm3d.result import Result
+from worm3d.results.result import Result
 from worm3d.running.accuracy import begin
 from worm3d.running.actuation import Actuation, Sensor
 from worm3d.running.places import place_kept

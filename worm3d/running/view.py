@@ -17,7 +17,7 @@ from worm3d.values.read_only import read_only
 
 if TYPE_CHECKING:
     from worm3d.recorded.state import State
-    from worm3d.result import Result
+    from worm3d.results.result import Result
     from worm3d.running.plant import Plant
     from worm3d.running.run import Run
 

@@ -26,7 +26,7 @@ ABOVE = 0.004
 
 
 class Overlay(TypedDict, total=False):
-    """Lines beside the worm; arguments of `worm3d.pictures.arrays`."""
+    """Lines beside the worm; arguments of `worm3d.results.pictures.arrays`."""
 
     reference: FloatArray
     horizon: FloatArray

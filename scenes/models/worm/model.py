@@ -46,7 +46,7 @@ def watch(scene: GaitScene, observer: Observer, how: Watch) -> Outcome:
 def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
     """Go on from the end of a record to the end of the scene."""
     from scenes.models.worm.record import joined, missing  # imports the libraries of files
-    from worm3d.files import state_of
+    from worm3d.results.files import state_of
 
     if lacking := missing(earlier):
         raise SceneError(
@@ -82,7 +82,7 @@ def _faults(result: worm3d.Result) -> list[dict[str, Cell]]:
 
 def outcome(result: worm3d.Result) -> Outcome:
     """Return a run as what the command line takes."""
-    from worm3d.files import checkpoint_of, described  # imports the libraries of files
+    from worm3d.results.files import checkpoint_of, described  # imports the libraries of files
 
     figures, period, faults = result.summary(), result.period, _faults(result)
     speed = figures["mean_speed_m_s"]

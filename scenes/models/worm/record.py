@@ -11,8 +11,8 @@ import numpy as np
 
 import worm3d
 from scenes.records.record import Record
-from worm3d.files import FIELD, STATE, restored
 from worm3d.recorded.series import Recorded, Steps, series_of, states_of
+from worm3d.results.files import FIELD, STATE, restored
 from worm3d.values.arrays import FloatArray
 
 STORED = {name: series for name, series in (series_of(Recorded) | series_of(Steps)).items() if not series.derived}

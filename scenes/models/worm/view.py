@@ -17,7 +17,7 @@ from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import worm_of
 from scenes.models.worm.schema import AnyWormScene, GaitScene
 from scenes.records.record import Record
-from worm3d import pictures
+from worm3d.results import pictures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,7 +56,7 @@ def scene_of(record: Record) -> AnyWormScene:
 def frames_of(
     record: Record, *, fps: float | None = None, at: float | None = None, until: float | None = None
 ) -> Frames:
-    """Return a record as plain arrays for pictures; parameters as in `worm3d.pictures.frames_of`.
+    """Return a record as plain arrays for pictures; parameters as in `worm3d.results.pictures.frames_of`.
 
     Parameters
     ----------

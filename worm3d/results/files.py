@@ -30,7 +30,7 @@ from worm3d.values.spelling import did_you_mean
 from worm3d.values.variable import Variable
 
 if TYPE_CHECKING:
-    from worm3d.result import Result
+    from worm3d.results.result import Result
 
 RESULT = "result.nc"
 """Name of the file in a folder that `worm3d run` wrote."""

@@ -25,7 +25,7 @@ from worm3d.worlds import World
 from worm3d.worlds.scenery import Window, on_ground, scenery
 
 if TYPE_CHECKING:
-    from worm3d.result import Result
+    from worm3d.results.result import Result
     from worm3d.viewer.html import NotebookView
 
 

@@ -8,7 +8,6 @@ from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from worm3d import metrics
 from worm3d.measures import MEASURES, Metric
 from worm3d.measures.posture import Rolled, on_its_side
 from worm3d.measures.waves import Waves
@@ -20,6 +19,7 @@ from worm3d.recorded.series import Recorded, Steps, documented, variables_of
 from worm3d.recorded.state import State
 from worm3d.recorded.status import Status, Stop
 from worm3d.values.arrays import FloatArray
+from worm3d.values.metrics import Summary
 from worm3d.values.read_only import brief, listed
 from worm3d.values.spelling import spelled
 from worm3d.values.variable import AXES, Variable, write_csv
@@ -97,7 +97,7 @@ class Result(Recorded, Steps):
         OSError
             The file cannot be written.
         """
-        from worm3d import files  # imports the libraries of files
+        from worm3d.results import files  # imports the libraries of files
 
         files.save(self, path)
 
@@ -161,14 +161,14 @@ class Result(Recorded, Steps):
 
     def _repr_html_(self) -> str:
         """Show the run in a notebook cell, and what it came to."""
-        from worm3d.pictures import show
+        from worm3d.results.pictures import show
 
         merits = (f"{name} = {value:.6g}" for name, value in self.summary().items() if isinstance(value, float))
         return f"<p>{self.stop.sentence}: {', '.join(merits)}</p>{show(self)._repr_html_()}"
 
-    def summary(self) -> metrics.Summary:
+    def summary(self) -> Summary:
         """Return the metrics of the run by name, printed as a table; None where one has no value (`reasons`)."""
-        return metrics.Summary({name: value for name, (value, _) in self._metrics.items()})
+        return Summary({name: value for name, (value, _) in self._metrics.items()})
 
     def reasons(self) -> dict[str, str]:
         """Return why metrics of the summary have no value."""
@@ -204,6 +204,6 @@ def load(path: str | PathLike[str], *, worm: Worm | None = None, world: Any = ..
     ValueError
         It is no result, is damaged, was made by a version that did not store the worm, or lacks the worm or world.
     """
-    from worm3d import files
+    from worm3d.results import files
 
     return Result(**files.read(path, worm, world))

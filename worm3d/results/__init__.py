@@ -1,0 +1,1 @@
+"""Results of runs: measured, kept in files, and drawn."""
