@@ -7,7 +7,10 @@ from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, Literal, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from scenes.language.checks import Check
 from scenes.models.sections import Settings
@@ -23,6 +26,9 @@ Draw = Callable[[Record], "tuple[Picture, Axes]"]
 """Draws a picture of a record."""
 
 S = TypeVar("S", bound=Settings)
+
+Rows = NDArray[np.bool_] | slice
+"""Stored instants among those of a record."""
 
 MOVIE_S = 30.0
 """Longest part of a run that is animated [s]."""
@@ -137,5 +143,7 @@ class Model(Pictures, Generic[S]):
     """Goes on from a record's checkpoint to the end of the scene; its outcome is that of the whole run."""
     watch: Callable[[S, Observer, Watch], Outcome] | None = None
     """Runs a scene in a live view."""
+    beside: Callable[[S, Record, Rows], Mapping[str, Any]] | None = None
+    """What is seen with a worm at stored instants, and its period, as arguments of `worm3d.results.pictures.arrays`."""
     refers_to: Callable[[S], object] | None = None
     """What a run depends on that stands neither in its scene nor in a file that the scene names, as data for JSON."""

@@ -21,6 +21,11 @@ Metric = Cell | list[dict[str, Cell]]
 """A number of the summary, or a table of them, such as the faults of a run."""
 
 
+def fault_row(time: float, kind: str, what: str, advice: str) -> dict[str, Cell]:
+    """Return a fault of a run, found at a time [s], as a row of its summary."""
+    return {"time_s": time, "kind": kind, "what": what, "advice": advice}
+
+
 class MissingVariableError(SceneError, KeyError):
     """A result lacks a variable."""
 
@@ -49,7 +54,7 @@ class Summary:
 
     @property
     def faults(self) -> list[dict[str, Cell]]:
-        """Faults of a run, each with `time_s`, `kind`, `what` and `advice`, as they came."""
+        """Faults of a run as they came, each as of `fault_row`."""
         found = self.metrics.get("faults")
         return found if isinstance(found, list) else []
 

@@ -16,7 +16,7 @@ from scenes.models.base import Model, Observer, Outcome, Watch, pictures
 from scenes.models.control import view as control_view
 from scenes.models.control.build import controller_of, faults_of, map_name, maps_of, reference_of, sensors_of, wave_of
 from scenes.models.control.checks import CONTROL_CHECKS
-from scenes.models.control.faults import in_turn, of_controller, of_plant, refused
+from scenes.models.control.faults import in_turn, of_controller, refused
 from scenes.models.control.record import motion_of, path_variable, timing_of, variables_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.worm import model as worm
@@ -98,7 +98,7 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
         **found,
         "wave": wave_of(scene),
         "map": map_name(scene),
-        "faults": in_turn([*of_plant(result), *of_controller(controller)]),
+        "faults": in_turn([*worm.faults_of(result), *of_controller(controller)]),
     }
     return replace(
         plain,
@@ -143,6 +143,7 @@ MODEL = Model(
     view=worm_view.view,
     mesh=worm_view.mesh,
     watch=watch,
+    beside=control_view.beside,
     refers_to=maps_of,
     advice="try a smaller run.dt_s or reference.speed_m_s, a lighter worm or larger worm.spring_N",
     headlines=(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scenes.models.base import Rows
 from scenes.models.control.schema import ControlScene
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
@@ -25,20 +25,18 @@ ABOVE = 0.004
 """Height of lines over the ground, so that they are seen [m]."""
 
 
-class Overlay(TypedDict, total=False):
-    """Lines beside the worm; arguments of `worm3d.results.pictures.arrays`."""
+def beside(scene: ControlScene, record: Record, rows: Rows) -> dict[str, Any]:
+    """Return the period, the path and, at the stored instants, the predicted way and the speed asked for.
 
-    reference: FloatArray
-    horizon: FloatArray
-    reference_speed: FloatArray
-
-
-def overlay(record: Record, scene: ControlScene, rows: NDArray[np.bool_] | slice) -> Overlay:
-    """Return the path and, at the stored instants `rows`, the predicted way and the speed asked for; what there is."""
+    What there is of them is there, as arguments of `worm3d.results.pictures.arrays`.
+    """
     from scenes.models.control.build import speed_of  # imports the solvers
     from scenes.models.control.record import path_points
 
-    lines: Overlay = {"reference_speed": np.asarray(speed_of(scene.reference)(record["time"][rows]), dtype=float)}
+    lines: dict[str, Any] = {
+        "period": period(record),
+        "reference_speed": np.asarray(speed_of(scene.reference)(record["time"][rows])),
+    }
     path = path_seen(record, scene)
     if path is not None:
         lines["reference"] = _raised(path_points(path, record["com"][:, :2]), record, scene)

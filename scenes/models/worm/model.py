@@ -14,7 +14,7 @@ from scenes.models.worm import view as worm_view
 from scenes.models.worm.build import KEYS, Drive, simulate
 from scenes.models.worm.checks import PLANAR_CHECKS, WORM_CHECKS
 from scenes.models.worm.schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
-from scenes.records.record import Cell, Record
+from scenes.records.record import Cell, Record, fault_row
 
 S = TypeVar("S", WormScene, PlanarWormScene)
 
@@ -71,20 +71,26 @@ def simulated(
         raise SceneError(in_keys(str(error), KEYS)) from error
 
 
-def _faults(result: worm3d.Result) -> list[dict[str, Cell]]:
+def faults_of(result: worm3d.Result) -> list[dict[str, Cell]]:
     """Return what the plant knows that went wrong."""
-    if result.on_its_side is None and (result.error_estimate is None or result.error_estimate.met):
-        return []
-    from scenes.models.control.faults import of_plant  # imports the controllers
+    since, error, found = result.on_its_side, result.error_estimate, []
+    if since is not None:
+        advice = "what it does then is not what its gait means: ask for gentler turns, less slope or less of a push"
+        found.append(fault_row(since, "on its side", "the worm lies on its side", advice))
+    if error is not None and not error.met:
+        from worm3d.recorded.estimate import ROUGH, rough  # imports the statistics
 
-    return of_plant(result)
+        small_causes = "small causes decide here: ask for less, or take the mean of several starts"
+        advice = ROUGH if rough(result) else small_causes
+        found.append(fault_row(float(result.time[-1]), "not accurate", error.sentence, advice))
+    return found
 
 
 def outcome(result: worm3d.Result) -> Outcome:
     """Return a run as what the command line takes."""
     from worm3d.results.files import checkpoint_of, described  # imports the libraries of files
 
-    figures, period, faults = result.summary(), result.period, _faults(result)
+    figures, period, faults = result.summary(), result.period, faults_of(result)
     speed = figures["mean_speed_m_s"]
     merits = {
         **{name: figure for name, figure in figures.items() if name not in OF_THE_CLOCK},
@@ -136,6 +142,7 @@ def model_of(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) 
         view=worm_view.view,
         mesh=worm_view.mesh,
         watch=watch,
+        beside=lambda scene, record, rows: {"period": scene.gait.period_s},
         advice=ADVICE,
         headlines=(
             ("speed_BL_per_period", "speed", "BL/period"),

@@ -15,7 +15,7 @@ from scenes.language.toml import key_lines
 from scenes.models.base import MOVIE_S
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import worm_of
-from scenes.models.worm.schema import AnyWormScene, GaitScene
+from scenes.models.worm.schema import AnyWormScene
 from scenes.records.record import Record
 from worm3d.results import pictures
 
@@ -67,15 +67,9 @@ def frames_of(
     rows = slice(None) if until is None else record["time"] <= until
     series = {name: record[name][rows] for name in pictures.SERIES}
     worm, world = worm_of(scene), world_of(scene.world)
-    if isinstance(scene, GaitScene):  # not driven by a controller
-        return pictures.arrays(series, worm, world, scene.gait.period_s, fps=fps, at=at)
-    from scenes.models.control import schema as control_schema
-    from scenes.models.control import view as control_view
-
-    assert isinstance(scene, control_schema.ControlScene)
-
-    lines = control_view.overlay(record, scene, rows)
-    return pictures.arrays(series, worm, world, control_view.period(record), fps=fps, at=at, **lines)
+    beside = models.get(record.model).beside
+    assert beside is not None
+    return pictures.arrays(series, worm, world, fps=fps, at=at, **beside(scene, record, rows))
 
 
 def view(record: Record, path: Path, *, skin: bool = True) -> None:
