@@ -276,6 +276,24 @@ def test_samples_out_of_order_count_as_if_in_order() -> None:
         assert after.heading == pytest.approx(before.heading + 0.13 * before.turn_rate, abs=0.02)
 
 
+@pytest.mark.parametrize("arrival", [(4, 3, 2, 1, 0), (2, 4, 0, 3, 1)])
+def test_the_order_of_arrival_of_headings_makes_no_difference(arrival: tuple[int, ...]) -> None:
+    """Samples of five instants, all of which arrive at later ones: the estimate is that of samples in order."""
+    instants = 0.02 * (1.0 + np.arange(5))
+    headings = np.array([0.05, -0.04, 0.1, -0.08, 0.02])
+
+    def fed(order: tuple[int, ...]) -> Estimate:
+        estimator, asked = Estimator(WORM, model(), heading=0.0), GaitParameters(0.28, 0.9, hinge=0.3)
+        for k in range(11):
+            known = {"heading": (np.array(headings[order[k - 6]]), instants[order[k - 6]])} if k > 5 else {}
+            last = estimator.update(0.02 * k, Measurement(0.02 * k, **known), asked, 0.02 * k * 1.8 * np.pi)
+        return last
+
+    in_order, out_of_order = fed(tuple(range(5))), fed(arrival)
+    assert_allclose(out_of_order.state, in_order.state, rtol=1e-9, atol=1e-12)
+    assert_allclose(out_of_order.covariance, in_order.covariance, rtol=1e-9, atol=1e-15)
+
+
 def test_lost_samples_are_bridged() -> None:
     run = recorded("winding")
     lossy = Sensors(replace(STRAIN, dropout=0.3), replace(COM, dropout=0.3), seed=3)

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from control.estimation.estimator import Estimate
 from control.estimation.reduced import STATES, ReducedModel, ReducedState
 from control.identification.identified import Identified, load
-from control.planning.constraints import Constraint
+from control.planning.constraints import Constraint, Corridor
 from control.planning.cost import Problem
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.planning.terms import (
@@ -27,7 +27,7 @@ from control.planning.terms import (
     default_terms,
 )
 from control.tracking.paths import Circle, Line, SCurve, offset, track
-from control.tracking.references import Constant, Reference, Steps
+from control.tracking.references import Constant, Disc, Reference, Steps
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
@@ -149,6 +149,23 @@ def test_the_cost_is_the_sum_of_its_terms(reference: Reference) -> None:
     terms.append((inputs[:, 1] - preferred) / ((high - low) / 2.0) / Frequency().tolerance)
     residuals = problem.residuals(u.ravel())
     assert residuals @ residuals == pytest.approx(sum(np.sum(np.square(term)) for term in terms))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0], ids=["left", "right"])
+def test_a_bound_of_the_path_holds_on_its_own_side(side: float) -> None:
+    """A disc of 0.15 m is passed on one side: places within it exceed the bound by as much, those beyond keep it."""
+    disc = Disc(0.2, -0.05 * side, 0.15)
+    reference = Reference(Constant(0.08), path=Line(), obstacles=(disc,))
+    controller, excess = mpc(steps=2, constraints=[Corridor()]), {}
+    for aside in (0.02, 0.18):
+        begin = REST._replace(x=disc.x, y=aside * side)
+        problem = problem_of(controller, begin, reference)
+        rows = problem.prediction.misses(problem.states(np.zeros(6)), np.zeros(6), problem.before, problem._wanted)
+        excess[aside] = rows[0, problem.cost.misses :].max() * Corridor().tolerance * WORM.length
+        place = problem.states(np.zeros(6))[1:2, :2]
+        assert excess[aside] == pytest.approx(float(reference.trespass(place, place[:, 1])[0]), abs=0.01)
+    assert excess[0.02] > 0.05
+    assert excess[0.18] < -0.05
 
 
 def test_the_plain_wave_makes_up_for_slip_but_for_no_more_than_half_of_the_speed() -> None:
