@@ -9,13 +9,13 @@ from planar import linkage
 from planar.published_worm import BAND, Net
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def default_worm() -> linkage.Linkage:
     """Return the planar sibling of the default worm (no hinge springs)."""
     return linkage.Linkage(half_height=0.05, mass=0.1, k_torsion=10.0, k_apex=0.0)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def uneven_worm() -> linkage.Linkage:
     """Return a worm in which every parameter counts and differs along the body."""
     rng = np.random.default_rng(3)

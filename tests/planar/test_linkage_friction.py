@@ -282,7 +282,7 @@ def crawl(mu_forward: float, mu_backward: float, cycles: int, steps: int) -> tup
     for k in range(1, cycles * steps + 1):
         places = shape(k * dt)
         low, high = path[-1] - 1.0, path[-1] + 1.0
-        for _ in range(80):  # the friction falls with X: bisection
+        for _ in range(52):  # the friction falls with X: bisection, to the last bit
             middle = 0.5 * (low + high)
             total = sum(force(middle + p - a, s) for p, a, s in zip(places, anchor, slide, strict=True))
             low, high = (middle, high) if total > 0.0 else (low, middle)

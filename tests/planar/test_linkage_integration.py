@@ -43,12 +43,16 @@ def in_the_air(worm: Linkage, dt: float, duration: float) -> linkage.Run:
     )
 
 
-def test_implicit_euler_is_of_first_order(uneven_worm: Linkage) -> None:
-    runs = [in_the_air(uneven_worm, dt, 0.4).joints[-1] for dt in (4e-4, 2e-4, 1e-4, 5e-5)]
-    steps = [np.abs(a - b).max() for a, b in pairwise(runs)]
+@pytest.fixture(scope="module")
+def finer_and_finer(uneven_worm: Linkage) -> list[linkage.Run]:
+    return [in_the_air(uneven_worm, dt, 0.4) for dt in (8e-4, 4e-4, 2e-4, 1e-4)]
+
+
+def test_implicit_euler_is_of_first_order(finer_and_finer: list[linkage.Run]) -> None:
+    steps = [np.abs(a.joints[-1] - b.joints[-1]).max() for a, b in pairwise(finer_and_finer)]
     orders = np.log2(np.array(steps[:-1]) / steps[1:])
     assert_allclose(orders, 1.0, atol=0.15)
-    assert steps[-1] < 1e-4
+    assert steps[-1] < 2e-4
 
 
 def test_ledger_closes_with_every_term_on_its_own(uneven_worm: Linkage, default_worm: Linkage) -> None:
@@ -73,8 +77,8 @@ def test_ledger_closes_with_every_term_on_its_own(uneven_worm: Linkage, default_
     assert np.abs(runs[1].ledger.potential).sum() > 1e-3
 
 
-def test_numerical_loss_vanishes_with_the_time_step(uneven_worm: Linkage) -> None:
-    losses = [in_the_air(uneven_worm, dt, 0.4).ledger.numerical_loss.sum() for dt in (4e-4, 2e-4, 1e-4)]
+def test_numerical_loss_vanishes_with_the_time_step(finer_and_finer: list[linkage.Run]) -> None:
+    losses = [run.ledger.numerical_loss.sum() for run in finer_and_finer[1:]]
     assert_allclose(np.log2(np.array(losses[:-1]) / losses[1:]), 1.0, atol=0.15)
 
 

@@ -41,9 +41,9 @@ def random_case(rng: np.random.Generator) -> tuple[Linkage, dict]:
     return worm, arguments
 
 
-def test_a_hundred_random_worms_end_with_a_name() -> None:
+def test_forty_random_worms_end_with_a_name() -> None:
     rng, ends = np.random.default_rng(20250101), Counter()
-    for _ in range(100):
+    for _ in range(40):
         worm, arguments = random_case(rng)
         try:
             run = linkage.simulate(worm, duration=1.0, **arguments)
@@ -55,9 +55,9 @@ def test_a_hundred_random_worms_end_with_a_name() -> None:
         assert (run.newton_iterations >= 1).all()
         if run.steps:
             assert run.ledger.balance_error < 1e-9
-    assert sum(ends.values()) == 100
-    assert ends["DONE"] >= 50, ends
-    assert ends["NO_CONVERGENCE"] <= 3, ends
+    assert sum(ends.values()) == 40
+    assert ends["DONE"] >= 20, ends
+    assert ends["NO_CONVERGENCE"] <= 1, ends
 
 
 def test_all_mass_on_the_joints_runs(default_worm: Linkage) -> None:
@@ -113,7 +113,7 @@ def test_threshold_law_overstates_progress(default_worm: Linkage) -> None:
             law: linkage.simulate(
                 default_worm,
                 wave(6, 1.0, 0.2, period),
-                duration=10.0,
+                duration=2.0 * period,
                 friction=Friction(0.03, 0.20, 1.0),
                 friction_law=law,
             ).distance

@@ -44,7 +44,7 @@ def exact(world: Heightfield, point: np.ndarray) -> float:
 @TERRAINS
 def test_distances_are_those_to_the_interpolated_surface(world: Heightfield) -> None:
     """The bar is 0.2 of a cell; a foot point found is exact, and only at its focus it may be another one."""
-    points = near(world, 150, 2.0)
+    points = near(world, 60, 2.0)
     error = np.abs(world.distance(points) - [exact(world, point) for point in points])
     assert error.max() < 0.2 * world.spacing
     assert np.quantile(error, 0.9) < 1e-8

@@ -9,7 +9,7 @@ import pytest
 from planar import linkage
 
 STEPS = int(os.environ.get("WORM3D_PLANAR_STEPS", "20"))
-COUNT = 200
+COUNT = 80
 
 
 @pytest.fixture(scope="module")

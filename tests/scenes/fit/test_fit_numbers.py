@@ -110,8 +110,8 @@ def test_intervals_hold_in_95_of_100_linear_fits(phi: float) -> None:
 
 
 def test_intervals_of_many_channels_hold() -> None:
-    """Forty channels that two keys move in few patterns, with noise that neighbours share in part."""
-    random, repeats, many = np.random.default_rng(8), 160, 40
+    """Twelve channels that two keys move in few patterns, with noise that neighbours share in part."""
+    random, repeats, many = np.random.default_rng(8), 160, 12
     at = np.linspace(0.0, 1.0, many)[:, None]
     slopes = np.stack([np.sin(np.pi * (TIME - at)), (1.0 - at) * TIME], axis=-1)
     inverse = np.linalg.inv(np.einsum("ctp,ctq->pq", slopes, slopes))
