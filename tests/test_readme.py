@@ -62,7 +62,7 @@ def test_the_paper_is_reproduced(
     for module in (cases.linkage, corrected_claims):
         monkeypatch.setattr(module, "simulate", functools.partial(linkage.simulate, duration=1.0))
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit, match="^0$"):
+    with pytest.raises(SystemExit, match=r"^0$"):
         main(command[1:])
     assert "Written to paper" in capsys.readouterr().out
     study = json.loads((tmp_path / "paper" / "paper.json").read_text())
