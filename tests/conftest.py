@@ -1,7 +1,7 @@
 """Tests run what users run, louder: floating point errors raise, plots need no screen; a browser looks at pages."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import devtools
@@ -10,12 +10,29 @@ import numpy as np
 import pytest
 from devtools import HIGH, Chromium, Picture
 
+from planar.linkage import Run as LinkageRun
+from planar.published import Run as PublishedRun
+from worm3d.running.plant import Plant
+
 mpl.use("Agg")
 
 
 def pytest_configure() -> None:
     """Give linear algebra of each worker one thread: workers take all cores, and more threads wait for each other."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Collect tests without any simulation: each worker would make all of them, whichever tests it runs."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise RuntimeError("a module of tests simulates when it is imported; let a fixture do so")
+
+    with pytest.MonkeyPatch.context() as patch:
+        for kind in (Plant, LinkageRun, PublishedRun):
+            patch.setattr(kind, "__init__", refuse)
+        return (yield)
 
 
 class Browser(Chromium):

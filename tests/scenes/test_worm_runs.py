@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -25,8 +26,9 @@ from scenes.running import runner
 from scenes.running.runner import lengthened, simulate
 from worm3d.values.variable import Variable
 
+MODELS = ("worm", "worm_planar")
 SHORT = ("-o", "run.duration_s=0.2", "-o", "gait.period_s=0.2")
-WORMS = [name for name in shipped_scenes() if load_scene(name).model.name in ("worm", "worm_planar")]
+WORMS = [name for name, path in shipped_scenes().items() if tomllib.loads(path.read_text())["model"] in MODELS]
 REQUIRED = {
     "status", "duration_s", "distance_m", "path_length_m", "mean_speed_m_s", "heading_change_deg", "work_contract_J",
     "work_friction_J", "cost_of_transport", "energy_balance_error", "newton_iterations_mean", "real_time_factor",

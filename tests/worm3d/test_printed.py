@@ -10,13 +10,9 @@ from control.gaits import TravellingWave
 from worm3d.values.read_only import COLUMNS, LINES
 
 LINE = worm3d.Centreline.through([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.8, 0.2, 0.05), (2.5, 0.7, 0.1)])
-RUN = worm3d.simulate(worm3d.Worm(), worm3d.Plane(), actuation=TravellingWave(), duration=3.0)
 LONG = worm3d.Worm(segments=150, length=20.0, half_height=np.linspace(0.04, 0.06, 150))
 
 OBJECTS = {
-    "result": RUN,
-    "energy": RUN.energy,
-    "state": RUN.state,
     "worm": LONG,
     "command": worm3d.Command(np.linspace(0.0, 0.3, 300).reshape(150, 2)),
     "friction": worm3d.Friction(np.linspace(0.1, 0.2, 150), 0.2, 0.2),
@@ -26,19 +22,25 @@ OBJECTS = {
 }
 
 
-@pytest.mark.parametrize("name", OBJECTS)
-def test_it_is_a_few_lines(name: str) -> None:
-    lines = repr(OBJECTS[name]).splitlines()
+@pytest.fixture(scope="module")
+def result() -> worm3d.Result:
+    return worm3d.simulate(worm3d.Worm(), worm3d.Plane(), actuation=TravellingWave(), duration=3.0)
+
+
+@pytest.mark.parametrize("name", ["result", "energy", "state", *OBJECTS])
+def test_it_is_a_few_lines(result: worm3d.Result, name: str) -> None:
+    thing = {**OBJECTS, "result": result, "energy": result.energy, "state": result.state}[name]
+    lines = repr(thing).splitlines()
     assert len(lines) <= LINES
     assert max(map(len, lines)) <= COLUMNS
-    assert lines[0].startswith(type(OBJECTS[name]).__name__)
+    assert lines[0].startswith(type(thing).__name__)
 
 
-def test_a_result_says_how_it_ended_and_what_matters() -> None:
-    text = repr(RUN)
+def test_a_result_says_how_it_ended_and_what_matters(result: worm3d.Result) -> None:
+    text = repr(result)
     assert text.splitlines()[0] == "Result: the run reached its end"
     assert "301 rows of 300 steps of 0.01 s; 6 segments, 1 m, 0.1 kg on Plane(" in text
-    assert f"distance {RUN.distance:.4g} m, mean speed " in text
+    assert f"distance {result.distance:.4g} m, mean speed " in text
 
 
 def test_short_arrays_are_printed_whole_and_long_ones_by_their_range() -> None:

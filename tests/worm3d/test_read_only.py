@@ -23,6 +23,7 @@ from worm3d import (
     Pipe,
     Plane,
     Profile,
+    Result,
     State,
     Straight,
     Union,
@@ -32,7 +33,6 @@ from worm3d import (
 
 POINTS = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [2.0, 0.0, 0.1]]
 PIPE = Pipe(Centreline.of([Straight(2.0)]), Profile([0.0, 1.0], [0.12, 0.14]), (Patch(0.5),))
-RESULT = simulate(Worm(), Plane(), Friction(forward=np.full(6, 0.03)), TravellingWave(), duration=0.1)
 
 FROZEN = {
     "worm": Worm(),
@@ -44,7 +44,6 @@ FROZEN = {
     "pipe": PIPE,
     "heightfield": Heightfield(np.zeros((5, 5)), 0.1, grip=np.ones((5, 5))),
     "union": Union([PIPE, Plane()]),
-    "result": RESULT,
     "spline": SplinePath(np.array(POINTS)[:, :2]),
     "way points": WayPoints([[0, 0], [5, 0], [5, 5]]),
     "linkage": linkage.Linkage(),
@@ -77,10 +76,15 @@ def arrays(thing: Any, name: str) -> Iterator[tuple[str, np.ndarray]]:
             yield from arrays(value, f"{name}.{key}")
 
 
+@pytest.fixture(scope="module")
+def result() -> Result:
+    return simulate(Worm(), Plane(), Friction(forward=np.full(6, 0.03)), TravellingWave(), duration=0.1)
+
+
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("name", FROZEN)
-def test_arrays_are_read_only(name: str, way: str) -> None:
-    original = FROZEN[name]
+@pytest.mark.parametrize("name", ["result", *FROZEN])
+def test_arrays_are_read_only(result: Result, name: str, way: str) -> None:
+    original = {**FROZEN, "result": result}[name]
     found, before = list(arrays(WAYS[way](original), name)), dict(arrays(original, name))
     assert found
     for place, array in found:
@@ -89,9 +93,9 @@ def test_arrays_are_read_only(name: str, way: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["com_velocity", "heading", "chamber_strain", "end_load", "apexes"])
-def test_what_a_result_computes_is_read_only(name: str) -> None:
+def test_what_a_result_computes_is_read_only(result: Result, name: str) -> None:
     with pytest.raises(ValueError, match="read-only"):
-        getattr(RESULT, name)[0] = 1.0
+        getattr(result, name)[0] = 1.0
 
 
 def test_an_array_that_was_given_stays_the_callers_own() -> None:
@@ -101,8 +105,8 @@ def test_an_array_that_was_given_stays_the_callers_own() -> None:
     assert_array_equal(worm.k_spring, 13.0)
 
 
-def test_a_pickled_state_goes_on_bit_for_bit() -> None:
-    on = simulate(Worm(), Plane(), actuation=TravellingWave(), duration=0.1, state=RESULT.state)
-    kept = pickle.loads(pickle.dumps(RESULT.state))
+def test_a_pickled_state_goes_on_bit_for_bit(result: Result) -> None:
+    on = simulate(Worm(), Plane(), actuation=TravellingWave(), duration=0.1, state=result.state)
+    kept = pickle.loads(pickle.dumps(result.state))
     again = simulate(Worm(), Plane(), actuation=TravellingWave(), duration=0.1, state=kept)
     assert_array_equal(on.joints, again.joints)

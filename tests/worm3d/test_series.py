@@ -9,12 +9,16 @@ from control.gaits import TravellingWave
 from worm3d import Plane, State, Worm
 from worm3d.recorded.series import Recorded, Steps, series_of
 
-RUN = worm3d.simulate(Worm(), Plane(), actuation=TravellingWave(amplitude=0.3, bias=0.5), duration=0.5, record_every=5)
+
+@pytest.fixture(scope="module")
+def run() -> worm3d.Result:
+    gait = TravellingWave(amplitude=0.3, bias=0.5)
+    return worm3d.simulate(Worm(), Plane(), actuation=gait, duration=0.5, record_every=5)
 
 
 @pytest.mark.parametrize("name", series_of(worm3d.Result))
-def test_each_series_has_the_shape_and_the_line_that_are_declared(name: str) -> None:
-    series, value = series_of(worm3d.Result)[name], getattr(RUN, name)
+def test_each_series_has_the_shape_and_the_line_that_are_declared(run: worm3d.Result, name: str) -> None:
+    series, value = series_of(worm3d.Result)[name], getattr(run, name)
     lengths = {"time": 11, "step": 50}
     expected = (*(lengths[dim] for dim in series.dims[:1]), *series.shape(6))
     assert np.shape(value) == expected
@@ -24,8 +28,8 @@ def test_each_series_has_the_shape_and_the_line_that_are_declared(name: str) -> 
     assert f"{series.meaning[1:]}{unit}." in said
 
 
-def test_the_order_of_declaration_is_that_of_the_variables() -> None:
-    names = [variable.name for variable in RUN.variables()]
+def test_the_order_of_declaration_is_that_of_the_variables(run: worm3d.Result) -> None:
+    names = [variable.name for variable in run.variables()]
     ordered = [*series_of(Recorded), *series_of(worm3d.Energy), *series_of(Steps)]
     assert names == ordered
     assert len(set(names)) == len(names)
