@@ -103,7 +103,7 @@ def study(
     Beside what 'worm3d sweep' writes there are study.md, study.csv and study.png. Each number has an error: a case runs
     with run.accuracy=0.01 unless the scene or -o says otherwise.
     """
-    from scenes.studies import command
+    from scenes.studies.study import command
     from scenes.sweep.command import Options
 
     options = Options(workers=workers, case_limit_s=case_limit_s, retry_failed=retry_failed, force=force, quiet=quiet)

@@ -1,1 +1,1 @@
-"""Studies: scenes that are swept, each with a question, and what a designer learns from the numbers."""
+"""Studies: what many runs tell beside each other, beside measurements, and beside what is published."""

@@ -14,9 +14,9 @@ from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
 from scenes.running.drawing import save_figure
 from scenes.running.runner import EXIT_CODES
-from scenes.studies.lessons import answers, lessons
-from scenes.studies.report import NUMBERS, PICTURE, TEXT, document, numbers, together
-from scenes.studies.study import Grid
+from scenes.studies.study.lessons import answers, lessons
+from scenes.studies.study.report import NUMBERS, PICTURE, TEXT, document, numbers, together
+from scenes.studies.study.study import Grid
 from scenes.sweep import command as sweeps
 from scenes.sweep.links import given_keys
 from scenes.sweep.plan import Source
@@ -52,7 +52,7 @@ def _run(name: str, overrides: Sequence[str], out: Path | None, options: sweeps.
         grid = found[name] = Grid(scene, table)
         if not table.done.any():
             return
-        from scenes.studies.figure import draw  # imports matplotlib
+        from scenes.studies.study.figure import draw  # imports matplotlib
 
         write_bytes(folder / TEXT, document(grid).encode())
         write_bytes(folder / NUMBERS, numbers(grid).encode())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenes.studies.curves import Shape, sentence
+from scenes.studies.study.curves import Shape, sentence
 
 NAN = float("nan")
 

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from scenes.studies.study import Grid
-from scenes.studies.view import Axis, View
+from scenes.studies.study.study import Grid
+from scenes.studies.study.view import Axis, View
 from scenes.sweep.figures import FAILED, colours, edges, is_logarithmic
 from worm3d.values.arrays import FloatArray
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from scenes.records.text import markdown_table
-from scenes.studies.lessons import answers, lessons, verdicts
-from scenes.studies.study import Grid
+from scenes.studies.study.lessons import answers, lessons, verdicts
+from scenes.studies.study.study import Grid
 from scenes.sweep.table import cell
 
 PICTURE, TEXT, NUMBERS = "study.png", "study.md", "study.csv"

@@ -14,7 +14,7 @@ from scenes.language.errors import SceneError
 from scenes.language.formulas import evaluated
 from scenes.language.sweep_section import Study
 from scenes.models.loading import Scene
-from scenes.studies.view import Axis, Measure, View, rounded
+from scenes.studies.study.view import Axis, Measure, View, rounded
 from scenes.sweep.design import CASE, SAMPLE
 from scenes.sweep.links import given_keys, value_at
 from scenes.sweep.table import Table

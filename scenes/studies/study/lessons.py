@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes.running.terminal import counted
-from scenes.studies.curves import NEAR, Shape, apart, sentence
-from scenes.studies.study import MOST_CURVES, Grid
-from scenes.studies.view import Axis, View
+from scenes.studies.study.curves import NEAR, Shape, apart, sentence
+from scenes.studies.study.study import MOST_CURVES, Grid
+from scenes.studies.study.view import Axis, View
 from worm3d.values.arrays import FloatArray
 
 VERDICTS = {"rises": ("rises", "falls"), "falls": ("falls", "rises")}

@@ -16,11 +16,11 @@ from PIL import Image
 
 from scenes.language.errors import SceneError
 from scenes.models.loading import Scene, parse_scene
-from scenes.studies.command import shipped_studies, with_accuracy
-from scenes.studies.figure import draw
-from scenes.studies.lessons import answers, lessons
-from scenes.studies.report import document, numbers, together
-from scenes.studies.study import IMAGE, Grid
+from scenes.studies.study.command import shipped_studies, with_accuracy
+from scenes.studies.study.figure import draw
+from scenes.studies.study.lessons import answers, lessons
+from scenes.studies.study.report import document, numbers, together
+from scenes.studies.study.study import IMAGE, Grid
 from scenes.sweep.case_file import CaseResult
 from scenes.sweep.plan import Source, planned
 from scenes.sweep.table import Table
