@@ -137,7 +137,7 @@ def compare(
     Prints the settings, figures and series that differ, and writes all of them (compare.csv), figures with the results
     laid over one another, and compare.html, which plays the runs side by side.
     """
-    from scenes.compare import command
+    from scenes.studies.compare import command
 
     raise typer.Exit(command.run(results, out, align=align, force=force, quiet=quiet))
 

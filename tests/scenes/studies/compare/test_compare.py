@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes.compare import page
-from scenes.compare.differences import named_by_settings
-from scenes.compare.sources import Source, sources
 from scenes.models.loading import load_scene
 from scenes.records import measured
 from scenes.records.record import Record
 from scenes.records.store import export_csv, save
 from scenes.running import overlays
 from scenes.running.runner import simulate
+from scenes.studies.compare import page
+from scenes.studies.compare.differences import named_by_settings
+from scenes.studies.compare.sources import Source, sources
 from scenes.sweep import case_file
 
 BRIEF = ("run.duration_s=0.3", "worm.segments=3", "worm.mass_kg=0.03")

@@ -10,9 +10,14 @@ from pathlib import Path
 
 import typer
 
-from scenes.compare import page
-from scenes.compare.aligned import aligned as aligned_to
-from scenes.compare.differences import (
+from scenes.records.folder import prepared, write_bytes
+from scenes.records.text import aligned
+from scenes.running.drawing import save_figure
+from scenes.running.overlays import OVERLAYS, drawn
+from scenes.running.terminal import busy, counted
+from scenes.studies.compare import page
+from scenes.studies.compare.aligned import aligned as aligned_to
+from scenes.studies.compare.differences import (
     ABSENT,
     Difference,
     figures,
@@ -22,12 +27,7 @@ from scenes.compare.differences import (
     series,
     settings,
 )
-from scenes.compare.sources import Source, records, sources
-from scenes.records.folder import prepared, write_bytes
-from scenes.records.text import aligned
-from scenes.running.drawing import save_figure
-from scenes.running.overlays import OVERLAYS, drawn
-from scenes.running.terminal import busy, counted
+from scenes.studies.compare.sources import Source, records, sources
 from worm3d.values.metrics import written
 
 TABLE, PAGE = "compare.csv", "compare.html"
@@ -51,7 +51,7 @@ def run(
 ) -> int:
     """Compare results, write what was found into a folder, and return the exit code.
 
-    With `align` all are moved and turned so that they fit the first one best (`scenes.compare.aligned`).
+    With `align` all are moved and turned so that they fit the first one best (`scenes.studies.compare.aligned`).
 
     Raises
     ------

@@ -14,11 +14,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.compare.differences import common
 from scenes.language.errors import SceneError
 from scenes.records import measured
 from scenes.records.columns import MARKER
 from scenes.records.record import Record
+from scenes.studies.compare.differences import common
 from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import Variable
 

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenes.compare.sources import Source, flat
 from scenes.records import measured
 from scenes.records.columns import MARKER
 from scenes.records.record import Record
+from scenes.studies.compare.sources import Source, flat
 from scenes.sweep.key import LENGTH
 from worm3d.values.arrays import FloatArray
 from worm3d.values.metrics import ROUNDING, named

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from scenes.compare import differences
-from scenes.compare.aligned import aligned
-from scenes.compare.differences import Difference, settings, unit_of
-from scenes.compare.sources import Source
 from scenes.language.errors import SceneError
 from scenes.records.record import Record, Summary
+from scenes.studies.compare import differences
+from scenes.studies.compare.aligned import aligned
+from scenes.studies.compare.differences import Difference, settings, unit_of
+from scenes.studies.compare.sources import Source
 from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import Variable
 
