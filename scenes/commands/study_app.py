@@ -181,7 +181,7 @@ def fit(
     Each starts from the value that the scene, or -o, gives it. Writes fit.json (values, their 95 % intervals, keys
     that the data cannot tell apart), fit.toml, the scene with these values, and fit.png, the residuals.
     """
-    from scenes.fit import command
+    from scenes.studies.fit import command
 
     raise typer.Exit(command.run(scene, to, vary, o or (), out, runs=runs, force=force, quiet=quiet))
 

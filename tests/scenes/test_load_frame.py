@@ -73,8 +73,8 @@ def test_the_shipped_segment_meets_the_measured_one() -> None:
 
 
 def test_a_fit_finds_a_segment_that_meets_it() -> None:
-    from scenes.fit.figure import draw
-    from scenes.fit.fitting import fit
+    from scenes.studies.fit.figure import draw
+    from scenes.studies.fit.fitting import fit
 
     start = ["worm.apex_hinge_N_m_rad=0.6", "hysteresis.moment_N_m=0.3", "hysteresis.load_ratio=0.4", "run.dt_s=0.25"]
     keys = ["worm.apex_hinge_N_m_rad", "hysteresis.moment_N_m", "hysteresis.load_ratio", "hysteresis.give_J"]

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from scenes.fit.varied import Varied
 from scenes.language.errors import DiscError, MissingPartError, SceneError
 from scenes.models.loading import Scene, parse_scene
 from scenes.records.measured import at_instants, simulated_like
 from scenes.records.record import Record
 from scenes.running.runner import simulate
+from scenes.studies.fit.varied import Varied
 from worm3d.values.arrays import BoolArray, FloatArray
 from worm3d.values.variable import Variable, column_names
 

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.fit.identifiability import Relation
-from scenes.fit.lack import Lack
-from scenes.fit.noise import autocorrelation, noise_of
-from scenes.fit.solving import Solution, solve
-from scenes.fit.trials import Data, Trials
-from scenes.fit.varied import Varied, Wanted, varied_of
 from scenes.models.loading import load_scene
 from scenes.records import measured
 from scenes.records.record import Record
+from scenes.studies.fit.identifiability import Relation
+from scenes.studies.fit.lack import Lack
+from scenes.studies.fit.noise import autocorrelation, noise_of
+from scenes.studies.fit.solving import Solution, solve
+from scenes.studies.fit.trials import Data, Trials
+from scenes.studies.fit.varied import Varied, Wanted, varied_of
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import spelled
 from worm3d.values.variable import Variable

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenes.fit.noise import noise_of
-from scenes.fit.trials import SpentError, Trials
-from scenes.fit.uncertainty import Group, groups_of
+from scenes.studies.fit.noise import noise_of
+from scenes.studies.fit.trials import SpentError, Trials
+from scenes.studies.fit.uncertainty import Group, groups_of
 from worm3d.values.arrays import FloatArray
 
 NUMBERS = (

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenes.fit.fitting import Fit
-from scenes.fit.noise import autocorrelation
+from scenes.studies.fit.fitting import Fit
+from scenes.studies.fit.noise import autocorrelation
 from worm3d.values.arrays import FloatArray
 
 MOST = 6

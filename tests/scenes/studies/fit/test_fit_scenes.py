@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import worm3d as package
-from scenes.fit import fit, report, trials
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene, parse_scene
 from scenes.records.record import Record
 from scenes.running.runner import simulate
+from scenes.studies.fit import fit, report, trials
 from worm3d.values.variable import write_csv
 
 Command = Callable[..., object]

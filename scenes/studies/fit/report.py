@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from scenes.fit.fitting import Channel, Fit, Fitted
-from scenes.fit.lack import LIMIT, Lack
-from scenes.fit.noise import HIGHEST_ORDER
 from scenes.records.text import aligned
 from scenes.running.terminal import counted
+from scenes.studies.fit.fitting import Channel, Fit, Fitted
+from scenes.studies.fit.lack import LIMIT, Lack
+from scenes.studies.fit.noise import HIGHEST_ORDER
 
 SHOWN = 8
 """Largest number of channels whose residuals are listed on a terminal."""

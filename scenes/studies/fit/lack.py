@@ -12,7 +12,7 @@ Statistical Institute 39, 1962), is more exact, but takes a part of the error fo
     S_k = (1 - q) (1 - a^2)/(1 - 2 a cos w_k + a^2) + q
 
 The power at low frequencies over that of the noise is the ratio of each. Right scenes seldom have a large one, nor
-residuals that are alike to the effect of a key (`scenes.fit.suspects`).
+residuals that are alike to the effect of a key (`scenes.studies.fit.suspects`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from functools import lru_cache
 import numpy as np
 from scipy import fft, signal, special
 
-from scenes.fit.suspects import NONE, Suspects
+from scenes.studies.fit.suspects import NONE, Suspects
 from worm3d.values.arrays import FloatArray
 
 LEAST_SAMPLES = 30

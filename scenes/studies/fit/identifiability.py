@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenes.fit.varied import Varied
+from scenes.studies.fit.varied import Varied
 from worm3d.values.arrays import BoolArray, FloatArray
 
 LOST = 1e-3

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, special
 
-from scenes.fit.noise import Noise, noise_of, spectra_of
+from scenes.studies.fit.noise import Noise, noise_of, spectra_of
 from worm3d.values.arrays import BoolArray, FloatArray
 
 DRAWS = 200

@@ -9,16 +9,16 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from scenes.fit.dips import dips
-from scenes.fit.identifiability import determined
-from scenes.fit.lack import lack_of
-from scenes.fit.noise import Noise, autocorrelation, noise_of, spectra_of
-from scenes.fit.slopes import slopes_at
-from scenes.fit.solving import solve
-from scenes.fit.trials import Data, SpentError
-from scenes.fit.uncertainty import uncertainty_of
-from scenes.fit.varied import Varied
 from scenes.language.errors import SceneError
+from scenes.studies.fit.dips import dips
+from scenes.studies.fit.identifiability import determined
+from scenes.studies.fit.lack import lack_of
+from scenes.studies.fit.noise import Noise, autocorrelation, noise_of, spectra_of
+from scenes.studies.fit.slopes import slopes_at
+from scenes.studies.fit.solving import solve
+from scenes.studies.fit.trials import Data, SpentError
+from scenes.studies.fit.uncertainty import uncertainty_of
+from scenes.studies.fit.varied import Varied
 
 PHI = 0.8
 TIME = np.linspace(0.0, 4.0, 160)
@@ -278,5 +278,5 @@ def test_a_valley_whose_residuals_are_no_noise_is_left(monkeypatch: pytest.Monke
     noise = 0.01 * np.random.default_rng(9).standard_normal(len(TIME))
     trials = Analytic(model, model(1.0) + noise, varied("a", 0.95))
     assert solve(trials).values[0] == pytest.approx(1.0, abs=0.001)
-    monkeypatch.setattr("scenes.fit.solving.SUSPECT", np.inf)
+    monkeypatch.setattr("scenes.studies.fit.solving.SUSPECT", np.inf)
     assert solve(trials).values[0] == pytest.approx(0.9915, abs=0.001)

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import typer
 
-from scenes.fit import report
-from scenes.fit.fitting import Fit, fit
-from scenes.fit.trials import StoppedError
 from scenes.language.loader import find_scene
 from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes
 from scenes.running.drawing import save_figure
 from scenes.running.terminal import Interruption, busy, progress
+from scenes.studies.fit import report
+from scenes.studies.fit.fitting import Fit, fit
+from scenes.studies.fit.trials import StoppedError
 
 CONTENT, SCENE, PICTURE = "fit.json", "fit.toml", "fit.png"
 INTERRUPTED = 130
@@ -39,7 +39,7 @@ def run(
     Raises
     ------
     SceneError
-        As of `scenes.fit.fit`, or the folder cannot be used.
+        As of `scenes.studies.fit.fit`, or the folder cannot be used.
     """
     name = find_scene(scene).stem
     with folders.prepared(out, f"fit-{name}", force=force) as folder:
@@ -67,7 +67,7 @@ def run(
 
 
 def _write(found: Fit, folder: Path) -> None:
-    from scenes.fit import figure  # imports matplotlib
+    from scenes.studies.fit import figure  # imports matplotlib
 
     write_bytes(folder / CONTENT, json_bytes(report.content(found)))
     write_bytes(folder / SCENE, report.scene(found).encode())

@@ -15,13 +15,13 @@ from functools import partial
 import numpy as np
 from scipy.optimize import least_squares
 
-from scenes.fit.dips import dips
-from scenes.fit.identifiability import LOST, Determined, Relation, axes_of, determined, vague
-from scenes.fit.lack import Lack, lack_of, ratio_of
-from scenes.fit.slopes import HALVINGS, Slopes, slopes_at
-from scenes.fit.suspects import suspects_of
-from scenes.fit.trials import SpentError, Trials
-from scenes.fit.uncertainty import DRAWS, MOST_CHANNELS, Uncertainty, uncertainty_of
+from scenes.studies.fit.dips import dips
+from scenes.studies.fit.identifiability import LOST, Determined, Relation, axes_of, determined, vague
+from scenes.studies.fit.lack import Lack, lack_of, ratio_of
+from scenes.studies.fit.slopes import HALVINGS, Slopes, slopes_at
+from scenes.studies.fit.suspects import suspects_of
+from scenes.studies.fit.trials import SpentError, Trials
+from scenes.studies.fit.uncertainty import DRAWS, MOST_CHANNELS, Uncertainty, uncertainty_of
 from worm3d.values.arrays import BoolArray, FloatArray
 
 FIRST_STEP = 0.02
