@@ -37,6 +37,6 @@ def gait_fit(
     that noise in its constants disturbs little. Writes gait.toml, a scene of it, gait.csv and gait.json, its delays
     beside those of the recordings and of a uniform wave, and gait.png. Takes a minute or two.
     """
-    from scenes.gait_fit import command
+    from scenes.studies.gait_fit import command
 
     raise typer.Exit(command.run(to, use or (), out, force=force, quiet=quiet))

@@ -12,8 +12,8 @@ from control import gaits
 from control.gaits.neural import kernel, network, shared, training
 from control.gaits.neural.recording import Waves, pick
 from control.gaits.neural.waves import carrying, timing_of
-from scenes.gait_fit.recordings import load
 from scenes.language.loader import shipped_scenes
+from scenes.studies.gait_fit.recordings import load
 
 LARVAE = shipped_scenes()["flat"].parent / "data" / "larva_denticle_bands.csv"
 FITTED, PREDICTED = ("3a", "3c"), ("3b", "5b")

@@ -15,9 +15,6 @@ import typer
 from control.gaits.neural.chain import FASTEST, EiChain
 from control.gaits.neural.shared import ALONE, LeftOut, Profile, left_out, shared
 from control.gaits.neural.training import StoppedError, Target, Training, fit
-from scenes.gait_fit import recordings
-from scenes.gait_fit.comparison import Comparison, Row, compared, sentences
-from scenes.gait_fit.recordings import Recording
 from scenes.language.errors import SceneError
 from scenes.language.parts import key_of
 from scenes.language.toml import value
@@ -26,6 +23,9 @@ from scenes.records.folder import write_bytes
 from scenes.records.text import aligned, json_bytes
 from scenes.running.drawing import save_figure
 from scenes.running.terminal import Interruption, busy
+from scenes.studies.gait_fit import recordings
+from scenes.studies.gait_fit.comparison import Comparison, Row, compared, sentences
+from scenes.studies.gait_fit.recordings import Recording
 from worm3d.values.parameters import parameters_of
 
 SCENE, TABLE, CONTENT, PICTURE = "gait.toml", "gait.csv", "gait.json", "gait.png"
@@ -80,7 +80,7 @@ def _trained(profile: Profile, targets: Sequence[Target], like: EiChain, *, quie
 def _write(
     training: Training, comparison: Comparison, found: list[Recording], fitted: list[str], to: Path, folder: Path
 ) -> None:
-    from scenes.gait_fit import figure  # imports matplotlib
+    from scenes.studies.gait_fit import figure  # imports matplotlib
 
     write_bytes(folder / SCENE, scene(training.gait, comparison, fitted, to).encode())
     write_bytes(folder / TABLE, _table(comparison).encode())

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenes.gait_fit.comparison import Comparison
-from scenes.gait_fit.recordings import Recording
+from scenes.studies.gait_fit.comparison import Comparison
+from scenes.studies.gait_fit.recordings import Recording
 
 SHOWN = 25.0
 """Time of a recording that is drawn, around its middle wave [s]."""

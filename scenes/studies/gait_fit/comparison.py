@@ -11,7 +11,7 @@ from control.gaits.neural.chain import EiChain
 from control.gaits.neural.shared import LeftOut, Profile
 from control.gaits.neural.training import FRAME
 from control.gaits.neural.waves import carrying, timing_of
-from scenes.gait_fit.recordings import Recording
+from scenes.studies.gait_fit.recordings import Recording
 
 NOISE, DRAWS, SEED = 0.1, 40, 20261122
 """Relative noise of all constants, networks drawn and seed of the draws, which are not those of the fit."""
