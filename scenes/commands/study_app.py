@@ -203,7 +203,7 @@ def technologies(
     taking one limit after the other away. Writes technologies.csv, technologies.md, also with the sources of the
     numbers, and technologies.png. Takes half a minute. Keys of the section [actuator] hold for all of them.
     """
-    from scenes.technologies import command
+    from scenes.studies.technologies import command
 
     raise typer.Exit(command.run(scene, o or (), only or (), out, force=force, quiet=quiet))
 

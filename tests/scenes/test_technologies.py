@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 from scenes.commands.app import app
 from scenes.language.errors import SceneError
 from scenes.models.worm.build import worm_of
-from scenes.technologies import limits, report, runs
-from scenes.technologies.limits import ALL, Verdict, judged
-from scenes.technologies.runs import Bench, Trial
+from scenes.studies.technologies import limits, report, runs
+from scenes.studies.technologies.limits import ALL, Verdict, judged
+from scenes.studies.technologies.runs import Bench, Trial
 from worm3d.physics.actuator_names import TECHNOLOGIES
 
 RIGHT = ["run.dt_s=0.02"]

@@ -8,8 +8,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from scenes.technologies.limits import Verdict
-from scenes.technologies.runs import Bench
+from scenes.studies.technologies.limits import Verdict
+from scenes.studies.technologies.runs import Bench
 from worm3d.physics.technologies.presets import TABLE
 
 COLUMNS = (

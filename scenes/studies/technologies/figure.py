@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from scenes.technologies.limits import ALL, MOVES, Verdict
-from scenes.technologies.runs import Bench
+from scenes.studies.technologies.limits import ALL, MOVES, Verdict
+from scenes.studies.technologies.runs import Bench
 
 COLOURS = {"speed": "C0", "force": "C3", "stroke": "C1", "heat": "C5", ALL: "C4", "": "0.6"}
 MEANINGS = {"speed": "too slow", "force": "too weak", "stroke": "too short", "heat": "too warm", ALL: "all together"}

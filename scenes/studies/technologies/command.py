@@ -12,9 +12,9 @@ from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
 from scenes.running.drawing import save_figure
 from scenes.running.terminal import busy, each
-from scenes.technologies import report
-from scenes.technologies.limits import Verdict, judged
-from scenes.technologies.runs import Bench
+from scenes.studies.technologies import report
+from scenes.studies.technologies.limits import Verdict, judged
+from scenes.studies.technologies.runs import Bench
 from worm3d.physics.actuator_names import TECHNOLOGIES
 
 TABLE, TEXT, PICTURE = "technologies.csv", "technologies.md", "technologies.png"
@@ -41,7 +41,7 @@ def run(
 
 
 def _keep(bench: Bench, verdicts: Sequence[Verdict], folder: Path, *, quiet: bool) -> None:
-    from scenes.technologies.figure import draw  # imports matplotlib
+    from scenes.studies.technologies.figure import draw  # imports matplotlib
 
     write_bytes(folder / TABLE, report.table(verdicts))
     write_bytes(folder / TEXT, report.text(bench, verdicts).encode())

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from scenes.technologies.runs import FACTORS, Bench, Trial, lifted, together
+from scenes.studies.technologies.runs import FACTORS, Bench, Trial, lifted, together
 from worm3d.physics.technologies.law import MOST_STROKE, Technology
 from worm3d.values.arrays import FloatArray
 
