@@ -154,7 +154,7 @@ def validate(
     Closed forms, and what was measured on robots and animals, a scene each: what the model gives, what was published,
     the ratio, and whether trends have the right sign. What the model misses is said, and is no failure of the command.
     """
-    from scenes.validate import report
+    from scenes.studies.validate import report
 
     raise typer.Exit(report.run(out, quick=quick, force=force, quiet=quiet))
 

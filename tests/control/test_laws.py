@@ -1,6 +1,6 @@
 """Laws of crawling for ordinary worms, all segments alike, of which feet lift and loads pass from one to another.
 
-`scenes.validate.closed_forms` has the laws for chains of feet that keep their loads.
+`scenes.studies.validate.closed_forms` has the laws for chains of feet that keep their loads.
 """
 
 import numpy as np

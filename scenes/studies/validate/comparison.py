@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scenes.validate.measures import Changes, Figure, Measure, StoppedError
-from scenes.validate.rows import Chapter, Row
+from scenes.studies.validate.measures import Changes, Figure, Measure, StoppedError
+from scenes.studies.validate.rows import Chapter, Row
 
 ABOVE_1, BELOW_1 = (1.0, math.inf), (-math.inf, 1.0)
 """Bands of trends of which only the sign was published."""

@@ -14,9 +14,9 @@ from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes, markdown_table
 from scenes.running.drawing import save_figure
 from scenes.running.packages import versions
-from scenes.validate import animals, closed_forms, pattern_generators, powered, robots
-from scenes.validate.figure import draw
-from scenes.validate.rows import AGREES, DEPENDS, KINDS, STANDINGS, TRUST, Chapter, Row
+from scenes.studies.validate import animals, closed_forms, pattern_generators, powered, robots
+from scenes.studies.validate.figure import draw
+from scenes.studies.validate.rows import AGREES, DEPENDS, KINDS, STANDINGS, TRUST, Chapter, Row
 
 CHAPTERS: Mapping[str, Chapter] = {
     "Closed forms of crawling": closed_forms.rows,

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from scenes.validate.rows import AGREES, DEPENDS, MISSES, Row
+from scenes.studies.validate.rows import AGREES, DEPENDS, MISSES, Row
 
 LEAST, GREATEST = 0.03, 30.0
 """Range of the ratios; what lies outside is drawn at its end."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scenes.validate.pattern_generators import rows
+from scenes.studies.validate.pattern_generators import rows
 
 
 def test_the_rows_agree() -> None:

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from scenes.models.loading import load_scene
-from scenes.validate import animals, powered, report, robots
-from scenes.validate.animals import earthworm
-from scenes.validate.comparison import ABOVE_1, BELOW_1, Comparison
-from scenes.validate.measures import FIGURES, HOME, Exponent, Figure, Ratio, StoppedError, figures, stride
-from scenes.validate.rows import Row
+from scenes.studies.validate import animals, powered, report, robots
+from scenes.studies.validate.animals import earthworm
+from scenes.studies.validate.comparison import ABOVE_1, BELOW_1, Comparison
+from scenes.studies.validate.measures import FIGURES, HOME, Exponent, Figure, Ratio, StoppedError, figures, stride
+from scenes.studies.validate.rows import Row
 
 
 @pytest.mark.parametrize("name", sorted({c.measure.scene for c in (*robots.COMPARISONS, *animals.COMPARISONS)}))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenes.validate.chain import Chain, Crawl
-from scenes.validate.formulas import (
+from scenes.studies.validate.chain import Chain, Crawl
+from scenes.studies.validate.formulas import (
     breathing,
     breathing_continuum,
     constant,
@@ -26,7 +26,7 @@ from scenes.validate.formulas import (
     swimming,
     two_loads,
 )
-from scenes.validate.rows import Row
+from scenes.studies.validate.rows import Row
 from worm3d.values.arrays import BoolArray
 
 SECTION = "derived and checked in this project"
@@ -81,7 +81,7 @@ class Case:
         return self._row(self.measure(crawl), self.formula(chain), "; ".join(filter(None, (self.note, *loads))))
 
     def _row(self, model: float, closed_form: float, note: str) -> Row:
-        command = " ".join((f"scenes/validate/{self.scene}.toml", *(f"-o {each}" for each in self.overrides)))
+        command = " ".join((f"scenes/studies/validate/{self.scene}.toml", *(f"-o {each}" for each in self.overrides)))
         return Row(
             name=self.name,
             model=model,
@@ -89,7 +89,7 @@ class Case:
             tolerance=self.tolerance,
             source=self.source,
             note=note,
-            scene=command if len(command) < LONGEST_COMMAND else f"scenes/validate/{self.scene}.toml, varied",
+            scene=command if len(command) < LONGEST_COMMAND else f"scenes/studies/validate/{self.scene}.toml, varied",
         )
 
 
@@ -292,5 +292,5 @@ CASES = [*BREATHING, *ELASTIC, *LOADS, *SINE, *STEPS, *LAW, *ISOTROPIC, *PULSES,
 
 
 def rows(quick: bool) -> Iterator[Row]:
-    """Run the cases; see `scenes.validate.rows.Chapter`. All are quick."""
+    """Run the cases; see `scenes.studies.validate.rows.Chapter`. All are quick."""
     return (case.row() for case in CASES)

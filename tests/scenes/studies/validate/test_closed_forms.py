@@ -6,9 +6,19 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from scenes.validate import formulas as forms
-from scenes.validate.chain import Chain, Crawl
-from scenes.validate.closed_forms import CASES, DIRECT, LEAST, RETROGRADE, WIDE, Case, body, friction, phase_step
+from scenes.studies.validate import formulas as forms
+from scenes.studies.validate.chain import Chain, Crawl
+from scenes.studies.validate.closed_forms import (
+    CASES,
+    DIRECT,
+    LEAST,
+    RETROGRADE,
+    WIDE,
+    Case,
+    body,
+    friction,
+    phase_step,
+)
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -87,7 +97,7 @@ def test_any_phases_follow_the_quantile_law_with_equal_loads(seed: int) -> None:
 
 
 def test_loads_of_the_feet_under_a_payload_are_those_of_statics() -> None:
-    """Moments about the rear foot and about the front one, see `scenes.validate.chain`."""
+    """Moments about the rear foot and about the front one, see `scenes.studies.validate.chain`."""
     crawl = Crawl.of(Chain.of("two_contacts", ()))
     distance = np.diff(crawl.places[1:], axis=1)[:, 0]
     moved = 0.01 * 9.81 * 0.02 / (2.0 * distance)

@@ -8,7 +8,7 @@ import numpy as np
 
 from control.gaits.larva_ei.network import crawling
 from control.gaits.shc.cycle import Cycle, Walk, sojourns
-from scenes.validate.rows import Row
+from scenes.studies.validate.rows import Row
 
 PEHLEVAN = "Pehlevan, Paoletti, Mahadevan, eLife 5 (2016) e11031, table 1, computed anew from its equations"
 HORCHLER = "Horchler, Daltorio, Chiel, Quinn, Bioinspir. Biomim. 10 (2015) 026001; passage time of Stone and Holmes"
@@ -21,7 +21,7 @@ SOJOURNS = 3000
 
 
 def rows(quick: bool) -> Iterator[Row]:
-    """Run the generators; see `scenes.validate.rows.Chapter`. All are quick."""
+    """Run the generators; see `scenes.studies.validate.rows.Chapter`. All are quick."""
     yield from larva()
     yield from cycles()
 

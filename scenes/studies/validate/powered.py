@@ -1,16 +1,16 @@
 """Robots on the actuators that they are built with, at the period at which they are fastest, beside published speeds.
 
 The actuators are those of `worm3d.physics.technologies`, with their default sizes. The scene of each robot lists the
-published values and the assumptions. `scenes.validate.robots` says how to read the rows.
+published values and the assumptions. `scenes.studies.validate.robots` says how to read the rows.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenes.validate.comparison import Comparison, chapter, friction, within
-from scenes.validate.measures import Changes, Figure, StoppedError
-from scenes.validate.robots import CMMWORM, SOFT_TO_STIFF
+from scenes.studies.validate.comparison import Comparison, chapter, friction, within
+from scenes.studies.validate.measures import Changes, Figure, StoppedError
+from scenes.studies.validate.robots import CMMWORM, SOFT_TO_STIFF
 
 BRAID_TABLE = "the table of robots of Active Braid Crawler's authors"
 FACTORS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.085, 0.06, 0.042, 0.03, 0.021)

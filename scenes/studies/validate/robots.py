@@ -8,8 +8,8 @@ fitted: they say so and do not count.
 
 from __future__ import annotations
 
-from scenes.validate.comparison import ABOVE_1, BELOW_1, Comparison, chapter, friction, pipe, speed, within
-from scenes.validate.measures import Figure, Ratio
+from scenes.studies.validate.comparison import ABOVE_1, BELOW_1, Comparison, chapter, friction, pipe, speed, within
+from scenes.studies.validate.measures import Figure, Ratio
 
 CMMWORM = "Horchler et al., Soft Robotics 2 (2015) 135, abstract"
 KANDHARI = "Kandhari et al., An Analysis of Peristaltic Locomotion (2019), abstract"

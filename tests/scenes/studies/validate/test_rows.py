@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from scenes.validate.rows import Row
+from scenes.studies.validate.rows import Row
 
 
 @pytest.mark.parametrize(

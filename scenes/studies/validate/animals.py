@@ -1,11 +1,11 @@
-"""Animals beside what their scenes give; `scenes.validate.robots` says how, and what is assumed."""
+"""Animals beside what their scenes give; `scenes.studies.validate.robots` says how, and what is assumed."""
 
 from __future__ import annotations
 
 import math
 
-from scenes.validate.comparison import Comparison, chapter, friction, pipe, speed, within
-from scenes.validate.measures import Changes, Exponent, Figure, Ratio
+from scenes.studies.validate.comparison import Comparison, chapter, friction, pipe, speed, within
+from scenes.studies.validate.measures import Changes, Exponent, Figure, Ratio
 
 QUILLIN_1999 = "Quillin, J. Exp. Biol. 202 (1999) 661, abstract"
 QUILLIN = "Quillin 1999 and 2000, regressions as quoted in a student's table"
