@@ -26,7 +26,10 @@ ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
 PAGES = [
     README,
-    *(ROOT / page for page in ("scenes/README.md", "scenes/STUDIES.md", "control/README.md", "scenes/bench/README.md")),
+    *(
+        ROOT / page
+        for page in ("scenes/README.md", "scenes/STUDIES.md", "control/README.md", "scenes/studies/bench/README.md")
+    ),
 ]
 BIN = Path(sys.executable).parent
 SHORTER = {"study": ("run.integrator=implicit_euler", "run.dt_s=0.04"), "technologies": ("run.dt_s=0.02",)}

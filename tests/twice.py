@@ -125,7 +125,7 @@ def compiled_elsewhere() -> Iterator[Part]:
     """Yield what is compiled and called by no scene."""
     from control.gaits.larva_ei.network import crawling
     from control.gaits.neural import kernel
-    from scenes.bench import calibration, plant_parts
+    from scenes.studies.bench import calibration, plant_parts
 
     rng = np.random.default_rng(1)
     chain = rng.uniform(0.5, 1.5, (9, 6, 2))

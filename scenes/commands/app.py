@@ -295,7 +295,7 @@ def bench_plant(
     Time of a step by the number of segments and what it is spent on, many runs at once, start and memory. Takes
     minutes; nothing else should run meanwhile. 'python tests/benchmarks/plant.py' compares it with other simulators.
     """
-    from scenes.bench import plant_report
+    from scenes.studies.bench import plant_report
 
     raise typer.Exit(plant_report.run(out, quick=quick, force=force, quiet=quiet))
 
@@ -306,7 +306,7 @@ def bench_accuracy(out: Out = None, force: Force = False, quiet: Quiet = False) 
 
     Distance, turn and work against runs with a fine time step. Takes a few minutes.
     """
-    from scenes.bench import accuracy
+    from scenes.studies.bench import accuracy
 
     raise typer.Exit(accuracy.run(out, force=force, quiet=quiet))
 
@@ -320,7 +320,7 @@ def bench_worlds(
     quiet: Quiet = False,
 ) -> None:
     """Measure the default worm's step in pipes, on terrain and meshes, over its step on a plane."""
-    from scenes.bench import worlds
+    from scenes.studies.bench import worlds
 
     raise typer.Exit(worlds.run(out, duration=duration, repeats=repeats, force=force, quiet=quiet))
 
@@ -341,11 +341,11 @@ def bench_control(
 
     All scenes with a controller, and harder variants, by model predictive control, by the baselines and by controllers
     of yours: how well speed, heading and path are kept to, how long the control steps take, and a score, one line for
-    each controller (rules: scenes/bench/CONTROL.md). Takes an hour; started again on the same --out it goes on
+    each controller (rules: scenes/studies/bench/CONTROL.md). Takes an hour; started again on the same --out it goes on
     with what the same programs, scenes and map of the worm have not run yet. Ends with 5 if runs failed, or else with
     6 if a bar of the MPC is not kept (there are none with --quick, --controller or --trial).
     """
-    from scenes.bench import control_report
+    from scenes.studies.bench import control_report
 
     raise typer.Exit(
         control_report.run(out, seeds=seeds, quick=quick, quiet=quiet, guests=controllers or (), trials=trials or ())

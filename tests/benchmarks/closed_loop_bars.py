@@ -16,11 +16,11 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
-from scenes.bench.control_trials import APART, CORNER, RETUNED, SIDE
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
 from scenes.running.runner import simulate
 from scenes.running.terminal import timing
+from scenes.studies.bench.control_trials import APART, CORNER, RETUNED, SIDE
 from worm3d import Friction
 
 SEEDS = (40, 41, 42, 43, 44)

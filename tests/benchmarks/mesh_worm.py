@@ -18,7 +18,7 @@ from typing import Annotated
 import mujoco
 import typer
 
-from scenes.bench.calibration import calibrate
+from scenes.studies.bench.calibration import calibrate
 
 WARM_UP = 3
 """Steps that are not timed."""

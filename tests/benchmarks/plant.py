@@ -22,14 +22,14 @@ import typer
 from rivals import DURATION, GROUNDS, REPEATS, RIVALS, TOLERANCE, WARM_UP, Measured, Rival, Task, load, measure
 from step_search import NotConvergedError
 
-from scenes.bench.calibration import calibrate
-from scenes.bench.plant_measures import TOLERANCE as NEWTON
-from scenes.bench.plant_measures import crawl, relative_error, steps_of
 from scenes.language.errors import MissingPartError, SceneError
 from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
 from scenes.records.text import Column, aligned, json_bytes, markdown_table, table
 from scenes.running.packages import machine
+from scenes.studies.bench.calibration import calibrate
+from scenes.studies.bench.plant_measures import TOLERANCE as NEWTON
+from scenes.studies.bench.plant_measures import crawl, relative_error, steps_of
 from worm3d import Friction
 
 OURS = "worm3d"

@@ -15,8 +15,8 @@ from rivals import RIVALS, Measured, Rival, Task
 from step_search import NotConvergedError, largest_step
 from typer.testing import CliRunner
 
-from scenes.bench.plant_measures import relative_error
 from scenes.language.errors import MissingPartError
+from scenes.studies.bench.plant_measures import relative_error
 
 NEEDS = {"mujoco": "mujoco", "pyelastica": "elastica"}
 """PyElastica compiles for a minute when it is new."""

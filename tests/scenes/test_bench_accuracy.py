@@ -1,4 +1,4 @@
-"""`scenes.bench.accuracy`: what it measures is what runs say, and the table that is shipped has every scene."""
+"""`scenes.studies.bench.accuracy`: what it measures is what runs say, and the table that is shipped has every scene."""
 
 from pathlib import Path
 
@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from scenes.bench import accuracy
-from scenes.bench.accuracy import Case, Found
 from scenes.language.loader import shipped_scenes
 from scenes.models.loading import load_scene
 from scenes.running.runner import simulate
+from scenes.studies.bench import accuracy
+from scenes.studies.bench.accuracy import Case, Found
 
 SHIPPED = Path(accuracy.__file__).with_suffix(".md").read_text(encoding="utf-8")
 

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from scenes.bench import calibration, plant, plant_measures, plant_parts, plant_report
-from scenes.bench.plant_measures import MemoryGrowth, Speed, Start, StoppedError, Throughput, crawl, steps_of
 from scenes.running.packages import cpu_name, machine
+from scenes.studies.bench import calibration, plant, plant_measures, plant_parts, plant_report
+from scenes.studies.bench.plant_measures import MemoryGrowth, Speed, Start, StoppedError, Throughput, crawl, steps_of
 from worm3d import Status
 
 TINY = plant.Plan(

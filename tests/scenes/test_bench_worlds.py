@@ -1,12 +1,12 @@
-"""`scenes.bench.worlds`: every world is visited, and ratios are those of the counts and times; no time is asserted."""
+"""`scenes.studies.bench.worlds`: every world is visited, and ratios are those of the counts and times; no time is asserted."""
 
 from pathlib import Path
 
 import pytest
 from numpy.testing import assert_allclose
 
-from scenes.bench import worlds
-from scenes.bench.worlds import Visit
+from scenes.studies.bench import worlds
+from scenes.studies.bench.worlds import Visit
 
 VISITS = [
     Visit("plane", 20.0, 1.0, 2.0, 3.0),

@@ -22,7 +22,6 @@ from control.sensing.sensors import Measurement, Sensors
 from control.supervisor import Supervisor
 from control.tracking.paths import Circle, Line, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Sine, Steps
-from scenes.bench.control_trials import SCENES
 from scenes.language.errors import SceneError
 from scenes.models.base import Watch
 from scenes.models.control.build import controller_of, path_of, reference_of, sensors_of, wave_of
@@ -36,6 +35,7 @@ from scenes.records.record import Record
 from scenes.records.store import load, save
 from scenes.running import terminal
 from scenes.running.runner import simulate
+from scenes.studies.bench.control_trials import SCENES
 from worm3d.viewer import Frames
 from worm3d.viewer.live import LiveView
 

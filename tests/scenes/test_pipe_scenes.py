@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import worm3d
-from scenes.bench.limits import LIMITS, passes, pipe_of
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene, parse_scene
 from scenes.models.worm.build import simulate
+from scenes.studies.bench.limits import LIMITS, passes, pipe_of
 
 
 @cache

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from scenes.bench.control import METRICS, PERIOD, Row, Value
-from scenes.bench.control_trials import OFFSET
+from scenes.studies.bench.control import METRICS, PERIOD, Row, Value
+from scenes.studies.bench.control_trials import OFFSET
 
 MPC, RIVAL = "mpc", "pi_los"
 LEVEL = ("velocity_step", "path_line", "path_circle", "path_s_curve")

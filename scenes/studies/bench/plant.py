@@ -7,8 +7,10 @@ from functools import partial
 from itertools import chain
 from typing import Any
 
-from scenes.bench.calibration import calibrate
-from scenes.bench.plant_measures import (
+from scenes.running.packages import machine
+from scenes.running.terminal import each
+from scenes.studies.bench.calibration import calibrate
+from scenes.studies.bench.plant_measures import (
     Growth,
     MemoryGrowth,
     Speed,
@@ -20,9 +22,7 @@ from scenes.bench.plant_measures import (
     measure_start,
     measure_throughput,
 )
-from scenes.bench.plant_parts import Shares, measure_shares
-from scenes.running.packages import machine
-from scenes.running.terminal import each
+from scenes.studies.bench.plant_parts import Shares, measure_shares
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +55,7 @@ class Study:
     machine: dict[str, Any]
     plan: Plan
     calibration_us: float
-    """Time of a pass of the calibration loop (`scenes.bench.calibration`)."""
+    """Time of a pass of the calibration loop (`scenes.studies.bench.calibration`)."""
     speeds: tuple[Speed, ...]
     growth: Growth
     shares: tuple[Shares, ...]

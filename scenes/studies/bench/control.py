@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from control.guest import RAISED
-from scenes.bench.control_trials import Trial
 from scenes.models.control.build import maps_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.loading import Scene, load_scene
@@ -25,6 +24,7 @@ from scenes.records.text import json_bytes
 from scenes.running.packages import sources, versions
 from scenes.running.runner import simulate
 from scenes.running.terminal import timing
+from scenes.studies.bench.control_trials import Trial
 from worm3d.values.named import is_own
 
 CONTROLLERS = ("mpc", "pi_los", "open_loop")

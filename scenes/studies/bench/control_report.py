@@ -16,11 +16,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from control import controllers
-from scenes.bench import control
-from scenes.bench.control import BLIND, CONTROLLERS, METRICS, PERIOD, Found, Plan, Row, Study
-from scenes.bench.control_bars import BROKEN, MPC, RIVAL, Verdict, verdicts
-from scenes.bench.control_score import HEADER, cells, names
-from scenes.bench.control_trials import METRIC, QUICK, chosen
 from scenes.language.errors import SceneError
 from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
@@ -28,6 +23,11 @@ from scenes.records.text import Cells, aligned, markdown_table
 from scenes.running.drawing import save_figure
 from scenes.running.packages import machine
 from scenes.running.terminal import counted, progress
+from scenes.studies.bench import control
+from scenes.studies.bench.control import BLIND, CONTROLLERS, METRICS, PERIOD, Found, Plan, Row, Study
+from scenes.studies.bench.control_bars import BROKEN, MPC, RIVAL, Verdict, verdicts
+from scenes.studies.bench.control_score import HEADER, cells, names
+from scenes.studies.bench.control_trials import METRIC, QUICK, chosen
 
 PICTURE = "control.png"
 FAILED, BAR_BROKEN = 5, 6

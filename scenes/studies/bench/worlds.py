@@ -18,13 +18,13 @@ from matplotlib.figure import Figure
 
 import worm3d
 from control.gaits import TravellingWave
-from scenes.bench.plant_measures import StoppedError, us_per_step
 from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
 from scenes.records.text import Column, aligned, markdown_table, table
 from scenes.running.drawing import save_figure
 from scenes.running.packages import machine
 from scenes.running.terminal import progress
+from scenes.studies.bench.plant_measures import StoppedError, us_per_step
 from worm3d import Bend, Centreline, Heightfield, Mesh, Pipe, Plane, Profile, Result, Status, Straight, Worm
 from worm3d.worlds import World
 

@@ -1,6 +1,6 @@
-"""The page of rules of `worm3d bench control`, made from the tables that it runs: `scenes/bench/CONTROL.md`.
+"""The page of rules of `worm3d bench control`, made from the tables that it runs: `scenes/studies/bench/CONTROL.md`.
 
-python -m scenes.bench.control_page > scenes/bench/CONTROL.md
+python -m scenes.studies.bench.control_page > scenes/studies/bench/CONTROL.md
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ import sys
 from collections.abc import Iterator
 
 from control.sensing.sensors import QUANTITIES, Channel
-from scenes.bench.control import BLIND, METRICS
-from scenes.bench.control_bars import BARS, RIVALS, SHARE
-from scenes.bench.control_report import BAR_BROKEN, FAILED
-from scenes.bench.control_score import FLOORS, LOST, OFF_SPEED
-from scenes.bench.control_trials import FULL, RETUNED, Trial
 from scenes.models.loading import load_scene
 from scenes.records.text import markdown_table
+from scenes.studies.bench.control import BLIND, METRICS
+from scenes.studies.bench.control_bars import BARS, RIVALS, SHARE
+from scenes.studies.bench.control_report import BAR_BROKEN, FAILED
+from scenes.studies.bench.control_score import FLOORS, LOST, OFF_SPEED
+from scenes.studies.bench.control_trials import FULL, RETUNED, Trial
 
 SEEDS = 5
 INTRO = """# A benchmark of controllers for worm robots
@@ -24,7 +24,7 @@ INTRO = """# A benchmark of controllers for worm robots
 A worm of six segments on a full 3D plant (contacts that stick and slip, actuators with a lag) is to keep to speeds,
 headings and paths. This page has the rules; `worm3d bench control` runs them and writes the results, of which
 [control](../../control/README.md) has a table. Made from the tables of the program by
-`python -m scenes.bench.control_page`.
+`python -m scenes.studies.bench.control_page`.
 
 ## Rules
 

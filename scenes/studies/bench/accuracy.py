@@ -1,7 +1,7 @@
 """`worm3d bench accuracy`: how far the time step puts a run off, and write `accuracy.md`.
 
 Distance, turn and work of each scene are compared with those at a fine time step, also of runs that are asked for an
-accuracy; `scenes/bench/accuracy.md` is a report that it wrote. On rough ground every stone decides, so that a run says
+accuracy; `scenes/studies/bench/accuracy.md` is a report that it wrote. On rough ground every stone decides, so that a run says
 little: there the tables have mean and standard deviation over starts that differ by a millimetre, as the reference has.
 """
 
@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from scenes.bench.plant_measures import StoppedError
 from scenes.models.loading import load_scene
 from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
@@ -23,6 +22,7 @@ from scenes.records.text import Cells, aligned, markdown_table
 from scenes.running.packages import machine
 from scenes.running.runner import simulate
 from scenes.running.terminal import each
+from scenes.studies.bench.plant_measures import StoppedError
 from worm3d.values.arrays import FloatArray
 
 STEPS = (0.02, 0.01, 0.005, 0.002)

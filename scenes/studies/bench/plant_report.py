@@ -12,13 +12,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from scenes.bench import plant
-from scenes.bench.plant import Study
-from scenes.bench.plant_measures import FLATTENED, STIFFER
 from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
 from scenes.records.text import Cells, Column, aligned, json_bytes, markdown_table, table
 from scenes.running.drawing import save_figure
+from scenes.studies.bench import plant
+from scenes.studies.bench.plant import Study
+from scenes.studies.bench.plant_measures import FLATTENED, STIFFER
 
 PICTURE = "plant.png"
 

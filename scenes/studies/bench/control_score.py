@@ -17,9 +17,9 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from scenes.bench.control import METRICS, Row
-from scenes.bench.control_bars import RIVAL
-from scenes.bench.control_trials import HEADING, METRIC, OFFSET, SPEED
+from scenes.studies.bench.control import METRICS, Row
+from scenes.studies.bench.control_bars import RIVAL
+from scenes.studies.bench.control_trials import HEADING, METRIC, OFFSET, SPEED
 
 FLOORS = {OFFSET: 0.001, HEADING: 0.5, SPEED: 0.005}
 """Errors that cannot be told apart from smaller ones: a fifth of the noise of a place, half that of a compass, and half
