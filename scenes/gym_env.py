@@ -8,7 +8,7 @@ They need the optional part `gym` (pip install 'worm3d[gym]').
 A scene says where the worm is to go. An action, numbers in [-1, 1] for a control period, means what `acts` names among
 `control.learned.acts`: speed and turn rate beside those asked for ("course"), or amplitude, frequency and steering
 ("wave"). The agent observes what `control.learned.senses` says, measured by the scene's sensors with their noise; the
-reward, of the true motion, is (LE1) of `scenes.learn.episode`.
+reward, of the true motion, is (LE1) of `scenes.studies.learn.episode`.
 
 An episode ends with the scene's duration (truncated), or when the run diverges (terminated). Samples that cannot be are
 not used (`control.sensing.gate`); `info["measurements_refused"]` counts them. Of many worms, each begins its next
@@ -28,12 +28,12 @@ from control.learned.acts import ACTS
 from control.learned.senses import MOST, Senses
 from scenes.language.errors import MissingPartError, SceneError
 from scenes.language.toml import shown
-from scenes.learn.episode import Episode, Terms
-from scenes.learn.practice import Practice
 from scenes.models.control.build import identified_of, reference_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import worm_of
+from scenes.studies.learn.episode import Episode, Terms
+from scenes.studies.learn.practice import Practice
 from scenes.sweep.vary import design_of, is_drawn
 from worm3d.values import arguments
 

@@ -1,1 +1,1 @@
-"""A learned controller: what it senses, its network, and the loop around it; `scenes.learn` trains it."""
+"""A learned controller: what it senses, its network, and the loop around it; `scenes.studies.learn` trains it."""

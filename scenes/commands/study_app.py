@@ -229,7 +229,7 @@ def learn(
     goes. Needs the optional part 'learn'; the policy that is written needs numpy only (control/README.md says how to
     use it). Ctrl-C ends the training early, and keeps what was learned.
     """
-    from scenes.learn.command import Options, run
+    from scenes.studies.learn.command import Options, run
 
     raise typer.Exit(
         run(scene, to, vary or (), o or (), Options(minutes, practice, acts, seed, worms, threads, force, quiet))

@@ -16,8 +16,8 @@ from control.learned.senses import CURVATURE, OWN, SPEED, Senses
 from control.sensing.sensors import Channel, Measurement, Sensors
 from control.tracking.paths import Circle, Line
 from control.tracking.references import Constant, Reference
-from scenes.learn.episode import Episode, Terms
 from scenes.models.loading import load_scene
+from scenes.studies.learn.episode import Episode, Terms
 
 WORM = worm3d.Worm()
 FOUND = identified.load(WORM)

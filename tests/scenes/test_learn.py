@@ -11,10 +11,10 @@ from control.identification import identified
 from control.learned.policy import Policy
 from control.learned.senses import OWN
 from control.tracking.paths import SCurve, offset
-from scenes.learn.episode import Episode, Terms, reward_of
-from scenes.learn.practice import DRAWN, Practice
-from scenes.learn.sampled import Sampled
 from scenes.models.loading import load_scene
+from scenes.studies.learn.episode import Episode, Terms, reward_of
+from scenes.studies.learn.practice import DRAWN, Practice
+from scenes.studies.learn.sampled import Sampled
 
 HERE = importlib.util.find_spec("stable_baselines3") is not None
 needs = pytest.mark.skipif(not HERE, reason="Stable-Baselines3 is not installed (extra 'learn')")
@@ -77,8 +77,8 @@ def practice(monkeypatch: pytest.MonkeyPatch, **values: float) -> Practice:
     ideal = dict.fromkeys(DRAWN, 0.0) | {"speed": 0.08, "wavelength": 4.0, "speed_gain": 1.0, "turn_gain": 1.0}
     for name, value in (ideal | {"lag": 1.0} | values).items():
         monkeypatch.setitem(DRAWN, name, (value, value))
-    monkeypatch.setattr("scenes.learn.practice.STRAIGHT", 0.0)
-    monkeypatch.setattr("scenes.learn.practice.NEAR", 0.0)
+    monkeypatch.setattr("scenes.studies.learn.practice.STRAIGHT", 0.0)
+    monkeypatch.setattr("scenes.studies.learn.practice.NEAR", 0.0)
     found = identified.load(worm3d.Worm())
     assert found is not None
     worms = Practice(1, found, 1.0, "hinge", 0.2)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from control.learned.policy import Policy
 from scenes.language.errors import MissingPartError
-from scenes.learn.practice import Practice
+from scenes.studies.learn.practice import Practice
 from worm3d.values import arguments
 
 try:
@@ -68,7 +68,7 @@ class Task:
     minutes: float
     """Wall time with the worm of the scene."""
     practice: float = 0.0
-    """Wall time [min] of practice before, in a reduced model (`scenes.learn.practice`); for actions by "course"."""
+    """Wall time [min] of practice before, in a reduced model (`scenes.studies.learn.practice`); for actions by "course"."""
     seed: int = 0
     overrides: Sequence[str] = ()
     vary: Mapping[str, str] = field(default_factory=dict)

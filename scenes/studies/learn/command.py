@@ -14,7 +14,7 @@ from scenes.records.folder import made, require_free, written_whole
 from scenes.sweep.vary import texts
 
 if TYPE_CHECKING:
-    from scenes.learn.training import Point
+    from scenes.studies.learn.training import Point
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def run(scene: str, to: Path, vary: Sequence[str], overrides: Sequence[str], opt
     if to.suffix != ".npz":
         raise SceneError(f"--to: got '{to}', must be a file ending in .npz")
     require_free([to], Path(scene), force=options.force)
-    from scenes.learn import training
+    from scenes.studies.learn import training
 
     try:
         task = training.Task(

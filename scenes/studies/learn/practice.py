@@ -24,7 +24,7 @@ from control.identification.identified import Identified
 from control.learned.acts import TRIM, TURN
 from control.learned.senses import AHEAD, FADING, MOST, OWN, assembled
 from control.planning.feed_forward import FeedForward
-from scenes.learn.episode import reward_of
+from scenes.studies.learn.episode import reward_of
 from worm3d.values.arrays import FloatArray
 
 ACTIONS = 2

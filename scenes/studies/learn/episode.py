@@ -29,10 +29,10 @@ from control.tracking.curves import Curve
 from control.tracking.paths import offset
 from control.tracking.references import Reference
 from scenes.language.errors import SceneError
-from scenes.learn.sampled import Sampled
 from scenes.models.control.build import identified_of, reference_of, sensors_of
 from scenes.models.control.schema import ControlScene
 from scenes.models.worm.build import problem_of, worm_of
+from scenes.studies.learn.sampled import Sampled
 from worm3d.recorded.status import Status
 from worm3d.running.run import Run
 from worm3d.values.arrays import FloatArray
