@@ -18,7 +18,7 @@ from packaging.utils import canonicalize_name
 
 from planar import linkage
 from scenes.commands.cli import main
-from scenes.commands.paper import cases, corrected_claims
+from scenes.studies.paper import cases, corrected_claims
 from scenes.sweep.command import Options, checked
 from scenes.sweep.plan import Source
 

@@ -263,7 +263,7 @@ def paper(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
 
     With the verdict on each of its claims, and the differences between its text and its program.
     """
-    from scenes.commands.paper import report
+    from scenes.studies.paper import report
 
     raise typer.Exit(report.run(out, force, quiet))
 

@@ -270,7 +270,7 @@ def test_paper_passes_its_options_on_and_its_exit_code_back(worm3d, monkeypatch:
         asked.extend(options)
         return 3
 
-    monkeypatch.setattr("scenes.commands.paper.report.run", study)
+    monkeypatch.setattr("scenes.studies.paper.report.run", study)
     assert worm3d("paper", "--out", "x", "--force", "--quiet").code == 3
     assert asked == [Path("x"), True, True]
 

@@ -12,9 +12,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from planar.linkage import Linkage, Run, simulate
-from scenes.commands.paper import cases, corrected_claims
-from scenes.commands.paper.cases import PERIODS, SEGMENTS, CorrectedRow, GroundKey
-from scenes.commands.paper.figures import corrected_figures
+from scenes.studies.paper import cases, corrected_claims
+from scenes.studies.paper.cases import PERIODS, SEGMENTS, CorrectedRow, GroundKey
+from scenes.studies.paper.figures import corrected_figures
 
 ROW = CorrectedRow(6, 2.0, "contact", "anchored", 0.1, 0.6, 0.01, 5.0, 8000.0, 0.01, 8.0, 0, "it ended")
 

@@ -18,8 +18,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from planar import published
 from planar.animation import Movie
 from planar.published import Parameters, Run
-from scenes.commands.paper import cases, claims, differences, figures, report
-from scenes.commands.paper.cases import CorrectedRow, Key, Overstatement, Row
+from scenes.studies.paper import cases, claims, differences, figures, report
+from scenes.studies.paper.cases import CorrectedRow, Key, Overstatement, Row
 
 ROW = Row(6, 2.0, 0.7, 4.5, 6.2, 1.2, 100.0)
 CORRECTED = CorrectedRow(6, 2.0, "contact", "anchored", -0.1, 0.6, 0.01, None, 8000.0, 0.01, 8.0, 0, "it ended")

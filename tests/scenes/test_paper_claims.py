@@ -4,7 +4,7 @@ import numpy as np
 
 from planar import published
 from planar.published import Parameters
-from scenes.commands.paper import claims
+from scenes.studies.paper import claims
 
 
 def test_friction_propels_but_no_load_anchors() -> None:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from planar.linkage import Friction, Run, simulate
-from scenes.commands.paper.cases import AMPLITUDE, PERIODS, SEGMENTS, CorrectedRow, GroundKey, wave
-from scenes.commands.paper.claims import Claim, by_period, by_segments, listed, verdict
+from scenes.studies.paper.cases import AMPLITUDE, PERIODS, SEGMENTS, CorrectedRow, GroundKey, wave
+from scenes.studies.paper.claims import Claim, by_period, by_segments, listed, verdict
 
 TORSIONS = (1.0, 1e2, 1e4, 1e6)
 """Torsional stiffnesses to try [J]; Table I has 1e4."""

@@ -11,7 +11,8 @@ from control import gaits
 from control.gaits import ContractionEngine_segmentdriven as SegmentDriven
 from control.gaits.patterns import GAUSSIAN_WIDTH
 from planar import figures, linkage, published
-from scenes.commands.paper.cases import (
+from scenes.models.planar.linkage import cumulative_cost
+from scenes.studies.paper.cases import (
     NAMES,
     PERIODS,
     SEGMENTS,
@@ -21,7 +22,6 @@ from scenes.commands.paper.cases import (
     Key,
     Overstatement,
 )
-from scenes.models.planar.linkage import cumulative_cost
 from worm3d.values.arrays import FloatArray
 
 FORCE = published.Parameters().contraction_force

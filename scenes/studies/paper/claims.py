@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from control.gaits import ContractionEngine_segmentdriven
 from planar import published
 from planar.published import Parameters, Run
-from scenes.commands.paper.cases import PERIODS, SEGMENTS, Key, Row
+from scenes.studies.paper.cases import PERIODS, SEGMENTS, Key, Row
 
 
 @dataclass(frozen=True)

@@ -14,18 +14,18 @@ import typer
 from planar import linkage
 from planar.animation import Movie
 from planar.published import Run
-from scenes.commands.paper import cases
-from scenes.commands.paper.cases import PERIODS, SEGMENTS, CorrectedRow, GroundKey, Key, Overstatement, Row
-from scenes.commands.paper.claims import Claim, claims
-from scenes.commands.paper.corrected_claims import corrected_claims
-from scenes.commands.paper.differences import Difference, differences
-from scenes.commands.paper.figures import corrected_figures, published_figures
 from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
 from scenes.records.text import Column, aligned, json_bytes, markdown_table, table
 from scenes.running.drawing import save_figure, save_movie
 from scenes.running.packages import versions
 from scenes.running.terminal import busy, each
+from scenes.studies.paper import cases
+from scenes.studies.paper.cases import PERIODS, SEGMENTS, CorrectedRow, GroundKey, Key, Overstatement, Row
+from scenes.studies.paper.claims import Claim, claims
+from scenes.studies.paper.corrected_claims import corrected_claims
+from scenes.studies.paper.differences import Difference, differences
+from scenes.studies.paper.figures import corrected_figures, published_figures
 
 MOVIE = "animation_6_segments.gif"
 
