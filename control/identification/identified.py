@@ -24,7 +24,7 @@ By how much is known from the middle frequency f_m of the map:
 and 0.115, at f_0 = 0.5 Hz 0.046 and 0.103. It turns by a quarter less than at f_0.)
 
 The default worm's maps come with this package; others are kept in the user's cache, in a file named by a key of
-everything that they depend on. The simulator is not touched here: `scenes.commands.identify` runs the plant.
+everything that they depend on. The simulator is not touched here: `scenes.studies.identify` runs the plant.
 """
 
 from __future__ import annotations

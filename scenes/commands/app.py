@@ -277,8 +277,8 @@ def identify(
     Short runs on level ground, over amplitude, frequency and steering by hinges and by unequal chambers: the map that
     controllers need, kept for them, with its error and a figure. Takes a minute or two.
     """
-    from scenes.commands.identify import command
     from scenes.models.loading import load_scene
+    from scenes.studies.identify import command
 
     raise typer.Exit(command.run(load_scene(scene, o or ()), out, force=force, quiet=quiet))
 

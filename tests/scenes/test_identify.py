@@ -13,11 +13,11 @@ from control.gaits import TravellingWave
 from control.gaits.steering import BLEND, WAVES, GaitParameters, Schedule, SteeredWave
 from control.identification.identified import Design, SteeringMap, lag, load
 from control.identification.surrogate import Misfit, Ranges
-from scenes.commands.identify import command, figure, report, study
 from scenes.language.errors import SceneError
 from scenes.models.control import identify as runs
 from scenes.models.control.build import identified_of, map_name
 from scenes.models.loading import load_scene
+from scenes.studies.identify import command, figure, report, study
 from worm3d import Friction, Worm
 
 WORM, GROUND, SCHEDULE = Worm(), Friction(), Schedule()

@@ -12,8 +12,6 @@ import worm3d
 from control.gaits.steering import MECHANISMS, WAVES, Schedule, Wave
 from control.identification import identified as kept
 from control.identification.identified import Design, Identified
-from scenes.commands.identify import figure, report, study
-from scenes.commands.identify.study import Curve, Phases
 from scenes.language.errors import SceneError
 from scenes.models.control import identify as runs
 from scenes.models.control.build import wave_of
@@ -26,6 +24,8 @@ from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes
 from scenes.running.drawing import save_figure
 from scenes.running.terminal import progress
+from scenes.studies.identify import figure, report, study
+from scenes.studies.identify.study import Curve, Phases
 
 CONTENT, TABLES, PICTURE = "identified.json", "steering.md", "steering.png"
 Measured = tuple[Identified, tuple[Curve, ...], tuple[Phases, ...]]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from control.identification.identified import Identified, SteeringMap
-from scenes.commands.identify.study import GOAL_DEG, Curve
+from scenes.studies.identify.study import GOAL_DEG, Curve
 
 
 def terminal_lines(identified: Identified, curves: Sequence[Curve], length: float) -> list[str]:

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from control.identification.identified import Identified
-from scenes.commands.identify import study
-from scenes.commands.identify.study import Curve, Phases
+from scenes.studies.identify import study
+from scenes.studies.identify.study import Curve, Phases
 
 COLOURS = dict(zip((study.IN_STEP, *study.YAW_FACTORS), ("#9a9a9a", "#8cc0df", "#1f5a94", "#d9793a"), strict=True))
 PANELS = (
