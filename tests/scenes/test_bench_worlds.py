@@ -1,4 +1,4 @@
-"""`scenes.studies.bench.worlds`: every world is visited, and ratios are those of the counts and times; no time is asserted."""
+"""Every world is visited, and ratios are those of the counts and times; no time is asserted."""
 
 from pathlib import Path
 

@@ -1,8 +1,9 @@
 """`worm3d bench accuracy`: how far the time step puts a run off, and write `accuracy.md`.
 
 Distance, turn and work of each scene are compared with those at a fine time step, also of runs that are asked for an
-accuracy; `scenes/studies/bench/accuracy.md` is a report that it wrote. On rough ground every stone decides, so that a run says
-little: there the tables have mean and standard deviation over starts that differ by a millimetre, as the reference has.
+accuracy; `accuracy.md` beside this file is a report that it wrote. On rough ground every stone decides, so that a run
+says little: there the tables have mean and standard deviation over starts that differ by a millimetre, as the reference
+has.
 """
 
 from __future__ import annotations

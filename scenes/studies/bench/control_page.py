@@ -23,7 +23,7 @@ INTRO = """# A benchmark of controllers for worm robots
 
 A worm of six segments on a full 3D plant (contacts that stick and slip, actuators with a lag) is to keep to speeds,
 headings and paths. This page has the rules; `worm3d bench control` runs them and writes the results, of which
-[control](../../control/README.md) has a table. Made from the tables of the program by
+[control](../../../control/README.md) has a table. Made from the tables of the program by
 `python -m scenes.studies.bench.control_page`.
 
 ## Rules
@@ -84,7 +84,7 @@ def page() -> str:
 def _trial(trial: Trial) -> tuple[str, ...]:
     settings = load_scene(trial.scene, trial.overrides).settings
     changed = ", ".join(f"`{each}`" for each in trial.overrides) or "-"
-    link = f"[{trial.scene}](../{trial.scene}.toml)"
+    link = f"[{trial.scene}](../../{trial.scene}.toml)"
     return trial.name, link, changed, f"{settings.run.duration_s:g} s", METRICS[trial.metric].says
 
 

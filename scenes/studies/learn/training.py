@@ -68,7 +68,7 @@ class Task:
     minutes: float
     """Wall time with the worm of the scene."""
     practice: float = 0.0
-    """Wall time [min] of practice before, in a reduced model (`scenes.studies.learn.practice`); for actions by "course"."""
+    """Wall time [min] of practice before, in a reduced model (`practice` beside this file); for actions by "course"."""
     seed: int = 0
     overrides: Sequence[str] = ()
     vary: Mapping[str, str] = field(default_factory=dict)

@@ -1,7 +1,7 @@
 """Closed forms of crawling and swimming, and what a run gives for each; both are numbers without unit.
 
 N feet carry equal loads, n = N - 1 muscles between them prescribe their motion relative to each other
-(`scenes.studies.validate.chain`), friction is mu_f against motion towards the head and mu_b against motion towards the tail,
+(`chain` beside this file), friction is mu_f against motion towards the head and mu_b against motion towards the tail,
 and q = mu_f/(mu_f + mu_b). The body then moves at V = -(quantile at the level q of the feet's relative velocities): k =
 floor(N q) feet slip back, and the next one holds. Ways are per cycle of the gait.
 
