@@ -4,7 +4,7 @@ A crawl of a worm that differs from the scene in one thing is seen by a camera w
 turns, and two keys are fitted to it. Written are in how many draws the fit warns (bars: 9 of 10 of each wrong scene, at
 most 1 of 20 of the right one, of which there are twice as many draws), how often the key that is wrong is among the
 suspects, and how often the widened intervals hold the truth. Ends with 1 if a bar is not kept. Its seeds are not those
-with which the limits of `lack` and `suspects` in `scenes.studies.fit` were chosen. Takes some 15 minutes of a processor.
+with which the limits of `lack` and `suspects` in `scenes.studies.fit` were chosen. Takes 15 minutes of a processor.
 """
 
 from __future__ import annotations
