@@ -79,7 +79,7 @@ def test_every_parameter_of_the_plant_is_documented(part: type) -> None:
         "hysteresis",
         "medium",
     }  # parts, with parameters of their own
-    assert all(f"    {name} : " in (part.__doc__ or "") for name in names)
+    assert all(f"\n{name} : " in (part.__doc__ or "") for name in names)
 
 
 def test_a_number_or_one_for_each_where_the_size_is_not_known() -> None:

@@ -6,7 +6,7 @@ import inspect
 import pickle
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pytest
@@ -31,6 +31,7 @@ from worm3d.values.parameters import PARAMETER
 REGISTRIES = (GAITS, REFLEXES, INJECTED, TERMS, CONSTRAINTS, LAWS, HYSTERESES, MEDIA, worm3d.ACTUATORS)
 REGISTERED = {part for registry in REGISTRIES for part in registry.values()}
 PUBLIC = {part for name in dir(worm3d) if inspect.isclass(part := getattr(worm3d, name))}
+PUBLIC -= {part for part in PUBLIC if Protocol in part.__bases__}  # nobody makes one
 OTHERS = {Channel, Gains, Parameters, linkage.Linkage, linkage.Friction, paths.Line, paths.Circle, paths.SCurve}
 OTHERS |= {references.Reference, references.Steps, steering.GaitParameters, steering.Schedule, steering.SteeredWave}
 MADE_BY_OTHERS = {worm3d.Commands, worm3d.Response, worm3d.Status, worm3d.View, worm3d.Observation, worm3d.Stop}

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
-from textwrap import indent
+from textwrap import dedent, indent
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -21,9 +21,10 @@ class _Doc:
         self._described, self._text = described, text
 
     def __get__(self, instance: object, holder: Any) -> str:
-        head, raises, rest = self._text.partition("    Raises\n")
+        # Python 3.13 takes the indent off docstrings, earlier ones leave it.
+        head, raises, rest = inspect.cleandoc(self._text).partition("\n\nRaises\n")
         if lines := self._described(holder):
-            head = f"{head.rstrip()}\n\n    Attributes\n    ----------\n{lines}" + ("\n" if raises else "    ")
+            head += f"\n\nAttributes\n----------\n{dedent(lines).rstrip()}"
         holder.__doc__ = text = head + raises + rest
         return text
 
