@@ -62,10 +62,10 @@ def test_bad_values(changes: dict, sentence: str) -> None:
 
 def test_the_docstring_follows() -> None:
     text = Part.__doc__ or ""
-    assert "    length : float [m], default 1.0\n        Length at rest; above 0.\n" in text
-    assert "    stiffness : float or ndarray, shape (N,) [N], default 2.0\n" in text
-    assert "    side : 'left' or 'right', default left\n" in text
-    assert "    mass : float [kg], default that of its springs\n" in text
+    assert "\nlength : float [m], default 1.0\n    Length at rest; above 0.\n" in text
+    assert "\nstiffness : float or ndarray, shape (N,) [N], default 2.0\n" in text
+    assert "\nside : 'left' or 'right', default left\n" in text
+    assert "\nmass : float [kg], default that of its springs\n" in text
     assert text.index("Attributes") < text.index("mass :") < text.index("Raises")
 
 
