@@ -28,7 +28,9 @@ try:
     from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.vec_env import VecEnv
 
-    from scenes.gym_env import WormVectorEnv  # last: without Stable-Baselines3 it is that which is missing
+    from scenes.studies.learn.environment import (
+        WormVectorEnv,  # last: without Stable-Baselines3 it is that which is missing
+    )
 except ImportError as error:
     raise MissingPartError("worm3d learn needs Stable-Baselines3: pip install 'worm3d[learn]'") from error
 

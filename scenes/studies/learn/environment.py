@@ -1,0 +1,235 @@
+"""A worm, or many at once, as an environment of Gymnasium: an agent decides the parameters of its wave.
+
+    env = WormEnv("path_circle", control_period=0.2)
+    envs = WormVectorEnv(8, "path_s_curve", vary={"reference.amplitude_m": "0.05:0.6", "sensor.com_noise_m": "0:0.01"})
+
+They need the optional part `gym` (pip install 'worm3d[gym]').
+
+A scene says where the worm is to go. An action, numbers in [-1, 1] for a control period, means what `acts` names among
+`control.learned.acts`: speed and turn rate beside those asked for ("course"), or amplitude, frequency and steering
+("wave"). The agent observes what `control.learned.senses` says, measured by the scene's sensors with their noise; the
+reward, of the true motion, is (LE1) of `scenes.studies.learn.episode`.
+
+An episode ends with the scene's duration (truncated), or when the run diverges (terminated). Samples that cannot be are
+not used (`control.sensing.gate`); `info["measurements_refused"]` counts them. Of many worms, each begins its next
+episode at once (`AutoresetMode.SAME_STEP`), in a scene in which the varied keys are drawn anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from control.learned.acts import ACTS
+from control.learned.senses import MOST, Senses
+from scenes.language.errors import MissingPartError, SceneError
+from scenes.language.toml import shown
+from scenes.models.control.build import identified_of, reference_of
+from scenes.models.control.schema import ControlScene
+from scenes.models.loading import load_scene
+from scenes.models.worm.build import worm_of
+from scenes.studies.learn.episode import Episode, Terms
+from scenes.studies.learn.practice import Practice
+from scenes.sweep.vary import design_of, is_drawn
+from worm3d.values import arguments
+
+try:
+    import gymnasium
+    from gymnasium.vector import AutoresetMode, VectorEnv
+    from gymnasium.vector.utils import batch_space
+except ImportError as error:
+    raise MissingPartError("scenes.gym_env needs Gymnasium: pip install 'worm3d[gym]'") from error
+
+Seen = NDArray[np.float32]
+Info = dict[str, Any]
+
+MOST_SEED = 2**31
+"""Seeds of episodes are below this."""
+
+
+class _Worm:
+    """What single and many environments share: a scene, whose variants are drawn, and its spaces.
+
+    Raises
+    ------
+    SceneError
+        The scene is wrong, or has no reference, or its worm has not been identified, or a key cannot be varied.
+    ValueError
+        A control period of less than a time step, or no such meaning of actions or channel.
+    """
+
+    def __init__(
+        self,
+        scene: str,
+        overrides: Sequence[str],
+        vary: Mapping[str, Any] | None,
+        how: Terms,
+    ) -> None:
+        self._scene, self._overrides, self._vary, self._how = scene, tuple(overrides), dict(vary or {}), how
+        plain = self._settings(())
+        self.episode(np.random.default_rng(0))
+        actions = ACTS[how.acts].size
+        size = Senses(worm_of(plain), reference_of(plain), actions, how.channels).size
+        self.actions = gymnasium.spaces.Box(-1.0, 1.0, (actions,), np.float32)
+        self.observations = gymnasium.spaces.Box(-MOST, MOST, (size,), np.float32)
+
+    def episode(self, random: np.random.Generator) -> Episode:
+        """Return an episode, its noise and the values of the varied keys drawn."""
+        seed, keys = int(random.integers(MOST_SEED)), []
+        if self._vary:
+            drawn = 1 if any(map(is_drawn, self._vary.values())) else None
+            cases = list(design_of(self._scene, ControlScene, self._vary, random=drawn, seed=seed).cases())
+            keys = [f"{key}={shown(value)}" for key, value in cases[int(random.integers(len(cases)))].items()]
+        return Episode(self._settings(keys), self._how, seed)
+
+    def practice(self, count: int) -> Practice:
+        """Return worms in the reduced model."""
+        if self._how.acts != "course":
+            raise ValueError(f"practice: got actions by {self._how.acts!r}, must be 'course'")
+        scene = self._settings(())
+        found = identified_of(scene)
+        length, mechanism = worm_of(scene).length, scene.controller.mechanism
+        return Practice(count, found, length, mechanism, self._how.control_period)
+
+    def _settings(self, more: Sequence[str]) -> ControlScene:
+        asked = (*self._overrides, *more)
+        settings = load_scene(self._scene, asked).settings
+        if isinstance(settings, ControlScene) and settings.controller.kind == "mpc":
+            # A policy steers as all but the MPC do, unless the scene says how.
+            settings = load_scene(self._scene, ("controller.kind=open_loop", *asked)).settings
+        if not isinstance(settings, ControlScene):
+            raise SceneError(f"{self._scene}: a scene of the model '{settings.model}', must be of 'worm_control'")
+        return settings
+
+
+class WormEnv(gymnasium.Env[Seen, Seen]):
+    """A worm that is to keep to the reference of a scene.
+
+    Parameters
+    ----------
+    scene : str
+        A name from `worm3d list` or a file; its controller is not used.
+    overrides : sequence of str
+        As after -o.
+    control_period : float
+        Between two actions [s].
+    acts : str
+        What an action means, "course" or "wave".
+    channels : sequence of str
+        Further channels of the sensors that are observed, such as "strain".
+    vary : mapping, optional
+        Keys of the scene that are drawn for each episode, by name: "lo:hi" or "lo:hi:log", or the values to draw from.
+
+    Raises
+    ------
+    SceneError
+        The scene is wrong, or has no reference, or its worm has not been identified, or a key cannot be varied.
+    ValueError
+        A control period of less than a time step, or no such meaning of actions or channel.
+    """
+
+    metadata: ClassVar[Info] = {"render_modes": []}
+
+    def __init__(
+        self,
+        scene: str = "path_line",
+        overrides: Sequence[str] = (),
+        control_period: float = 0.2,
+        acts: str = "course",
+        channels: Sequence[str] = (),
+        vary: Mapping[str, Any] | None = None,
+    ) -> None:
+        self._worm = _Worm(scene, overrides, vary, Terms(control_period, acts, tuple(channels)))
+        self.action_space, self.observation_space = self._worm.actions, self._worm.observations
+
+    def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Seen, Info]:
+        """Begin an episode; without a seed the next noise is drawn."""
+        super().reset(seed=seed)
+        self._episode = self._worm.episode(self.np_random)
+        return self._episode.observed().astype(np.float32), {}
+
+    def step(self, action: Seen) -> tuple[Seen, float, bool, bool, Info]:
+        """Crawl for a control period."""
+        reward, terminated, truncated, facts = self._episode.crawl(action)
+        return self._episode.observed().astype(np.float32), reward, terminated, truncated, facts
+
+
+class WormVectorEnv(VectorEnv[Seen, Seen, Any]):
+    """Many worms at once, each in an episode of its own.
+
+    Parameters
+    ----------
+    count : int
+        Number of worms.
+    scene, overrides, control_period, acts, channels, vary
+        As of `WormEnv`.
+    threads : int
+        Worms that crawl at once; the compiled steps need no lock of Python's.
+
+    Raises
+    ------
+    SceneError, ValueError
+        As of `WormEnv`; ValueError also for a number of worms or threads below 1.
+    """
+
+    metadata: ClassVar[Info] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
+
+    def __init__(
+        self,
+        count: int,
+        scene: str = "path_line",
+        overrides: Sequence[str] = (),
+        control_period: float = 0.2,
+        acts: str = "course",
+        channels: Sequence[str] = (),
+        vary: Mapping[str, Any] | None = None,
+        threads: int = 1,
+    ) -> None:
+        arguments.whole("count", count, ge=1)
+        arguments.whole("threads", threads, ge=1)
+        self._worm, self.num_envs = _Worm(scene, overrides, vary, Terms(control_period, acts, tuple(channels))), count
+        self.render_mode = None
+        self.single_action_space, self.single_observation_space = self._worm.actions, self._worm.observations
+        self.action_space = batch_space(self._worm.actions, count)
+        self.observation_space = batch_space(self._worm.observations, count)
+        self._pool = ThreadPoolExecutor(threads)
+
+    def reset(self, *, seed: int | list[int | None] | None = None, options: Info | None = None) -> tuple[Seen, Info]:
+        """Begin an episode of each; worm k draws with the seed `seed + k`, or with the k-th of a list."""
+        if isinstance(seed, int):
+            seed = [seed + k for k in range(self.num_envs)]
+        seeds = [None] * self.num_envs if seed is None else seed
+        self._random = [np.random.default_rng(each) for each in seeds]
+        self._episodes = list(self._pool.map(self._worm.episode, self._random))
+        return self._observed(), {}
+
+    def step(self, actions: Seen) -> tuple[Seen, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], Info]:
+        """Crawl for a control period; where an episode has ended `info` has "final_obs" and "final_info"."""
+        found = list(self._pool.map(self._stepped, range(self.num_envs), actions))
+        rewards, terminated, truncated, facts = zip(*found, strict=True)
+        info: Info = {}
+        for k, each in enumerate(facts):
+            info = self._add_info(info, each, k)
+        return self._observed(), np.array(rewards), np.array(terminated), np.array(truncated), info
+
+    def _stepped(self, k: int, action: Seen) -> tuple[float, bool, bool, Info]:
+        reward, terminated, truncated, facts = self._episodes[k].crawl(action)
+        if terminated or truncated:
+            facts = {"final_obs": self._episodes[k].observed().astype(np.float32), "final_info": facts}
+            self._episodes[k] = self._worm.episode(self._random[k])
+        return reward, terminated, truncated, facts
+
+    def _observed(self) -> Seen:
+        return np.array([episode.observed() for episode in self._episodes], dtype=np.float32)
+
+    def practice(self, count: int) -> Practice:
+        """Return worms in the reduced model, of the scene's worm; ValueError unless actions are by "course"."""
+        return self._worm.practice(count)
+
+    def close_extras(self, **_: Any) -> None:
+        """End the threads."""
+        self._pool.shutdown()
