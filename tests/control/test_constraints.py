@@ -7,10 +7,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from control.planning.constraints import Corridor
+from control.planning.constraints import Corridor, Roll
 
 
 @pytest.mark.parametrize(("offset", "excess"), [(0.14, (2.0, -17.0)), (-0.24, (-17.0, 2.0)), (0.0, (-5.0, -10.0))])
 def test_a_corridor_is_exceeded_to_its_left_and_to_its_right(offset: float, excess: tuple[float, float]) -> None:
     at = SimpleNamespace(offset=ca.SX(offset), wanted=SimpleNamespace(left=0.1, right=0.2), length=2.0)
     assert_allclose(np.array(ca.DM(Corridor(tolerance=0.01).excesses(at))).ravel(), excess, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("roll", "excess"), [(0.145, 2.0), (0.085, -1.0)])
+def test_a_roll_beyond_its_limit_is_an_excess(roll: float, excess: float) -> None:
+    at = SimpleNamespace(roll=ca.SX(roll))
+    assert float(ca.DM(Roll(limit=0.105, tolerance=0.02).excesses(at))) == pytest.approx(excess)

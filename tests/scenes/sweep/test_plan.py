@@ -14,7 +14,7 @@ from scenes.models.loading import load_scene, parse_scene, trusted_scene
 from scenes.running import packages
 from scenes.sweep import key as keys
 from scenes.sweep.key import key_of
-from scenes.sweep.plan import LARGEST_SEED, Jobs, Plan, Source, planned
+from scenes.sweep.plan import LARGEST_SEED, Jobs, Plan, Source, _seeded, planned
 
 SHORT = ("run.duration_s=0.5",)
 
@@ -44,6 +44,16 @@ def test_each_case_is_the_scene_with_its_values_and_a_seed_of_its_own() -> None:
         assert key_of(trusted_scene(tomllib.loads(job.scene), job.name)) == job.key
     assert len({case.seed for case in found.cases}) == 4
     assert [job.key for job in jobs[1:3]] == [case.key for case in found.cases[1:3]]
+
+
+def test_a_seed_does_not_depend_on_the_order_in_which_keys_are_named() -> None:
+    """Keys come as a set, whose order differs from process to process; a seed is a whole number that a double holds."""
+    scene, keys = load_scene("planar_wave"), ["gait.amplitude", "gait.period_s", "worm.segments"]
+    seeds = {_seeded(scene, 7, order, {}).settings.seed for order in (keys, keys[::-1], [*keys[1:], keys[0]])}
+    assert len(seeds) == 1
+    assert _seeded(scene, 8, keys, {}).settings.seed not in seeds
+    assert float(LARGEST_SEED) == LARGEST_SEED
+    assert float(LARGEST_SEED + 2) != LARGEST_SEED + 2
 
 
 def test_a_seed_depends_on_base_seed_and_values_not_on_order_nor_on_other_cases() -> None:

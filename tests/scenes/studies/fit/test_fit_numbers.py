@@ -199,6 +199,13 @@ def test_keys_that_cancel_each_other_are_named() -> None:
     assert not determined(keys, near, rough, lambda direction: 0.0 * TIME).known.all()
 
 
+def test_channels_of_one_unit_are_weighed_by_the_one_that_moves_most() -> None:
+    x = np.array([1.0, -1.0, 1.0, -1.0])
+    still = np.array([0.5, 0.5, np.nan, 0.5])
+    data = Data(("x_m", "y_m", "z_rad"), ("m", "m", "rad"), np.arange(4.0), np.stack([0.1 * x, 3.0 * x, still]))
+    np.testing.assert_allclose(data.spread, [3.0, 3.0, 1.0])
+
+
 def test_a_dip_behind_a_crest_is_found() -> None:
     def squares(u: np.ndarray) -> float:
         return float(u[0] ** 2 + u[1] ** 2 - 2.0 * np.exp(-(((u[0] - 0.1) / 0.03) ** 2)))
