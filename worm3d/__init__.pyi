@@ -1,4 +1,4 @@
-from scenes.studies.fit import fit as fit
+from scenes.studies.fit.fitting import fit as fit
 from scenes.sweep.dataset import sweep as sweep
 from worm3d.physics.actuator_names import ACTUATORS as ACTUATORS
 from worm3d.physics.actuators import Actuator as Actuator

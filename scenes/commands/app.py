@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from scenes.commands.arguments import Force, NoCode, Out, Overrides, Quiet, ResultArgument, SceneArgument, path_of
-from scenes.commands.gait_app import gait
-from scenes.commands.study_app import studies
+from scenes.commands.study_app import gait, studies
 from scenes.language.errors import SceneError
 
 app = typer.Typer(

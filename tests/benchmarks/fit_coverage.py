@@ -18,7 +18,7 @@ import numpy as np
 
 from scenes.models.loading import load_scene
 from scenes.running.runner import simulate
-from scenes.studies.fit import Fit, fit
+from scenes.studies.fit.fitting import Fit, fit
 
 SCENE = "flat"
 CRAWL = ("worm.segments=4", "worm.mass_kg=0.06", "run.duration_s=2.0", "gait.period_s=1.0")

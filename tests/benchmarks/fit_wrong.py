@@ -18,7 +18,7 @@ import numpy as np
 
 from scenes.models.loading import load_scene
 from scenes.running.runner import simulate
-from scenes.studies.fit import Fit, fit
+from scenes.studies.fit.fitting import Fit, fit
 
 SCENE, CRAWL = "flat", ("run.duration_s=4.0",)
 EVERY = 4

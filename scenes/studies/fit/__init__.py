@@ -1,4 +1,1 @@
 """`worm3d fit`: keys of a scene that make a simulation follow a measurement, and how well the data determine them."""
-
-from scenes.studies.fit.fitting import Fit as Fit
-from scenes.studies.fit.fitting import fit as fit

@@ -16,7 +16,8 @@ from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene, parse_scene
 from scenes.records.record import Record
 from scenes.running.runner import simulate
-from scenes.studies.fit import fit, report, trials
+from scenes.studies.fit import report, trials
+from scenes.studies.fit.fitting import fit
 from worm3d.values.variable import write_csv
 
 Command = Callable[..., object]
