@@ -1,1 +1,1 @@
-"""Scene files, the runner, the experiments and the command line `worm3d`."""
+"""Scene files, what runs and studies them, and the command line `worm3d`."""
