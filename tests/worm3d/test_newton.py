@@ -1,10 +1,13 @@
 """Parts of Newton's method that are plain functions of vectors and numbers."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from worm3d.solver import newton
+from worm3d.solver.evaluate import EXACT, LOCAL, NONE, WHOLE
 
 
 @pytest.mark.parametrize("stiffer", [1.15, 0.9])
@@ -25,3 +28,33 @@ def test_broydens_correction_leaves_a_step_that_the_one_before_does_not_explain(
     step = np.array([2.0, -1.0])
     newton._correct(step, np.array([1.0, 2.0]))
     assert_array_equal(step, [2.0, -1.0])
+
+
+def test_a_step_is_the_last_one_within_the_tolerance() -> None:
+    for hessian in (EXACT, WHOLE, LOCAL, NONE):
+        assert newton._converged(0.9e-10, 1.0, 1, hessian, 1e-10)
+    for hessian in (EXACT, WHOLE, LOCAL):
+        assert not newton._converged(1.1e-10, 1.0, 1, hessian, 1e-10)
+
+
+@pytest.mark.parametrize(("previous", "last"), [(1e-6, True), (1e-9, False)])
+def test_with_a_kept_jacobian_the_next_step_is_foreseen_by_the_last_two(previous: float, last: bool) -> None:
+    """Steps of 5e-10 after 1e-6 and 1e-9 shrink to a tenth at least, and to a half: 5e-11 and 2.5e-10."""
+    assert newton._converged(5e-10, previous, 0, NONE, 1e-10) == last
+    assert not newton._converged(5e-10, previous, 0, LOCAL, 1e-10)
+
+
+def test_steps_that_rounding_keeps_from_shrinking_are_the_last_but_for_the_first_of_a_jacobian() -> None:
+    assert newton._converged(5e-13, 6e-13, 2, EXACT, 1e-14)
+    assert not newton._converged(5e-13, 6e-13, 1, EXACT, 1e-14)
+    assert not newton._converged(5e-13, 2e-12, 2, EXACT, 1e-14), "it still shrinks"
+    assert not newton._converged(2e-12, 2e-12, 2, EXACT, 1e-14), "too large for rounding"
+
+
+@pytest.mark.parametrize(
+    ("segments", "before", "excused"), [(6, newton.CHANGED, True), (6, newton.TURNED, False), (9, newton.TURNED, True)]
+)
+def test_a_step_may_be_large_after_a_contact_has_changed_its_regime(segments: int, before: int, excused: bool) -> None:
+    body = SimpleNamespace(n=segments)
+    assert newton._excused(body, LOCAL, before) == excused
+    assert not newton._excused(body, NONE, before)

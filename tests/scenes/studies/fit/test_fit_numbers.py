@@ -16,6 +16,7 @@ from scenes.studies.fit.lack import lack_of
 from scenes.studies.fit.noise import Noise, autocorrelation, noise_of, spectra_of
 from scenes.studies.fit.slopes import slopes_at
 from scenes.studies.fit.solving import solve
+from scenes.studies.fit.suspects import suspects_of
 from scenes.studies.fit.trials import Data, SpentError
 from scenes.studies.fit.uncertainty import uncertainty_of
 from scenes.studies.fit.varied import Varied
@@ -197,6 +198,43 @@ def test_keys_that_cancel_each_other_are_named() -> None:
     near = slopes + 0.02 * np.column_stack([TIME, 0.0 * TIME, 0.0 * TIME])
     assert determined(keys, near, rough, lambda direction: near @ direction).known.all()
     assert not determined(keys, near, rough, lambda direction: 0.0 * TIME).known.all()
+
+
+class OneMore(Analytic):
+    """Trials of a function whose last argument is a fixed key of the scene."""
+
+    fixed = 1.0
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        found: np.ndarray = self._function(*values, self.fixed)
+        return found
+
+    def number(self, key: str) -> float | None:
+        return self.fixed if key == "worm.mass_kg" else None
+
+    def changed(self, values: np.ndarray, override: str) -> np.ndarray | None:
+        key, _, value = override.partition("=")
+        return self._function(*values, float(value)) if key == "worm.mass_kg" else None
+
+
+@pytest.mark.parametrize("truth", [1.4, 0.7])
+def test_a_suspect_says_which_way_it_is_wrong_and_what_that_did_to_the_varied_key(truth: float) -> None:
+    """y = a f + c (f + g): a fit of a takes the part of a wrong c along f, and would give it back."""
+    f, g = np.sin(np.pi * TIME), np.cos(np.pi * TIME)
+    noise = 1e-3 * np.random.default_rng(5).standard_normal((1, len(TIME)))
+
+    def y(a: float, c: float) -> np.ndarray:
+        return (a * f + c * (f + g))[None]
+
+    measured = y(2.0, truth) + noise
+    a = float(f @ (measured - y(0.0, 1.0))[0] / (f @ f))
+    trials = OneMore(y, measured, varied("a", 1.0))
+    residuals = measured - trials(np.array([a]))
+    found = suspects_of(trials, np.array([a]), residuals, f[None, :, None], np.ones(1)).named[0]
+    assert found.what == "worm.mass_kg"
+    assert found.larger == (truth > 1.0)
+    assert found.share > 0.99
+    np.testing.assert_allclose(a + found.shift, 2.0, atol=0.01)
 
 
 def test_channels_of_one_unit_are_weighed_by_the_one_that_moves_most() -> None:
