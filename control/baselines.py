@@ -17,22 +17,17 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
 from control.estimation.estimate import Estimate
 from control.estimation.estimator import Estimator
 from control.estimation.reduced import ReducedModel
-from control.gaits.steering import GaitParameters, Mechanism
-from control.identification.identified import Identified
-from control.loop import Choice, Estimates, KnownHeading, Source, WaveController
-from control.planning.feed_forward import FeedForward
-from control.sensing.sensors import Channel
+from control.gaits.steering import GaitParameters
+from control.loop import Choice, Estimates, KnownHeading, Source, WaveController, observed
+from control.task import ControlTask
 from control.tracking.paths import offset
 from control.tracking.preview import turn_of_path, turn_rate
-from control.tracking.references import Reference
-from worm3d import Worm
 from worm3d.values.parameters import check, documented, parameter
 from worm3d.values.spelling import Spelled
 
@@ -43,42 +38,13 @@ MAX_TRIM = 0.5
 
 
 class _Baseline(WaveController):
-    """A controller that goes by the identified map alone.
-
-    Parameters
-    ----------
-    worm : Worm
-    identified : Identified
-    reference : Reference
-    mechanism : str
-        What steers: "hinge" or "bias".
-    control_period : float
-        Time between two decisions [s].
-    estimator : Estimates, optional
-
-    Raises
-    ------
-    ValueError
-        A period that is not above 0, or a mechanism that was not identified.
-    """
+    """A controller that goes by the identified map alone; parameters are those of `control.loop.WaveController`."""
 
     source: Source
 
-    def __init__(
-        self,
-        worm: Worm,
-        identified: Identified,
-        reference: Reference,
-        mechanism: Mechanism = "hinge",
-        control_period: float = 0.2,
-        estimator: Estimates | None = None,
-    ) -> None:
-        if mechanism not in identified.maps:
-            known = ", ".join(map(repr, identified.maps))
-            raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")
-        self.identified, self.mechanism, self.found = identified, mechanism, identified.maps[mechanism]
-        self.feed_forward = FeedForward(self.found, worm.length, identified.backward)
-        super().__init__(worm, reference, identified.schedule, self.feed_forward, control_period, estimator)
+    def __init__(self, task: ControlTask, estimator: Estimates | None = None) -> None:
+        self.identified, self.mechanism = task.map, task.mechanism
+        super().__init__(task, estimator=estimator)
 
     def _wave(self, speed: float, turn_rate: float) -> GaitParameters:
         """Return the wave of a speed [m/s] and turn rate [rad/s]; below the slowest one the worm stands."""
@@ -98,19 +64,6 @@ class OpenLoop(_Baseline):
     """Feed-forward alone: it looks at nothing, so that whatever the map does not know goes uncorrected."""
 
     source: Source = "open_loop"
-
-    @classmethod
-    def of(
-        cls,
-        worm: Worm,
-        reference: Reference,
-        identified: Identified,
-        mechanism: Mechanism = "hinge",
-        control_period: float = 0.2,
-        sensors: Mapping[str, Channel] | None = None,
-    ) -> Self:
-        """Return the controller of a worm that was identified; see `WaveController.of`."""
-        return cls(worm, identified, reference, mechanism, control_period)
 
     def reset(self) -> None:
         """Begin anew."""
@@ -149,40 +102,21 @@ class PiLineOfSight(_Baseline):
 
     source: Source = "pi_los"
 
-    def __init__(
-        self,
-        worm: Worm,
-        identified: Identified,
-        reference: Reference,
-        mechanism: Mechanism = "hinge",
-        control_period: float = 0.2,
-        estimator: Estimates | None = None,
-        gains: Gains | None = None,
-    ) -> None:
+    def __init__(self, task: ControlTask, estimator: Estimates | None = None, gains: Gains | None = None) -> None:
         self.gains = gains or Gains()
-        if estimator is None:
-            model = ReducedModel.of(worm, identified, mechanism)
-            estimator = Estimator.for_sensors(worm, model, identified.schedule, {})
-        super().__init__(worm, identified, reference, mechanism, control_period, estimator)
+        super().__init__(task, observed(task)[1] if estimator is None else estimator)
 
     @classmethod
     def of(
         cls,
-        worm: Worm,
-        reference: Reference,
-        identified: Identified,
-        mechanism: Mechanism = "hinge",
-        control_period: float = 0.2,
-        sensors: Mapping[str, Channel] | None = None,
+        task: ControlTask,
         *,
         model: type[ReducedModel] = ReducedModel,
         estimator: type[Estimator] = Estimator,
         gains: Gains | None = None,
     ) -> Self:
-        """Return the controller of a worm that was identified; see `WaveController.of`."""
-        reduced = model.of(worm, identified, mechanism)
-        estimates = estimator.for_sensors(worm, reduced, identified.schedule, sensors or {})
-        return cls(worm, identified, reference, mechanism, control_period, estimates, gains)
+        """Return the controller for a task; model, estimator and gains are those that ship unless others are given."""
+        return cls(task, observed(task, model, estimator)[1], gains)
 
     def reset(self) -> None:
         """Begin anew."""
@@ -207,7 +141,7 @@ class PiLineOfSight(_Baseline):
 
     def _reaches(self, speed: float) -> bool:
         amplitude, *others = self.feed_forward(speed, 0.0)
-        made = self.worm.length * float(self.found.speed(abs(amplitude), *others))
+        made = self.worm.length * float(self.task.found.speed(abs(amplitude), *others))
         return abs(made - abs(speed)) <= REACHED * abs(speed)
 
     def _turn(self, t: float, estimate: Estimate) -> float:

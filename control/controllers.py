@@ -1,9 +1,10 @@
 """Controllers and their parts by name, as scenes choose them: those that ship, and a user's own as `module:Class`.
 
-A controller of your own is a class, marked as one (`control.parts`), with the class method `of`, which takes what
-`control.loop.WaveController.of` takes, and returns an object with the methods of `worm3d.Controller`:
-`reset()` and `step(t, measurement)`, which returns a `worm3d.Command`. If it is a `control.loop.WaveController`, runs
-also record its decisions and estimates. What ships has a row in `CONTROLLERS`, `ESTIMATORS` or `MODELS`.
+A controller of your own is a class, marked as one (`control.parts`), with the class method `of(task)`, which takes a
+`control.task.ControlTask` and returns an object with the methods of `worm3d.Controller`: `reset()` and
+`step(t, measurement)`, which returns a `worm3d.Command`. An `of` without an argument `task` gets the fields of the
+task. If it is a `control.loop.WaveController`, runs also record its decisions and estimates. What ships has a row in
+`CONTROLLERS`, `ESTIMATORS` or `MODELS`.
 """
 
 from __future__ import annotations
@@ -13,16 +14,13 @@ from importlib import import_module
 from inspect import Parameter, signature
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from control.gaits.steering import Mechanism
-from control.identification.identified import Identified
 from control.parts import CONTROLLER, ESTIMATOR, MODEL
-from control.sensing.sensors import Channel
-from control.tracking.references import Reference
-from worm3d import Worm
+from control.task import ControlTask
+from worm3d import Controller
 from worm3d.values import named
 
 if TYPE_CHECKING:
-    from control.loop import WaveController
+    from control.loop import Driver
 
 
 class Listed(NamedTuple):
@@ -88,24 +86,15 @@ def refused(name: str, parts: Mapping[str, Any]) -> str | None:
     return next((part for part in parts if part not in [each.name for each in taken]), None)
 
 
-def made(
-    name: str,
-    worm: Worm,
-    reference: Reference,
-    identified: Identified,
-    mechanism: Mechanism = "hinge",
-    control_period: float = 0.2,
-    sensors: Mapping[str, Channel] | None = None,
-    **parts: Any,
-) -> WaveController:
+def made(name: str, task: ControlTask, **parts: Any) -> Driver:
     """Return a controller by its name.
 
     Parameters
     ----------
     name
         Of `CONTROLLERS`, or `module:Class`.
-    worm, reference, identified, mechanism, control_period, sensors
-        See `control.loop.WaveController.of`.
+    task
+        What it is made for.
     **parts
         Further arguments of its `of`, such as `terms` of the cost.
 
@@ -114,16 +103,22 @@ def made(
     ValueError
         There is no such controller, it has no such part, or what it returns is no controller.
     """
-    from control.guest import hosted  # imports the solvers
+    from control.guest import Guest  # imports the solvers
+    from control.loop import WaveController
 
     wrong = refused(name, parts)
     if wrong is not None:
         raise ValueError(f"the controller {name!r} has no part {wrong!r}")
-    built = controller(name).of(worm, reference, identified, mechanism, control_period, sensors, **parts)
-    driver = hosted(name, built, worm, reference, identified, mechanism, control_period)
-    if len(identified.held) == worm.segments:
-        driver.held_steering = identified.held
-    return driver
+    make = controller(name).of
+    given = (task,) if "task" in signature(make).parameters else task.fields()
+    built = make(*given, **parts)
+    if isinstance(built, type) or not isinstance(built, Controller):
+        raise ValueError(f"{name}: its of(...) returned {type(built).__name__}, must have reset() and step(t, seen)")
+    if not isinstance(built, WaveController):
+        return Guest(built, task)
+    if len(task.map.held) == task.worm.segments:
+        built.held_steering = task.map.held
+    return built
 
 
 def _found(known: Mapping[str, Listed], name: str, kind: named.Kind) -> Any:

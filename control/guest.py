@@ -10,20 +10,17 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping
 from time import perf_counter
-from typing import Any, Self
 
 import numpy as np
 
 from control.faults.rules import Fault
-from control.gaits.steering import GaitParameters, Mechanism
-from control.identification.identified import Identified
-from control.loop import Choice, Decision, WaveController, complaint_of
+from control.gaits.steering import GaitParameters
+from control.loop import Decision, Driver, complaint_of
 from control.planning.feed_forward import FeedForward
-from control.sensing.sensors import Channel, Measurement
-from control.tracking.references import Reference
-from worm3d import Command, Worm
+from control.sensing.sensors import Measurement
+from control.task import ControlTask
+from worm3d import Command
 from worm3d.running.actuation import Controller
 from worm3d.values.named import EXCEPTIONS
 
@@ -32,34 +29,13 @@ RAISED = "exception"
 _LOG = logging.getLogger(__name__)
 
 
-class Guest(WaveController):
-    """A controller of another kind as a `WaveController`: a decision is recorded once a control period."""
+class Guest(Driver):
+    """A controller of another kind as a `Driver`: a decision is recorded once a control period."""
 
-    def __init__(
-        self,
-        guest: Controller,
-        worm: Worm,
-        reference: Reference,
-        identified: Identified,
-        mechanism: Mechanism = "hinge",
-        control_period: float = 0.2,
-    ) -> None:
+    def __init__(self, guest: Controller, task: ControlTask) -> None:
         self.guest = guest
-        feed_forward = FeedForward(identified.maps[mechanism], worm.length)
-        super().__init__(worm, reference, identified.schedule, feed_forward, control_period)
-
-    @classmethod
-    def of(
-        cls,
-        worm: Worm,
-        reference: Reference,
-        identified: Identified,
-        mechanism: Mechanism = "hinge",
-        control_period: float = 0.2,
-        sensors: Mapping[str, Channel] | None = None,
-    ) -> Self:
-        """Raise TypeError: a guest is made by its own class."""
-        raise TypeError("of: a guest is made by its own class, control.controllers.made")
+        super().__init__(task, FeedForward(task.found, task.worm.length))
+        self.reset()
 
     def reset(self) -> None:
         """Begin anew."""
@@ -88,7 +64,7 @@ class Guest(WaveController):
 
     def step(self, t: float, measurement: Measurement) -> Command:
         """Return the guest's command from time t [s] on, or rest where it raised an exception."""
-        elapsed, self._time = 0.0 if self._time is None else t - self._time, t
+        elapsed = self._elapsed(t)
         self.watch.look(t, self.gate(t, measurement, moving=self._moves), self._estimate)
         complaint, began = "", perf_counter()
         self._steps += 1
@@ -114,23 +90,3 @@ class Guest(WaveController):
             self.decisions.append(Decision(t, "own", waves, None, complaint, bool(complaint), seconds=self._spent))
             self._spent = 0.0
         return command
-
-    def _choose(self, t: float, estimate: Any) -> Choice:
-        raise AssertionError("a guest decides by itself")
-
-
-def hosted(
-    name: str,
-    built: Any,
-    worm: Worm,
-    reference: Reference,
-    identified: Identified,
-    mechanism: Mechanism,
-    control_period: float,
-) -> WaveController:
-    """Return what a controller's `of` returned, as a `WaveController`; ValueError if it is no controller."""
-    if isinstance(built, WaveController):
-        return built
-    if isinstance(built, type) or not isinstance(built, Controller):
-        raise ValueError(f"{name}: its of(...) returned {type(built).__name__}, must have reset() and step(t, seen)")
-    return Guest(built, worm, reference, identified, mechanism, control_period)

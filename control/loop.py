@@ -10,27 +10,26 @@ from __future__ import annotations
 
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, nan
 from time import perf_counter
 from typing import ClassVar, Literal, NamedTuple, Protocol, Self, get_args, runtime_checkable
 
 from control.estimation.estimate import HEADING, Estimate
+from control.estimation.estimator import Estimator
+from control.estimation.reduced import ReducedModel
 from control.faults.chambers import Chambers
 from control.faults.descent import Descent
 from control.faults.rules import Fault
 from control.faults.watch import Watch
 from control.gaits.held import WAVE, HeldSteering, held_schedule
-from control.gaits.steering import GaitParameters, Mechanism, Schedule, WaveGenerator
-from control.identification.identified import Identified
+from control.gaits.steering import GaitParameters, WaveGenerator
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import Plan
 from control.sensing.gate import SPAN, Gate
-from control.sensing.sensors import Channel, Measurement
-from control.tracking.references import Reference
-from worm3d import Command, Worm
-from worm3d.values import arguments
+from control.sensing.sensors import Measurement
+from control.task import ControlTask
+from worm3d import Command
 from worm3d.values.arrays import FloatArray
 from worm3d.values.named import EXCEPTIONS
 
@@ -109,18 +108,15 @@ class LearnsTurning(Protocol):
         """Take in that the worm turns by about so much of what its map says from now on."""
 
 
-class WaveController(ABC):
-    """A controller for `worm3d.simulate` that decides the parameters of a wave every so often.
+class Driver(ABC):
+    """What drives a worm in a scene: its decisions are recorded, measurements pass a gate, a watch looks for faults.
 
     Parameters
     ----------
-    worm, reference, schedule
+    task : ControlTask
     feed_forward : FeedForward
         What the worm can do, and the frequency that suits it.
-    control_period : float
-        Time between two decisions [s].
     estimator : Estimates, optional
-        None: the controller looks at nothing.
 
     Attributes
     ----------
@@ -128,69 +124,28 @@ class WaveController(ABC):
         `seconds` of each is the time of all steps since the decision before, estimates and commands included.
     failures : int
         Decisions that should have come about in a better way: without an accepted plan, or by an exception.
-    held_steering : tuple of HeldSteering or None
-        How the worm steers while a segment is held still, for each segment; empty if that is not known.
-
-    Raises
-    ------
-    ValueError
-        A control period that is not above 0.
     """
 
     plans: ClassVar[bool] = False
     """Whether it plans, so that plans can fail."""
-    held_steering: tuple[HeldSteering | None, ...] = ()
     senses: ClassVar[tuple[str, ...]] = ()
     """Names of the channels that it needs and not every robot has."""
 
-    def __init__(
-        self,
-        worm: Worm,
-        reference: Reference,
-        schedule: Schedule,
-        feed_forward: FeedForward,
-        control_period: float = 0.2,
-        estimator: Estimates | None = None,
-    ) -> None:
-        arguments.number("control_period", control_period, "s", gt=0.0)
-        self.worm, self.reference, self.control_period, self.estimator = worm, reference, control_period, estimator
-        self.generator, self._schedule, self._map = WaveGenerator(schedule, worm), schedule, feed_forward.found
-        self.gate = Gate(worm, getattr(estimator, "span", SPAN))
-        self.chambers = Chambers(worm)
-        self.descent = Descent(worm, reference)
-        self.watch = Watch(worm, reference, feed_forward)
+    def __init__(self, task: ControlTask, feed_forward: FeedForward, estimator: Estimates | None = None) -> None:
+        self.task, self.worm, self.reference, self.control_period = task, task.worm, task.reference, task.period
+        self.estimator = estimator
+        self.gate = Gate(task.worm, getattr(estimator, "span", SPAN))
+        self.watch = Watch(task.worm, task.reference, feed_forward)
         self._frequency = feed_forward.frequency
-        self.reset()
-
-    @classmethod
-    @abstractmethod
-    def of(
-        cls,
-        worm: Worm,
-        reference: Reference,
-        identified: Identified,
-        mechanism: Mechanism = "hinge",
-        control_period: float = 0.2,
-        sensors: Mapping[str, Channel] | None = None,
-    ) -> Self:
-        """Return the controller of a worm that was identified, with the defaults of all its parts.
-
-        `sensors` says how good they are, `control.sensing.sensors.Sensors.channels`; the default ones if left out.
-        """
 
     def reset(self) -> None:
         """Begin anew."""
         if self.estimator is not None:
             self.estimator.reset()
-        self.generator.schedule = self._schedule
-        self.generator.reset()
         self.gate.reset()
-        self.chambers.reset()
-        self.descent.reset()
         self.watch.reset()
         self.decisions: list[Decision] = []
-        self.failures = self._held = 0
-        self._target = GaitParameters(0.0, self._frequency)
+        self.failures = 0
         self._time: float | None = None
         self._due, self._spent = -inf, 0.0
 
@@ -200,9 +155,9 @@ class WaveController(ABC):
         return 1.0 / self._frequency
 
     @property
+    @abstractmethod
     def waves(self) -> float:
         """Commanded phase since the beginning [waves]."""
-        return self.generator.waves
 
     @property
     def faults(self) -> list[Fault]:
@@ -214,10 +169,72 @@ class WaveController(ABC):
         """Number of control periods of which the computation took longer than they last."""
         return sum(decision.seconds > self.control_period for decision in self.decisions)
 
+    @abstractmethod
+    def step(self, t: float, measurement: Measurement) -> Command:
+        """Return the command from time t [s] on; TypeError where the measurement is no `Measurement`."""
+
+    def _elapsed(self, t: float) -> float:
+        """Return the time since the step before [s]; 0 at the first one."""
+        elapsed, self._time = 0.0 if self._time is None else t - self._time, t
+        return elapsed
+
+    def _estimate(self, t: float) -> Estimate | None:
+        return None if self.estimator is None else self.estimator.estimate(t)
+
+
+class WaveController(Driver):
+    """A controller for `worm3d.simulate` that decides the parameters of a wave every so often.
+
+    Parameters
+    ----------
+    task : ControlTask
+    feed_forward : FeedForward, optional
+        The inverse of the task's map if left out.
+    estimator : Estimates, optional
+        None: the controller looks at nothing.
+
+    Attributes
+    ----------
+    held_steering : tuple of HeldSteering or None
+        How the worm steers while a segment is held still, for each segment; empty if that is not known.
+    """
+
+    held_steering: tuple[HeldSteering | None, ...] = ()
+
+    def __init__(
+        self, task: ControlTask, feed_forward: FeedForward | None = None, estimator: Estimates | None = None
+    ) -> None:
+        self.feed_forward = feed_forward or FeedForward(task.found, task.worm.length, task.map.backward)
+        super().__init__(task, self.feed_forward, estimator)
+        self.generator = WaveGenerator(task.map.schedule, task.worm)
+        self.chambers = Chambers(task.worm)
+        self.descent = Descent(task.worm, task.reference)
+        self.reset()
+
+    @classmethod
+    def of(cls, task: ControlTask) -> Self:
+        """Return the controller for a task, with the defaults of all its parts."""
+        return cls(task)
+
+    def reset(self) -> None:
+        """Begin anew."""
+        super().reset()
+        self.generator.schedule = self.task.map.schedule
+        self.generator.reset()
+        self.chambers.reset()
+        self.descent.reset()
+        self._held = 0
+        self._target = GaitParameters(0.0, self._frequency)
+
+    @property
+    def waves(self) -> float:
+        """Commanded phase since the beginning [waves]."""
+        return self.generator.waves
+
     def step(self, t: float, measurement: Measurement) -> Command:
         """Return the command from time t [s] on; TypeError where the measurement is no `Measurement`."""
         began = perf_counter()
-        elapsed, self._time = 0.0 if self._time is None else t - self._time, t
+        elapsed = self._elapsed(t)
         seen = self.gate(t, measurement, moving=self._target.amplitude != 0.0)
         if self.estimator is not None:
             self.estimator.take(t, seen, self._target, self.generator.phase)
@@ -236,19 +253,16 @@ class WaveController(ABC):
 
     def _steer_as_held(self) -> None:
         """Steer as the worm can while one segment is held still, where that is known; otherwise as the whole worm."""
-        self.generator.schedule = self._schedule
-        if len(self.chambers.held) > 1 or self._map.mechanism == "bias":
+        self.generator.schedule, steered = self.task.map.schedule, self.feed_forward.found
+        if len(self.chambers.held) > 1 or steered.mechanism == "bias":
             return
         for segment in self.chambers.held:
             steering = self.held_steering[segment] if segment < len(self.held_steering) else None
             if steering is not None:
-                self.generator.schedule = held_schedule(self._schedule, segment, self.held_steering)
-                whole = float(self._map.turn(WAVE.amplitude, WAVE.frequency, WAVE.steering(self._map.mechanism)))
+                self.generator.schedule = held_schedule(self.task.map.schedule, segment, self.held_steering)
+                whole = float(steered.turn(WAVE.amplitude, WAVE.frequency, WAVE.steering(steered.mechanism)))
                 if isinstance(self.estimator, LearnsTurning):
                     self.estimator.turns(steering.turn / whole)
-
-    def _estimate(self, t: float) -> Estimate | None:
-        return None if self.estimator is None else self.estimator.estimate(t)
 
     def _decide(self, t: float, estimate: Estimate | None, began: float) -> None:
         choice = self._chosen(t, estimate)
@@ -302,6 +316,14 @@ class KnownHeading:
         """Return it for an estimate after so many waves."""
         self._known = self._known or bool(estimate.deviations[HEADING] < KNOWN) or waves >= LONGEST_START
         return self._known
+
+
+def observed(
+    task: ControlTask, model: type[ReducedModel] = ReducedModel, estimator: type[Estimator] = Estimator
+) -> tuple[ReducedModel, Estimator]:
+    """Return the reduced model of a task's worm, and the estimator that goes by it and by the task's sensors."""
+    reduced = model.of(task.worm, task.map, task.mechanism)
+    return reduced, estimator.for_sensors(task.worm, reduced, task.map.schedule, task.sensors)
 
 
 def complaint_of(error: BaseException) -> str:

@@ -6,7 +6,7 @@ controller that shares nothing with those that ship:
     @part("controller")
     class Mine:
         @classmethod
-        def of(cls, worm, reference, identified, mechanism, control_period, sensors): ...
+        def of(cls, task): ...
 
 A scene calls nothing that is not marked for the key in which it stands.
 """
@@ -21,13 +21,7 @@ from worm3d.values.named import Kind, marked
 
 T = TypeVar("T", bound=Callable[..., Any])
 
-CONTROLLER = Kind(
-    "controller",
-    "a controller",
-    "control.loop",
-    "WaveController",
-    form="of(worm, reference, identified, mechanism, control_period, sensors)",
-)
+CONTROLLER = Kind("controller", "a controller", "control.loop", "WaveController", form="of(task)")
 ESTIMATOR = Kind(
     "estimator",
     "an estimator",

@@ -17,28 +17,26 @@ raises it and of whatever type, is a failure of what was asked for, and the next
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import isfinite, nan
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, Protocol, Self, get_args
 
 import numpy as np
 
 from control.estimation.estimate import Estimate
 from control.estimation.estimator import Estimator
 from control.estimation.reduced import INPUTS, ReducedInput, ReducedModel
-from control.gaits.steering import GaitParameters, Mechanism, Schedule
-from control.identification.identified import Identified
+from control.gaits.steering import GaitParameters, Mechanism
 from control.identification.surrogate import Ranges
-from control.loop import LOST, MOST_HELD, Choice, Estimates, KnownHeading, WaveController, complaint_of, rest
+from control.loop import LOST, MOST_HELD, Choice, Estimates, KnownHeading, WaveController, complaint_of, observed, rest
 from control.planning.constraints import Constraint
 from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.planning.terms import CostTerm
-from control.sensing.sensors import Channel
+from control.task import ControlTask
 from control.tracking.preview import turn_of_path
 from control.tracking.references import Reference
-from worm3d import Worm
 from worm3d.values import arguments
 from worm3d.values.named import EXCEPTIONS
 
@@ -90,9 +88,9 @@ class Supervisor(WaveController):
 
     Parameters
     ----------
-    worm, reference, estimator, schedule, control_period
-        See `control.loop.WaveController`.
+    task : ControlTask
     model : ReducedModel
+    estimator : Estimates
     mpc : Planner
     deadline : str
         "iterations": a plan may take as many as it is given, and runs repeat bit for bit; "wall": one that took longer
@@ -101,51 +99,41 @@ class Supervisor(WaveController):
     Raises
     ------
     ValueError
-        A control period that is not above 0, or another deadline.
+        Another deadline.
     """
 
     plans = True
 
     def __init__(
         self,
-        worm: Worm,
-        reference: Reference,
+        task: ControlTask,
         model: ReducedModel,
         estimator: Estimates,
         mpc: Planner,
-        schedule: Schedule | None = None,
-        control_period: float = 0.2,
         deadline: Deadline = "iterations",
     ) -> None:
         arguments.choice("deadline", deadline, get_args(Deadline))
         self._model, self.planner = model, mpc
-        self._longest = control_period if deadline == "wall" else np.inf
-        super().__init__(worm, reference, schedule or Schedule(), mpc.feed_forward, control_period, estimator)
+        self._longest = task.period if deadline == "wall" else np.inf
+        super().__init__(task, mpc.feed_forward, estimator)
 
     @classmethod
     def of(
         cls,
-        worm: Worm,
-        reference: Reference,
-        identified: Identified,
-        mechanism: Mechanism = "hinge",
-        control_period: float = 0.2,
-        sensors: Mapping[str, Channel] | None = None,
-        deadline: Deadline = "iterations",
+        task: ControlTask,
         *,
+        deadline: Deadline = "iterations",
         model: type[ReducedModel] = ReducedModel,
         estimator: type[Estimator] = Estimator,
         terms: Sequence[CostTerm] | None = None,
         constraints: Sequence[Constraint] | None = None,
-    ) -> Supervisor:
-        """Return the supervisor of a worm that was identified; see `WaveController.of`.
+    ) -> Self:
+        """Return the supervisor for a task.
 
         Model, estimator, terms of the cost and constraints are those that ship unless others are given.
         """
-        reduced = model.of(worm, identified, mechanism)
-        estimates = estimator.for_sensors(worm, reduced, identified.schedule, sensors or {})
-        mpc = GaitMPC(worm, identified, reduced, terms, constraints)
-        return cls(worm, reference, reduced, estimates, mpc, identified.schedule, control_period, deadline)
+        reduced, estimates = observed(task, model, estimator)
+        return cls(task, reduced, estimates, GaitMPC(task.worm, task.map, reduced, terms, constraints), deadline)
 
     def reset(self) -> None:
         """Begin anew."""
@@ -159,7 +147,7 @@ class Supervisor(WaveController):
 
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
         assert estimate is not None
-        speed, able = self._speed(t), self.planner.feed_forward
+        speed, able = self._speed(t), self.feed_forward
         if speed < 0.0 and not able.backward:
             return Choice("stop", rest(self._target), BACKWARDS)
         if abs(speed) < able.slowest:
@@ -194,7 +182,7 @@ class Supervisor(WaveController):
     def _blind(self, t: float, estimate: Estimate) -> GaitParameters | None:
         """Return the wave that turns as the path does, if there is one."""
         speed, turn = self._speed(t), _tried(lambda: turn_of_path(self.reference, t, estimate.position))[0]
-        return self._parameters(_tried(self.planner.feed_forward, speed, 0.0 if turn is None else turn)[0])
+        return self._parameters(_tried(self.feed_forward, speed, 0.0 if turn is None else turn)[0])
 
     def _speed(self, t: float) -> float:
         """Return the speed that is asked for [m/s]; NaN if there is none."""
@@ -205,9 +193,7 @@ class Supervisor(WaveController):
         """Return a plan, if one is made, and why it is not accepted."""
         plan, complaint = _tried(self.planner.plan, t, estimate, self.reference)
         if not complaint:
-            complaint = " ".join(
-                filter(None, _tried(_fault, plan, self.planner.feed_forward.ranges, self._model.mechanism))
-            )
+            complaint = " ".join(filter(None, _tried(_fault, plan, self.feed_forward.ranges, self._model.mechanism)))
         if complaint:
             _LOG.warning("no plan at %.3f s: %s", t, complaint)
             return None, complaint

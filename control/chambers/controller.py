@@ -17,8 +17,8 @@ from control.estimation.estimate import Estimate
 from control.estimation.estimator import Estimator
 from control.loop import Choice
 from control.supervisor import Supervisor
+from control.task import ControlTask
 from control.tracking.paths import Path
-from control.tracking.references import Reference
 from worm3d import Worm
 from worm3d.values.arrays import FloatArray
 
@@ -45,9 +45,9 @@ class Bending(Supervisor):
 
     generator: BodyWave
 
-    def __init__(self, worm: Worm, reference: Reference, *rest: Any, **named: Any) -> None:
-        super().__init__(worm, reference, *rest, **named)
-        self.generator = BodyWave(self.generator, self.planner.feed_forward.found, worm)
+    def __init__(self, task: ControlTask, *rest: Any, **named: Any) -> None:
+        super().__init__(task, *rest, **named)
+        self.generator = BodyWave(self.generator, self.feed_forward.found, task.worm)
 
     def reset(self) -> None:
         """Begin anew."""

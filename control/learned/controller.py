@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import tau
 from pathlib import Path
-from typing import Self
 
 from control.estimation.estimate import Estimate
-from control.gaits.steering import GaitParameters, Mechanism
-from control.identification.identified import Identified
+from control.gaits.steering import GaitParameters
 from control.learned.acts import ACTS
 from control.learned.policy import SHIPPED, Policy
 from control.learned.senses import Senses
 from control.loop import Choice, WaveController, rest
-from control.sensing.sensors import Channel, Measurement
-from control.tracking.references import Reference
-from worm3d import Worm
+from control.sensing.sensors import Measurement
+from control.task import ControlTask
 
 STANDS = "the reference asks for less speed than the worm can crawl at: it rests"
 
@@ -26,54 +22,25 @@ class LearnedPolicy(WaveController):
 
     Parameters
     ----------
-    worm, reference, control_period
-        See `control.loop.WaveController`.
-    identified : Identified
-        Its schedule and, as far as the policy's actions need it, its map.
-    mechanism : str
-        What steers.
+    task : ControlTask
+        As far as the policy's actions need it, it goes by the task's map.
     policy : Policy, optional
         The one that comes with the program if left out.
 
     Raises
     ------
     ValueError
-        A period that is not above 0, a mechanism that was not identified, or a file that holds no policy.
+        A file that holds no policy.
     """
 
     file: Path = SHIPPED
     """Where the policy is read from; a subclass with another one is a controller of its own."""
 
-    def __init__(
-        self,
-        worm: Worm,
-        identified: Identified,
-        reference: Reference,
-        mechanism: Mechanism = "hinge",
-        control_period: float = 0.2,
-        policy: Policy | None = None,
-    ) -> None:
-        if mechanism not in identified.maps:
-            known = ", ".join(map(repr, identified.maps))
-            raise ValueError(f"mechanism: got {mechanism!r}, must be one of those identified: {known}")
-        self.policy, self.mechanism = Policy.load(self.file) if policy is None else policy, mechanism
-        found = identified.maps[mechanism]
-        self._act = ACTS[self.policy.acts](found, mechanism, worm.length)
-        self._sight = _Sight(Senses(worm, reference, self._act.size, self.policy.channels))
-        super().__init__(worm, reference, identified.schedule, self._act.feed_forward, control_period, self._sight)
-
-    @classmethod
-    def of(
-        cls,
-        worm: Worm,
-        reference: Reference,
-        identified: Identified,
-        mechanism: Mechanism = "hinge",
-        control_period: float = 0.2,
-        sensors: Mapping[str, Channel] | None = None,
-    ) -> Self:
-        """Return the controller of a worm that was identified; see `WaveController.of`."""
-        return cls(worm, identified, reference, mechanism, control_period)
+    def __init__(self, task: ControlTask, policy: Policy | None = None) -> None:
+        self.policy = Policy.load(self.file) if policy is None else policy
+        self._act = ACTS[self.policy.acts](task.found, task.mechanism, task.worm.length)
+        self._sight = _Sight(Senses(task.worm, task.reference, self._act.size, self.policy.channels))
+        super().__init__(task, self._act.feed_forward, self._sight)
 
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
         senses = self._sight.senses

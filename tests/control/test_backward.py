@@ -18,6 +18,7 @@ from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC
 from control.sensing.sensors import Measurement
 from control.supervisor import ARRIVED, BACKWARDS, Supervisor
+from control.task import ControlTask
 from control.tracking.paths import Circle, Line
 from control.tracking.preview import look_ahead, speed_at
 from control.tracking.references import Constant, Reference, Steps
@@ -138,7 +139,7 @@ def test_backwards_is_forwards_of_the_worm_turned_round(path, other, make):
         if make == "mpc":
             found.append(GaitMPC(WORM, KNOWN, MODEL).plan(0.0, estimate, reference).inputs)
         else:
-            controller = PiLineOfSight(WORM, KNOWN, reference, "both")
+            controller = PiLineOfSight(ControlTask(WORM, reference, KNOWN, "both"))
             parameters = controller._choose(0.0, estimate).parameters
             found.append(np.array([[parameters.amplitude, parameters.frequency, parameters.steering("both")]]))
     back, ahead = found
@@ -199,7 +200,7 @@ class Known:
 )
 def test_the_supervisor_goes_back_to_the_begin_of_a_path(speed, x, known, status):
     reference = Reference(Constant(speed), path=Line(length=1.0), ends=True)
-    driver = Supervisor(WORM, reference, MODEL, Known(x), GaitMPC(WORM, known, MODEL))
+    driver = Supervisor(ControlTask(WORM, reference, known, "both"), MODEL, Known(x), GaitMPC(WORM, known, MODEL))
     driver.step(0.0, Measurement(0.0))
     chosen = driver.decisions[-1]
     if status is None:

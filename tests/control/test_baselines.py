@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from control.gaits.steering import GaitParameters
 from control.identification import identified as kept
 from control.loop import MOST_HELD
 from control.sensing.sensors import Measurement
+from control.task import ControlTask
 from control.tracking.paths import Circle, Line, SCurve
 from control.tracking.references import Constant, Reference, Sine, Steps
 from worm3d import Worm
@@ -48,7 +50,11 @@ def at(x: float = 0.0, y: float = 0.0, heading: float = 0.0, speed: float = 0.08
 
 def pi_los(reference: Reference, state: ReducedState, deviation: float = 0.01, **gains: float) -> PiLineOfSight:
     told = Told(state, deviation)
-    return PiLineOfSight(WORM, KNOWN_WORM, reference, estimator=told, gains=replace(Gains(), **gains))
+    return PiLineOfSight(ControlTask(WORM, reference, KNOWN_WORM), told, replace(Gains(), **gains))
+
+
+def open_loop(reference: Reference, **asked: Any) -> OpenLoop:
+    return OpenLoop(ControlTask(WORM, reference, KNOWN_WORM, **asked))
 
 
 def first(controller: OpenLoop | PiLineOfSight) -> GaitParameters:
@@ -63,14 +69,14 @@ def made(parameters: GaitParameters) -> tuple[float, float]:
 
 
 def test_open_loop_is_the_wave_of_the_map() -> None:
-    controller = OpenLoop(WORM, KNOWN_WORM, Reference(Constant(0.08), path=Circle(1.5)))
+    controller = open_loop(Reference(Constant(0.08), path=Circle(1.5)))
     assert_allclose(made(first(controller)), (0.08, 0.08 / 1.5), rtol=5e-3)
     assert controller.decisions[0].estimate is None
 
 
 def test_open_loop_goes_along_the_path_at_the_speed_asked_for() -> None:
     path = SCurve()
-    controller = OpenLoop(WORM, KNOWN_WORM, Reference(Constant(0.08), path=path), control_period=0.1)
+    controller = open_loop(Reference(Constant(0.08), path=path), period=0.1)
     for k in range(2001):
         controller.step(0.01 * k, NOTHING)
     assert len(controller.decisions) == 201
@@ -81,7 +87,7 @@ def test_open_loop_goes_along_the_path_at_the_speed_asked_for() -> None:
 
 def test_without_a_miss_feedback_adds_nothing() -> None:
     reference = Reference(Constant(0.08), path=Line())
-    assert first(pi_los(reference, at())).row() == pytest.approx(first(OpenLoop(WORM, KNOWN_WORM, reference)).row())
+    assert first(pi_los(reference, at())).row() == pytest.approx(first(open_loop(reference)).row())
 
 
 def test_the_speed_law_is_proportional_and_integral() -> None:
@@ -139,7 +145,7 @@ def test_it_goes_straight_until_the_heading_is_known() -> None:
 
 
 def test_it_stands_where_hardly_any_speed_is_asked_for() -> None:
-    for make in (lambda r: OpenLoop(WORM, KNOWN_WORM, r), lambda r: pi_los(r, at(speed=0.0))):
+    for make in (lambda r: open_loop(r), lambda r: pi_los(r, at(speed=0.0))):
         parameters = first(make(Reference(Constant(0.0), path=Circle(1.5))))
         assert (parameters.amplitude, parameters.hinge) == (0.0, 0.0)
 
@@ -169,8 +175,8 @@ def test_reset_begins_anew() -> None:
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (lambda: OpenLoop(WORM, KNOWN_WORM, Reference(Constant(0.1)), control_period=0.0), "control_period: got 0.0 s"),
-        (lambda: OpenLoop(WORM, KNOWN_WORM, Reference(Constant(0.1)), "tail"), "mechanism: got 'tail', must be one of"),
+        (lambda: open_loop(Reference(Constant(0.1)), period=0.0), "period: got 0.0 s"),
+        (lambda: open_loop(Reference(Constant(0.1)), mechanism="tail"), "mechanism: got 'tail', must be one of"),
         (lambda: Gains(reach=0.0), "reach: got 0.0 body lengths, must be finite and above 0"),
         (lambda: Gains(speed=-1.0), "speed: got -1.0"),
     ],
@@ -192,7 +198,7 @@ def test_a_reference_that_raises_leaves_the_parameters_in_force_and_then_rest(ki
             raise LostError("no speed")
         return 0.08 + 0.0 * np.asarray(t)
 
-    controller = kind(WORM, KNOWN_WORM, Reference(speed))
+    controller = kind(ControlTask(WORM, Reference(speed), KNOWN_WORM))
     for k in range(400):
         t = 0.01 * k
         command = controller.step(t, Measurement(t))
@@ -215,7 +221,7 @@ def test_failures_in_a_row_are_counted_from_the_last_choice_on() -> None:
         return 0.08 + 0.0 * np.asarray(t)
 
     assert MOST_HELD == 5
-    controller = OpenLoop(WORM, KNOWN_WORM, Reference(speed))
+    controller = open_loop(Reference(speed))
     for k in range(15):
         controller.step(0.2 * k, Measurement(0.2 * k))
     assert [decision.source for decision in controller.decisions] == ["open_loop", *["gait"] * 4] * 3

@@ -6,6 +6,7 @@ import pytest
 from control.chambers.controller import Bending
 from control.identification import identified
 from control.sensing.sensors import Sensors
+from control.task import ControlTask
 from control.tracking.paths import Circle, offset, track
 from control.tracking.references import Constant, Reference
 from worm3d import Plane, Worm, simulate
@@ -16,7 +17,7 @@ CIRCLE = Circle(0.6, start=(0.5, 0.0))
 
 def run(kind, duration):
     found = identified.load(WORM)
-    made = kind.of(WORM, Reference(Constant(0.08), None, CIRCLE), found)
+    made = kind.of(ControlTask(WORM, Reference(Constant(0.08), None, CIRCLE), found))
     return made, simulate(WORM, Plane(), actuation=made, sensor=Sensors(seed=10), duration=duration, dt=0.01)
 
 

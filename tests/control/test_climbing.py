@@ -12,6 +12,7 @@ from control.climbing.climber import Climber
 from control.climbing.way import PACES, STUCK, Way
 from control.identification.identified import load
 from control.sensing.sensors import QUANTITIES, Channel, Measurement, Sensors
+from control.task import ControlTask
 from control.tracking.paths import Line, PlanView
 from control.tracking.references import Constant, Reference
 from worm3d import Centreline, Friction, Pipe, Straight, Worm
@@ -103,7 +104,7 @@ def climber(reference: Reference | None = None) -> Climber:
     found = load(Worm())
     assert found is not None
     channels = {"strain": Channel(noise=0.01), "com": Channel(noise=0.005), "contact_load": Channel(noise=0.005)}
-    return Climber.of(WORM, reference or Reference(Constant(0.05), path=Line()), found, "hinge", 0.2, channels)
+    return Climber.of(ControlTask(WORM, reference or Reference(Constant(0.05), path=Line()), found, sensors=channels))
 
 
 def test_it_changes_its_gait_where_walls_close_and_open_without_a_jump() -> None:
@@ -153,7 +154,7 @@ def test_without_walls_it_is_the_supervisor_bit_for_bit() -> None:
     ]
     mine, found = climber(), load(Worm())
     assert found is not None
-    supervisor = Climber.__mro__[1].of(WORM, mine.reference, found, "hinge", 0.2, {})
+    supervisor = Climber.__mro__[1].of(ControlTask(WORM, mine.reference, found))
     supervisor.reset()
     for each in seen:
         np.testing.assert_array_equal(

@@ -17,6 +17,7 @@ from control.identification.identified import Identified, load
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.sensing.sensors import Sensors
 from control.supervisor import Supervisor
+from control.task import ControlTask
 from control.tracking.metrics import Motion, summary, tracking
 from control.tracking.paths import Circle, Line, Path
 from control.tracking.references import Constant, Reference, Steps
@@ -67,10 +68,11 @@ class Unreliable(GaitMPC):
 def run(
     reference: Reference, duration: float, slope: float = 0.0, planner=None, wave: Wave = "sine", **sensing
 ) -> tuple[Result, Watched]:
-    supervisor = Supervisor.of(WORM, reference, known(wave))
+    task = ControlTask(WORM, reference, known(wave))
+    supervisor = Supervisor.of(task)
     if planner is not None:
         model = ReducedModel.of(WORM, known())
-        supervisor = Supervisor(WORM, reference, model, Estimator(WORM, model), planner(WORM, known(), model))
+        supervisor = Supervisor(task, model, Estimator(WORM, model), planner(WORM, known(), model))
     watched = Watched(supervisor)
     sensor = Sensors(**{"seed": 1, **sensing})
     result = simulate(WORM, Plane(slope=slope), actuation=watched, duration=duration, sensor=sensor)

@@ -7,6 +7,7 @@ from control.controllers import CONTROLLERS, controller
 from control.identification.identified import load
 from control.loop import SOURCES, WaveController
 from control.sensing.sensors import QUANTITIES, Channel, Measurement
+from control.task import ControlTask
 from control.tracking.paths import Line
 from control.tracking.references import Constant, Reference
 from scenes.language.schema import choices
@@ -20,9 +21,8 @@ WORM = Worm()
 def test_every_controller_is_made_by_its_name_alone(name: str) -> None:
     found = load(WORM)
     assert found is not None
-    made = controller(name).of(
-        WORM, Reference(Constant(0.08), path=Line()), found, "bias", 0.1, {"com": Channel(noise=0.01)}
-    )
+    line = Reference(Constant(0.08), path=Line())
+    made = controller(name).of(ControlTask(WORM, line, found, "bias", 0.1, {"com": Channel(noise=0.01)}))
     assert isinstance(made, WaveController)
     more = {name: (np.zeros(QUANTITIES[name].shape(WORM)), 0.0) for name in made.senses}
     seen = Measurement(0.0, strain=(np.zeros((6, 2)), 0.0), com=(np.zeros(3), 0.0), **more)

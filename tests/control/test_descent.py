@@ -12,6 +12,7 @@ from control.faults.descent import AHEAD, KNOWN, MARGIN, SURE, Descent
 from control.identification.identified import load
 from control.sensing.sensors import Sensors
 from control.supervisor import Supervisor
+from control.task import ControlTask
 from control.tracking.paths import Circle, Line
 from control.tracking.references import Constant, Reference
 from worm3d import Friction, Plane, Worm, simulate
@@ -73,7 +74,7 @@ def test_what_is_hardly_known_stops_nobody() -> None:
 def test_a_worm_on_the_plant_says_that_it_slides_and_stops() -> None:
     found = load(WORM)
     assert found is not None
-    supervisor = Supervisor.of(WORM, Reference(Constant(0.08), path=Line(start=(0.5, 0.0))), found)
+    supervisor = Supervisor.of(ControlTask(WORM, Reference(Constant(0.08), path=Line(start=(0.5, 0.0))), found))
     supervisor.descent.steepest = HOLDS
     world = Plane(slope=radians(3.0), heading=np.pi)
     simulate(WORM, world, actuation=supervisor, sensor=Sensors(seed=5), duration=3.0)

@@ -10,6 +10,7 @@ from control.faults.rules import Fault, Wave, faults
 from control.identification.identified import load
 from control.sensing.sensors import COM, Channel, Measurement, Sensors
 from control.supervisor import BACKWARDS, Supervisor
+from control.task import ControlTask
 from control.tracking.paths import Circle, Line
 from control.tracking.references import Constant, Disc, Reference, Steps
 from worm3d import Command, Plane, Result, Worm, simulate
@@ -53,7 +54,7 @@ def run(
     worm: Worm = WORM,
 ) -> tuple[Result, Broken, dict[str, Fault]]:
     assert FOUND is not None
-    broken = Broken(Supervisor.of(worm, reference, FOUND), spoil)
+    broken = Broken(Supervisor.of(ControlTask(worm, reference, FOUND)), spoil)
     result = simulate(
         worm,
         world or Plane(),
@@ -130,7 +131,7 @@ def test_small_waves_under_load_are_no_fault_of_the_chambers() -> None:
 @pytest.mark.parametrize("share", [1.3, 2.5])
 def test_a_speed_beyond_the_map_is_reported_within_three_waves(share: float) -> None:
     assert FOUND is not None
-    reach = Supervisor.of(WORM, Reference(Constant(0.08), path=LINE), FOUND).planner.feed_forward.fastest
+    reach = Supervisor.of(ControlTask(WORM, Reference(Constant(0.08), path=LINE), FOUND)).feed_forward.fastest
     reference = Reference(Steps(0.06, (5.0,), (share * reach,)), path=LINE)
     _, broken, found = run(reference, 11.0)
     assert 0.0 < broken.waves_from(5.0, found["unreachable speed"].time) < 3.0

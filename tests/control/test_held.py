@@ -12,6 +12,7 @@ from control.gaits.steering import GaitParameters, Schedule, SteeredWave
 from control.identification.identified import Design, Identified, load
 from control.loop import WaveController
 from control.sensing.sensors import Measurement
+from control.task import ControlTask
 from control.tracking.paths import Line
 from control.tracking.references import Constant, Reference
 from scenes.models.control import identify
@@ -104,7 +105,7 @@ def test_with_hinges_of_its_own_a_worm_turns_as_much_and_moves_aside_less(hinge:
 
 def driver(mechanism: str) -> WaveController:
     reference = Reference(Constant(0.08), path=Line())
-    return made("pi_los", WORM, reference, known(), mechanism, 0.2, {})
+    return made("pi_los", ControlTask(WORM, reference, known(), mechanism))
 
 
 def run_until_dead(controller: WaveController, *dead: int) -> None:

@@ -14,6 +14,7 @@ from control.learned.course import Course
 from control.learned.policy import Policy
 from control.learned.senses import CURVATURE, OWN, SPEED, Senses
 from control.sensing.sensors import Channel, Measurement, Sensors
+from control.task import ControlTask
 from control.tracking.paths import Circle, Line
 from control.tracking.references import Constant, Reference
 from scenes.models.loading import load_scene
@@ -157,7 +158,7 @@ def test_in_a_run_it_sees_and_does_what_it_does_in_training() -> None:
         _, _, over, _ = episode.crawl(net(seen))
     sensors = Sensors(strain=None, com=Channel(noise=0.005, rate=20.0), seed=5)
     path = Circle(1.5, (0.5, 0.0), 0.0, "left")
-    controller = LearnedPolicy(WORM, FOUND, Reference(Constant(0.08), path=path), policy=net)
+    controller = LearnedPolicy(ControlTask(WORM, Reference(Constant(0.08), path=path), FOUND), net)
     result = worm3d.simulate(WORM, worm3d.Plane(), actuation=controller, sensor=sensors, duration=6.0)
     decided = np.array([decision.parameters.row() for decision in controller.decisions])
     act = ACTS["course"](FOUND.maps["hinge"], "hinge", 1.0)
@@ -168,15 +169,13 @@ def test_in_a_run_it_sees_and_does_what_it_does_in_training() -> None:
 
 
 def test_it_rests_where_no_speed_is_asked_for() -> None:
-    controller = LearnedPolicy(WORM, FOUND, Reference(Constant(0.0), path=Line()), policy=policy())
+    controller = LearnedPolicy(ControlTask(WORM, Reference(Constant(0.0), path=Line()), FOUND), policy())
     controller.step(0.0, Measurement(0.0, com=(np.zeros(3), 0.0)))
     assert controller.decisions[0].parameters.amplitude == 0.0
-    with pytest.raises(ValueError, match="mechanism: got 'wings', must be one of those identified"):
-        LearnedPolicy(WORM, FOUND, LINE, mechanism="wings", policy=policy())
 
 
 def test_the_shipped_policy_joins_a_line_at_the_speed_that_is_asked_for() -> None:
-    controller = LearnedPolicy(WORM, FOUND, Reference(Constant(0.08), path=Line((0.5, -0.1))))
+    controller = LearnedPolicy(ControlTask(WORM, Reference(Constant(0.08), path=Line((0.5, -0.1))), FOUND))
     result = worm3d.simulate(
         WORM, worm3d.Plane(), actuation=controller, sensor=Sensors(seed=10), duration=24.0, dt=0.02
     )

@@ -9,6 +9,7 @@ from control.estimation.reduced import ReducedModel
 from control.identification.identified import load
 from control.sensing.sensors import COM, HEADING, STRAIN, Channel, Sensors
 from control.supervisor import Supervisor
+from control.task import ControlTask
 from control.tracking.metrics import Motion, summary, tracking
 from control.tracking.paths import Circle
 from control.tracking.references import Constant, Reference
@@ -108,7 +109,7 @@ def test_with_noisy_sensors_told_or_not_it_keeps_to_the_path(
     """With 20 mm it went 0.18 body lengths beside it, with a bias of 21 %, when nothing was told of sensors."""
     assert FOUND is not None
     sensors = Sensors(Channel(noise=strain), Channel(noise=com_m, rate=20.0), seed=21)
-    supervisor = Supervisor.of(WORM, REFERENCE, FOUND, sensors=sensors.channels if told else None)
+    supervisor = Supervisor.of(ControlTask(WORM, REFERENCE, FOUND, sensors=sensors.channels if told else {}))
     waves = []
 
     class Watched:

@@ -15,6 +15,7 @@ from control.planning.feed_forward import FeedForward
 from control.planning.mpc import GaitMPC, Plan, PlanStatus
 from control.sensing.sensors import Measurement
 from control.supervisor import FORGET, LATE, MOST_SHIFTED, STANDS, STILL, UNKNOWN, Supervisor
+from control.task import ControlTask
 from control.tracking.paths import Circle, Line
 from control.tracking.preview import turn_rate
 from control.tracking.references import Constant, Reference, Steps
@@ -92,7 +93,7 @@ class Unreliable:
 
 def run(planner, duration: float, reference: Reference = CIRCLE, worm: ReducedWorm | None = None, **more) -> Supervisor:
     """Return the supervisor of a worm that is its reduced model, after a run."""
-    supervisor = Supervisor(WORM, reference, model(), worm or ReducedWorm(), planner, **more)
+    supervisor = Supervisor(ControlTask(WORM, reference, known()), model(), worm or ReducedWorm(), planner, **more)
     for k in range(round(duration / DT)):
         supervisor.step(k * DT, NOTHING)
     return supervisor
@@ -306,7 +307,7 @@ def test_late_plans_count_only_where_the_clock_on_the_wall_does() -> None:
         return call == 2
 
     assert sources(run(Unreliable(late, "late"), 0.6)) == ["mpc"] * 3
-    strict = run(Unreliable(late, "late"), 0.6, deadline="wall", control_period=0.2)
+    strict = run(Unreliable(late, "late"), 0.6, deadline="wall")
     assert strict.decisions[1].status == LATE
     assert strict.decisions[1].source == "shifted plan"
 
@@ -337,13 +338,6 @@ def test_commands_are_those_of_the_wave_that_is_asked_for() -> None:
     assert_allclose(command.hinge, 0.0)
 
 
-@pytest.mark.parametrize(
-    ("given", "sentence"),
-    [
-        ({"control_period": 0.0}, "control_period: got 0.0 s, must be finite and above 0"),
-        ({"deadline": "never"}, "deadline: got 'never', must be 'iterations' or 'wall'"),
-    ],
-)
-def test_bad_arguments(given: dict[str, object], sentence: str) -> None:
-    with pytest.raises(ValueError, match=sentence):
-        Supervisor(WORM, CIRCLE, model(), ReducedWorm(), Unreliable(lambda call: False), **given)
+def test_there_is_no_such_deadline() -> None:
+    with pytest.raises(ValueError, match="deadline: got 'never', must be 'iterations' or 'wall'"):
+        run(Unreliable(lambda call: False), 0.0, deadline="never")

@@ -18,6 +18,7 @@ from control.loop import WaveController
 from control.sensing.gate import SPAN, Gate
 from control.sensing.sensors import COM, HEADING, STRAIN, Measurement, Sensors
 from control.supervisor import Supervisor
+from control.task import ControlTask
 from control.tracking.metrics import Motion, summary, tracking
 from control.tracking.paths import Circle
 from control.tracking.references import Constant, Reference
@@ -129,8 +130,8 @@ def controller(kind: str, heading: bool) -> WaveController:
     assert FOUND is not None
     channels = {"strain": STRAIN, "com": COM} | ({"heading": HEADING} if heading else {})
     if kind == "mpc":
-        return Supervisor.of(WORM, REFERENCE, FOUND, sensors=channels)
-    return (PiLineOfSight if kind == "pi_los" else OpenLoop)(WORM, FOUND, REFERENCE)
+        return Supervisor.of(ControlTask(WORM, REFERENCE, FOUND, sensors=channels))
+    return (PiLineOfSight if kind == "pi_los" else OpenLoop)(ControlTask(WORM, REFERENCE, FOUND))
 
 
 def run(kind: str, share: float, seed: int, heading: bool, duration: float = 12.0) -> tuple[Result, Watched, Corrupted]:

@@ -15,12 +15,13 @@ from control.faults.injected import INJECTED, Injected
 from control.gaits.steering import WAVES, Wave
 from control.identification import identified as kept
 from control.identification.identified import Identified
-from control.loop import WaveController
+from control.loop import Driver, WaveController
 from control.parts import CONSTRAINT, PATH, TERM
 from control.planning.constraints import CONSTRAINTS
 from control.planning.suited import suited
 from control.planning.terms import TERMS
 from control.sensing.sensors import QUANTITIES, Sensors
+from control.task import ControlTask
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Disc, Profile, Reference, Sine, Steps
 from scenes.language.errors import SceneError
@@ -37,7 +38,7 @@ from worm3d.values import named
 from worm3d.values.arrays import FloatArray
 
 
-def controller_of(scene: ControlScene) -> WaveController:
+def controller_of(scene: ControlScene) -> Driver:
     """Return the controller.
 
     Raises
@@ -48,9 +49,8 @@ def controller_of(scene: ControlScene) -> WaveController:
     worm, found, asked = worm_of(scene), identified_of(scene), scene.controller
     told = sensors_of(scene).channels if asked.told else {}
     try:
-        driver = made(
-            asked.kind, worm, reference_of(scene), found, asked.mechanism, asked.period_s, told, **parts_of(scene)
-        )
+        task = ControlTask(worm, reference_of(scene), found, asked.mechanism, asked.period_s, told)
+        driver = made(asked.kind, task, **parts_of(scene))
     except named.EXCEPTIONS as error:
         names = (asked.kind, asked.estimator, asked.model, *scene.cost.parts, *scene.constraints.parts)
         own = [name for name in names if named.is_own(name)]

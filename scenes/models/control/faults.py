@@ -7,7 +7,7 @@ from itertools import groupby
 from operator import itemgetter
 
 from control.guest import Guest
-from control.loop import Decision, WaveController
+from control.loop import Decision, Driver
 from control.planning.mpc import PlanStatus
 from control.sensing.gate import Gate
 from control.sensing.sensors import QUANTITIES
@@ -20,7 +20,7 @@ SOLVERS = {status.value for status in PlanStatus}
 """Ends of a search that the fallback is made for; if it does not help for long, that is a fault."""
 
 
-def of_controller(controller: WaveController) -> list[Row]:
+def of_controller(controller: Driver) -> list[Row]:
     """Return what a controller found, and what became of its measurements and plans."""
     found = [fault_row(fault.time, fault.kind, fault.what, fault.advice) for fault in controller.faults]
     plans = [] if isinstance(controller, Guest) else _of_plans(controller.decisions)  # a guest has no fallback
@@ -32,7 +32,7 @@ def in_turn(rows: list[Row]) -> list[Row]:
     return sorted(rows, key=itemgetter("time_s"))
 
 
-def refused(controller: WaveController) -> int:
+def refused(controller: Driver) -> int:
     """Return how many samples the gate and the estimator refused."""
     last = controller.decisions[-1].estimate if controller.decisions else None
     return controller.gate.refused.total() + (last.refused if last is not None else 0)

@@ -9,7 +9,7 @@ import numpy as np
 import worm3d
 from control.estimation.estimate import NIS, consistency
 from control.faults.injected import Faulty
-from control.loop import WaveController
+from control.loop import Driver
 from control.sensing.sensors import Measurement
 from control.tracking.metrics import measured
 from scenes.models.base import Model, Observer, Outcome, Watch, pictures
@@ -40,7 +40,7 @@ START, NO_NIS = 3.0, "this controller estimates nothing from innovations, or non
 class Phased:
     """A controller of which the commanded phase is kept, step by step."""
 
-    def __init__(self, controller: WaveController) -> None:
+    def __init__(self, controller: Driver) -> None:
         self.controller = controller
         self.waves: list[float] = []
         """Commanded phase at the begin of each step [waves]."""
@@ -110,7 +110,7 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
     )
 
 
-def innovations(controller: WaveController) -> tuple[dict[str, float | None], dict[str, str]]:
+def innovations(controller: Driver) -> tuple[dict[str, float | None], dict[str, str]]:
     """Return (KF7) of a controller's estimator after its start, and why there is none."""
     start = START * controller.period
     seen: list[tuple[float, float]] = getattr(controller.estimator, "innovations", [])

@@ -28,8 +28,9 @@ headings and paths. This page has the rules; `worm3d bench control` runs them an
 
 ## Rules
 
-1. A controller gets what `control.loop.WaveController.of` gets: the worm, the reference, the identified map of its
-   waves, the control period, and the quality of the sensors. It never sees the simulator's state, nor the trial's name.
+1. A controller gets a `control.task.ControlTask`: the worm, the reference, the identified map of its waves, what
+   steers, the control period, and the quality of the sensors. It never sees the simulator's state, nor the name of the
+   trial.
 2. At each step of 10 ms it takes a measurement and returns contractions and hinges. One set of gains for all trials.
 3. A run lasts as long as its scene says, on the plant as it ships. A controller loses a trial that it does not finish
    with every seed, or in which it raises an exception. It loses a trial that is about an offset or a heading if the

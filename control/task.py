@@ -1,0 +1,56 @@
+"""Task of a controller: the worm, what it is asked for, what is known of it, and how often is decided."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from control.gaits.steering import Mechanism
+from control.identification.identified import Identified, SteeringMap
+from control.sensing.sensors import Channel
+from control.tracking.references import Reference
+from worm3d import Worm
+from worm3d.values import arguments
+from worm3d.values.spelling import Spelled
+
+
+@dataclass(frozen=True, eq=False)
+class ControlTask(Spelled):
+    """Everything that a controller is made for.
+
+    Raises
+    ------
+    ValueError
+        A field of another type, a mechanism that was not identified, or a period that is not above 0.
+    """
+
+    worm: Worm
+    reference: Reference
+    map: Identified
+    """What was identified of the worm."""
+    mechanism: Mechanism = "hinge"
+    """What steers, one of those that were identified."""
+    period: float = 0.2
+    """Time between two decisions [s]."""
+    sensors: Mapping[str, Channel] = field(default_factory=dict)
+    """Quality of the sensors by name, as `control.sensing.sensors.Sensors.channels`; usual where nothing is said."""
+
+    def __post_init__(self) -> None:
+        arguments.instance("worm", self.worm, Worm, "a worm: worm3d.Worm()")
+        arguments.instance("reference", self.reference, Reference, "a control.tracking.references.Reference")
+        arguments.instance("map", self.map, Identified, "a map: control.identification.identified.load(worm)")
+        arguments.instance("sensors", self.sensors, Mapping, "channels by name: Sensors().channels")
+        arguments.number("period", self.period, "s", gt=0.0)
+        if self.mechanism not in self.map.maps:
+            known = ", ".join(map(repr, self.map.maps))
+            raise ValueError(f"mechanism: got {self.mechanism!r}, must be one of those identified: {known}")
+
+    @property
+    def found(self) -> SteeringMap:
+        """The map of the mechanism that steers."""
+        return self.map.maps[self.mechanism]
+
+    def fields(self) -> tuple[Any, ...]:
+        """Return the values of all fields in their order, for a controller that takes them one by one."""
+        return tuple(getattr(self, each.name) for each in fields(self))
