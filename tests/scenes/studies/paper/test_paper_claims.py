@@ -1,35 +1,40 @@
 """The verdicts on the paper's claims change when the program does."""
 
 import numpy as np
+import pytest
 
 from planar import published
-from planar.published import Parameters
+from planar.published import Parameters, Run
 from scenes.studies.paper import claims
 
 
-def test_friction_propels_but_no_load_anchors() -> None:
-    propels, anchors = claims._friction_claims(published.simulate())
+@pytest.fixture(scope="module")
+def as_printed() -> Run:
+    return published.simulate()
+
+
+def test_friction_propels_but_no_load_anchors(as_printed: Run) -> None:
+    propels, anchors = claims._friction_claims(as_printed)
     assert propels.verdict == "holds"
     assert anchors.verdict == "does not hold"
     _, anchors = claims._friction_claims(published.simulate(parameters=Parameters(mu_forward=0.18)))
     assert anchors.verdict == "holds", "a worm that moves no more than with equal coefficients is anchored otherwise"
 
 
-def test_the_wave_is_told_by_the_activation_not_by_the_motion() -> None:
+def test_the_wave_is_told_by_the_activation_not_by_the_motion(as_printed: Run) -> None:
     x = (np.arange(6) + 0.5) / 6
-    direct = published.simulate()
     retrograde = published.simulate(activation=lambda t: np.maximum(0.0, np.sin(2 * np.pi * (x + t / 2))))
     backwards = published.simulate(parameters=Parameters(mu_forward=0.20, mu_backward=0.03))
     assert retrograde.true_displacement > 0.0 > backwards.true_displacement
-    assert claims._wave_claim(direct).verdict == "does not hold"
+    assert claims._wave_claim(as_printed).verdict == "does not hold"
     assert claims._wave_claim(retrograde).verdict == "holds"
     assert claims._wave_claim(backwards).verdict == "holds"
     assert "towards index 0" in claims._wave_claim(retrograde).evidence
     assert "index 0 is its head" in claims._wave_claim(backwards).evidence
 
 
-def test_the_mechanism_is_judged_with_both_signs() -> None:
-    claim = claims._mechanism_claim(published.simulate())
+def test_the_mechanism_is_judged_with_both_signs(as_printed: Run) -> None:
+    claim = claims._mechanism_claim(as_printed)
     assert claim.verdict == "holds only by the inverted sign"
     right = published.simulate(parameters=Parameters(elastic_sign=1.0))
     assert claims._mechanism_claim(right).verdict == "does not hold"
