@@ -1,7 +1,9 @@
-"""Reports as text: tables for terminals and Markdown, and JSON."""
+"""Reports as text: tables for terminals and Markdown, CSV and JSON."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -47,6 +49,13 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iter
     yield "| " + " | ".join(header) + " |"
     yield "|---" * len(header) + "|"
     yield from ("| " + " | ".join(cells) + " |" for cells in rows)
+
+
+def csv_bytes(rows: Iterable[Iterable[Any]]) -> bytes:
+    """Return rows, titles too, as the bytes of a CSV file; None and numbers that are not finite are empty."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(map(finite, row) for row in rows)
+    return text.getvalue().encode()
 
 
 def json_bytes(content: Any, indent: int | None = 2) -> bytes:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from textwrap import wrap
@@ -19,7 +17,7 @@ from control import controllers
 from scenes.language.errors import SceneError
 from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
-from scenes.records.text import Cells, aligned, markdown_table
+from scenes.records.text import Cells, aligned, csv_bytes, markdown_table
 from scenes.running.drawing import save_figure
 from scenes.running.packages import machine
 from scenes.running.terminal import counted, progress
@@ -93,7 +91,7 @@ def run(
         with progress("control", len(plan.cases()), quiet=quiet, what="run") as show:
             study = control.study(plan, folder, show)
         rows = list(control.rows(study.found))
-        write_bytes(folder / "control.csv", as_csv(study.found).encode())
+        write_bytes(folder / "control.csv", as_csv(study.found))
         write_bytes(folder / "control.md", markdown(rows, machine(), PICTURE, judged=judged).encode())
         save_figure(draw(study.found), folder / PICTURE)
         if not quiet:
@@ -124,16 +122,11 @@ def _of_the_folder(study: Study) -> str:
     )
 
 
-def as_csv(found: Sequence[Found]) -> str:
+def as_csv(found: Sequence[Found]) -> bytes:
     """Return one line for each run."""
     names = (*NAMES, PERIOD)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("scene", "controller", "seed", "status", *names))
-    for each in found:
-        cells = ("" if each.metrics[name] is None else repr(each.metrics[name]) for name in names)
-        writer.writerow((each.trial, each.controller, each.seed, each.status, *cells))
-    return text.getvalue()
+    runs = ((each.trial, each.controller, each.seed, each.status, *map(each.metrics.get, names)) for each in found)
+    return csv_bytes([("scene", "controller", "seed", "status", *names), *runs])
 
 
 def markdown(rows: Sequence[Row], machine: dict[str, Any], picture: str, *, judged: bool = True) -> str:

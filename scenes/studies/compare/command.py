@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Sequence
 from dataclasses import astuple, fields, replace
 from pathlib import Path
@@ -11,7 +9,7 @@ from pathlib import Path
 import typer
 
 from scenes.records.folder import prepared, write_bytes
-from scenes.records.text import aligned
+from scenes.records.text import aligned, csv_bytes
 from scenes.running.drawing import save_figure
 from scenes.running.overlays import OVERLAYS, drawn
 from scenes.running.terminal import busy, counted
@@ -86,16 +84,13 @@ def _aligned(given: Sequence[Source]) -> list[Source]:
 
 def _csv(given: Sequence[Source], found: Sequence[Difference]) -> bytes:
     """Return the table of all differences: of settings, figures and series, a row each."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([each.name for each in fields(Difference)])
-    for setting in settings(given):
-        for source, value in zip(given[1:], setting.values[1:], strict=True):
-            if not source.is_measured:
-                writer.writerow(["setting", setting.key, "", source.label, setting.values[0], value, "", ""])
-    for each in found:
-        writer.writerow(["" if item is None else item for item in astuple(each)])
-    return text.getvalue().encode()
+    of_settings = (
+        ("setting", setting.key, "", source.label, setting.values[0], value, "", "")
+        for setting in settings(given)
+        for source, value in zip(given[1:], setting.values[1:], strict=True)
+        if not source.is_measured
+    )
+    return csv_bytes([[each.name for each in fields(Difference)], *of_settings, *map(astuple, found)])
 
 
 def _told(given: Sequence[Source], found: Sequence[Difference], missing: str, folder: Path) -> Iterator[str]:

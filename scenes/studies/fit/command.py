@@ -13,14 +13,13 @@ from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
 from scenes.records.text import json_bytes
 from scenes.running.drawing import save_figure
+from scenes.running.runner import EXIT_CODES
 from scenes.running.terminal import Interruption, busy, progress
 from scenes.studies.fit import report
 from scenes.studies.fit.fitting import Fit, fit
 from scenes.studies.fit.trials import StoppedError
 
 CONTENT, SCENE, PICTURE = "fit.json", "fit.toml", "fit.png"
-INTERRUPTED = 130
-"""Exit code after Ctrl-C."""
 
 
 def run(
@@ -59,7 +58,7 @@ def run(
                 found = fit(scene, to, vary, overrides, runs, go_on)
             except StoppedError:
                 typer.echo(f"{name}: stopped by Ctrl-C; nothing of this fit was kept", err=True)
-                return INTERRUPTED
+                return EXIT_CODES["interrupted"]
         with busy("drawing", quiet=quiet):
             _write(found, folder)
         _tell(found, folder, quiet=quiet)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -20,8 +18,9 @@ from scenes.language.parts import key_of
 from scenes.language.toml import value
 from scenes.records import folder as folders
 from scenes.records.folder import write_bytes
-from scenes.records.text import aligned, json_bytes
+from scenes.records.text import aligned, csv_bytes, json_bytes
 from scenes.running.drawing import save_figure
+from scenes.running.runner import EXIT_CODES
 from scenes.running.terminal import Interruption, busy
 from scenes.studies.gait_fit import recordings
 from scenes.studies.gait_fit.comparison import Comparison, Row, compared, sentences
@@ -29,8 +28,6 @@ from scenes.studies.gait_fit.recordings import Recording
 from worm3d.values.parameters import parameters_of
 
 SCENE, TABLE, CONTENT, PICTURE = "gait.toml", "gait.csv", "gait.json", "gait.png"
-INTERRUPTED = 130
-"""Exit code after Ctrl-C."""
 APART = 1.5
 """Smallest ratio of the two periods at which a chain has the profile: less does not tell its exponent of pace."""
 DIGITS = 4
@@ -59,7 +56,7 @@ def run(to: Path, use: Sequence[str], out: Path | None, *, force: bool, quiet: b
             training = _trained(profile, targets, EiChain(direction=direction), quiet=quiet)
         except StoppedError:
             typer.echo(f"{to}: stopped by Ctrl-C; nothing of this fit was kept", err=True)
-            return INTERRUPTED
+            return EXIT_CODES["interrupted"]
         comparison = compared(training.gait, shared(targets, np.inf), found, fitted, told)
         with busy("drawing", quiet=quiet):
             _write(training, comparison, found, fitted, to, folder)
@@ -83,7 +80,7 @@ def _write(
     from scenes.studies.gait_fit import figure  # imports matplotlib
 
     write_bytes(folder / SCENE, scene(training.gait, comparison, fitted, to).encode())
-    write_bytes(folder / TABLE, _table(comparison).encode())
+    write_bytes(folder / TABLE, _table(comparison))
     write_bytes(folder / CONTENT, json_bytes(_content(training, comparison, fitted, to)))
     title = f"A chain of neurons fitted to {', '.join(fitted[:4])} of {to.name}"
     save_figure(figure.draw(comparison, found, title)[0], folder / PICTURE)
@@ -115,12 +112,9 @@ ERRORS = ("network_s", "network_error_s", "uniform_s", "uniform_error_s")
 """Columns of the table."""
 
 
-def _table(comparison: Comparison) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow((*COLUMNS, *ERRORS))
-    writer.writerows([_cell(getattr(row, name)) for name in (*COLUMNS, *ERRORS)] for row in comparison.rows)
-    return text.getvalue()
+def _table(comparison: Comparison) -> bytes:
+    names = (*COLUMNS, *ERRORS)
+    return csv_bytes([names, *([_cell(getattr(row, name)) for name in names] for row in comparison.rows)])
 
 
 def _cell(item: Any) -> str:

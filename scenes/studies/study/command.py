@@ -55,7 +55,7 @@ def _run(name: str, overrides: Sequence[str], out: Path | None, options: sweeps.
         from scenes.studies.study.figure import draw  # imports matplotlib
 
         write_bytes(folder / TEXT, document(grid).encode())
-        write_bytes(folder / NUMBERS, numbers(grid).encode())
+        write_bytes(folder / NUMBERS, numbers(grid))
         save_figure(draw(grid), folder / PICTURE)
         yield from (*answers(grid), *lessons(grid))
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import itertools
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from scenes.records.text import markdown_table
+from scenes.records.text import csv_bytes, markdown_table
 from scenes.studies.study.lessons import answers, lessons, verdicts
 from scenes.studies.study.study import Grid
 from scenes.sweep.table import cell
@@ -27,31 +25,25 @@ def document(grid: Grid) -> str:
     return "\n".join(_study(grid, "#", "")) + "\n"
 
 
-def numbers(grid: Grid) -> str:
+def numbers(grid: Grid) -> bytes:
     """Return the figures of all cases, what each may be off by, and whether the case is marked, as CSV."""
     places = range(len(grid.by.varied.values)) if grid.by is not None else range(1)
     axes = [axis for axis in (grid.x, grid.other, grid.by) if axis is not None]
     names = [name for each in grid.measures for name in (each.name, f"{each.name}_off")]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*(axis.varied.key for axis in axes), *names, "marked"])
+    rows: list[list[Any]] = [[*(axis.varied.key for axis in axes), *names, "marked"]]
     for place in places:
         columns = [each for m in grid.measures for each in (grid.values(m.name, place), grid.errors(m.name, place))]
         marks = grid.marked(place)
         for k, c in itertools.product(range(len(grid.x.varied.values)), range(len(grid.curves))):
             at = [cell(axis.varied.values[p]) for axis, p in zip(axes, _at(grid, k, c, place), strict=True)]
             marked = "; ".join(name for name, each in marks.items() if each[k, c])
-            writer.writerow([*at, *(_cell(each[k, c]) for each in columns), marked])
-    return text.getvalue()
+            rows.append([*at, *(float(each[k, c]) for each in columns), marked])
+    return csv_bytes(rows)
 
 
 def _at(grid: Grid, x: int, curve: int, by: int) -> list[int]:
     """Return the places of a case along the axes that there are."""
     return [x, *([curve] if grid.other is not None else []), *([by] if grid.by is not None else [])]
-
-
-def _cell(value: Any) -> str:
-    return repr(float(value)) if np.isfinite(value) else ""
 
 
 def together(grids: Mapping[str, Grid]) -> str:

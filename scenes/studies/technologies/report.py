@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from typing import Any
 
+from scenes.records.text import csv_bytes
 from scenes.studies.technologies.limits import Verdict
 from scenes.studies.technologies.runs import Bench
 from worm3d.physics.technologies.presets import TABLE
@@ -58,13 +57,7 @@ def row(of: Verdict) -> dict[str, Any]:
 
 def table(verdicts: Sequence[Verdict]) -> bytes:
     """Return the table as a CSV file; no number is an empty cell."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, [name for name, _ in COLUMNS], lineterminator="\n")
-    writer.writeheader()
-    for each in verdicts:
-        found = row(each)
-        writer.writerow({name: "" if isinstance(v, float) and math.isnan(v) else v for name, v in found.items()})
-    return text.getvalue().encode()
+    return csv_bytes([[name for name, _ in COLUMNS], *(row(each).values() for each in verdicts)])
 
 
 def text(bench: Bench, verdicts: Sequence[Verdict]) -> str:

@@ -318,7 +318,7 @@ def test_the_report_has_every_row_and_every_run() -> None:
     assert "![the worst of the seeds](control.png)" in text
     assert "| path_line | bias of the speed | 1.23 % | 2.00 % | kept |" in text
     assert "kept" not in control_report.markdown(rows, machine, "control.png", judged=False).replace("kept to", "")
-    table = list(csv.DictReader(control_report.as_csv(runs).splitlines()))
+    table = list(csv.DictReader(control_report.as_csv(runs).decode().splitlines()))
     assert len(table) == 4
     assert float(table[0]["speed_bias_relative"]) == 0.0123
     assert table[0]["settling_periods"] == ""

@@ -238,7 +238,7 @@ def test_a_lead_within_the_errors_is_a_tie() -> None:
 def test_numbers_stand_with_their_errors(tmp_path: Path) -> None:
     tried = grid(lambda n, period, body: n / period, lambda n, period, body: period / n, off=0.004)
     assert "| 6 | thick | 3.000 ± 0.004 | 0.333 ± 0.004 |  |" in document(tried)
-    rows = list(csv.DictReader(numbers(tried).splitlines()))
+    rows = list(csv.DictReader(numbers(tried).decode().splitlines()))
     assert len(rows) == 18
     assert {row["speed_bl_s_off"] for row in rows} == {"0.004"}
     assert [row["marked"] for row in rows].count("it tips") == 3
