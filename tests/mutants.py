@@ -216,7 +216,8 @@ def copied(folder: Path) -> Path:
 def tests_of(mutation: Mutation, tree: Path) -> list[str]:
     """Return the tests of an area in a tree, first those named after the file."""
     _, folder, names = AREAS[mutation.area]
-    tried = sorted(names.split(), key=lambda name: name not in Path(mutation.path).stem)
+    stem = Path(mutation.path).stem
+    tried = sorted(names.split(), key=lambda name: not (name in stem or stem in name))
     places = (each for name in tried for each in (f"{folder}/test_{name}.py", f"{folder}/{name}"))
     return [each for each in places if (tree / each).exists()]
 

@@ -29,6 +29,16 @@ def test_projection_on_a_box_takes_one_step() -> None:
     assert found.cost == pytest.approx((3.0**2 + 7.0**2) / 2.0)
 
 
+def test_the_certificate_is_the_greatest_way_that_the_gradient_leads_within_the_box() -> None:
+    wanted, start = np.array([0.3, 0.1, 5.0]), np.array([0.2, 0.5, 2.0])
+    gradient = start - wanted
+    found = GaussNewton(3, 1).minimise(
+        lambda z: z - wanted, lambda z: (z - wanted, np.eye(3)), start, -np.full(3, 2.0), np.full(3, 2.0)
+    )
+    assert found.outcome is Outcome.IMPROVED
+    assert found.certificate == pytest.approx(gradient[1]), "the third is held by its bound"
+
+
 def test_rosenbrocks_valley_to_its_end_and_with_a_bound_in_the_way() -> None:
     free = GaussNewton(2, 100).minimise(rosenbrock, rosenbrock_slopes, np.array([-1.2, 1.0]), *BOX)
     assert_allclose(free.z, [1.0, 1.0], atol=1e-5)

@@ -18,7 +18,7 @@ from scenes.studies.fit.slopes import slopes_at
 from scenes.studies.fit.solving import solve
 from scenes.studies.fit.suspects import suspects_of
 from scenes.studies.fit.trials import Data, SpentError
-from scenes.studies.fit.uncertainty import uncertainty_of
+from scenes.studies.fit.uncertainty import MOST_CHANNELS, Uncertainty, uncertainty_of
 from scenes.studies.fit.varied import Varied
 
 PHI = 0.8
@@ -111,8 +111,8 @@ def test_intervals_hold_in_95_of_100_linear_fits(phi: float) -> None:
 
 
 def test_intervals_of_many_channels_hold() -> None:
-    """Twelve channels that two keys move in few patterns, with noise that neighbours share in part."""
-    random, repeats, many = np.random.default_rng(8), 160, 12
+    """More than are modelled one by one, which two keys move in few patterns; neighbours share a part of their noise."""
+    random, repeats, many = np.random.default_rng(8), 60, MOST_CHANNELS + 2
     at = np.linspace(0.0, 1.0, many)[:, None]
     slopes = np.stack([np.sin(np.pi * (TIME - at)), (1.0 - at) * TIME], axis=-1)
     inverse = np.linalg.inv(np.einsum("ctp,ctq->pq", slopes, slopes))
@@ -123,7 +123,7 @@ def test_intervals_of_many_channels_hold() -> None:
         off.append(inverse @ np.einsum("ctp,ct->p", slopes, noise))
         half.append(uncertainty_of(noise - slopes @ off[-1], slopes, np.ones(many), inverse, draws=20).half_width)
     held = (np.abs(off) <= half).mean(axis=0)
-    assert np.all(held >= 0.89), f"{held}: 0.95 and three and a half standard errors of as many repeats"
+    assert np.all(held >= 0.85), f"{held}: 0.95 and three and a half standard errors of as many repeats"
     ratio = np.mean(half, axis=0) / 1.96 / np.std(off, axis=0)
     assert np.all((ratio > 0.8) & (ratio < 1.25)), ratio
 
@@ -198,6 +198,15 @@ def test_keys_that_cancel_each_other_are_named() -> None:
     near = slopes + 0.02 * np.column_stack([TIME, 0.0 * TIME, 0.0 * TIME])
     assert determined(keys, near, rough, lambda direction: near @ direction).known.all()
     assert not determined(keys, near, rough, lambda direction: 0.0 * TIME).known.all()
+
+
+def test_shifts_of_unknown_sign_are_further_errors() -> None:
+    known = Uncertainty(np.diag([4.0, 1.0]), np.array([4.0, 2.0]))
+    widened = known.widened(np.array([[0.0, 1.5], [0.0, 0.0]]))
+    np.testing.assert_allclose(widened.covariance, [[6.25, 0.0], [0.0, 1.0]])
+    np.testing.assert_allclose(widened.half_width, [5.0, 2.0])
+    both = known.widened(np.array([[2.0], [-1.0]]))
+    np.testing.assert_allclose(both.covariance, [[8.0, -2.0], [-2.0, 2.0]])
 
 
 class OneMore(Analytic):
