@@ -111,7 +111,7 @@ def test_intervals_hold_in_95_of_100_linear_fits(phi: float) -> None:
 
 
 def test_intervals_of_many_channels_hold() -> None:
-    """More than are modelled one by one, which two keys move in few patterns; neighbours share a part of their noise."""
+    """More than are modelled one by one, which two keys move in few patterns; neighbours share part of their noise."""
     random, repeats, many = np.random.default_rng(8), 60, MOST_CHANNELS + 2
     at = np.linspace(0.0, 1.0, many)[:, None]
     slopes = np.stack([np.sin(np.pi * (TIME - at)), (1.0 - at) * TIME], axis=-1)
