@@ -31,6 +31,7 @@ from worm3d.running.actuation import Commands as Commands
 from worm3d.running.actuation import Controller as Controller
 from worm3d.running.batch import simulate_batch as simulate_batch
 from worm3d.running.live import Live as Live
+from worm3d.running.observation import Observation as Observation
 from worm3d.running.problem import Held as Held
 from worm3d.running.problem import Problem as Problem
 from worm3d.running.recovery import recovery as recovery
@@ -38,6 +39,5 @@ from worm3d.running.segment_law import stretch_segment as stretch_segment
 from worm3d.running.simulate import simulate as simulate
 from worm3d.running.start import LimitPointError as LimitPointError
 from worm3d.running.start import flattening_weight as flattening_weight
-from worm3d.running.view import Observation as Observation
 from worm3d.running.view import View as View
 from worm3d.worlds import *  # noqa: F403

@@ -16,7 +16,6 @@ from worm3d.solver.advance import OK, advance
 from worm3d.solver.arrays import BLOCK, Core
 from worm3d.solver.evaluate import EXACT, LOAD, LOCAL, NONE, WHOLE, evaluate
 from worm3d.solver.newton import _newton_step
-from worm3d.solver.records import Records
 from worm3d.solver.regimes import EXCESS, evaluate_yielding
 
 DT = 0.01
@@ -54,7 +53,7 @@ def a_plant(friction: Friction, n: int = 5) -> Plant:
     )
     forces, counters = 0.1 * rng.standard_normal((2, 3, n + 1)), np.zeros((2, arrays.COUNTERS), dtype=np.int64)
     forces, pace = np.concatenate([forces[:1], forces]), np.array([0.0, np.inf, 0.0, 0.0])
-    records = Records(plant, 3)
+    records = plant.records(3)
     given = plant.core, records.block, counters, commands, forces, 0, 1, DT, True, pace, (1, 1, 0)
     assert advance(*given) == (2, OK)
     return plant

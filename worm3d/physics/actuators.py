@@ -18,17 +18,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from worm3d.physics.body import Body
 from worm3d.physics.kernels import COMMANDS
 from worm3d.physics.part import Numbers, Part, Symbol, Symbols
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter, parameters_of
-
-if TYPE_CHECKING:
-    from worm3d.physics.worm import Worm
 
 KNOWN = (*COMMANDS, "dt", "span", "length", "length_n", "l0", "link", "k")
 """Names of what `Actuator.respond` finds beside parameters and states."""
@@ -106,7 +104,7 @@ class Actuator(Part, registry=ACTUATORS):
         """Return the states of a chamber that rests at "length" under the constant "command", by name."""
         return dict.fromkeys(cls.states, 0.0)
 
-    def values(self, worm: Worm, *, hinge: bool) -> Mapping[str, float | FloatArray]:
+    def values(self, worm: Body, *, hinge: bool) -> Mapping[str, float | FloatArray]:
         """Return the parameters by name for the chambers or the hinges of a worm, a number or one for each."""
         return {name: getattr(self, name) for name in parameters_of(type(self))}
 
@@ -158,7 +156,7 @@ class FirstOrder(Actuator, name="first_order"):
         force = lagged(s["force_command"], s["force_command_n"], s["force_n"], s["lag"], s["dt"])
         return Response(command, given, force)
 
-    def values(self, worm: Worm, *, hinge: bool) -> Mapping[str, float | FloatArray]:
+    def values(self, worm: Body, *, hinge: bool) -> Mapping[str, float | FloatArray]:
         """Return the parameters; what is left out is the worm's, and without limit for hinges."""
         unlimited = {"least": -np.inf, "greatest": np.inf, "rate_limit": np.inf}
         limits = {"least": worm.stroke[0], "greatest": worm.stroke[1], "rate_limit": worm.rate_limit}

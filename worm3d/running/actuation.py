@@ -16,7 +16,7 @@ from worm3d.values.documented import with_fields
 from worm3d.values.read_only import ReadOnly
 
 if TYPE_CHECKING:
-    from worm3d.running.view import Observation
+    from worm3d.running.observation import Observation
 
 
 @with_fields

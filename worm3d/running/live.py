@@ -18,7 +18,6 @@ from worm3d.recorded.status import Status
 from worm3d.results import pictures
 from worm3d.results.pictures import FPS
 from worm3d.running.run import Observer, Run
-from worm3d.running.view import View
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import Spelled
@@ -96,9 +95,9 @@ class Live(Spelled):
         """Show the start of a run, and return an observer that shows how it goes on."""
         self._begin(run)
 
-        def look(_time: float, view: View) -> None:
+        def look(run: Run) -> None:
             try:
-                self._show(view.result())
+                self._show(run.result(Status.DONE))
             except ConnectionError as error:
                 warnings.warn(f"{error}; the run goes on unseen", RuntimeWarning, stacklevel=2)
                 self.close()

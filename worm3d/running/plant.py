@@ -30,6 +30,7 @@ from worm3d.solver.evaluate import DIRECTOR, TANGENT, evaluate_entry
 from worm3d.solver.guard import SIDES, refused
 from worm3d.solver.newton import solve_entry
 from worm3d.solver.pose import put_entry
+from worm3d.solver.records import Records
 from worm3d.solver.step import step_entry
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World, WorldKernel
@@ -306,6 +307,10 @@ class Plant:
                 what = f"{type(worm.hinge_actuator).__name__} gives no finite {name} for joint {i + 1}"
                 return int(i) + 1, f"hinge_actuator: {what}"
         return 0, ""
+
+    def records(self, rows: int, between: bool = False) -> Records:
+        """Return room for so many instants of this worm; parameters of `worm3d.solver.records.Records`."""
+        return Records(self.memory_of_core, self.worm, self.clamped, rows, between)
 
     def memory(self) -> dict[str, FloatArray]:
         """Return copies of all that the next step depends on, by name."""

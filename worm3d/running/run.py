@@ -18,10 +18,10 @@ from worm3d.recorded.state import State
 from worm3d.recorded.status import Status, Stop
 from worm3d.results.result import Result
 from worm3d.running.actuation import Commands, Driver
+from worm3d.running.observation import Observation
 from worm3d.running.plant import HISTORIES
 from worm3d.running.problem import Problem
 from worm3d.running.start import GUARDED, Placed, place
-from worm3d.running.view import Observation, View
 from worm3d.solver.actuate import ask
 from worm3d.solver.advance import LAST, NEXT, SHORTEST, SINCE, SOLVES, advance, worst_residual
 from worm3d.solver.arrays import ALLOWED, TOLERANCE
@@ -55,8 +55,8 @@ _LOG = logging.getLogger(__name__)
 class Observer(NamedTuple):
     """A function that looks at a run, at its start, after every so many steps, and at its end."""
 
-    look: Callable[[float, View], bool | None]
-    """Called with the time [s] and the view; returning False ends the run."""
+    look: Callable[[Run], bool | None]
+    """Called with the run; returning False ends it."""
     every: int = 1
 
 
@@ -84,7 +84,7 @@ class Run:
         self.dt, self.bdf2 = problem.dt, problem.integrator == "bdf2"
         self.every, self.steps = problem.record_every, problem.steps
         self.n, self.core = plant.n, plant.core
-        self.records = Records(plant, problem.rows, between=allowed is not None)
+        self.records = plant.records(problem.rows, between=allowed is not None)
         self.counters = np.zeros((self.steps, len(COUNTERS)), dtype=np.int64)
         self.done, self.halved, self.last_share, self.wall = 0, 0, 1.0, 0.0
         self.complaint, self.residual, self.segment = reason, 0.0, 0
@@ -117,7 +117,7 @@ class Run:
     @cached_property
     def _now(self) -> Records:
         """Room for an instant between two rows."""
-        return Records(self.plant, 1)
+        return self.plant.records(1)
 
     def time(self, k: float) -> float:
         """Return the time after k steps [s]."""
@@ -193,7 +193,7 @@ class Run:
             if self.done % observer.every >= self.beat and self.done < self.steps:
                 continue
             try:
-                goes_on = observer.look(self.time(self.done), View(self))
+                goes_on = observer.look(self)
             except Exception as error:
                 self.complaint = f"{type(error).__name__}: {error}"
                 _LOG.error("the observer failed", exc_info=error)

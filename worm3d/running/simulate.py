@@ -17,7 +17,7 @@ from worm3d.running.places import place_kept
 from worm3d.running.plant import ROUNDING
 from worm3d.running.problem import Force, Held, Integrator, Problem
 from worm3d.running.run import Observer, Run
-from worm3d.running.view import View
+from worm3d.running.view import View, watched
 from worm3d.values import arguments
 from worm3d.values.spelling import spelled
 from worm3d.worlds import World
@@ -137,6 +137,6 @@ def simulate(
 
     def observers(run: Run) -> list[Observer]:
         shown = [] if live is None else [live.follow(run)]
-        return [*shown, *([] if observer is None else [Observer(observer, every)])]
+        return [*shown, *([] if observer is None else [watched(observer, every)])]
 
     return begin(problem, place_kept, observers)()

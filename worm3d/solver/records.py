@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 from math import prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +22,14 @@ from worm3d.machine.codegen import evaluate as evaluate_kernel
 from worm3d.machine.compiled import inner, njit
 from worm3d.machine.later import carray
 from worm3d.machine.vectors import doubles_at
+from worm3d.physics.worm import Worm
 from worm3d.recorded.energy import TERMS
 from worm3d.recorded.series import Entries, Points, Recorded, Rows, Series, Source, series_of, states_of_parts
 from worm3d.solver import arrays as a
-from worm3d.solver.arrays import POINTS, Core
+from worm3d.solver.arrays import POINTS, Core, CoreMemory
 from worm3d.solver.block import Block, Memory, Plan, address, fill, integers, matrix, vector
 from worm3d.solver.entry import kernel
 from worm3d.values.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from worm3d.running.plant import Plant
 
 STATE = "actuator_"
 """Prefix of the names of the actuators' states."""
@@ -101,17 +99,21 @@ class Records:
 
     Parameters
     ----------
-    plant : Plant
+    core : CoreMemory
+        Its arrays are read as long as rows are written.
+    worm : Worm
+    clamped : bool
+        Whether the ground is the paper's.
     rows : int
         Instants; `record` writes every number of a row.
     between : bool
         Whether they may lie between the ends of steps.
     """
 
-    def __init__(self, plant: Plant, rows: int, between: bool = False) -> None:
-        core = self._core = plant.memory_of_core  # its arrays are read as long as rows are written
-        parts = tuple(map(type, (plant.worm.actuator, plant.worm.hysteresis, plant.worm.hinge_actuator)))
-        form = _form(core.sizes, parts, plant.clamped, rows, between)
+    def __init__(self, core: CoreMemory, worm: Worm, clamped: bool, rows: int, between: bool = False) -> None:
+        self._core = core
+        parts = tuple(map(type, (worm.actuator, worm.hysteresis, worm.hinge_actuator)))
+        form = _form(core.sizes, parts, clamped, rows, between)
         self._shapes, self._memory = form.shapes, Memory(form.plan, cleared=False)
         self.block, own = self._memory.block, self._memory.arrays()
         plan, there, here = own["plan"].view(np.int64), core.core.block.memory, self.block.memory

@@ -83,7 +83,7 @@ def simulate(
     problem = problem_of(scene, state, done, drive)
     # A run that ended between two stored states could not be gone on from without a gap.
     rows = 1 if drive is not None else max(1, STEPS_BETWEEN_LOOKS // problem.record_every)
-    looks = runs.Observer(lambda _, view: view.step == 0 or observer(view.step), rows * problem.record_every)
+    looks = runs.Observer(lambda run: run.done == 0 or observer(run.done), rows * problem.record_every)
 
     def observers(run: runs.Run) -> list[runs.Observer]:
         return [looks] if live is None else [live.follow(run), looks]

@@ -27,7 +27,7 @@ from worm3d.solver.block import Block, copy, matrix, vector
 from worm3d.solver.entry import reset
 from worm3d.solver.evaluate import LOCAL, NONE, WHOLE, evaluate, hold
 from worm3d.solver.newton import _newton_step
-from worm3d.solver.records import Records, record
+from worm3d.solver.records import record
 from worm3d.solver.step import _commit, begin, place_start
 from worm3d.values.arrays import FloatArray
 
@@ -115,7 +115,7 @@ class _MiddleOfStep:
         self.plant = Plant(worm, result.world, Friction(), result.gravity, mask)
         self.core = self.plant.core
         self.command = np.zeros(5 * segments)
-        self.records = Records(self.plant, 2)
+        self.records = self.plant.records(2)
 
     def loops(self) -> dict[str, Loop]:
         """Return what is timed, by name; each takes the number of passes."""

@@ -57,17 +57,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from worm3d.physics.actuators import Actuator, Response, lagged
+from worm3d.physics.body import Body
 from worm3d.physics.part import Numbers, Symbol, Symbols
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
-
-if TYPE_CHECKING:
-    from worm3d.physics.worm import Worm
 
 MOST_STROKE = 0.9
 """Largest free stroke, as a fraction of the chamber's rest length."""
@@ -242,7 +240,7 @@ class Technology(Actuator):
         pull = _sense(s) * blocking * _shape(s, share, "length").force
         return {"asked": share, "drive": drive, "active": share, "warmth": s["hot"] * ca.fabs(drive), "pull": pull}
 
-    def values(self, worm: Worm, *, hinge: bool) -> Mapping[str, float | FloatArray]:
+    def values(self, worm: Body, *, hinge: bool) -> Mapping[str, float | FloatArray]:
         """Return the parameters; a size that is left out follows from the worm, and the times from the size."""
         given = super().values(worm, hinge=hinge)
         area = self.size(worm) if self.area is None else self.area
@@ -256,7 +254,7 @@ class Technology(Actuator):
         """Return by how much longer than `rise` and `fall` an actuator of a cross-section [m^2] takes, (T1a)."""
         return (area / (area if self.gauge is None else self.gauge)) ** (THICKNESS_POWER / 2.0)
 
-    def size(self, worm: Worm) -> FloatArray:
+    def size(self, worm: Body) -> FloatArray:
         """Return the default cross-section of the actuator of each chamber, shape (N,) [m^2].
 
         It is what the worm needs, but at most a share `room` of the chamber's cross-section.
@@ -264,7 +262,7 @@ class Technology(Actuator):
         h0 = np.asarray(worm.half_height)
         return np.minimum(self.needed(worm), self.room * 2.0 * h0 * (worm.chamber_offset + h0))
 
-    def needed(self, worm: Worm) -> FloatArray:
+    def needed(self, worm: Body) -> FloatArray:
         """Return the cross-section of the actuator of each chamber that the worm needs, shape (N,) [m^2].
 
         Its blocking force is `reserve` times what half of a segment's springs (a chamber's) needs for the stroke, and

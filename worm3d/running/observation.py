@@ -1,0 +1,96 @@
+"""The true state of a worm as sensors are given it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from worm3d.physics.hysteresis import chamber_states
+from worm3d.recorded.series import heading
+from worm3d.values.arrays import FloatArray
+from worm3d.values.documented import with_fields
+
+if TYPE_CHECKING:
+    from worm3d.running.plant import Plant
+
+
+@with_fields
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """True state of a worm of N segments, as far as robots can hope to measure it: what sensors are given."""
+
+    time: float
+    """Time [s]."""
+    chamber_strain: FloatArray
+    """Strain l_c/l0 - 1 of each chamber [left, right], shape (N, 2)."""
+    com: FloatArray
+    """Centre of mass, shape (3,) [m]."""
+    com_velocity: FloatArray
+    """Velocity of the centre of mass, shape (3,) [m/s]."""
+    heading: float
+    """Azimuth of the tail-to-head chord in (-pi, pi] [rad]."""
+    joints: FloatArray
+    """Joints, shape (N+1, 3) [m]."""
+    joint_velocity: FloatArray
+    """Velocity of the joints, shape (N+1, 3) [m/s]."""
+    apexes: FloatArray
+    """Apexes in the order of NOTATION.md, shape (N, 6, 3) [m]."""
+    apex_velocity: FloatArray
+    """Velocity of the apexes, shape (N, 6, 3) [m/s]."""
+    contraction: FloatArray
+    """Contraction that the actuators have reached, shape (N, 2)."""
+    normal_load: FloatArray
+    """Normal load of each apex, shape (N, 6) [N]."""
+    actuator_states: Mapping[str, FloatArray] = field(default_factory=dict)
+    """States of the actuators by name, such as a pressure; those of chambers of shape (N, 2), of hinges (N-1,)."""
+
+    @classmethod
+    def of(cls, plant: Plant, time: float) -> Observation:
+        """Return what sensors see of a worm at a time, read straight from the solver: it is asked for at every step."""
+        from worm3d.solver.arrays import POINTS  # imports CasADi, which sensors do without
+        from worm3d.solver.records import mass_centre
+
+        arrays, n, worm = plant.arrays, plant.n, plant.worm
+        momentum, com = mass_centre(plant.core)
+        joints = arrays["joints"][:3, : n + 1].T.copy()
+        apexes, apex_velocity = (
+            arrays[name][:3].reshape(3, POINTS, -1)[:, :6, :n].T.copy() for name in ("points", "point_velocity")
+        )
+        states = {
+            name: arrays["actuator"][2 * k : 2 * k + 2, :n].T.copy()
+            for k, name in enumerate(chamber_states(type(worm.actuator), type(worm.hysteresis)))
+        }
+        for k, name in enumerate(type(worm.hinge_actuator).states):
+            states[f"hinge_{name}"] = arrays["hinge_states"][k, : n - 1].copy()
+        return cls(
+            time=time,
+            chamber_strain=arrays["lengths"][:2, :n].T / worm.l0 - 1.0,
+            com=com,
+            com_velocity=momentum[:3] / worm.mass,
+            heading=float(heading(joints[None])[0]),
+            joints=joints,
+            joint_velocity=arrays["joint_velocity"][:3, : n + 1].T.copy(),
+            apexes=apexes,
+            apex_velocity=apex_velocity,
+            contraction=arrays["given"][0, : 2 * n].reshape(n, 2).copy(),
+            normal_load=plant.loads()[:6].T.copy(),
+            actuator_states=states,
+        )
+
+    @property
+    def angular_velocity(self) -> FloatArray:
+        """Angular velocity w of each segment in its own axes t forward, d left and u up, shape (N, 3) [rad/s].
+
+        From t' = w x t and u' = w x u follow w.t = -u'.d, w.d = -t'.u, w.u = t'.d; the axes are those of the edge
+        between the joints, of the outward apexes from right to left, and of the apexes from below to above.
+        """
+        edge, edge_rate = np.diff(self.joints, axis=0), np.diff(self.joint_velocity, axis=0)
+        rise, rise_rate = (p[:, 1] - p[:, 0] + p[:, 4] - p[:, 3] for p in (self.apexes, self.apex_velocity))
+        across = self.apexes[:, 2] - self.apexes[:, 5]
+        length, width, height = (np.sqrt((each**2).sum(axis=1)) for each in (edge, across, rise))
+        d, u = across / width[:, None], rise / height[:, None]
+        forward, left, up = (rise_rate * d).sum(axis=1), (edge_rate * u).sum(axis=1), (edge_rate * d).sum(axis=1)
+        return np.column_stack([-forward / height, -left / length, up / length])
