@@ -1,5 +1,7 @@
 from scenes.studies.fit.fitting import fit as fit
 from scenes.sweep.dataset import sweep as sweep
+from worm3d.measures.spread import Spread as Spread
+from worm3d.measures.spread import scattered as scattered
 from worm3d.physics.actuator_names import ACTUATORS as ACTUATORS
 from worm3d.physics.actuators import Actuator as Actuator
 from worm3d.physics.actuators import FirstOrder as FirstOrder
@@ -16,8 +18,6 @@ from worm3d.physics.pneumatic import Pneumatic as Pneumatic
 from worm3d.physics.worm import Worm as Worm
 from worm3d.recorded.energy import Energy as Energy
 from worm3d.recorded.estimate import ErrorEstimate as ErrorEstimate
-from worm3d.recorded.estimate import Spread as Spread
-from worm3d.recorded.estimate import scattered as scattered
 from worm3d.recorded.state import State as State
 from worm3d.recorded.state import StateError as StateError
 from worm3d.recorded.status import Status as Status

@@ -158,7 +158,7 @@ def _metrics(record: Record, model: Model[Any]) -> list[str]:
 
 def _error(record: Record) -> list[tuple[str, str, str]]:
     """Return the headline of the error of the distance where there is one, or a single distance means little."""
-    from worm3d.recorded.estimate import ROUGH
+    from worm3d.measures.spread import ROUGH
 
     name = "distance_error_m"
     known = record.summary.metrics.get(name) is not None or ROUGH in record.summary.reasons.get(name, "")

@@ -8,6 +8,8 @@ from worm3d.measures.table import Measure as Measure
 from worm3d.measures.table import Metric as Metric
 from worm3d.measures.table import NoValueError as NoValueError
 from worm3d.measures.table import measure as measure
+from worm3d.measures.table import reasons as reasons
+from worm3d.measures.table import summary as summary
 
 # isort: split
 from worm3d.measures import general as general

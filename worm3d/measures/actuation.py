@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from worm3d.measures.general import carried
 from worm3d.measures.table import NoValueError, measure
-
-if TYPE_CHECKING:
-    from worm3d.results.result import Result
+from worm3d.measures.waves import waves_of
+from worm3d.recorded.finished import FinishedRun
 
 
 @measure("effort", "rms of the contraction that chambers give, as a fraction of their stroke")
-def _effort(result: Result) -> float:
+def _effort(result: FinishedRun) -> float:
     """Root mean square of c + f/(k/2), over the greatest stroke; an extra force f counts as contraction."""
-    waves, worm = result.waves, result.worm
+    waves, worm = waves_of(result), result.worm
     rows = slice(waves.first + 1, None)
     stiffness = np.asarray(worm.k_spring, dtype=float)[:, None] / 2.0
     given = result.contraction[rows] + result.force[rows] / stiffness
@@ -27,7 +24,7 @@ def _effort(result: Result) -> float:
 
 
 @measure("commands_at_limit", "recorded instants at which the contraction asked of a chamber met an end of its stroke")
-def _at_limit(result: Result) -> float:
+def _at_limit(result: FinishedRun) -> float:
     """Count rows, of commands within the stroke; an end of 0, at which a chamber rests, is none."""
     worm = result.worm
     acting = worm.actuator.values(worm, hinge=False)
@@ -39,7 +36,7 @@ def _at_limit(result: Result) -> float:
 
 
 @measure("work_input_J", "energy that the actuators drew from their sources")
-def _input(result: Result) -> float:
+def _input(result: FinishedRun) -> float:
     actuator = result.worm.actuator
     if not actuator.has_source:
         raise NoValueError(f"the actuator {actuator.name!r} has no source of energy: its work is all that is known")
@@ -47,5 +44,5 @@ def _input(result: Result) -> float:
 
 
 @measure("cost_of_transport_input", "energy that the actuators drew, over weight and distance")
-def _cost_of_input(result: Result) -> float:
+def _cost_of_input(result: FinishedRun) -> float:
     return _input(result) / carried(result)

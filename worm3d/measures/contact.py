@@ -14,18 +14,16 @@ A worm that is dragged along has a slip of 1 m/m, one whose loaded contacts all 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from worm3d.measures.gait import way_made
-from worm3d.measures.posture import ON_ITS_SIDE
+from worm3d.measures.posture import ON_ITS_SIDE, rolled
 from worm3d.measures.table import NoValueError, measure
-from worm3d.measures.waves import Waves
+from worm3d.measures.waves import Waves, waves_of
+from worm3d.recorded.finished import FinishedRun
 from worm3d.values.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from worm3d.results.result import Result
 
 AT_REST = 1e-3
 """Slide of an anchored segment at most [body lengths a period]: what anchors yield elastically is no slide at all, and
@@ -49,7 +47,7 @@ class Contacts(NamedTuple):
         return mean
 
 
-def contacts(result: Result, waves: Waves) -> Contacts:
+def contacts(result: FinishedRun, waves: Waves) -> Contacts:
     """Return loads and slides of the rows that the waves have."""
     rows = slice(waves.first, None)
     apexes, joints = result.normal_load[rows].reshape(-1, 6 * result.worm.segments), result.joint_load[rows]
@@ -58,7 +56,7 @@ def contacts(result: Result, waves: Waves) -> Contacts:
     return Contacts((load[1:] + load[:-1]) / 2.0, slid[1:])
 
 
-def _joint_slides(result: Result, rows: slice) -> FloatArray:
+def _joint_slides(result: FinishedRun, rows: slice) -> FloatArray:
     if result.world is None or not result.world.clamped:
         return result.joint_slip[rows]
     moved = np.diff(result.joints[rows, :, :2], axis=0, prepend=result.joints[rows][:1, :, :2])
@@ -67,21 +65,21 @@ def _joint_slides(result: Result, rows: slice) -> FloatArray:
 
 
 @measure("slip_per_metre", "metres that the contacts slide, mean weighted by load, for each metre of way")
-def _slip(result: Result) -> float:
-    waves = result.waves
+def _slip(result: FinishedRun) -> float:
+    waves = waves_of(result)
     found = contacts(result, waves)
     return float(waves.weights @ found.mean_slide(found.slid)) / way_made(result, waves)
 
 
 @measure("backslide_per_metre", "part of the slip that goes towards the tail")
-def _backslide(result: Result) -> float:
-    waves = result.waves
+def _backslide(result: FinishedRun) -> float:
+    waves = waves_of(result)
     found = contacts(result, waves)
     backward = found.mean_slide(_backward(result, waves, found.slid))
     return float(waves.weights @ backward) / way_made(result, waves)
 
 
-def _backward(result: Result, waves: Waves, slid: FloatArray) -> FloatArray:
+def _backward(result: FinishedRun, waves: Waves, slid: FloatArray) -> FloatArray:
     """Return the part of slides (R, P) that goes towards the tail [m]."""
     n = result.worm.segments
     row, point = np.nonzero(slid)
@@ -104,8 +102,8 @@ def _backward(result: Result, waves: Waves, slid: FloatArray) -> FloatArray:
 
 
 @measure("anchoring_duty", "share of time in which a segment is anchored: bears load and does not slide")
-def _duty(result: Result) -> float:
-    waves, n = result.waves, result.worm.segments
+def _duty(result: FinishedRun) -> float:
+    waves, n = waves_of(result), result.worm.segments
     found = contacts(result, waves)
     own = slice(6 * n, None) if result.world is not None and result.world.clamped else slice(6 * n)
     load, slid = (each[:, own].reshape(len(each), -1, 1 if own.stop is None else 6) for each in found)
@@ -117,12 +115,12 @@ def _duty(result: Result) -> float:
 
 
 @measure("peak_wall_load_N", "greatest normal load of a segment's feet (or of a joint) over the run")
-def _peak(result: Result) -> float:
+def _peak(result: FinishedRun) -> float:
     return float(max(result.normal_load.sum(axis=2).max(), result.joint_load.max()))
 
 
 @measure("largest_penetration", "largest depth of a loaded foot or joint in the world over the run, in segment lengths")
-def _penetration(result: Result) -> float:
+def _penetration(result: FinishedRun) -> float:
     if result.world is None or result.world.clamped:
         raise NoValueError(NO_WALL)
     points = result.points
@@ -132,14 +130,14 @@ def _penetration(result: Result) -> float:
 
 
 @measure("roll_max_deg", "largest roll over the run, to either side")
-def roll_max(result: Result) -> float:
+def roll_max(result: FinishedRun) -> float:
     """Return the largest roll of a worm [deg]; NoValueError where there is no ground."""
-    largest = result.rolled.largest
+    largest = rolled(result).largest
     if largest is None:
         raise NoValueError(NO_GROUND)
     return float(np.rad2deg(largest))
 
 
 @measure("roll_margin_deg", "how much less it rolls than a worm that lies on its side; negative where it tipped")
-def _margin(result: Result) -> float:
+def _margin(result: FinishedRun) -> float:
     return float(np.rad2deg(ON_ITS_SIDE)) - roll_max(result)

@@ -14,16 +14,12 @@ and |d_k| count along the centre line.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from worm3d.measures.table import NoValueError, measure
-from worm3d.measures.waves import Waves
+from worm3d.measures.waves import Waves, waves_of
 from worm3d.measures.way import NO_WAY
-
-if TYPE_CHECKING:
-    from worm3d.results.result import Result
+from worm3d.recorded.finished import FinishedRun
 
 STRAIGHT = 1000.0
 """Radius beyond which a worm crawls straight [body lengths]."""
@@ -31,26 +27,26 @@ IN_A_PIPE = "in a pipe the wall decides which way the worm goes"
 
 
 @measure("stride_bl", "body lengths forward in a wave")
-def stride(result: Result) -> float:
+def stride(result: FinishedRun) -> float:
     """Return (J1) [body lengths]."""
-    waves = result.waves
+    waves = waves_of(result)
     forward = (waves.steps * waves.forward).sum(axis=1) if waves.course is None else waves.course
     return float(forward.mean()) / result.worm.length
 
 
 @measure("speed_bl_s", "speed forward, of the last waves")
-def _speed(result: Result) -> float:
-    return stride(result) / result.waves.period
+def _speed(result: FinishedRun) -> float:
+    return stride(result) / waves_of(result).period
 
 
 @measure("degrees_per_wave_deg", "turn to the left in a wave")
-def _turn(result: Result) -> float:
-    return float(np.rad2deg(result.waves.turns.mean()))
+def _turn(result: FinishedRun) -> float:
+    return float(np.rad2deg(waves_of(result).turns.mean()))
 
 
 @measure("turning_radius_bl", "radius of the circle on which the centre of mass goes")
-def _radius(result: Result) -> float:
-    waves = result.waves
+def _radius(result: FinishedRun) -> float:
+    waves = waves_of(result)
     if waves.course is not None:
         raise NoValueError(IN_A_PIPE)
     sine = abs(float(np.sin(waves.turns.mean() / 2.0)))
@@ -61,8 +57,8 @@ def _radius(result: Result) -> float:
 
 
 @measure("drift_per_metre", "metres sideways to the left, for each metre of way")
-def _drift(result: Result) -> float:
-    waves = result.waves
+def _drift(result: FinishedRun) -> float:
+    waves = waves_of(result)
     if waves.course is not None:
         raise NoValueError(IN_A_PIPE)
     up = np.array([0.0, 0.0, 1.0])
@@ -72,7 +68,7 @@ def _drift(result: Result) -> float:
     return float(sideways) / way_made(result, waves)
 
 
-def way_made(result: Result, waves: Waves) -> float:
+def way_made(result: FinishedRun, waves: Waves) -> float:
     """Return the way of the centre of mass in the waves [m]; NoValueError where it made none."""
     made = float(waves.path.sum())
     if made <= NO_WAY * result.worm.length * waves.count:

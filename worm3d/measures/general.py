@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from worm3d.measures.spread import ROUGH, rough
 from worm3d.measures.table import NoValueError, measure
-from worm3d.measures.way import NO_HEADING, NO_PERIOD, NO_WAY, SHORT_RUN, along_the_ground, averaged, path_length, way
+from worm3d.measures.way import (
+    NO_HEADING,
+    NO_PERIOD,
+    NO_WAY,
+    SHORT_RUN,
+    along_the_ground,
+    averaged,
+    distance,
+    path_length,
+    way,
+)
 from worm3d.recorded.energy import TERMS, Energy
-from worm3d.recorded.estimate import ROUGH, ErrorEstimate, rough
-
-if TYPE_CHECKING:
-    from worm3d.results.result import Result
+from worm3d.recorded.estimate import ErrorEstimate
+from worm3d.recorded.finished import FinishedRun
 
 SPARSE = "the rows of the result lie further apart than a period of the gait: record more of them"
 NOT_SETTLED = (
@@ -29,31 +37,31 @@ USES = tuple(Energy.of(np.zeros((1, len(TERMS)))).uses)
 
 
 @measure("status", "how the run ended")
-def _status(result: Result) -> str:
+def _status(result: FinishedRun) -> str:
     return result.status.name.lower()
 
 
 @measure("duration_s", "time that was simulated")
-def _duration(result: Result) -> float:
+def _duration(result: FinishedRun) -> float:
     return float(result.time[-1] - result.time[0])
 
 
 @measure("distance_m", "displacement of the centre of mass along the heading at the start")
-def _distance(result: Result) -> float:
-    if np.isnan(result.distance):
+def _distance(result: FinishedRun) -> float:
+    if np.isnan(distance(result)):
         raise NoValueError(NO_HEADING)
-    return result.distance
+    return distance(result)
 
 
 @measure("path_length_m", "length of the path of the centre of mass, averaged over a period")
-def _path_length(result: Result) -> float:
+def _path_length(result: FinishedRun) -> float:
     if result.period is None or _sparse(result):
         raise NoValueError(_no_mean(result))
     return path_length(along_the_ground(result), result.time, result.period)
 
 
 @measure("mean_speed_m_s", "mean speed along the heading at the start, of the centre of mass averaged over a period")
-def _mean_speed(result: Result) -> float:
+def _mean_speed(result: FinishedRun) -> float:
     window = 0
     if result.period is not None and len(result.time) > 1:
         window = round(result.period / float(result.time[1] - result.time[0]))
@@ -66,7 +74,7 @@ def _mean_speed(result: Result) -> float:
 
 
 @measure("heading_change_deg", "turn to the left over the run")
-def _heading_change(result: Result) -> float:
+def _heading_change(result: FinishedRun) -> float:
     turned = float(np.rad2deg(result.heading[-1] - result.heading[0]))
     if np.isnan(turned):
         raise NoValueError("the body is vertical: it has no heading")
@@ -74,17 +82,17 @@ def _heading_change(result: Result) -> float:
 
 
 @measure("work_contract_J", "net work of the actuators")
-def _work(result: Result) -> float:
+def _work(result: FinishedRun) -> float:
     return float(result.energy.work_contract.sum())
 
 
 @measure("work_friction_J", "work that went into friction on the world")
-def _friction(result: Result) -> float:
+def _friction(result: FinishedRun) -> float:
     return result.energy.uses["friction"]
 
 
 @measure("cost_of_transport", "net work of the actuators over weight and distance")
-def _cost(result: Result) -> float:
+def _cost(result: FinishedRun) -> float:
     work = _work(result)
     if work < -_rounding(result):
         raise NoValueError(f"the net work of the contraction is negative ({work:.4g} J): the worm drove its actuators")
@@ -92,12 +100,12 @@ def _cost(result: Result) -> float:
 
 
 @measure("energy_balance_error", "residual of the energy ledger over the sum of its absolute terms")
-def _balance(result: Result) -> float:
+def _balance(result: FinishedRun) -> float:
     return result.energy.balance_error
 
 
 @measure("newton_iterations_mean", "iterations of Newton's method in a step")
-def _iterations(result: Result) -> float:
+def _iterations(result: FinishedRun) -> float:
     if not len(result.newton_iterations):
         raise NoValueError(NO_STEP)
     solved = len(result.newton_iterations) if result.error_estimate is None else result.error_estimate.steps
@@ -111,7 +119,7 @@ ERRORS = {
 }
 
 
-def _error(result: Result, of: Callable[[ErrorEstimate], float]) -> float:
+def _error(result: FinishedRun, of: Callable[[ErrorEstimate], float]) -> float:
     if result.error_estimate is None:
         raise NoValueError(f"{FIXED}; {ROUGH}" if rough(result) else FIXED)
     return of(result.error_estimate)
@@ -122,21 +130,21 @@ for _name, (_meaning, _of) in ERRORS.items():
 
 
 @measure("real_time_factor", "simulated time over computing time")
-def _real_time(result: Result) -> float:
+def _real_time(result: FinishedRun) -> float:
     if not len(result.newton_iterations) or result.wall_s <= 0.0:
         raise NoValueError(NO_STEP)
     return len(result.newton_iterations) * result.dt / result.wall_s
 
 
-def _total(result: Result, term: str) -> float:
+def _total(result: FinishedRun, term: str) -> float:
     return float(getattr(result.energy, term).sum())
 
 
-def _use(result: Result, name: str) -> float:
+def _use(result: FinishedRun, name: str) -> float:
     return result.energy.uses[name]
 
 
-def _share(result: Result, name: str) -> float:
+def _share(result: FinishedRun, name: str) -> float:
     _cost(result)  # where there is none, its parts have no value either
     return result.energy.uses[name] / carried(result)
 
@@ -148,7 +156,7 @@ for _term in ("work_contract_positive", "work_contract_p11", "work_friction_p13"
 
 
 @measure("halved_steps", "steps that were taken in parts")
-def _halved(result: Result) -> float:
+def _halved(result: FinishedRun) -> float:
     return float(result.halved_steps)
 
 
@@ -160,7 +168,7 @@ measure("work_damping_medium_J", "work that went into damping by the medium")(pa
 
 
 @measure("work_damping_material_J", "work that went into damping of the material and in the actuators")
-def _material(result: Result) -> float:
+def _material(result: FinishedRun) -> float:
     return result.energy.uses["damping"] - float(result.energy.drag_loss.sum())
 
 
@@ -169,13 +177,13 @@ for _name in USES:
 
 
 @measure("settling_m", "largest motion of a joint while the worm was brought to rest before the run")
-def _settling(result: Result) -> float:
+def _settling(result: FinishedRun) -> float:
     if result.settling is None:
         raise NoValueError(NOT_SETTLED)
     return result.settling
 
 
-def carried(result: Result) -> float:
+def carried(result: FinishedRun) -> float:
     """Return weight times distance, by which costs of transport divide [J].
 
     Raises
@@ -184,24 +192,24 @@ def carried(result: Result) -> float:
         The worm made no way forward, or has no weight or no heading.
     """
     weight = result.worm.mass * float(np.linalg.norm(result.gravity))
-    if result.distance <= NO_WAY * result.worm.length:
-        raise NoValueError(f"the worm made no way forward ({result.distance:.4g} m)")
-    if weight == 0.0 or np.isnan(result.distance):
+    if distance(result) <= NO_WAY * result.worm.length:
+        raise NoValueError(f"the worm made no way forward ({distance(result):.4g} m)")
+    if weight == 0.0 or np.isnan(distance(result)):
         raise NoValueError("the worm has no weight, or no heading at the start")
-    return weight * result.distance
+    return weight * distance(result)
 
 
-def _no_mean(result: Result) -> str:
+def _no_mean(result: FinishedRun) -> str:
     if result.period is None:
         return NO_PERIOD
     return SPARSE if _sparse(result) else SHORT_RUN
 
 
-def _sparse(result: Result) -> bool:
+def _sparse(result: FinishedRun) -> bool:
     return len(result.time) > 1 and bool(result.time[1] - result.time[0] > 2.0 * (result.period or np.inf))
 
 
-def _rounding(result: Result) -> float:
+def _rounding(result: FinishedRun) -> float:
     """Return the work that may be rounding alone [J]."""
     stored = float(np.sum(result.worm.k_spring)) * result.worm.l0  # the scale of the springs' energy
     return 1e-12 * float(np.abs(result.energy.work_contract).sum()) + 1e-15 * stored

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from worm3d.recorded.finished import FinishedRun
 from worm3d.values.arrays import FloatArray
+from worm3d.values.read_only import kept
 
 if TYPE_CHECKING:
-    from worm3d.results.result import Result
     from worm3d.worlds import World
 
 ON_ITS_SIDE = float(np.deg2rad(35.0))
@@ -24,7 +25,7 @@ GROUND = 0.5
 """Least cosine between a normal and up for which what is below is a ground: a pipe's wall beside the worm is none."""
 
 
-def roll(result: Result, rows: slice = slice(None)) -> FloatArray:
+def roll(result: FinishedRun, rows: slice = slice(None)) -> FloatArray:
     """Return by how much a worm is rolled to its left, the median of its segments, at rows of a result, (T,) [rad].
 
     NaN where it touches nothing, and where what it touches is no ground: a wall, or without gravity.
@@ -53,27 +54,29 @@ class Rolled:
     step: int
     """Number of these rows from one to the next a tenth of a second later."""
 
-    @classmethod
-    def of(cls, result: Result) -> Rolled:
-        """Return the roll of a run's worm."""
-        apart = float(result.time[1] - result.time[0]) if len(result.time) > 1 else LASTING
-        step = max(1, int(LASTING / (5.0 * apart)))
-        even = result.world is not None and result.world.flat
-        rows = slice(None, None, 1 if even else step)
-        return cls(result.time[rows], roll(result, rows), step if even else 1)
-
     @property
     def largest(self) -> float | None:
         """Largest roll to either side [rad]; None where there is no ground."""
         return None if np.isnan(self.roll).all() else float(np.nanmax(np.abs(self.roll)))
 
 
-def on_its_side(result: Result) -> float | None:
+@kept
+def rolled(result: FinishedRun) -> Rolled:
+    """Return the roll of a run's worm."""
+    apart = float(result.time[1] - result.time[0]) if len(result.time) > 1 else LASTING
+    step = max(1, int(LASTING / (5.0 * apart)))
+    even = result.world is not None and result.world.flat
+    rows = slice(None, None, 1 if even else step)
+    return Rolled(result.time[rows], roll(result, rows), step if even else 1)
+
+
+@kept
+def on_its_side(result: FinishedRun) -> float | None:
     """Return the first time from which a worm lies on its side for half a second [s]; None if it never does."""
     if len(result.time) < 2:
         return None
-    rolled = result.rolled
-    time, lies = rolled.time[:: rolled.step], np.abs(np.nan_to_num(rolled.roll[:: rolled.step])) > ON_ITS_SIDE
+    found = rolled(result)
+    time, lies = found.time[:: found.step], np.abs(np.nan_to_num(found.roll[:: found.step])) > ON_ITS_SIDE
     edges = np.flatnonzero(np.diff(np.concatenate([[0], lies.astype(int), [0]])))
     for begin, end in edges.reshape(-1, 2):
         if time[end - 1] - time[begin] >= LASTING * (1.0 - 1e-9):

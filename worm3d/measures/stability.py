@@ -17,17 +17,14 @@ most.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from worm3d.measures.gait import way_made
 from worm3d.measures.table import NoValueError, measure
+from worm3d.measures.waves import waves_of
 from worm3d.measures.way import along_the_ground
+from worm3d.recorded.finished import FinishedRun
 from worm3d.values.arrays import FloatArray, IntArray
-
-if TYPE_CHECKING:
-    from worm3d.results.result import Result
 
 REPEATS = 1e-10
 """Change of shape from period to period that is rounding, root mean square over the joints [body lengths]."""
@@ -40,8 +37,8 @@ UNEVEN_ROWS = "a period of the gait is no whole number of recorded rows: choose 
 
 
 @measure("return_map_radius", "factor by which the change of shape from wave to wave shrinks; below 1 it is stable")
-def _return_map(result: Result) -> float:
-    waves, apart = result.waves, float(result.time[1] - result.time[0])
+def _return_map(result: FinishedRun) -> float:
+    waves, apart = waves_of(result), float(result.time[1] - result.time[0])
     step = round(waves.period / apart)
     if abs(waves.period / apart - step) > 1e-6 * step:
         raise NoValueError(UNEVEN_ROWS)
@@ -51,7 +48,7 @@ def _return_map(result: Result) -> float:
     return decay(np.diff(shapes(result, rows), axis=0))
 
 
-def shapes(result: Result, rows: IntArray) -> FloatArray:
+def shapes(result: FinishedRun, rows: IntArray) -> FloatArray:
     """Return the shape of the body at R rows, without its place, and on the level without its heading.
 
     Joints relative to the centre of mass, shape (R, N+1, 3) [body lengths].
@@ -75,7 +72,7 @@ def decay(changes: FloatArray) -> float:
     return float(np.exp(np.polyfit(later, np.log(size[later]), 1)[0]))
 
 
-def _is_level(result: Result) -> bool:
+def _is_level(result: FinishedRun) -> bool:
     if result.world is None or not result.world.flat:
         return result.world is None
     normal = result.world.normal(result.joints[0].mean(axis=0), result.worm.length)
@@ -83,8 +80,8 @@ def _is_level(result: Result) -> bool:
 
 
 @measure("response_time_s", "time from the start to 90 % of the last waves' speed")
-def _response(result: Result) -> float:
-    waves = result.waves
+def _response(result: FinishedRun) -> float:
+    waves = waves_of(result)
     time, period = result.time - result.time[0], waves.period
     if time[-1] < 3.0 * period * (1.0 - 1e-9):
         raise NoValueError(FEW_PERIODS)

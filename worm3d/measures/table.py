@@ -12,16 +12,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, TypeVar
+from typing import Any, TypeVar
 
-if TYPE_CHECKING:
-    from worm3d.results.result import Result
+from worm3d.recorded.finished import FinishedRun
+from worm3d.values.metrics import Summary
+from worm3d.values.read_only import kept
 
 Metric = tuple[float | str | None, str]
 """A value, and why there is none if it is None."""
 
 Value = float | str
-Function = Callable[["Result"], Value]
+Function = Callable[[Any], Value]
 F = TypeVar("F", bound=Function)
 
 OVERFLOW = "it is too large for a number"
@@ -42,7 +43,7 @@ class Measure:
     function: Function
     """Returns the value of a run, or raises NoValueError."""
 
-    def __call__(self, result: Result) -> Metric:
+    def __call__(self, result: FinishedRun) -> Metric:
         """Return the value of a run, None if it has none, and why."""
         try:
             value = self.function(result)
@@ -71,3 +72,18 @@ def measure(name: str, meaning: str) -> Callable[[F], F]:
         return function
 
     return enter
+
+
+@kept
+def _measured(result: FinishedRun) -> dict[str, Metric]:
+    return {name: each(result) for name, each in MEASURES.items()}
+
+
+def summary(result: FinishedRun) -> Summary:
+    """Return the measures of a run by name, None where one has no value."""
+    return Summary({name: value for name, (value, _) in _measured(result).items()})
+
+
+def reasons(result: FinishedRun) -> dict[str, str]:
+    """Return why measures of a run have no value."""
+    return {name: why for name, (value, why) in _measured(result).items() if value is None}

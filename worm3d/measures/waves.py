@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from worm3d.measures.table import NoValueError
 from worm3d.measures.way import NO_HEADING, NO_PERIOD, SHORT_RUN, along_the_ground, integrals
+from worm3d.recorded.finished import FinishedRun
 from worm3d.values.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from worm3d.results.result import Result
+from worm3d.values.read_only import kept
 
 FEWEST_ROWS = 8
 """Recorded instants in a period from which what happens within it shows."""
@@ -30,7 +28,7 @@ class Waves:
         The run has no period or is shorter, or has too few rows.
     """
 
-    def __init__(self, result: Result) -> None:
+    def __init__(self, result: FinishedRun) -> None:
         time, period = result.time, result.period
         if period is None:
             raise NoValueError(NO_PERIOD)
@@ -109,3 +107,9 @@ class Waves:
     def path(self) -> FloatArray:
         """Way made in each period, whichever way it goes, shape (K,) [m]."""
         return np.linalg.norm(self.steps, axis=1) if self.course is None else np.abs(self.course)
+
+
+@kept
+def waves_of(result: FinishedRun) -> Waves:
+    """Return the last whole periods of a run; NoValueError where there are none."""
+    return Waves(result)

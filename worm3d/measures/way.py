@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from worm3d.recorded.finished import FinishedRun
 from worm3d.recorded.series import heading
 from worm3d.values.arrays import FloatArray
+from worm3d.values.read_only import kept
 
 if TYPE_CHECKING:
-    from worm3d.results.result import Result
     from worm3d.worlds import World
 
 NO_HEADING = "the body is vertical at the start: it has no heading"
@@ -37,9 +38,10 @@ def way(com: FloatArray, joints: FloatArray, world: World | None) -> FloatArray 
     return com @ forward
 
 
-def distance(com: FloatArray, joints: FloatArray, world: World | None) -> float:
+@kept
+def distance(result: FinishedRun) -> float:
     """Return how far the centre of mass has come from the start, as `way` counts it [m]; NaN for a vertical body."""
-    ends = way(com[[0, -1]], joints, world)
+    ends = way(result.com[[0, -1]], result.joints[0], result.world)
     return float("nan") if ends is None else float(ends[-1] - ends[0])
 
 
@@ -87,7 +89,7 @@ def integrals(values: FloatArray, time: FloatArray, t: FloatArray) -> FloatArray
     return area
 
 
-def along_the_ground(result: Result) -> FloatArray:
+def along_the_ground(result: FinishedRun) -> FloatArray:
     """Return the centre of mass without its height over a plane: a worm that rises on its feet makes no way."""
     if result.world is None or not result.world.flat:
         return result.com

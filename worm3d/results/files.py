@@ -13,14 +13,16 @@ from dataclasses import fields, is_dataclass
 from importlib.metadata import version
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from worm3d.measures import reasons, summary
 from worm3d.physics.kernels import GREATEST_CONTRACTION
 from worm3d.physics.worm import Worm
 from worm3d.recorded.energy import Energy
+from worm3d.recorded.finished import FinishedRun
 from worm3d.recorded.series import Recorded, Steps, series_of, states_of
 from worm3d.recorded.state import State
 from worm3d.recorded.status import Status, Stop
@@ -28,9 +30,6 @@ from worm3d.values import arguments, netcdf
 from worm3d.values.netcdf import Content, FileError
 from worm3d.values.spelling import did_you_mean
 from worm3d.values.variable import Variable
-
-if TYPE_CHECKING:
-    from worm3d.results.result import Result
 
 RESULT = "result.nc"
 """Name of the file in a folder that `worm3d run` wrote."""
@@ -57,7 +56,7 @@ IN_TEXT = 16
 """Numbers that an array has at most to stand in the text; others are variables."""
 
 
-def save(result: Result, path: str | PathLike[str]) -> None:
+def save(result: FinishedRun, path: str | PathLike[str]) -> None:
     """Write a result; see `Result.save`."""
     arguments.instance("path", path, str | PathLike, "the path of a file")
     text, arrays = described(result)
@@ -70,7 +69,7 @@ def save(result: Result, path: str | PathLike[str]) -> None:
             "sentence": result.stop.sentence,
             "seed": 0,
             "versions": json.dumps({"worm3d": version("worm3d")}),
-            "summary": json.dumps({"status": "done", **result.summary(), "reasons": result.reasons()}),
+            "summary": json.dumps({"status": "done", **summary(result), "reasons": reasons(result)}),
             "run": text,
         },
         {
@@ -142,7 +141,7 @@ def _fields(content: Content, worm: Worm | None, world: Any) -> dict[str, Any]:
     )
 
 
-def described(result: Result) -> tuple[str, tuple[Variable, ...]]:
+def described(result: FinishedRun) -> tuple[str, tuple[Variable, ...]]:
     """Return worm, world and end of a run as text, and the arrays of these."""
     arrays: list[NDArray[Any]] = []
     stop = {each.name: getattr(result.stop, each.name) for each in fields(Stop)}

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from worm3d.physics.worm import Worm
+from worm3d.recorded.finished import FinishedRun
 from worm3d.recorded.series import Recorded
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
@@ -25,7 +26,6 @@ from worm3d.worlds import World
 from worm3d.worlds.scenery import Window, on_ground, scenery
 
 if TYPE_CHECKING:
-    from worm3d.results.result import Result
     from worm3d.viewer.html import NotebookView
 
 
@@ -49,7 +49,7 @@ ENDINGS = (".html", ".png", ".gif", ".mp4", ".glb")
 
 @spelled
 def draw(
-    result: Result,
+    result: FinishedRun,
     path: str | Path,
     *,
     at: float | None = None,
@@ -100,7 +100,7 @@ def draw(
 
 @spelled
 def show(
-    result: Result,
+    result: FinishedRun,
     *,
     fps: float | None = None,
     skin: bool = True,
@@ -169,7 +169,7 @@ def nearest(time: FloatArray, at: float | None) -> int:
 
 
 def frames_of(
-    result: Result,
+    result: FinishedRun,
     *,
     fps: float | None = None,
     at: float | None = None,

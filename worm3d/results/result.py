@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from worm3d.measures import MEASURES, Metric
-from worm3d.measures.posture import Rolled, on_its_side
-from worm3d.measures.waves import Waves
+from worm3d import measures
+from worm3d.measures.posture import Rolled, on_its_side, rolled
+from worm3d.measures.waves import Waves, waves_of
 from worm3d.measures.way import distance
 from worm3d.physics.worm import Worm
-from worm3d.recorded.energy import Energy
-from worm3d.recorded.estimate import ErrorEstimate
-from worm3d.recorded.series import Recorded, Steps, documented, variables_of
-from worm3d.recorded.state import State
-from worm3d.recorded.status import Status, Stop
-from worm3d.values.arrays import FloatArray
+from worm3d.recorded.finished import FinishedRun
+from worm3d.recorded.series import documented
 from worm3d.values.metrics import Summary
 from worm3d.values.read_only import brief, listed
 from worm3d.values.spelling import spelled
-from worm3d.values.variable import AXES, Variable, write_csv
-from worm3d.worlds import World
+from worm3d.values.variable import AXES, write_csv
 
 if TYPE_CHECKING:
     import xarray
@@ -33,59 +26,28 @@ HEADLINES = ("distance_m", "mean_speed_m_s", "heading_change_deg", "cost_of_tran
 
 
 @documented
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Result(Recorded, Steps):
+class Result(FinishedRun):
     """A run; T recorded instants, S finished steps, N segments; complete up to the last finished step."""
 
-    world: World | None
-    gravity: FloatArray
-    """Gravity, shape (3,) [m/s^2]."""
-    period: float | None
-    """Period of the gait, over which speeds are averaged [s]."""
-    energy: Energy
-    state: State = field(repr=False)
-    """State at the end, with memory: a run from it goes on bit for bit."""
-    stop: Stop
-    wall_s: float
-    """Wall time of the steps, of commands and forces too, a controller's or a gait's [s]."""
-    error_estimate: ErrorEstimate | None = None
-    """How far the run is off, where an accuracy was asked for."""
-
     @property
-    def status(self) -> Status:
-        """How the run ended."""
-        return self.stop.status
-
-    @property
-    def settled(self) -> bool:
-        """Whether the worm was brought to rest on its world before the run."""
-        return self.settling is not None
-
-    @cached_property
     def on_its_side(self) -> float | None:
         """When the worm began to lie on its side [s]; None if it did not, or there is no ground."""
         return on_its_side(self)
 
-    @cached_property
+    @property
     def distance(self) -> float:
         """Displacement of the centre of mass along the initial heading, within the surface's tangent plane [m]."""
-        return distance(self.com, self.joints[0], self.world)
+        return distance(self)
 
-    @cached_property
+    @property
     def rolled(self) -> Rolled:
         """Roll of the worm at some or all of its rows."""
-        return Rolled.of(self)
+        return rolled(self)
 
-    @cached_property
+    @property
     def waves(self) -> Waves:
         """Last whole periods of the run, over which measures of a gait are taken; NoValueError where there are none."""
-        return Waves(self)
-
-    def variables(self) -> Iterator[Variable]:
-        """Yield everything recorded as named arrays with dimensions and units: what files hold."""
-        for part in (self, self.energy):
-            yield from variables_of(part, "time")
-        yield from variables_of(self, "step", "")
+        return waves_of(self)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the result as a NetCDF4 file, whole or not at all; `worm3d.load` reads it, and so do xarray and others.
@@ -168,16 +130,11 @@ class Result(Recorded, Steps):
 
     def summary(self) -> Summary:
         """Return the metrics of the run by name, printed as a table; None where one has no value (`reasons`)."""
-        return Summary({name: value for name, (value, _) in self._metrics.items()})
+        return measures.summary(self)
 
     def reasons(self) -> dict[str, str]:
         """Return why metrics of the summary have no value."""
-        return {name: why for name, (value, why) in self._metrics.items() if value is None}
-
-    @cached_property
-    def _metrics(self) -> dict[str, Metric]:
-        """Metrics of the run, and why one has no value."""
-        return {name: measure(self) for name, measure in MEASURES.items()}
+        return measures.reasons(self)
 
 
 @spelled

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
+from functools import wraps
 from textwrap import wrap
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from worm3d.values.spelling import Spelled
+
+H = TypeVar("H")
+T = TypeVar("T")
 
 LISTED = 3
 """Arrays of so many numbers at most are printed whole."""
@@ -54,6 +58,20 @@ def read_only(value: Any) -> Any:
     if isinstance(value, Mapping):
         return MappingProxyType({key: read_only(inner) for key, inner in value.items()})
     return value
+
+
+def kept(function: Callable[[H], T]) -> Callable[[H], T]:
+    """Keep what a function returns of a frozen instance with that instance, as `cached_property` does for a method."""
+    name = f"_{function.__name__}"
+
+    @wraps(function)
+    def found(of: H) -> T:
+        if name not in vars(of):
+            vars(of)[name] = function(of)
+        value: T = vars(of)[name]
+        return value
+
+    return found
 
 
 def brief(value: Any) -> str:

@@ -78,7 +78,7 @@ def faults_of(result: worm3d.Result) -> list[dict[str, Cell]]:
         advice = "what it does then is not what its gait means: ask for gentler turns, less slope or less of a push"
         found.append(fault_row(since, "on its side", "the worm lies on its side", advice))
     if error is not None and not error.met:
-        from worm3d.recorded.estimate import ROUGH, rough  # imports the statistics
+        from worm3d.measures.spread import ROUGH, rough  # imports the statistics
 
         small_causes = "small causes decide here: ask for less, or take the mean of several starts"
         advice = ROUGH if rough(result) else small_causes

@@ -1,0 +1,83 @@
+"""What runs from many starts say together: on uneven ground the very place of the start decides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from worm3d.measures.way import distance
+from worm3d.recorded.finished import FinishedRun
+from worm3d.recorded.state import State
+from worm3d.values import arguments
+from worm3d.values.documented import with_fields
+
+ENOUGH = 24
+"""Number of starts from which a mean is told: its error is then a fifth of the spread."""
+ROUGH = (
+    "on uneven ground every stone decides, and a single distance means little: take the mean over "
+    f"{ENOUGH} starts or more (worm3d.scattered, worm3d.simulate_batch, worm3d.Spread)"
+)
+ROUGH_FROM = 0.01
+"""Height of bumps, as a fraction of the length of a segment, from which ground is uneven in this sense."""
+SHIFT = 1e-3
+"""Distance by which starts differ at most, as a fraction of the body length: small against what a worm can feel."""
+
+
+@with_fields
+@dataclass(frozen=True)
+class Spread:
+    """Distance of many runs that differ in what nobody knows, such as the very place of the start."""
+
+    mean: float
+    """Mean [m]."""
+    standard_error: float
+    """Standard deviation of the mean [m]; of a single run it is the root of `count` times as much."""
+    count: int
+
+    @classmethod
+    def of(cls, results: Sequence[FinishedRun]) -> Spread:
+        """Return the spread of runs.
+
+        Raises
+        ------
+        ValueError
+            Fewer than 24 runs, or one that did not reach its end.
+        """
+        arguments.whole("results", len(results), ge=ENOUGH)
+        for k, each in enumerate(results):
+            if each.status.diverged:
+                raise ValueError(f"results: got run {k}, of which {each.stop.sentence}; must have reached its end")
+        way = np.array([distance(each) for each in results])
+        return cls(float(way.mean()), float(way.std(ddof=1) / np.sqrt(len(way))), len(way))
+
+
+def rough(result: FinishedRun) -> bool:
+    """Return whether the ground of a run has bumps within the length of a segment: the start decides the distance."""
+    length = result.worm.l0
+    return result.world is not None and result.world.bumps(length) > ROUGH_FROM * length
+
+
+def scattered(state: State, count: int = ENOUGH, within: float | None = None, seed: int = 0) -> list[State]:
+    """Return states that differ from one by small horizontal shifts, for runs on uneven ground.
+
+    Parameters
+    ----------
+    state : State
+    count : int
+    within : float, optional
+        Largest shift along x and y [m]; a thousandth of the length of the body if left out.
+    seed : int
+
+    Raises
+    ------
+    ValueError
+        No start, or a shift that is not above 0.
+    """
+    arguments.whole("count", count)
+    length = float(np.linalg.norm(np.diff(state.joints, axis=0), axis=1).sum())
+    most = SHIFT * length if within is None else within
+    arguments.number("within", most, "m", gt=0.0)
+    shifts = np.random.default_rng(seed).uniform(-most, most, (count, 3)) * [1.0, 1.0, 0.0]
+    return [state.with_changes(joints=state.joints + shift) for shift in shifts]

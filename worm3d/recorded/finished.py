@@ -1,0 +1,50 @@
+"""A run that is over: all that is known of it, as data; what measures, keeps and draws it are functions of this."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from worm3d.recorded.energy import Energy
+from worm3d.recorded.estimate import ErrorEstimate
+from worm3d.recorded.series import Recorded, Steps, variables_of
+from worm3d.recorded.state import State
+from worm3d.recorded.status import Status, Stop
+from worm3d.values.arrays import FloatArray
+from worm3d.values.variable import Variable
+from worm3d.worlds.base import World
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FinishedRun(Recorded, Steps):
+    """A run; T recorded instants, S finished steps, N segments; complete up to the last finished step."""
+
+    world: World | None
+    gravity: FloatArray
+    """Gravity, shape (3,) [m/s^2]."""
+    period: float | None
+    """Period of the gait, over which speeds are averaged [s]."""
+    energy: Energy
+    state: State = field(repr=False)
+    """State at the end, with memory: a run from it goes on bit for bit."""
+    stop: Stop
+    wall_s: float
+    """Wall time of the steps, of commands and forces too, a controller's or a gait's [s]."""
+    error_estimate: ErrorEstimate | None = None
+    """How far the run is off, where an accuracy was asked for."""
+
+    @property
+    def status(self) -> Status:
+        """How the run ended."""
+        return self.stop.status
+
+    @property
+    def settled(self) -> bool:
+        """Whether the worm was brought to rest on its world before the run."""
+        return self.settling is not None
+
+    def variables(self) -> Iterator[Variable]:
+        """Yield everything recorded as named arrays with dimensions and units: what files hold."""
+        for part in (self, self.energy):
+            yield from variables_of(part, "time")
+        yield from variables_of(self, "step", "")
