@@ -34,7 +34,15 @@ PUBLIC = {part for name in dir(worm3d) if inspect.isclass(part := getattr(worm3d
 PUBLIC -= {part for part in PUBLIC if Protocol in part.__bases__}  # nobody makes one
 OTHERS = {Channel, Gains, Parameters, linkage.Linkage, linkage.Friction, paths.Line, paths.Circle, paths.SCurve}
 OTHERS |= {references.Reference, references.Steps, steering.GaitParameters, steering.Schedule, steering.SteeredWave}
-MADE_BY_OTHERS = {worm3d.Commands, worm3d.Response, worm3d.Status, worm3d.View, worm3d.Observation, worm3d.Stop}
+MADE_BY_OTHERS = {
+    worm3d.Commands,
+    worm3d.Controller,
+    worm3d.Response,
+    worm3d.Status,
+    worm3d.View,
+    worm3d.Observation,
+    worm3d.Stop,
+}
 """Classes that a run makes, not a user."""
 MADE_BY_OTHERS |= {worm3d.ErrorEstimate, worm3d.Spread, worm3d.WorldKernel}
 CLASSES = sorted(

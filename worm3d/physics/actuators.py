@@ -23,10 +23,12 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from worm3d.physics.body import Body
-from worm3d.physics.kernels import COMMANDS
 from worm3d.physics.part import Numbers, Part, Symbol, Symbols
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter, parameters_of
+
+COMMANDS = ("command", "command_n", "given_n", "force_command", "force_command_n", "force_n")
+"""What every actuator is told, at the end and at the start of a step, and what it gave at its start."""
 
 KNOWN = (*COMMANDS, "dt", "span", "length", "length_n", "l0", "link", "k")
 """Names of what `Actuator.respond` finds beside parameters and states."""

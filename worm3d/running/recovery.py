@@ -20,8 +20,10 @@ from worm3d.running.problem import Problem
 from worm3d.running.run import Run
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
+from worm3d.values.spelling import spelled
 
 
+@spelled
 def recovery(problem: Problem, *, pushes: int = 3, periods: int = 5, size: float = 0.01, seed: int = 0) -> FloatArray:
     """Return the factor by which what each push has left shrinks a period, shape (pushes,): below 1 the gait is stable.
 

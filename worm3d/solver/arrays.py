@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from worm3d.machine import vectors
 from worm3d.machine.banded import WIDTH, B
-from worm3d.physics.actuators import Actuator
+from worm3d.physics.actuators import COMMANDS, Actuator
 from worm3d.physics.hysteresis import Hysteresis, chamber_states
-from worm3d.physics.kernels import COMMANDS, actuator, joint, medium, node, point, regime, segment
+from worm3d.physics.kernels import actuator, joint, medium, node, point, regime, segment
 from worm3d.physics.kernels.layout import Layout
 from worm3d.physics.media import Medium
 from worm3d.recorded import series

@@ -10,8 +10,5 @@ array; `layout` says in which rows the inputs stand.
     actuator  what drives chambers and hinges
 """
 
-COMMANDS = ("command", "command_n", "given_n", "force_command", "force_command_n", "force_n")
-"""What every actuator is told, at the end and at the start of a step, and what it gave at its start."""
-
 GREATEST_CONTRACTION = 1.0 - 2.0**-53
 """Greatest contraction of a state: the greatest number below 1, so that rest lengths stay above 0."""

@@ -13,11 +13,11 @@ from typing import Any
 
 import casadi as ca
 
-from worm3d.physics.actuators import Actuator, FirstOrder, Response
+from worm3d.physics.actuators import COMMANDS, Actuator, FirstOrder, Response
 from worm3d.physics.expressions import answer, scalar
 from worm3d.physics.hysteresis import PREFIX as FRICTION
 from worm3d.physics.hysteresis import Hysteresis, chamber_states
-from worm3d.physics.kernels import COMMANDS, hysteresis, joint, losses, segment
+from worm3d.physics.kernels import hysteresis, joint, losses, segment
 from worm3d.physics.kernels.layout import Layout, once
 from worm3d.values.parameters import parameters_of
 
