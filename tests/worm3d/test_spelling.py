@@ -55,6 +55,7 @@ FUNCTIONS = [
     worm3d.load,
     worm3d.draw,
     worm3d.show,
+    worm3d.recovery,
     worm3d.fit,
     worm3d.sweep,
     worm3d.slope_into_pipe,
