@@ -10,8 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import worm3d
 from control.gaits import ContractionEngine_segmentdriven, TravellingWave
-from worm3d import ClampedGround, Command, Friction, Pipe, Plane, State, Status, Worm
-from worm3d.results.result import Energy
+from worm3d import ClampedGround, Command, Energy, Friction, Pipe, Plane, State, Status, Worm
 from worm3d.running import run as run_module
 from worm3d.running.problem import Problem
 
