@@ -125,8 +125,7 @@ def test_a_steep_wave_goes_at_twice_the_cruise_and_takes_half_the_work() -> None
 def test_without_a_sensor_a_controller_sees_exactly(controller, most_deg: float) -> None:
     """Line-of-sight changes its speed a lot in the first waves, and the filter is less sure of a worm that does."""
     reference = Reference(CRUISE, path=Circle(1.5, start=AHEAD))
-    given = {"worm": WORM, "reference": reference, "identified": known()}
-    watched = Watched(controller(**given))
+    watched = Watched(controller(ControlTask(WORM, reference, known())))
     result = simulate(WORM, Plane(), actuation=watched, duration=12.0)
     found = figures(result, watched, reference)
     assert found["cross_track_rms_bl"] <= 0.002, "a third of what it is with noise"
