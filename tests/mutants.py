@@ -38,8 +38,8 @@ PHYSICS = [f"worm3d/physics/{name}.py" for name in ("contact", "friction*", "ker
 OF_SOLVER = "newton segment_law fronts time_step series free_flight impact friction symmetry energy_ledger media "
 OF_SOLVER += "step_derivatives planar_case violence resume settling accuracy locomotion"
 OF_FRICTION = "point_kernels friction_laws kernel_derivatives fronts friction small_coefficients"
-OF_ESTIMATOR = "reduced kalman turning input_history ground body_wave estimator noise"
-OF_PLANNER = "gauss_newton constraints prediction feedforward suited mpc"
+OF_ESTIMATOR = "reduced kalman turning input_history ground terms body_wave estimator noise"
+OF_PLANNER = "gauss_newton constraints terms prediction feedforward suited mpc"
 AREAS = {
     "solver": (["worm3d/solver"], "tests/worm3d", OF_SOLVER),
     "friction": (PHYSICS, "tests/worm3d", OF_FRICTION),
