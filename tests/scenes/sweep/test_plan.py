@@ -114,6 +114,13 @@ def test_mistakes_are_told_once_with_the_values_of_the_first_case_that_has_them(
     ]
 
 
+def test_a_case_with_two_mistakes_has_a_line_for_each_kind_with_its_own_words() -> None:
+    lines = refused({"gait.period_s": "-1,-2", "worm.segments": "0"})
+    assert [line.partition(": ")[2].partition(":")[0] for line in lines] == ["gait.period_s", "worm.segments"]
+    assert all(line.startswith("with gait.period_s = -1, worm.segments = 0 (and 1 case more): ") for line in lines)
+    assert ["got -1" in line for line in lines] == ["got 0" not in line for line in lines] == [True, False]
+
+
 SWEPT = """
 model = "planar_linkage"
 [run]
