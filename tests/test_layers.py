@@ -18,8 +18,6 @@ from importlinter.domain.contract import Contract
 ROOT = Path(__file__).parents[1]
 LINTER = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
 KINDS: dict[str, type[Contract]] = {"layers": LayersContract, "acyclic_siblings": AcyclicSiblingsContract}
-LAYERED = ("worm3d", "control", "scenes")
-"""Packages whose rooms have layers."""
 ELSEWHERE = {"fit", "sweep"}
 """Public names of worm3d that stand in packages above it."""
 BY_NAME = {"worm3d.results.files"}
@@ -45,7 +43,7 @@ def is_kept(contract: Contract, graph: grimp.ImportGraph) -> bool:
     return contract.check(graph, verbose=False).kept
 
 
-@pytest.mark.parametrize("package", LAYERED)
+@pytest.mark.parametrize("package", LINTER["root_packages"])
 def test_a_new_room_or_file_needs_a_layer(package: str, built: grimp.ImportGraph) -> None:
     layers = contract_of("layers", lambda given: given.get("containers") == [package])
     assert is_kept(layers, deepcopy(built))
@@ -55,7 +53,7 @@ def test_a_new_room_or_file_needs_a_layer(package: str, built: grimp.ImportGraph
     assert not is_kept(layers, new)
 
 
-@pytest.mark.parametrize("package", LAYERED)
+@pytest.mark.parametrize("package", LINTER["root_packages"])
 def test_an_import_from_a_lower_layer_to_a_higher_one_is_refused(package: str, built: grimp.ImportGraph) -> None:
     layers = contract_of("layers", lambda given: given.get("containers") == [package])
     (options,) = (each for each in LINTER["contracts"] if each.get("containers") == [package])

@@ -30,6 +30,7 @@ from worm3d import (
     Worm,
     simulate,
 )
+from worm3d.values.read_only import kept
 
 POINTS = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [2.0, 0.0, 0.1]]
 PIPE = Pipe(Centreline.of([Straight(2.0)]), Profile([0.0, 1.0], [0.12, 0.14]), (Patch(0.5),))
@@ -110,3 +111,19 @@ def test_a_pickled_state_goes_on_bit_for_bit(result: Result) -> None:
     kept = pickle.loads(pickle.dumps(result.state))
     again = simulate(Worm(), Plane(), actuation=TravellingWave(), duration=0.1, state=kept)
     assert_array_equal(on.joints, again.joints)
+
+
+def test_what_is_kept_of_an_instance_is_computed_once_and_not_for_its_changed_copy() -> None:
+    calls = []
+
+    @kept
+    def doubled(worm: Worm) -> float:
+        calls.append(worm)
+        return 2.0 * worm.length
+
+    worm = Worm()
+    assert doubled(worm) == doubled(worm) == 2.0 * worm.length
+    assert len(calls) == 1
+    longer = dataclasses.replace(worm, length=3.0)
+    assert doubled(longer) == 6.0
+    assert calls == [worm, longer]

@@ -1,4 +1,4 @@
-"""What runs from many starts say together: on uneven ground the very place of the start decides."""
+"""Spread of runs that start at different places: on uneven ground the place of the start decides the distance."""
 
 from __future__ import annotations
 

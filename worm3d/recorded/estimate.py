@@ -1,4 +1,4 @@
-"""What a run with an `accuracy` says of its own errors."""
+"""Estimated errors of a run that was given an `accuracy`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run that is over: all that is known of it, as data; what measures, keeps and draws it are functions of this."""
+"""A finished run as data; measures, files and pictures are functions of it."""
 
 from __future__ import annotations
 

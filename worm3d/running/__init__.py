@@ -1,1 +1,1 @@
-"""Runs: what a worm is told and put on, the steps of a run, what looks on, and what runs worms to measure them."""
+"""Runs of worms: their problem, actuation, start and steps, observers of a run, and experiments made of runs."""

@@ -1,4 +1,4 @@
-"""The true state of a worm as sensors are given it."""
+"""True state of a worm, the input of sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an observer sees of a run while it goes on."""
+"""View of a run in progress, for observers."""
 
 from __future__ import annotations
 
