@@ -5,12 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scene_limits import LIMITS, passes, pipe_of
 
 import worm3d
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene, parse_scene
 from scenes.models.worm.build import simulate
-from scenes.studies.bench.limits import LIMITS, passes, pipe_of
 
 
 @cache

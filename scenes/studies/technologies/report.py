@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from scenes.records.text import csv_bytes
+from scenes.records.text import csv_bytes, markdown_table
 from scenes.studies.technologies.limits import Verdict
 from scenes.studies.technologies.runs import Bench
 from worm3d.physics.technologies.presets import TABLE
@@ -69,9 +69,7 @@ def text(bench: Bench, verdicts: Sequence[Verdict]) -> str:
         f"{bench.asked:.2g}, on each technology. Each has the size that springs and weight ask for, within the room "
         "that a chamber has (`actuator.reserve`, `actuator.room`), unless the scene gives `actuator.area_m2`.",
         "",
-        "| " + " | ".join(title for _, title in COLUMNS) + " |",
-        "|---" * len(COLUMNS) + "|",
-        *("| " + " | ".join(map(_cell, row(each).values())) + " |" for each in verdicts),
+        *markdown_table([title for _, title in COLUMNS], ([*map(_cell, row(each).values())] for each in verdicts)),
         "",
         "## What limits each",
         "",

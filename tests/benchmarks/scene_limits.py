@@ -1,6 +1,6 @@
 """Where the scenes of slopes, pipes and terrain stop working: the parameter at which each fails, measured.
 
-    python -m scenes.studies.bench.limits
+    python tests/benchmarks/scene_limits.py
 
 prints the table of `scenes/README.md`. From the scene's own value each parameter goes on in equal steps until the worm
 fails: it cannot start or end its run, or makes less than `WAY` body lengths a wave, or (bends, narrowings, tunnels) its
