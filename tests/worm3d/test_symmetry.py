@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from control.gaits import Gait, TravellingWave
 from planar.linkage import ground as planar_ground
-from worm3d import Command, Friction, Plane, Result, State, Status, Worm, simulate
+from worm3d import ClampedGround, Command, Friction, Plane, Result, State, Status, Worm, simulate
 from worm3d.physics import contact
 from worm3d.physics.friction_laws import Coulomb
 
@@ -116,6 +116,24 @@ def test_contacts_break_away_alike_wherever_the_world_is(name: str, integrator: 
         assert_allclose(turned.joints, first.joints @ R.T + origin, rtol=0, atol=1e-9)
     mirror = crawl(mirrored(gait, Worm()), ground, Plane(slope, -0.3), integrator=integrator)
     assert_allclose(mirror.joints, first.joints * [1.0, -1.0, 1.0], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("azimuth", [0.7, 2.5])
+def test_a_clamped_worm_that_is_pushed_aside_goes_the_turned_and_the_mirrored_way(azimuth: float) -> None:
+    """(P9) and (P10) along and across the body, wherever that points."""
+    worm, ground, push = Worm(), Friction(0.03, 0.2, 0.1), np.array([0.0, 0.03, 0.0])
+
+    def pushed(angle: float, side: float) -> Result:
+        force = np.tile(rotation((0.0, 0.0, 1.0), angle) @ (side * push), (7, 1))
+        state, gait = State.straight(worm, ClampedGround(), azimuth=angle), TravellingWave(period=0.5)
+        return done(simulate(worm, ClampedGround(), ground, gait, 0.5, state=state, external_force=lambda t: force))
+
+    first = pushed(0.0, 1.0)
+    assert np.ptp(first.com[:, 1]) > 0.01
+    turned = first.joints @ rotation((0.0, 0.0, 1.0), azimuth).T
+    found = pushed(azimuth, 1.0).joints
+    assert_allclose(found - found[0, 0], turned - turned[0, 0], rtol=0, atol=1e-9)
+    assert_allclose(pushed(0.0, -1.0).joints, first.joints * [1.0, -1.0, 1.0], rtol=0, atol=1e-9)
 
 
 def test_a_worm_elsewhere_does_the_same() -> None:
