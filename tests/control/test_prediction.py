@@ -1,11 +1,12 @@
 """The prediction: the reduced model step by step, its derivatives, and the sides of the misses."""
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from control.estimation.reduced import ReducedModel, ReducedState
 from control.identification.identified import Identified, load
-from control.planning.constraints import default_constraints
+from control.planning.constraints import Roll, default_constraints
 from control.planning.cost import WANTED, Cost, Prediction, Scale
 from control.planning.terms import CostTerm, Heading, Offset, Speed, default_terms
 from worm3d import Worm
@@ -87,3 +88,16 @@ def test_misses_of_a_worm_beside_its_path() -> None:
     terms = [Speed(1.0, large=1e6), Offset(1.0), Heading(1.0, large=1e6)]
     seen = predicted(3, terms).misses(states, given, BEFORE, wanted)
     assert_allclose(seen[:, :3], [[0.75 * 0.08 - 0.05, 0.1, heading] for heading in (0.2, 0.0, -0.1)], atol=1e-12)
+
+
+def test_the_roll_is_that_of_the_wave_however_slow_it_is_and_whichever_way_it_goes() -> None:
+    """By the map at the size of the amplitude, a frequency that was identified, and the steering in force."""
+    found = known().maps["both"]
+    cost = Cost.of(ReducedModel.of(Worm(), known(), "both"), found, 1.0, [Speed()], [Roll(limit=0.1, tolerance=0.01)])
+    state = np.array(ReducedState(0.0, 0.0, 0.0, 0.05, 0.0)._replace(steering=0.4))
+    least, scale = found.ranges.frequency[0], Scale(found.ranges)
+    for given, frequency in (((0.3, 0.9, 0.02), 0.9), ((-0.3, 0.9, 0.02), 0.9), ((0.3, least - 0.3, 0.02), least)):
+        misses = np.array(cost.function(state, scale.scaled(np.array(given)), BEFORE, np.zeros(WANTED))).ravel()
+        roll = float(found.roll(0.3, frequency, 0.4))
+        assert misses[-1] == pytest.approx((roll - 0.1) / 0.01)
+        assert abs(roll) > 1e-3
