@@ -168,6 +168,26 @@ def test_a_bound_of_the_path_holds_on_its_own_side(side: float) -> None:
     assert excess[0.18] < -0.05
 
 
+def test_what_is_followed_is_moved_to_the_other_side_of_a_lasting_offset_and_its_bounds_stay_where_they_are() -> None:
+    """(P4): of a worm that is turned to the left and stays 2 mm to the left of its line, by 2 mm/8 s for 0.2 s."""
+    controller, reference = mpc(steps=4), Reference(Constant(0.08), path=Line(), corridor=0.3)
+    beside = np.array(REST._replace(y=0.002, speed=0.08, yaw_bias=0.02))
+    sure = replace(exact(0.0, beside), covariance=1e-6 * np.eye(STATES))
+    moved = []
+    for k in range(4):
+        preview = controller._preview(0.2 * k, replace(sure, time=0.2 * k), reference)
+        assert preview is not None
+        moved.append(preview.point[:, 1])
+        assert_allclose([preview.point[:, 1] + preview.left, preview.right - preview.point[:, 1]], 0.3)
+    assert_allclose(np.array(moved), -0.2 * 0.002 / 8.0 * np.arange(4)[:, None] * np.ones(4), atol=1e-12)
+    unsure = replace(exact(0.0, beside), covariance=np.eye(STATES))
+    controller.reset()
+    for k in range(4):
+        preview = controller._preview(0.2 * k, unsure, reference)
+        assert preview is not None
+        assert_array_equal(preview.point[:, 1], 0.0)
+
+
 def test_the_plain_wave_makes_up_for_slip_but_for_no_more_than_half_of_the_speed() -> None:
     found, reference = known().maps["hinge"], Reference(Constant(0.05))
     for slip, share in ((0.0, 1.0), (0.3, 0.7), (-0.2, 1.2), (0.8, 0.5)):
