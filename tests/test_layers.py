@@ -43,7 +43,7 @@ def is_kept(contract: Contract, graph: grimp.ImportGraph) -> bool:
     return contract.check(graph, verbose=False).kept
 
 
-@pytest.mark.parametrize("package", LINTER["root_packages"])
+@pytest.mark.parametrize("package", [*LINTER["root_packages"], "scenes.studies"])
 def test_a_new_room_or_file_needs_a_layer(package: str, built: grimp.ImportGraph) -> None:
     layers = contract_of("layers", lambda given: given.get("containers") == [package])
     assert is_kept(layers, deepcopy(built))

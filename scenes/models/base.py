@@ -144,6 +144,6 @@ class Model(Pictures, Generic[S]):
     watch: Callable[[S, Observer, Watch], Outcome] | None = None
     """Runs a scene in a live view."""
     beside: Callable[[S, Record, Rows], Mapping[str, Any]] | None = None
-    """What is seen with a worm at stored instants, and its period, as arguments of `worm3d.results.pictures.arrays`."""
+    """Returns arguments of `worm3d.results.pictures.arrays`: the period, and what to draw beside a worm at instants."""
     refers_to: Callable[[S], object] | None = None
     """What a run depends on that stands neither in its scene nor in a file that the scene names, as data for JSON."""

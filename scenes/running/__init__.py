@@ -1,1 +1,1 @@
-"""Running a scene: what a person sees of it, and its pictures."""
+"""Runs of a scene: their progress and end at a terminal, and their pictures."""

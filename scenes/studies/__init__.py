@@ -1,1 +1,1 @@
-"""Studies: what many runs tell beside each other, beside measurements, and beside what is published."""
+"""Studies: many runs compared with each other, with measurements and with published numbers; none knows another."""
