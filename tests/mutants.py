@@ -45,7 +45,7 @@ AREAS = {
     "friction": (PHYSICS, "tests/worm3d", OF_FRICTION),
     "estimator": (["control/estimation"], "tests/control", OF_ESTIMATOR),
     "planner": (["control/planning"], "tests/control", OF_PLANNER),
-    "sweep": (["scenes/sweep"], "tests/scenes/sweep", "vary plan links job engine outputs workers command"),
+    "sweep": (["scenes/sweep"], "tests/scenes/sweep", "vary plan limit links job engine outputs workers command"),
     "fit": (["scenes/studies/fit"], "tests/scenes/studies/fit", "fit_numbers fit_scenes"),
 }
 """Files of each area, and the folder and names of its tests, in the order in which they are tried."""

@@ -81,6 +81,16 @@ def test_a_sample_raises_turn_rate_bias_and_offset_by_their_variances():
     assert size_of(Uncertainty()) == SIZE
 
 
+def test_a_sample_makes_the_belief_likelier_that_expects_it():
+    kalman, covariance = Kalman(MODEL, WITH_GYRO), 1e-4 * np.eye(size_of(WITH_GYRO))
+    means = np.zeros((2, size_of(WITH_GYRO)))
+    means[:, TURN_RATE] = 0.1, 0.3
+    near, far = (kalman.with_rate(Belief(mean, covariance), 0.1).log_weight for mean in means)
+    spread = 3e-4 + WITH_GYRO.rate_sample**2
+    assert near == pytest.approx(-0.5 * np.log(spread))
+    assert far == pytest.approx(near - 0.5 * 0.2**2 / spread)
+
+
 def estimated(gyro, offset, seconds=60.0, bias=0.02):
     """Return the estimate of a worm that its map does not know to turn, on an exact circle."""
     sensors = {"strain": STRAIN, "com": COM} | ({"angular_rate": ANGULAR_RATE} if gyro else {})
