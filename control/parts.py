@@ -21,6 +21,16 @@ from worm3d.values.named import Kind, marked
 
 T = TypeVar("T", bound=Callable[..., Any])
 
+GAIT = Kind("gait", "a gait", "control.gaits", "Gait", table="GAITS")
+REFLEX = Kind("reflex", "a reflex", "control.gaits", "Reflex", table="REFLEXES")
+FAULT = Kind("fault", "a fault", "control.faults.injected", "Injected", table="INJECTED")
+CHANNEL = Kind("channel", "a channel of sensors", "control.sensing.sensors", "Quantity", table="QUANTITIES")
+WORLD = Kind("world", "a world", "worm3d.worlds", "World", table="WORLDS")
+ACTUATOR = Kind("actuator", "an actuator", "worm3d.physics.actuator_names", "Actuator", table="ACTUATORS")
+HYSTERESIS = Kind("hysteresis", "a friction of joints", "worm3d.physics.hysteresis", "Hysteresis", table="HYSTERESES")
+MEDIUM = Kind("medium", "a medium", "worm3d.physics.media", "Medium", table="MEDIA")
+LAW = Kind("law", "a law of friction", "worm3d.physics.friction_laws", "FrictionLaw", table="LAWS")
+MEASURE = Kind("measure", "a measure", "worm3d.measures", "Measure", table="MEASURES")
 CONTROLLER = Kind("controller", "a controller", "control.loop", "WaveController", form="of(task)")
 ESTIMATOR = Kind(
     "estimator",
@@ -30,10 +40,12 @@ ESTIMATOR = Kind(
     form="for_sensors(worm, model, schedule, sensors)",
 )
 MODEL = Kind("model", "a model", "control.estimation.reduced", "ReducedModel", form="of(worm, identified, mechanism)")
-TERM = Kind("term", "a term of the cost", "control.planning.terms", "CostTerm")
-CONSTRAINT = Kind("constraint", "a constraint", "control.planning.constraints", "Constraint")
+TERM = Kind("term", "a term of the cost", "control.planning.terms", "CostTerm", table="TERMS")
+CONSTRAINT = Kind("constraint", "a constraint", "control.planning.constraints", "Constraint", table="CONSTRAINTS")
 PATH = Kind("path", "a path", "control.tracking.paths", "Path")
-KINDS = MappingProxyType({kind.name: kind for kind in (CONTROLLER, ESTIMATOR, MODEL, TERM, CONSTRAINT, PATH)})
+OF_THE_PLANT = (GAIT, REFLEX, WORLD, ACTUATOR, HYSTERESIS, MEDIUM, LAW, MEASURE)
+OF_CONTROL = (FAULT, CHANNEL, CONTROLLER, ESTIMATOR, MODEL, TERM, CONSTRAINT, PATH)
+KINDS = MappingProxyType({kind.name: kind for kind in (*OF_THE_PLANT, *OF_CONTROL)})
 """Kinds by name."""
 
 

@@ -86,6 +86,7 @@ def resume(
     out: Out = None,
     force: Force = False,
     quiet: Quiet = False,
+    no_code: NoCode = False,
 ) -> None:
     """Go on with a run.
 
@@ -129,11 +130,14 @@ def list_scenes() -> None:
 def init(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="TOML file to write.")],
     model: Annotated[str, typer.Option(help="Model of the scene.")] = "worm",
+    o: Overrides = None,
     force: Force = False,
+    no_code: NoCode = False,
 ) -> None:
     """Write a commented scene to start from.
 
-    Every key is there at its default, with its meaning, unit and range.
+    Every key is there at its default, or as -o says, with its meaning, unit and range. 'worm3d init FILE -o
+    gait.kind=my_robot:Kick' has the keys of a part of your own.
     """
     from scenes import models
     from scenes.language.template import template
@@ -143,7 +147,7 @@ def init(
         raise SceneError(f"--model: got '{model}', must be one of {', '.join(models.names())}")
     if file.exists() and not force:
         raise SceneError(f"{file} exists: choose another name, or replace it with --force")
-    write_bytes(file, template(models.get(model)).encode())
+    write_bytes(file, template(models.get(model), o or ()).encode())
     typer.echo(f"wrote {file}; 'worm3d run {file}' runs it")
 
 
@@ -269,7 +273,12 @@ def paper(out: Out = None, force: Force = False, quiet: Quiet = False) -> None:
 
 @app.command()
 def identify(
-    scene: SceneArgument, o: Overrides = None, out: Out = None, force: Force = False, quiet: Quiet = False
+    scene: SceneArgument,
+    o: Overrides = None,
+    out: Out = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    no_code: NoCode = False,
 ) -> None:
     """Find out how the worm of a scene crawls and turns.
 
@@ -335,6 +344,7 @@ def bench_control(
     ] = None,
     trials: Annotated[list[str] | None, typer.Option("--trial", help="Only this trial; several.")] = None,
     quiet: Quiet = False,
+    no_code: NoCode = False,
 ) -> None:
     """Measure the controllers.
 

@@ -176,6 +176,7 @@ def fit(
     out: Out = None,
     force: Force = False,
     quiet: Quiet = False,
+    no_code: NoCode = False,
 ) -> None:
     """Fit keys of a scene to a measurement by least squares.
 
@@ -197,6 +198,7 @@ def technologies(
     out: Out = None,
     force: Force = False,
     quiet: Quiet = False,
+    no_code: NoCode = False,
 ) -> None:
     """Run the worm of a scene, with its gait, on each actuator technology.
 
@@ -223,6 +225,7 @@ def learn(
     threads: Annotated[int, typer.Option("--threads", min=1, help="Worms that crawl at the same time.")] = 1,
     force: Force = False,
     quiet: Quiet = False,
+    no_code: NoCode = False,
 ) -> None:
     """Train a controller by reinforcement (PPO), on many worms at once.
 

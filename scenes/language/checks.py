@@ -15,8 +15,20 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from scenes.language.mistakes import Mistake, dotted
-from scenes.language.schema import OWN, Section, choices, default_text, few, field_at, only_for, own_defaults, words_of
+from scenes.language.schema import (
+    OWN,
+    Section,
+    choices,
+    default_text,
+    few,
+    field_at,
+    only_for,
+    own_defaults,
+    section_type,
+    words_of,
+)
 from scenes.language.toml import KeyPath
+from worm3d.values import named
 from worm3d.values.named import is_own
 
 Found = str | Mapping[str, str] | None
@@ -28,7 +40,7 @@ class Check:
     """One rule that ties keys together."""
 
     needs: tuple[str, ...]
-    """Dotted keys, or sections, that it reads; the first is the one to complain about."""
+    """Dotted keys, or sections, that it reads; the first is the one to complain about. A section comes as an object."""
     test: Callable[..., Found]
     """Called with their values in that order; returns what is wrong, or None. Where it returns texts by key, that
     of the first key is told that the user wrote, in an override or else in the file."""
@@ -77,7 +89,11 @@ def cross_mistakes(
             continue
         if failing and any(blamed <= _written(data, paths) for blamed, _ in failing):
             continue
-        text = check.test(*(_value(schema, filled, path) for path in paths))
+        if any(field_at(schema, path) is None for path in paths):
+            continue  # a key of a kind that a part of the user's own takes the place of
+        text = _tested(check, [_value(schema, filled, path) for path in paths], data)
+        if isinstance(text, str) and any(mistake.text == text for _, mistake in failing):
+            continue  # what a part of the user's own raised there too
         if text is None:
             passed[check] = read
         else:
@@ -85,6 +101,16 @@ def cross_mistakes(
             failing = [(blamed, mistake) for blamed, mistake in failing if not written <= blamed]
             failing.append((written, _mistake(text, paths, data, overrides)))
     return (mistake for _, mistake in failing)
+
+
+def _tested(check: Check, values: Sequence[Any], data: Mapping[str, Any]) -> Found:
+    """Return what a check finds; what a part of the user's own raises in it is a mistake."""
+    try:
+        return check.test(*values)
+    except named.EXCEPTIONS as error:
+        if own := named.names_in(data):
+            return named.raised(error, own)
+        raise
 
 
 def _written(data: Mapping[str, Any], paths: Iterable[KeyPath]) -> frozenset[KeyPath]:
@@ -101,9 +127,10 @@ def _mistake(
             return 0
         return 1 if _is_written(data, path) else 2
 
-    candidates = paths if isinstance(text, str) else [path for path in paths if dotted(path) in text]
-    about = min(candidates, key=rank)
-    others = tuple(path for path in paths if path != about)
+    order = {path: n for n, path in enumerate(paths)}
+    told: list[KeyPath] = [*paths] if isinstance(text, str) else [tuple(key.split(".")) for key in text]
+    about = min(sorted(told, key=lambda path: order.get(path, len(order))), key=rank)
+    others = tuple(dict.fromkeys(key for path in paths for key in (*_written_below(data, path), path) if key != about))
     return Mistake(about, text if isinstance(text, str) else text[dotted(about)], suspects=others)
 
 
@@ -136,32 +163,27 @@ def _value(schema: type[Section], data: Mapping[str, Any], path: KeyPath) -> Any
         if not isinstance(here, Mapping) or key not in here:
             return _default(schema, path)
         here = here[key]
-    return here
+    section = section_type(_field(schema, path)) if isinstance(here, Mapping) else None
+    return here if section is None else section.model_validate(here)
 
 
 @cache
 def _default(schema: type[Section], path: KeyPath) -> Any:
+    return _field(schema, path).default
+
+
+def _field(schema: type[Section], path: KeyPath) -> FieldInfo:
     field = field_at(schema, path)
-    if field is None:
-        raise AssertionError(f"a check needs {path}, which the schema does not have")
-    return field.default
+    assert field is not None
+    return field
 
 
 def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") -> tuple[Check, ...]:
     """Return the checks that no key is set that is for other values of the section's key `by`."""
     return tuple(
-        Check(
-            (f"{section}.{name}", f"{section}.{by}"),
-            partial(
-                _of_this_kind,
-                key=f"{section}.{by}",
-                defaults=(field.default, next(iter(own_defaults(field).values()), None)),
-                only=only,
-                usual=default_text(field),
-            ),
-        )
+        Check((f"{section}.{name}", f"{section}.{by}"), partial(of_this_kind, key=f"{section}.{by}", field=field))
         for name, field in schema.model_fields.items()
-        if (only := only_for(field))
+        if only_for(field)
     ) + tuple(
         Check((f"{section}.{name}", f"{section}.{by}"), partial(_word_of_this_kind, key=f"{section}.{by}", field=field))
         for name, field in schema.model_fields.items()
@@ -171,20 +193,21 @@ def kind_checks(schema: type[Section], section: str = "gait", by: str = "kind") 
 
 def _word_of_this_kind(value: Any, kind: str, *, key: str, field: FieldInfo) -> Found:
     allowed = words_of(field, kind)
-    # A kind without the key has no words; `_of_this_kind` tells. A part of the user's own is for all.
+    # A kind without the key has no words; `of_this_kind` tells. A part of the user's own is for all.
     if not allowed or value in allowed or value not in choices(field):
         return None
     return f"got {value!r}: not for {key} = {kind!r}; allowed here: {', '.join(map(repr, allowed))}"
 
 
-def _of_this_kind(
-    value: Any, kind: str, *, key: str, defaults: tuple[Any, ...], only: tuple[str, ...], usual: str
-) -> Found:
-    # A key at its default does nothing: resolved scenes and templates hold all keys.
+def of_this_kind(value: Any, kind: str, *, key: str, field: FieldInfo) -> Found:
+    """Tell of a key that is set although it is for other kinds, values of `key`; at its default it does nothing."""
+    only = only_for(field)
     chosen = kind in only or (OWN in only and is_own(kind))
+    defaults = (field.default, *own_defaults(field).values())  # resolved scenes and templates hold all keys
     if chosen or (tuple(value) if isinstance(value, list) else value) in defaults:
         return None
-    kinds = " or ".join(few([repr(each) for each in only]))
+    kinds = " or ".join(few([repr(each) for each in only])) or "others"
     return (
-        f"only for {key} = {kinds}, which this scene is not ('{kind}'): leave it out (default {usual}), or change {key}"
+        f"only for {key} = {kinds}, which this scene is not ('{kind}'): leave it out (default {default_text(field)}), "
+        f"or change {key}"
     )

@@ -6,13 +6,13 @@ import errno
 import os
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
-from scenes.language import toml
-from scenes.language.checks import Check, Passed, cross_mistakes
+from scenes.language import own, toml
+from scenes.language.checks import Check, Passed, cross_mistakes, kind_checks
 from scenes.language.errors import DiscError, SceneError, printable
 from scenes.language.mistakes import Mistake, report, validated
 from scenes.language.overrides import apply_overrides
@@ -136,7 +136,7 @@ class Draft(Generic[M]):
         if folder is not None and folder != SHIPPED:
             _look_beside(written, _model_of(models, written)[0].schema, folder)
         self._data, self._overridden, self._mistakes = apply_overrides(written, overrides)
-        self._passed: dict[str, Passed] = {}
+        self._passed: dict[type[Section], Passed] = {}
 
     def checked(self, overrides: Iterable[str] = ()) -> Scene[M]:
         """Return the scene with further overrides; SceneError with one line for each mistake.
@@ -148,18 +148,38 @@ class Draft(Generic[M]):
         outside = {name: data.pop(name) for name in OUTSIDE if name in data}
         mistakes += outside_mistakes(outside)
         model, model_mistakes = _model_of(self._models, data)
-        data = _with_every_section(model, {**data, "model": model.name})
+        model, data, own_mistakes = with_own_parts(model, {**data, "model": model.name})
+        data = _with_every_section(model, data)
         filled = with_own_defaults(model.schema, data)
         settings, wrong = validated(model.schema, filled, partial(_models_with, self._models))
-        mistakes += model_mistakes + wrong
-        passed = self._passed.setdefault(model.name, {})
-        mistakes += cross_mistakes(model.checks, model.schema, data, mistakes, overridden, passed, filled)
+        mistakes += model_mistakes + own_mistakes + wrong
+        passed = self._passed.setdefault(model.schema, {})
+        mistakes += cross_mistakes(
+            (*kinds_checked(model.schema), *model.checks), model.schema, data, mistakes, overridden, passed, filled
+        )
         scene = Scene(printable(self._name), model, settings, outside.get(SWEEP, {}), outside.get(STUDY, {}))
         if mistakes:
             lines = report(mistakes, toml.key_lines(self._text), overridden)
             of_one_key = settings is None or any(_is_of_one_key(model.schema, mistake) for mistake in mistakes)
             raise SceneError(*lines) if of_one_key else ImpossibleError(scene, lines)
         return scene
+
+
+def with_own_parts(model: M, data: Mapping[str, Any]) -> tuple[M, dict[str, Any], list[Mistake]]:
+    """Return a model with the keys of the user's own parts that a scene names; the rest as of `own.completed`."""
+    schema, filled, mistakes = own.completed(model.schema, data)
+    known: Any = model
+    return known if schema is model.schema else replace(known, schema=schema), filled, mistakes
+
+
+@cache
+def kinds_checked(schema: type[Section]) -> tuple[Check, ...]:
+    """Return the checks that no key of a section is set that is for other kinds than the section chooses."""
+    sections = {name: section_type(declared) for name, declared in schema.model_fields.items()}
+    chosen = {name: (each, key) for name, each in sections.items() for key in [*getattr(each, "holds", ())][:1]}
+    return tuple(
+        check for name, (each, key) in chosen.items() if each and key for check in kind_checks(each, name, key)
+    )
 
 
 def _is_of_one_key(schema: type[Section], mistake: Mistake) -> bool:

@@ -8,7 +8,8 @@ from typing import Any
 
 from scenes.language.errors import SceneError
 from scenes.language.mistakes import Mistake, dotted
-from scenes.language.toml import DEEPEST, KeyPath, require_shallow
+from scenes.language.toml import DEEPEST, KeyPath, path_of, require_shallow
+from worm3d.values.named import is_own
 
 MOST = 1000
 """Largest number of overrides of a scene; more belong into its file."""
@@ -32,7 +33,7 @@ def apply_overrides(
     mistakes: list[Mistake] = []
     for override in overrides:
         key, equals, text = override.partition("=")
-        path = tuple(part.strip() for part in key.split("."))
+        path = path_of(key)
         paths.append(path)
         if not (equals and all(path)) or len(path) > DEEPEST:
             mistakes.append(Mistake(path, "must be written as section.key=value"))
@@ -55,7 +56,7 @@ def _value(text: str) -> Any:
 def _plain_value_above(data: Mapping[str, Any], path: KeyPath) -> KeyPath | None:
     here: Any = data
     for depth, key in enumerate(path[:-1], start=1):
-        here = here.get(key, {})
+        here = {} if _is_switch(key, here.get(key)) else here.get(key, {})
         if not isinstance(here, Mapping):
             return path[:depth]
     return None
@@ -63,4 +64,10 @@ def _plain_value_above(data: Mapping[str, Any], path: KeyPath) -> KeyPath | None
 
 def _with(data: Mapping[str, Any], path: tuple[str, ...], value: Any) -> dict[str, Any]:
     key, rest = path[0], path[1:]
-    return {**data, key: _with(data.get(key, {}), rest, value) if rest else value}
+    inner = {} if _is_switch(key, data.get(key)) else data.get(key, {})
+    return {**data, key: _with(inner, rest, value) if rest else value}
+
+
+def _is_switch(key: str | int, value: Any) -> bool:
+    """Return whether a part of a user's own is asked for without any parameters, of which it gets some now."""
+    return value is True and is_own(str(key))

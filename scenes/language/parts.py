@@ -19,15 +19,19 @@ each key, for several parts of one class in one section.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
-from dataclasses import fields, replace
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import fields, is_dataclass, replace
+from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import Field
 
 from scenes.language import toml
 from scenes.language.schema import Each, Pair, Section, few, quantity, setting
+from scenes.language.schema import part as part_key
+from worm3d.values import named
+from worm3d.values.named import Kind, declared
 from worm3d.values.parameters import EACH, Parameter, in_degrees, parameters_of
 
 T = TypeVar("T")
@@ -37,24 +41,55 @@ Keys = dict[str, tuple[Any, Any]]
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
+ITSELF = ""
+"""Stands, in `PartSection.holds`, for the keys of a section that has the parts themselves."""
+
 UNITS = {"m", "kg", "s", "N", "J", "Hz", "Pa", "W", "deg", "rad", "m^2", "m^3", "s^2", "1"}
 """Units that a key ends in."""
 
 
-class PartSection(Section):
-    """A section with keys beside those that its class writes out; those that it writes out win."""
+Source = Callable[[Mapping[str, Any]], Keys]
+"""From classes by name to the keys of a section."""
 
-    def __init_subclass__(cls, keys: Keys | None = None, **kwargs: Any) -> None:
-        written = dict(cls.__annotations__)
-        added = {name: key for name, key in (keys or {}).items() if name not in written}
-        for name, (_, declared) in added.items():
-            setattr(cls, name, declared)
-        cls.__annotations__ = {**{name: annotation for name, (annotation, _) in added.items()}, **written}
-        super().__init_subclass__(**kwargs)
+
+class PartSection(Section):
+    """A section with `keys`, and `more` of them, beside those that its class writes out; those that it writes out win.
+
+    `holds` says which kinds of parts its keys name (`control.parts`): one by a key, or several by a key with a list. A
+    section that `holds` a kind by no key has the parts themselves as sub-sections or switches. Parts of a user's own
+    get keys in `scenes.language.own`, by the function `keys` where it is one, which made the keys of those that ship.
+    """
+
+    holds: ClassVar[Mapping[str, Kind]] = NOTHING
+    source: ClassVar[Source]
+    """Makes the keys of parts of the kind that it holds first."""
+    of_parts: ClassVar[frozenset[str]] = frozenset()
+    """Keys of those that ship, made so."""
 
     @classmethod
-    def __pydantic_init_subclass__(cls, keys: Keys | None = None, **kwargs: Any) -> None:
-        """Take the argument of the class statement, which pydantic hands on."""
+    def each(cls, name: str, part: Any) -> Keys:
+        """Return the keys of the sub-section of a user's own part, `module:NAME`."""
+        return keys_of(part)
+
+    def __init_subclass__(cls, holds: Mapping[str, Kind] = NOTHING, **given: Any) -> None:
+        if holds:
+            cls.holds = holds
+        written, found = dict(cls.__annotations__), Keys()
+        for keys in given.values():  # in the order of the class statement
+            if callable(keys):
+                cls.source = staticmethod(keys)
+                keys = keys(next(iter(cls.holds.values())).registry)
+                cls.of_parts = frozenset(keys) - {*cls.holds}
+            found |= keys
+        added = {name: key for name, key in found.items() if name not in written}
+        for name, (_, field) in added.items():
+            setattr(cls, name, field)
+        cls.__annotations__ = {**{name: annotation for name, (annotation, _) in added.items()}, **written}
+        super().__init_subclass__()
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **given: Any) -> None:
+        """Take the arguments of the class statement, which pydantic hands on."""
 
     if TYPE_CHECKING:
 
@@ -77,6 +112,7 @@ def keys_of(
     about: str = "",
     only: tuple[str, ...] = (),
     own_defaults: bool = False,
+    own: bool = False,
 ) -> Keys:
     """Return the keys of a section.
 
@@ -96,27 +132,39 @@ def keys_of(
         Kinds of the section that the keys are for; empty for all.
     own_defaults : bool
         Whether a key whose defaults differ among the kinds has that of its kind, and not that of the first.
+    own : bool
+        Whether the key `by` also names parts of a user's own, `module:NAME`.
     """
     registry = parts if isinstance(parts, Mapping) else {"": parts}
     found: dict[str, dict[str, Parameter]] = {}
     for owner, part in registry.items():
-        for name, known in parameters_of(part).items():
+        for name, known in declared(part).items():
             if name not in without and (name in these or not these):
-                own = in_degrees(replace(known, **_changes(name, default=defaults, unit=units)))
-                own = replace(own, meaning=about + own.meaning, **_changes(name, bounds=bounds))
-                found.setdefault(prefix + key_of(own), {})[owner] = own
+                shown = in_degrees(replace(known, **_changes(name, default=defaults, unit=units)))
+                shown = replace(shown, meaning=about + shown.meaning, **_changes(name, bounds=bounds))
+                found.setdefault(prefix + key_of(shown), {})[owner] = shown
     keys: Keys = {}
     if by:
-        keys[prefix + by] = (Literal[tuple(registry)], setting(next(iter(registry)), title=title, aka=aka))
+        usual = next(iter(registry))
+        names = part_key if own else lambda names, **said: (Literal[names], setting(usual, **said))
+        keys[prefix + by] = names(tuple(registry), title=title, aka=aka)
     for key, owners in found.items():
-        keys[key] = _declared(owners, only or (tuple(owners) if len(owners) < len(registry) else ()), own_defaults)
+        keys[key] = _declaration(owners, only or (tuple(owners) if len(owners) < len(registry) else ()), own_defaults)
     return keys
+
+
+chosen: Callable[..., Keys] = partial(keys_of, by="kind", own=True)
+"""Return the keys of a section that chooses a part, a user's own too."""
 
 
 def meanings(registry: Mapping[str, type]) -> str:
     """Return what the parts of a registry are: by name, the first sentences of their docstrings."""
-    heads = ((name, (part.__doc__ or "").split(".")[0]) for name, part in registry.items())
-    return "; ".join(f"{name}: {head[:1].lower()}{head[1:]}" for name, head in heads)
+    return "; ".join(f"{name}: {head(part)[:1].lower()}{head(part)[1:]}" for name, part in registry.items())
+
+
+def head(part: Any) -> str:
+    """Return the first sentence about a part, without its full stop."""
+    return (part.__doc__ or "").split(".")[0]
 
 
 def part_of(part: type[T], *sections: Any, prefix: str = "", units: Mapping[str, str] = NOTHING, **given: Any) -> T:
@@ -136,15 +184,40 @@ def part_of(part: type[T], *sections: Any, prefix: str = "", units: Mapping[str,
     ValueError
         What the dataclass refuses.
     """
+    own: Any = part
+    names = {field.name for field in fields(own)} if is_dataclass(own) else ()
+    values = values_of(part, *sections, prefix=prefix, units=units)
+    return part(**values | {name: value for name, value in given.items() if name in names})
+
+
+def values_of(part: Any, *sections: Any, prefix: str = "", units: Mapping[str, str] = NOTHING) -> dict[str, Any]:
+    """Return the values that sections give to the parameters of a part; arguments as of `part_of`."""
     values: dict[str, Any] = {}
-    for name, declared in parameters_of(part).items():
-        known = replace(declared, **_changes(name, unit=units))
+    for name, said in declared(part).items():
+        known = replace(said, **_changes(name, unit=units))
         key = prefix + key_of(known)
         value = next((getattr(section, key) for section in sections if hasattr(section, key)), None)
         if value is not None:
             values[name] = math.radians(value) if known.unit.startswith("rad") else value
-    own: Any = part
-    return part(**values | {field.name: given[field.name] for field in fields(own) if field.name in given})
+    return values
+
+
+def class_named(kind: Kind, name: str) -> Any:
+    """Return the class of a name, or the object that it is; ValueError where there is none."""
+    return kind.registry[name] if name in kind.registry else named.own(name, kind)
+
+
+def part_named(kind: Kind, name: str, *sections: Any, **how: Any) -> Any:
+    """Return the part of a name: one of those that ship, or a user's own as `module:NAME`; the rest as of `part_of`.
+
+    Raises
+    ------
+    ValueError
+        There is no such part, or it refuses its parameters.
+    """
+    if name in kind.registry:
+        return part_of(kind.registry[name], *sections, **how)
+    return named.ready(name, kind, lambda part: part_of(part, *sections, **how))
 
 
 def key_of(known: Parameter) -> str:
@@ -180,7 +253,7 @@ def _of_kinds(owners: Mapping[str, Parameter]) -> str:
     return f"that of its kind: {listed}" if len(kinds) <= 4 else "that of its kind"
 
 
-def _declared(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaults: bool) -> tuple[Any, Any]:
+def _declaration(owners: Mapping[str, Parameter], only: tuple[str, ...], own_defaults: bool) -> tuple[Any, Any]:
     """Return the type and the declaration of a key, from its parameter in each part that has it."""
     known = next(iter(owners.values()))
     agree = not own_defaults or len({own.default for own in owners.values()}) == 1

@@ -59,7 +59,7 @@ Tables = Annotated[tuple[N, ...], Strict(False)]
 class Section(BaseModel):
     """Keys of one section of a scene; nothing is converted, nothing unknown passes."""
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, protected_namespaces=())
 
 
 def quantity(
@@ -156,8 +156,8 @@ def _name_type(names: tuple[str, ...]) -> Any:
     def known(name: str) -> str:
         if name in names or named.is_own(name):
             return name
-        allowed = ", ".join(map(repr, names))
-        raise PydanticCustomError("name", "input should be one of {allowed}, or module:NAME", {"allowed": allowed})
+        allowed = f"one of {', '.join(map(repr, names))}, or module:NAME" if names else "module:NAME"
+        raise PydanticCustomError("name", "input should be {allowed}", {"allowed": allowed})
 
     return Annotated[str, AfterValidator(known)]
 

@@ -2,17 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from scenes.language.loader import Model
+from scenes.language.errors import SceneError
+from scenes.language.loader import Model, with_own_parts
+from scenes.language.mistakes import report, schema_mistakes
+from scenes.language.overrides import apply_overrides
 from scenes.language.schema import Section, choices, default_text, describe, meaning, own_defaults, section_type
 from scenes.language.sweep_section import SWEEP, Sweep
-from scenes.language.toml import value
+from scenes.language.toml import key, value
 
 
-def template(model: Model) -> str:
-    """Return a scene of a model with every key at its default, its meaning, unit and range as a comment."""
+def template(model: Model, overrides: Iterable[str] = ()) -> str:
+    """Return a scene of a model with every key at its default, its meaning, unit and range as a comment.
+
+    Overrides, `section.key=value`, take the place of defaults; they may name parts of a user's own.
+
+    Raises
+    ------
+    SceneError
+        With one line for each mistake in these.
+    """
+    data, paths, mistakes = apply_overrides({}, overrides)
+    model, given, wrong = with_own_parts(model, data)
+    mistakes += wrong + [each for each in schema_mistakes(model.schema, given) if each.path in paths]
+    if mistakes:
+        raise SceneError(*report(mistakes, {}, paths))
     head = (
         f"# A scene for worm3d: {model.title}.",
         "# 'worm3d check FILE' checks it, 'worm3d run FILE' runs it; keys that are left out keep their defaults.",
@@ -24,24 +40,27 @@ def template(model: Model) -> str:
         *(f"# {name}: {meaning(field)}" for name, field in Sweep.model_fields.items()),
         "# vary = { seed = [1, 2, 3] }",
     )
-    given = {"model": model.name, "title": "My worm", "says": "what to look for, in one line"}
-    return "\n".join((*head, *_section(model.schema, "", given), *end)) + "\n"
+    said = {"title": "My worm", "says": "what to look for, in one line", **given, "model": model.name}
+    return "\n".join((*head, *_section(model.schema, "", said), *end)) + "\n"
 
 
-def _section(schema: type[Section], prefix: str, given: dict[str, Any]) -> Iterator[str]:
+def _section(schema: type[Section], prefix: str, given: Mapping[str, Any]) -> Iterator[str]:
+    kind = given.get("kind", schema.model_fields["kind"].default) if "kind" in schema.model_fields else ""
     for name, field in schema.model_fields.items():
         inner = section_type(field)
         if inner:
-            yield from ("", f"[{prefix}{name}]  # {_first_sentence(inner)}")
-            yield from _section(inner, f"{prefix}{name}.", {})
+            yield from ("", f"[{prefix}{key(name)}]  # {_first_sentence(inner)}")
+            yield from _section(inner, f"{prefix}{key(name)}.", given.get(name, {}))
         else:
             allowed = ", ".join(map(value, choices(field)))
             one_of = f"; one of {allowed}" if allowed else ""
             yield f"# {meaning(field)}{describe(field, with_default=False)}{one_of}"
             default = given.get(name, field.default)
-            if default is not None and "kind" in schema.model_fields:
-                default = own_defaults(field).get(schema.model_fields["kind"].default, default)
-            yield f"# {name} is left out: {default_text(field)}" if default is None else f"{name} = {value(default)}"
+            if default is not None:
+                default = given.get(name, own_defaults(field).get(kind, default))
+            left_out = f"# {name} is left out: {default_text(field)}"
+            missing = f"# {name} = ?  must be given" if field.is_required() and name not in given else ""
+            yield missing or (left_out if default is None else f"{name} = {value(default)}")
 
 
 def _first_sentence(section: type[Section]) -> str:

@@ -24,6 +24,8 @@ _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _KEY = r"""(?:[A-Za-z0-9_-]+|"(?:\\.|[^"\\])*"|'[^']*')"""
 _PART = re.compile(_KEY)
 _DOTTED = re.compile(rf"[ \t]*{_KEY}(?:[ \t]*\.[ \t]*{_KEY})*[ \t]*")
+_DOT = re.compile(r"""\.(?=(?:[^"]*"[^"]*")*[^"]*$)""")
+"""A dot outside of quotes."""
 _TOKEN = re.compile(
     r'"""(?:\\.|(?!""")[^\\])*"{3,5}'
     r"|'''(?:(?!''').)*'{3,5}"
@@ -185,6 +187,16 @@ def _unquoted(part: str) -> str:
     return str(tomllib.loads(f"key = {part}")["key"]) if part[0] in "\"'" else part
 
 
+def path_of(dotted: str) -> tuple[str, ...]:
+    """Return the path of a key as users write it, `gait.period_s` or `fault."my.robot:Slip".begin_s`."""
+    return tuple(part.strip().strip('"') for part in _DOT.split(dotted))
+
+
+def key(name: str) -> str:
+    """Return a name as TOML writes it: in quotes, where it is not of letters, digits, _ and - alone."""
+    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else value(name)
+
+
 def value(item: Any) -> str:
     """Return a value as TOML writes it."""
     match item:
@@ -195,7 +207,7 @@ def value(item: Any) -> str:
         case list() | tuple():
             return f"[{', '.join(value(inner) for inner in item)}]"
         case dict():
-            return f"{{{', '.join(f'{key} = {value(inner)}' for key, inner in item.items())}}}"
+            return f"{{{', '.join(f'{key(name)} = {value(inner)}' for name, inner in item.items())}}}"
         case _:
             # JSON's escapes are TOML's, save for the one control character that JSON lets pass.
             return json.dumps(str(item), ensure_ascii=False).replace("\x7f", "\\u007F")
@@ -216,14 +228,14 @@ def _lines(section: BaseModel, prefix: str) -> Iterator[str]:
     inner = {name: item for name, item in section if isinstance(item, BaseModel)}
     arrays = {name: item for name, item in section if _is_array_of_tables(item)}
     plain = {name: item for name, item in section if name not in {*inner, *arrays} and item is not None}
-    yield from (f"{name} = {value(item)}" for name, item in plain.items())
+    yield from (f"{key(name)} = {value(item)}" for name, item in plain.items())
     for name, items in arrays.items():
         for item in items:
-            yield from ("", f"[[{prefix}{name}]]")
-            yield from _lines(item, f"{prefix}{name}.")
+            yield from ("", f"[[{prefix}{key(name)}]]")
+            yield from _lines(item, f"{prefix}{key(name)}.")
     for name, item in inner.items():
-        yield from ("", f"[{prefix}{name}]")
-        yield from _lines(item, f"{prefix}{name}.")
+        yield from ("", f"[{prefix}{key(name)}]")
+        yield from _lines(item, f"{prefix}{key(name)}.")
 
 
 def _is_array_of_tables(item: Any) -> bool:

@@ -5,21 +5,22 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from control.gaits import GAITS, FeedbackGait, Gait
-from scenes.language.checks import Check, Found, kind_checks
-from scenes.language.parts import key_of
+from control.gaits import FeedbackGait, Gait
+from control.parts import GAIT
+from scenes.language.checks import Check, Found
+from scenes.language.parts import class_named, key_of
 from scenes.language.schema import Section, each_of
 from scenes.language.toml import shown
 from scenes.models.sections import gait_from
 from worm3d.values import time_steps
 from worm3d.values.arguments import MOST_MEMORY
-from worm3d.values.parameters import parameters_of
+from worm3d.values.named import declared
 from worm3d.values.time_steps import PER_PERIOD
 
 AMPLITUDE = "gait.amplitude"
@@ -119,78 +120,67 @@ RUN_CHECKS = (
 )
 
 
-def gait_checks(
-    gait: type[Section], worm: type[Section], without: tuple[str, ...] = (), *, can_sense: bool = True
-) -> tuple[Check, ...]:
+def gait_checks(gait: type[Section], worm: type[Section], *, can_sense: bool = True) -> tuple[Check, ...]:
     """Return the checks that the section [gait] describes a gait, and that the body of a section [worm] can follow.
 
-    `without` are keys of the section that are not the gait's; `can_sense` says whether the model has anything to sense.
+    `can_sense` says whether the model has anything to sense.
     """
-    told = tuple(f"gait.{name}" for name in gait.model_fields if name not in without)
     stroke = ("worm.stroke",) if "stroke" in worm.model_fields else ()
-    body = (AMPLITUDE, *stroke, *BODY)
+    body = (*BODY, *stroke, AMPLITUDE)
     has_links = "half_height_m" in worm.model_fields
     return (
-        *kind_checks(gait),
         *list_checks(gait, "gait"),
         Check(("run.dt_s", "gait.period_s"), _step_resolves_period),
         Check(("gait.contract_time_s", "run.dt_s", "gait.kind"), _contraction_resolved),
-        Check(("worm.segments", *told), partial(_gait_fits, told=told)),
-        *([Check(("worm.stroke", *told), partial(_stroke_reaches, told=told))] if stroke else []),
-        *([] if can_sense else [Check(told, partial(_senses_nothing, told=told))]),
-        *([Check((*body, *told), partial(_links_reach, told=told, body=body))] if has_links else []),
+        Check(("worm.segments", "gait"), _gait_fits),
+        *([Check(("worm.stroke", "gait"), _stroke_reaches)] if stroke else []),
+        *([] if can_sense else [Check(("gait",), _senses_nothing)]),
+        *([Check((*body, "gait"), partial(_links_reach, body=body))] if has_links else []),
     )
 
 
-def _asked(told: tuple[str, ...], values: tuple[Any, ...]) -> Gait:
-    names = [key.removeprefix("gait.") for key in told]
-    return gait_from(SimpleNamespace(**dict(zip(names, values, strict=True))), dt=1.0)
-
-
-def _gait_fits(segments: int, *values: Any, told: tuple[str, ...]) -> Found:
-    """Tell what a gait refuses: what its parameters are together, or a worm with too few segments."""
-    try:
-        _asked(told, values).require_body(segments)
-    except ValueError as error:
-        gait = GAITS[values[told.index("gait.kind")]]
-        return by_key(str(error), {name: f"gait.{key_of(known)}" for name, known in parameters_of(gait).items()})
+def _asked(section: Any) -> Gait | None:
+    """Return the gait of a section; None where it is refused, of which `_gait_fits` tells."""
+    with suppress(ValueError):
+        return gait_from(section, dt=1.0)
     return None
 
 
-def _stroke_reaches(stroke: tuple[float, float], *values: Any, told: tuple[str, ...]) -> Found:
+def _gait_fits(segments: int, section: Any) -> Found:
+    """Tell what a gait refuses: what its parameters are together, or a worm with too few segments."""
+    try:
+        gait_from(section, dt=1.0).require_body(segments)
+    except ValueError as error:
+        keys = {name: f"gait.{key_of(known)}" for name, known in declared(class_named(GAIT, section.kind)).items()}
+        return by_key(str(error), keys)
+    return None
+
+
+def _stroke_reaches(stroke: tuple[float, float], section: Any) -> Found:
     """Tell of an amplitude beyond the stroke."""
     try:
-        gait = _asked(told, values)
-    except ValueError:
-        return None  # `_gait_fits` tells
-    try:
-        gait.require_stroke(stroke)
+        if gait := _asked(section):
+            gait.require_stroke(stroke)
     except ValueError as error:
         text = str(error).removeprefix("amplitude: ").replace("the worm's stroke", "worm.stroke")
         return {AMPLITUDE: text, "worm.stroke": f"got {shown(stroke)}, with {AMPLITUDE} too large for it: {text}"}
     return None
 
 
-def _senses_nothing(*values: Any, told: tuple[str, ...]) -> Found:
+def _senses_nothing(section: Any) -> Found:
     """Tell of a gait that senses, where there is nothing to sense."""
-    try:
-        gait = _asked(told, values)
-    except ValueError:
-        return None  # `_gait_fits` tells
+    gait = _asked(section)
     if not isinstance(gait, FeedbackGait) or not gait.senses:
         return None
     return {"gait.kind": f"got {gait.name!r}: it senses {', '.join(gait.senses)}; use model = 'worm_planar' or 'worm'"}
 
 
-def _links_reach(*values: Any, told: tuple[str, ...], body: tuple[str, ...]) -> Found:
+def _links_reach(*values: Any, body: tuple[str, ...]) -> Found:
     """Tell of a gait that lengthens a chamber beyond its links."""
-    given = dict(zip((*body, *told), values, strict=True))
+    given = dict(zip(body, values, strict=False))
     half_height_m, length_m, segments = (given[key] for key in BODY)
-    try:
-        gait = _asked(told, values[len(body) :])
-    except ValueError:
-        return None  # `_gait_fits` tells
-    if not gait.lengthens:
+    gait = _asked(values[-1])
+    if gait is None or not gait.lengthens:
         return None
     l0 = length_m / segments
     half_height = math.sqrt(3.0) / 4.0 * l0 if half_height_m is None else float(np.min(half_height_m))
@@ -206,7 +196,8 @@ def _links_reach(*values: Any, told: tuple[str, ...], body: tuple[str, ...]) -> 
         f"the gait lengthens a {what} to {longest:.4g} m, but its links end at {reach:.4g} m; "
         f"keep {one_of} below {reach / l0 - 1.0:.4g}, or let the gait only contract"
     )
-    switches = (key for key, value in given.items() if isinstance(value, bool))
+    switches = {f"gait.{key}": value for key, value in values[-1] if isinstance(value, bool)}
+    given |= {"gait.kind": values[-1].kind, **switches}
     keys = (AMPLITUDE, "worm.stroke", "worm.half_height_m", "gait.kind", *switches)
     return {key: f"got {shown(given[key])}: {text}" for key in keys if key in given}
 

@@ -31,5 +31,5 @@ def draft(text: str, name: str, overrides: Iterable[str] = (), folder: Path | No
 
 def trusted_scene(data: Mapping[str, Any], name: str) -> Scene:
     """Return a resolved scene that has been checked before, given as data: many times as fast as `parse_scene`."""
-    model = models.get(data["model"])
+    model, data, _ = loader.with_own_parts(models.get(data["model"]), data)
     return loader.Scene(name, model, model.schema.model_validate(data))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from typing import Any
 
-from control.gaits import GAITS, Gait
-from scenes.language.parts import Keys, keys_of, meanings, part_of
+from control.gaits import Gait
+from control.parts import GAIT
+from scenes.language.parts import Keys, keys_of, meanings, part_named
 from scenes.language.schema import Section, quantity, setting
 
 LARGEST_SEED = 2**63 - 1
@@ -33,30 +35,33 @@ class Run(Section):
         return max(1, round(self.duration_s / self.dt_s))
 
 
-def gait_keys(*without: str, **defaults: Any) -> Keys:
-    """Return the keys of a gait, but for some parameters; a dirac pulse lasts one time step.
+def gait_keys(registry: Mapping[str, Any], without: Collection[str] = (), **defaults: Any) -> Keys:
+    """Return the keys of gaits, but for some parameters; a dirac pulse lasts one time step.
 
     The paper's wave is the gait of a scene that names none. A key whose default differs among gaits has that of its.
     """
     return keys_of(
-        {WAVE: GAITS[WAVE], **GAITS},
+        {WAVE: registry[WAVE], **registry} if WAVE in registry else registry,
         by="kind",
-        title=f"pattern of contraction; {meanings(GAITS)}",
+        title=f"pattern of contraction; {meanings(registry)}",
         without=("impulse", *without),
         defaults=defaults,
         own_defaults=True,
+        own=True,
         bounds={"amplitude": {"ge": 0, "lt": 1}, "hinge": {"gt": -180, "lt": 180}, "waves": {"ge": 0}},
     )
 
 
-def planar_gait_keys(*without: str, **defaults: Any) -> Keys:
-    """Return the keys of a gait of a worm that cannot turn, but for some parameters."""
-    return gait_keys(*{name for gait in GAITS.values() for name in gait.turning}, *without, **defaults)
+def planar_gait_keys(registry: Mapping[str, Any], without: Collection[str] = (), **defaults: Any) -> Keys:
+    """Return the keys of gaits of a worm that cannot turn, but for some parameters."""
+    turning = {name for gait in registry.values() for name in getattr(gait, "turning", ())}
+    return gait_keys(registry, (*turning, *without), **defaults)
 
 
 def gait_from(section: Any, dt: float, **given: Any) -> Gait:
     """Return the gait of a section; `given` are parameters that the section does not have, dt is the time step [s]."""
-    return part_of(GAITS[section.kind], section, impulse=dt, **given)
+    gait: Gait = part_named(GAIT, section.kind, section, impulse=dt, **given)
+    return gait
 
 
 class Settings(Section):

@@ -6,14 +6,17 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from control.sensing.sensors import QUANTITIES, Channel
-from scenes.language.parts import Keys, keys_of, part_of
+from control.parts import CHANNEL
+from control.sensing.sensors import QUANTITIES, Channel, Quantity
+from scenes.language.parts import ITSELF, Keys, PartSection, keys_of, part_of
 from scenes.language.schema import setting
+from worm3d.values import named
+from worm3d.values.named import is_own
 
 
-def units_of(name: str) -> dict[str, str]:
+def _units(quantity: Quantity) -> dict[str, str]:
     """Return the units of the parameters of a channel that have that of its quantity."""
-    return dict.fromkeys(("noise", "bias"), QUANTITIES[name].unit)
+    return dict.fromkeys(("noise", "bias"), quantity.unit)
 
 
 def channel_keys(*, exact: bool = False) -> Keys:
@@ -26,18 +29,51 @@ def channel_keys(*, exact: bool = False) -> Keys:
         if not (what.standard or exact):
             keys[name] = bool, setting(False, title=f"{what.meaning}: whether there is a sensor")
         usual, about = asdict(Channel(noise=0.0) if exact else what.default), f"{what.meaning}: "
-        keys |= keys_of(Channel, prefix=f"{name}_", defaults=usual, units=units_of(name), about=about)
+        keys |= keys_of(Channel, prefix=f"{name}_", defaults=usual, units=_units(what), about=about)
     return keys
 
 
-def channels_of(section: Any, names: Collection[str]) -> Mapping[str, Channel]:
-    """Return the channels of some names, as a section describes them; one without keys there is a usual sensor.
+class ChannelSection(PartSection, holds={ITSELF: CHANNEL}):
+    """A section of sensors, channel by channel."""
 
-    Such a channel was added to `QUANTITIES` by a module that was imported later, as that of a controller.
+    @classmethod
+    def each(cls, name: str, part: Any) -> Keys:
+        """Return the keys of the sub-section of a channel of a user's own."""
+        return keys_of(Channel, defaults=asdict(part.default), units=_units(part))
+
+
+def channels_of(section: Any, names: Collection[str]) -> Mapping[str, Channel]:
+    """Return the channels of some names, as a section describes them, and those of a user's own that it has.
+
+    One without keys there is a usual sensor. Such a channel was added to `QUANTITIES` by a module that was imported
+    later, as that of a controller.
     """
+    own = {name: QUANTITIES[channel] for name, channel in own_channels(section).items()}
     return {
-        name: part_of(Channel, section, prefix=f"{name}_", units=units_of(name))
+        name: part_of(Channel, section, prefix=f"{name}_", units=_units(QUANTITIES[name]))
         if any(key.startswith(f"{name}_") for key in type(section).model_fields)
         else QUANTITIES[name].default
         for name in names
+    } | {
+        own_channels(section)[name]: part_of(Channel, getattr(section, name), units=_units(quantity))
+        for name, quantity in own.items()
     }
+
+
+def own_channels(section: Any) -> dict[str, str]:
+    """Return the name of each channel of a user's own that a section has, by `module:NAME`: NAME alone.
+
+    Controllers see it under that name; it is entered in `QUANTITIES`.
+
+    Raises
+    ------
+    ValueError
+        Another channel has the name.
+    """
+    found = {}
+    for name in (name for name, _ in section if is_own(name)):
+        quantity, channel = named.ready(name, CHANNEL), name.partition(":")[2]
+        if QUANTITIES.setdefault(channel, quantity) is not quantity:
+            raise ValueError(f"{name}: there is another channel {channel!r}; rename it")
+        found[name] = channel
+    return found

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 from scenes.language.checks import Check, Found
-from scenes.language.parts import Keys, keys_of, part_of
+from scenes.language.parts import Keys, keys_of, part_named, part_of
 from scenes.language.schema import Section, setting
-
-T = TypeVar("T")
+from worm3d.values.named import Kind, is_own
 
 
 def switched_keys(registry: Mapping[str, type]) -> Keys:
@@ -23,13 +22,29 @@ def switched_keys(registry: Mapping[str, type]) -> Keys:
     return keys
 
 
-def switched_parts(registry: Mapping[str, type[T]], section: Any) -> list[T]:
-    """Return the parts that a section asks for, in the order of the registry; ValueError where one refuses its keys.
+def switched_parts(kind: Kind, section: Any) -> list[Any]:
+    """Return the parts that a section asks for, in the order of the registry, then a user's own.
 
     A part that was registered after the section was made has no key there.
+
+    Raises
+    ------
+    ValueError
+        One refuses its keys.
     """
+    asked = [name for name in kind.registry if getattr(section, name, False)]
+    own = [name for name, _ in section if is_own(name)]
+    shipped = [part_of(kind.registry[name], section, prefix=f"{name}_") for name in asked]
+    return [*shipped, *(part_named(kind, name, getattr(section, name)) for name in own)]
+
+
+def parts_listed(kind: Kind, section: Any) -> list[Any]:
+    """Return the parts that a section lists as `parts`; ValueError as of `switched_parts`."""
     return [
-        part_of(part, section, prefix=f"{name}_") for name, part in registry.items() if getattr(section, name, False)
+        part_of(kind.registry[name], section, prefix=f"{name}_")
+        if name in kind.registry
+        else part_named(kind, name, getattr(section, name))
+        for name in section.parts
     ]
 
 

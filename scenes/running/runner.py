@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from pathlib import Path
 
 import typer
@@ -19,6 +20,7 @@ from scenes.running import terminal
 from scenes.running.drawing import animate, clear_pictures, cut_short, draw_overview, is_drawable, model_of, view
 from scenes.running.packages import versions
 from scenes.running.terminal import Interruption, busy, progress
+from worm3d.values import named
 from worm3d.values.variable import Variable
 
 EXIT_CODES = {"done": 0, "diverged": 3, "incomplete": 5, "interrupted": 130}
@@ -133,6 +135,11 @@ def simulate(
         outcome = _outcome(scene, observer, earlier, how)
     except SystemExit as error:  # of a part of the user's own, whose mistake it is: nothing of ours ends so in a run
         raise SceneError(f"{scene.name}: a part of your own raised SystemExit({error.code!r})") from error
+    except Exception as error:
+        own = [] if isinstance(error, SceneError) else named.names_in(tomllib.loads(scene.to_toml()))
+        if own:
+            raise SceneError(f"{scene.name}: {named.raised(error, own)}") from error
+        raise
     return Record(
         name=scene.name,
         model=scene.model.name,

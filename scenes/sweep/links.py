@@ -13,7 +13,7 @@ from pydantic_core import to_jsonable_python
 from scenes.language.errors import SceneError
 from scenes.language.formulas import evaluated, is_formula, names_in
 from scenes.language.sweep_section import varied_keys
-from scenes.language.toml import shown
+from scenes.language.toml import path_of, shown
 from scenes.sweep.vary import DIGITS
 
 
@@ -63,7 +63,7 @@ class Links:
         for choices in self.choices.values():
             given += [value for keys in choices.values() for value in varied_keys(keys).values()]
         named = set().union(*map(_names, given))
-        return {*self.choices, *(name for name in named if _is_no_key(self.settings, name))}
+        return {*self.choices, *(name for name in named if _is_no_key(self.settings, path_of(name)[0]))}
 
     def _settled(self, value: Any, known: Mapping[str, Any]) -> Any:
         """Return a value, or what its formulas give, one for each item of a list."""
@@ -95,7 +95,7 @@ def _names(value: Any) -> set[str]:
 def value_at(settings: BaseModel, key: str, otherwise: Any) -> Any:
     """Return the resolved value of a key as data for JSON: 2 and 2.0 seconds are the same; `otherwise` if no key."""
     here: Any = settings
-    for name in key.split("."):
+    for name in path_of(key):
         if _is_no_key(here, name):
             return otherwise
         here = getattr(here, name)
@@ -104,7 +104,7 @@ def value_at(settings: BaseModel, key: str, otherwise: Any) -> Any:
 
 def _is_no_key(section: Any, name: str) -> bool:
     fields = type(section).model_fields if isinstance(section, BaseModel) else {}
-    return name.split(".")[0] not in fields
+    return name not in fields
 
 
 def _plain(value: Any) -> Any:

@@ -17,7 +17,7 @@ import numpy as np
 from scenes.language.errors import SceneError
 from scenes.language.loader import read_text
 from scenes.language.schema import Section, field_at, is_whole, unit_of
-from scenes.language.toml import shown
+from scenes.language.toml import path_of, shown
 from scenes.sweep.design import CASE, SAMPLE, Design, Varied
 from worm3d.values.spelling import did_you_mean
 
@@ -161,7 +161,7 @@ def _of_a_size(design: Design) -> Design:
 
 
 def _described(schema: type[Section], key: str, dim: str, values: Sequence[Any]) -> Varied:
-    field = field_at(schema, tuple(key.split(".")))
+    field = field_at(schema, path_of(key))
     unit, title = ("", "") if field is None else (unit_of(field), str(field.title or ""))
     return Varied(key, dim, tuple(values), unit, title)
 
@@ -284,5 +284,5 @@ def _rounded(schema: type[Section], key: str, values: Any) -> list[Any]:
 
 
 def _is_whole(schema: type[Section], key: str) -> bool:
-    field = field_at(schema, tuple(key.split(".")))
+    field = field_at(schema, path_of(key))
     return field is not None and is_whole(field)

@@ -36,8 +36,20 @@ KEYS = {
     'cost.parts=["speed", "{}"]': "term",
     'constraints.parts=["roll", "{}"]': "constraint",
     "reference.kind={}": "path",
+    "world.kind={}": "world",
+    "actuator.kind={}": "actuator",
+    "hinge_actuator.kind={}": "actuator",
+    "hysteresis.kind={}": "hysteresis",
+    "medium.kind={}": "medium",
+    "friction.law={}": "law",
+    'measures.parts=["{}"]': "measure",
+    'fault."{}"=true': "fault",
+    'sensor."{}"=true': "channel",
 }
-"""Overrides of a scene that name a part, and the kind of part that the key takes."""
+"""Overrides of the scene path_line that name a part, and the kind of part that the key takes."""
+OF_GAITS = {"gait.kind={}": "gait", 'reflexes."{}"=true': "reflex", 'sensor."{}"=true': "channel"}
+"""Those of the scene flat that it has beside or in place of these."""
+TRIED = {"path_line": KEYS, "flat": OF_GAITS}
 
 
 def modules() -> list[str]:
@@ -82,14 +94,16 @@ def stand_in(thing: Any, note: Callable[[], None]) -> Any:
 def main(seed: int, number: int) -> None:
     """Print what is called of so many values in each key."""
     warnings.simplefilter("ignore")
-    scene = draft(read_text(find_scene("path_line")), "path_line", ["run.duration_s=1"])
-    scene.checked()
+    scenes = {name: draft(read_text(find_scene(name)), name, ["run.duration_s=1"]) for name in TRIED}
+    for each in scenes.values():
+        each.checked()
+    asked = [(scenes[name], key, kind) for name, keys in TRIED.items() for key, kind in keys.items()]
     found = candidates(random.Random(seed))
     tried, called, accepted = 0, [], []
     while tried < number:
         module, name, thing = next(found)
         value, tried = f"{module.__name__}:{name}", tried + 1
-        for key, kind in KEYS.items():
+        for scene, key, kind in asked:
             if isinstance(thing, type) and KINDS[kind].base_class in thing.__mro__:
                 continue  # a part that ships
             note = functools.partial(called.append, key.format(value))

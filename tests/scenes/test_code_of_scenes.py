@@ -20,12 +20,12 @@ from pydantic import TypeAdapter, ValidationError
 
 import worm3d as package
 from control.parts import KINDS, part
+from scenes import models
 from scenes.language import toml
 from scenes.language.errors import SceneError
 from scenes.language.schema import choices, section_type
 from scenes.models.control.build import reference_of
 from scenes.models.control.record import tracked
-from scenes.models.control.schema import ControlScene
 from scenes.models.control.view import path_seen, reference_seen
 from scenes.models.loading import load_scene
 from scenes.models.worm.view import scene_of
@@ -117,31 +117,49 @@ def test_nothing_that_happens_to_be_installed_is_called() -> None:
 
 def test_a_call_would_be_noticed() -> None:
     """The same where all that there is counts as marked; a few names are refused for other reasons."""
-    ready = "strangers.KEYS = {key: kind for key, kind in strangers.KEYS.items() if kind in ('term', 'path')}"
+    keys = "{key: kind for key, kind in strangers.KEYS.items() if kind in ('term', 'path', 'world', 'fault')}"
+    ready = f"strangers.TRIED = {{'path_line': {keys}}}"
     marked = "from worm3d.values.named import Kind; Kind.marks = lambda *given: True"
     called = tried(0, 8, before=f"{ready}; {marked}")["called"]
-    assert {call.partition("=")[0] for call in called} == {"cost.parts", "reference.kind"}
+    assert {call.partition("=")[0].partition('."')[0] for call in called} == {
+        "cost.parts",
+        "fault",
+        "reference.kind",
+        "world.kind",
+    }
 
 
 def test_each_key_that_takes_a_part_of_a_module_is_tried() -> None:
-    takes = set()
-    for name, declared in ControlScene.model_fields.items():
-        for key, field in getattr(section_type(declared), "model_fields", {}).items():
-            for given in ("a:B", ("a:B",)):
-                with suppress(ValidationError):
-                    TypeAdapter(Annotated[field.annotation, field]).validate_python(given, strict=True)
-                    if choices(field):
-                        takes.add(f"{name}.{key}")
-    assert takes == {key.partition("=")[0] for key in strangers.KEYS}
-    assert {*strangers.KEYS.values()} == {*KINDS}
+    for name, keys in strangers.TRIED.items():
+        schema, takes = load_scene(name).model.schema, set()
+        for section, declared in schema.model_fields.items():
+            for key, kind in getattr(section_type(declared), "holds", {}).items():
+                takes.add((f"{section}.{key}".rstrip("."), kind.name))
+        tried_here = {(key.partition("=")[0].removesuffix('."{}"'), kind) for key, kind in keys.items()}
+        assert tried_here <= takes
+        others = {key.partition("=")[0].removesuffix('."{}"') for key in strangers.KEYS}
+        assert {key for key, _ in takes} <= {key for key, _ in tried_here} | others
+    asked = {kind for keys in strangers.TRIED.values() for kind in keys.values()}
+    assert asked == {*KINDS}
+
+
+def test_only_keys_that_hold_parts_take_the_name_of_one() -> None:
+    for model in map(models.get, models.names()):
+        for name, declared in model.schema.model_fields.items():
+            section = section_type(declared)
+            for key, field in getattr(section, "model_fields", {}).items():
+                for given in ("a:B", ("a:B",)):
+                    with suppress(ValidationError):
+                        TypeAdapter(Annotated[field.annotation, field]).validate_python(given, strict=True)
+                        assert not choices(field) or key in section.holds, f"{name}.{key}"
 
 
 @pytest.mark.parametrize("value", ["os:abort", "sys:exit", "http.server:test", "antigravity:fly_to", "pip.__main__:x"])
-@pytest.mark.parametrize("key", strangers.KEYS)
-def test_modules_of_python_and_programs_are_not_even_imported(key: str, value: str) -> None:
+@pytest.mark.parametrize(("scene", "key"), [(scene, key) for scene, keys in strangers.TRIED.items() for key in keys])
+def test_modules_of_python_and_programs_are_not_even_imported(scene: str, key: str, value: str) -> None:
     imported = {*sys.modules}
     with pytest.raises(SceneError, match=f"{value.partition(':')[0]}") as caught:
-        load_scene("path_line", [key.format(value)])
+        load_scene(scene, [key.format(value)])
     assert len(caught.value.lines) == 1
     assert not {"antigravity", "pip.__main__", "http.server"} & ({*sys.modules} - imported)
 
@@ -164,8 +182,8 @@ def test_a_check_builds_no_controller(worm3d, tmp_path: Path) -> None:
 @pytest.mark.parametrize("command", ["check", "run", "sweep"])
 def test_scenes_that_name_a_module_are_refused_without_code(worm3d, tmp_path: Path, command: str) -> None:
     more = {"check": (), "run": ("--out", "x"), "sweep": ("--vary", "run.duration_s=1,2", "--out", "x")}[command]
-    for key in strangers.KEYS:
-        ended = worm3d(command, "path_line", "-o", key.format("own_code:CIRCLE"), *more, "--no-code")
+    for scene, key in [(scene, key) for scene, keys in strangers.TRIED.items() for key in keys]:
+        ended = worm3d(command, scene, "-o", key.format("own_code:CIRCLE"), *more, "--no-code")
         assert ended.code == 2
         assert "own_code:CIRCLE is code of a module, refused here (--no-code)" in ended.err
     assert not (tmp_path / "imported").exists()
@@ -180,7 +198,7 @@ def test_the_mark_says_the_kind() -> None:
     def both() -> None: ...
 
     assert [name for name, kind in KINDS.items() if kind.marks(both)] == ["term", "path"]
-    with pytest.raises(ValueError, match=r"part: got 'Bare', must be one of 'controller', .*: @part\('controller'\)"):
+    with pytest.raises(ValueError, match=r"part: got 'Bare', must be one of 'gait', .*: @part\('controller'\)"):
 
         @part
         class Bare: ...
@@ -257,7 +275,8 @@ def test_a_case_that_never_ends_has_a_time_limit(
     own.write_text(MODULE)
     sys.modules.pop("own_code", None)
     again = worm3d(*command)
-    assert (again.code, again.complaints[0]) == (0, "path_line: 1 of 2 cases, 1 kept from before")
+    assert (again.code, again.complaints[1]) == (0, "path_line: 1 of 2 cases, 1 kept from before")
+    assert again.complaints[0] == f"runs code of the module own_code ({own})"
 
 
 @pytest.mark.parametrize("limit", ["0", "-1", "nan", "inf", "1e9"])

@@ -34,8 +34,8 @@ forward = 0.03
 """
 
 
-*MOST, LAST = map(repr, ("travelling_wave", *(kind for kind in GAITS if kind != "travelling_wave")))
-GAIT_KINDS = f"{', '.join(MOST)} or {LAST}"
+NAMES = map(repr, ("travelling_wave", *(kind for kind in GAITS if kind != "travelling_wave")))
+GAIT_KINDS = f"one of {', '.join(NAMES)}, or module:NAME"
 
 
 def lines_about(text: str, *overrides: str) -> tuple[str, ...]:

@@ -6,14 +6,15 @@ import importlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from control.faults.injected import INJECTED
+from control.parts import FAULT
 from control.sensing.sensors import QUANTITIES
 from scenes.language.errors import SceneError
+from scenes.language.parts import PartSection
 from scenes.models.control.build import controller_of, path_of
 from scenes.models.loading import load_scene
 from scenes.models.switched import switched_keys, switched_parts
@@ -341,6 +342,9 @@ def test_a_fault_may_have_a_field_of_text(sensing: None) -> None:
         fault(word=3)
     keys = switched_keys({"worded": fault})
     assert keys["worded_word"][0] is str
-    section = SimpleNamespace(worded=True, worded_word="third", worded_begin_s=1.0, worded_duration_s=None)
-    (made,) = switched_parts({"worded": fault}, section)
+
+    class Faults(PartSection, keys=keys):
+        """Faults."""
+
+    (made,) = switched_parts(FAULT, Faults(worded=True, worded_word="third", worded_begin_s=1.0))
     assert (made.word, made.begin) == ("third", 1.0)

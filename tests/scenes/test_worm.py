@@ -190,7 +190,7 @@ def test_a_scene_names_its_law_of_friction_with_its_parameters(brief: Record) ->
     assert abs(record["com"][-1, 0] - brief["com"][-1, 0]) > 1e-5
     for override, message in (
         (given[1], "only for friction.law = 'viscous'"),
-        ("friction.law=mucus", "input should be 'coulomb' or 'viscous'"),
+        ("friction.law=mucus", "input should be one of 'coulomb', 'viscous', or module:NAME"),
     ):
         with pytest.raises(SceneError, match=message):
             load_scene("flat", [override])
@@ -250,7 +250,7 @@ def test_an_actuator_is_found_by_name_and_has_its_parameters_as_keys() -> None:
     assert isinstance(worm.actuator, worm3d.FirstOrder)
     assert_allclose(worm.actuator.lag, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
     assert_allclose(worm.hinge_actuator.lag, 0.05)  # type: ignore[attr-defined]
-    with pytest.raises(SceneError, match=r"actuator\.kind: got 'first': input should be .*'first_order'"):
+    with pytest.raises(SceneError, match=r"actuator\.kind: got 'first': input should be one of .*'first_order'"):
         worm_scene("actuator.kind=first")
     with pytest.raises(SceneError, match=r"hinge_actuator\.lag_s: got a list of 2: .* or 5 numbers, one for"):
         worm_scene("hinge_actuator.lag_s=[1, 2]")

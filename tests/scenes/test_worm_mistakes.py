@@ -58,8 +58,8 @@ def test_every_mistake_gives_its_line() -> None:
         "between the 6 segments",
         "line 10: worm.k_twist: unknown key; did you mean 'twist_J'?",
         "line 11: worm.stroke: got [0.1, 0.4]: must be [least, greatest] contraction with least <= 0 <= greatest < 1",
-        "line 14: world.kind: got 'plain': input should be 'plane', 'pipe', 'slope_into_pipe', 'heightfield', "
-        "'mesh', 'clamped', 'groove' or 'none'; did you mean 'plane'? "
+        "line 14: world.kind: got 'plain': input should be one of 'plane', 'pipe', 'slope_into_pipe', 'heightfield', "
+        "'mesh', 'clamped', 'groove', 'none', or module:NAME; did you mean 'plane'? "
         "(default 'plane')",
         "line 16: world.patches[0].grip: missing: multiplier of the friction coefficients, 0 <= …",
         "line 17: world.patches[0].gripp: unknown key; did you mean 'grip'?",

@@ -7,6 +7,7 @@ from worm3d.measures.table import MEASURES as MEASURES
 from worm3d.measures.table import Measure as Measure
 from worm3d.measures.table import Metric as Metric
 from worm3d.measures.table import NoValueError as NoValueError
+from worm3d.measures.table import enter_figures as enter_figures
 from worm3d.measures.table import measure as measure
 from worm3d.measures.table import reasons as reasons
 from worm3d.measures.table import summary as summary

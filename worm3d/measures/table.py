@@ -5,17 +5,22 @@ Every summary of a run has all of them, and so have `summary.json`, `sweep.csv` 
     @measure("lift_m", "how far the head is above the tail at the end")
     def lift(result):
         return float(result.joints[-1, -1, 2] - result.joints[-1, 0, 2])
+
+One with parameters is a class below `Measure`, with `name` and `meaning` as fields and a method `of`. Scenes name such
+functions and classes as `measures.parts = ["my_robot:lift"]`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isfinite
+from types import FunctionType
 from typing import Any, TypeVar
 
 from worm3d.recorded.finished import FinishedRun
 from worm3d.values.metrics import Summary
+from worm3d.values.named import marked
 from worm3d.values.read_only import kept
 
 Metric = tuple[float | str | None, str]
@@ -36,17 +41,22 @@ class NoValueError(Exception):
 class Measure:
     """A measure of a run."""
 
-    name: str
+    name: str = ""
     """Name, which ends in its unit as `worm3d.values.metrics.UNITS` has them."""
-    meaning: str
+    meaning: str = ""
     """What it is, in a few words."""
-    function: Function
-    """Returns the value of a run, or raises NoValueError."""
+    function: Function | None = None
+    """Returns the value of a run, or raises NoValueError; None where `of` does."""
+
+    def of(self, result: FinishedRun) -> Value:
+        """Return the value of a run, or raise NoValueError."""
+        assert self.function is not None, "a class below overrides it"
+        return self.function(result)
 
     def __call__(self, result: FinishedRun) -> Metric:
         """Return the value of a run, None if it has none, and why."""
         try:
-            value = self.function(result)
+            value = self.of(result)
         except NoValueError as none:
             return None, str(none)
         return (value, "") if isinstance(value, str) or isfinite(value) else (None, OVERFLOW)
@@ -69,7 +79,7 @@ def measure(name: str, meaning: str) -> Callable[[F], F]:
         if name in MEASURES:
             raise ValueError(f"measure: got {name!r}, which is taken ({MEASURES[name].meaning}); choose another name")
         MEASURES[name] = Measure(name, meaning, function)
-        return function
+        return marked("measure", function) if type(function) is FunctionType else function
 
     return enter
 
@@ -77,6 +87,11 @@ def measure(name: str, meaning: str) -> Callable[[F], F]:
 @kept
 def _measured(result: FinishedRun) -> dict[str, Metric]:
     return {name: each(result) for name, each in MEASURES.items()}
+
+
+def enter_figures(result: FinishedRun, figures: Mapping[str, Metric]) -> None:
+    """Let a run have measures as they were computed before: of a world or a part whose code is not here."""
+    _measured(result).update(figures)
 
 
 def summary(result: FinishedRun) -> Summary:

@@ -71,6 +71,7 @@ class Actuator(Part, registry=ACTUATORS):
     """
 
     known: ClassVar[tuple[str, ...]] = KNOWN
+    told: ClassVar[tuple[str, ...]] = ("states", "drives_hinges", "has_source")
     drives_hinges: ClassVar[bool] = True
     """Whether it may drive a hinge: it has neither potential nor energy, and needs no length."""
     has_source: ClassVar[bool] = False

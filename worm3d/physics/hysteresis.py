@@ -59,6 +59,7 @@ class Hysteresis(Part, registry=HYSTERESES):
     """
 
     known: ClassVar[tuple[str, ...]] = ("length", "l0", "link", "k", "k_apex")
+    told: ClassVar[tuple[str, ...]] = ("elements",)
     elements: ClassVar[int] = 0
     """Number of elements in parallel of each chamber."""
 

@@ -42,6 +42,8 @@ class Part(ReadOnly):
     """Unit of each state of a chamber or hinge, by name."""
     known: ClassVar[tuple[str, ...]] = ()
     """Names that its methods find beside its parameters and states."""
+    told: ClassVar[tuple[str, ...]] = ("states",)
+    """Class attributes that a result asks for: files keep those of classes that are not worm3d's."""
     registry: ClassVar[dict[str, Any]] = {}
     """Class of each part of the kind, by its name."""
 

@@ -1,14 +1,17 @@
 """Results in files, both ways: `Result.save` and `worm3d.load`. What `worm3d run` writes is such a file too.
 
 A file has the series of a result as variables, its end as the group `checkpoint`, and worm, world and end of the run as
-text in the attribute `run` (plain values by name, arrays in the group `run`). Nothing is pickled.
+text in the attribute `run` (plain values by name, arrays in the group `run`). Nothing is pickled, and no code of a
+user's own is imported: of a part of another class its parameters are kept and what a result asks of it, and of such a
+world what it looks like around the worm's way; the figures of such a run are those that were computed then.
 """
 
 from __future__ import annotations
 
 import importlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from importlib.metadata import version
 from os import PathLike, fspath
@@ -18,8 +21,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from worm3d.measures import reasons, summary
+from worm3d.measures import Metric, reasons, summary
 from worm3d.physics.kernels import GREATEST_CONTRACTION
+from worm3d.physics.part import Part
 from worm3d.physics.worm import Worm
 from worm3d.recorded.energy import Energy
 from worm3d.recorded.finished import FinishedRun
@@ -27,9 +31,12 @@ from worm3d.recorded.series import Recorded, Steps, series_of, states_of
 from worm3d.recorded.state import State
 from worm3d.recorded.status import Status, Stop
 from worm3d.values import arguments, netcdf
+from worm3d.values.named import EXCEPTIONS
 from worm3d.values.netcdf import Content, FileError
 from worm3d.values.spelling import did_you_mean
 from worm3d.values.variable import Variable
+from worm3d.worlds import World
+from worm3d.worlds.sampled import SampledWorld
 
 RESULT = "result.nc"
 """Name of the file in a folder that `worm3d run` wrote."""
@@ -51,6 +58,10 @@ STATE = {
 
 FIELD, MEMORY = "state_", "memory_"
 """Prefixes of variables of a checkpoint: fields of the state, and arrays of its memory."""
+
+KEPT_MARGIN = 0.4
+"""Distance around a worm within which a world of a user's own is kept [body lengths]: pictures show 0.3, and at half
+its rim is seen; at double the cells are a third wider."""
 
 IN_TEXT = 16
 """Numbers that an array has at most to stand in the text; others are variables."""
@@ -82,8 +93,11 @@ def save(result: FinishedRun, path: str | PathLike[str]) -> None:
     netcdf.write_whole(Path(path), netcdf.packed(netcdf.signed(content)))
 
 
-def read(path: str | PathLike[str], worm: Worm | None, world: Any) -> dict[str, Any]:
-    """Return the fields of the result that a file holds; parameters and errors of `worm3d.load`."""
+def read(path: str | PathLike[str], worm: Worm | None, world: Any) -> tuple[dict[str, Any], dict[str, Metric]]:
+    """Return the fields of the result that a file holds, and figures that only its program could compute.
+
+    Parameters and errors of `worm3d.load`.
+    """
     arguments.instance("path", path, str | PathLike, "the path of a file")
     file = Path(path) / RESULT if Path(path).is_dir() else Path(path)
     _require_there(file)
@@ -95,7 +109,7 @@ def read(path: str | PathLike[str], worm: Worm | None, world: Any) -> dict[str, 
             "run it again"
         )
     try:
-        return _fields(content, worm, world)
+        return _fields(content, worm, world), _figures(content)
     except (KeyError, TypeError, AttributeError) as error:
         raise FileError(f"{name}: made by another version of worm3d: {type(error).__name__}: {error}") from error
     except ValueError as error:
@@ -141,19 +155,39 @@ def _fields(content: Content, worm: Worm | None, world: Any) -> dict[str, Any]:
     )
 
 
-def described(result: FinishedRun) -> tuple[str, tuple[Variable, ...]]:
-    """Return worm, world and end of a run as text, and the arrays of these."""
+def _figures(content: Content) -> dict[str, Metric]:
+    """Return the figures of a run with parts of a user's own, as they were computed."""
+    figures = json.loads(content.attributes["summary"])
+    kept = json.loads(content.attributes["run"]).get("measured", ())
+    return {name: (figures[name], figures["reasons"].get(name, "")) for name in kept if name in figures}
+
+
+def world_of(said: str, parts: tuple[Variable, ...]) -> Any:
+    """Return the world that the text of a run describes, given the arrays of the group `run`."""
+    return restored("world", json.loads(said)["world"], [variable.values for variable in parts])
+
+
+def described(result: FinishedRun, measured: Iterable[str] = ()) -> tuple[str, tuple[Variable, ...]]:
+    """Return worm, world and end of a run as text, and the arrays of these; `measured` are measures of a user's own."""
     arrays: list[NDArray[Any]] = []
+    worm, world = plain(result.worm, arrays), plain(result.world, arrays)
+    own = [*measured]
+    if '"unknown"' in json.dumps(world):
+        world = plain(_seen(result), arrays)
+        own += [*summary(result)]
+    elif '"own"' in json.dumps(worm):
+        own += [*summary(result)]
     stop = {each.name: getattr(result.stop, each.name) for each in fields(Stop)}
     said = {
-        "worm": plain(result.worm, arrays),
-        "world": plain(result.world, arrays),
+        "worm": worm,
+        "world": world,
         "gravity": plain(result.gravity, arrays),
         "dt": result.dt,
         "period": result.period,
         "laid": result.state.laid,
         **({} if result.error_estimate is None else {"error_estimate": plain(result.error_estimate, arrays)}),
         "stop": {**stop, "status": result.status.name},
+        **({"measured": [*dict.fromkeys(own)]} if own else {}),
     }
     variables = (
         Variable(
@@ -162,6 +196,14 @@ def described(result: FinishedRun) -> tuple[str, tuple[Variable, ...]]:
         for k, array in enumerate(arrays)
     )
     return json.dumps(said), tuple(variables)
+
+
+def _seen(result: FinishedRun) -> World | None:
+    """Return what can be seen of a world of a user's own; None if it fails to tell."""
+    assert result.world is not None
+    with suppress(*EXCEPTIONS):
+        return SampledWorld.around(result.world, result.points, KEPT_MARGIN * result.worm.length)
+    return None
 
 
 def checkpoint_of(state: State) -> tuple[Variable, ...]:
@@ -209,7 +251,21 @@ def plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
         return [plain(each, arrays) for each in value]
     if is_dataclass(value) and (name := _name_of(type(value))):
         return {"class": name, **{each.name: plain(getattr(value, each.name), arrays) for each in fields(value)}}
+    if isinstance(value, Part):
+        return _of_own(value, arrays)
     return {"unknown": type(value).__qualname__}
+
+
+def _of_own(value: Part, arrays: list[NDArray[Any]]) -> Any:
+    """Return a part of a user's own class: its parameters, and what a result asks of the class."""
+    kind = type(value)
+    base: Any = next(each for each in kind.__mro__ if _name_of(each))
+    return {
+        "own": f"{kind.__module__}:{kind.__qualname__}",
+        "base": _name_of(base),
+        "told": {name: getattr(kind, name) for name in base.told},
+        "given": {each.name: plain(getattr(value, each.name), arrays) for each in fields(value)},
+    }
 
 
 def _name_of(kind: type) -> str:
@@ -233,6 +289,14 @@ def restored(name: str, said: Any, arrays: list[NDArray[Any]]) -> Any:
         return tuple(restored(name, each, arrays) for each in said)
     if not isinstance(said, dict):
         return said
+    if "own" in said:
+        base = _class_of(said["base"])
+        made = type(
+            said["own"].rpartition(":")[2], (base,), {**said["told"], "__module__": said["own"].partition(":")[0]}
+        )()
+        for field, value in said["given"].items():
+            object.__setattr__(made, field, restored(name, value, arrays))
+        return made
     if "unknown" in said:
         raise ValueError(
             f"its {name} has a part of the class {said['unknown']}, which a file cannot hold: give it, "

@@ -146,7 +146,8 @@ def load(path: str | PathLike[str], *, worm: Worm | None = None, world: Any = ..
     path : str or Path
         The file, or a folder with a `result.nc`.
     worm, world : Worm, World, optional
-        Those of the run, where the file could not hold them: classes of one's own.
+        Those of the run, where a file cannot hold them: parts and worlds of one's own, which else are stand-ins to
+        look at.
 
     Returns
     -------
@@ -163,4 +164,8 @@ def load(path: str | PathLike[str], *, worm: Worm | None = None, world: Any = ..
     """
     from worm3d.results import files
 
-    return Result(**files.read(path, worm, world))
+    fields, figures = files.read(path, worm, world)
+    result = Result(**fields)
+    if figures:
+        measures.enter_figures(result, figures)
+    return result

@@ -9,15 +9,19 @@ whatever happens to be installed: a part has to be marked for the kind that is a
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import Field, dataclass, is_dataclass
 from difflib import get_close_matches
 from importlib import import_module
+from importlib.machinery import PathFinder
 from pathlib import Path
+from traceback import extract_tb
 from types import BuiltinFunctionType, FunctionType
 from typing import Any, TypeVar
+
+from worm3d.values.parameters import Parameter, parameters_of
 
 T = TypeVar("T", bound=Callable[..., Any])
 
@@ -47,6 +51,14 @@ class Kind:
     """Name of the base class there."""
     form: str = ""
     """Class method that a class of this kind has, with its arguments; empty for parts that are objects."""
+    table: str = ""
+    """Name, in the module, of the table of those that ship; empty: they have none."""
+
+    @property
+    def registry(self) -> Mapping[str, Any]:
+        """Those that ship, by name."""
+        found: Mapping[str, Any] = getattr(import_module(self.module), self.table) if self.table else {}
+        return found
 
     @property
     def base_class(self) -> type:
@@ -112,24 +124,31 @@ def own(name: str, kind: Kind) -> Any:
         raise ValueError(f"{name} is {_described(part)}, not marked as {kind.what}: {_how(part, kind)}")
     if not kind.accepts(part):
         raise ValueError(f"{name} is {_described(part)}, must be {kind.what}: a class with {kind.form}")
+    if _is_class(part) and (bare := [key for key, value in _names(part).items() if type(value) is Field]):
+        raise ValueError(
+            f"{name} has the parameter {bare[0]}, but is no dataclass: write @dataclass(frozen=True, kw_only=True) "
+            "above it"
+        )
     return part
 
 
-def ready(name: str, kind: Kind) -> Any:
-    """Return a user's own part as an object of a kind; a class, or a function, is called without arguments.
+def ready(name: str, kind: Kind, make: Callable[[Any], Any] = lambda part: part()) -> Any:
+    """Return a user's own part as an object of a kind; `make` makes it of a class or function.
 
     Raises
     ------
     ValueError
-        As of `own`, or calling it raises an exception.
+        As of `own`, or making it raises an exception; that of a class with parameters is a refusal of these, unchanged.
     """
     found = own(name, kind)
     base = kind.base_class
     if not _is_class(found) and isinstance(found, base):
         return found
     try:
-        made = found()
+        made = make(found)
     except EXCEPTIONS as error:
+        if isinstance(error, ValueError) and declared(found):
+            raise
         raise ValueError(f"{name}() raised {told(error)}") from error
     if _is_class(made) or not isinstance(made, base):
         raise ValueError(
@@ -138,10 +157,31 @@ def ready(name: str, kind: Kind) -> Any:
     return made
 
 
+def declared(part: Any) -> Mapping[str, Parameter]:
+    """Return the parameters of a part by name: those of a class that is a dataclass, none of anything else."""
+    return parameters_of(part) if isinstance(part, type) and is_dataclass(part) else {}
+
+
 def told(error: BaseException) -> str:
     """Return an exception of a user's own part as a line."""
     text = str(error) if isinstance(error, ValueError) and str(error) else f"{type(error).__name__}: {error}"
     return " ".join(text.split())[:LONGEST]
+
+
+def names_in(data: Any) -> list[str]:
+    """Return the names of a user's own parts, `module:NAME`, among the keys and values of a scene's data."""
+    if isinstance(data, str):
+        return [data] if is_own(data) else []
+    items = [*data, *data.values()] if isinstance(data, Mapping) else data if isinstance(data, list | tuple) else ()
+    return [*dict.fromkeys(name for item in items for name in names_in(item))]
+
+
+def raised(error: BaseException, names: Iterable[str]) -> str:
+    """Return which parts of a user's own may have raised an exception, what it says, and the line in their modules."""
+    files = {getattr(sys.modules.get(name.partition(":")[0]), "__file__", None) for name in names}
+    at = [frame for frame in extract_tb(error.__traceback__) if frame.filename in files][-1:]
+    where = "".join(f" ({Path(frame.filename).name}, line {frame.lineno})" for frame in at)
+    return f"{', '.join(names)}: raised {told(error)}{where}"
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
@@ -200,6 +240,7 @@ def _imported(module: str) -> Any:
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)  # last, so that no file there hides an installed module
+    _announce(module)
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
@@ -208,6 +249,16 @@ def _imported(module: str) -> Any:
         raise ValueError(f"the module {module!r} cannot be imported: {error}") from error
     except EXCEPTIONS as error:
         raise ValueError(f"the module {module!r} cannot be imported: {told(error)}") from error
+
+
+def _announce(module: str) -> None:
+    """Print which code is about to be run; workers, whose scenes have been announced, do not."""
+    from multiprocessing import parent_process  # few name a module
+
+    first = module.partition(".")[0]
+    spec = None if module in sys.modules or parent_process() is not None else PathFinder.find_spec(first)
+    if spec is not None:
+        print(f"runs code of the module {module} ({spec.origin})", file=sys.stderr)  # noqa: T201
 
 
 def _attribute(found: Any, module: str, attribute: str) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,26 +11,24 @@ import numpy as np
 import worm3d
 from control.baselines import Gains
 from control.controllers import controller, estimator, made, model
-from control.faults.injected import INJECTED, Injected
+from control.faults.injected import Injected
 from control.gaits.steering import WAVES, Wave
 from control.identification import identified as kept
 from control.identification.identified import Identified
 from control.loop import Driver, WaveController
-from control.parts import CONSTRAINT, PATH, TERM
-from control.planning.constraints import CONSTRAINTS
+from control.parts import CONSTRAINT, FAULT, PATH, TERM
 from control.planning.suited import suited
-from control.planning.terms import TERMS
 from control.sensing.sensors import QUANTITIES, Sensors
 from control.task import ControlTask
 from control.tracking.paths import Circle, Line, Path, PlanView, SCurve, SplinePath, WayPoints
 from control.tracking.references import Constant, Disc, Profile, Reference, Sine, Steps
 from scenes.language.errors import SceneError
-from scenes.language.parts import part_of
+from scenes.language.parts import part_named, part_of, values_of
 from scenes.models.control.nearby import nearby
-from scenes.models.control.schema import AUTO, Constraints, Controller, ControlScene, Cost
+from scenes.models.control.schema import AUTO, Controller, ControlScene
 from scenes.models.control.schema import Reference as Asked
 from scenes.models.sensors import channels_of
-from scenes.models.switched import switched_parts
+from scenes.models.switched import parts_listed, switched_parts
 from scenes.models.worlds.build import world_of
 from scenes.models.worlds.schema import PIPES
 from scenes.models.worm.build import friction_of, start_of, worm_of
@@ -70,28 +68,21 @@ def parts_of(scene: ControlScene) -> dict[str, Any]:
     ValueError
         There is no such part.
     """
-    asked, usual, parts = scene.controller, Controller(), {}
+    asked, usual = scene.controller, Controller()
+    parts = values_of(controller(asked.kind), asked) if named.is_own(asked.kind) else {}
     for name, find in (("estimator", estimator), ("model", model)):
         if getattr(asked, name) != getattr(usual, name):
             parts[name] = find(getattr(asked, name))
     gains = part_of(Gains, asked, prefix="gain_")
     if gains != part_of(Gains, usual, prefix="gain_"):
         parts["gains"] = gains
-    for key, given, registry, kind in (
-        ("terms", scene.cost, TERMS, TERM),
-        ("constraints", scene.constraints, CONSTRAINTS, CONSTRAINT),
+    for key, given, kind in (
+        ("terms", scene.cost, TERM),
+        ("constraints", scene.constraints, CONSTRAINT),
     ):
         if given != type(given)():
-            parts[key] = _listed(given, registry, kind)
+            parts[key] = parts_listed(kind, given)
     return parts
-
-
-def _listed(section: Cost | Constraints, registry: Mapping[str, Any], kind: named.Kind) -> list[Any]:
-    """Return the parts of a section: those of a registry with the section's parameters, and the user's own."""
-    return [
-        part_of(registry[name], section, prefix=f"{name}_") if name in registry else named.ready(name, kind)
-        for name in section.parts
-    ]
 
 
 def identified_of(scene: ControlScene, wave: Wave | None = None) -> Identified:
@@ -186,7 +177,7 @@ def path_of(scene: ControlScene) -> Path | None:
     """Return the path, if there is one; ValueError if there can be no such path."""
     kind = scene.reference.kind
     if named.is_own(kind):
-        path: Path = named.ready(kind, PATH)
+        path: Path = part_named(PATH, kind, scene.reference)
         return path
     make = PATHS.get(kind)
     return None if make is None else make(scene)
@@ -269,7 +260,7 @@ def _speeds(scene: ControlScene) -> FloatArray:
 
 def faults_of(scene: ControlScene) -> list[Injected]:
     """Return the faults that are put in; ValueError where there can be no such fault."""
-    faults = switched_parts(INJECTED, scene.fault)
+    faults = switched_parts(FAULT, scene.fault)
     for fault in faults:
         fault.require(worm_of(scene))
     return faults

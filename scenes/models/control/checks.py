@@ -11,15 +11,16 @@ from typing import Any
 from control import controllers
 from control.faults.injected import INJECTED
 from control.sensing.sensors import QUANTITIES
-from scenes.language.checks import Check, Found, kind_checks
+from scenes.language.checks import Check, Found
+from scenes.language.schema import Section
 from scenes.models.control.build import faults_of, middle_of, parts_of, reference_of
-from scenes.models.control.schema import Controller, ControlScene, Faults, Reference, Sensor
+from scenes.models.control.schema import ControlScene, Faults, Sensor
 from scenes.models.switched import switched_checks
 from scenes.models.worm.build import PARTS, worm_of
 from scenes.models.worm.checks import SPATIAL_CHECKS, start_check
 
 
-def _there_is_such_a_path(*sections: Mapping[str, Any]) -> Found:
+def _there_is_such_a_path(*sections: Section) -> Found:
     try:
         scene = _scene(("reference", "world", "worm", "start", "run"), sections)
         reference = reference_of(scene)
@@ -30,7 +31,7 @@ def _there_is_such_a_path(*sections: Mapping[str, Any]) -> Found:
     return f"obstacles[{inside[0]}]: got one in which the worm begins: move it, or start.x_m" if inside else None
 
 
-def _there_can_be_such_faults(*sections: Mapping[str, Any]) -> Found:
+def _there_can_be_such_faults(*sections: Section) -> Found:
     scene = _scene(("fault", "controller", "worm", *PARTS), sections)
     try:
         faults = faults_of(scene)
@@ -42,7 +43,7 @@ def _there_can_be_such_faults(*sections: Mapping[str, Any]) -> Found:
     return None
 
 
-def _worm_has_it(asked: bool, *sections: Mapping[str, Any], name: str) -> Found:
+def _worm_has_it(asked: bool, *sections: Section, name: str) -> Found:
     if not asked or QUANTITIES[name].exists(worm_of(_scene(("worm", *PARTS), sections))):
         return None
     return f"got true: this worm has no {QUANTITIES[name].meaning}"
@@ -67,8 +68,8 @@ def _is_sensed(kind: str, asked: bool, *, name: str) -> Found:
     }
 
 
-def _scene(names: Sequence[str], sections: Sequence[Mapping[str, Any]]) -> ControlScene:
-    return ControlScene.model_validate({"model": "worm_control", **dict(zip(names, sections, strict=True))})
+def _scene(names: Sequence[str], sections: Sequence[Section]) -> ControlScene:
+    return ControlScene.model_construct(**dict[str, Any](zip(names, sections, strict=True)))
 
 
 def _steps_in_turn(steps: Sequence[Mapping[str, Any]], duration_s: float, *, key: str) -> Found:
@@ -110,7 +111,7 @@ def _there_is_such_a_controller(kind: str) -> Found:
     return None
 
 
-def _there_are_such_parts(*sections: Mapping[str, Any]) -> Found:
+def _there_are_such_parts(*sections: Section) -> Found:
     scene = _scene(("controller", "cost", "constraints"), sections)
     try:
         strange = controllers.refused(scene.controller.kind, parts_of(scene))
@@ -155,8 +156,6 @@ OPTIONAL = [name for name, each in QUANTITIES.items() if not each.standard]
 STEPS = ("reference.speed_steps", "reference.heading_steps")
 CONTROL_CHECKS = (
     *SPATIAL_CHECKS,
-    *kind_checks(Reference, "reference"),
-    *kind_checks(Controller, "controller"),
     Check(("controller.kind",), _there_is_such_a_controller),
     Check(("controller", "cost", "constraints"), _there_are_such_parts),
     Check(("controller.period_s", "run.dt_s"), _decides_no_more_than_once_a_step),
@@ -178,5 +177,5 @@ CONTROL_CHECKS = (
         if key.startswith(f"{name}_")
     ),
     *(Check(("controller.kind", f"sensor.{name}"), partial(_is_sensed, name=name)) for name in OPTIONAL),
-    start_check("worm_control", ControlScene),
+    start_check(ControlScene),
 )

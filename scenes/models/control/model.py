@@ -85,7 +85,7 @@ def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.L
     drive = injected(driver, scene), sensors_of(scene)
     result = worm.simulated(scene, observer, live=live, drive=drive)
     waves = driver.at_rows(len(result.time), scene.run.record_every)
-    plain, controller, decisions = worm.outcome(result), driver.controller, driver.controller.decisions
+    plain, controller, decisions = worm.outcome(result, scene), driver.controller, driver.controller.decisions
     found, unfounded = innovations(controller)
     reference = reference_of(scene)
     figures, reasons = measured(motion_of(result, waves), reference, result.worm.length)

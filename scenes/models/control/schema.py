@@ -9,11 +9,12 @@ from control.baselines import Gains
 from control.controllers import CONTROLLERS, ESTIMATORS, MODELS, Listed
 from control.faults.injected import INJECTED
 from control.gaits.steering import Mechanism, Wave
+from control.parts import CONSTRAINT, CONTROLLER, ESTIMATOR, FAULT, MODEL, PATH, TERM
 from control.planning.constraints import CONSTRAINTS
 from control.planning.terms import TERMS
-from scenes.language.parts import Keys, PartSection, keys_of, meanings
+from scenes.language.parts import ITSELF, Keys, PartSection, keys_of, meanings
 from scenes.language.schema import OWN, Pair, Section, Tables, part, parts, quantity, setting, tables
-from scenes.models.sensors import channel_keys
+from scenes.models.sensors import ChannelSection, channel_keys
 from scenes.models.switched import switched_keys
 from scenes.models.worm.schema import SpatialScene
 
@@ -46,6 +47,7 @@ class Controller(
         "model": _listed(MODELS, "what planner and estimator take the worm for: "),
         **keys_of(Gains, prefix="gain_", only=("pi_los", OWN)),
     },
+    holds={"kind": CONTROLLER, "estimator": ESTIMATOR, "model": MODEL},
 ):
     """Controller that drives the worm."""
 
@@ -73,15 +75,15 @@ class Controller(
     told: bool = setting(True, title="whether it is told how good the sensors are; false: it takes them for usual ones")
 
 
-class Cost(PartSection, keys=_parts_keys(TERMS, "terms")):
+class Cost(PartSection, keys=_parts_keys(TERMS, "terms"), holds={"parts": TERM}):
     """Cost of a plan: its terms, and what weighs 1 in each."""
 
 
-class Constraints(PartSection, keys=_parts_keys(CONSTRAINTS, "constraints")):
+class Constraints(PartSection, keys=_parts_keys(CONSTRAINTS, "constraints"), holds={"parts": CONSTRAINT}):
     """Soft constraints of a plan, and what weighs 1 in each."""
 
 
-class Sensor(PartSection, keys=channel_keys()):
+class Sensor(ChannelSection, keys=channel_keys()):
     """Quality of the sensors, channel by channel."""
 
 
@@ -125,7 +127,7 @@ KIND = part(
 )
 
 
-class Reference(PartSection, keys={"kind": KIND}):
+class Reference(PartSection, keys={"kind": KIND}, holds={"kind": PATH}):
     """Task of the worm: how fast to go, and where to."""
 
     speed_m_s: float = quantity(0.08, unit="m/s", title="speed forward, at first; below 0 backwards")
@@ -162,7 +164,7 @@ class Reference(PartSection, keys={"kind": KIND}):
     closed: bool = setting(False, only=SPLINE, title="whether it goes on from its last point to its first")
 
 
-class Faults(PartSection, keys=switched_keys(INJECTED)):
+class Faults(PartSection, keys=switched_keys(INJECTED), holds={ITSELF: FAULT}):
     """Faults that are put in on purpose, of which the controller is told nothing; any that are asked for by name."""
 
 

@@ -6,25 +6,24 @@ length of the segment l = 2 sqrt(a^2 - h^2). What the cable pulls is the segment
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
-from scenes.language.checks import Check, Found, kind_checks
+from control.parts import HYSTERESIS
+from scenes.language.checks import Check, Found
 from scenes.language.errors import SceneError
 from scenes.language.loader import SHIPPED
-from scenes.language.parts import keys_by_parameter, part_of
+from scenes.language.parts import keys_by_parameter, part_named, part_of
 from scenes.models.base import Model, Observer, Outcome, pictures
 from scenes.models.checks import RUN_CHECKS, in_keys
 from scenes.models.load_frame import overview
 from scenes.models.load_frame.schema import NO_FILE, Frame, LoadFrameScene, Worm
+from scenes.models.sections import Run
 from scenes.models.worm.schema import Hysteresis
 from scenes.records import measured
-from worm3d.physics.hysteresis import HYSTERESES
 from worm3d.physics.worm import Worm as PlantWorm
 from worm3d.running import segment_law
 from worm3d.values.arrays import FloatArray
@@ -56,7 +55,7 @@ MOST_STEPS = 1_000_000
 
 def worm_of(scene: LoadFrameScene) -> PlantWorm:
     """Return the worm of one segment that a scene describes."""
-    hysteresis = part_of(HYSTERESES[scene.hysteresis.kind], scene.hysteresis)
+    hysteresis = part_named(HYSTERESIS, scene.hysteresis.kind, scene.hysteresis)
     return part_of(PlantWorm, scene.worm, segments=1, hysteresis=hysteresis)
 
 
@@ -170,20 +169,19 @@ def _summary(
     }
 
 
-def _can_be_pulled(file: str, *sections: Mapping[str, Any]) -> Found:
+def _can_be_pulled(file: str, worm: Worm, hysteresis: Hysteresis, frame: Frame, run: Run) -> Found:
     """Tell what the frame refuses: a file without a cable, or more cable than the segment has."""
-    given = dict(zip(("worm", "hysteresis", "frame", "run"), sections, strict=True))
-    scene = LoadFrameScene.model_validate({"model": "load_frame", **given})
+    scene = LoadFrameScene.model_construct(worm=worm, hysteresis=hysteresis, frame=frame, run=run)
     try:
         cable = cable_of(scene.frame, instants(scene))
     except SceneError as error:
         return {"frame.file": str(error)}
     try:
-        worm = worm_of(scene)
+        segment = worm_of(scene)
     except ValueError as error:
         return {"worm": in_keys(str(error), KEYS)}
     try:
-        shape(worm, cable, scene.frame.cable_per_diameter)
+        shape(segment, cable, scene.frame.cable_per_diameter)
     except ValueError as error:
         return dict.fromkeys(("frame", "worm"), in_keys(str(error), KEYS))
     return None
@@ -198,7 +196,6 @@ def _not_too_many(dt_s: float, duration_s: float) -> Found:
 
 CHECKS = (
     *RUN_CHECKS,
-    *kind_checks(Hysteresis, "hysteresis"),
     Check(("run.dt_s", "run.duration_s"), _not_too_many),
     Check(("frame.file", "worm", "hysteresis", "frame", "run"), _can_be_pulled),
 )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from functools import partial
 from inspect import signature
 from typing import Any, Literal
 
 import numpy as np
 
+from control.parts import GAIT
 from planar import linkage
 from planar.linkage.simulate import Gait, bytes_per_step
 from scenes.language.checks import Check
@@ -46,7 +47,7 @@ class Ground(Section):
     gravity_m_s2: float = quantity(_RUN["gravity"], unit="m/s^2", ge=0, title="g")
 
 
-class LinkageGait(PartSection, keys=planar_gait_keys("force")):
+class LinkageGait(PartSection, holds={"kind": GAIT}, keys=partial(planar_gait_keys, without=("force",))):
     """The commanded contraction: rest lengths are l0 (1 - amplitude x activation)."""
 
 
@@ -98,16 +99,9 @@ def gait_of(scene: LinkageScene) -> Gait:
     return lambda t: wave.amplitude * wave.activation(t, segments)
 
 
-def _can_start(
-    mass_kg: float | None,
-    worm: Mapping[str, Any],
-    friction: Mapping[str, Any],
-    ground: Mapping[str, Any],
-    gait: Mapping[str, Any],
-) -> str | None:
+def _can_start(mass_kg: float | None, worm: Worm, friction: Friction, ground: Ground, gait: LinkageGait) -> str | None:
     """Tell what the model refuses: a worm that its weight would flatten, or one too small for its numbers."""
-    sections = {"worm": worm, "friction": friction, "ground": ground, "gait": gait}
-    scene = LinkageScene.model_validate({"model": "planar_linkage", **sections})
+    scene = LinkageScene.model_construct(worm=worm, friction=friction, ground=ground, gait=gait)
     try:
         with np.errstate(all="ignore"):
             if _is_flattened(scene):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from control.gaits import Gait
+from control.parts import GAIT
 from planar import published
 from planar.published import Parameters, bytes_per_step
 from scenes.language.checks import Check, Found
@@ -43,9 +44,9 @@ class Friction(PartSection, keys=keys_of(Parameters, these=FRICTION)):
 
 class PublishedGait(
     PartSection,
-    keys=planar_gait_keys("amplitude", "force", "wavelength", direction="direct")
-    | keys_of(Parameters, these=("wavelength",), only=(WAVE,))
-    | keys_of(Parameters, these=FORCE, bounds=FORCE),
+    holds={"kind": GAIT},
+    keys=partial(planar_gait_keys, without=("amplitude", "force", "wavelength"), direction="direct"),
+    more=keys_of(Parameters, these=("wavelength",), only=(WAVE,)) | keys_of(Parameters, these=FORCE, bounds=FORCE),
 ):
     """The contraction, as a force on the connectors."""
 
@@ -86,7 +87,7 @@ def _connectors_lighter_than_worm(connector_mass_kg: float, mass_kg: float) -> F
 
 CHECKS = (
     *RUN_CHECKS,
-    *gait_checks(PublishedGait, Worm, without=("force_N",), can_sense=False),
+    *gait_checks(PublishedGait, Worm, can_sense=False),
     memory_check(bytes_per_step),
     Check(("worm.connector_mass_kg", "worm.mass_kg"), _connectors_lighter_than_worm),
 )

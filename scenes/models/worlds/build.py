@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import worm3d
-from scenes.language.parts import part_of
+from control.parts import WORLD
+from scenes.language.parts import part_named
 from scenes.models.worlds.schema import NONE, Patch, Piece, World
 
 SHIPPED = Path(__file__).parents[2]
@@ -104,4 +105,5 @@ def world_of(world: World) -> worm3d.World | None:
     if world.kind in WORLDS:
         built: worm3d.World | None = WORLDS[world.kind](world)
         return built
-    return part_of(worm3d.WORLDS[world.kind], world)
+    found: worm3d.World = part_named(WORLD, world.kind, world)
+    return found

@@ -129,9 +129,8 @@ def _step_has_a_tread(ramp_m: float, size_m: float, surface: str, kind: str) -> 
     return f"got {ramp_m} m: a step rises over at most its tread, world.size_m ({size_m} m)"
 
 
-def _world_can_be_made(file: str, section: Mapping[str, Any]) -> Found:
+def _world_can_be_made(file: str, world: World) -> Found:
     """Tell what a mesh or picture file says of itself when it is read."""
-    world = World.model_validate(section)
     if world.kind not in FILES:
         return None
     try:

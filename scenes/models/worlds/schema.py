@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import make_dataclass
 from typing import Literal
 
+from control.parts import WORLD
 from scenes.language.parts import PartSection, key_of, keys_of, meanings
 from scenes.language.schema import Pair, Points, Section, Tables, quantity, setting, tables
 from worm3d.values.parameters import parameters_of
@@ -34,6 +35,7 @@ def _kinds() -> dict[str, type]:
 NAMED = keys_of(
     _kinds(),
     by="kind",
+    own=True,
     title="plane, the inside of a pipe, a slope that leads into one, a heightfield or a mesh: the worm touches it; "
     f"{meanings(WORLDS)}; none: nothing there",
 )
@@ -198,7 +200,11 @@ class WrittenKeys(MeshKeys, TerrainKeys, PipeKeys, PlaneKeys, KindOfWorld):
     """Keys of the kinds of which they are written out; the last class comes first in a written scene."""
 
 
-class World(WrittenKeys, keys={key: of for key, of in NAMED.items() if key not in WrittenKeys.model_fields}):
+class World(
+    WrittenKeys,
+    keys={key: of for key, of in NAMED.items() if key not in WrittenKeys.model_fields},
+    holds={"kind": WORLD},
+):
     """What the worm crawls on."""
 
 

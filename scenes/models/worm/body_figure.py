@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from scenes.models.worlds.build import world_of
 from scenes.models.worm.overview import in_its_frame
-from scenes.models.worm.view import scene_of
+from scenes.models.worm.view import scene_of, world_seen
 from scenes.records.record import Record
 from worm3d.values.arrays import FloatArray
 
@@ -54,7 +53,7 @@ def body(record: Record) -> tuple[Figure, Axes]:
     low, high = low - margin, high + margin
     figure, grid, bar = (_tall_stage if climbs else _stage)(high - low, len(rows))
     most = 1.3 * float(np.abs(record["contraction"]).max()) or 1.0  # the darkest colours would hide the lines
-    world = world_of(scene_of(record).world)
+    world = world_seen(record, scene_of(record))
     for k, row in enumerate(rows):
         com = in_its_frame(record, record["com"][row])
         for axes, across in zip(grid[k], (2, 1), strict=False):

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 import worm3d
 from control.gaits import Gait
-from control.gaits.reflexes import REFLEXES
 from control.gaits.reflexive import Reflexive
+from control.parts import ACTUATOR, HYSTERESIS, LAW, MEASURE, MEDIUM, REFLEX
 from control.sensing.sensors import Channel, Sensors
 from planar.linkage import Linkage
-from scenes.language.parts import keys_by_parameter, part_of
+from scenes.language.parts import keys_by_parameter, part_named, part_of
 from scenes.models.base import Observer
 from scenes.models.sections import gait_from
 from scenes.models.sensors import channels_of
@@ -32,25 +32,18 @@ from scenes.models.worm.schema import (
     Start,
     Worm,
 )
-from worm3d.physics.actuator_names import ACTUATORS
-from worm3d.physics.friction_laws import LAWS
-from worm3d.physics.hysteresis import HYSTERESES
-from worm3d.physics.media import MEDIA
+from worm3d.measures import MEASURES, Measure
 from worm3d.running import run as runs
 from worm3d.running.accuracy import begin
 from worm3d.running.actuation import Actuation, Sensor
 from worm3d.running.problem import Problem
+from worm3d.values import named
 
 KEYS, PLANAR_KEYS = keys_by_parameter(worm3d.Worm, Worm), keys_by_parameter(Linkage, PlanarWorm)
 """Key of each parameter of `worm3d.Worm`, and of `worm3d.Worm.planar`, in the section [worm]."""
 
-PARTS: dict[str, dict[str, Any]] = {
-    "actuator": ACTUATORS,
-    "hinge_actuator": ACTUATORS,
-    "hysteresis": HYSTERESES,
-    "medium": MEDIA,
-}
-"""Classes by name that a section of the 3D worm chooses from, by that section and parameter of `worm3d.Worm`."""
+PARTS = {"actuator": ACTUATOR, "hinge_actuator": ACTUATOR, "hysteresis": HYSTERESIS, "medium": MEDIUM}
+"""Kind of parts that a section of the 3D worm chooses from, by that section and parameter of `worm3d.Worm`."""
 
 STEPS_BETWEEN_LOOKS = 50
 """Steps between two looks at whether the user wants a run without a controller to end, about."""
@@ -120,21 +113,21 @@ def worm_of(scene: AnyWormScene) -> worm3d.Worm:
     """Return the worm that the section [worm] describes."""
     if isinstance(scene, PlanarWormScene):
         return worm3d.Worm.planar(**{parameter: getattr(scene.worm, key) for parameter, key in PLANAR_KEYS.items()})
-    parts = {name: (registry, getattr(scene, name)) for name, registry in PARTS.items()}
-    chosen: dict[str, Any] = {name: part_of(registry[own.kind], own) for name, (registry, own) in parts.items()}
+    parts = {name: (kind, getattr(scene, name)) for name, kind in PARTS.items()}
+    chosen: dict[str, Any] = {name: part_named(kind, own.kind, own) for name, (kind, own) in parts.items()}
     return replace(part_of(worm3d.Worm, scene.worm), **chosen)
 
 
 def friction_of(scene: AnyWormScene) -> worm3d.Friction:
     """Return the coefficients of friction and their law."""
-    return part_of(worm3d.Friction, scene.friction, law=part_of(LAWS[scene.friction.law], scene.friction))
+    return part_of(worm3d.Friction, scene.friction, law=part_named(LAW, scene.friction.law, scene.friction))
 
 
 def gait_of(scene: AnyWormScene) -> Gait | Reflexive:
     """Return the gait of a scene that has one, with the reflexes that it asks for."""
     assert isinstance(scene, GaitScene)
     gait, asked = gait_from(scene.gait, scene.run.dt_s), scene.reflexes
-    reflexes = switched_parts(REFLEXES, asked)
+    reflexes = switched_parts(REFLEX, asked)
     return Reflexive(gait, tuple(reflexes)) if reflexes else gait
 
 
@@ -145,6 +138,13 @@ def sensor_of(scene: AnyWormScene) -> Sensor | None:
     if all(each == Channel(noise=0.0) for each in channels.values()):
         return None
     return Sensors(seed=scene.seed, **{"strain": None, "com": None, **channels})
+
+
+def measures_of(scene: AnyWormScene) -> list[Measure]:
+    """Return the measures of a user's own that a scene asks for; ValueError where one is none."""
+    entered = {id(each.function): each for each in MEASURES.values() if each.function}
+    found = [(name, named.own(name, MEASURE)) for name in scene.measures.parts]
+    return [entered.get(id(part)) or part_named(MEASURE, name, getattr(scene.measures, name)) for name, part in found]
 
 
 def gravity_of(scene: AnyWormScene) -> NDArray[np.float64]:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from control.gaits import GAITS, FeedbackGait
+from control.gaits import FeedbackGait
 from control.gaits.reflexes import REFLEXES
-from scenes.language.checks import Check, Found, kind_checks
+from control.parts import GAIT
+from scenes.language.checks import Check, Found
+from scenes.language.parts import class_named
+from scenes.language.schema import Section
 from scenes.language.toml import shown
 from scenes.models.checks import RUN_CHECKS, gait_checks, in_keys, list_checks, too_much_memory
 from scenes.models.switched import switched_checks
 from scenes.models.worlds.build import world_of
 from scenes.models.worlds.checks import SECTION_CHECKS, WORM_IN_PIPE_CHECKS
-from scenes.models.worlds.schema import World
 from scenes.models.worm.build import KEYS, PARTS, gravity_of, start_of, worm_of
 from scenes.models.worm.schema import (
     Actuator,
@@ -44,11 +46,11 @@ SPATIAL_STARTS_WITH = (*STARTS_WITH, *PARTS)
 """Sections that decide whether a 3D worm can start."""
 
 
-def start_check(model: str, schema: type[Surroundings], names: tuple[str, ...] = SPATIAL_STARTS_WITH) -> Check:
-    """Return the check that the worm of a scene of a model can start, which the sections `names` decide."""
+def start_check(schema: type[Surroundings], names: tuple[str, ...] = SPATIAL_STARTS_WITH) -> Check:
+    """Return the check that the worm of a scene can start, which the sections `names` decide."""
 
-    def can_start(mass_kg: float | None, *sections: Mapping[str, Any]) -> Found:
-        return _refusal(schema.model_validate({"model": model, **dict(zip(names, sections, strict=True))}))
+    def can_start(mass_kg: float | None, *sections: Section) -> Found:
+        return _refusal(schema.model_construct(**dict[str, Any](zip(names, sections, strict=True))))
 
     return Check(("worm.mass_kg", *names), can_start)
 
@@ -109,10 +111,11 @@ def _fits_into_memory(dt_s: float, duration_s: float, segments: int, record_ever
     return too_much_memory(needed, steps, segments, remedy)
 
 
-def _errors_are_felt(sensor: Mapping[str, Any], reflexes: Mapping[str, Any], kind: str) -> Found:
+def _errors_are_felt(sensor: Senses, reflexes: Reflexes, kind: str) -> Found:
     """Tell of errors of sensors where nothing senses."""
-    wrong = [key for key, value in sensor.items() if value != Senses.model_fields[key].default]
-    if not wrong or any(reflexes.get(name) for name in REFLEXES) or issubclass(GAITS[kind], FeedbackGait):
+    wrong = [key for key, value in sensor if value != Senses.model_fields[key].default]
+    gait = class_named(GAIT, kind)
+    if not wrong or any(value is True for _, value in reflexes) or issubclass(gait, FeedbackGait):
         return None
     return f"got {wrong[0]}: neither the gait {kind!r} nor a reflex senses anything; leave this section out"
 
@@ -125,7 +128,6 @@ REFLEX_CHECKS = (
 
 WORLD_CHECKS = (
     *RUN_CHECKS,
-    *kind_checks(World, "world"),
     Check(("run.gravity_m_s2",), _g_or_a_vector),
     Check(("run.accuracy", "run.integrator"), _accuracy_by_bdf2),
     *SECTION_CHECKS,
@@ -139,15 +141,10 @@ SPATIAL_CHECKS = (
     *WORLD_CHECKS,
     *list_checks(Worm, "worm"),
     *list_checks(Friction, "friction"),
-    *kind_checks(Friction, "friction", "law"),
     *list_checks(Actuator, "actuator"),
-    *kind_checks(Actuator, "actuator"),
     *list_checks(HingeActuator, "hinge_actuator", per="joint"),
-    *kind_checks(HingeActuator, "hinge_actuator"),
     *list_checks(Hysteresis, "hysteresis"),
-    *kind_checks(Hysteresis, "hysteresis"),
     *list_checks(Medium, "medium"),
-    *kind_checks(Medium, "medium"),
     Check(("worm.stroke",), _stroke_holds_rest),
     *WORM_IN_PIPE_CHECKS,
 )
@@ -157,15 +154,14 @@ WORM_CHECKS = (
     *SPATIAL_CHECKS,
     *gait_checks(WormGait, Worm),
     *REFLEX_CHECKS,
-    start_check("worm", WormScene),
+    start_check(WormScene),
 )
 
 PLANAR_CHECKS = (
     *WORLD_CHECKS,
     *list_checks(PlanarWorm, "worm"),
     *list_checks(PlanarFriction, "friction"),
-    *kind_checks(PlanarFriction, "friction", "law"),
     *gait_checks(PlanarGait, PlanarWorm),
     *REFLEX_CHECKS,
-    start_check("worm_planar", PlanarWormScene, STARTS_WITH),
+    start_check(PlanarWormScene, STARTS_WITH),
 )

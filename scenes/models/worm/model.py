@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TypeVar
 
 import worm3d
@@ -11,10 +12,12 @@ from scenes.models.base import Model, Observer, Outcome, Status, Watch, pictures
 from scenes.models.checks import in_keys
 from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
-from scenes.models.worm.build import KEYS, Drive, simulate
+from scenes.models.worm.build import KEYS, Drive, measures_of, simulate
 from scenes.models.worm.checks import PLANAR_CHECKS, WORM_CHECKS
 from scenes.models.worm.schema import AnyWormScene, GaitScene, PlanarWormScene, WormScene
 from scenes.records.record import Cell, Record, fault_row
+from worm3d.measures import Measure, Metric
+from worm3d.values.named import EXCEPTIONS, is_own, told
 
 S = TypeVar("S", WormScene, PlanarWormScene)
 
@@ -34,13 +37,13 @@ OF_THE_CLOCK = ("status", "real_time_factor")
 
 def run(scene: GaitScene, observer: Observer) -> Outcome:
     """Simulate a scene."""
-    return outcome(simulated(scene, observer))
+    return outcome(simulated(scene, observer), scene)
 
 
 def watch(scene: GaitScene, observer: Observer, how: Watch) -> Outcome:
     """Simulate a scene in a live view, in whose browser it is seen as it goes on."""
     with worm3d.Live(speed=how.speed, began=how.began) as live:
-        return outcome(simulated(scene, observer, live=live))
+        return outcome(simulated(scene, observer, live=live), scene)
 
 
 def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
@@ -53,7 +56,7 @@ def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:
             f"{earlier.name}: made by another version of worm3d, it has no {', '.join(lacking)} to go on from"
         )
     rest = simulated(scene, observer, state_of(earlier.checkpoint), earlier.sizes["step"])
-    return outcome(joined(earlier, rest))
+    return outcome(joined(earlier, rest), scene)
 
 
 def simulated(
@@ -86,11 +89,13 @@ def faults_of(result: worm3d.Result) -> list[dict[str, Cell]]:
     return found
 
 
-def outcome(result: worm3d.Result) -> Outcome:
-    """Return a run as what the command line takes."""
+def outcome(result: worm3d.Result, scene: AnyWormScene) -> Outcome:
+    """Return a run as what the command line takes, with the measures that its scene asks for."""
     from worm3d.results.files import checkpoint_of, described  # imports the libraries of files
 
-    figures, period, faults = result.summary(), result.period, faults_of(result)
+    asked = {measure.name: measured(measure, result) for measure in measures_of(scene)}
+    figures = {**result.summary(), **{name: value for name, (value, _) in asked.items()}}
+    period, faults = result.period, faults_of(result)
     speed = figures["mean_speed_m_s"]
     merits = {
         **{name: figure for name, figure in figures.items() if name not in OF_THE_CLOCK},
@@ -98,7 +103,8 @@ def outcome(result: worm3d.Result) -> Outcome:
         "mass_kg": result.worm.mass,
         "faults": faults,
     }
-    reasons, (run, parts) = result.reasons(), described(result)
+    reasons = {**result.reasons(), **{name: why for name, (value, why) in asked.items() if value is None}}
+    run, parts = described(result, asked)
     return Outcome(
         status=_status(result.status),
         sentence=result.stop.sentence,
@@ -113,6 +119,14 @@ def outcome(result: worm3d.Result) -> Outcome:
     )
 
 
+def measured(measure: Measure, result: worm3d.Result) -> Metric:
+    """Return a measure of a run; what one of a user's own raises is why it has no value."""
+    try:
+        return measure(result)
+    except EXCEPTIONS as error:
+        return None, told(error)
+
+
 def _errors(result: worm3d.Result) -> dict[str, float]:
     """Return what figures of the summary may be off by; nothing without an accuracy."""
     errors = {} if result.error_estimate is None else dict(result.error_estimate.figures)
@@ -125,6 +139,13 @@ def _status(status: worm3d.Status) -> Status:
     if status.diverged:
         return "diverged"
     return "done" if status is worm3d.Status.DONE else "interrupted"
+
+
+def _period(scene: GaitScene, record: Record) -> float | None:
+    """Return the period of the gait of a stored run [s]; that of a user's own as it was stored."""
+    own = is_own(scene.gait.kind)
+    found: float | None = json.loads(record.run or "{}").get("period") if own else scene.gait.period_s
+    return found
 
 
 def model_of(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) -> Model[S]:
@@ -142,7 +163,7 @@ def model_of(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) 
         view=worm_view.view,
         mesh=worm_view.mesh,
         watch=watch,
-        beside=lambda scene, record, rows: {"period": scene.gait.period_s},
+        beside=lambda scene, record, rows: {"period": _period(scene, record)},
         advice=ADVICE,
         headlines=(
             ("speed_BL_per_period", "speed", "BL/period"),

@@ -2,49 +2,58 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, Literal
 
 from control.gaits.reflexes import REFLEXES
+from control.parts import ACTUATOR, GAIT, HYSTERESIS, LAW, MEASURE, MEDIUM, REFLEX
 from planar.linkage import Linkage
-from scenes.language.parts import PartSection, keys_of
-from scenes.language.schema import Each, Pair, Section, Triple, quantity, setting
+from scenes.language.parts import ITSELF, Keys, PartSection, chosen, keys_of
+from scenes.language.schema import Each, Pair, Section, Triple, parts, quantity, setting
 from scenes.models.sections import BODY_BOUNDS, Run, Settings, gait_keys, planar_gait_keys
-from scenes.models.sensors import channel_keys
+from scenes.models.sensors import ChannelSection, channel_keys
 from scenes.models.switched import switched_keys
 from scenes.models.worlds.schema import World
-from worm3d.physics.actuator_names import ACTUATORS
 from worm3d.physics.friction import Friction as PlantFriction
-from worm3d.physics.friction_laws import LAWS
-from worm3d.physics.hysteresis import HYSTERESES
-from worm3d.physics.media import MEDIA
 from worm3d.physics.worm import Worm as PlantWorm
 
 
-class Actuator(PartSection, keys=keys_of(ACTUATORS, by="kind", title="what drives the chambers", own_defaults=True)):
+def _of_hinges(registry: Mapping[str, Any]) -> Keys:
+    """Return the keys of the actuators that may drive hinges."""
+    parts = {name: part for name, part in registry.items() if getattr(part, "drives_hinges", True)}
+    return chosen(parts, title="what drives the hinges")
+
+
+class Actuator(
+    PartSection,
+    holds={"kind": ACTUATOR},
+    keys=partial(chosen, title="what drives the chambers", own_defaults=True),
+):
     """Actuator of the chambers: their response to their commands."""
 
 
-_HINGE = {name: part for name, part in ACTUATORS.items() if part.drives_hinges}
-
-
-class HingeActuator(PartSection, keys=keys_of(_HINGE, by="kind", title="what drives the hinges")):
+class HingeActuator(PartSection, holds={"kind": ACTUATOR}, keys=_of_hinges):
     """Actuator of the hinges: their response to their commands."""
 
 
 class Hysteresis(
-    PartSection, keys=keys_of(HYSTERESES, by="kind", title="friction in the joints of the chambers, which rub")
+    PartSection,
+    holds={"kind": HYSTERESIS},
+    keys=partial(chosen, title="friction in the joints of the chambers, which rub"),
 ):
     """Friction in the joints of the chambers: hysteresis that does not depend on the rate."""
 
 
 class Medium(
-    PartSection, keys=keys_of(MEDIA, by="kind", title="viscous medium: how worm.drag_N_s_m follows the shape")
+    PartSection,
+    holds={"kind": MEDIUM},
+    keys=partial(chosen, title="viscous medium: how worm.drag_N_s_m follows the shape"),
 ):
     """Viscous medium around the worm."""
 
 
-LAW = keys_of(LAWS, by="law", title="law of friction: what is made of the coefficients", aka=("kind", "type"))
-"""Keys of the laws of friction."""
+_laws = partial(chosen, by="law", title="law of friction: what is made of the coefficients", aka=("kind", "type"))
 
 
 class Worm(
@@ -57,28 +66,36 @@ class PlanarWorm(PartSection, keys=keys_of(Linkage, bounds=BODY_BOUNDS)):
     """The chain of rhombic linkages, with the parameters of the planar model."""
 
 
-class Friction(PartSection, keys=keys_of(PlantFriction) | LAW):
+class Friction(PartSection, more=keys_of(PlantFriction), holds={"law": LAW}, keys=_laws):
     """Directional friction that sticks."""
 
 
-class PlanarFriction(PartSection, keys=keys_of(PlantFriction, without=("lateral",)) | LAW):
+class PlanarFriction(PartSection, more=keys_of(PlantFriction, without=("lateral",)), holds={"law": LAW}, keys=_laws):
     """Directional friction that sticks, along the plane."""
 
 
-class WormGait(PartSection, keys=gait_keys()):
+class WormGait(PartSection, holds={"kind": GAIT}, keys=gait_keys):
     """Commands of the chambers, to shorten by amplitude x activation, and of the hinges."""
 
 
-class PlanarGait(PartSection, keys=planar_gait_keys()):
+class PlanarGait(PartSection, holds={"kind": GAIT}, keys=planar_gait_keys):
     """Commands of the chambers, to shorten by amplitude x activation."""
 
 
-class Reflexes(PartSection, keys=switched_keys(REFLEXES)):
+class Reflexes(PartSection, keys=switched_keys(REFLEXES), holds={ITSELF: REFLEX}):
     """Reflexes, which change the gait's contractions by what is felt, in this order; any that are asked for by name."""
 
 
-class Senses(PartSection, keys=channel_keys(exact=True)):
+class Senses(ChannelSection, keys=channel_keys(exact=True)):
     """Errors of what the gait and its reflexes feel; without any they feel exactly."""
+
+
+class Measures(
+    PartSection,
+    keys={"parts": parts((), title="measures of your own, beside those that every summary has")},
+    holds={"parts": MEASURE},
+):
+    """What the run is judged by."""
 
 
 class PlanarStart(Section):
@@ -147,6 +164,7 @@ class Surroundings(Settings):
     run: WormRun = WormRun()
     world: World = World()
     push: Push = Push()
+    measures: Measures = Measures()
 
 
 class SpatialScene(Surroundings):

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenes import models
+from scenes.language import own
 from scenes.language.errors import SceneError
 from scenes.language.mistakes import report, schema_mistakes
 from scenes.language.schema import with_own_defaults
@@ -18,6 +19,8 @@ from scenes.models.worm.build import worm_of
 from scenes.models.worm.schema import AnyWormScene
 from scenes.records.record import Record
 from worm3d.results import pictures
+from worm3d.values.named import is_own
+from worm3d.worlds import World
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,18 +32,22 @@ if TYPE_CHECKING:
 SEEN = ("model", "worm", "world")
 """Sections without which a worm cannot be drawn; of the others only the period of the gait is."""
 
+SHOWN = ("world", "gait", "reference")
+"""Sections of which it is shown in pictures what a user's own part was, as the record has it."""
+
 
 def scene_of(record: Record) -> AnyWormScene:
-    """Return the scene that a record was made from, as far as it is seen.
+    """Return the scene that a record was made from, as far as it is seen: without parameters of a user's own parts.
 
-    Sections with what is not known here, such as a gait of a module that has not been imported, are as by default.
+    Sections with what is not known here, such as a gait that registers as its module is imported, are as by default.
 
     Raises
     ------
     SceneError
         There is such a thing in a section that is seen.
     """
-    schema, written = models.get(record.model).schema, tomllib.loads(record.scene)
+    schema = models.get(record.model).schema
+    written = own.without(schema, tomllib.loads(record.scene), but=SHOWN)
     if mistakes := schema_mistakes(schema, written):
         unknown = {mistake.path[0] for mistake in mistakes}
         if unknown & {*SEEN}:
@@ -51,6 +58,16 @@ def scene_of(record: Record) -> AnyWormScene:
         written = with_own_defaults(schema, {**written, "gait": period} if "gait" in unknown else written)
     scene: AnyWormScene = schema.model_validate(written)
     return scene
+
+
+def world_seen(record: Record, scene: AnyWormScene) -> World | None:
+    """Return the world of a stored run; that of a module of a user's own as it was stored, for nothing is imported."""
+    from worm3d.results.files import world_of as stored  # imports the libraries of files
+
+    if not is_own(scene.world.kind):
+        return world_of(scene.world)
+    world: World | None = stored(record.run, record.parts)
+    return world
 
 
 def frames_of(
@@ -66,7 +83,7 @@ def frames_of(
     scene = scene_of(record)
     rows = slice(None) if until is None else record["time"] <= until
     series = {name: record[name][rows] for name in pictures.SERIES}
-    worm, world = worm_of(scene), world_of(scene.world)
+    worm, world = worm_of(scene), world_seen(record, scene)
     beside = models.get(record.model).beside
     assert beside is not None
     return pictures.arrays(series, worm, world, fps=fps, at=at, **beside(scene, record, rows))

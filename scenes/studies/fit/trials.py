@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from scenes.language.errors import DiscError, MissingPartError, SceneError
+from scenes.language.toml import path_of
 from scenes.models.loading import Scene, parse_scene
 from scenes.records.measured import at_instants, simulated_like
 from scenes.records.record import Record
@@ -129,7 +130,7 @@ class Trials:
     def number(self, key: str) -> float | None:
         """Return the number that the scene has for a key, None if it has none, or varies it."""
         value: Any = None if key in [each.key for each in self.varied] else self._settings
-        for name in key.split("."):
+        for name in path_of(key):
             value = getattr(value, name, None)
         return float(value) if isinstance(value, float | int) and not isinstance(value, bool) else None
 

@@ -10,6 +10,7 @@ from typing import Any
 from scenes.language.errors import SceneError
 from scenes.language.mistakes import meant_key
 from scenes.language.schema import bounds_of, field_at, is_number, is_whole, meaning, range_text, unit_of
+from scenes.language.toml import path_of
 from scenes.models.loading import Scene
 
 EDGE = 1e-6
@@ -79,7 +80,7 @@ def _range(key: str, text: str) -> tuple[float, float]:
 
 
 def _varied(scene: Scene, key: str, given: tuple[float, float] | None) -> Varied:
-    path = tuple(part.strip() for part in key.split("."))
+    path = path_of(key)
     field = field_at(scene.model.schema, path) if all(path) else None
     value = _value(scene.settings, path)
     if field is None or value is KeyError:

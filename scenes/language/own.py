@@ -1,0 +1,160 @@
+"""Parts of a user's own in a scene, `module:NAME`: the schema of such a scene, and a scene without them.
+
+Where a key names one, as gait.kind, the parameters of the part are keys of the section. Where a section lists several,
+as cost.parts, or has the parts themselves, as [fault], each has a sub-section, [fault."my_robot:Slip"]; such a part may
+also be switched, fault."my_robot:Slip" = true.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from functools import cache
+from typing import Any, NamedTuple, TypeVar
+
+from pydantic import create_model
+
+from scenes.language.checks import of_this_kind
+from scenes.language.mistakes import Mistake
+from scenes.language.parts import ITSELF, Keys, PartSection, head, keys_of
+from scenes.language.schema import OWN, Section, only_for, section_type
+from worm3d.values import named
+from worm3d.values.named import Kind
+
+S = TypeVar("S", bound=Section)
+
+
+class _Named(NamedTuple):
+    """A part of a user's own that a section names."""
+
+    key: str
+    """Key of `PartSection.holds`."""
+    name: str
+    """`module:NAME`."""
+    kind: Kind
+    parts: tuple[Any, ...] = ()
+    """The part, once it has been found."""
+
+    def __hash__(self) -> int:
+        return hash((self.key, self.name, *map(id, self.parts)))
+
+    def in_a_section(self, section: type[Section]) -> bool:
+        """Return whether its parameters stand in a section of their own: it is one of several in a section."""
+        return self.key == ITSELF or isinstance(section.model_fields[self.key].default, tuple)
+
+
+def completed(schema: type[S], data: Mapping[str, Any]) -> tuple[type[S], dict[str, Any], list[Mistake]]:
+    """Return the schema of a scene with the keys of the parts that it names, its data, and what is wrong with these.
+
+    Their modules are imported. In the data, a switch becomes a sub-section.
+    """
+    filled, mistakes, changed = dict(data), list[Mistake](), dict[str, type[Section]]()
+    for name, section, given, asked in _sections(schema, data):
+        found, lost = [], set()
+        for each in asked:
+            try:
+                found.append(each._replace(parts=(named.own(each.name, each.kind),)))
+            except ValueError as error:
+                lost.add(each.name)
+                mistakes.append(Mistake((name, each.key or each.name), str(error)))
+        off = {each.name for each in found if given.get(each.name) is False}
+        found = [each for each in found if each.name not in off]
+        filled[name] = {key: value for key, value in given.items() if key not in lost | off}
+        filled[name] |= {
+            each.name: _as_section(given.get(each.name, {})) for each in found if each.in_a_section(section)
+        }
+        if lost:  # whose keys are not known
+            known = {*section.model_fields, *(each.name for each in found)}
+            filled[name] = {key: value for key, value in filled[name].items() if key in known}
+        if found:
+            changed[name], clashes = _extended(section, tuple(found))
+            mistakes += [Mistake((name, each.key), text) for each, text in clashes]
+            for key in section.model_fields.keys() - changed[name].model_fields.keys() & filled[name].keys():
+                value, field = filled[name].pop(key), section.model_fields[key]
+                text = of_this_kind(value, found[0].name, key=f"{name}.{found[0].key}", field=field)
+                mistakes += [Mistake((name, key), str(text))] if text else []
+    return _with(schema, tuple(changed.items())) if changed else schema, filled, mistakes
+
+
+def without(schema: type[Section], data: Mapping[str, Any], but: Collection[str] = ()) -> dict[str, Any]:
+    """Return the data of a scene without parts of a user's own, none of which is imported.
+
+    Sections are left out whose first key names one, those of `but` keep the name and what is not the part's.
+    """
+    filled = dict(data)
+    for name, section, given, there in _sections(schema, data):
+        filled[name] = {key: value for key, value in given.items() if key in section.model_fields}
+        if name not in but and not there[0].in_a_section(section):
+            del filled[name]
+    return filled
+
+
+def _sections(
+    schema: type[Section], data: Mapping[str, Any]
+) -> Iterator[tuple[str, type[PartSection], Mapping[str, Any], list[_Named]]]:
+    """Yield name, schema and data of each section that names parts of a user's own, and these."""
+    for name, declared in schema.model_fields.items():
+        section, given = section_type(declared), data.get(name)
+        if section is not None and issubclass(section, PartSection) and isinstance(given, Mapping):
+            there = [_Named(key, each, kind) for key, kind in section.holds.items() for each in _own_names(given, key)]
+            if there:
+                yield name, section, given, there
+
+
+def _own_names(given: Mapping[str, Any], key: str) -> list[str]:
+    value = list(given) if key == ITSELF else given.get(key)
+    names = value if isinstance(value, list | tuple) else [value]
+    return [name for name in dict.fromkeys(filter(_is_text, names)) if named.is_own(name)]
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _as_section(value: Any) -> Any:
+    return {} if value is True else value
+
+
+@cache
+def _extended(
+    section: type[PartSection], own: tuple[_Named, ...]
+) -> tuple[type[Section], tuple[tuple[_Named, str], ...]]:
+    """Return a section with the keys of parts of a user's own, and which of these parts clash with other keys."""
+    first = next(iter(section.holds))
+    is_chosen = any(each.key == first and not each.in_a_section(section) for each in own)
+    fields: dict[str, Any] = {
+        key: (declared.annotation, declared)
+        for key, declared in section.model_fields.items()
+        if not is_chosen or (key not in section.of_parts and (not only_for(declared) or OWN in only_for(declared)))
+    }
+    clashes: list[tuple[_Named, str]] = []
+    for each in own:
+        (part,) = each.parts
+        if each.in_a_section(section):
+            inner = create_model(
+                "Own", __base__=Section, __doc__=head(part), **dict[str, Any](section.each(each.name, part))
+            )
+            fields[each.name] = (inner, inner.model_construct())
+            continue
+        keys = _keys(section, each, part) if each.key == first else {}
+        taken = [key for key in keys if key in fields]
+        clashes += [
+            (each, f"{each.name}: the key {key} of its parameter is taken; rename the parameter") for key in taken
+        ]
+        fields |= keys
+    made: Any = create_model(section.__name__, __base__=PartSection, __doc__=section.__doc__, **fields)
+    made.holds = {} if is_chosen else section.holds
+    return made, tuple(clashes)
+
+
+def _keys(section: type[PartSection], each: _Named, part: Any) -> Keys:
+    """Return the keys of the parameters of a part, as those that ship would have them."""
+    made = section.source({each.name: part}) if hasattr(section, "source") else keys_of({each.name: part})
+    return {key: declared for key, declared in made.items() if key not in section.holds}
+
+
+@cache
+def _with(schema: type[S], sections: tuple[tuple[str, type[Section]], ...]) -> type[S]:
+    """Return a schema with other sections, by name."""
+    fields: Any = {name: (section, schema.model_fields[name].default) for name, section in sections}
+    made: type[S] = create_model(schema.__name__, __base__=schema, **fields)
+    return made
