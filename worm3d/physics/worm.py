@@ -9,9 +9,11 @@ import numpy as np
 from worm3d.physics.actuators import Actuator, FirstOrder
 from worm3d.physics.body import MOST_SEGMENTS, Body
 from worm3d.physics.hysteresis import Hysteresis
+from worm3d.physics.load import HEAD, Load
 from worm3d.physics.media import Medium
 from worm3d.physics.part import Numbers
 from worm3d.values import arguments
+from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 from worm3d.values.spelling import spelled
 
@@ -37,6 +39,8 @@ class Worm(Body):
     """Friction in the joints of the chambers; `Hysteresis()` is none."""
     medium: Medium = field(default_factory=Medium)
     """Makes `drag` follow the shape; `Medium()` resists alike whatever it is."""
+    load: Load | tuple[Load, ...] = field(default_factory=Load)
+    """What it carries or drags, one load or several; `Load()` is none."""
     flat: bool = parameter(False, meaning="whether the worm stays in its plane: y, roll and bend are held (`planar`)")
 
     @classmethod
@@ -116,6 +120,13 @@ class Worm(Body):
         self.hysteresis.require_size("hysteresis", n)
         arguments.instance("medium", self.medium, Medium, "a worm3d.Medium such as worm3d.StrainDrag()")
         self.medium.require_size("medium", n)
+        given = self.load if isinstance(self.load, tuple | list) else (self.load,)
+        for each in given:
+            arguments.instance("load", each, Load, "a worm3d.Load such as worm3d.Tether(), or some in a tuple")
+            if not HEAD <= each.at <= n:
+                raise ValueError(f"load.joint: got {each.at}, must be from 0, the tail, to {n}, or {HEAD} for the head")
+        if isinstance(self.load, list):
+            object.__setattr__(self, "load", tuple(self.load))
         if self.drag == 0.0 and type(self.medium) is not Medium:
             raise ValueError(f"drag: got {self.drag!r} N s/m, must be above 0 with a medium, which multiplies it")
         if not self.hinge_actuator.drives_hinges:
@@ -123,3 +134,17 @@ class Worm(Body):
             raise ValueError(f"hinge_actuator: got {wrong}, which acts on chambers alone; use it as the actuator")
         if self.flat and self.chamber_offset != 0.0:
             raise ValueError(f"chamber_offset: got {self.chamber_offset!r}, must be 0 in a worm that is flat")
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """The loads that it has."""
+        given = self.load if isinstance(self.load, tuple) else (self.load,)
+        return tuple(each for each in given if type(each) is not Load)
+
+    @property
+    def load_mass(self) -> FloatArray:
+        """Mass that loads add to each joint, shape (N+1,) [kg]; no part of the worm's."""
+        mass = np.zeros(self.segments + 1)
+        for each in self.loads:
+            mass[each.at] += each.mass_carried
+        return mass

@@ -18,6 +18,7 @@ import numpy as np
 
 from worm3d.physics.actuators import Actuator
 from worm3d.physics.hysteresis import Hysteresis, chamber_states
+from worm3d.physics.load import Load
 from worm3d.physics.worm import Worm
 from worm3d.values.arrays import FloatArray, IntArray
 from worm3d.values.documented import by
@@ -139,15 +140,23 @@ def series_of(holder: type) -> dict[str, Series]:
 
 
 def states_of(worm: Worm) -> dict[str, Series]:
-    """Return the states of a worm's actuators and of its joints' friction as series.
+    """Return the states of a worm's actuators, of its joints' friction and of its loads as series.
 
-    Those of hinges have "hinge_" before their names, those of friction "hysteresis_".
+    Those of hinges have "hinge_" before their names, those of friction "hysteresis_", those of loads "load_", and those
+    of further loads "load_2_" and so on.
     """
-    return states_of_parts(type(worm.actuator), type(worm.hysteresis), type(worm.hinge_actuator))
+    return states_of_parts(*part_classes(worm))
 
 
-def states_of_parts(chamber: type[Actuator], own: type[Hysteresis], hinge: type[Actuator]) -> dict[str, Series]:
-    """Return the states of such actuators and such friction in the joints as series."""
+def part_classes(worm: Worm) -> tuple[Any, ...]:
+    """Return the classes that `states_of_parts` takes."""
+    return type(worm.actuator), type(worm.hysteresis), type(worm.hinge_actuator), *map(type, worm.loads)
+
+
+def states_of_parts(
+    chamber: type[Actuator], own: type[Hysteresis], hinge: type[Actuator], *loads: type[Load]
+) -> dict[str, Series]:
+    """Return the states of such actuators, such friction in the joints and such loads as series."""
     found = {}
     for k, (name, unit) in enumerate(chamber_states(chamber, own).items()):
         of = "actuator" if name in chamber.states else "joints"
@@ -156,6 +165,12 @@ def states_of_parts(chamber: type[Actuator], own: type[Hysteresis], hinge: type[
     for k, (name, unit) in enumerate(hinge.states.items()):
         meaning = f"{name} of the actuator of each hinge"
         found[f"hinge_{name}"] = Series(("time", "inner_joint"), unit, meaning, Rows("hinge_states", k))
+    names = [(k, name, unit) for k, kind in enumerate(loads) for name, unit in kind.states.items()]
+    for row, (k, name, unit) in enumerate(names):
+        which = f"{k + 1}_" if k else ""
+        found[f"load_{which}{name}"] = Series(
+            ("time",), unit, f"{name} of the load", Entries("loads", len(loads) + row)
+        )
     return found
 
 
@@ -199,7 +214,8 @@ class Recorded(ReadOnly):
 
     worm: Worm
     actuator_states: Mapping[str, FloatArray]
-    """States of the actuators by name (`states_of`); those of chambers of shape (T, N, 2), of hinges (T, N-1)."""
+    """States of the actuators by name (`states_of`); those of chambers of shape (T, N, 2), of hinges (T, N-1), of loads
+    (T,)."""
     time: FloatArray = recorded("time", "s", "time")
     joints: FloatArray = recorded("time joint axis", "m", "joints, from tail to head", Rows("joints"))
     joint_velocity: FloatArray = recorded("time joint axis", "m/s", "velocity of the joints", Rows("joint_velocity"))
@@ -295,6 +311,14 @@ class Recorded(ReadOnly):
     def apexes(self) -> FloatArray:
         """Apexes in the order of NOTATION.md, shape (T, N, 6, 3) [m]."""
         return self.points[:, :, :6]
+
+    @property
+    def com_with_load(self) -> FloatArray:
+        """Centre of mass of worm and payloads, shape (T, 3) [m]."""
+        mass = self.worm.load_mass
+        total = self.worm.mass * self.com + np.einsum("j,tjd->td", mass, self.joints)
+        com: FloatArray = read_only(total / (self.worm.mass + mass.sum()))
+        return com
 
     @property
     def end_load(self) -> FloatArray:

@@ -62,7 +62,11 @@ class Places:
 
     def _key(self, problem: Problem, *parts: object) -> Hashable:
         worm, law = problem.worm, type(problem.friction.law)
-        classes = type(worm), *map(type, (worm.actuator, worm.hinge_actuator, worm.hysteresis, worm.medium)), law
+        classes = (
+            type(worm),
+            *map(type, (worm.actuator, worm.hinge_actuator, worm.hysteresis, worm.medium, *worm.loads)),
+            law,
+        )
         fixed = problem.weight.tobytes(), problem.held_mask.tobytes()
         world = problem.world if _is_ours(problem.world) else id(problem.world)
         return world, classes, fixed, _content((worm, *parts))

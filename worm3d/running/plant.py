@@ -15,11 +15,12 @@ from worm3d.machine.codegen import Kernel, compile_kernel
 from worm3d.machine.compiled import announce, cfunc
 from worm3d.physics.actuators import Actuator, FirstOrder
 from worm3d.physics.balance import warn_of_imbalance
-from worm3d.physics.friction import ContactConstants, Friction, natural_time
+from worm3d.physics.friction import TANGENTIAL_DAMPING_RATIO, ContactConstants, Friction, natural_time
 from worm3d.physics.friction_laws import Coulomb, FrictionLaw
 from worm3d.physics.hysteresis import PREFIX, Hysteresis, chamber_states
-from worm3d.physics.kernels import GREATEST_CONTRACTION, actuator, joint, medium, node, point, segment
+from worm3d.physics.kernels import GREATEST_CONTRACTION, actuator, joint, load, medium, node, point, segment
 from worm3d.physics.kernels.layout import Layout, once
+from worm3d.physics.load import STICKING, Load
 from worm3d.physics.media import Medium
 from worm3d.physics.worm import Worm
 from worm3d.recorded.state import State, StateError
@@ -65,13 +66,15 @@ def kernels(
     hinge: type[Actuator] = FirstOrder,
     own: type[Hysteresis] = Hysteresis,
     around: type[Medium] = Medium,
+    loads: tuple[type[Load], ...] = (),
 ) -> dict[str, Kernel]:
-    """Return the compiled kernels for classes of friction, actuators, the friction in the joints and the medium."""
+    """Return the compiled kernels for classes of friction, actuators, the friction in joints, the medium and loads."""
     parts: dict[str, tuple[type, ...]] = {
         "law": (law,),
         "chamber": (chamber, own),
         "hinge": (hinge,),
         "medium": (around,),
+        "load": loads,
         "": (),
     }
     made = {name: _kernel(name, *parts[row.of]) for name, row in arrays.KERNELS.items()}
@@ -128,15 +131,15 @@ class Plant:
         self.n = worm.segments
         chamber, hinge = worm.actuator.compiled(), worm.hinge_actuator.compiled()
         own = type(worm.hysteresis)
-        around = type(worm.medium)
-        self._kernels = kernels(type(friction.law), chamber, hinge, own, around)
+        around, loads = type(worm.medium), tuple(map(type, worm.loads))
+        self._kernels = kernels(type(friction.law), chamber, hinge, own, around, loads)
         if chamber.__module__.partition(".")[0] != "worm3d":  # tests look after the others
             warn_of_imbalance(worm)
         width = max(vectors.WIDTH, *(kernel.width for kernel in self._kernels.values()))
         lanes, joint_lanes, nodes = (-(-count // width) * width for count in (self.n, max(self.n - 1, 1), self.n + 1))
         self.world_kernel = (world or Plane()).kernel()  # without a world nothing touches the plane either
         world_rows = 3 + len(self.world_kernel.parameters)
-        sizes = Sizes(self.n, lanes, joint_lanes, nodes, world_rows, chamber, own, hinge, around)
+        sizes = Sizes(self.n, lanes, joint_lanes, nodes, world_rows, chamber, own, hinge, around, loads)
         self._open(CoreMemory(sizes, _addresses(self.world_kernel, self._kernels)))
         self.arrays["held"][0] = held
         self._fill_numbers()
@@ -145,6 +148,7 @@ class Plant:
         self._fill_points()
         self._fill_actuators()
         self._fill_medium()
+        self._fill_loads()
 
     def _open(self, memory: CoreMemory) -> None:
         self.memory_of_core, self.core, self.arrays = memory, memory.core, memory.arrays
@@ -267,6 +271,31 @@ class Plant:
             for name, value in values.items():
                 rows.of(medium.PREFIX + name, self.arrays["medium_in"])[:, : self.n] = value
 
+    def _fill_loads(self) -> None:
+        loads, rows = self.worm.loads, load.layout(*map(type, self.worm.loads))
+        if not loads:
+            return
+        constants = ContactConstants.of(self.worm, self.friction, self._weight)
+        damping = TANGENTIAL_DAMPING_RATIO * constants.damping
+        given: dict[str, Any] = {"gravity": self.gravity, "stiffness": constants.stiffness, "damping": damping}
+        given["touches"] = float(self.touches)
+        given |= {
+            f"{k}_{name}": value for k, each in enumerate(loads) for name, value in each.values(self.worm).items()
+        }
+        for name, value in given.items():
+            rows.of(name, self.arrays["load_in"])[:, 0] = value
+        self.arrays["loaded"][0] = [each.at % (self.n + 1) for each in loads]
+
+    def _begin_loads(self) -> None:
+        """Let the loads begin with the present pose."""
+        begun: list[float] = [STICKING] * len(self.worm.loads)
+        for each in self.worm.loads:
+            j = each.at % (self.n + 1)
+            tangent = self._segment_row("t_ref")[:, min(j, self.n - 1)]
+            states = each.begin(self.worm, self.arrays["joints"][:3, j], tangent)
+            begun += [states[name] for name in each.states]
+        self.arrays["loads"][0] = begun
+
     def hasten(self, times: float) -> None:
         """Let time go by so many times as fast for the actuators as for all else; unless it is 1, joints are free."""
         for layout, name in zip(self._layouts(), ("actuated", "hinged"), strict=True):
@@ -343,6 +372,7 @@ class Plant:
         rate[:, :3], rate[:n, 3], rate[:n, 4] = state.joint_velocity, state.roll_rate, state.bend_rate
         self.arrays["trial"][0] = rate.ravel()
         entries()["put"](self.core.handle, 0.0, 0, 0)
+        self._begin_loads()
 
     def reset_at_pose(self) -> None:
         """Set the present pose anew, at rest: anchors move to the points, histories begin anew, loads are kept."""

@@ -139,7 +139,7 @@ def carried_weight(worm: Worm, gravity: float) -> FloatArray:
 
     The joints and the outward apexes hang on it with once, the upper apexes with twice the half-height.
     """
-    mass = worm.joint_mass
+    mass = worm.joint_mass + worm.load_mass
     joints = (mass[:-1] + mass[1:]) / 2.0
     joints[0] += mass[0] / 2.0
     joints[-1] += mass[-1] / 2.0

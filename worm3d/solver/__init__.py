@@ -8,6 +8,7 @@ newton     Newton's method with the loads of the iterate; falls back to
 descent    minimisation for given loads
 regimes    open, sliding, sticking: how each contact is treated, changes of that, breakaway
 fronts     prediction of regimes, friction and loads, from which a step begins
+loads      what acts on joints from outside: forces, regimes, energy
 evaluate   potential, residual and Jacobian at a trial state
 faces      which place of the rim of an end face touches the world
 clamped    the step on the paper's ground, (P9) and (P10)

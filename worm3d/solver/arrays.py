@@ -22,8 +22,9 @@ from worm3d.machine import vectors
 from worm3d.machine.banded import WIDTH, B
 from worm3d.physics.actuators import COMMANDS, Actuator
 from worm3d.physics.hysteresis import Hysteresis, chamber_states
-from worm3d.physics.kernels import actuator, joint, medium, node, point, regime, segment
+from worm3d.physics.kernels import actuator, joint, load, medium, node, point, regime, segment
 from worm3d.physics.kernels.layout import Layout
+from worm3d.physics.load import Load
 from worm3d.physics.media import Medium
 from worm3d.recorded import series
 from worm3d.recorded.energy import TERMS
@@ -44,9 +45,9 @@ class KernelRow(NamedTuple):
     """Returns what is compiled, or None; without it: the world's kernel, or an entry (`worm3d.solver.entry`)."""
     padded: bool = False
     """Whether it is evaluated in all lanes: those without a point or joint have neither mass nor stiffness."""
-    of: Literal["", "law", "chamber", "hinge", "medium"] = ""
-    """What classes `make` is given: of the law of friction, of actuator and friction of chambers, of hinges, or of the
-    medium."""
+    of: Literal["", "law", "chamber", "hinge", "medium", "load"] = ""
+    """What classes `make` is given: of the law of friction, of actuator and friction of chambers, of hinges, of the
+    medium, or of all loads."""
     exact: bool = False
     """Whether it is computed as written, to the last bit."""
 
@@ -93,6 +94,10 @@ POINT_TOUCHES = _kernel("point_touches", point.touches, padded=True)
 POINT_FREE_AFTER = _kernel("point_free_after", point.free_after, padded=True)
 POINT_MOMENTA = _kernel("point_momenta", point.momenta, padded=True)
 MEDIUM = _kernel("medium_resistance", medium.resistance, of="medium")
+LOAD_GRADIENT = _kernel("load_gradient", load.gradient, of="load")
+LOAD_HESSIAN = _kernel("load_hessian", load.hessian, of="load")
+LOAD_TURN = _kernel("load_turn", load.turn, of="load")
+LOAD_AFTER = _kernel("load_after", load.after, of="load")
 NODE_START = _kernel("node_start", node.start, padded=True)
 NODE_AFTER = _kernel("node_after", node.after, padded=True)
 NODE_MOMENTA = _kernel("node_momenta", node.momenta, padded=True)
@@ -149,6 +154,8 @@ class Sizes(NamedTuple):
     """Actuator of the hinges."""
     medium: type[Medium]
     """What resists the joints."""
+    loads: tuple[type[Load], ...]
+    """What acts on joints from outside."""
 
     def of(self, name: str) -> int:
         """Return one of these sizes, or one that follows from them."""
@@ -166,6 +173,11 @@ def _derived(sizes: Sizes) -> dict[str, int]:
         "chamber_rows": actuator.chambers(*parts).rows,
         "hinge_rows": actuator.hinges(sizes.hinge).rows,
         "medium_rows": medium.layout(sizes.medium).rows,
+        "loads": len(sizes.loads),
+        "load_rows": load.layout(*sizes.loads).rows,
+        "load_kept": load.kept(*sizes.loads),
+        "load_out": 1 + 12 * len(sizes.loads),
+        "load_after": len(load.LEDGER_TERMS) + load.kept(*sizes.loads),
         "chamber_past": chamber,  # states at t_n and t_{n-1}
         "hinge_past": hinge,
         "chamber_states": chamber // 2,
@@ -315,6 +327,11 @@ POINTS_PAST = _array("points", 6, "points", inside=("point_in", "past"), history
 POINT_VELOCITY = _array("point_velocity", 6, "points", inside=("point_in", "velocity"), history=True)
 MEDIUM_IN = _array("medium_in", "medium_rows", "lanes")  # as in `worm3d.physics.kernels.medium`
 RESISTANCE = _array("resistance", 1, "lanes")  # of the medium to a segment [N s/m]
+LOADED = _array("loaded", 1, "loads")  # joints that loads act on
+LOADS = _array("loads", 1, "load_kept", remembered=True)  # regime of each load, then their states
+LOAD_IN = _array("load_in", "load_rows", vectors.WIDTH)  # as in `worm3d.physics.kernels.load`, in the first lane
+LOAD_OUT = _array("load_out", "load_out", vectors.WIDTH)  # potential, gradient, Hessian
+LOAD_ENDS = _array("load_ends", "load_after", vectors.WIDTH)  # terms of the ledger, what the loads remember
 LENGTHS = _array("lengths", 4, "lanes", history=True)  # of the chambers [m]
 # inputs of the segments' kernels, with those of their actuators behind them
 ACTUATED = _array("actuated", "chamber_rows", "lanes", inside=("segment_in", 0))

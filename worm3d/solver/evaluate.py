@@ -17,6 +17,7 @@ from worm3d.machine.compiled import inner, njit
 from worm3d.machine.vectors import add_congruent
 from worm3d.physics.kernels import joint, point, segment
 from worm3d.solver import arrays as a
+from worm3d.solver import loads
 from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import address, copy, fill, matrix, rows, vector
 from worm3d.solver.entry import call, count, kernel, opened
@@ -128,6 +129,8 @@ def _evaluate(core: Core, x: FloatArray, coupled: bool, hessian: int) -> float:
     _segments(core, hessian)
     phi = _joints(core, x)
     _add_gradients(core)
+    if loads.loaded(core):
+        phi += loads.add(core, x, hessian in (WHOLE, EXACT))
     return 0.0 if coupled else phi + _potentials(core)
 
 

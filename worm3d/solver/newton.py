@@ -14,7 +14,7 @@ from worm3d.machine.banded import lu_factor, lu_solve
 from worm3d.machine.compiled import inner
 from worm3d.physics.kernels import point
 from worm3d.solver import arrays as a
-from worm3d.solver import fronts, regimes
+from worm3d.solver import fronts, loads, regimes
 from worm3d.solver.arrays import BLOCK, POINTS, Core
 from worm3d.solver.block import address, combine, copy, dot, fill, matrix, rows, total, vector
 from worm3d.solver.descent import descend, largest
@@ -94,6 +94,8 @@ def _solve(core: Core, again: bool) -> bool:
     breaks = rows(core.block, a.POINT_IN, _BREAKS, 1)
     fill(breaks, np.inf if guessed or again else SLIDE_AT_ONCE)
     found = _follow(core, WHOLE)
+    if not found and loads.loaded(core):
+        loads.release(core)
     if not found and guessed and not again:  # other contacts may hold there than at the start of the step
         copy(vector(core.block, a.X), vector(core.block, a.X_N))
         regimes.set_regimes_from_last_step(core)
@@ -151,12 +153,13 @@ def _follow(core: Core, whole: int) -> bool:
         done = _converged(size / length, previous / length, fresh, hessian, tolerance)
         quiet = before == NOTHING and hessian == NONE and not done and size < QUIET * length
         news, lands = (NOTHING, False) if quiet else _news(core, size, doubt)
+        turned = loads.loaded(core) and not lands and loads.turn(core, step)
         if news == CHANGED:
             changes += 1
             doubt *= DOUBT
             if changes > MAX_CHANGES:
                 return False
-        elif news == NOTHING and done:
+        elif news == NOTHING and done and not turned:
             if not regimes.break_away(core, 0.0):
                 return _ended(core, size < tolerance * length)
             news = FREED
@@ -170,7 +173,7 @@ def _follow(core: Core, whole: int) -> bool:
         since = moved + (0.0 if hessian in (EXACT, WHOLE) else since)
         slow = size > CONTRACTION * previous and not _excused(core, hessian, before)
         before = news
-        if slow or since > KEPT * vector(core.block, a.NUMBERS_)[a.L0]:
+        if slow or turned or since > KEPT * vector(core.block, a.NUMBERS_)[a.L0]:
             hessian = whole
         else:
             hessian = NONE if news == NOTHING else LOCAL

@@ -24,7 +24,17 @@ from worm3d.machine.later import carray
 from worm3d.machine.vectors import doubles_at
 from worm3d.physics.worm import Worm
 from worm3d.recorded.energy import TERMS
-from worm3d.recorded.series import Entries, Points, Recorded, Rows, Series, Source, series_of, states_of_parts
+from worm3d.recorded.series import (
+    Entries,
+    Points,
+    Recorded,
+    Rows,
+    Series,
+    Source,
+    part_classes,
+    series_of,
+    states_of_parts,
+)
 from worm3d.solver import arrays as a
 from worm3d.solver.arrays import POINTS, Core, CoreMemory
 from worm3d.solver.block import Block, Memory, Plan, address, fill, integers, matrix, vector
@@ -112,8 +122,7 @@ class Records:
 
     def __init__(self, core: CoreMemory, worm: Worm, clamped: bool, rows: int, between: bool = False) -> None:
         self._core = core
-        parts = tuple(map(type, (worm.actuator, worm.hysteresis, worm.hinge_actuator)))
-        form = _form(core.sizes, parts, clamped, rows, between)
+        form = _form(core.sizes, part_classes(worm), clamped, rows, between)
         self._shapes, self._memory = form.shapes, Memory(form.plan, cleared=False)
         self.block, own = self._memory.block, self._memory.arrays()
         plan, there, here = own["plan"].view(np.int64), core.core.block.memory, self.block.memory

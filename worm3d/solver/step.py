@@ -10,7 +10,7 @@ from worm3d.machine.compiled import inner
 from worm3d.physics.friction import RESTING_PENETRATION
 from worm3d.physics.kernels import actuator, inertia, joint, medium, node, point, segment
 from worm3d.solver import arrays as a
-from worm3d.solver import fronts, ledger
+from worm3d.solver import fronts, ledger, loads
 from worm3d.solver.arrays import BLOCK, Core
 from worm3d.solver.block import address, combine, copy, fill, matrix, rows, vector
 from worm3d.solver.clamped import solve_clamped
@@ -79,6 +79,8 @@ def _step(core: Core, dt: float, bdf2: bool) -> int:
     fronts.keep(core)
     ledger.prepare(core)
     ledger.add(core, vector(core.block, a.TERMS_))
+    if loads.loaded(core):
+        loads.finish(core, vector(core.block, a.TERMS_))
     _commit(core)
     if bdf2 and span == dt:  # the jump of velocity is over: the next step starts from its outcome alone
         for velocity in (a.JOINT_VELOCITY, a.POINT_VELOCITY):
@@ -149,6 +151,8 @@ def begin(core: Core, dt: float, bdf2: bool) -> float:
         _begin_medium(core, dt, ratio)
     _begin_joints(core, dt, span, ratio if span != dt else 0.0)
     _begin_strains(core, dt, span, ratio if span != dt else 0.0)
+    if loads.loaded(core):
+        loads.begin(core, dt, span, ratio if span != dt else 0.0)
     copy(vector(core.block, a.PULL_N), rows(core.block, a.POINT_IN, _FRICTION, 2))
     x = vector(core.block, a.X)
     combine(x, 1.0, x, 1.0, vector(core.block, a.LAST))

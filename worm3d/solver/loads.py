@@ -1,0 +1,122 @@
+"""Loads on joints in a step: their forces, the regimes that Newton's method takes them in, and their energy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from worm3d.machine.banded import B
+from worm3d.machine.codegen import evaluate as evaluate_kernel
+from worm3d.machine.compiled import inner
+from worm3d.physics.kernels import load, node, point, segment
+from worm3d.physics.load import FREE
+from worm3d.recorded.energy import TERMS
+from worm3d.solver import arrays as a
+from worm3d.solver.arrays import BLOCK, POINTS, Core
+from worm3d.solver.block import matrix, vector
+from worm3d.solver.entry import kernel
+from worm3d.values.arrays import FloatArray
+
+_DT, _SPAN, _RATIO, _LANDS = (list(load.SHARED).index(name) for name in ("dt", "span", "ratio", "lands"))
+_OWN = sum(load.SHARED.values())
+_X, _PAST, _VELOCITY, _TANGENT, _NORMAL, _REGIME, _KEPT = (
+    sum(list(load.OWN.values())[:k]) for k in range(len(load.OWN))
+)
+"""Rows of each load, from `_OWN` on, times the number of loads."""
+_OF_LOAD = np.array([TERMS.index(name) for name in load.LEDGER_TERMS])
+_T_REF, _NODE_LANDS = segment.LAYOUT.first("t_ref"), node.LAYOUT.first("lands")
+_WORLD = point.LAYOUT.first("normal")
+_COUNT = len(load.LEDGER_TERMS)
+
+
+@inner
+def loaded(core: Core) -> bool:
+    """Return whether the worm has loads."""
+    return kernel(core, a.LOAD_GRADIENT) != 0
+
+
+@inner
+def begin(core: Core, dt: float, span: float, ratio: float) -> None:
+    """Fill what is known of the loads' joints at the start of a step."""
+    block, at = core.block, vector(core.block, a.LOADED)
+    given, count, kept = matrix(block, a.LOAD_IN), len(at), vector(block, a.LOADS)
+    joints, velocity, segments = matrix(block, a.JOINTS), matrix(block, a.JOINT_VELOCITY), matrix(block, a.SEGMENT_IN)
+    points = matrix(block, a.POINT_IN)
+    given[_DT, 0], given[_SPAN, 0], given[_RATIO, 0] = dt, span, ratio
+    for k in range(count):
+        j = int(at[k])
+        for r in range(6):
+            given[_OWN + _PAST * count + 6 * k + r, 0] = joints[r, j]
+            given[_OWN + _VELOCITY * count + 6 * k + r, 0] = velocity[r, j]
+        i, slot = min(j, core.n - 1), POINTS - 2 if j < core.n else POINTS - 1
+        for d in range(3):
+            given[_OWN + _TANGENT * count + 3 * k + d, 0] = segments[_T_REF + d, i]
+            given[_OWN + _NORMAL * count + 3 * k + d, 0] = points[_WORLD + d, points.shape[1] // POINTS * slot + i]
+        given[_OWN + _REGIME * count + k, 0] = kept[k]
+    for k in range(len(kept)):
+        given[_OWN + _KEPT * count + k, 0] = kept[k]
+
+
+@inner
+def release(core: Core) -> None:
+    """Let the laws themselves decide on regimes."""
+    given, count = matrix(core.block, a.LOAD_IN), len(vector(core.block, a.LOADED))
+    for k in range(count):
+        given[_OWN + _REGIME * count + k, 0] = FREE
+
+
+@inner
+def _place(core: Core, x: FloatArray, share: float, step: FloatArray) -> None:
+    """Put the loads' joints where they are at x less a share of a step."""
+    at, given = vector(core.block, a.LOADED), matrix(core.block, a.LOAD_IN)
+    for k in range(len(at)):
+        for d in range(3):
+            r = BLOCK * int(at[k]) + d
+            given[_OWN + _X * len(at) + 3 * k + d, 0] = x[r] - share * step[r]
+
+
+@inner
+def add(core: Core, x: FloatArray, in_band: bool) -> float:
+    """Add the loads to the gradient, and perhaps the band; return their potential."""
+    at, gradient, band = vector(core.block, a.LOADED), vector(core.block, a.GRADIENT), matrix(core.block, a.BAND)
+    given, out, count = matrix(core.block, a.LOAD_IN), matrix(core.block, a.LOAD_OUT), len(at)
+    _place(core, x, 0.0, x)
+    if in_band:
+        evaluate_kernel(kernel(core, a.LOAD_HESSIAN), given, out, 1)
+    else:
+        evaluate_kernel(kernel(core, a.LOAD_GRADIENT), given, out[: 1 + 3 * count], 1)
+    for k in range(count):
+        for d in range(3):
+            r = BLOCK * int(at[k]) + d
+            gradient[r] += out[1 + 3 * k + d, 0]
+            if in_band:
+                for e in range(3):
+                    band[r, B + e - d] += out[1 + 3 * count + 9 * k + 3 * e + d, 0]
+    return float(out[0, 0])
+
+
+@inner
+def turn(core: Core, step: FloatArray) -> bool:
+    """Give each load the regime that follows at x less a step; return whether one changes."""
+    given, out, count = matrix(core.block, a.LOAD_IN), matrix(core.block, a.LOAD_OUT), len(vector(core.block, a.LOADED))
+    _place(core, vector(core.block, a.X), 1.0, step)
+    evaluate_kernel(kernel(core, a.LOAD_TURN), given, out[:count], 1)
+    turned = False
+    for k in range(count):
+        r = _OWN + _REGIME * count + k
+        turned = turned or out[k, 0] != given[r, 0]
+        given[r, 0] = out[k, 0]
+    return turned
+
+
+@inner
+def finish(core: Core, terms: FloatArray) -> None:
+    """Add the loads' terms of the ledger, and take over their states; the kernels' inputs are those of the solution."""
+    given, out, kept = matrix(core.block, a.LOAD_IN), matrix(core.block, a.LOAD_ENDS), vector(core.block, a.LOADS)
+    x, nodes = vector(core.block, a.X), matrix(core.block, a.NODE_IN)
+    given[_LANDS, 0] = nodes[_NODE_LANDS, 0]
+    _place(core, x, 0.0, x)
+    evaluate_kernel(kernel(core, a.LOAD_AFTER), given, out, 1)
+    for k in range(len(_OF_LOAD)):
+        terms[_OF_LOAD[k]] += out[k, 0]
+    for k in range(len(kept)):
+        kept[k] = out[_COUNT + k, 0]
