@@ -12,6 +12,10 @@ from worm3d.physics.friction_laws import FrictionLaw as FrictionLaw
 from worm3d.physics.friction_laws import Viscous as Viscous
 from worm3d.physics.hysteresis import Hysteresis as Hysteresis
 from worm3d.physics.hysteresis import Jenkins as Jenkins
+from worm3d.physics.loads import Load as Load
+from worm3d.physics.loads import LoadStep as LoadStep
+from worm3d.physics.loads import Payload as Payload
+from worm3d.physics.loads import Tether as Tether
 from worm3d.physics.media import Medium as Medium
 from worm3d.physics.media import StrainDrag as StrainDrag
 from worm3d.physics.pneumatic import Pneumatic as Pneumatic

@@ -25,10 +25,11 @@ from planar import linkage, published
 from planar.published_worm import Parameters
 from worm3d.physics.friction_laws import LAWS
 from worm3d.physics.hysteresis import HYSTERESES
+from worm3d.physics.loads import LOADS
 from worm3d.physics.media import MEDIA
 from worm3d.values.parameters import PARAMETER
 
-REGISTRIES = (GAITS, REFLEXES, INJECTED, TERMS, CONSTRAINTS, LAWS, HYSTERESES, MEDIA, worm3d.ACTUATORS)
+REGISTRIES = (GAITS, REFLEXES, INJECTED, TERMS, CONSTRAINTS, LAWS, HYSTERESES, MEDIA, LOADS, worm3d.ACTUATORS)
 REGISTERED = {part for registry in REGISTRIES for part in registry.values()}
 PUBLIC = {part for name in dir(worm3d) if inspect.isclass(part := getattr(worm3d, name))}
 PUBLIC -= {part for part in PUBLIC if Protocol in part.__bases__}  # nobody makes one
@@ -38,6 +39,7 @@ MADE_BY_OTHERS = {
     worm3d.Commands,
     worm3d.Controller,
     worm3d.Response,
+    worm3d.LoadStep,
     worm3d.Status,
     worm3d.View,
     worm3d.Observation,

@@ -1,0 +1,56 @@
+"""What a worm carries and drags (`worm3d.physics.load`).
+
+Payload. A mass M on a joint has the potential of a mass point, with span and x_hat of the integrator
+(`worm3d.physics.kernels.inertia`),
+
+    M/(2 span^2) |x - x_hat|^2 - M g.x                                                                  (X1)
+
+The worm's own mass, centre of mass, momentum and cost of transport do not contain it.
+
+The tether that it drags stands in `worm3d.physics.tether`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from worm3d.physics.load import HEAD, LOADS, Load, LoadStep
+from worm3d.physics.part import Symbols
+from worm3d.physics.tether import Tether
+from worm3d.values.parameters import documented, parameter
+
+__all__ = ["LOADS", "Load", "LoadStep", "Payload", "Tether"]
+
+
+@documented
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Payload(Load, name="payload"):
+    """A mass on a joint, (X1): it counts in weight and inertia, and is no part of the worm."""
+
+    mass: float = parameter(0.02, meaning="mass of the payload", unit="kg", ge=0)
+    joint: int = parameter(HEAD, meaning="joint that carries it, from 0, the tail, to N; -1 is the head", ge=HEAD)
+
+    @property
+    def at(self) -> int:
+        """Joint that it acts on."""
+        return self.joint
+
+    @property
+    def mass_carried(self) -> float:
+        """Mass that moves with its joint [kg]."""
+        return self.mass
+
+    @classmethod
+    def respond(cls, s: Symbols) -> LoadStep:
+        """Return (X1), and the changes of kinetic and potential energy."""
+        import casadi as ca  # parameters are wanted without it
+
+        from worm3d.physics.kernels import inertia
+
+        own: dict[str, Any] = {**s, "weight": s["mass"] * s["gravity"]}
+        own |= {"x_hat": inertia.coasting(own), "inertia": inertia.stiffness(own)}
+        potential = own["inertia"] / 2.0 * ca.sumsqr(s["x"] - own["x_hat"]) - ca.dot(own["weight"], s["x"])
+        terms = inertia.ledger(own, inertia.motion(own))
+        del terms["numerical_loss"]
+        return LoadStep(potential, terms)

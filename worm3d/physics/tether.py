@@ -1,0 +1,230 @@
+"""Tether: a cable that the worm drags from its tail (`worm3d.physics.load`).
+
+A cable with the weight w per length [N/m] comes off a reel, which stands where the tail is at the start, and lies along
+the way that the tail has gone. Let s be the length that lies, theta the tilt of the way, positive where it
+rises towards the worm, and T the tension. The cable does not stretch, so that all of it slides when its end does. An
+element of it, drawn forward (+) or sliding back (-), is in balance where
+
+    dT/ds = w sin(theta) +- mu w cos(theta),   T = 0 at the reel                                        (X2)
+
+The integral, with the climb h = (integral of sin(theta) ds) and the resistance R = mu w (integral of cos(theta) ds), is
+
+    T = w h +- R                                                                                        (X3)
+
+On level ground T is mu w s, up a slope w s (sin(theta) + mu cos(theta)), in an upright pipe the hanging weight w s. To
+draw ds off the reel raises the whole cable, by w h ds: w h is the slope of a potential energy, while R ds is lost.
+Static friction holds up to static_ratio R. A cable never pushes: a limit below 0 is 0 (the reel then holds back what
+would run off by itself, at a loss). So the cable sticks at every tension between
+
+    T_low = max(0, w h - R)   and   T_high = max(0, w h + R)                                            (X4)
+
+The end a of what lies is at the distance c, the free length, behind the joint x. Between them the cable pulls along the
+line from x to a, taken in the tangent plane of the world: a joint that rises as its chambers widen climbs nothing. The
+end follows as a trailer follows its drawbar; y = |x - a| - c is the stretch. As in a contact that sticks
+(`worm3d.physics.contact`), a stiff spring with a damper beside it, k y + b y', yields at the limits: the end moves by D
+towards x so that
+
+    T = k (y - D) + b (y - D - y_n)/dt,   T_low <= T <= T_high + rho D,   y_n >= 0                      (X5)
+    rho = dT_high/ds = w sin(theta) + mu w cos(theta), at the direction of the start of the step
+
+D > 0 draws cable off the reel: s, h and R grow. D < 0, only where T_low > 0, lets a hanging cable slide back. Where
+T_low = 0 the end stays where it is, and the cable is slack until the joint has come back. Where a joint has passed the
+end of its own cable, so that this lies ahead in the direction of the segment, it pulls nothing.
+
+T(y) is a line between its two kinks and beyond each. Newton's method takes one line, the *regime*, until it leads to a
+place on another one; the way from slack to sliding and back leads through sticking, so that it does not go in circles.
+
+Left out: the inertia of the cable, w s/g against the mass of the worm; its pressure on the inside of a bend, which
+multiplies T by exp(mu angle); its stiffness; and a way across a slope, where its load is less than w cos(theta).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from worm3d.physics.load import FREE, HIGH, LOW, STICKING, Load, LoadStep
+from worm3d.physics.part import Symbols
+from worm3d.values.arrays import FloatArray
+from worm3d.values.parameters import documented, parameter
+
+if TYPE_CHECKING:
+    from worm3d.physics.body import Body
+
+TIE = 1e-9
+"""Share of its limit by which a tension has to be beyond a kink before the regime changes: rounding is less."""
+
+NEAREST = 0.01
+"""Way of the end in a step, as a fraction of the free length, in which no limit of the tension passes through 0: closer
+to 0 a limit changes between steps alone. Half and double change the tension there by less than w times that way."""
+
+
+@documented
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Tether(Load, name="tether"):
+    """A cable that the worm drags from its tail, (X2) to (X5).
+
+    Its states stand in `Result.actuator_states`, with "load_" before their names.
+    """
+
+    states: ClassVar[Mapping[str, str]] = {
+        "tension": "N",
+        "laid": "m",
+        "climb": "m",
+        "resistance": "N",
+        "end_x": "m",
+        "end_y": "m",
+        "end_z": "m",
+    }
+
+    weight: float = parameter(0.1, meaning="weight of the cable per length", unit="N/m", ge=0)
+    friction: float = parameter(0.3, meaning="kinetic coefficient of friction between the cable and the world", ge=0)
+    static_ratio: float = parameter(1.0, meaning="static over kinetic coefficient of the cable", ge=1)
+    free_length: float | None = parameter(
+        None,
+        meaning="length of the cable between the tail and where it lies",
+        unit="m",
+        gt=0,
+        left_out="the length of a segment",
+    )
+
+    @classmethod
+    def respond(cls, s: Symbols) -> LoadStep:
+        """Return what the cable does in a step."""
+        return _Cable(s).step()
+
+    def values(self, worm: Body) -> Mapping[str, float]:
+        """Return the parameters by name."""
+        length = worm.l0 if self.free_length is None else self.free_length
+        return {**super().values(worm), "free_length": length}
+
+    def begin(self, worm: Body, place: FloatArray, tangent: FloatArray) -> Mapping[str, float]:
+        """Return the states of a cable of which nothing lies yet; its end is straight behind the worm."""
+        end = place - self.values(worm)["free_length"] * np.asarray(tangent)
+        return {**dict.fromkeys(self.states, 0.0), **dict(zip(("end_x", "end_y", "end_z"), end, strict=True))}
+
+
+class _Line(NamedTuple):
+    """T as a line of y beyond a kink: a limit of (X4), as it changes while the end slides."""
+
+    limit: Any
+    """Tension at the kink [N]."""
+    kink: Any
+    """y there [m]."""
+    rate: Any
+    """Change of the limit over the way of the end, rho [N/m]."""
+    slope: Any
+    """dT/dy [N/m]."""
+
+
+class _Cable:
+    """A tether in a time step, in CasADi symbols."""
+
+    def __init__(self, s: Symbols) -> None:
+        import casadi as ca
+
+        self.s, self.end = s, ca.vertcat(*(s[f"end_{axis}_n"] for axis in "xyz"))
+        self.down = s["gravity"] / ca.sqrt(ca.sumsqr(s["gravity"]) + 1e-30)  # 0 without gravity
+        self.normal = s["normal"] / ca.sqrt(ca.sumsqr(s["normal"]) + 1e-30)
+        self.y, self.along = self._reach(s["x"])
+        y_n, along_n = self._reach(s["past"][:3])
+        self.y_n, self.climbs = ca.fmax(0.0, y_n), -ca.dot(along_n, self.down)
+        rubs = s["friction"] * ca.sqrt(ca.fmax(0.0, ca.sumsqr(self.down) - self.climbs**2))
+        self.rubs = s["weight"] * rubs  # dR/ds
+        self.stiffness = s["stiffness"] + s["damping"] / s["dt"]
+        self.rest = s["damping"] / s["dt"] * self.y_n / self.stiffness
+        ahead = ca.dot(along_n, s["tangent"])
+        grip = ca.fmin(1.0, 2.0 * ahead)  # what lies across the pull slides in part
+        self.low, self.high = self._limits(ahead > 0.0, ca.fmax(0.0, grip))
+
+    def _reach(self, x: Any) -> tuple[Any, Any]:
+        """Return the stretch of the cable's free piece and its direction, from the end to the joint along the world."""
+        import casadi as ca
+
+        reach = x - self.end
+        reach -= ca.dot(reach, self.normal) * self.normal
+        distance = ca.sqrt(ca.sumsqr(reach) + 1e-30)
+        return distance - self.s["free_length"], reach / distance
+
+    def _limits(self, pulls: Any, grip: Any) -> tuple[_Line, _Line]:
+        """Return both limits of (X4) as lines of y; `grip` is the share of friction that acts."""
+        import casadi as ca
+
+        s, weight = self.s, self.s["weight"] * self.s["climb_n"]
+        slid = ca.logic_and(s["regime_n"] != STICKING, s["tension_n"] > 0.0)
+        resistance = grip * s["resistance_n"] * ca.if_else(slid, 1.0, s["static_ratio"])
+        rising, falling = (s["weight"] * self.climbs + sign * grip * self.rubs for sign in (1.0, -1.0))
+        low, high, most = weight - resistance, weight + resistance, 1.0 / (NEAREST * s["free_length"])
+        return (  # neither limit passes through 0 within a step
+            self._line(ca.logic_and(pulls, low > 0.0), low, ca.fmin(falling, most * low)),
+            self._line(ca.logic_and(pulls, high >= 0.0), high, ca.fmax(rising, -most * high)),
+        )
+
+    def _line(self, acts: Any, limit: Any, rate: Any) -> _Line:
+        """Return the line of a limit and its change over the way of the end; 0 where it does not act."""
+        import casadi as ca
+
+        k, limit, rate = self.stiffness, ca.if_else(acts, limit, 0.0), ca.if_else(acts, rate, 0.0)
+        return _Line(limit, self.rest + limit / k, rate, k * rate / (k + rate))
+
+    def _chosen(self, low: Any, sticking: Any, high: Any) -> Any:
+        """Return one of three, by the regime, or by where y lies."""
+        import casadi as ca
+
+        regime = self.s["regime"]
+        own = ca.if_else(self.y > self.high.kink, HIGH, ca.if_else(self.y < self.low.kink, LOW, STICKING))
+        regime = ca.if_else(regime == FREE, own, regime)
+        return ca.if_else(regime == HIGH, high, ca.if_else(regime == LOW, low, sticking))
+
+    def _potential(self, line: _Line) -> Any:
+        beyond = self.y - line.kink
+        return line.limit**2 / (2.0 * self.stiffness) + line.limit * beyond + line.slope / 2.0 * beyond**2
+
+    def _next(self) -> Any:
+        """Return the regime that follows: sticking comes between the two others."""
+        import casadi as ca
+
+        regime, tie = self.s["regime"], TIE * (self.high.limit / self.stiffness + 1e-12)
+        above, below = self.y > self.high.kink + tie, self.y < self.low.kink - tie
+        stays = ca.if_else(above, HIGH, ca.if_else(below, LOW, STICKING))
+        of_high = ca.if_else(self.y < self.high.kink - tie, STICKING, HIGH)
+        of_low = ca.if_else(self.y > self.low.kink + tie, STICKING, LOW)
+        return ca.if_else(regime == HIGH, of_high, ca.if_else(regime == LOW, of_low, stays))
+
+    def step(self) -> LoadStep:
+        """Return what the cable does in the step."""
+        import casadi as ca
+
+        s, k, low, high = self.s, self.stiffness, self.low, self.high
+        beyond = self.y - self.rest
+        potential = self._chosen(self._potential(low), k / 2.0 * beyond**2, self._potential(high))
+        tensions = [line.limit + line.slope * (self.y - line.kink) for line in (low, high)]
+        ways = [k * (self.y - line.kink) / (k + line.rate) for line in (low, high)]
+        back = ca.if_else(low.limit > 0.0, ca.fmax(ways[0], -s["laid_n"]), 0.0)  # slack is left alone
+        tension = self._chosen(tensions[0], k * beyond, tensions[1])
+        way = self._chosen(back, 0.0, ways[1])
+        rate = self._chosen(low.rate, 0.0, high.rate)
+        climbs = -ca.dot(self.along, self.down)
+        raised = s["weight"] * (s["climb_n"] + climbs * way / 2.0) * way
+        elastic = ca.fmax(0.0, self.y - way)
+        gave = elastic - self.y_n
+        level = ca.dot(s["x"] - self.end, self.normal) * self.normal
+        laid = s["laid_n"] + way
+        end = self.end + way * self.along + ca.fmin(1.0, ca.fabs(way) / s["free_length"]) * level
+        states = {
+            "tension": tension,
+            "laid": ca.fmax(0.0, laid),
+            "climb": ca.if_else(laid > 0.0, s["climb_n"] + climbs * way, 0.0),
+            "resistance": ca.if_else(laid > 0.0, ca.fmax(0.0, s["resistance_n"] + self.rubs * way), 0.0),
+            **{f"end_{axis}": end[d] for d, axis in enumerate("xyz")},
+        }
+        terms = {
+            "potential": raised,
+            "friction_loss": (tension - rate * way / 2.0) * way - raised,
+            "anchor": s["stiffness"] / 2.0 * (elastic**2 - self.y_n**2),
+            "viscous_loss": (tension - s["stiffness"] * elastic) * gave,
+        }
+        return LoadStep(potential, terms, states, self._next())
