@@ -2,7 +2,7 @@
 
 What a load does in a time step it says in CasADi symbols: a potential of the place x of its joint at the end of the
 step, whose gradient is minus its force, so that the step stays the minimum of one potential; its states at the end; and
-what became of its work.
+its terms of the energy ledger.
 
 A law with kinks has a *regime*, which says on which side of them it is taken. Newton's method keeps the regime until it
 leads to a place in another one.
