@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from scenes.language.errors import SceneError
 from scenes.studies.fit.dips import dips
-from scenes.studies.fit.identifiability import determined
+from scenes.studies.fit.identifiability import VAGUE, determined, vague
 from scenes.studies.fit.lack import lack_of
 from scenes.studies.fit.noise import Noise, autocorrelation, noise_of, spectra_of
 from scenes.studies.fit.slopes import slopes_at
@@ -207,6 +207,26 @@ def test_shifts_of_unknown_sign_are_further_errors() -> None:
     np.testing.assert_allclose(widened.half_width, [5.0, 2.0])
     both = known.widened(np.array([[2.0], [-1.0]]))
     np.testing.assert_allclose(both.covariance, [[8.0, -2.0], [-2.0, 2.0]])
+
+
+def test_what_the_data_determine_has_the_inverse_of_the_normal_equations() -> None:
+    slopes = np.random.default_rng(4).standard_normal((50, 3)) * [1.0, 20.0, 0.3]
+    found = determined([varied(key, 1.0) for key in "abc"], slopes, np.zeros_like(slopes), lambda direction: direction)
+    np.testing.assert_allclose(found.inverse, np.linalg.inv(slopes.T @ slopes), rtol=1e-9)
+    assert found.known.all()
+    assert found.relations == ()
+
+
+def test_a_direction_with_a_large_error_is_said_in_units_of_its_keys() -> None:
+    """In scales of a (2 m) and b (3 m) the first may rise as the second falls; c is well known."""
+    keys = [varied("a", 2.0), varied("b", 3.0), varied("c", 1.0)]
+    direction, slopes = np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0), np.eye(3)
+    covariance = 4.0 * VAGUE**2 * np.outer(direction, direction) + 1e-6 * np.eye(3)
+    (found,) = vague(keys, covariance, slopes)
+    assert found.keys == ("a", "b")
+    np.testing.assert_allclose(found.changes[1] / found.changes[0], -3.0 / 2.0)
+    np.testing.assert_allclose(found.effect, abs(found.changes[0] / 2.0) * np.sqrt(2.0 / 3.0))
+    assert list(vague(keys, covariance / 5.0, slopes)) == []
 
 
 class OneMore(Analytic):
