@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sys
+import tomllib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -15,6 +17,7 @@ from scenes.language.loader import SHIPPED
 from scenes.language.schema import is_file, section_type
 from scenes.models.loading import Scene
 from scenes.running.packages import sources, versions
+from worm3d.values import named
 
 LENGTH = 20
 """Number of characters of a key: 80 bits, so that a million cases hardly ever share one."""
@@ -30,11 +33,20 @@ def key_of(scene: Scene, *, possible: bool = True) -> str:
     basis = {
         "scene": scene.to_toml(),
         "files": [_digest_of(path) for path in _files(scene.settings)],
+        "code": [_digest_of(path) for path in _modules(scene.to_toml())],
         "refers_to": None if refers is None else refers(scene.settings),
         "versions": versions(),
         "sources": sources(),
     }
     return hashlib.sha256(json.dumps(basis, sort_keys=True).encode()).hexdigest()[:LENGTH]
+
+
+def _modules(text: str) -> list[Path]:
+    """Return the files of the modules of a user's own that a scene names."""
+    modules = [
+        sys.modules.get(name.partition(":")[0]) for name in named.names_in(tomllib.loads(text) if ":" in text else {})
+    ]
+    return [Path(file) for module in modules if (file := getattr(module, "__file__", None))]
 
 
 def _files(section: BaseModel) -> Iterator[Path]:
