@@ -181,7 +181,7 @@ def view(
     The page, viewer.html in the folder of the result, needs no network: it may be sent to others. On a machine
     without a screen it is only named.
     """
-    from scenes.commands import viewing
+    from scenes.running import viewing
 
     if live:
         from scenes.models.loading import load_scene

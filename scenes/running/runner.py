@@ -159,7 +159,7 @@ def simulate(
 
 def _outcome(scene: Scene, observer: Observer, earlier: Record | None, how: Watch | None) -> Outcome:
     if how is not None:
-        assert scene.model.watch is not None  # `scenes.commands.viewing` refuses the others
+        assert scene.model.watch is not None  # `scenes.running.viewing` refuses the others
         watched: Outcome = scene.model.watch(scene.settings, observer, how)
         return watched
     if earlier is None:
