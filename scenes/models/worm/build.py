@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import worm3d
 from control.gaits import Gait
 from control.gaits.reflexive import Reflexive
-from control.parts import ACTUATOR, HYSTERESIS, LAW, MEASURE, MEDIUM, REFLEX
+from control.parts import ACTUATOR, HYSTERESIS, LAW, LOAD, MEASURE, MEDIUM, REFLEX
 from control.sensing.sensors import Channel, Sensors
 from planar.linkage import Linkage
 from scenes.language.parts import keys_by_parameter, part_named, part_of
@@ -42,7 +42,7 @@ from worm3d.values import named
 KEYS, PLANAR_KEYS = keys_by_parameter(worm3d.Worm, Worm), keys_by_parameter(Linkage, PlanarWorm)
 """Key of each parameter of `worm3d.Worm`, and of `worm3d.Worm.planar`, in the section [worm]."""
 
-PARTS = {"actuator": ACTUATOR, "hinge_actuator": ACTUATOR, "hysteresis": HYSTERESIS, "medium": MEDIUM}
+PARTS = {"actuator": ACTUATOR, "hinge_actuator": ACTUATOR, "hysteresis": HYSTERESIS, "medium": MEDIUM, "load": LOAD}
 """Kind of parts that a section of the 3D worm chooses from, by that section and parameter of `worm3d.Worm`."""
 
 STEPS_BETWEEN_LOOKS = 50

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, Literal
 
 from control.gaits.reflexes import REFLEXES
-from control.parts import ACTUATOR, GAIT, HYSTERESIS, LAW, MEASURE, MEDIUM, REFLEX
+from control.parts import ACTUATOR, GAIT, HYSTERESIS, LAW, LOAD, MEASURE, MEDIUM, REFLEX
 from planar.linkage import Linkage
 from scenes.language.parts import ITSELF, Keys, PartSection, chosen, keys_of
 from scenes.language.schema import Each, Pair, Section, Triple, parts, quantity, setting
@@ -51,6 +51,10 @@ class Medium(
     keys=partial(chosen, title="viscous medium: how worm.drag_N_s_m follows the shape"),
 ):
     """Viscous medium around the worm."""
+
+
+class Load(PartSection, holds={"kind": LOAD}, keys=partial(chosen, title="what the worm carries or drags")):
+    """External load on a joint of the worm."""
 
 
 _laws = partial(chosen, by="law", title="law of friction: what is made of the coefficients", aka=("kind", "type"))
@@ -175,6 +179,7 @@ class SpatialScene(Surroundings):
     hinge_actuator: HingeActuator = HingeActuator()
     hysteresis: Hysteresis = Hysteresis()
     medium: Medium = Medium()
+    load: Load = Load()
     friction: Friction = Friction()
     start: AimedStart = AimedStart()
 
